@@ -1,12 +1,13 @@
-//! Time per pulse of making chunks: the producer's part of a run, alone, for every platform and every deflector.
+//! Time per pulse of making chunks: the producer's part of a run, alone, for every platform and every
+//! deflector.
 //!
 //! ```text
 //! cargo bench --bench producer                     all platforms and deflectors
 //! cargo bench --bench producer -- survey.xml       any survey
 //! ```
 //!
-//! A chunk is made as in a run: the flight's state is copied, and the flight is stepped over 1024 pulses, which are only
-//! counted. Times are processor times, the least of three flights of at most 2²² pulses.
+//! A chunk is made as in a run: the flight's state is copied, and the flight is stepped over 1024 pulses,
+//! which are only counted. Times are processor times, the least of three flights of at most 2²² pulses.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};

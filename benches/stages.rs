@@ -5,8 +5,9 @@
 //! cargo bench --bench stages -- survey.xml 5       any survey without moving parts, best of 5 passes
 //! ```
 //!
-//! Times are processor times of the computing thread, so that other load has little effect. Every figure is the best
-//! of several passes over the same 131 072 pulses, normally from where the beam first hits the scene.
+//! Times are processor times of the computing thread, so that other load has little effect. Every figure is
+//! the best of several passes over the same 131 072 pulses, normally from where the beam first hits the
+//! scene.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -90,8 +91,8 @@ struct Stages<'a> {
 }
 
 impl Stages<'_> {
-    /// Returns the state of the flight from which at least half of the pulses have echoes, or its start if there is
-    /// none.
+    /// Returns the state of the flight from which at least half of the pulses have echoes, or its start if
+    /// there is none.
     fn over_the_scene(&self) -> Result<FlightState> {
         let mut state = FlightState::start(self.flight);
         let (mut skipped, mut replay) = (Replay::default(), Replay { keep: true, ..Replay::default() });

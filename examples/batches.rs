@@ -1,5 +1,5 @@
-//! Points as Arrow record batches while the run goes on: a density map of a flight that never is in memory as a whole, and a Parquet
-//! file beside it.
+//! Points as Arrow record batches while the run goes on: a density map of a flight that never is in memory as
+//! a whole, and a Parquet file beside it.
 //!
 //!     cargo run --example batches
 

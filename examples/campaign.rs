@@ -1,4 +1,5 @@
-//! A data set from a matrix: one plot, scanned by a drone at two heights with two seeds. `cargo run --example campaign`.
+//! A data set from a matrix: one plot, scanned by a drone at two heights with two seeds.
+//! `cargo run --example campaign`.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

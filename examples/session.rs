@@ -1,4 +1,5 @@
-//! A survey file from a program: several runs over one loaded scene, with progress, requests to stop and warnings.
+//! A survey file from a program: several runs over one loaded scene, with progress, requests to stop and
+//! warnings.
 //!
 //!     cargo run --example session
 

@@ -1,9 +1,10 @@
 //! Fuzz targets: every reader of the program, alone and through the command that uses it.
 //!
 //! A target puts bytes where a file, a stream or a command line would be, and calls the reader; for one of
-//! [`INPUTS_PER_COMMAND`] inputs, or for all where wanted, it also runs the program in this process, which takes some hundred
-//! times as long. Whatever the bytes are, the program must return one of its exit statuses: no panic, no endless loop, no
-//! memory beyond the limit. Where a run succeeds its points are finite.
+//! [`INPUTS_PER_COMMAND`] inputs, or for all where wanted, it also runs the program in this process, which
+//! takes some hundred times as long. Whatever the bytes are, the program must return one of its exit
+//! statuses: no panic, no endless loop, no memory beyond the limit. Where a run succeeds its points are
+//! finite.
 
 use std::cell::OnceCell;
 use std::ffi::OsString;
@@ -420,8 +421,8 @@ impl Bench {
     }
 }
 
-/// Changes single bytes of a packed scene: four bytes of input give the place and the change of one. The run fails, or
-/// gives the points of the undamaged scene.
+/// Changes single bytes of a packed scene: four bytes of input give the place and the change of one. The run
+/// fails, or gives the points of the undamaged scene.
 fn damage_packed_scene(bench: &Bench, data: &[u8]) {
     let mut packed = bench.packed.clone();
     for patch in data.chunks_exact(4) {
@@ -435,10 +436,10 @@ fn damage_packed_scene(bench: &Bench, data: &[u8]) {
     }
 }
 
-/// Flies a survey whose numbers come from the bytes over the small scene. All points lie within 100 m: they are on the axis of a
-/// beam, as far away as a ray of its cone met the scene, whose largest coordinate is 10 m, or farther by some lengths of the
-/// pulse, where a window of one bin makes every bin of a waveform an echo. Neither that length nor the range noise is ever
-/// large.
+/// Flies a survey whose numbers come from the bytes over the small scene. All points lie within 100 m: they
+/// are on the axis of a beam, as far away as a ray of its cone met the scene, whose largest coordinate is 10
+/// m, or farther by some lengths of the pulse, where a window of one bin makes every bin of a waveform an
+/// echo. Neither that length nor the range noise is ever large.
 fn fly_random_survey(bench: &Bench, data: &[u8]) {
     bench.write("random.xml", &[]);
     let mut numbers = Numbers { data: data.iter().copied() };
@@ -482,8 +483,8 @@ impl<I: Iterator<Item = u8>> Numbers<I> {
     }
 }
 
-/// Replaces `<a|b>` in a template by one of the values, `{a|b}` by one of them or, seldom, by any number or none, and
-/// `[a|b]` by one of them or, seldom, by something that is no finite positive number.
+/// Replaces `<a|b>` in a template by one of the values, `{a|b}` by one of them or, seldom, by any number or
+/// none, and `[a|b]` by one of them or, seldom, by something that is no finite positive number.
 fn fill<I: Iterator<Item = u8>>(template: &str, numbers: &mut Numbers<I>) -> String {
     const WRONG: &[&str] = &["0", "-1", "-0.0", "NaN", "-inf", "", "x"];
     const ANY: &[&str] =

@@ -1,7 +1,8 @@
-//! Virtual laser scanning: a scene and an instrument become the point cloud that the instrument would have measured.
+//! Virtual laser scanning: a scene and an instrument become the point cloud that the instrument would have
+//! measured.
 //!
-//! Terrestrial, mobile and airborne scanners, with beams that have a width, surfaces that have a reflectance, waveforms, foliage,
-//! moving parts. The same inputs and seed give the same bytes, for any number of threads.
+//! Terrestrial, mobile and airborne scanners, with beams that have a width, surfaces that have a reflectance,
+//! waveforms, foliage, moving parts. The same inputs and seed give the same bytes, for any number of threads.
 //!
 //! ```
 //! use vlscan::arrow_array::{cast::AsArray, types::Float64Type};
@@ -44,9 +45,10 @@
 //! | pulses of your own | [`PulseReader`] and [`Session::trace`] |
 //! | a scene to send rays through | [`scene::load`], [`trace::Tree`] |
 //!
-//! What is written is an [`OutputRequest`]: [files](Target) in any [`PointFormat`], [tables](TableRequest) in memory, [columns](Column),
-//! waveforms, tiles. Problems of the input are [`Error::Input`] with [`Diagnostics`]: each has its file, line and remedy; warnings reach
-//! the observer of a session as [`Notice`]s. The programs in `examples/` show each of these at work.
+//! What is written is an [`OutputRequest`]: [files](Target) in any [`PointFormat`], [tables](TableRequest) in
+//! memory, [columns](Column), waveforms, tiles. Problems of the input are [`Error::Input`] with
+//! [`Diagnostics`]: each has its file, line and remedy; warnings reach the observer of a session as
+//! [`Notice`]s. The programs in `examples/` show each of these at work.
 //!
 //! # Crates
 //!
@@ -99,15 +101,15 @@
 //! | `campaign` | data sets of many runs | planning, pipeline, tools |
 //! | `cli` | the command line | all above |
 //!
-//! No module imports one from a row below its own; `tests/whole/structure.rs` holds it. What each crate is for is in
-//! ARCHITECTURE.md.
+//! No module imports one from a row below its own; `tests/whole/structure.rs` holds it. What each crate is
+//! for is in ARCHITECTURE.md.
 //!
 //! What holds everywhere:
-//! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and tree: every
-//!   random draw is a function of what it is for (`rng`), and what a ray hits is decided by that ray and that primitive
-//!   alone (`tree`);
-//! * a scene is never changed: a chunk holds the state of its moving parts as it holds that of the platform, workers replay
-//!   both, and every epoch of a scene with swapped parts has a scene of its own;
+//! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and
+//!   tree: every random draw is a function of what it is for (`rng`), and what a ray hits is decided by that
+//!   ray and that primitive alone (`tree`);
+//! * a scene is never changed: a chunk holds the state of its moving parts as it holds that of the platform,
+//!   workers replay both, and every epoch of a scene with swapped parts has a scene of its own;
 //! * coordinates are `f64` in the scene frame, which is the world frame minus the scene's centre;
 //! * only data goes to stdout.
 

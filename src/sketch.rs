@@ -21,8 +21,8 @@ const MAX_DOTS: f64 = 2000.0;
 /// Lines of dots beside each other that a flight line consists of.
 const LINE_WIDTH: i32 = 3;
 
-/// The scene of a survey or pipeline as points, whose leg is the first one that covers them plus one, or 0, and the flight lines.
-/// Files are looked for in `assets`, too.
+/// The scene of a survey or pipeline as points, whose leg is the first one that covers them plus one, or 0,
+/// and the flight lines. Files are looked for in `assets`, too.
 ///
 /// # Errors
 /// Those of [`ResolvedRun::resolve`] and of a flight; [`Error::Interrupted`].

@@ -6,11 +6,11 @@
 //! cargo bench --bench kernel --features embree -- -n 1M --rounds 9 --builders bvh,fsah --sets airborne,sparse
 //! ```
 //!
-//! Rays come in batches, which are in the second-level cache when the clock starts, as in a run, where they have just
-//! been generated: those of vlscan in double precision by pulse, those of Embree in single precision one after the
-//! other. Both write distance and triangle of every ray. The tracers take turns, and a ratio is the median over the
-//! rounds of the ratios within a round. The clock measures the thread's processor time, so that other load has little
-//! effect.
+//! Rays come in batches, which are in the second-level cache when the clock starts, as in a run, where they
+//! have just been generated: those of vlscan in double precision by pulse, those of Embree in single
+//! precision one after the other. Both write distance and triangle of every ray. The tracers take turns, and
+//! a ratio is the median over the rounds of the ratios within a round. The clock measures the thread's
+//! processor time, so that other load has little effect.
 
 #[cfg(feature = "embree")]
 mod embree;

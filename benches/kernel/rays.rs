@@ -67,8 +67,8 @@ impl RaySet {
     }
 }
 
-/// Parallel flight lines: `lines` is their number and distance, `side` the number of pulses to either side and their
-/// distance.
+/// Parallel flight lines: `lines` is their number and distance, `side` the number of pulses to either side
+/// and their distance.
 fn flight(ground: f64, lines: (i32, f64), side: (i32, f64)) -> Vec<Aim> {
     let down = Rotation::about_x(-FRAC_PI_2);
     let line = |l: i32| {

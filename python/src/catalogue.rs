@@ -17,7 +17,8 @@ pub fn catalogue(py: Python<'_>) -> PyResult<(Named, Vec<String>)> {
     Ok((scanners.collect(), platforms.collect()))
 }
 
-/// Name, help, whether it takes a value, whether it may be given more than once, whether it only says how files are written.
+/// Name, help, whether it takes a value, whether it may be given more than once, whether it only says how
+/// files are written.
 type Listed = (String, String, bool, bool, bool);
 
 /// The options of a run.

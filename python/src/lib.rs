@@ -1,5 +1,5 @@
-//! The compiled part of the Python module `vlscan`: scenes, runs and tables over the engine's sessions. The classes that
-//! users see are in `python/vlscan`.
+//! The compiled part of the Python module `vlscan`: scenes, runs and tables over the engine's sessions. The
+//! classes that users see are in `python/vlscan`.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -62,7 +62,8 @@ mod _vlscan {
     use super::version;
 }
 
-/// Runs the command line with these words, the first of which is the program's name, and returns its exit status.
+/// Runs the command line with these words, the first of which is the program's name, and returns its exit
+/// status.
 #[pyfunction]
 fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> u8 {
     py.detach(|| vlscan::main(words))

@@ -68,7 +68,8 @@ pub fn fly(
     decode_stream(&bytes).map(Table::new)
 }
 
-/// Computes shard `number` of `of` of a run into a folder; without a number only the index of all shards. Returns the files.
+/// Computes shard `number` of `of` of a run into a folder; without a number only the index of all shards.
+/// Returns the files.
 #[pyfunction]
 #[pyo3(signature = (request, folder, shard, resume, force, progress=None))]
 pub fn run_shard(
@@ -116,7 +117,8 @@ pub fn run_shard(
     done.map_err(|error| exception(py, error))
 }
 
-/// Merges the shards in a folder to files or to tables in memory of these names; without either their checksums are compared.
+/// Merges the shards in a folder to files or to tables in memory of these names; without either their
+/// checksums are compared.
 #[pyfunction]
 #[pyo3(signature = (folder, words, tables, check, progress=None))]
 pub fn merge_shards(

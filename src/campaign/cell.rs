@@ -25,7 +25,8 @@ use vlscan_warehouse::Stop;
 /// Why a cell has failed.
 pub struct Failure {
     pub error: Error,
-    /// True if the same inputs give the same error again. It is not kept otherwise, so that the next start computes the cell.
+    /// True if the same inputs give the same error again. It is not kept otherwise, so that the next start
+    /// computes the cell.
     pub is_lasting: bool,
 }
 
@@ -101,8 +102,8 @@ impl<'c> CellRunner<'c> {
         self.threads.filter(|threads| *threads > 0).unwrap_or_else(all)
     }
 
-    /// The warnings and notes of the last cell that no cell before it had, each in a line; files are named from the campaign's
-    /// folder, those in `work` from there.
+    /// The warnings and notes of the last cell that no cell before it had, each in a line; files are named
+    /// from the campaign's folder, those in `work` from there.
     pub fn new_warnings(&mut self, work: &Path) -> Vec<String> {
         let found = std::mem::take(&mut *self.warnings.lock().unwrap_or_else(PoisonError::into_inner));
         let lines = found.items().iter().map(|item| near(item.line().trim_end(), &[work, &self.folder]));

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use vlscan_base::error::{Error, Result};
 
-/// True if a campaign has the working directory. A process has one, so that two campaigns would take each other's files.
+/// True if a campaign has the working directory. A process has one, so that two campaigns would take each
+/// other's files.
 static IS_TAKEN: AtomicBool = AtomicBool::new(false);
 
 /// A working directory, which is left when this value is dropped.

@@ -3,7 +3,8 @@
 use std::path::{MAIN_SEPARATOR, Path};
 use vlscan_base::error::Error;
 
-/// True if an error says something about the machine and nothing about the cell: a full disk, a file that cannot be written.
+/// True if an error says something about the machine and nothing about the cell: a full disk, a file that
+/// cannot be written.
 pub fn is_of_machine(error: &Error) -> bool {
     use std::io::ErrorKind as Kind;
     match error {
@@ -24,7 +25,8 @@ pub fn message_of(error: &Error) -> String {
     message.trim_end().to_owned()
 }
 
-/// A message in which paths in these folders are named from there, so that it does not depend on where a campaign is computed.
+/// A message in which paths in these folders are named from there, so that it does not depend on where a
+/// campaign is computed.
 pub fn near(message: &str, folders: &[&Path]) -> String {
     let is_of_name = |c: char| c.is_alphanumeric() || "/\\.~_-+".contains(c);
     let mut message = message.to_owned();

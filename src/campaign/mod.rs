@@ -33,11 +33,12 @@ use vlscan_warehouse::Stop;
 
 /// A data set from a matrix of scenes, variants and seeds: a run for each of its cells.
 ///
-/// Any number of processes can compute the same campaign, on one machine or many that share its folder; each takes cells that no
-/// other has taken. What is complete stays.
+/// Any number of processes can compute the same campaign, on one machine or many that share its folder; each
+/// takes cells that no other has taken. What is complete stays.
 ///
-/// Paths in a campaign's file, also those within options, are relative to its folder. While a campaign is read or computed, that folder
-/// is the working directory of the process, and another campaign of the process is refused meanwhile.
+/// Paths in a campaign's file, also those within options, are relative to its folder. While a campaign is
+/// read or computed, that folder is the working directory of the process, and another campaign of the process
+/// is refused meanwhile.
 #[derive(Clone, Debug)]
 pub struct Campaign {
     file: File,
@@ -51,7 +52,8 @@ pub struct Campaign {
 /// Which cells of a campaign are computed, and how.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct CampaignOptions {
-    /// Compute every N-th cell only, from cell K on, with K from 0 to N-1: for array jobs, and for file systems without locks.
+    /// Compute every N-th cell only, from cell K on, with K from 0 to N-1: for array jobs, and for file
+    /// systems without locks.
     #[arg(long, value_name = "K/N")]
     pub task: Option<OneOf>,
     /// Compute this cell only; may be given more than once.
@@ -60,7 +62,8 @@ pub struct CampaignOptions {
     /// Compute failed cells again.
     #[arg(long)]
     pub retry: bool,
-    /// Compare the checksums of all files of complete cells, not only sizes and times. Cells with damaged files are computed again.
+    /// Compare the checksums of all files of complete cells, not only sizes and times. Cells with damaged
+    /// files are computed again.
     #[arg(long)]
     pub verify: bool,
     /// Threads of this process; 0 = all, the default.
@@ -193,7 +196,8 @@ impl Campaign {
     /// The cells among those of the options that are neither complete nor failed.
     ///
     /// # Errors
-    /// [`Error::Input`] for unknown cells, and if the folder of the data set holds other files of its names; [`Error::Io`].
+    /// [`Error::Input`] for unknown cells, and if the folder of the data set holds other files of its names;
+    /// [`Error::Io`].
     pub fn left(&self, options: &CampaignOptions) -> Result<Vec<&Cell>> {
         let _within = WorkingFolder::enter(&self.folder)?;
         let mut chosen = self.chosen(options)?;
@@ -204,12 +208,13 @@ impl Campaign {
         Ok(chosen)
     }
 
-    /// Computes the cells of the options that are left, and writes the manifest if no cell of the campaign is left then. A cell that
-    /// fails stops no other.
+    /// Computes the cells of the options that are left, and writes the manifest if no cell of the campaign is
+    /// left then. A cell that fails stops no other.
     ///
     /// # Errors
-    /// [`Error::Input`] as for [`Campaign::left`], [`Error::Interrupted`] when the stop is requested, and errors that are none of a
-    /// cell's own, such as those of a full disk: the next call computes that cell again.
+    /// [`Error::Input`] as for [`Campaign::left`], [`Error::Interrupted`] when the stop is requested, and
+    /// errors that are none of a cell's own, such as those of a full disk: the next call computes that cell
+    /// again.
     pub fn run(
         &self,
         options: &CampaignOptions,
@@ -360,11 +365,12 @@ fn is_interrupted(stop: &Stop) -> bool {
     stop.is_requested()
 }
 
-/// Computes a cell that this process has locked, and keeps what it gave or why it failed. Returns why it failed if that is not kept.
+/// Computes a cell that this process has locked, and keeps what it gave or why it failed. Returns why it
+/// failed if that is not kept.
 ///
 /// # Errors
-/// [`Error::Interrupted`], and errors that are none of the cell's own, see [`is_of_machine`]: nothing is kept, and the next start
-/// computes the cell again.
+/// [`Error::Interrupted`], and errors that are none of the cell's own, see [`is_of_machine`]: nothing is
+/// kept, and the next start computes the cell again.
 fn compute(
     store: &Store,
     runner: &mut CellRunner<'_>,

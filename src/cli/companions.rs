@@ -1,4 +1,5 @@
-//! What surrounds the work of a command that writes points: its progress, the files beside the points, its summary.
+//! What surrounds the work of a command that writes points: its progress, the files beside the points, its
+//! summary.
 
 use super::console::Console;
 use super::interrupt;
@@ -41,7 +42,8 @@ pub struct Companions {
 }
 
 impl Companions {
-    /// The files of a job, which its output then knows of: none of them replaces another, or what the run reads.
+    /// The files of a job, which its output then knows of: none of them replaces another, or what the run
+    /// reads.
     pub fn of(
         schedule_log: Option<PathBuf>,
         part_table: Option<PathBuf>,
@@ -62,8 +64,8 @@ impl Companions {
         Ok(())
     }
 
-    /// Runs `work` while its progress is shown, and writes the files, unless the run was interrupted. The log of its schedule is
-    /// recorded if it is asked for; `legs` is the number of legs of the survey.
+    /// Runs `work` while its progress is shown, and writes the files, unless the run was interrupted. The log
+    /// of its schedule is recorded if it is asked for; `legs` is the number of legs of the survey.
     ///
     /// # Errors
     /// Those of the work; [`Error::Io`]; [`Error::Input`] if a file exists and is not to be replaced.

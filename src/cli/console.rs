@@ -27,8 +27,8 @@ pub enum Verbosity {
     Verbose,
 }
 
-/// Destination of messages. The file is `helios_<YYYY-MM-DD_hh-mm-ss>.log` in the working folder (spec outputs
-/// §10.1).
+/// Destination of messages. The file is `helios_<YYYY-MM-DD_hh-mm-ss>.log` in the working folder (spec
+/// outputs §10.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum LogTo {
     /// To stderr.

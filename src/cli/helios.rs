@@ -1,5 +1,6 @@
-//! Translation of HELIOS++ command lines (spec outputs §9): its option names in any case, options before or after the
-//! survey, values that begin with a minus, the first of repeated values, `SURVEY.xml` without `run`.
+//! Translation of HELIOS++ command lines (spec outputs §9): its option names in any case, options before or
+//! after the survey, values that begin with a minus, the first of repeated values, `SURVEY.xml` without
+//! `run`.
 
 use std::ffi::{OsStr, OsString};
 use vlscan_base::error::{Error, Result};
@@ -83,8 +84,8 @@ const REFUSED: &[(&str, &str)] = &[
     ("--demoAssets", "there are no demonstrations; `vlscan scene make` makes a scene with a survey to try"),
 ];
 
-/// Replaces HELIOS++ options in the arguments, where they are for `run` or for no subcommand; other arguments are
-/// unchanged.
+/// Replaces HELIOS++ options in the arguments, where they are for `run` or for no subcommand; other arguments
+/// are unchanged.
 ///
 /// # Errors
 /// [`Error::Input`] for options without a counterpart, with a remedy.
@@ -159,8 +160,8 @@ fn translated(words: &[OsString], mut skip_run: bool) -> Vec<OsString> {
     ours
 }
 
-/// Replaces the number of HELIOS++'s schedule by the schedule's name. HELIOS++ marks dynamic chunks by the sign of
-/// their first size; its warehouse uses the absolute value.
+/// Replaces the number of HELIOS++'s schedule by the schedule's name. HELIOS++ marks dynamic chunks by the
+/// sign of their first size; its warehouse uses the absolute value.
 fn name_schedule(words: &mut [OsString]) {
     let value =
         |word: &OsString, name: &str| word.to_str()?.strip_prefix(name)?.strip_prefix('=').map(str::to_owned);
@@ -186,7 +187,8 @@ fn name_schedule(words: &mut [OsString]) {
     }
 }
 
-/// Returns the index of the first word that is neither a HELIOS++ option nor its value, nor looks like an option.
+/// Returns the index of the first word that is neither a HELIOS++ option nor its value, nor looks like an
+/// option.
 fn subject(words: &[OsString]) -> usize {
     let mut at = 0;
     while let Some(word) = words.get(at) {

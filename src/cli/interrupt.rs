@@ -1,5 +1,5 @@
-//! Ctrl-C and other requests to end. While a run measures, the first one stops it in order; at any other time, and the
-//! second time, it ends the process, which leaves no temporary files.
+//! Ctrl-C and other requests to end. While a run measures, the first one stops it in order; at any other
+//! time, and the second time, it ends the process, which leaves no temporary files.
 
 use super::Console;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,7 +14,8 @@ pub static STOP: Stop = Stop::new();
 /// True if a signal has arrived. Failures of a run request its stop, too.
 static SIGNALLED: AtomicBool = AtomicBool::new(false);
 
-/// How long a stopped run waits for the readers of its streams, and the end of the process for that of its messages.
+/// How long a stopped run waits for the readers of its streams, and the end of the process for that of its
+/// messages.
 const GRACE: Duration = Duration::from_secs(2);
 
 /// Handles SIGINT, SIGTERM and SIGHUP from now on.

@@ -62,9 +62,9 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::ReadGuard;
 use vlscan_base::machine;
 
-/// Runs the program with these arguments and returns its exit status: 0 success, 1 system error, 2 invalid input or
-/// usage, 3 a scan frequency outside the scanner's limits, 4 a run that cannot be divided or continued, 5 a folder that is in use,
-/// 130 interrupted.
+/// Runs the program with these arguments and returns its exit status: 0 success, 1 system error, 2 invalid
+/// input or usage, 3 a scan frequency outside the scanner's limits, 4 a run that cannot be divided or
+/// continued, 5 a folder that is in use, 130 interrupted.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let words = match helios::translate_helios_args(args) {
         Ok(words) => words,

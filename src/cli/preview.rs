@@ -1,4 +1,5 @@
-//! `vlscan preview`: a picture of a point cloud, an interactive page, a copy for viewers, or the waveform of a pulse.
+//! `vlscan preview`: a picture of a point cloud, an interactive page, a copy for viewers, or the waveform of
+//! a pulse.
 
 use super::args::PreviewArgs;
 use super::watch::during;

@@ -57,8 +57,8 @@ fn name_directories(report: &Report) {
 /// Points per pulse below which merged shards are reported.
 const MIN_YIELD: f64 = 0.01;
 
-/// Warns of merged shards that hit almost nothing; shards by themselves are not checked, since each sees a piece of the
-/// flight only.
+/// Warns of merged shards that hit almost nothing; shards by themselves are not checked, since each sees a
+/// piece of the flight only.
 pub fn warn_of_few_points(console: &Console, report: &Report) -> Result<()> {
     let (pulses, points) = (report.pulses as f64, report.summary.points as f64);
     if !report.interrupted && pulses > 0.0 && points < MIN_YIELD * pulses && !report.summary.files.is_empty()

@@ -16,7 +16,8 @@ const BAR: &str = "{spinner} [{bar:6}] {msg}";
 const PATIENCE: Duration = Duration::from_secs(1);
 const STEP: &str = "{spinner} {msg} ({elapsed})";
 
-/// Does work without a known length, of which `step` is the first step, and shows on a terminal which step goes on and for how long.
+/// Does work without a known length, of which `step` is the first step, and shows on a terminal which step
+/// goes on and for how long.
 pub fn during<T>(console: &Console, step: &'static str, work: impl FnOnce() -> T) -> T {
     if !(stderr().is_terminal() && console.draws()) {
         return work();
@@ -90,8 +91,8 @@ fn is_running(is_done: &flume::Receiver<()>, period: Duration) -> bool {
     matches!(is_done.recv_timeout(period), Err(flume::RecvTimeoutError::Timeout))
 }
 
-/// Draws a bar until the work is done, but none while nothing happens: before the first pulse, and while a stream is
-/// silent.
+/// Draws a bar until the work is done, but none while nothing happens: before the first pulse, and while a
+/// stream is silent.
 fn draw_bar(
     console: &Console,
     progress: &Progress,

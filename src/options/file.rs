@@ -17,8 +17,8 @@ use vlscan_survey::{
     Survey, Tables,
 };
 
-/// Reads a survey (.xml) or a pipeline (.toml). The options returned are those typed over those of the file; the last value
-/// holds warnings to be shown.
+/// Reads a survey (.xml) or a pipeline (.toml). The options returned are those typed over those of the file;
+/// the last value holds warnings to be shown.
 ///
 /// # Errors
 /// All problems of all files at once; options of trajectories where there is none.
@@ -35,7 +35,8 @@ pub fn read_survey(path: &Path, typed: Options) -> Result<(Survey, Options, Diag
     Ok((survey, typed, warnings))
 }
 
-/// Reads a pipeline in memory; `name` is its name in messages, and its folder the one that names of files are relative to.
+/// Reads a pipeline in memory; `name` is its name in messages, and its folder the one that names of files are
+/// relative to.
 ///
 /// # Errors
 /// As for [`read_survey`].
@@ -54,7 +55,8 @@ fn read_source(source: &Source, typed: Options) -> Result<(Survey, Options, Diag
     Ok((survey, options, warnings))
 }
 
-/// True if the file is a pipeline, or an XML file with a survey in it; one that is too large to be read is neither.
+/// True if the file is a pipeline, or an XML file with a survey in it; one that is too large to be read is
+/// neither.
 pub fn holds_survey(path: &Path) -> bool {
     let is_xml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
     is_pipeline(path)
@@ -155,8 +157,8 @@ const OFFSETS: [(&str, &str, quantity::Bounds); 3] = [
     ("height_offset_m", "--height-offset", quantity::HEIGHT_OFFSET),
 ];
 
-/// Warns of [`OFFSETS`] of a trajectory beyond what is usual. `places` are those of the keys in a file, over which `typed` options
-/// go.
+/// Warns of [`OFFSETS`] of a trajectory beyond what is usual. `places` are those of the keys in a file, over
+/// which `typed` options go.
 fn doubts(
     options: &TrajectoryOptions,
     typed: &TrajectoryOptions,
@@ -229,8 +231,8 @@ impl OneOrMore {
     }
 }
 
-/// Refuses options that tell how a trajectory is read where there is none. The UTM zone is for trajectory files of surveys,
-/// too.
+/// Refuses options that tell how a trajectory is read where there is none. The UTM zone is for trajectory
+/// files of surveys, too.
 fn check_trajectory_options(typed: TrajectoryOptions, survey: &mut Survey) -> Result<()> {
     let typed = TrajectoryOptions { latency: None, ..typed };
     let without_zone = TrajectoryOptions { utm_zone: None, ..typed.clone() };

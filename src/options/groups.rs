@@ -54,12 +54,12 @@ pub struct Options {
     /// The tree over the scene.
     #[command(flatten)]
     pub tree: TreeOptions,
-    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads
-    /// it).
+    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as
+    /// --trajectory reads it).
     #[arg(long, value_name = "PATH", help_heading = "Output")]
     pub trajectory_out: Option<PathBuf>,
-    /// Write a table of the scene's parts as CSV: number of the object in the points, id, name, class, materials, position,
-    /// height and number of points.
+    /// Write a table of the scene's parts as CSV: number of the object in the points, id, name, class,
+    /// materials, position, height and number of points.
     #[arg(long = "parts", value_name = "PATH", help_heading = "Output")]
     pub part_table: Option<PathBuf>,
     /// True if pulses of a stream are traced instead of a flight.
@@ -77,7 +77,8 @@ pub struct Options {
 }
 }
 
-/// Heading of the options that say how files of points are written; a run that writes none takes none of them.
+/// Heading of the options that say how files of points are written; a run that writes none takes none of
+/// them.
 pub const FILES: &str = "Output files";
 
 group! {
@@ -88,7 +89,8 @@ group! {
 pub struct OutputOptions with opposites {
     /// Where the points go: a file, a folder (one file per leg), or - for stdout.
     ///
-    /// The extension of a file determines its format; all legs and epochs go into one file. May be given more than once.
+    /// The extension of a file determines its format; all legs and epochs go into one file. May be given more
+    /// than once.
     #[arg(short = 'o', long = "out", value_name = "PATH")]
     #[serde(skip)]
     pub out: Vec<PathBuf>,
@@ -102,8 +104,8 @@ pub struct OutputOptions with opposites {
     pub output: Option<PathBuf>,
     /// Replace existing files once the new ones are complete.
     ///
-    /// If the run fails or is interrupted, existing files are kept, and partial results go to NAME.partial.EXT. Also write binary
-    /// data to a terminal.
+    /// If the run fails or is interrupted, existing files are kept, and partial results go to
+    /// NAME.partial.EXT. Also write binary data to a terminal.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub force: Switch,
     /// Write every digitised waveform, beside the first output that is a file or folder.
@@ -112,18 +114,20 @@ pub struct OutputOptions with opposites {
     /// Write every emitted pulse, beside the first output that is a file or folder.
     #[arg(long, action = SetTrue)]
     pub pulses: Switch,
-    /// Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as X,Y,Z,Intensity,GpsTime.
-    /// docs/outputs.md lists them all, as does the message for an unknown name.
+    /// Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as
+    /// X,Y,Z,Intensity,GpsTime. docs/outputs.md lists them all, as does the message for an unknown name.
     #[arg(long, value_name = "NAMES")]
     pub columns: Option<ColumnList>,
-    /// Also write part, primitive and true range to las, laz and ply; csv, arrow, parquet and geoparquet always have them.
+    /// Also write part, primitive and true range to las, laz and ply; csv, arrow, parquet and geoparquet
+    /// always have them.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub labels: Switch,
-    /// Also write positions without navigation errors (TrueX, TrueY, TrueZ) to las and laz; for csv, arrow and parquet use --columns.
+    /// Also write positions without navigation errors (TrueX, TrueY, TrueZ) to las and laz; for csv, arrow
+    /// and parquet use --columns.
     #[arg(long, action = SetTrue)]
     pub true_positions: Switch,
-    /// Write the height above ground (HeightAboveGround), also to las, laz and ply. Ground is every surface whose material is ground
-    /// (helios_isGround), or the lowest surfaces if the scene has no such material.
+    /// Write the height above ground (HeightAboveGround), also to las, laz and ply. Ground is every surface
+    /// whose material is ground (helios_isGround), or the lowest surfaces if the scene has no such material.
     #[arg(long, action = SetTrue)]
     pub height_above_ground: Switch,
     /// Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]
@@ -135,26 +139,27 @@ pub struct OutputOptions with opposites {
     /// Coordinate frame of the scanner in mcap. [default: lidar]
     #[arg(long, value_name = "NAME", help_heading = FILES)]
     pub sensor_frame: Option<String>,
-    /// Divide the points of a folder (-o DIR) into square tiles with this edge length in metres, tile_X_Y, instead of legs.
+    /// Divide the points of a folder (-o DIR) into square tiles with this edge length in metres, tile_X_Y,
+    /// instead of legs.
     #[arg(long, value_name = "METRES", conflicts_with = "per_object", help_heading = FILES)]
     pub tile: Option<Positive>,
     /// Divide the points of a folder (-o DIR) by the object that was hit, object_N, instead of legs.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub per_object: Switch,
-    /// Write what each subray hit instead of points, at its position on the surface, with the number of the return that it contributes to
-    /// (0 = none): for leaf area and machine learning. --columns selects Subray, SurfaceX, NormalX, FootprintFraction and so on, with or
-    /// without this option.
+    /// Write what each subray hit instead of points, at its position on the surface, with the number of the
+    /// return that it contributes to (0 = none): for leaf area and machine learning. --columns selects
+    /// Subray, SurfaceX, NormalX, FootprintFraction and so on, with or without this option.
     #[arg(long, action = SetTrue)]
     pub subrays: Switch,
     /// Also write pulses without echoes: 0 returns, at the beam's origin, with the beam's direction.
     #[arg(long, action = SetTrue)]
     pub misses: Switch,
-    /// Stream LAS to a pipe without a temporary file, with N as the number of points in its header (250k, 1G). Most readers accept
-    /// fewer points; more are an error.
+    /// Stream LAS to a pipe without a temporary file, with N as the number of points in its header (250k,
+    /// 1G). Most readers accept fewer points; more are an error.
     #[arg(long, value_name = "N", help_heading = FILES)]
     pub las_at_most: Option<Count<1>>,
-    /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside that file or
-    /// beside it as .wdp.
+    /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside
+    /// that file or beside it as .wdp.
     #[arg(long, value_name = "WHERE", help_heading = FILES)]
     pub wave_packets: Option<PacketPlace>,
     /// One point file per device of a multi-channel scanner.
@@ -162,8 +167,8 @@ pub struct OutputOptions with opposites {
     pub split_by_channel: Switch,
     /// Coordinate reference system of the scene: EPSG:25832, WKT, or a file that holds either.
     ///
-    /// It goes into LAS, LAZ, PLY, Arrow, Parquet and GeoParquet. [default: that of the scene's GeoTIFF or .prj files, else the UTM zone of
-    /// a projected flight]
+    /// It goes into LAS, LAZ, PLY, Arrow, Parquet and GeoParquet. [default: that of the scene's GeoTIFF or
+    /// .prj files, else the UTM zone of a projected flight]
     #[arg(long, value_name = "EPSG:N|WKT|FILE")]
     pub crs: Option<Crs>,
     /// With --output: LAS 1.4 instead of text.
@@ -172,15 +177,15 @@ pub struct OutputOptions with opposites {
     /// LAS 1.0 instead of 1.4; with --output also instead of text.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub las10: Switch,
-    /// Waveforms and pulses as compressed text (.bin); with --output also LAZ instead of LAS, and compressed text instead of
-    /// text.
+    /// Waveforms and pulses as compressed text (.bin); with --output also LAZ instead of LAS, and compressed
+    /// text instead of text.
     #[arg(long, action = SetTrue, help_heading = FILES)]
     pub zip_output: Switch,
     /// Resolution of LAS coordinates in metres. [default: 0.0001, coarser if the scene is too wide for it]
     #[arg(long, value_name = "METRES", help_heading = FILES)]
     pub las_scale: Option<f64>,
-    /// Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that reject them.
-    /// [default: all]
+    /// Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that reject
+    /// them. [default: all]
     #[arg(long, value_name = "WHICH", help_heading = FILES)]
     pub las_extra: Option<ExtraDimensions>,
 }
@@ -213,9 +218,9 @@ group! {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Simulation")]
 pub struct NavigationOptions {
-    /// Add navigation errors: the reported pose, with which points are georeferenced, differs from the true one. A key of
-    /// [navigation_errors] of pipeline files with one number or three, such as position_m=0.02,0.02,0.05, attitude_deg=0.004,
-    /// boresight_deg=0,0.01,0; may be given more than once.
+    /// Add navigation errors: the reported pose, with which points are georeferenced, differs from the true
+    /// one. A key of [navigation_errors] of pipeline files with one number or three, such as
+    /// position_m=0.02,0.02,0.05, attitude_deg=0.004, boresight_deg=0,0.01,0; may be given more than once.
     #[arg(long = "navigation-error", value_name = "KEY=NUMBERS")]
     pub errors: Vec<NavigationError>,
 }
@@ -249,10 +254,12 @@ group! {
 #[command(next_help_heading = "Simulation")]
 #[serde(default)]
 pub struct OriginOptions {
-    /// Seed of all noise: an integer, a decimal number or "YYYY-MM-DD hh:mm:ss". [default: the survey's, else 0]
+    /// Seed of all noise: an integer, a decimal number or "YYYY-MM-DD hh:mm:ss". [default: the survey's, else
+    /// 0]
     #[arg(long, value_name = "SEED")]
     pub seed: Option<Seed>,
-    /// Start of the GPS clock: "YYYY-MM-DD hh:mm:ss" (UTC), POSIX seconds, or "now". [default: 2024-01-01 00:00:00]
+    /// Start of the GPS clock: "YYYY-MM-DD hh:mm:ss" (UTC), POSIX seconds, or "now". [default: 2024-01-01
+    /// 00:00:00]
     #[arg(long, value_name = "TIME")]
     pub gps_start: Option<GpsStart>,
 }
@@ -264,19 +271,21 @@ group! {
 #[command(next_help_heading = "Simulation")]
 #[serde(default)]
 pub struct ProfileOptions {
-    /// Reproduce HELIOS++, or correct its known weaknesses. [default: helios for XML surveys, refined for pipeline files]
+    /// Reproduce HELIOS++, or correct its known weaknesses. [default: helios for XML surveys, refined for
+    /// pipeline files]
     #[arg(id = "profile", long = "physics", value_name = "PROFILE")]
     #[serde(alias = "physics")]
     pub profile: Option<PhysicsProfile>,
-    /// Switch single corrections on (sum-equal-ranges) or off (no-sum-equal-ranges). They are listed at the end of --help.
+    /// Switch single corrections on (sum-equal-ranges) or off (no-sum-equal-ranges). They are listed at the
+    /// end of --help.
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub correct: Vec<String>,
 }
 }
 
 impl ProfileOptions {
-    /// The corrections of the profile, of XML surveys unless one is chosen, with those that are on in any profile, and
-    /// then what is switched by name.
+    /// The corrections of the profile, of XML surveys unless one is chosen, with those that are on in any
+    /// profile, and then what is switched by name.
     ///
     /// # Errors
     /// A name that no correction has.
@@ -336,14 +345,15 @@ pub struct ScheduleOptions with opposites {
     /// Begin a leg only when the previous one is finished, as in the paper; slower.
     #[arg(long, action = SetTrue)]
     pub leg_barrier: Switch,
-    /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends. --force replaces an existing file.
+    /// Write what the schedule did as JSON: idle times, queue depths, chunk sizes, leg ends. --force replaces
+    /// an existing file.
     #[arg(long, value_name = "FILE")]
     pub schedule_log: Option<PathBuf>,
     /// Reject scenes that need more memory than this, e.g. 4G. [default: the memory of the machine]
     #[arg(long, value_name = "SIZE")]
     pub max_memory: Option<Bytes>,
-    /// Load the parts of the scene when rays come near, and drop them when they need more memory than this together with
-    /// their trees, e.g. 2G; does not change the points. [default: the scene is loaded whole]
+    /// Load the parts of the scene when rays come near, and drop them when they need more memory than this
+    /// together with their trees, e.g. 2G; does not change the points. [default: the scene is loaded whole]
     #[arg(long, value_name = "SIZE")]
     pub scene_memory: Option<Bytes>,
     /// Show progress as plain lines if stderr is not a terminal.

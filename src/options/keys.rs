@@ -1,5 +1,5 @@
-//! The documentation of every key of a pipeline file: that of the options from the command line's, that of the survey's keys
-//! from where they are defined.
+//! The documentation of every key of a pipeline file: that of the options from the command line's, that of
+//! the survey's keys from where they are defined.
 
 use super::groups::{EchoOptions, InputOptions, NoiseOptions, OriginOptions, OutputOptions};
 use super::groups::{ProfileOptions, ScheduleOptions, TreeOptions};

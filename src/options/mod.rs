@@ -1,5 +1,5 @@
-//! The options of a run, each defined once: its doc comment is the help of the command line, the manual page and the
-//! documentation of the key in a pipeline file; its type parses the value wherever it is written.
+//! The options of a run, each defined once: its doc comment is the help of the command line, the manual page
+//! and the documentation of the key in a pipeline file; its type parses the value wherever it is written.
 //!
 //! | file | what it does |
 //! |---|---|

@@ -18,7 +18,8 @@ vlscan_survey::key_table! {
 pub struct OutputKeys = "[[output]]" {
     /// The file, relative to the working directory, or `-` for standard output; a folder with `per_leg`.
     pub path: PathBuf,
-    /// `points`, or `trajectory`: the platform's poses as CSV, in the layout that `--trajectory` reads. Default: `points`.
+    /// `points`, or `trajectory`: the platform's poses as CSV, in the layout that `--trajectory` reads.
+    /// Default: `points`.
     #[serde(default)]
     pub content: OutputContent,
     /// Format of the points, a name of `--format`. Default: from the extension, else `xyz`.
@@ -149,7 +150,8 @@ fn is_stdout(path: &Path) -> bool {
     ["-", "STDOUT"].iter().any(|name| path.as_os_str() == *name) || files::is_stdout(path)
 }
 
-/// Where a path leads, and its format: the one that its extension tells, else the one asked for, else `default`.
+/// Where a path leads, and its format: the one that its extension tells, else the one asked for, else
+/// `default`.
 fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result<(Target, PointFormat)> {
     if is_stdout(path) {
         return Ok((Target::Stdout, asked.unwrap_or(default)));

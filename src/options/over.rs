@@ -4,7 +4,8 @@ use super::switch::Switch;
 
 /// Options that may be given in two places.
 pub trait Over {
-    /// These options, and those of `file` where nothing is chosen here. Lists are joined, those of the file first.
+    /// These options, and those of `file` where nothing is chosen here. Lists are joined, those of the file
+    /// first.
     fn over(self, file: Self) -> Self;
 }
 
@@ -33,7 +34,8 @@ impl<T> Over for Vec<T> {
     }
 }
 
-/// Defines a struct of options and its precedence, field by field; `with opposites` adds the opposites of its switches.
+/// Defines a struct of options and its precedence, field by field; `with opposites` adds the opposites of its
+/// switches.
 macro_rules! group {
     ($(#[$about:meta])* pub struct $name:ident with opposites { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
         $(#[$about])*

@@ -65,7 +65,8 @@ pub(super) fn python_type(option: &Arg) -> Option<String> {
     Some(if is_list(option) { format!("{one} | Sequence[{one}]") } else { one })
 }
 
-/// The types that values of this type have in JSON. Values of other types are numbers where Rust has them as numbers, else text.
+/// The types that values of this type have in JSON. Values of other types are numbers where Rust has them as
+/// numbers, else text.
 pub(super) fn value_types(parser: &ValueParser) -> &'static [&'static str] {
     let id = parser.type_id();
     match NAMES.iter().find(|(rust, ..)| id == *rust) {

@@ -1,4 +1,5 @@
-//! Options and pipeline files as JSON Schema, in the subset that OpenAPI 3.0 takes: for programs that offer forms or check requests.
+//! Options and pipeline files as JSON Schema, in the subset that OpenAPI 3.0 takes: for programs that offer
+//! forms or check requests.
 
 use super::keys::{PipelineTable, pipeline_keys};
 use super::python::value_types;
@@ -6,8 +7,8 @@ use super::words::is_list;
 use clap::{Arg, Command};
 use serde_json::{Map, Value, json};
 
-/// What a command takes: an object with a property for every option, by its long name with underscores, and for every operand.
-/// `x-option` is what is typed, `x-operand` the place of an operand, from 0.
+/// What a command takes: an object with a property for every option, by its long name with underscores, and
+/// for every operand. `x-option` is what is typed, `x-operand` the place of an operand, from 0.
 pub fn command_schema(command: &Command) -> Value {
     let mut properties = Map::new();
     let mut required = Vec::new();

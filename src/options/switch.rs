@@ -1,4 +1,5 @@
-//! Switches: options without a value. Each has an opposite, by which the command line undoes what a file says.
+//! Switches: options without a value. Each has an opposite, by which the command line undoes what a file
+//! says.
 
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use serde::Deserialize;
@@ -49,7 +50,8 @@ impl From<bool> for Switch {
 /// The value of an opposite on the command line.
 const OFF: &str = "off";
 
-/// Parses the values that clap gives to switches: `true` where one is typed, else `false`, and that of its opposite.
+/// Parses the values that clap gives to switches: `true` where one is typed, else `false`, and that of its
+/// opposite.
 impl FromStr for Switch {
     type Err = Infallible;
 
@@ -67,7 +69,8 @@ pub fn opposite(long: &str) -> String {
     long.strip_prefix("no-").map_or_else(|| format!("no-{long}"), str::to_owned)
 }
 
-/// The opposites of all switches of a command that are defined before it. The last one of a switch and its opposite counts.
+/// The opposites of all switches of a command that are defined before it. The last one of a switch and its
+/// opposite counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Opposites;
 

@@ -7,15 +7,15 @@ use vlscan_lidar::pulse::Echo;
 /// Files that a division can have at most.
 pub(super) const MAX_FILES: usize = 10_000;
 
-/// How far beside the scene the tiles reach, m: the first of these with at most [`MAX_FILES`] files. Points lie beside the
-/// surfaces that they come from by the errors of range and navigation.
+/// How far beside the scene the tiles reach, m: the first of these with at most [`MAX_FILES`] files. Points
+/// lie beside the surfaces that they come from by the errors of range and navigation.
 const MARGINS_M: [f64; 3] = [25.0, 5.0, 1.0];
 
 /// How points are divided among the files of a folder.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Division {
-    /// Squares of this edge length, m, from multiples of it on, in world coordinates: `tile_X_Y`, named by their lower left
-    /// corners.
+    /// Squares of this edge length, m, from multiples of it on, in world coordinates: `tile_X_Y`, named by
+    /// their lower left corners.
     Tiles(f64),
     /// A file per part of the scene: `object_N`, with the number of the object in the points.
     Objects,
@@ -105,8 +105,8 @@ impl Divider {
         }
     }
 
-    /// Index of the file of an echo; `None` for echoes beyond the scene and those of no part. `shift` is the position of
-    /// the scene frame's origin.
+    /// Index of the file of an echo; `None` for echoes beyond the scene and those of no part. `shift` is the
+    /// position of the scene frame's origin.
     pub fn file_of(&self, echo: &Echo, shift: DVec3) -> Option<usize> {
         match &self.kind {
             Kind::Tiles { size, first, columns } => {

@@ -70,7 +70,8 @@ struct Waves<'a> {
 }
 
 impl Waves<'_> {
-    /// Index of the waveform of an echo; `u32::MAX` for none. Echoes and waveforms are both in order of emission.
+    /// Index of the waveform of an echo; `u32::MAX` for none. Echoes and waveforms are both in order of
+    /// emission.
     fn index_of(&mut self, echo: &Echo) -> u32 {
         let next = self.next.entry(echo.device).or_default();
         let is_before =
@@ -84,8 +85,8 @@ impl Waves<'_> {
 }
 
 impl OutputPlan {
-    /// Encodes a batch for every file. Called by the worker threads. Heights of its points count from `ground`, that of the
-    /// batch's epoch.
+    /// Encodes a batch for every file. Called by the worker threads. Heights of its points count from
+    /// `ground`, that of the batch's epoch.
     pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn HeightModel>>) -> Encoded {
         let source = Source { batch, ground };
         let mut echoes =

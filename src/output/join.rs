@@ -1,5 +1,5 @@
-//! Joins LAS and LAZ files of consecutive points to one. Points are copied, compressed or not: the chunks of LAZ are those of
-//! the joined file if every file but the last holds whole chunks.
+//! Joins LAS and LAZ files of consecutive points to one. Points are copied, compressed or not: the chunks of
+//! LAZ are those of the joined file if every file but the last holds whole chunks.
 
 use super::summary::{FileKind, FileSummary};
 use ::laz::LazVlr;
@@ -144,7 +144,8 @@ impl OpenSegment<'_> {
         head
     }
 
-    /// Reads the complete file, passes the bytes of the points to `write` and returns the checksum of all bytes.
+    /// Reads the complete file, passes the bytes of the points to `write` and returns the checksum of all
+    /// bytes.
     fn copy(&mut self, block: &mut [u8], mut write: impl FnMut(&[u8]) -> Result<()>) -> Result<u64> {
         let failed = |e| Error::io("read", self.path, e);
         self.file.seek(SeekFrom::Start(0)).map_err(failed)?;
@@ -182,12 +183,12 @@ fn add(head: &mut [u8], other: &[u8]) {
     }
 }
 
-/// Joins files that were written by merges of the same shards to `out`. `progress` is called with the number of points of each
-/// file that is copied, and returns whether to go on.
+/// Joins files that were written by merges of the same shards to `out`. `progress` is called with the number
+/// of points of each file that is copied, and returns whether to go on.
 ///
 /// # Errors
-/// [`Error::Input`] for files of other contents and for those that do not match their checksums, [`Error::Interrupted`] when `progress`
-/// returns false, [`Error::Io`].
+/// [`Error::Input`] for files of other contents and for those that do not match their checksums,
+/// [`Error::Interrupted`] when `progress` returns false, [`Error::Io`].
 pub fn join(
     segments: &[Segment],
     out: &Path,

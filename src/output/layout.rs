@@ -265,8 +265,8 @@ impl OutputLayout {
         }
     }
 
-    /// Adds a product other than points; `beside` derives its name from the point file. The names are those of
-    /// HELIOS++.
+    /// Adds a product other than points; `beside` derives its name from the point file. The names are those
+    /// of HELIOS++.
     fn product(&mut self, sink: usize, base: &Base, content: Content, beside: bool, context: &OutputContext) {
         let (suffix, extension) = match content {
             Content::Waveforms => ("fullwave", if self.zip { "bin" } else { "txt" }),
@@ -286,7 +286,8 @@ impl OutputLayout {
         }
     }
 
-    /// Returns the index of the file at `location`, shared by legs of one strip and by devices with the same id.
+    /// Returns the index of the file at `location`, shared by legs of one strip and by devices with the same
+    /// id.
     fn slot(&mut self, sink: usize, location: OutputLocation, content: Content, leg: usize) -> u32 {
         if let Some(&slot) = self.slots.get(&location) {
             let file = &mut self.files[slot as usize];
@@ -312,7 +313,8 @@ impl OutputLayout {
 }
 
 impl Base {
-    /// Returns the legs that have files. A single file takes all legs, so that it exists even if no leg is active.
+    /// Returns the legs that have files. A single file takes all legs, so that it exists even if no leg is
+    /// active.
     fn legs<'c>(&self, context: &'c OutputContext) -> impl Iterator<Item = (usize, &'c OutputLeg)> + use<'c> {
         let all = matches!(self, Base::Stdout | Base::Single(_));
         context.legs.iter().enumerate().filter(move |(_, leg)| all || leg.active)

@@ -1,4 +1,5 @@
-//! Writers of points, trajectories, waveforms and pulses: one file per format, all of which take batches in chunk order.
+//! Writers of points, trajectories, waveforms and pulses: one file per format, all of which take batches in
+//! chunk order.
 //!
 //! ```text
 //! OutputRequest ─► OutputPlan   which files, checked before the run, shared by the workers
@@ -21,9 +22,10 @@
 //! | `writer`, `file` | all outputs, and one of them, in the writer thread |
 //! | `summary` | summary of the outputs |
 //!
-//! Formats of points are those of [`vlscan_formats`], to which echoes go as [`PointRecord`](vlscan_formats::PointRecord)s.
-//! Files are written through [`FileWriter`](vlscan_base::files::FileWriter). Formats with counts in their header are spooled to
-//! an unnamed file when the stream is not seekable.
+//! Formats of points are those of [`vlscan_formats`], to which echoes go as
+//! [`PointRecord`](vlscan_formats::PointRecord)s. Files are written through
+//! [`FileWriter`](vlscan_base::files::FileWriter). Formats with counts in their header are spooled to an
+//! unnamed file when the stream is not seekable.
 
 mod context;
 mod division;

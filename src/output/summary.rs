@@ -55,8 +55,8 @@ pub struct FileSummary {
     pub bounds: Aabb,
     /// Points by return number: first returns at index 0, the fifteenth and later returns at index 14.
     pub by_return: [u64; 15],
-    /// Points left out because the format cannot represent them: coordinates that are not finite or exceed the 32
-    /// bits of LAS.
+    /// Points left out because the format cannot represent them: coordinates that are not finite or exceed
+    /// the 32 bits of LAS.
     pub left_out: u64,
 }
 

@@ -44,8 +44,8 @@ pub(super) fn scene() -> Scene {
     }
 }
 
-/// Returns a survey `demo` with devices `q0`, `q1` ... and one leg per entry of `legs`, which is its strip; `!` makes
-/// it inactive.
+/// Returns a survey `demo` with devices `q0`, `q1` ... and one leg per entry of `legs`, which is its strip;
+/// `!` makes it inactive.
 pub(super) fn survey(devices: usize, legs: &[Option<&str>]) -> Survey {
     let device = |i| Device {
         id: format!("q{i}"),
@@ -65,8 +65,8 @@ pub(super) fn survey(devices: usize, legs: &[Option<&str>]) -> Survey {
     }
 }
 
-/// Returns `echoes` echoes of two devices over all parts, with one to seventeen returns per pulse, and a waveform, a
-/// pulse and a pose per hundred echoes.
+/// Returns `echoes` echoes of two devices over all parts, with one to seventeen returns per pulse, and a
+/// waveform, a pulse and a pose per hundred echoes.
 pub(super) fn batch(leg: u32, first: usize, echoes: usize) -> Batch {
     let mut batch = Batch { leg, ..Batch::default() };
     for i in first..first + echoes {

@@ -1,5 +1,5 @@
-//! The text files of HELIOS++ besides points (spec outputs §5–7), with fields separated by single spaces and without header, and
-//! trajectories as comma-separated values.
+//! The text files of HELIOS++ besides points (spec outputs §5–7), with fields separated by single spaces and
+//! without header, and trajectories as comma-separated values.
 
 use super::plan::WorldFrame;
 use vlscan_formats::number::{push_fixed, push_integer};
@@ -21,8 +21,8 @@ pub(super) fn push_pose(out: &mut Vec<u8>, frame: WorldFrame, pose: &PoseSample)
     out.push(b'\n');
 }
 
-/// Appends `time,x,y,z,roll,pitch,yaw` in seconds, metres and degrees (heading, pitch, roll innermost), the input
-/// format of `--trajectory`.
+/// Appends `time,x,y,z,roll,pitch,yaw` in seconds, metres and degrees (heading, pitch, roll innermost), the
+/// input format of `--trajectory`.
 pub(super) fn push_pose_csv(out: &mut Vec<u8>, frame: WorldFrame, pose: &PoseSample) {
     push_seconds(out, frame.seconds(pose.time_ns));
     for metres in (frame.origin + pose.position).to_array() {

@@ -1,5 +1,5 @@
-//! Statistics of where beams point: a few pulses of every chunk are compared with the box around the scene, so that
-//! the cause can be reported when a run hits nothing.
+//! Statistics of where beams point: a few pulses of every chunk are compared with the box around the scene,
+//! so that the cause can be reported when a run hits nothing.
 
 use super::spread::Spread;
 use vlscan_base::rng::GOLDEN;
@@ -61,8 +61,8 @@ impl Aim {
         weak: WeakPulses { count: 0, strongest: 0.0, threshold: 0.0 },
     };
 
-    /// Compares a sample of `pulses`: one of each of some equal runs, at changing places, so that no channel of the scanner and no
-    /// phase of a mirror is met more often than others.
+    /// Compares a sample of `pulses`: one of each of some equal runs, at changing places, so that no channel
+    /// of the scanner and no phase of a mirror is met more often than others.
     pub fn of(target: &AimTarget, pulses: &[Pulse]) -> Aim {
         let mut aim = Aim::NONE;
         for run in pulses.chunks(pulses.len().div_ceil(SAMPLED_PULSES).max(1)) {

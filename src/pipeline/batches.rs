@@ -16,8 +16,8 @@ use vlscan_warehouse::Stop;
 /// Batches that wait for their reader before the run waits.
 const MAX_WAITING: usize = 2;
 
-/// The points of a run on another thread, batch by batch; see [`Session::into_batches`]. The last item is the error of a run that
-/// fails. Dropping the iterator ends the run.
+/// The points of a run on another thread, batch by batch; see [`Session::into_batches`]. The last item is the
+/// error of a run that fails. Dropping the iterator ends the run.
 pub struct Batches {
     batches: Option<Receiver<RecordBatch>>,
     worker: Option<JoinHandle<Result<Report>>>,
@@ -45,8 +45,9 @@ impl TableSink for Sender {
 }
 
 impl Session {
-    /// Runs the session on another thread and returns the points, `rows` at a time, beside what else `outputs` asks for. The run waits
-    /// while its batches wait, so memory stays flat. The columns are [`OutputRequest::columns`].
+    /// Runs the session on another thread and returns the points, `rows` at a time, beside what else
+    /// `outputs` asks for. The run waits while its batches wait, so memory stays flat. The columns are
+    /// [`OutputRequest::columns`].
     pub fn into_batches(mut self, mut outputs: OutputRequest, rows: usize) -> Batches {
         let stop = Arc::new(Stop::new());
         let requested = stop.clone();
@@ -68,8 +69,8 @@ impl Session {
 }
 
 impl Batches {
-    /// The batches that `run` passes to a sink on another thread; it waits while `waiting` of them wait. `end` requests the end of the
-    /// run and tells whether it must be waited for.
+    /// The batches that `run` passes to a sink on another thread; it waits while `waiting` of them wait.
+    /// `end` requests the end of the run and tells whether it must be waited for.
     pub fn spawn(
         waiting: usize,
         end: impl Fn() -> bool + Send + Sync + 'static,

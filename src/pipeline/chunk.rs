@@ -7,13 +7,14 @@ use vlscan_lidar::platform::{PollResult, PoseReader};
 use vlscan_scene::{MotionPlan, MotionState};
 use vlscan_warehouse::{Feed, Outcome, Stop, Tasks};
 
-/// Maximum steps per chunk, however few of them emit pulses, because a requested stop is checked between chunks.
+/// Maximum steps per chunk, however few of them emit pulses, because a requested stop is checked between
+/// chunks.
 const MAX_STEPS: u32 = 1 << 16;
 /// Interval between checks for a requested stop while no pose arrives.
 const STOP_CHECK_PERIOD: Duration = Duration::from_millis(100);
 
-/// Consecutive steps of one leg: the state before the first step, and the number of steps. The producer only counts
-/// the pulses; a worker replays the steps to obtain them.
+/// Consecutive steps of one leg: the state before the first step, and the number of steps. The producer only
+/// counts the pulses; a worker replays the steps to obtain them.
 #[derive(Clone)]
 pub struct Chunk {
     /// Platform and devices before the first step.
@@ -90,10 +91,10 @@ impl Chunk {
     }
 }
 
-/// Steps from `state`, the beginning of a flight, to its end and passes every chunk that is not empty to `feed`. A
-/// chunk ends when it reaches the size set by the schedule, at the end of its leg, or when the next pose takes longer
-/// than the stream's maximum latency. Returns early when `stop` is requested, and after the step that emits pulse number
-/// `limit`, counted from 1.
+/// Steps from `state`, the beginning of a flight, to its end and passes every chunk that is not empty to
+/// `feed`. A chunk ends when it reaches the size set by the schedule, at the end of its leg, or when the next
+/// pose takes longer than the stream's maximum latency. Returns early when `stop` is requested, and after the
+/// step that emits pulse number `limit`, counted from 1.
 pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     plan: &FlightPlan,
     motion: Option<&MotionPlan>,
@@ -171,8 +172,8 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     }
 }
 
-/// Steps up to and including the step that emits pulse number `pulses`, counted from 1, or to the end of the flight.
-/// Returns the number of pulses emitted.
+/// Steps up to and including the step that emits pulse number `pulses`, counted from 1, or to the end of the
+/// flight. Returns the number of pulses emitted.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when a stop is requested; the errors of the flight.
@@ -200,8 +201,8 @@ pub fn skip(
     Ok(total)
 }
 
-/// Waits for poses up to `timeout` and appends them to both ends of a chunk. Returns `false` if none arrived; the end
-/// of the stream or its failure is then reported by [`wait_for_poses`].
+/// Waits for poses up to `timeout` and appends them to both ends of a chunk. Returns `false` if none arrived;
+/// the end of the stream or its failure is then reported by [`wait_for_poses`].
 fn feed_poses_within(
     timeout: Duration,
     plan: &FlightPlan,

@@ -14,8 +14,9 @@ use vlscan_warehouse::Stop;
 /// Coordinates from which a scene is taken to be on a projected grid, m.
 const MIN_PROJECTED_COORDINATE: f64 = 100_000.0;
 
-/// Sets the system of the survey to the one that the scene's files name, unless one is chosen, and the grid of its flight
-/// to its UTM zone. Returns contradictions as warnings, and where a chosen system puts a scene whose files name none.
+/// Sets the system of the survey to the one that the scene's files name, unless one is chosen, and the grid
+/// of its flight to its UTM zone. Returns contradictions as warnings, and where a chosen system puts a scene
+/// whose files name none.
 pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Option<String>) {
     let (mut found, mut note) = (Diagnostics::default(), None);
     let survey = &mut settings.survey;
@@ -71,8 +72,8 @@ pub(super) fn check_place(wkt: &str, centre: DVec3, found: &mut Diagnostics) -> 
     }
 }
 
-/// Returns the system of a flight that is projected: its UTM zone. Waits for the first pose of a flight that is streamed
-/// through `poses`.
+/// Returns the system of a flight that is projected: its UTM zone. Waits for the first pose of a flight that
+/// is streamed through `poses`.
 pub(super) fn of_flight(flight: &FlightPlan, poses: Option<&mut PoseReader>, stop: &Stop) -> Option<String> {
     let zone = match (flight.trajectory_table(), poses) {
         (Some(table), _) => table.zone(),
@@ -82,16 +83,16 @@ pub(super) fn of_flight(flight: &FlightPlan, poses: Option<&mut PoseReader>, sto
     zone.and_then(crs::wkt_of_zone)
 }
 
-/// Returns the time that times of records count from, s: of a flight whose poses have adjusted standard GPS time; otherwise 0. Waits for the
-/// first pose.
+/// Returns the time that times of records count from, s: of a flight whose poses have adjusted standard GPS
+/// time; otherwise 0. Waits for the first pose.
 pub(super) fn time_origin(settings: &Settings, poses: Option<&mut PoseReader>, stop: &Stop) -> f64 {
     let poses = poses.filter(|_| settings.flight.kinematics.adjusted_times);
     let first = poses.and_then(|poses| poses.first_time(&|| stop.is_requested()));
     first.and_then(adjusted_time_origin).unwrap_or(0.0)
 }
 
-/// Describes a missing coordinate reference system in formats that have a place for it, over a scene that seems to have
-/// one.
+/// Describes a missing coordinate reference system in formats that have a place for it, over a scene that
+/// seems to have one.
 pub(super) fn without_crs(outputs: &OutputRequest, context: &OutputContext) -> Option<String> {
     let is_projected = [context.shift.x, context.shift.y].iter().any(|c| c.abs() >= MIN_PROJECTED_COORDINATE);
     let has_place = outputs.sinks.iter().any(|(_, format)| format.holds_crs());

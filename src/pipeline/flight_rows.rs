@@ -27,8 +27,8 @@ pub enum FlightRows {
 }
 
 impl FlightRows {
-    /// Changes a survey so that it is flown for these rows: `interval` is the time from pose to pose, by default that of each leg or
-    /// else 0.05 s; no poses are emitted beside pulses.
+    /// Changes a survey so that it is flown for these rows: `interval` is the time from pose to pose, by
+    /// default that of each leg or else 0.05 s; no poses are emitted beside pulses.
     pub(crate) fn prepare(self, survey: &mut Survey, interval: Option<f64>) {
         for leg in &mut survey.legs {
             let own = leg.scanner.trajectory_interval;
@@ -120,8 +120,9 @@ impl Flight {
     }
 }
 
-/// Flies a survey and returns its poses or pulses as an Arrow IPC stream, with the columns of `vlscan trajectory` and `vlscan pulses`.
-/// `interval` is the time from pose to pose, s; `as_flown` asks for true poses, without errors of navigation.
+/// Flies a survey and returns its poses or pulses as an Arrow IPC stream, with the columns of
+/// `vlscan trajectory` and `vlscan pulses`. `interval` is the time from pose to pose, s; `as_flown` asks for
+/// true poses, without errors of navigation.
 ///
 /// # Errors
 /// Those of [`Session::open_for_flight`] and of [`emit`](super::emit()); [`Error::Interrupted`].

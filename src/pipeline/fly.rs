@@ -12,14 +12,14 @@ use vlscan_lidar::flight::{FlightPlan, FlightState};
 use vlscan_lidar::platform::PoseReader;
 use vlscan_warehouse::{Feed, Job, JobQueue, Schedule, Tasks};
 
-/// Jobs of the collector that may wait for a worker: as many as can come at once when the system has let the collector wait.
-/// Their memory is limited by those who submit them.
+/// Jobs of the collector that may wait for a worker: as many as can come at once when the system has let the
+/// collector wait. Their memory is limited by those who submit them.
 const MAX_WAITING_JOBS: usize = 256;
 
-/// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in chunk
-/// order. `state` is the state before the first step; `writer` holds the outputs of the previous epoch. The pass ends with
-/// the epoch, or after the step that emits pulse number `limit`, counted from 1. On failure what was
-/// measured is kept as partial outputs.
+/// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in
+/// chunk order. `state` is the state before the first step; `writer` holds the outputs of the previous epoch.
+/// The pass ends with the epoch, or after the step that emits pulse number `limit`, counted from 1. On
+/// failure what was measured is kept as partial outputs.
 pub fn fly(
     pass: &Pass<'_>,
     flight: &FlightPlan,
@@ -38,8 +38,8 @@ pub fn fly(
     )
 }
 
-/// Traces the pulses of one epoch: blocks of rows → schedule → workers (parse, trace, detect, encode) → outputs in
-/// the order of the stream.
+/// Traces the pulses of one epoch: blocks of rows → schedule → workers (parse, trace, detect, encode) →
+/// outputs in the order of the stream.
 ///
 /// # Errors
 /// [`Error::Input`](crate::Error::Input) for malformed rows, with their line; otherwise as for [`fly`].

@@ -1,4 +1,5 @@
-//! Loading of an epoch's scene and construction of its tree, both refused when they would exceed the memory limit.
+//! Loading of an epoch's scene and construction of its tree, both refused when they would exceed the memory
+//! limit.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -12,8 +13,8 @@ use vlscan_trace::{BuildOptions, Builder, ResidencyStatistics, Tree};
 /// Minimum memory of rasters and their tree that is reported.
 const MIN_REPORTED_BYTES: u64 = 500_000_000;
 
-/// Loads the scene of an epoch, the first one without a `frame`, later ones in that of the first. Warnings are errors if it
-/// `is_strict`.
+/// Loads the scene of an epoch, the first one without a `frame`, later ones in that of the first. Warnings
+/// are errors if it `is_strict`.
 pub(super) fn load_scene(
     recipe: &SceneRecipe,
     options: &LoadOptions,
@@ -84,8 +85,8 @@ fn too_large(message: String) -> Error {
     Error::input_of(ProblemKind::TooLarge, message)
 }
 
-/// Reports the memory that large rasters and the trees over them will need, and refuses more than the limit, before
-/// any of it is loaded.
+/// Reports the memory that large rasters and the trees over them will need, and refuses more than the limit,
+/// before any of it is loaded.
 ///
 /// # Errors
 /// [`Error::Input`] for rasters that need more.

@@ -1,5 +1,5 @@
-//! Merging of shards: the stages of a run whose producer reads the blocks of shards, and whose workers encode their batches
-//! for the outputs. Neither survey nor scene are needed.
+//! Merging of shards: the stages of a run whose producer reads the blocks of shards, and whose workers encode
+//! their batches for the outputs. Neither survey nor scene are needed.
 
 use super::aim::Aim;
 use super::collector::{Ended, PassEnd};
@@ -36,7 +36,8 @@ struct BlockTask {
     blocks: Vec<Block>,
 }
 
-/// Minimum size of a task, unless its shard ends: handing over a task takes as long as reading some ten thousand bytes.
+/// Minimum size of a task, unless its shard ends: handing over a task takes as long as reading some ten
+/// thousand bytes.
 const TASK_BYTES: u64 = 256 << 10;
 
 impl Tasks for BlockTask {
@@ -134,7 +135,8 @@ impl Blocks<'_> {
     ) -> Result<()> {
         while !stop.is_requested() {
             match self.take(epoch)? {
-                // A block is as large as a chunk of the run that wrote it, so it is complete for every schedule.
+                // A block is as large as a chunk of the run that wrote it, so it is complete for every
+                // schedule.
                 Some(block) => feed.put(block)?,
                 None => break,
             }
@@ -170,8 +172,8 @@ pub fn merge_warnings(shards: &ShardSet, outputs: &OutputRequest) -> Result<Diag
 /// Writes the outputs of the run that the shards belong to.
 ///
 /// # Errors
-/// [`Error::Input`] for outputs that need what the shards do not hold, and for damaged shards, all of which are named;
-/// [`Error::Io`], [`Error::ClosedPipe`].
+/// [`Error::Input`] for outputs that need what the shards do not hold, and for damaged shards, all of which
+/// are named; [`Error::Io`], [`Error::ClosedPipe`].
 pub fn merge(
     shards: &ShardSet,
     outputs: OutputRequest,

@@ -1,5 +1,6 @@
-//! The stages of the program and their connections. A [`Session`] takes resolved [`Settings`] and a [`LoadedScene`]; it flies the
-//! survey over it or traces a stream of pulses, once per epoch of a scene with swapped parts:
+//! The stages of the program and their connections. A [`Session`] takes resolved [`Settings`] and a
+//! [`LoadedScene`]; it flies the survey over it or traces a stream of pulses, once per epoch of a scene with
+//! swapped parts:
 //!
 //! ```text
 //! Scan ────────┐

@@ -1,7 +1,7 @@
-//! The folder with the shards of a run that can be resumed. A mark in it says that a run has made it, how far that run is, and which
-//! outputs it writes. The mark is the first file in a new folder and the last one that is removed: a folder with files and without a
-//! mark is the user's. Only what runs have made is removed: the mark, the lock, which is empty, and shards, which are known by their
-//! names and by their first bytes.
+//! The folder with the shards of a run that can be resumed. A mark in it says that a run has made it, how far
+//! that run is, and which outputs it writes. The mark is the first file in a new folder and the last one that
+//! is removed: a folder with files and without a mark is the user's. Only what runs have made is removed: the
+//! mark, the lock, which is empty, and shards, which are known by their names and by their first bytes.
 
 use crate::output::{OutputRequest, OutputSummary, Target};
 use crate::shards::{Fingerprint, PrivateFolder, is_file_of_shards};
@@ -78,7 +78,8 @@ pub(super) struct ResumeFolder {
 }
 
 impl ResumeFolder {
-    /// Opens a folder whose state is `known`, see [`ResumeFolder::state_of`]. It is created if it does not exist.
+    /// Opens a folder whose state is `known`, see [`ResumeFolder::state_of`]. It is created if it does not
+    /// exist.
     ///
     /// # Errors
     /// [`Error::Input`] while another run works in the folder, or if it has done so meanwhile; [`Error::Io`].
@@ -195,7 +196,8 @@ fn stamp(path: &Path) -> Option<Stamp> {
     Stamp::of(&fs::metadata(path).ok()?)
 }
 
-/// True if a folder holds nothing, or an unfinished mark, which a run has left that was killed before it marked the folder.
+/// True if a folder holds nothing, or an unfinished mark, which a run has left that was killed before it
+/// marked the folder.
 fn is_unused(path: &Path) -> bool {
     let is_left = |entry: &DirEntry| {
         let name = entry.file_name();
@@ -213,7 +215,8 @@ fn write_mark(folder: &Path, state: &State) -> Result<()> {
     file.finish().map(drop)
 }
 
-/// Removes the files of shards from a folder, and the private folders in it, unless these hold something else.
+/// Removes the files of shards from a folder, and the private folders in it, unless these hold something
+/// else.
 fn remove_files_of_shards(folder: &Path) -> Result<()> {
     let failed = |e| Error::io("remove", folder, e);
     for entry in fs::read_dir(folder).map_err(failed)? {
@@ -283,8 +286,8 @@ mod tests {
         fs::write(&path, "a file").unwrap();
         assert!(open(&path).is_err());
         fs::remove_file(&path).unwrap();
-        // A folder of `vlscan run --shard` is not one of a run that can be resumed, nor is one with a file of the user's that is
-        // called as the lock or as a temporary file.
+        // A folder of `vlscan run --shard` is not one of a run that can be resumed, nor is one with a file of
+        // the user's that is called as the lock or as a temporary file.
         for name in ["shard-000000-of-000002.vlshard", LOCK, "thesis.vlscan-0123abcd.part"] {
             fs::create_dir(&path).unwrap();
             fs::write(path.join(name), "precious").unwrap();

@@ -15,10 +15,11 @@ use vlscan_scene::{Conditions, Fallback, GroundModel, LoadOptions, Scene, SceneF
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
 
-/// A scene in memory, with the tree over it once that is needed. Clones share both, and so do all sessions over it: a scene
-/// that many surveys measure is loaded once.
+/// A scene in memory, with the tree over it once that is needed. Clones share both, and so do all sessions
+/// over it: a scene that many surveys measure is loaded once.
 ///
-/// A scene with swapped parts has several epochs; this is the scene of one of them, the first unless a session has gone on.
+/// A scene with swapped parts has several epochs; this is the scene of one of them, the first unless a
+/// session has gone on.
 #[derive(Clone)]
 pub struct LoadedScene {
     scene: Arc<Scene>,
@@ -36,8 +37,8 @@ pub struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Loads the scene of the first epoch. The tree is built, with the options `trees`, when it is needed first. Warnings are
-    /// errors if it `is_strict`.
+    /// Loads the scene of the first epoch. The tree is built, with the options `trees`, when it is needed
+    /// first. Warnings are errors if it `is_strict`.
     ///
     /// # Errors
     /// [`Error::Input`] for scenes that are invalid or exceed the memory limit; [`Error::Io`].
@@ -93,8 +94,9 @@ impl LoadedScene {
         })
     }
 
-    /// True if a session with these settings can be opened over the scene: not if they ask for spectra at another wavelength,
-    /// other random materials, another kind of tree. That the settings describe this very scene is up to the caller.
+    /// True if a session with these settings can be opened over the scene: not if they ask for spectra at
+    /// another wavelength, other random materials, another kind of tree. That the settings describe this very
+    /// scene is up to the caller.
     pub fn suits(&self, settings: &Settings) -> bool {
         self.check(settings).is_ok()
     }
@@ -114,7 +116,8 @@ impl LoadedScene {
         }
     }
 
-    /// Loads the scene of another epoch in the frame of the first one. This one is freed before, unless others hold it.
+    /// Loads the scene of another epoch in the frame of the first one. This one is freed before, unless
+    /// others hold it.
     pub(super) fn load_epoch(
         &mut self,
         epoch: u32,
@@ -224,18 +227,20 @@ impl LoadedScene {
         }
     }
 
-    /// World height of the ground at (x, y), m: the lowest surface whose material is ground; `None` where there is none.
+    /// World height of the ground at (x, y), m: the lowest surface whose material is ground; `None` where
+    /// there is none.
     pub fn ground_height(&self, x: f64, y: f64) -> Option<f64> {
         let scene = self.scene();
         let shift = scene.shift;
         scene.ground_height(x - shift.x, y - shift.y).map(|z| z + shift.z)
     }
 
-    /// About `count` points on the surfaces of the scene, in proportion to their areas and the same in every call, with the
-    /// columns X, Y, Z (m, world frame), Classification and ObjectId (index of the part).
+    /// About `count` points on the surfaces of the scene, in proportion to their areas and the same in every
+    /// call, with the columns X, Y, Z (m, world frame), Classification and ObjectId (index of the part).
     ///
     /// # Errors
-    /// [`Error::Input`] for a scene that is not loaded whole; [`Error::Internal`] if no table can be made of them.
+    /// [`Error::Input`] for a scene that is not loaded whole; [`Error::Internal`] if no table can be made of
+    /// them.
     pub fn sample(&self, count: usize) -> Result<RecordBatch> {
         let scene = self.scene();
         if scene.tiles.is_some() {

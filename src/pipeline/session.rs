@@ -18,8 +18,9 @@ use vlscan_warehouse::Stop;
 
 pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 
-/// A survey over its scene, ready to run: it is flown ([`Session::run`]), a stream of pulses is traced instead ([`Session::trace`]), or
-/// a sample of it is measured to tell what a run will cost ([`Session::dry_run`]). A session can run many times.
+/// A survey over its scene, ready to run: it is flown ([`Session::run`]), a stream of pulses is traced
+/// instead ([`Session::trace`]), or a sample of it is measured to tell what a run will cost
+/// ([`Session::dry_run`]). A session can run many times.
 ///
 /// The scene is a [`LoadedScene`], which several sessions can share.
 ///
@@ -66,7 +67,8 @@ impl Session {
         Ok(session)
     }
 
-    /// A session for a flight whose pulses are not traced: the memory of a tree over the scene does not count.
+    /// A session for a flight whose pulses are not traced: the memory of a tree over the scene does not
+    /// count.
     ///
     /// # Errors
     /// As for [`Session::open`].
@@ -79,11 +81,12 @@ impl Session {
         Session::new(settings, scene, observer)
     }
 
-    /// A session over a loaded scene, which is the one that the settings describe. The tree is built when it is needed first.
+    /// A session over a loaded scene, which is the one that the settings describe. The tree is built when it
+    /// is needed first.
     ///
     /// # Errors
-    /// [`Error::Input`] if the scene does not [suit](LoadedScene::suits) the settings, and for coordinate reference systems that
-    /// contradict one another.
+    /// [`Error::Input`] if the scene does not [suit](LoadedScene::suits) the settings, and for coordinate
+    /// reference systems that contradict one another.
     pub fn new(
         mut settings: Settings,
         scene: LoadedScene,
@@ -187,13 +190,14 @@ impl Session {
         Ok(flight)
     }
 
-    /// Fails if the height of the ground, or a distance, is not known because a tile of the scene could not be loaded.
+    /// Fails if the height of the ground, or a distance, is not known because a tile of the scene could not
+    /// be loaded.
     pub(super) fn check_tiles(&self) -> Result<()> {
         self.scene().tiles.as_ref().map_or(Ok(()), |tiles| tiles.check())
     }
 
-    /// Converts the session to the flight alone, for [`emit`](super::emit()). The scene, whose frame and ground the
-    /// flight needs, is dropped.
+    /// Converts the session to the flight alone, for [`emit`](super::emit()). The scene, whose frame and
+    /// ground the flight needs, is dropped.
     ///
     /// # Errors
     /// As for [`Session::plan_flight`]; a trajectory that cannot be opened.
@@ -227,8 +231,8 @@ impl Session {
             .cloned()
     }
 
-    /// Loads the scene of an epoch and builds its tree, unless they are loaded. Only one scene is in memory at a
-    /// time.
+    /// Loads the scene of an epoch and builds its tree, unless they are loaded. Only one scene is in memory
+    /// at a time.
     pub(super) fn enter_epoch(&mut self, epoch: u32, stop: &Stop) -> Result<()> {
         if epoch != self.scene.epoch() {
             self.scene.load_epoch(epoch, &self.settings, &*self.observer)?;

@@ -130,8 +130,8 @@ impl<'a> StreamWorker<'a> {
         }
     }
 
-    /// Reads the rows, simulates their pulses together and encodes the echoes: one piece per run of rows of the same
-    /// leg. The rows before one that is not valid are measured, too.
+    /// Reads the rows, simulates their pulses together and encodes the echoes: one piece per run of rows of
+    /// the same leg. The rows before one that is not valid are measured, too.
     pub fn measure(&mut self, block: &RowBlock) -> Result<Pieces> {
         let mut rows = std::mem::take(&mut self.rows);
         rows.clear();
@@ -181,8 +181,8 @@ impl<'a> StreamWorker<'a> {
     }
 }
 
-/// Moves the parts to the state in which the first row is traced, and collects the motions between the other rows.
-/// `reached` is the state of the parts at the previous row, and the number of its step.
+/// Moves the parts to the state in which the first row is traced, and collects the motions between the other
+/// rows. `reached` is the state of the parts at the previous row, and the number of its step.
 fn follow(moving: &mut MovingParts<'_>, reached: &mut (MotionState, u64), rows: &[PulseRow]) {
     let first = rows[0].step;
     if first < reached.1 {

@@ -40,8 +40,8 @@ impl Measured {
     }
 }
 
-/// The pieces of a chunk in pulse order, one per run of pulses of the same leg. The last one is the failure of what
-/// follows, if there is any.
+/// The pieces of a chunk in pulse order, one per run of pulses of the same leg. The last one is the failure
+/// of what follows, if there is any.
 pub(super) struct Pieces(pub Vec<Result<Measured>>);
 
 impl Outcome for Pieces {
@@ -79,8 +79,8 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// Simulates `pulses` and encodes the echoes. `leg` is the number of the leg in the survey, `instrument_leg` the
-    /// number of the leg whose instruments are used.
+    /// Simulates `pulses` and encodes the echoes. `leg` is the number of the leg in the survey,
+    /// `instrument_leg` the number of the leg whose instruments are used.
     pub fn measure(&mut self, leg: u32, instrument_leg: u32, done: f64) -> Result<Measured> {
         let Worker { pass, simulator, moving, pulses, batch } = self;
         match moving {

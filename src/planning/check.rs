@@ -1,5 +1,6 @@
-//! The check of a plan before it is written: its own survey is read as `vlscan run` reads it, a sample of a flight's pulses is flown
-//! over flat ground and compared with what the plan promises, and a dry run tells whether the instrument measures what surrounds it.
+//! The check of a plan before it is written: its own survey is read as `vlscan run` reads it, a sample of a
+//! flight's pulses is flown over flat ground and compared with what the plan promises, and a dry run tells
+//! whether the instrument measures what surrounds it.
 
 use super::{extent_of, shown};
 use crate::options::{InputOptions, Options, ProfileOptions};
@@ -18,11 +19,13 @@ use vlscan_survey::{MaterialDefinition, Mesh, PlatformKind, SceneRecipe};
 use vlscan_tools::plan::{Area, PlanSetup, PlannedSurvey, Promise, fly_sample};
 use vlscan_warehouse::Stop;
 
-/// Share of the pulses that meet flat ground within range and return, below which the plan of a flight is refused.
+/// Share of the pulses that meet flat ground within range and return, below which the plan of a flight is
+/// refused.
 const MIN_FLAT_SHARE: f64 = 0.95;
 /// Share of the pulses that point at the scene and return, below which a plan warns.
 const MIN_SCENE_SHARE: f64 = 0.5;
-/// Share of the pulses that meet something nearer than the instrument measures, above which a drive or positions are refused.
+/// Share of the pulses that meet something nearer than the instrument measures, above which a drive or
+/// positions are refused.
 const MAX_NEAR_SHARE: f64 = 0.9;
 /// Space around the waypoints that flat ground has, m.
 const MARGIN: f64 = 1000.0;
@@ -52,7 +55,8 @@ impl Check<'_> {
     /// Checks the plan. Returns what the user should know.
     ///
     /// # Errors
-    /// [`Error::Input`] for plans that do not keep what they promise or measure nothing, and those of a dry run.
+    /// [`Error::Input`] for plans that do not keep what they promise or measure nothing, and those of a dry
+    /// run.
     pub fn run(&self) -> Result<Vec<String>> {
         let settings = self.settings()?;
         let mut warnings = Vec::new();
@@ -232,8 +236,8 @@ impl Check<'_> {
         })
     }
 
-    /// The share of the pulses that meet something which meet it nearer than the instrument measures. `echoes` is the share of all
-    /// pulses that have an echo.
+    /// The share of the pulses that meet something which meet it nearer than the instrument measures.
+    /// `echoes` is the share of all pulses that have an echo.
     fn share_too_near(&self, session: &Session, echoes: f64) -> Result<f64> {
         let mut settings = Settings { strict: false, ..session.settings().clone() };
         for device in &mut settings.survey.scanner.devices {
@@ -252,7 +256,8 @@ impl Check<'_> {
     }
 }
 
-/// A session over the flat ground of the settings, which the user does not know: what it has to say is not shown.
+/// A session over the flat ground of the settings, which the user does not know: what it has to say is not
+/// shown.
 fn over_flat_ground(settings: Settings) -> Result<Session> {
     Session::open(settings, |_| ())
 }
@@ -286,7 +291,8 @@ fn check_echoes(forecast: &DryRunReport) -> Result<()> {
     )))
 }
 
-/// The share of the pulses with an echo among those that point at the scene's box within the instrument's ranges.
+/// The share of the pulses with an echo among those that point at the scene's box within the instrument's
+/// ranges.
 fn returned(forecast: &DryRunReport) -> f64 {
     let missed = &forecast.missed;
     let within = 1.0 - missed.beside_scene - missed.out_of_range;

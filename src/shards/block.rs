@@ -38,8 +38,9 @@ words! {
     }
 }
 
-/// Replaces the position by the bits in which it differs from that which the measurement computes, and these bits by the
-/// position. They are all 0 unless another origin or direction was reported than that of the pulse.
+/// Replaces the position by the bits in which it differs from that which the measurement computes, and these
+/// bits by the position. They are all 0 unless another origin or direction was reported than that of the
+/// pulse.
 fn convert_position(echo: Echo) -> Echo {
     let computed = echo.origin + echo.direction * echo.range;
     let differing = |axis: usize| f64::from_bits(echo.position[axis].to_bits() ^ computed[axis].to_bits());
@@ -218,7 +219,8 @@ pub(super) mod tests {
             let head = BlockHead::read(&bytes[3..]).unwrap();
             let mut read = self::batch(9, 9, 3);
             decode(&head, &bytes[3..], &mut read).unwrap();
-            // The debug representation of -0 and of infinity differs from that of other numbers; NaNs are compared below.
+            // The debug representation of -0 and of infinity differs from that of other numbers; NaNs are
+            // compared below.
             assert_eq!(format!("{read:?}"), format!("{batch:?}"));
             let bits = |b: &Batch| b.echoes.iter().map(|e| e.range.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&read), bits(&batch));

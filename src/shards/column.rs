@@ -1,5 +1,5 @@
-//! Records as columns: one word of every record, bit for bit, as the distance from the least word of the column, in as few
-//! bytes as the greatest distance needs. A column whose words are all equal takes none.
+//! Records as columns: one word of every record, bit for bit, as the distance from the least word of the
+//! column, in as few bytes as the greatest distance needs. A column whose words are all equal takes none.
 //!
 //! ```text
 //! bytes per distance u8 │ least word u64 │ distances
@@ -62,8 +62,8 @@ impl<A: Words, B: Words> Words for (A, B) {
     }
 }
 
-/// Implements [`Words`] for structs, field by field; all fields have to be named. `by` names a function that converts a value to
-/// the one that is stored and back.
+/// Implements [`Words`] for structs, field by field; all fields have to be named. `by` names a function that
+/// converts a value to the one that is stored and back.
 macro_rules! words {
     ($($type:ident $(by $convert:path)? { $($field:ident),+ $(,)? })+) => {$(
         impl $crate::shards::column::Words for $type {
@@ -120,8 +120,8 @@ pub(super) fn put_records<R: Words>(out: &mut Vec<u8>, records: &[R]) {
     }
 }
 
-/// Reads columns of this many `rows` into `records` and returns the bytes after them; `None` if the bytes are no such
-/// columns.
+/// Reads columns of this many `rows` into `records` and returns the bytes after them; `None` if the bytes are
+/// no such columns.
 pub(super) fn get_records<'b, R: Words>(
     mut bytes: &'b [u8],
     records: &mut Vec<R>,

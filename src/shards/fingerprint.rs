@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Named facts on which the contents of shards depend: versions, survey, scene, seed, options. Shards of one run have equal
-/// fingerprints.
+/// Named facts on which the contents of shards depend: versions, survey, scene, seed, options. Shards of one
+/// run have equal fingerprints.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fingerprint(Vec<Fact>);
 

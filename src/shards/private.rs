@@ -10,8 +10,9 @@ use vlscan_base::files::{NewFolder, publish};
 /// What precedes the number in the name of a private folder.
 const PREFIX: &str = "unfinished-";
 
-/// A folder for the unfinished files of this process. Processes on other machines leave it alone: unlike locks, names are
-/// shared on every file system. Dropping it removes it, and so does the end of the process that a signal causes.
+/// A folder for the unfinished files of this process. Processes on other machines leave it alone: unlike
+/// locks, names are shared on every file system. Dropping it removes it, and so does the end of the process
+/// that a signal causes.
 pub struct PrivateFolder {
     path: PathBuf,
     shared: PathBuf,
@@ -49,7 +50,8 @@ impl PrivateFolder {
         self.path.join(name)
     }
 
-    /// Moves a complete file to the shared folder, where it replaces the file of its name, and returns its path.
+    /// Moves a complete file to the shared folder, where it replaces the file of its name, and returns its
+    /// path.
     ///
     /// # Errors
     /// [`Error::Io`].

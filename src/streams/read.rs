@@ -1,5 +1,5 @@
-//! Reads a stream of pulses as blocks of complete rows, which the workers parse. The first bytes decide whether the
-//! stream is text or an Arrow stream.
+//! Reads a stream of pulses as blocks of complete rows, which the workers parse. The first bytes decide
+//! whether the stream is text or an Arrow stream.
 
 use super::columns::PulseColumn;
 use super::row::{PulseRow, RowFault};
@@ -59,12 +59,12 @@ impl PulseReader {
         PulseReader { input, path, decoder, schema: None, ended: false, max_rows: max_rows.max(1) }
     }
 
-    /// Waits for at least one row and returns the rows that have arrived; `None` at the end of the stream, or when
-    /// `stop` is requested.
+    /// Waits for at least one row and returns the rows that have arrived; `None` at the end of the stream, or
+    /// when `stop` is requested.
     ///
     /// # Errors
-    /// [`Error::Input`] for an invalid header or schema and for a stream that is empty or truncated; [`Error::Io`]
-    /// when it cannot be read.
+    /// [`Error::Input`] for an invalid header or schema and for a stream that is empty or truncated;
+    /// [`Error::Io`] when it cannot be read.
     pub fn next_block(&mut self, stop: &Stop) -> Result<Option<RowBlock>> {
         loop {
             let block = self.decoder.next_block(self.max_rows, self.ended)?;
@@ -80,7 +80,8 @@ impl PulseReader {
         }
     }
 
-    /// Resolves the columns as soon as they are known, even before the first row; returns the rows without a header.
+    /// Resolves the columns as soon as they are known, even before the first row; returns the rows without a
+    /// header.
     fn without_header(&mut self, block: Option<rows::RowBlock>) -> Result<Option<rows::RowBlock>> {
         if self.schema.is_some() {
             return Ok(block);
@@ -170,8 +171,8 @@ impl RowBlock {
         (RowBlock { rows, schema: schema.clone() }, rest.map(|rows| RowBlock { rows, schema }))
     }
 
-    /// Appends the rows as pulses in the frame whose origin is at `shift` in the world. `check` accepts or refuses
-    /// each pulse.
+    /// Appends the rows as pulses in the frame whose origin is at `shift` in the world. `check` accepts or
+    /// refuses each pulse.
     ///
     /// # Errors
     /// [`Error::Input`] for the first row that is not a valid pulse, with its place.

@@ -52,8 +52,8 @@ fn what_cannot_be_compared_is_refused() {
     assert!(std::fs::read(dir.path().join("kept.json")).unwrap().is_empty());
 }
 
-/// Legs, rates and the mix of primitives are those of the paper's Tables 1 and 2; the files in the repository are what the
-/// script makes.
+/// Legs, rates and the mix of primitives are those of the paper's Tables 1 and 2; the files in the repository
+/// are what the script makes.
 #[test]
 fn stand_ins_of_the_papers_surveys_are_made() {
     let dir = folder();

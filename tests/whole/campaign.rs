@@ -1,8 +1,9 @@
-//! Random surveys give the same bytes however they are computed: with any number of threads, schedule, chunk size, tree,
-//! instruction set and way to store instances, in every format.
+//! Random surveys give the same bytes however they are computed: with any number of threads, schedule, chunk
+//! size, tree, instruction set and way to store instances, in every format.
 //!
-//! A survey and its settings are functions of a seed. `VLSCAN_CAMPAIGN=1000 cargo test --test whole campaign -- --ignored`
-//! flies a thousand of them; `VLSCAN_CAMPAIGN_FIRST` is the first seed. A seed that fails goes into [`KEPT`].
+//! A survey and its settings are functions of a seed.
+//! `VLSCAN_CAMPAIGN=1000 cargo test --test whole campaign -- --ignored` flies a thousand of them;
+//! `VLSCAN_CAMPAIGN_FIRST` is the first seed. A seed that fails goes into [`KEPT`].
 
 mod draw;
 mod instrument;

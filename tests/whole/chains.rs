@@ -1,4 +1,5 @@
-//! Chains of commands: what one command writes, the next reads, whatever files of the same names lie in the working folder.
+//! Chains of commands: what one command writes, the next reads, whatever files of the same names lie in the
+//! working folder.
 
 use crate::common::{folder, raster, run, succeed, text};
 use std::collections::BTreeMap;
@@ -9,7 +10,8 @@ use std::path::Path;
 /// Trees of the inventory.
 const TREES: usize = 16;
 
-/// A terrain raster, two tree models, an inventory called as the table that `scene stand` writes, and a street.
+/// A terrain raster, two tree models, an inventory called as the table that `scene stand` writes, and a
+/// street.
 fn write_inputs(folder: &Path) {
     fs::create_dir_all(folder.join("in/models")).unwrap();
     fs::write(folder.join("in/dem.tif"), raster([0.0, 30.0], 10.0, None)).unwrap();
@@ -40,8 +42,8 @@ fn write_inputs(folder: &Path) {
     fs::write(folder.join("road.wkt"), "LINESTRING (20 -20, 32 -20)").unwrap();
 }
 
-/// Files of the names that the commands write, which must not be read: other scenes where the format allows it, so that
-/// reading them could go unnoticed.
+/// Files of the names that the commands write, which must not be read: other scenes where the format allows
+/// it, so that reading them could go unnoticed.
 fn clutter(folder: &Path) {
     let triangle = "v 0 0 5000\nv 1 0 5000\nv 0 1 5000\nusemtl soil\nf 1 2 3\n";
     for name in [

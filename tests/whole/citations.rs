@@ -1,5 +1,5 @@
-//! What comments cite of `docs/spec` is there: every section as a heading, every trap as a paragraph. And the files of the
-//! source that the pages name exist.
+//! What comments cite of `docs/spec` is there: every section as a heading, every trap as a paragraph. And the
+//! files of the source that the pages name exist.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -92,8 +92,8 @@ fn sections(word: &str) -> impl Iterator<Item = String> {
     })
 }
 
-/// What a run of comment lines cites. `home` is the page that `spec §1.8` means. Citations that neither name a page nor begin
-/// with `spec` are left out: they may be those of a book.
+/// What a run of comment lines cites. `home` is the page that `spec §1.8` means. Citations that neither name
+/// a page nor begin with `spec` are left out: they may be those of a book.
 fn citations(words: &[(usize, &str)], home: Option<&'static str>) -> Vec<Citation> {
     let mut found = Vec::new();
     let mut cited = None;
@@ -129,7 +129,8 @@ fn citations(words: &[(usize, &str)], home: Option<&'static str>) -> Vec<Citatio
     found
 }
 
-/// What can be cited of a page: `§2.3` for the heading `### 2.3 Linear path`, `trap 8` for the paragraph `**Trap 8.** …`.
+/// What can be cited of a page: `§2.3` for the heading `### 2.3 Linear path`, `trap 8` for the paragraph
+/// `**Trap 8.** …`.
 fn targets(text: &str) -> BTreeSet<String> {
     text.lines()
         .filter_map(|line| match line.strip_prefix("**Trap ") {

@@ -1,5 +1,5 @@
-//! Surveys whose points are known in closed form, by the refined physics: geometry, timing, strength of echoes, attributes.
-//! They need no other program and no reference data.
+//! Surveys whose points are known in closed form, by the refined physics: geometry, timing, strength of
+//! echoes, attributes. They need no other program and no reference data.
 
 use crate::common::{folder, raster, run, text};
 use std::fs;
@@ -40,7 +40,8 @@ fn rectangle(material: &str, low: [f64; 2], high: [f64; 2], z: f64, slope: f64) 
     )
 }
 
-/// An instrument without errors in clear air whose mirror sweeps 30° to either side: 10 000 pulses and 20 lines per second.
+/// An instrument without errors in clear air whose mirror sweeps 30° to either side: 10 000 pulses and 20
+/// lines per second.
 const SCANNER: &str = "[scanner]\nid = \"exact\"\noptics = \"rotating\"\npulse_freqs_hz = [10000]\nscan_angle_max_deg = 30\n\
                        scan_angle_effective_max_deg = 30\nscan_freq_min_hz = 1\nscan_freq_max_hz = 100\nwavelength_nm = 1064\n\
                        beam_divergence_rad = 0.0001\npulse_length_ns = 4\nvisibility_km = 100000\n\
@@ -323,7 +324,8 @@ fn a_tripod_in_a_box_sees_its_walls_all_around() {
 
 #[test]
 fn voxels_let_as_much_through_as_the_law_of_beer_and_lambert_says() {
-    // A slab of 2 m with 0.5 m²/m³ over the whole track: exp(−0.5 · 0.5 · 2 / cos θ) of the beams reach the ground.
+    // A slab of 2 m with 0.5 m²/m³ over the whole track: exp(−0.5 · 0.5 · 2 / cos θ) of the beams reach the
+    // ground.
     let cells = 200;
     let mut slab = format!(
         "VOXEL SPACE\n#min_corner: -100 -1 10\n#max_corner: 100 1 12\n#split: {cells} 2 2\n#res:1 #type:TLS #max_pad:5\n\

@@ -53,8 +53,8 @@ pub fn feed(folder: &Path, args: &[&str], input: &[u8]) -> Output {
     output
 }
 
-/// A GeoTIFF of 8 x 8 heights, 32-bit floats, whose first pixel is at `origin` and whose pixels are `step` wide; `epsg` is
-/// the code of its projected system.
+/// A GeoTIFF of 8 x 8 heights, 32-bit floats, whose first pixel is at `origin` and whose pixels are `step`
+/// wide; `epsg` is the code of its projected system.
 pub fn raster(origin: [f64; 2], step: f64, epsg: Option<u16>) -> Vec<u8> {
     let heights: Vec<f32> = (0..64).map(|i| 300.0 + i as f32).collect();
     raster_of(8, &heights, origin, step, epsg)
@@ -162,8 +162,9 @@ pub fn python(modules: &str) -> Option<PathBuf> {
     None
 }
 
-/// Says that a test, or a part of it, is skipped because `what` is not on this machine, and how to get it. Fails in the
-/// continuous integration, which sets `VLSCAN_TEST_MAY_LACK` to what may be missing there, with commas.
+/// Says that a test, or a part of it, is skipped because `what` is not on this machine, and how to get it.
+/// Fails in the continuous integration, which sets `VLSCAN_TEST_MAY_LACK` to what may be missing there, with
+/// commas.
 pub fn missing(what: &str, how: &str) {
     if let Ok(may_lack) = std::env::var("VLSCAN_TEST_MAY_LACK") {
         assert!(may_lack.split(',').any(|name| name == what), "{what} should be here and is not ({how})");
@@ -171,7 +172,8 @@ pub fn missing(what: &str, how: &str) {
     println!("skipped: no {what} ({how})");
 }
 
-/// A recording of a real instrument, which lies beside the repository where it may be used; says that it is missing otherwise.
+/// A recording of a real instrument, which lies beside the repository where it may be used; says that it is
+/// missing otherwise.
 pub fn recording(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/real").join(name);
     if path.is_file() {

@@ -1,4 +1,5 @@
-//! Surveys of the conformance suite give the points of the reference program; needs the suite (`VLSCAN_CONFORMANCE`).
+//! Surveys of the conformance suite give the points of the reference program; needs the suite
+//! (`VLSCAN_CONFORMANCE`).
 
 use crate::common;
 use std::path::{Path, PathBuf};

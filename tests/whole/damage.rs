@@ -1,5 +1,5 @@
-//! Damaged files: a run ends with a message that names the file, or gives the same points; never with others, a panic, an
-//! endless loop, or much memory.
+//! Damaged files: a run ends with a message that names the file, or gives the same points; never with others,
+//! a panic, an endless loop, or much memory.
 
 use crate::common::{fixture, folder, run, succeed, text};
 use std::path::Path;

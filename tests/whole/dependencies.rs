@@ -1,4 +1,5 @@
-//! The crates that the program is built of: their licences, sources and versions, by the rules of `deny.toml`.
+//! The crates that the program is built of: their licences, sources and versions, by the rules of
+//! `deny.toml`.
 //!
 //! `cargo-deny` checks the same rules and the advisories; this test needs nothing but cargo.
 
@@ -36,7 +37,8 @@ fn packages() -> Vec<Value> {
 /// True if an SPDX expression of ORs and ANDs can be met with the licences allowed.
 fn is_allowed(expression: &str, allowed: &[&str]) -> bool {
     let plain = expression.replace(['(', ')'], " ").replace('/', " OR ");
-    // AND binds closer than OR; the parentheses in use surround ORs beside an AND, where each side must be met.
+    // AND binds closer than OR; the parentheses in use surround ORs beside an AND, where each side must be
+    // met.
     let is_met = |part: &str| part.split(" OR ").any(|name| allowed.contains(&name.trim()));
     if expression.contains('(') {
         plain.split(" AND ").all(is_met)

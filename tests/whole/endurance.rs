@@ -1,4 +1,5 @@
-//! Many runs in one process: memory, file descriptors, threads and temporary files at the end as at the beginning.
+//! Many runs in one process: memory, file descriptors, threads and temporary files at the end as at the
+//! beginning.
 
 use crate::common::{files, fixture, folder, text};
 use std::path::Path;
@@ -96,8 +97,8 @@ fn runs() {
     assert!(files(dir.path()).is_empty(), "{:?}", files(dir.path()));
 }
 
-/// A run of one of the small surveys to one of the formats; every fifth fails because the file exists, every seventh is
-/// stopped.
+/// A run of one of the small surveys to one of the formats; every fifth fails because the file exists, every
+/// seventh is stopped.
 fn fly(dir: &Path, run: u32) {
     let surveys = ["moving/survey.xml", "street/spinning.xml", "room/survey.xml"];
     let formats =

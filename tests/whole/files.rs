@@ -1,5 +1,5 @@
-//! Names of outputs: two runs with one name, links, devices, sources, what is left by runs that were killed or whose
-//! input failed, and signals at any time.
+//! Names of outputs: two runs with one name, links, devices, sources, what is left by runs that were killed
+//! or whose input failed, and signals at any time.
 
 use crate::common::{feed, files, fixture, folder, run, succeed, text, vlscan};
 use std::fs;

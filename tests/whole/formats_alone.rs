@@ -1,5 +1,6 @@
-//! Every point format as the only output: a file, standard output, a resumed run and a merge hold the positions of a table
-//! that was written by itself. The readers are crates, or a few lines here, so that no test depends on another program.
+//! Every point format as the only output: a file, standard output, a resumed run and a merge hold the
+//! positions of a table that was written by itself. The readers are crates, or a few lines here, so that no
+//! test depends on another program.
 
 use crate::common::{fixture, folder, run, succeed, text};
 use arrow_array::cast::AsArray;
@@ -65,7 +66,8 @@ fn u32_at(bytes: &[u8], at: usize) -> usize {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
 }
 
-/// The points of an MCAP, <https://mcap.dev/spec>: records of an opcode and a length; messages lie in chunks without compression.
+/// The points of an MCAP, <https://mcap.dev/spec>: records of an opcode and a length; messages lie in chunks
+/// without compression.
 fn mcap(bytes: &[u8]) -> Vec<[f64; 3]> {
     let mut points = Vec::new();
     let mut rest = bytes.strip_prefix(b"\x89MCAP0\r\n").unwrap();
@@ -79,7 +81,8 @@ fn mcap(bytes: &[u8]) -> Vec<[f64; 3]> {
                 assert_eq!(name, 0, "chunks are not compressed");
                 points.extend(mcap(&[b"\x89MCAP0\r\n", &body[40..], &[0; 9]].concat()));
             }
-            // A message: channel, sequence, times, and in the first channel a PointCloud2 in little-endian CDR.
+            // A message: channel, sequence, times, and in the first channel a PointCloud2 in little-endian
+            // CDR.
             5 if body[..2] == [1, 0] => points.extend(point_cloud2(&body[22..])),
             _ => {}
         }

@@ -6,8 +6,8 @@ use crate::storage::{leaves_no_trace, packs_and_instruction_sets_leave_no_trace}
 use std::fs;
 use std::path::Path;
 
-/// A terrain of 8 by 8 heights in place of the floor of [`everything`], with a hole, and the same raster once more: translated
-/// and dropped to the first.
+/// A terrain of 8 by 8 heights in place of the floor of [`everything`], with a hole, and the same raster once
+/// more: translated and dropped to the first.
 fn with_terrain(folder: &Path) {
     everything(folder);
     let mut tiff = crate::common::raster([-21.0, 21.0], 6.0, Some(25832));

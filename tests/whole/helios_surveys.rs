@@ -1,5 +1,5 @@
-//! Surveys that HELIOS++ runs although they are not as its documents say: slips of programs that write scenes are warnings,
-//! and errors with `--strict`.
+//! Surveys that HELIOS++ runs although they are not as its documents say: slips of programs that write scenes
+//! are warnings, and errors with `--strict`.
 
 use crate::common::{folder, run, succeed, text};
 use std::fs;
@@ -7,7 +7,8 @@ use std::path::Path;
 
 const HEAD: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 
-/// Writes a box, a tripod with a rotating mirror, and a survey of the scene whose part has these further elements.
+/// Writes a box, a tripod with a rotating mirror, and a survey of the scene whose part has these further
+/// elements.
 fn write_survey(folder: &Path, before: &str, scene: &str, part: &str) {
     let write = |name: &str, content: &str| fs::write(folder.join(name), content).unwrap();
     write(
@@ -123,8 +124,9 @@ fn swapped_parts_keep_their_spectra() {
     assert_eq!(intensities(&points[0]), intensities(&points[1]));
 }
 
-/// Where the first pulses of the legs of an interpolated platform start (spec kinematics §2.6): the first leg at its start, a
-/// later one three pulses later, four with `teleportToStart`; a head that rotates changes nothing.
+/// Where the first pulses of the legs of an interpolated platform start (spec kinematics §2.6): the first leg
+/// at its start, a later one three pulses later, four with `teleportToStart`; a head that rotates changes
+/// nothing.
 #[test]
 fn legs_of_interpolated_platforms_with_rotating_heads() {
     let dir = folder();

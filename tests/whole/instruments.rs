@@ -1,4 +1,5 @@
-//! Moving instruments and user-defined instruments: the street fixtures and every example of `docs/instruments.md`.
+//! Moving instruments and user-defined instruments: the street fixtures and every example of
+//! `docs/instruments.md`.
 
 use crate::common::{fixture, folder, succeed, text};
 use std::collections::BTreeSet;

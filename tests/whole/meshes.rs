@@ -1,5 +1,5 @@
-//! Meshes of a room whose walls are known, and those that other programs write: trimesh (PLY, STL, GLB with instances) and
-//! pygltflib (glTF with buffers beside it).
+//! Meshes of a room whose walls are known, and those that other programs write: trimesh (PLY, STL, GLB with
+//! instances) and pygltflib (glTF with buffers beside it).
 
 use crate::common::{folder, judge, python, succeed, text};
 use base64::Engine;
@@ -25,7 +25,8 @@ fn extent(facts: &serde_json::Value) -> Vec<f64> {
 /// Lower and upper corner of a room, m.
 const ROOM: [[f64; 3]; 2] = [[-10.0, -15.0, -2.0], [10.0, 15.0, 6.0]];
 
-/// The corners of the room, of which the bits of the index are the upper sides, and the triangles of its faces.
+/// The corners of the room, of which the bits of the index are the upper sides, and the triangles of its
+/// faces.
 fn room() -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
     let corner = |i: usize| [0, 1, 2].map(|axis| ROOM[i >> axis & 1][axis]);
     let face = |axis: usize, side: usize| {
@@ -192,7 +193,8 @@ fn files_of_pygltflib_are_scanned_with_a_table_of_materials() {
     let dir = folder();
     judge(&python, dir.path(), PYGLTFLIB);
     fs::write(dir.path().join("materials.csv"), "name,reflectance,class,ground\ngrass,0.3,2,true\n").unwrap();
-    // The field of 4 x 6 m lies 2 m above the origin, after the turn by 90° about the vertical from -6 to 0 and 0 to 4.
+    // The field of 4 x 6 m lies 2 m above the origin, after the turn by 90° about the vertical from -6 to 0
+    // and 0 to 4.
     let found = extent(&facts(dir.path(), "field.gltf"));
     let near = found.iter().zip([-6.0, 0.0, 2.0, 0.0, 4.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-6);
     assert!(near, "{found:?}");

@@ -1,5 +1,5 @@
-//! Errors of navigation from end to end: points move, their true positions and the true trajectory do not, and neither
-//! chunks nor threads nor `vlscan pulses | vlscan trace` instead of `vlscan run` change a bit.
+//! Errors of navigation from end to end: points move, their true positions and the true trajectory do not,
+//! and neither chunks nor threads nor `vlscan pulses | vlscan trace` instead of `vlscan run` change a bit.
 
 use crate::common::{feed, folder, python_with_laspy, succeed, text, vlscan};
 use std::fs;

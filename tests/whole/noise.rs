@@ -1,5 +1,5 @@
-//! Noise of a whole run: every source has the distribution asked for, repeats none of the others, and does not depend on
-//! threads. The scene is a wall, so that each source can be seen in the output.
+//! Noise of a whole run: every source has the distribution asked for, repeats none of the others, and does
+//! not depend on threads. The scene is a wall, so that each source can be seen in the output.
 
 use crate::common::{folder, succeed, text};
 use std::fs;

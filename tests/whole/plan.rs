@@ -33,7 +33,8 @@ fn promised(plan: &str, mark: &str) -> f64 {
 fn flights_have_the_density_that_was_asked_for() {
     let dir = folder();
     flat_ground(dir.path());
-    // Polygon and oscillating mirror, cone, several channels; odd and even numbers of lines; overlap and gaps.
+    // Polygon and oscillating mirror, cone, several channels; odd and even numbers of lines; overlap and
+    // gaps.
     for (scanner, density, rest) in [
         ("riegl_lms-q780", 2.0, vec!["--height", "150", "--scan-angle", "20"]),
         (
@@ -137,8 +138,8 @@ fn refused(folder: &Path, args: &[&str]) -> String {
     said
 }
 
-/// Plans a flight over flat ground 20 m high, flies it, and compares density over the area, width of a strip and overlap with what the
-/// plan promises. `false` if the plan is refused, with a reason.
+/// Plans a flight over flat ground 20 m high, flies it, and compares density over the area, width of a strip
+/// and overlap with what the plan promises. `false` if the plan is refused, with a reason.
 ///
 /// # Errors
 /// What is not as promised, with the plan.
@@ -160,7 +161,8 @@ fn is_flown_as_promised(folder: &Path, scanner: &str, height: f64) -> Result<boo
             .ok_or("refused for a lower rate alone")?;
     }
     if scanner.contains("ouster") {
-        // Without the chance of its photons an echo is detected up to where every other one was, which is where the strip ends.
+        // Without the chance of its photons an echo is detected up to where every other one was, which is
+        // where the strip ends.
         let certain = plan.replace("\n[settings]", "threshold_photons = 1000000\n\n[settings]");
         assert_ne!(certain, plan);
         fs::write(folder.join("plan.toml"), certain).unwrap();
@@ -228,7 +230,8 @@ fn planned(
     if is_reasoned { Ok(None) } else { Err(format!("{scanner} at {height} m: {said}")) }
 }
 
-/// Scanners of every kind: mirrors in two channels, with facets, oscillating, a cone, wedges, a spinning head, one with a mirror.
+/// Scanners of every kind: mirrors in two channels, with facets, oscillating, a cone, wedges, a spinning
+/// head, one with a mirror.
 #[test]
 fn kinds_of_scanners_fly_what_is_promised() {
     let dir = folder();
@@ -433,8 +436,8 @@ fn mistakes_are_answered() {
     assert!(text(&refused.stderr).contains("cannot be used with") && !refused.status.success());
 }
 
-/// A file `own.xml` with the scanner `own`: one beam of a mirror of 20° to either side, on a head of up to ten turns a second, and
-/// `attributes`.
+/// A file `own.xml` with the scanner `own`: one beam of a mirror of 20° to either side, on a head of up to
+/// ten turns a second, and `attributes`.
 fn own_scanner(folder: &Path, attributes: &str) {
     let text = format!(
         "<document><scanner id=\"own\" name=\"Own\" optics=\"rotating\" pulseFreqs_Hz=\"100000\" scanAngleMax_deg=\"20\" \

@@ -1,5 +1,5 @@
-//! `vlscan preview`: interactive pages as a browser shows them, and plots of waveforms. Needs Chromium, on the path or named by
-//! `VLSCAN_CHROMIUM`.
+//! `vlscan preview`: interactive pages as a browser shows them, and plots of waveforms. Needs Chromium, on
+//! the path or named by `VLSCAN_CHROMIUM`.
 
 use crate::common;
 use crate::common::{files, fixture, folder, run, succeed, text};
@@ -71,7 +71,8 @@ impl Seen {
         }
     }
 
-    /// Different colours, and the share of dots unlike the ground, in the middle of the window, clear of the panels.
+    /// Different colours, and the share of dots unlike the ground, in the middle of the window, clear of the
+    /// panels.
     fn middle(&self) -> (usize, f64) {
         let (width, dots) = &self.picture;
         let ground = dots[dots.len() - width / 2];

@@ -1,4 +1,5 @@
-//! `vlscan info` and `vlscan raster`: counts by laspy, and cells computed with numpy from the points, read by rasterio.
+//! `vlscan info` and `vlscan raster`: counts by laspy, and cells computed with numpy from the points, read by
+//! rasterio.
 
 use crate::common::{self, feed, fixture, folder, judge, run, succeed, text};
 use std::fs;

@@ -1,12 +1,12 @@
-//! Rasters that GDAL (by rasterio) and tifffile write, against what rasterio reads of them: compressions, types of numbers,
-//! predictors, strips and tiles, masks, rotations, scales.
+//! Rasters that GDAL (by rasterio) and tifffile write, against what rasterio reads of them: compressions,
+//! types of numbers, predictors, strips and tiles, masks, rotations, scales.
 
 use crate::common::{folder, judge, python, run, succeed, text};
 use serde_json::Value;
 use std::fs;
 
-/// Writes variants of a terrain of 40 by 50 pixels, and prints for each what rasterio reads: the number of triangles with data at
-/// all corners, the lowest and the highest corner of their box.
+/// Writes variants of a terrain of 40 by 50 pixels, and prints for each what rasterio reads: the number of
+/// triangles with data at all corners, the lowest and the highest corner of their box.
 const VARIANTS: &str = r#"
 import json, warnings
 import numpy as np

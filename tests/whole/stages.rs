@@ -1,5 +1,5 @@
-//! The stages as commands: composed they give the points of `vlscan run`, bit for bit, and pulses of other programs are
-//! traced.
+//! The stages as commands: composed they give the points of `vlscan run`, bit for bit, and pulses of other
+//! programs are traced.
 
 use crate::common;
 use crate::common::{feed, fixture, folder, run, succeed, text};
@@ -290,7 +290,8 @@ fn poses_fly_along_an_arrow_stream_as_along_text() {
     assert!(text(&cut.stderr).contains("the stream ends within batch"), "{}", text(&cut.stderr));
 }
 
-/// Interrupted while poses still arrive, a stream of pulses ends with complete rows, and as Arrow with its end mark.
+/// Interrupted while poses still arrive, a stream of pulses ends with complete rows, and as Arrow with its
+/// end mark.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_stream_of_pulses_is_whole() {
@@ -353,7 +354,8 @@ fn wrong_arrow_streams_are_named_with_their_place() {
     );
 }
 
-/// An Arrow stream of a cone of pulses, written by pyarrow in batches of 1000 rows after a change of the table.
+/// An Arrow stream of a cone of pulses, written by pyarrow in batches of 1000 rows after a change of the
+/// table.
 const CONE_IN_PYTHON: &str = r#"
 import sys, math, pyarrow as pa
 n = 3600

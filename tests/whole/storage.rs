@@ -12,9 +12,9 @@ use vlscan::{
     read_survey,
 };
 
-/// Checks that all outputs of a survey are the same bytes with primitives stored one by one and compactly, whatever the physics and
-/// the number of threads. `store` changes the settings to compact storage or to the other one, of which `count` finds `compact` or no
-/// objects in the scene.
+/// Checks that all outputs of a survey are the same bytes with primitives stored one by one and compactly,
+/// whatever the physics and the number of threads. `store` changes the settings to compact storage or to the
+/// other one, of which `count` finds `compact` or no objects in the scene.
 pub fn leaves_no_trace(
     survey: &Path,
     store: impl Fn(&mut Settings, bool),
@@ -44,8 +44,9 @@ pub fn leaves_no_trace(
     }
 }
 
-/// Checks that the points are the same bytes from a packed scene, with compact storage that `store` chooses, for every instruction set,
-/// tree and chunk size, as from primitives that are stored one by one. `count` counts the compact objects in a scene.
+/// Checks that the points are the same bytes from a packed scene, with compact storage that `store` chooses,
+/// for every instruction set, tree and chunk size, as from primitives that are stored one by one. `count`
+/// counts the compact objects in a scene.
 pub fn packs_and_instruction_sets_leave_no_trace(
     folder: &Path,
     store: impl Fn(&mut Settings, bool),

@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// [`everything`] with opaque and scaled voxels, transmittive ones that touch those with a leaf angle table, a point cloud of cubes
-/// with normals, and moving voxels.
+/// [`everything`] with opaque and scaled voxels, transmittive ones that touch those with a leaf angle table,
+/// a point cloud of cubes with normals, and moving voxels.
 fn with_voxels(folder: &Path) {
     everything(folder);
     let param = |key: &str, value: &str| format!("<param type=\"string\" key=\"{key}\" value=\"{value}\"/>");

@@ -6,8 +6,8 @@ use vlscan_base::error::{Error, Result};
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::{Policy, PolicyKind};
 
-/// Compares trees, schedules, chunk sizes and numbers of threads on a survey as in the paper on HPC HELIOS++ (IEEE Access 2022),
-/// and replays what was measured on machines with more cores.
+/// Compares trees, schedules, chunk sizes and numbers of threads on a survey as in the paper on HPC HELIOS++
+/// (IEEE Access 2022), and replays what was measured on machines with more cores.
 #[derive(Debug, Parser)]
 #[command(name = "vlscan-schedules", version, max_term_width = 110)]
 pub struct Args {
@@ -54,11 +54,12 @@ pub struct Args {
     /// Replay measured task times on machines with so many threads, too.
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     pub simulate_threads: Vec<usize>,
-    /// Replay a run in shards on clusters of so many nodes, too, from the measured costs of shards and of their merge.
+    /// Replay a run in shards on clusters of so many nodes, too, from the measured costs of shards and of
+    /// their merge.
     #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
     pub simulate_nodes: Vec<u32>,
-    /// With --simulate-nodes: pulses of the whole survey, of which the one that is flown is a sample. [default: those that
-    /// are flown]
+    /// With --simulate-nodes: pulses of the whole survey, of which the one that is flown is a sample.
+    /// [default: those that are flown]
     #[arg(long, value_name = "N", value_parser = count)]
     pub simulate_pulses: Option<u64>,
     /// With --simulate-nodes: threads of a node, each on a core of its own.
@@ -148,8 +149,8 @@ impl Barriers {
 /// Rules of the tree builders; the points are the same.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct TreeRules {
-    /// Build the kd-trees by the paper's rules: unit costs, 5 primitives, axes in turn, every split booked in the cost of the
-    /// whole tree; the other --tree options change single rules.
+    /// Build the kd-trees by the paper's rules: unit costs, 5 primitives, axes in turn, every split booked in
+    /// the cost of the whole tree; the other --tree options change single rules.
     #[arg(long)]
     pub tree_strict: bool,
     /// Histogram bins (fsah) or candidates (sah, axis-sah) of the tree builder. [default: 32, 21]

@@ -1,5 +1,7 @@
-//! The experiment of *Virtual LiDAR Simulation as a High Performance Computing Challenge: Toward HPC HELIOS++* (IEEE Access
-//! 2022) on any survey: every tree, schedule, chunk size and number of threads is measured, and the measured task times are
+//! The experiment of *Virtual LiDAR Simulation as a High Performance Computing Challenge: Toward HPC
+//! HELIOS++* (IEEE Access
+//! 2022) on any survey: every tree, schedule, chunk size and number of threads is measured, and the measured
+//!       task times are
 //! replayed on machines with more cores.
 //!
 //! ```text

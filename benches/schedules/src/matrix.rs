@@ -8,7 +8,8 @@ use vlscan_warehouse::{Policy, PolicyKind, Schedule};
 
 pub struct Matrix {
     pub trees: Vec<(&'static str, BuildOptions)>,
-    /// Schedules that every tree is flown with. On one thread they are equivalent and reported as `sequential`.
+    /// Schedules that every tree is flown with. On one thread they are equivalent and reported as
+    /// `sequential`.
     pub variants: Vec<Variant>,
     pub repetitions: u32,
     pub warm_up: u32,
@@ -17,8 +18,8 @@ pub struct Matrix {
 #[derive(Clone, Copy, PartialEq)]
 pub struct Variant {
     pub schedule: Schedule,
-    /// Pulses per chunk of the sequential counterpart; under the single schedule they differ from the schedule's
-    /// chunk size.
+    /// Pulses per chunk of the sequential counterpart; under the single schedule they differ from the
+    /// schedule's chunk size.
     pub chunk: u32,
 }
 

@@ -44,8 +44,8 @@ pub struct Cell {
     pub total_s: f64,
     /// Simulation time of every repetition, s.
     pub simulations_s: Vec<f64>,
-    /// Processor time of the simulation's threads together, s, minimum of all repetitions: unlike the other times it
-    /// is not lengthened by other programs.
+    /// Processor time of the simulation's threads together, s, minimum of all repetitions: unlike the other
+    /// times it is not lengthened by other programs.
     pub cpu_s: f64,
     /// Simulation time of the same tree on one thread with chunks of this size, divided by this one.
     pub speedup: f64,
@@ -242,8 +242,8 @@ impl Bench {
         })
     }
 
-    /// Measures the task times in chunks of all possible sizes, on one thread while the other cores are busy, and the
-    /// other costs.
+    /// Measures the task times in chunks of all possible sizes, on one thread while the other cores are busy,
+    /// and the other costs.
     pub fn workload(&self, built: &Built, matrix: &Matrix) -> Result<Workload> {
         let mut sizes: Vec<u32> =
             matrix.variants.iter().flat_map(|v| [1, v.schedule.policy.size()]).collect();
@@ -275,8 +275,8 @@ impl Bench {
         Ok(Workload::from_logs(&logs, making, Overheads::measure(alone)?))
     }
 
-    /// Measures what a run in shards costs: stepping through the flight, computing the only shard of a run and merging it,
-    /// each on one thread.
+    /// Measures what a run in shards costs: stepping through the flight, computing the only shard of a run
+    /// and merging it, each on one thread.
     pub fn shard_costs(&self, built: &Built, chunk: u32) -> Result<ShardCosts> {
         let run = self.fly(built, alone(chunk))?;
         let flight = built.session.plan_flight()?;
@@ -313,8 +313,8 @@ impl Bench {
         })
     }
 
-    /// Measures while all other cores fly the same survey, as in the simulated flights: the threads share memory
-    /// bandwidth, and waking a thread on a sleeping core costs several times as much.
+    /// Measures while all other cores fly the same survey, as in the simulated flights: the threads share
+    /// memory bandwidth, and waking a thread on a sleeping core costs several times as much.
     fn under_load<T>(&self, built: &Built, measure: impl FnOnce() -> Result<T>) -> Result<T> {
         struct AtEnd<'a>(&'a Stop);
         impl Drop for AtEnd<'_> {
@@ -339,8 +339,8 @@ impl Bench {
 const TIMED_PULSES: u64 = 1 << 22;
 const MIN_TIMED_S: f64 = 0.02;
 
-/// Measures the processor time of making chunks of `size` pulses as a run does, s per pulse: the flight's state is copied, and
-/// the flight is stepped over the chunk.
+/// Measures the processor time of making chunks of `size` pulses as a run does, s per pulse: the flight's
+/// state is copied, and the flight is stepped over the chunk.
 fn chunk_making_s(plan: &FlightPlan, size: u32) -> Result<f64> {
     let (mut pulses, mut seconds) = (0, 0.0);
     while seconds < MIN_TIMED_S {
@@ -392,8 +392,8 @@ struct Flown {
     log: Log,
 }
 
-/// Computes the figures of a combination. `simulations_s` and `cpu_s` are those of all its flights, `flown` is the
-/// fastest.
+/// Computes the figures of a combination. `simulations_s` and `cpu_s` are those of all its flights, `flown`
+/// is the fastest.
 fn cell(
     of: Combination,
     build_s: f64,

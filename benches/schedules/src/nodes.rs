@@ -1,5 +1,5 @@
-//! Runs in shards on many nodes, in simulated time: measured costs of computing, merging and stepping through the flight, and
-//! the speed of disks and the behaviour of a batch system as assumptions.
+//! Runs in shards on many nodes, in simulated time: measured costs of computing, merging and stepping through
+//! the flight, and the speed of disks and the behaviour of a batch system as assumptions.
 
 use crate::measure::ShardCosts;
 use crate::replay::replay;
@@ -24,7 +24,8 @@ pub struct Cluster {
     pub all_bytes_per_s: f64,
 }
 
-/// Time that the batch system takes to begin a task on a node, s, and the number of tasks that it begins per second.
+/// Time that the batch system takes to begin a task on a node, s, and the number of tasks that it begins per
+/// second.
 const TASK_START_S: f64 = 1.0;
 const TASKS_PER_S: f64 = 50.0;
 
@@ -94,7 +95,8 @@ impl Scaled<'_> {
     fn shards(&self, nodes: u32, shards: u32) -> (f64, f64) {
         let active = nodes.min(shards);
         let writing = self.shard_bytes() / f64::from(shards) / self.disk(active);
-        // Tasks begin one after the other, each on the node that is idle first. Times are compared as whole nanoseconds.
+        // Tasks begin one after the other, each on the node that is idle first. Times are compared as whole
+        // nanoseconds.
         let mut idle: BinaryHeap<Reverse<u64>> = (0..active).map(|_| Reverse(0)).collect();
         let (mut last, mut waited, mut busy) = (0.0_f64, 0.0, 0.0);
         for shard in 0..shards {

@@ -14,7 +14,8 @@ const TABLE_3: [(&str, [f64; 3]); 7] = [
     ("FSAH warehouse 32×4", [24.64, 72.80, 97.44]),
 ];
 
-/// Scene, tree, schedule, cores; build, simulation, total in seconds; time reduction where the paper states it.
+/// Scene, tree, schedule, cores; build, simulation, total in seconds; time reduction where the paper states
+/// it.
 type Best = (&'static str, &'static str, &'static str, u32, [f64; 3], Option<f64>);
 
 /// Table 4: the best configurations on a PC with 32 cores.

@@ -1,5 +1,5 @@
-//! The comparison as a picture (SVG): times and speedups by threads and schedules, and chunk sizes during a run, like
-//! the paper's figures 10 and 13 to 16, and speedups of simulated machines.
+//! The comparison as a picture (SVG): times and speedups by threads and schedules, and chunk sizes during a
+//! run, like the paper's figures 10 and 13 to 16, and speedups of simulated machines.
 
 use crate::measure::Cell;
 use crate::report::Report;

@@ -1,12 +1,12 @@
 //! Simulation of a schedule on a machine with more cores: measured task times, distributed in simulated time.
 //!
-//! The machine has as many cores as threads. Producer, workers and queues behave as in [`vlscan_warehouse::run()`]; the costs
-//! are those of the [`Workload`]. The collector is one thread more than there are cores: it sleeps until the next
-//! result in order is ready, and takes the results one after the other. Its work takes time from a core on which
-//! another thread computes, and so lengthens the computing of the chunk that it takes, as do the jobs that it has
-//! workers do; its additional work when
-//! several threads compute is charged to the thread that announces the result. A thread that is too far ahead of the
-//! collector waits, and the run ends when the collector has taken everything.
+//! The machine has as many cores as threads. Producer, workers and queues behave as in
+//! [`vlscan_warehouse::run()`]; the costs are those of the [`Workload`]. The collector is one thread more
+//! than there are cores: it sleeps until the next result in order is ready, and takes the results one after
+//! the other. Its work takes time from a core on which another thread computes, and so lengthens the
+//! computing of the chunk that it takes, as do the jobs that it has workers do; its additional work when
+//! several threads compute is charged to the thread that announces the result. A thread that is too far ahead
+//! of the collector waits, and the run ends when the collector has taken everything.
 
 use crate::workload::{ChunkCosts, PerSize, Workload};
 use std::cmp::Reverse;
@@ -291,7 +291,8 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    /// Records when a chunk is done. Its result is ready earlier by the time that the collector takes from the core.
+    /// Records when a chunk is done. Its result is ready earlier by the time that the collector takes from
+    /// the core.
     fn set_done(&mut self, number: u64, at: f64) {
         if let Some(result) = self.pending.get_mut((number - self.taken) as usize) {
             result.ready_at = Some(at - result.core_s);

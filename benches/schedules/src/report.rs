@@ -42,8 +42,8 @@ impl Report {
         self.format = format.to_owned();
     }
 
-    /// Computes speedups: of each cell relative to its tree on one thread with the same chunks, or else the smallest;
-    /// global speedups relative to the median tree on one thread, or else the first tree.
+    /// Computes speedups: of each cell relative to its tree on one thread with the same chunks, or else the
+    /// smallest; global speedups relative to the median tree on one thread, or else the first tree.
     pub fn compare(&mut self) {
         let sequential: Vec<Cell> = self.cells.iter().filter(|c| c.of.threads == 1).cloned().collect();
         let base = |tree: &str, chunk: u32| {

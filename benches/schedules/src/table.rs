@@ -8,7 +8,8 @@ use vlscan_base::quantity::amount;
 /// The heading of a column and its text in every row.
 type Column<T> = (&'static str, fn(&T) -> String);
 
-/// Formats rows in aligned columns, two spaces apart: the first column left-aligned, all others right-aligned.
+/// Formats rows in aligned columns, two spaces apart: the first column left-aligned, all others
+/// right-aligned.
 pub fn table<T>(rows: &[T], columns: &[Column<T>]) -> String {
     let head = columns.iter().map(|(head, _)| (*head).to_owned()).collect();
     let body = rows.iter().map(|row| columns.iter().map(|(_, text)| text(row)).collect());

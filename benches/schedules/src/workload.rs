@@ -53,8 +53,8 @@ impl PerSize {
     }
 }
 
-/// Interpolates the value for a chunk of `tasks` tasks: linear in the logarithm of the size between two measurements
-/// of ascending `size`, constant outside.
+/// Interpolates the value for a chunk of `tasks` tasks: linear in the logarithm of the size between two
+/// measurements of ascending `size`, constant outside.
 fn interpolate<T>(measured: &[T], size: impl Fn(&T) -> u32, tasks: u64, value: impl Fn(&T) -> f64) -> f64 {
     let at = measured.partition_point(|m| u64::from(size(m)) <= tasks);
     match (at.checked_sub(1).and_then(|i| measured.get(i)), measured.get(at)) {
@@ -80,7 +80,8 @@ pub struct Workload {
     pub making: PerSize,
     /// Costs of the collector: taking the result of a chunk, falling asleep and being woken.
     pub collecting: PerSize,
-    /// Time that the collector takes for the result of a chunk when results come so quickly that it stays awake.
+    /// Time that the collector takes for the result of a chunk when results come so quickly that it stays
+    /// awake.
     pub taking: PerSize,
     /// Costs of what the collector has workers do (compression, writing).
     pub jobs: PerSize,
@@ -114,7 +115,8 @@ pub struct Overheads {
 }
 
 impl Overheads {
-    /// Measures the costs of chunks. `alone` is [`ChunkCosts::measure`] on one thread while other cores are busy.
+    /// Measures the costs of chunks. `alone` is [`ChunkCosts::measure`] on one thread while other cores are
+    /// busy.
     ///
     /// # Errors
     /// When a thread ends unexpectedly.
@@ -134,13 +136,13 @@ impl Overheads {
 }
 
 impl Workload {
-    /// Derives the costs from logs of runs on one thread, of the same survey in chunks of several sizes (ascending),
-    /// several runs each. `making` is the time that it takes to make a task in chunks of each of these sizes, s: next to
-    /// that of computing it is too short to be told from such a log.
+    /// Derives the costs from logs of runs on one thread, of the same survey in chunks of several sizes
+    /// (ascending), several runs each. `making` is the time that it takes to make a task in chunks of each of
+    /// these sizes, s: next to that of computing it is too short to be told from such a log.
     ///
-    /// The cumulative time over the tasks is the minimum of each chunk. The sums are processor times, which exclude
-    /// other programs, of the run of median time: how often the collector slept and had to be woken differs from run
-    /// to run, and the minima of different runs together would be less than any run took.
+    /// The cumulative time over the tasks is the minimum of each chunk. The sums are processor times, which
+    /// exclude other programs, of the run of median time: how often the collector slept and had to be woken
+    /// differs from run to run, and the minima of different runs together would be less than any run took.
     pub fn from_logs(logs: &[(u32, Vec<Log>)], making: Vec<(u32, f64)>, overheads: Overheads) -> Workload {
         let mut load = Workload { overheads, making: PerSize(making), ..Workload::default() };
         for (size, logs) in logs.iter().filter(|(_, logs)| !logs.is_empty()) {
@@ -191,15 +193,15 @@ struct RunCosts {
 }
 
 impl RunCosts {
-    /// Returns the costs of the run of median time. `computing_s` is the sum of the minimum computing times of every
-    /// chunk.
+    /// Returns the costs of the run of median time. `computing_s` is the sum of the minimum computing times
+    /// of every chunk.
     fn of(logs: &[Log], computing_s: f64) -> RunCosts {
         let mut by_time: Vec<&Log> = logs.iter().collect();
         by_time.sort_by(|a, b| a.cpu_s().total_cmp(&b.cpu_s()));
         let Some(log) = by_time.get(logs.len().saturating_sub(1) / 2) else { return RunCosts::default() };
         let p = &log.producer;
-        // Other programs lengthen everything alike, and waiting takes some processor time: both clocks are upper
-        // bounds.
+        // Other programs lengthen everything alike, and waiting takes some processor time: both clocks are
+        // upper bounds.
         let awake = (p.wall_s - p.idle_s).max(f64::MIN_POSITIVE);
         let part = |seconds: f64| (p.cpu_s * (seconds / awake)).min(seconds);
         let (computing_s, jobs_s) = (part(p.busy_s).min(computing_s), part(p.jobs_s));
@@ -209,7 +211,8 @@ impl RunCosts {
             tasks: p.tasks,
             computing_s,
             collecting_s: log.collector.cpu_s,
-            // Other programs lengthen it, and what it does beside it takes time, too: both clocks are upper bounds.
+            // Other programs lengthen it, and what it does beside it takes time, too: both clocks are upper
+            // bounds.
             taking_s: least(&|log| log.collector.busy_s.min(log.collector.cpu_s)),
             jobs_s,
             fixed_s: least(&fixed),
@@ -235,8 +238,8 @@ fn min_times(logs: &[Log]) -> Vec<(u64, f64)> {
 }
 
 impl ChunkCosts {
-    /// Measures chunks whose work takes 20 µs each, like short chunks: long enough that a thread waiting for the next
-    /// one falls asleep.
+    /// Measures chunks whose work takes 20 µs each, like short chunks: long enough that a thread waiting for
+    /// the next one falls asleep.
     ///
     /// # Errors
     /// When a thread ends unexpectedly.
@@ -357,8 +360,9 @@ mod tests {
         assert_eq!(Workload::default().cost(0, 5), 0.0);
     }
 
-    /// Log of a run on one thread that other programs make `slower`: a leg of 64 tasks of 1 s, one of 64 tasks of 2
-    /// s; making takes 0.25 s per task and 0.5 s per chunk, collecting 0.125 s and 1 s, start and end 3 s, completing the outputs 2 s.
+    /// Log of a run on one thread that other programs make `slower`: a leg of 64 tasks of 1 s, one of 64
+    /// tasks of 2 s; making takes 0.25 s per task and 0.5 s per chunk, collecting 0.125 s and 1 s, start and
+    /// end 3 s, completing the outputs 2 s.
     fn log(size: u64, slower: f64) -> Log {
         let mut log = Log::default();
         let chunks = 128 / size;
@@ -408,10 +412,11 @@ mod tests {
             let alone = replay(&load, &Schedule { threads: 1, policy, leg_barrier: false });
             let known = 192.0 + 0.25 * 128.0 + 0.5 * 8.0 + 0.125 * 128.0 + 8.0 + 3.0;
             assert!((alone.seconds - known).abs() < 1e-9, "{} for {known}", alone.seconds);
-            // Two threads, and a warehouse for one chunk of 16, which takes 4.5 s to make and 19 s in the first leg,
-            // 35 s in the second. The worker computes 0 from 4.5 s and 1 until 42.5 s; the producer refuses 2 at 13.5
-            // s, stores 3 at 37 s and takes it back until 56 s. Second leg: 4 from 60.5 s, 5 until 130.5 s; 6 refused
-            // at 69.5 s, 7 stored at 109 s and taken back until 144 s. Start and end take 3 s.
+            // Two threads, and a warehouse for one chunk of 16, which takes 4.5 s to make and 19 s in the
+            // first leg, 35 s in the second. The worker computes 0 from 4.5 s and 1 until 42.5 s; the
+            // producer refuses 2 at 13.5 s, stores 3 at 37 s and takes it back until 56 s. Second leg: 4 from
+            // 60.5 s, 5 until 130.5 s; 6 refused at 69.5 s, 7 stored at 109 s and taken back until 144 s.
+            // Start and end take 3 s.
             let policy = Policy::Warehouse { size: 16, factor: 1 };
             let both = replay(&load, &Schedule { threads: 2, policy, leg_barrier: true });
             assert!((both.seconds - 147.0).abs() < 1e-9, "{}", both.seconds);

@@ -115,7 +115,8 @@ fn every_cell_is_measured_and_told() {
     assert_eq!(simulated.len(), 4 * of_two_threads);
     for forecast in simulated {
         assert!(number(forecast, "simulation_s") > 0.0 && number(forecast, "utilisation") <= 1.0 + 1e-9);
-        // Not at most the number of threads: what a chunk costs on one thread and on several is measured separately.
+        // Not at most the number of threads: what a chunk costs on one thread and on several is measured
+        // separately.
         assert!(number(forecast, "speedup") > 0.0, "{forecast}");
         assert_eq!(forecast["measured_s"].is_number(), forecast["threads"] == 2, "{forecast}");
         assert!(number(forecast, "cpu_s") > 0.0);

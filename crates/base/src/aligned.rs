@@ -9,7 +9,8 @@ pub enum Side {
     Right,
 }
 
-/// Formats lines in aligned columns, two spaces apart. The first column is aligned at its left, all others at `side`.
+/// Formats lines in aligned columns, two spaces apart. The first column is aligned at its left, all others at
+/// `side`.
 pub fn aligned(lines: &[Vec<String>], side: Side) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
     let width =

@@ -78,8 +78,8 @@ pub fn wkt_of_zone(zone: UtmZone) -> Option<String> {
     wkt_of_epsg(zone.epsg()).ok()
 }
 
-/// Removes the TOWGS84 elements, which are no part of a system's definition: readers that compare definitions do not find
-/// the code of a system with them.
+/// Removes the TOWGS84 elements, which are no part of a system's definition: readers that compare definitions
+/// do not find the code of a system with them.
 fn without_shifts(wkt: &str) -> String {
     const SHIFT: &str = ",TOWGS84[";
     let mut text = String::with_capacity(wkt.len());
@@ -149,8 +149,8 @@ pub fn projected_epsg(wkt: &str) -> Option<u16> {
     epsg(&text[..end?]).map(|(_, code)| code)
 }
 
-/// Returns the unit of easting and northing of a projected or compound system by its EPSG code. `None` for other systems and
-/// unknown codes.
+/// Returns the unit of easting and northing of a projected or compound system by its EPSG code. `None` for
+/// other systems and unknown codes.
 pub fn length_unit(code: u32) -> Option<LengthUnit> {
     let wkt = u16::try_from(code).ok().and_then(crs_definitions::from_code)?.wkt;
     length_unit_in(horizontal(wkt))

@@ -1,4 +1,5 @@
-//! Panics over damaged data: libraries that assert that a file is valid are called through [`catch_decoder_panic`].
+//! Panics over damaged data: libraries that assert that a file is valid are called through
+//! [`catch_decoder_panic`].
 
 use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
@@ -9,8 +10,9 @@ thread_local! {
     static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Calls `decode`, which may go through a library that panics on damaged data (`laz` does), and returns `None` when it
-/// panicked, without the message on stderr. State that the panic may have left inconsistent must not be used afterwards.
+/// Calls `decode`, which may go through a library that panics on damaged data (`laz` does), and returns
+/// `None` when it panicked, without the message on stderr. State that the panic may have left inconsistent
+/// must not be used afterwards.
 pub fn catch_decoder_panic<T>(decode: impl FnOnce() -> T) -> Option<T> {
     install_panic_hook();
     IS_CAUGHT.set(true);

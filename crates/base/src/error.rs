@@ -12,11 +12,12 @@ pub enum Error {
     /// Invalid input; each problem has its place. Exit status 2, or that of its kind.
     #[error("{}", .0.headline())]
     Input(Box<Diagnostics>),
-    /// A scan frequency outside the scanner's limits, or contradictory trajectory settings. Exit status 3, as in the
-    /// reference.
+    /// A scan frequency outside the scanner's limits, or contradictory trajectory settings. Exit status 3, as
+    /// in the reference.
     #[error("{}", .0.headline())]
     Limits(Box<Diagnostics>),
-    /// An operation of the system failed: a file could not be read or written, the disk is full. Exit status 1.
+    /// An operation of the system failed: a file could not be read or written, the disk is full. Exit
+    /// status 1.
     #[error("cannot {action} {}: {source}", path.display())]
     Io {
         /// The failed operation: "read", "write", "create".
@@ -38,8 +39,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// An I/O error of the operation `action` on `path`. A broken pipe becomes [`Error::ClosedPipe`]; a file that is too
-    /// large to be read is invalid input.
+    /// An I/O error of the operation `action` on `path`. A broken pipe becomes [`Error::ClosedPipe`]; a file
+    /// that is too large to be read is invalid input.
     pub fn io(action: &'static str, path: impl AsRef<Path>, source: std::io::Error) -> Error {
         if source.kind() == std::io::ErrorKind::BrokenPipe {
             return Error::ClosedPipe;

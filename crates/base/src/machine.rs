@@ -18,8 +18,8 @@ pub fn spawn_scoped<'scope, T: Send + 'scope>(
     started.map_err(|e| Error::io("start the thread", name, e))
 }
 
-/// Memory that this process can have, bytes: the least of the machine's memory, the limit of its control group, and the
-/// limit of its address space. `None` where the system does not state any.
+/// Memory that this process can have, bytes: the least of the machine's memory, the limit of its control
+/// group, and the limit of its address space. `None` where the system does not state any.
 pub fn memory() -> Option<u64> {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let number = |text: Option<&str>| text.and_then(|word| word.parse::<u64>().ok());
@@ -40,7 +40,8 @@ pub fn peak_memory() -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib.saturating_mul(1024))
 }
 
-/// Starts the thread pool that all parallel iterators share, unless it is running; it can be started only once.
+/// Starts the thread pool that all parallel iterators share, unless it is running; it can be started only
+/// once.
 ///
 /// # Errors
 /// [`Error::Io`] if the system does not allow that many threads, one per core.
@@ -65,8 +66,8 @@ pub fn with_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Re
     Ok(pool.map_err(|e| failed(io::Error::other(e)))?.install(work))
 }
 
-/// The number of cases of a comparison that takes long: an eighth of `all`, and all with `VLSCAN_ALL_CASES` in the environment, as
-/// in continuous integration.
+/// The number of cases of a comparison that takes long: an eighth of `all`, and all with `VLSCAN_ALL_CASES`
+/// in the environment, as in continuous integration.
 #[cfg(any(test, feature = "testkit"))]
 pub fn cases(all: u32) -> u32 {
     if std::env::var_os("VLSCAN_ALL_CASES").is_some() { all } else { all.div_ceil(8) }

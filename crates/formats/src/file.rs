@@ -13,8 +13,8 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::store::FileBytes;
 
-/// Reads all points of a file, or of stdin for `-`. Problems of the content are recorded in `found`; the points before them may
-/// have been passed to the sink.
+/// Reads all points of a file, or of stdin for `-`. Problems of the content are recorded in `found`; the
+/// points before them may have been passed to the sink.
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read.

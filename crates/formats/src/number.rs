@@ -1,5 +1,5 @@
-//! Formatting of numbers with a fixed number of decimals: the digits of `format!` in a fraction of its time. Writing
-//! text is bound by this conversion (docs/speed.md).
+//! Formatting of numbers with a fixed number of decimals: the digits of `format!` in a fraction of its time.
+//! Writing text is bound by this conversion (docs/speed.md).
 
 use std::io::Write as _;
 
@@ -13,9 +13,9 @@ const PAIRS: [[u8; 2]; 100] = {
     pairs
 };
 
-/// Appends `value` with `DECIMALS` decimals (1 to 9) like C's `printf("%.nf")`: the exact binary value is rounded to
-/// the nearest decimal, ties to even, and a negative value that rounds to zero keeps its sign. Values that are not
-/// finite become `nan`, `inf` and `-inf`.
+/// Appends `value` with `DECIMALS` decimals (1 to 9) like C's `printf("%.nf")`: the exact binary value is
+/// rounded to the nearest decimal, ties to even, and a negative value that rounds to zero keeps its sign.
+/// Values that are not finite become `nan`, `inf` and `-inf`.
 pub fn push_fixed<const DECIMALS: u32>(out: &mut Vec<u8>, value: f64) {
     match scaled::<DECIMALS>(value) {
         Some(scaled) => push_scaled::<DECIMALS>(out, value.is_sign_negative(), scaled),
@@ -28,7 +28,8 @@ pub fn push_integer(out: &mut Vec<u8>, value: impl itoa::Integer) {
     out.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
 }
 
-/// Returns `|value|·10^DECIMALS` rounded to the nearest integer, ties to even; `None` when it exceeds 63 bits.
+/// Returns `|value|·10^DECIMALS` rounded to the nearest integer, ties to even; `None` when it exceeds 63
+/// bits.
 fn scaled<const DECIMALS: u32>(value: f64) -> Option<u64> {
     let bits = value.to_bits();
     let exponent = (bits >> 52) & 0x7ff;

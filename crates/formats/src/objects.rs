@@ -12,9 +12,9 @@ pub struct ObjectIds {
 }
 
 impl ObjectIds {
-    /// Assigns the integers to the ids of the parts. A numeric id is its own integer. Any other id, and one that equals an earlier one in
-    /// value only (`07` after `7`), gets the next integer above all numeric ones, in document order. Equal ids denote
-    /// the same object.
+    /// Assigns the integers to the ids of the parts. A numeric id is its own integer. Any other id, and one
+    /// that equals an earlier one in value only (`07` after `7`), gets the next integer above all numeric
+    /// ones, in document order. Equal ids denote the same object.
     pub fn new(parts: &[String]) -> ObjectIds {
         let mut taken: BTreeMap<i32, &str> = BTreeMap::new();
         let mut known: BTreeMap<&str, i32> = BTreeMap::new();

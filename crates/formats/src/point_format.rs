@@ -175,7 +175,8 @@ impl PointFormat {
         PointFormat::of_file(path).unwrap_or_else(|| Err(UnknownExtension(String::new())))
     }
 
-    /// True if a file with the extension of this format may hold the other: the last part of its extension is the same.
+    /// True if a file with the extension of this format may hold the other: the last part of its extension is
+    /// the same.
     pub fn shares_extension(self, other: PointFormat) -> bool {
         other.extension().rsplit('.').next() == Some(self.extension())
     }

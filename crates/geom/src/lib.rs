@@ -1,6 +1,7 @@
 //! Geometry in double precision: rotations, boxes, angles, map projection.
 //!
-//! Transcendental functions are computed by [`libm`], so that results do not depend on the machine's C library.
+//! Transcendental functions are computed by [`libm`], so that results do not depend on the machine's C
+//! library.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -32,10 +33,12 @@ pub use utm::UtmZone;
 /// Speed of light, m/ns.
 pub const LIGHT_SPEED: f64 = 0.299_792_458;
 
-/// Maximum absolute coordinate of points and primitives, m. Beyond it double precision does not resolve millimetres.
+/// Maximum absolute coordinate of points and primitives, m. Beyond it double precision does not resolve
+/// millimetres.
 pub const MAX_COORDINATE: f64 = 1e12;
 
-/// Converts degrees to radians by one multiplication with the constant π/180, so that every angle is rounded alike.
+/// Converts degrees to radians by one multiplication with the constant π/180, so that every angle is rounded
+/// alike.
 pub fn radians(degrees: f64) -> f64 {
     degrees * (std::f64::consts::PI / 180.0)
 }
@@ -45,7 +48,8 @@ pub fn degrees(radians: f64) -> f64 {
     radians * (180.0 / std::f64::consts::PI)
 }
 
-/// `v` itself or, where its square overflows or underflows, `v` times a power of two, which has the same direction.
+/// `v` itself or, where its square overflows or underflows, `v` times a power of two, which has the same
+/// direction.
 pub fn rescaled(v: DVec3) -> DVec3 {
     // 2⁶⁰⁰: brings every finite number but 0 between 1e-143 and 1e128.
     const UP: f64 = f64::from_bits((1023 + 600) << 52);
@@ -56,7 +60,8 @@ pub fn rescaled(v: DVec3) -> DVec3 {
     }
 }
 
-/// The unit vector in the direction of `v`, whatever its length; `None` for the zero vector and for one that is not finite.
+/// The unit vector in the direction of `v`, whatever its length; `None` for the zero vector and for one that
+/// is not finite.
 pub fn direction(v: DVec3) -> Option<DVec3> {
     Some(unit(rescaled(v))).filter(|unit| v.is_finite() && unit.is_finite())
 }

@@ -1,7 +1,7 @@
 //! Polygons in the plane.
 
-/// True if a point is inside of a polygon, by the number of sides that a ray to the right crosses (even-odd rule). The last corner
-/// is joined to the first one.
+/// True if a point is inside of a polygon, by the number of sides that a ray to the right crosses (even-odd
+/// rule). The last corner is joined to the first one.
 pub fn is_inside(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
     let next = corners.iter().cycle().skip(1);
     let crosses = |(a, b): &(&[f64; 2], &[f64; 2])| {

@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 
 /// A right-handed rotation of vectors, stored as the quaternion `w + u`.
 ///
-/// Products are not re-normalised: simulated motion composes rotations in a fixed order, and their last digits are
-/// part of the result (spec kinematics §0.2).
+/// Products are not re-normalised: simulated motion composes rotations in a fixed order, and their last
+/// digits are part of the result (spec kinematics §0.2).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rotation {
     /// Scalar part, cos(θ/2).
@@ -110,15 +110,15 @@ impl Rotation {
 
     /// The attitude of a body (axes right, forward, up) in the local horizontal frame (axes east, north, up):
     /// heading clockwise from north, then pitch with the nose up, then roll with the right side down, all in
-    /// radians. This is the order of ARINC 705 and DIN 9300, `R3(ψ) R2(θ) R1(φ)` between forward-right-down and
-    /// north-east-down, which becomes `Rz(−heading) ∘ Rx(pitch) ∘ Ry(roll)` in the axes used here (x and y swapped,
-    /// z negated).
+    /// radians. This is the order of ARINC 705 and DIN 9300, `R3(ψ) R2(θ) R1(φ)` between forward-right-down
+    /// and north-east-down, which becomes `Rz(−heading) ∘ Rx(pitch) ∘ Ry(roll)` in the axes used here (x and
+    /// y swapped, z negated).
     pub fn of_heading(roll: f64, pitch: f64, heading: f64) -> Rotation {
         Rotation::about_z(-heading).after(Rotation::about_x(pitch)).after(Rotation::about_y(roll))
     }
 
-    /// Roll, pitch and heading (rad, heading within [0, 2π)) from which [`Rotation::of_heading`] composes this
-    /// attitude. Roll is 0 where the nose points straight up or down.
+    /// Roll, pitch and heading (rad, heading within [0, 2π)) from which [`Rotation::of_heading`] composes
+    /// this attitude. Roll is 0 where the nose points straight up or down.
     pub fn heading_angles(&self) -> [f64; 3] {
         let (right, nose, up) = (self.apply(DVec3::X), self.forward(), self.apply(DVec3::Z));
         let level = (nose.x * nose.x + nose.y * nose.y).sqrt();
@@ -133,14 +133,16 @@ impl Rotation {
         [roll + 0.0, pitch + 0.0, if heading < TAU { heading + 0.0 } else { 0.0 }]
     }
 
-    /// Angles (a, b, c), rad, with `self = Rx(a) ∘ Ry(b) ∘ Rz(c)`; `None` at gimbal lock (|sin b| > 0.9999999999).
+    /// Angles (a, b, c), rad, with `self = Rx(a) ∘ Ry(b) ∘ Rz(c)`; `None` at gimbal lock (|sin b| >
+    /// 0.9999999999).
     pub fn angles_xyz(&self) -> Option<[f64; 3]> {
         let k = self.apply(DVec3::Z);
         let m = self.inverse().apply(DVec3::X);
         (m.z.abs() <= 0.9999999999).then(|| [atan2(-k.y, k.z), asin(m.z), atan2(-m.y, m.x)])
     }
 
-    /// Angles (a, b, c), rad, with `self = Rz(a) ∘ Ry(b) ∘ Rx(c)`; `None` at gimbal lock (|sin b| > 0.9999999999).
+    /// Angles (a, b, c), rad, with `self = Rz(a) ∘ Ry(b) ∘ Rx(c)`; `None` at gimbal lock (|sin b| >
+    /// 0.9999999999).
     pub fn angles_zyx(&self) -> Option<[f64; 3]> {
         let i = self.apply(DVec3::X);
         let n = self.inverse().apply(DVec3::Z);
@@ -198,8 +200,8 @@ mod tests {
         // navigation frame) at round angles: roll 30°, pitch 45°, heading 90°.
         let a = Rotation::of_heading(radians(30.0), radians(45.0), radians(90.0));
         let (h, q) = (0.5f64.sqrt(), 3f64.sqrt() / 2.0);
-        // forward in NED: (cos θ cos ψ, cos θ sin ψ, −sin θ) = (0, √½, −√½); east-north-up swaps x and y and negates
-        // z.
+        // forward in NED: (cos θ cos ψ, cos θ sin ψ, −sin θ) = (0, √½, −√½); east-north-up swaps x and y and
+        // negates z.
         close(a.forward(), [h, 0.0, h]);
         // right in NED: (sin φ sin θ cos ψ − cos φ sin ψ, sin φ sin θ sin ψ + cos φ cos ψ, sin φ cos θ).
         close(a.apply(DVec3::X), [0.5 * h, -q, -0.5 * h]);

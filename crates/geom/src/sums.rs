@@ -3,15 +3,16 @@
 /// Terms that are added one by one where the sum is about to leave its binade.
 const MARGIN: f64 = 2.0;
 
-/// The distance of `x` from the next number of its binade, or `None` for subnormal numbers, infinities and NaN.
+/// The distance of `x` from the next number of its binade, or `None` for subnormal numbers, infinities and
+/// NaN.
 #[inline]
 pub fn spacing(x: f64) -> Option<f64> {
     let exponent = x.to_bits() >> 52 & 0x7ff;
     (53..0x7ff).contains(&exponent).then(|| f64::from_bits((exponent - 52) << 52))
 }
 
-/// How often a term can be added to `x` such that every sum is in the binade of `x`, and what each addition adds after
-/// rounding, given that `increment` is what one of them adds.
+/// How often a term can be added to `x` such that every sum is in the binade of `x`, and what each addition
+/// adds after rounding, given that `increment` is what one of them adds.
 #[inline]
 pub fn steps_in_binade(x: f64, increment: f64) -> f64 {
     if increment == 0.0 {
@@ -25,8 +26,8 @@ pub fn steps_in_binade(x: f64, increment: f64) -> f64 {
 
 /// `x` after `count` additions of `term`, each of which is rounded: bit for bit the result of a loop.
 ///
-/// Within a binade all sums are multiples of the binade's spacing, so that rounding `x + term` adds the same multiple
-/// each time, unless `term` is halfway between two multiples, where the sum's last bit decides.
+/// Within a binade all sums are multiples of the binade's spacing, so that rounding `x + term` adds the same
+/// multiple each time, unless `term` is halfway between two multiples, where the sum's last bit decides.
 pub fn add_repeatedly(mut x: f64, term: f64, mut count: u32) -> f64 {
     while count > 0 {
         let increment = (x + term) - x;

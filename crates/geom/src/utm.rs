@@ -1,7 +1,7 @@
-//! Universal Transverse Mercator: converts latitude and longitude on WGS 84 to easting and northing and back, by
-//! Krüger's series in the third flattening to the sixth order (C. F. F. Karney, Transverse Mercator with an accuracy
-//! of a few nanometers, J. Geodesy 85, 2011, doi 10.1007/s00190-011-0445-3). Within 40° of the central meridian the
-//! error of the series is below a micrometre.
+//! Universal Transverse Mercator: converts latitude and longitude on WGS 84 to easting and northing and back,
+//! by Krüger's series in the third flattening to the sixth order (C. F. F. Karney, Transverse Mercator with
+//! an accuracy of a few nanometers, J. Geodesy 85, 2011, doi 10.1007/s00190-011-0445-3). Within 40° of the
+//! central meridian the error of the series is below a micrometre.
 
 use libm::{asinh, atan, atan2, atanh, cos, cosh, sin, sinh, tan};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -39,8 +39,8 @@ pub struct GridPoint {
     pub easting: f64,
     /// Northing, m.
     pub northing: f64,
-    /// Meridian convergence: the angle from true north clockwise to grid north, rad. The bearing on the grid is the
-    /// true bearing minus this angle.
+    /// Meridian convergence: the angle from true north clockwise to grid north, rad. The bearing on the grid
+    /// is the true bearing minus this angle.
     pub convergence: f64,
 }
 
@@ -58,8 +58,8 @@ impl UtmZone {
         (1..=60).contains(&number).then_some(UtmZone { number, south })
     }
 
-    /// The zone of a latitude and longitude in radians, with the exceptions of Norway and Svalbard; `None` for an
-    /// invalid latitude.
+    /// The zone of a latitude and longitude in radians, with the exceptions of Norway and Svalbard; `None`
+    /// for an invalid latitude.
     pub fn of(latitude: f64, longitude: f64) -> Option<UtmZone> {
         if !(latitude.abs() <= FRAC_PI_2 && longitude.is_finite()) {
             return None;
@@ -88,8 +88,9 @@ impl UtmZone {
         UtmZone::new(text[..digits].parse().ok()?, south)
     }
 
-    /// The zone that a coordinate reference system in WKT names: `UTM zone 32N` as EPSG writes it or `UTM_Zone_32N`
-    /// as Esri does. `None` for all other systems, including zones on ellipsoids other than WGS 84 and GRS 80.
+    /// The zone that a coordinate reference system in WKT names: `UTM zone 32N` as EPSG writes it or
+    /// `UTM_Zone_32N` as Esri does. `None` for all other systems, including zones on ellipsoids other than
+    /// WGS 84 and GRS 80.
     pub fn of_wkt(wkt: &str) -> Option<UtmZone> {
         let lower = wkt.to_ascii_lowercase().replace(['_', '-'], " ");
         // The two ellipsoids differ by 0.1 mm.
@@ -113,8 +114,8 @@ impl UtmZone {
         (f64::from(self.number) * 6.0 - 183.0) * (PI / 180.0)
     }
 
-    /// The grid point of a latitude and longitude in radians; `None` for an invalid latitude and for longitudes more
-    /// than 30° from the central meridian.
+    /// The grid point of a latitude and longitude in radians; `None` for an invalid latitude and for
+    /// longitudes more than 30° from the central meridian.
     pub fn project(self, latitude: f64, longitude: f64) -> Option<GridPoint> {
         let east = (longitude - self.meridian() + PI).rem_euclid(2.0 * PI) - PI;
         if !(latitude.abs() <= FRAC_PI_2 && east.abs() <= MAX_LONGITUDE) {
@@ -231,7 +232,8 @@ mod tests {
         assert!((at("31N", 0.0, 0.0).easting - 166_021.443_1).abs() < 1e-4);
         assert!((at("31N", 0.0, 6.0).easting - 833_978.556_9).abs() < 1e-4);
         assert_eq!(at("31S", 0.0, 3.0).northing, 10_000_000.0);
-        // The quadrant of the meridian is 10 001 965.729 m long on WGS 84, the half up to 45° 4 984 944.378 m.
+        // The quadrant of the meridian is 10 001 965.729 m long on WGS 84, the half up to 45° 4 984 944.378
+        // m.
         assert!((at("31N", 90.0, 3.0).northing - SCALE * 10_001_965.729_3).abs() < 1e-3);
         assert!((at("31N", 45.0, 3.0).northing - SCALE * 4_984_944.378_0).abs() < 1e-3);
         // The CN Tower, Toronto: 630084 m east, 4833438 m north.
@@ -269,7 +271,8 @@ mod tests {
             prop_assert!((again - lat).abs() * A < 1e-6 && (lon_again - lon).abs() * A * cos(lat) < 1e-6);
         }
 
-        /// True north is `convergence` to the left of grid north; the scales to the north and to the east are equal.
+        /// True north is `convergence` to the left of grid north; the scales to the north and to the east are
+        /// equal.
         #[test]
         fn the_projection_is_conformal(lat in -80.0f64..80.0, east in -5.0f64..5.0) {
             let zone = UtmZone::new(32, false).unwrap();

@@ -47,8 +47,8 @@ pub(super) fn report_unused(scene: &mut SceneBuilder) {
     }
 }
 
-/// Applies the changes in their order to the primitives of `extent`, which are those of `part`. An index beyond them is an
-/// error.
+/// Applies the changes in their order to the primitives of `extent`, which are those of `part`. An index
+/// beyond them is an error.
 pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &MaterialChanges, extent: &Extent) {
     let Some(identity) = changes.identity() else { return };
     let definitions = || changes.iter().map(|change| change.material.clone()).collect();

@@ -1,4 +1,5 @@
-//! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files beside its geometry.
+//! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files beside its
+//! geometry.
 
 use crate::load::raster;
 use std::collections::HashSet;
@@ -19,8 +20,8 @@ struct Named {
     file: PathBuf,
 }
 
-/// Returns the system that the files of a scene name, as WKT: the first one; files that name another one are reported.
-/// Parts that are moved or turned sideways have coordinates of their own and count for nothing.
+/// Returns the system that the files of a scene name, as WKT: the first one; files that name another one are
+/// reported. Parts that are moved or turned sideways have coordinates of their own and count for nothing.
 pub(super) fn find_crs(recipe: &SceneRecipe, problems: &mut Diagnostics) -> Option<String> {
     let mut found: Option<Named> = None;
     let mut seen = HashSet::new();

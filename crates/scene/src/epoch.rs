@@ -19,7 +19,8 @@ pub fn count_epochs(recipe: &SceneRecipe) -> Result<u32> {
     Ok(recipe.parts.iter().map(of).max().unwrap_or(1))
 }
 
-/// Local frame and bounding box of the first epoch's scene, which determine the frame and box of later epochs.
+/// Local frame and bounding box of the first epoch's scene, which determine the frame and box of later
+/// epochs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneFrame {
     /// World position of the local origin, m.
@@ -47,8 +48,8 @@ impl SceneFrame {
     }
 }
 
-/// True if later epochs keep the frame of the first: this depends on the last swap of each part, and a single part that
-/// does not keep it suffices.
+/// True if later epochs keep the frame of the first: this depends on the last swap of each part, and a single
+/// part that does not keep it suffices.
 pub(super) fn keeps_frame(recipe: &SceneRecipe) -> bool {
     recipe.parts.iter().filter_map(|p| p.swaps.last()).all(|swap| swap.keep_crs)
 }

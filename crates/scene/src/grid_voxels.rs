@@ -31,8 +31,9 @@ enum Densities {
 /// NaN among decimal numbers.
 const NOT_A_NUMBER: u32 = u32::MAX;
 
-/// Maximum number of digits after the point of decimal numbers. Whole numbers of 32 bits and powers of ten up to this one have exact
-/// doubles, so that their quotient is the double nearest to the decimal number, as it is read from text.
+/// Maximum number of digits after the point of decimal numbers. Whole numbers of 32 bits and powers of ten up
+/// to this one have exact doubles, so that their quotient is the double nearest to the decimal number, as it
+/// is read from text.
 const MAX_DIGITS: u32 = 9;
 
 impl Default for Densities {
@@ -201,7 +202,8 @@ impl GridVoxels {
         Voxel::new(self.densities.get(i), normal, self.kinds.get(i))
     }
 
-    /// Appends the attributes of a voxel. Returns false, and then cannot be used further, if it is of a third kind.
+    /// Appends the attributes of a voxel. Returns false, and then cannot be used further, if it is of a third
+    /// kind.
     pub fn push(&mut self, voxel: &Voxel) -> bool {
         self.densities.push(self.count, voxel.density);
         let normal = voxel.stored_normal();

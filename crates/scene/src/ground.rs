@@ -1,4 +1,5 @@
-//! `onGround` of parts (spec input-formats §3.4): moves a part up or down onto a plane fitted to the ground below it.
+//! `onGround` of parts (spec input-formats §3.4): moves a part up or down onto a plane fitted to the ground
+//! below it.
 
 use super::builder::{Extent, SceneBuilder, bounds_of_points};
 use super::{instances, plane};
@@ -125,7 +126,8 @@ fn ground_below(scene: &SceneBuilder, ground: &Body, p: DVec3) -> Option<f64> {
     stored.filter_map(height).reduce_with(f64::max).into_iter().chain(in_fields).reduce(f64::max)
 }
 
-/// Every ⌊n / min(k, n)⌋-th of the first min(k, n) of n corners, the sample of the reference's approximate search.
+/// Every ⌊n / min(k, n)⌋-th of the first min(k, n) of n corners, the sample of the reference's approximate
+/// search.
 fn sampled<I: Iterator<Item = DVec3>>(corners: impl Fn() -> I, k: i64) -> impl Iterator<Item = DVec3> {
     let count = corners().count();
     let first = usize::try_from(k).unwrap_or(usize::MAX).min(count);
@@ -142,8 +144,8 @@ fn corners<'a>(scene: &'a SceneBuilder, body: &Body) -> impl Iterator<Item = DVe
     points(scene, body, |c| c.bounds().min)
 }
 
-/// The points to which the ground plane is fitted. Cubes contribute their centres, so that the heights of their corners
-/// do not tilt the plane.
+/// The points to which the ground plane is fitted. Cubes contribute their centres, so that the heights of
+/// their corners do not tilt the plane.
 fn corners_of_ground<'a>(scene: &'a SceneBuilder, body: &Body) -> impl Iterator<Item = DVec3> + use<'a> {
     points(scene, body, |c| c.centre)
 }

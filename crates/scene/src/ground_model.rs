@@ -1,4 +1,5 @@
-//! The ground of a loaded scene, found with its tree: what heights of points count from, planned legs follow and trees stand on.
+//! The ground of a loaded scene, found with its tree: what heights of points count from, planned legs follow
+//! and trees stand on.
 
 use crate::{LoadOptions, Scene, load};
 use std::fmt;
@@ -33,7 +34,8 @@ impl GroundModel {
         GroundModel { scene, tree, has_ground, fallback }
     }
 
-    /// Loads a scene for its ground, or its highest surfaces if no material is ground. Also returns what [`load`](fn@load) warns of.
+    /// Loads a scene for its ground, or its highest surfaces if no material is ground. Also returns what
+    /// [`load`](fn@load) warns of.
     ///
     /// # Errors
     /// Those of [`load`](fn@load).
@@ -43,8 +45,8 @@ impl GroundModel {
         Ok((GroundModel::new(Arc::new(scene), tree, Fallback::Highest), warnings))
     }
 
-    /// The corners of the box of the scene's ground, which crowns and roofs may reach beyond, world coordinates, m; in
-    /// scenes without a ground material those of the scene's box.
+    /// The corners of the box of the scene's ground, which crowns and roofs may reach beyond, world
+    /// coordinates, m; in scenes without a ground material those of the scene's box.
     pub fn extent(&self) -> [[f64; 2]; 2] {
         let bounds = self.scene.ground_bounds().unwrap_or(self.scene.bounds);
         [bounds.min, bounds.max].map(|corner| {

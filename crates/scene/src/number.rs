@@ -1,8 +1,8 @@
 //! Parses decimal text to `f64`, correctly rounded, from bytes.
 //!
-//! Short decimals take Clinger's fast path ("How to read floating point numbers accurately", 1990): a mantissa up to
-//! 2⁵³ and a power of ten up to 10²² are both exact, so one multiplication or division rounds correctly. All others are
-//! parsed by the standard library.
+//! Short decimals take Clinger's fast path ("How to read floating point numbers accurately", 1990): a
+//! mantissa up to 2⁵³ and a power of ten up to 10²² are both exact, so one multiplication or division rounds
+//! correctly. All others are parsed by the standard library.
 
 pub(super) use vlscan_base::columns::is_blank;
 pub(super) use vlscan_formats::text::float;
@@ -12,8 +12,8 @@ const POWERS: [f64; 23] = [
     1e19, 1e20, 1e21, 1e22,
 ];
 
-/// Parses the number that starts at `at` and ends before a blank or the end of `line`; returns it with its end. `None`
-/// for a word that is not a number; `nan` and `inf` are accepted as numbers.
+/// Parses the number that starts at `at` and ends before a blank or the end of `line`; returns it with its
+/// end. `None` for a word that is not a number; `nan` and `inf` are accepted as numbers.
 pub(super) fn float_at(line: &[u8], at: usize) -> (Option<f64>, usize) {
     let mut i = at;
     let negative = line.get(i) == Some(&b'-');

@@ -28,8 +28,9 @@ pub(super) fn moments(centred: impl Iterator<Item = DVec3>) -> Moments {
     })
 }
 
-/// The plane through the centre of the box around `points` that minimises the sum of their squared distances; `None`
-/// without points. The centroid would fit better, but the reference uses this plane for `onGround`. `points` are listed twice.
+/// The plane through the centre of the box around `points` that minimises the sum of their squared distances;
+/// `None` without points. The centroid would fit better, but the reference uses this plane for `onGround`.
+/// `points` are listed twice.
 pub(super) fn fit<I: Iterator<Item = DVec3>>(points: impl Fn() -> I) -> Option<Plane> {
     points().next()?;
     let centre = Aabb::around(points()).centre();
@@ -37,8 +38,8 @@ pub(super) fn fit<I: Iterator<Item = DVec3>>(points: impl Fn() -> I) -> Option<P
     Some(Plane { centre, normal })
 }
 
-/// Unit eigenvector of the smallest eigenvalue (Jacobi rotations; only +, −, ×, ÷ and square roots, so the result is
-/// the same on every machine). Among equal eigenvalues the later axis wins.
+/// Unit eigenvector of the smallest eigenvalue (Jacobi rotations; only +, −, ×, ÷ and square roots, so the
+/// result is the same on every machine). Among equal eigenvalues the later axis wins.
 pub(super) fn least_direction(m: Moments) -> DVec3 {
     let mut a = [[m[0], m[1], m[2]], [m[1], m[3], m[4]], [m[2], m[4], m[5]]];
     let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

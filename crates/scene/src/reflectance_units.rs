@@ -28,8 +28,8 @@ pub(super) struct ReflectanceUnits {
 const MAX_LISTED: usize = 4;
 
 impl ReflectanceUnits {
-    /// Records the reflectance of a material, by its index and its name. Values that either unit can have, 0 and those above 1
-    /// that are no per cent, do not count.
+    /// Records the reflectance of a material, by its index and its name. Values that either unit can have, 0
+    /// and those above 1 that are no per cent, do not count.
     pub fn add(&mut self, material: u32, name: &str, value: f64, place: impl FnOnce() -> Option<Place>) {
         let unit = match value {
             v if v > MAX_FRACTION => &mut self.per_cent,

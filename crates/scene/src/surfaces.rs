@@ -14,8 +14,8 @@ pub struct Surface {
     pub material: u32,
 }
 
-/// The surface index of each primitive: two bytes each if all indices fit, otherwise four. Scenes have few surfaces and
-/// many primitives.
+/// The surface index of each primitive: two bytes each if all indices fit, otherwise four. Scenes have few
+/// surfaces and many primitives.
 #[derive(Clone, Debug)]
 pub enum SurfaceIds {
     /// Indices below 65 536.

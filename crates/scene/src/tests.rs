@@ -144,7 +144,8 @@ fn on_slope(mode: i64, at: DVec3) -> (Fixture, f64) {
 
 #[test]
 fn on_ground_moves_a_part_onto_the_plane_below_it() {
-    // The plane is z = 10 + x. Lowest corner at (2, 5): height 12. Corner (6, 5): 3 above the lowest, ground 4 higher.
+    // The plane is z = 10 + x. Lowest corner at (2, 5): height 12. Corner (6, 5): 3 above the lowest, ground
+    // 4 higher.
     let at = offset(2.0, 5.0, 50.0);
     let close = |mode, expected: f64| {
         let (_, z) = on_slope(mode, at);

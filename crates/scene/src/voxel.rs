@@ -83,8 +83,8 @@ impl Voxel {
         }
     }
 
-    /// The surface normal of the points in the cube; without one, the normal of the nearest face is used (spec
-    /// pulse-physics §2.4).
+    /// The surface normal of the points in the cube; without one, the normal of the nearest face is used
+    /// (spec pulse-physics §2.4).
     pub fn normal(&self) -> Option<DVec3> {
         (self.normal != [0.0; 3]).then(|| DVec3::from(self.normal.map(f64::from)))
     }

@@ -1,10 +1,10 @@
 //! The search path of input files (spec input-formats §8).
 //!
-//! The rule is the same for every kind of file: an absolute path is used as it is; a relative one is searched in the
-//! working directory, then in the asset folders in their order, then in `assets/`, then in the folder of the file
-//! that refers to it. The built-in catalogue comes last. A name with `\` that denotes no file is searched again with `/`,
-//! so that what was written on Windows is read elsewhere.
-//! Documents with `paths="beside"`, as vlscan writes them, are exempt: what they name is looked for in their own folder
+//! The rule is the same for every kind of file: an absolute path is used as it is; a relative one is searched
+//! in the working directory, then in the asset folders in their order, then in `assets/`, then in the folder
+//! of the file that refers to it. The built-in catalogue comes last. A name with `\` that denotes no file is
+//! searched again with `/`, so that what was written on Windows is read elsewhere. Documents with
+//! `paths="beside"`, as vlscan writes them, are exempt: what they name is looked for in their own folder
 //! first, whatever else lies in the working directory.
 
 use super::shipped::{self, BuiltIn};
@@ -69,7 +69,8 @@ impl Assets {
         }
     }
 
-    /// The folders in search order; the folder of the referring file is the last. "." is the working directory.
+    /// The folders in search order; the folder of the referring file is the last. "." is the working
+    /// directory.
     pub fn folders(&self, referring: &Path) -> Vec<PathBuf> {
         let mut all = self.clone();
         all.add(referring);
@@ -99,7 +100,8 @@ impl Assets {
         }
         let first = self.is_beside_first(referring).then_some(referring);
         let folders = first.into_iter().chain(self.folders.iter().map(PathBuf::as_path)).chain([referring]);
-        // Joining an absolute path yields that path. Named pipes can be read like files (`<(command)` of a shell).
+        // Joining an absolute path yields that path. Named pipes can be read like files (`<(command)` of a
+        // shell).
         folders.map(|f| f.join(name)).find(|p| reads::is_file(p) || reads::is_pipe(p))
     }
 
@@ -122,14 +124,15 @@ impl Assets {
     }
 
     /// All files whose names match the expression after the last `/` (`efilepath`), sorted by name without
-    /// duplicates. A file in an earlier folder of the search path hides files of the same name in later ones; the
-    /// referring file's folder is searched only when no other file matches.
+    /// duplicates. A file in an earlier folder of the search path hides files of the same name in later ones;
+    /// the referring file's folder is searched only when no other file matches.
     pub fn matching(&self, expression: &str, referring: &Path) -> Result<Located<Vec<PathBuf>>, NoMatch> {
         let problem = match self.exactly_matching(expression, referring) {
             Ok(found) => return Ok(Located { found, respelled: None }),
             Err(problem) => problem,
         };
-        // A `\` of an expression separates folders or escapes a character: the longest folder with matching files counts.
+        // A `\` of an expression separates folders or escapes a character: the longest folder with matching
+        // files counts.
         let mut separators = expression.match_indices('\\').map(|(at, _)| at).rev();
         separators
             .find_map(|at| {
@@ -159,8 +162,8 @@ impl Assets {
         if files.is_empty() { Err(NoMatch::Nothing) } else { Ok(files.into_values().collect()) }
     }
 
-    /// A name that is probably meant by `name`, which denotes no file: without the blanks around it, in other case, or the
-    /// nearest one in the same folder.
+    /// A name that is probably meant by `name`, which denotes no file: without the blanks around it, in other
+    /// case, or the nearest one in the same folder.
     fn meant(&self, name: &str, referring: &Path) -> Option<String> {
         let spelling = slashes(name.trim());
         if spelling != name && self.exact_file(&spelling, referring).is_some() {
@@ -171,8 +174,8 @@ impl Assets {
         in_other_case.or_else(|| bases().find_map(|base| near_name(base, Path::new(&*spelling))))
     }
 
-    /// The help for a name that denotes no file: how to write paths of Windows, the name that is probably meant, and the
-    /// folders that are searched.
+    /// The help for a name that denotes no file: how to write paths of Windows, the name that is probably
+    /// meant, and the folders that are searched.
     pub fn help_for_missing(&self, name: &str, referring: &Path) -> String {
         let hint = hint_for_name(name);
         if hint.is_empty() { self.searched(name, referring) } else { hint }

@@ -82,8 +82,9 @@ mod tests {
         assert!(matches!(&copter.1.kind, PlatformKind::Multicopter(m) if m.drag == 0.01));
     }
 
-    /// Published figures: points per second of all channels, channels, lowest and highest elevation of the channels in degrees
-    /// (or the half angles of a single one), wavelength, nm. Sources: the comments of the catalogue's files.
+    /// Published figures: points per second of all channels, channels, lowest and highest elevation of the
+    /// channels in degrees (or the half angles of a single one), wavelength, nm. Sources: the comments of the
+    /// catalogue's files.
     #[test]
     fn entries_are_within_their_data_sheets() {
         let (catalogue, _) = catalogue().unwrap();
@@ -135,7 +136,8 @@ mod tests {
         assert!(z.windows(2).all(|pair| ((pair[0] - pair[1]).to_degrees() - 1.0).abs() < 1e-9));
     }
 
-    /// Last channel's offset, µs, and offset of a channel in between. Sources: the comments of the catalogue's files.
+    /// Last channel's offset, µs, and offset of a channel in between. Sources: the comments of the
+    /// catalogue's files.
     #[test]
     fn channels_fire_as_their_manuals_say() {
         let (catalogue, _) = catalogue().unwrap();

@@ -13,8 +13,8 @@ const K: SettingsKeys = SettingsKeys::KEYS;
 /// Where a setting of a leg, by its index, is written.
 pub(super) type Places<'a> = &'a dyn Fn(usize, Key) -> Option<Place>;
 
-/// Checks every leg against the scanner and the platform. `places` tells where a setting is written: in a pipeline, whose legs may
-/// be those of a survey of XML, or in such a survey.
+/// Checks every leg against the scanner and the platform. `places` tells where a setting is written: in a
+/// pipeline, whose legs may be those of a survey of XML, or in such a survey.
 pub(super) fn check_legs(context: &Context, survey: &Survey, places: Places, in_pipeline: bool) {
     for (index, leg) in survey.legs.iter().enumerate() {
         let check = LegCheck { context, survey, leg, index, places, in_pipeline };
@@ -35,7 +35,8 @@ pub(super) fn check_legs(context: &Context, survey: &Survey, places: Places, in_
     }
 }
 
-/// Where the settings of legs with these elements are written: in an element of the leg, or in the element that lacks them.
+/// Where the settings of legs with these elements are written: in an element of the leg, or in the element
+/// that lacks them.
 pub(super) fn places_in(elements: &[Element]) -> impl Fn(usize, Key) -> Option<Place> + '_ {
     |index, setting| {
         let is_of_scanner = SettingsKeys::ALL.contains(&setting);

@@ -31,10 +31,11 @@ pub struct ReadOptions {
     pub scene: Option<SceneChoice>,
     /// Replaces the platform of the survey ([`super::Survey::follow`]) before the survey is checked.
     pub trajectory: Option<PoseStream>,
-    /// True if the pulses come from a stream: the survey then needs no legs, and its legs need not be flyable.
+    /// True if the pulses come from a stream: the survey then needs no legs, and its legs need not be
+    /// flyable.
     pub is_traced: bool,
-    /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are refused
-    /// before they are read.
+    /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are
+    /// refused before they are read.
     pub max_memory: Option<u64>,
 }
 

@@ -7,10 +7,11 @@ use vlscan_base::quantity;
 
 /// A parsed formula of one variable (spec input-formats §1.6).
 ///
-/// The variable is `t` or `THETA`, the constants are `pi` and `e`, the operators `+ - * / ^` (all left-associative,
-/// `^` has the highest precedence). Brackets may be nested; the functions are `exp ln sqrt abs cos sin tan acos asin
-/// atan cosh sinh tanh` of one and `atan2` of two arguments. Angles are radians. Numbers may have an exponent, every
-/// operand may have a minus sign (`-t^2` is `-(t^2)`), and `x^0` is 1.
+/// The variable is `t` or `THETA`, the constants are `pi` and `e`, the operators `+ - * / ^` (all
+/// left-associative, `^` has the highest precedence). Brackets may be nested; the functions are
+/// `exp ln sqrt abs cos sin tan acos asin atan cosh sinh tanh` of one and `atan2` of two arguments. Angles
+/// are radians. Numbers may have an exponent, every operand may have a minus sign (`-t^2` is `-(t^2)`), and
+/// `x^0` is 1.
 ///
 /// ```
 /// use vlscan_survey::Formula;

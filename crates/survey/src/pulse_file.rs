@@ -11,8 +11,8 @@ const MAX_SAMPLES: usize = 1 << 16;
 /// Minimum number of samples for which a width is defined.
 const MIN_SAMPLES: usize = 3;
 
-/// The pulse shape of the file `name`, searched from `folder`. Problems are recorded with file and line; `place` is
-/// the place of the reference.
+/// The pulse shape of the file `name`, searched from `folder`. Problems are recorded with file and line;
+/// `place` is the place of the reference.
 pub(super) fn read_pulse_file(
     context: &Context,
     name: &str,

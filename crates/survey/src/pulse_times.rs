@@ -13,7 +13,8 @@ const INTERVAL_US: Bounds = Bounds::new(1e-3, 1e12, "a number from 1e-3 to 1e12 
 /// Maximum number of intervals that repeat.
 const MAX_INTERVALS: usize = 65_536;
 
-/// Applies the keys of pulse times. A pulse frequency beside them has no effect; in a table of its own it replaces them.
+/// Applies the keys of pulse times. A pulse frequency beside them has no effect; in a table of its own it
+/// replaces them.
 pub(super) fn change_pulse_times(fields: &mut Fields, times: &mut Option<PulseTimes>) {
     fields.either(K.pulse_times, K.pulse_intervals_us);
     let given = [K.pulse_times, K.pulse_intervals_us].into_iter().find(|key| fields.has(*key));

@@ -45,8 +45,8 @@ pub(super) fn read_survey_document(
     Some(survey)
 }
 
-/// Reads the survey of a document without the checks of the complete survey. The second value contains the elements
-/// of the legs.
+/// Reads the survey of a document without the checks of the complete survey. The second value contains the
+/// elements of the legs.
 pub(super) fn read_survey_parts(context: &Context, root: &Element) -> Option<(Survey, Vec<Element>)> {
     let surveys: Vec<Element> = root.named("survey").collect();
     let Some(element) = surveys.first() else {
@@ -154,9 +154,9 @@ fn read_leg_offset(fields: &mut Fields) -> Option<(f64, f64)> {
     Some((fields.number("legRandomOffsetMean", 0.0), fields.number(stdev, 0.1)))
 }
 
-/// Applies the survey's waveform and detector settings, which affect the first device only. An accuracy of the survey and the
-/// factor on the range noise apply to all devices (spec input-formats §2.11–2.12, trap 17); without one, each has its own
-/// in refined physics.
+/// Applies the survey's waveform and detector settings, which affect the first device only. An accuracy of
+/// the survey and the factor on the range noise apply to all devices (spec input-formats §2.11–2.12, trap
+/// 17); without one, each has its own in refined physics.
 fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner) {
     let channels = if scanner.multi_channel { scanner.devices.len() } else { 1 };
     let device = &mut scanner.devices[0];
@@ -184,7 +184,8 @@ fn override_device_0(context: &Context, survey: &Element, scanner: &mut Scanner)
     fields.done(&[]);
 }
 
-/// Sets the factor on the range noise of all devices to that of the first one, and the accuracy, if the survey states it.
+/// Sets the factor on the range noise of all devices to that of the first one, and the accuracy, if the
+/// survey states it.
 fn share_detector(scanner: &mut Scanner, has_accuracy: bool) {
     let Some((first, others)) = scanner.devices.split_first_mut() else { return };
     for device in others {
@@ -205,8 +206,8 @@ fn warn_of_first_channel(context: &Context, element: &Element, channels: usize) 
     }
 }
 
-/// Sets the receiver of all devices but for the pulse shape. HELIOS++ does not have these settings, so there is no
-/// reason to restrict them to device 0.
+/// Sets the receiver of all devices but for the pulse shape. HELIOS++ does not have these settings, so there
+/// is no reason to restrict them to device 0.
 fn set_receiver(scanner: &mut Scanner, receiver: &Receiver) {
     for device in &mut scanner.devices {
         let pulse_shape = device.receiver.pulse_shape.take();
@@ -233,8 +234,8 @@ fn ordinary_platform(context: &Context, survey: &Element) -> Option<Platform> {
     Some(platform)
 }
 
-/// An interpolated platform takes mount and noise from the base platform; noise elements of the survey replace its
-/// noise.
+/// An interpolated platform takes mount and noise from the base platform; noise elements of the survey
+/// replace its noise.
 fn interpolated_platform(context: &Context, survey: &Element, trajectories: Trajectories) -> Platform {
     let base = context.asset("platform", survey, "basePlatform").and_then(|e| read_platform(context, &e));
     let (mut mount, mut noise) =

@@ -18,8 +18,8 @@ impl<L: Clone> Templates<L> {
         Templates { tag, read, known: HashMap::new() }
     }
 
-    /// The settings of the element's template, applied on top of the template's own template and so on, down to
-    /// `default`; `None` without a `template` attribute or when it cannot be resolved.
+    /// The settings of the element's template, applied on top of the template's own template and so on, down
+    /// to `default`; `None` without a `template` attribute or when it cannot be resolved.
     pub fn of(&mut self, context: &Context, element: &Element, default: &L) -> Option<L> {
         let mut chain = Vec::new();
         let mut seen = vec![element.key()];

@@ -48,8 +48,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<String, NotText> {
     }
 }
 
-/// The text of a table as spreadsheets write it: UTF-8, UTF-16 or Western European single bytes. The second value tells of an
-/// encoding that was guessed.
+/// The text of a table as spreadsheets write it: UTF-8, UTF-16 or Western European single bytes. The second
+/// value tells of an encoding that was guessed.
 ///
 /// # Errors
 /// [`NotText`].

@@ -1,4 +1,5 @@
-//! Rasters as GeoTIFF (OGC 19-008r4): one band of 32-bit floats, compressed with Deflate, NaN for cells without a value.
+//! Rasters as GeoTIFF (OGC 19-008r4): one band of 32-bit floats, compressed with Deflate, NaN for cells
+//! without a value.
 
 use std::io::Cursor;
 use tiff::encoder::compression::DeflateLevel;

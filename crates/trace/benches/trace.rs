@@ -1,5 +1,5 @@
-//! Rays per second of every tree over a wavy surface with blades upon it, by packet size, on one thread; then those over the
-//! bare surface as triangles and as a height field.
+//! Rays per second of every tree over a wavy surface with blades upon it, by packet size, on one thread; then
+//! those over the bare surface as triangles and as a height field.
 //!
 //! ```text
 //! cargo bench -p vlscan-trace                    half a million triangles

@@ -1,4 +1,5 @@
-//! Leaves: blocks of sixteen primitives side by side in single precision, as a filter in front of the exact test.
+//! Leaves: blocks of sixteen primitives side by side in single precision, as a filter in front of the exact
+//! test.
 
 use super::frame::Frame;
 use super::{Geometry, Hits};
@@ -6,8 +7,9 @@ use bytemuck::{Pod, Zeroable};
 
 pub(crate) const BLOCK_SIZE: usize = 16;
 
-/// Sixteen triangles, or sixteen cubes, among which boxes of grids of voxels count. Coordinates are in the tree's frame, rounded to nearest for triangles,
-/// outward for cubes. Unused lanes hold NaN, which no comparison accepts, or an inside-out cube, and [`Hits::MISS`].
+/// Sixteen triangles, or sixteen cubes, among which boxes of grids of voxels count. Coordinates are in the
+/// tree's frame, rounded to nearest for triangles, outward for cubes. Unused lanes hold NaN, which no
+/// comparison accepts, or an inside-out cube, and [`Hits::MISS`].
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Block {
@@ -72,8 +74,8 @@ impl Block {
     }
 }
 
-/// Appends the primitives of one leaf to `slots` in blocks: triangles first, then cubes, each kind padded to complete
-/// blocks. Returns the number of blocks.
+/// Appends the primitives of one leaf to `slots` in blocks: triangles first, then cubes, each kind padded to
+/// complete blocks. Returns the number of blocks.
 pub(crate) fn append_leaf(
     slots: &mut Vec<u32>,
     triangles: usize,

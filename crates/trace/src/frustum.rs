@@ -1,14 +1,15 @@
-//! The filter of single pulses: rays with one origin as a frustum, with intervals of slopes in single precision.
+//! The filter of single pulses: rays with one origin as a frustum, with intervals of slopes in single
+//! precision.
 //!
-//! Every ray of a frustum runs forward along one dominant axis `k`. With the depth `s = ±(p_k − R_k)` relative to the
-//! frustum's apex `R`, a ray is at `R_a + m_a·s` on axis `a`, where its slope `m_a = d_a/|d_k|` lies in an interval
-//! (for `k` itself the slope is the sign). So "below plane p" is a bound on `s`, upper or lower by the slope's sign,
-//! and no divisor crosses zero.
+//! Every ray of a frustum runs forward along one dominant axis `k`. With the depth `s = ±(p_k − R_k)`
+//! relative to the frustum's apex `R`, a ray is at `R_a + m_a·s` on axis `a`, where its slope
+//! `m_a = d_a/|d_k|` lies in an interval (for `k` itself the slope is the sign). So "below plane p" is a
+//! bound on `s`, upper or lower by the slope's sign, and no divisor crosses zero.
 //!
-//! Bounds are products of a difference and a reciprocal, with relative errors of a few units in the last place, which
-//! [`DEPTH_MARGIN`] covers. Errors that do not scale with `s` (rounded vertices and planes, the rounded apex) are
-//! collected in `slack`, by which the apex is widened. A frustum therefore accepts everything that the exact test can
-//! accept.
+//! Bounds are products of a difference and a reciprocal, with relative errors of a few units in the last
+//! place, which [`DEPTH_MARGIN`] covers. Errors that do not scale with `s` (rounded vertices and planes, the
+//! rounded apex) are collected in `slack`, by which the apex is widened. A frustum therefore accepts
+//! everything that the exact test can accept.
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
@@ -47,8 +48,8 @@ pub(crate) struct Frustum {
 }
 
 impl Frustum {
-    /// Returns the frustum of `directions` from `origin`; `None` when they do not share dominant axis and sign, when
-    /// one of them is not a valid direction, or when the origin is out of range.
+    /// Returns the frustum of `directions` from `origin`; `None` when they do not share dominant axis and
+    /// sign, when one of them is not a valid direction, or when the origin is out of range.
     pub fn around(
         frame: &Frame,
         origin: DVec3,
@@ -111,8 +112,8 @@ impl Frustum {
         (t * self.depth_per_t * 1.000_000_2) as f32
     }
 
-    /// Returns the depths at which the frustum may be at or below plane `p` of `axis`, and at or above it, both
-    /// within `[lo, hi]`.
+    /// Returns the depths at which the frustum may be at or below plane `p` of `axis`, and at or above it,
+    /// both within `[lo, hi]`.
     #[inline(always)]
     pub fn cut(&self, axis: usize, p: f32, [lo, hi]: [f32; 2]) -> [[f32; 2]; 2] {
         let under = (p - self.from[axis][0]) * self.inverse[axis][0];
@@ -136,8 +137,8 @@ impl Frustum {
         })
     }
 
-    /// Returns the primitives of a block that a ray of the frustum might hit at depths within `range`, as a mask of
-    /// lanes.
+    /// Returns the primitives of a block that a ray of the frustum might hit at depths within `range`, as a
+    /// mask of lanes.
     #[inline(always)]
     pub fn candidates(&self, block: &Block, range: [f32; 2]) -> u32 {
         if block.holds_cubes() {
@@ -147,8 +148,8 @@ impl Frustum {
         }
     }
 
-    /// Returns the triangles of a block that a ray of the frustum might hit at depths within `[lo, hi]`, as a mask of
-    /// lanes.
+    /// Returns the triangles of a block that a ray of the frustum might hit at depths within `[lo, hi]`, as a
+    /// mask of lanes.
     #[inline(always)]
     fn triangles(&self, block: &Block, [lo, hi]: [f32; 2]) -> u32 {
         let [k, i, j] = self.axes;
@@ -164,8 +165,8 @@ impl Frustum {
             let inverse = s.map(|s| 1.0 / s);
             let x = [0, 1, 2].map(|v| (c[v][i][l] - r[i]) * inverse[v]);
             let y = [0, 1, 2].map(|v| (c[v][j][l] - r[j]) * inverse[v]);
-            // The error of corners is up to the slack sideways and in depth; slopes beyond ±2 are outside the frustum
-            // in any case.
+            // The error of corners is up to the slack sideways and in depth; slopes beyond ±2 are outside the
+            // frustum in any case.
             let pad = 4.0 * slack / near + 1e-6;
             let overlaps =
                 (min3(x) - pad <= i1) & (max3(x) + pad >= i0) & (min3(y) - pad <= j1) & (max3(y) + pad >= j0);
@@ -176,8 +177,8 @@ impl Frustum {
         mask
     }
 
-    /// Returns the boxes that a ray of the frustum might hit at depths up to `hi`: a mask of lanes and the depths of
-    /// entry.
+    /// Returns the boxes that a ray of the frustum might hit at depths up to `hi`: a mask of lanes and the
+    /// depths of entry.
     #[inline(always)]
     pub fn boxes(
         &self,

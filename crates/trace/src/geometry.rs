@@ -4,8 +4,9 @@ use crate::{Cube, HeightField, VoxelGrid};
 use std::ops::Range;
 use vlscan_geom::{Aabb, DVec3};
 
-/// The primitives of a scene, numbered: triangles first, then cubes. The triangles of a height field are numbered among the
-/// stored ones, as if they were stored, and so are the voxels of a grid among the stored cubes.
+/// The primitives of a scene, numbered: triangles first, then cubes. The triangles of a height field are
+/// numbered among the stored ones, as if they were stored, and so are the voxels of a grid among the stored
+/// cubes.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// Vertices in the frame of the rays, m.

@@ -103,8 +103,8 @@ fn local_accounting_gives_its_published_tree() {
     assert!((s.cost - 22.108).abs() < 1e-3, "{}", s.cost);
 }
 
-/// Axes in turn make a leaf of hundreds of primitives where the axis of the turn is flat; trying the next one avoids
-/// this.
+/// Axes in turn make a leaf of hundreds of primitives where the axis of the turn is flat; trying the next one
+/// avoids this.
 #[test]
 fn flat_meshes_are_split_along_their_extent() {
     let g = mesh(0.0);
@@ -131,8 +131,9 @@ fn every_builder_gives_the_published_hits_with_its_own_defaults() {
     }
 }
 
-/// The paper's Algorithm 1 on several threads, and local accounting. They differ only where a split gains nothing at
-/// all, which no split does at this cost, or less than the precision of the running sums, which happens deeper down.
+/// The paper's Algorithm 1 on several threads, and local accounting. They differ only where a split gains
+/// nothing at all, which no split does at this cost, or less than the precision of the running sums, which
+/// happens deeper down.
 #[test]
 fn global_and_local_accounting_agree() {
     let g = mesh(1.0);

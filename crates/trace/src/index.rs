@@ -14,8 +14,8 @@ use vlscan_geom::Aabb;
 
 /// Spatial index over a [`Geometry`]: finds the first primitives that rays hit.
 ///
-/// Immutable. It contains no part of the geometry; every query takes the geometry, which must be the one that the
-/// tree was built over.
+/// Immutable. It contains no part of the geometry; every query takes the geometry, which must be the one that
+/// the tree was built over.
 #[derive(Clone, Debug)]
 pub struct Tree {
     pub(super) frame: Frame,
@@ -36,7 +36,8 @@ pub(super) struct InstanceTree {
     pub top: Tree,
 }
 
-/// Minimum number of primitives for a build by several threads: one thread builds fewer before others are awake.
+/// Minimum number of primitives for a build by several threads: one thread builds fewer before others are
+/// awake.
 const MIN_SHARED_PRIMITIVES: usize = 1024;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -46,8 +47,9 @@ pub(super) enum Nodes {
 }
 
 impl Tree {
-    /// Builds a tree over all primitives of `geometry` that are part of no height field, which rays find without a tree, and over the
-    /// boxes of grids of voxels. Primitives with a coordinate that is NaN or infinite are left out; no ray hits them. The result does not depend on the number of threads.
+    /// Builds a tree over all primitives of `geometry` that are part of no height field, which rays find
+    /// without a tree, and over the boxes of grids of voxels. Primitives with a coordinate that is NaN or
+    /// infinite are left out; no ray hits them. The result does not depend on the number of threads.
     pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
         Tree::build_where(geometry, options, |_| true)
     }
@@ -90,8 +92,8 @@ impl Tree {
         Tree { frame, bounds, nodes, blocks, statistics, instances: None }
     }
 
-    /// Estimates the peak memory of building a tree over `triangles` triangles, in bytes; the finished tree occupies
-    /// less.
+    /// Estimates the peak memory of building a tree over `triangles` triangles, in bytes; the finished tree
+    /// occupies less.
     pub fn estimate_build_memory(triangles: u64, builder: Builder) -> u64 {
         let each = match builder {
             Builder::Bvh => 85,

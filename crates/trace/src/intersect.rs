@@ -1,17 +1,19 @@
-//! The exact test: whether one ray hits one primitive, and where. Everything else in this module is a filter in front of it.
+//! The exact test: whether one ray hits one primitive, and where. Everything else in this module is a filter
+//! in front of it.
 //!
-//! The result is a function of the ray and the primitive alone, in double precision without fused operations, so every
-//! tree, packet and instruction set reports the same bits.
+//! The result is a function of the ray and the primitive alone, in double precision without fused operations,
+//! so every tree, packet and instruction set reports the same bits.
 //!
-//! * **Inside** is decided in the plane across the ray's dominant axis `k` (Woop, Benthin and Wald 2013): each vertex,
-//!   taken relative to the ray's origin, becomes the point `(p_i·d_k − p_k·d_i, p_j·d_k − p_k·d_j)`, and the ray is inside
-//!   when the origin of that plane is on the same side of all three edges, on an edge included. The point of a vertex
-//!   depends on the ray and the vertex only, and sides are decided exactly; so neighbours that share an edge or a vertex
-//!   leave no gap, whatever their winding.
-//! * **Distance** is `e2·q / det` in the operation order of spec pulse-physics §2.3, because equal distances of
-//!   symmetric rays are physically meaningful. For a triangle seen edge-on that quotient is rounding noise; then the
-//!   depth is interpolated from the corners, and where that is noise too it is the farthest corner's, which no filter
-//!   contradicts.
+//! * **Inside** is decided in the plane across the ray's dominant axis `k` (Woop, Benthin and Wald 2013):
+//!   each vertex, taken relative to the ray's origin, becomes the point
+//!   `(p_i·d_k − p_k·d_i, p_j·d_k − p_k·d_j)`, and the ray is inside when the origin of that plane is on the
+//!   same side of all three edges, on an edge included. The point of a vertex depends on the ray and the
+//!   vertex only, and sides are decided exactly; so neighbours that share an edge or a vertex leave no gap,
+//!   whatever their winding.
+//! * **Distance** is `e2·q / det` in the operation order of spec pulse-physics §2.3, because equal distances
+//!   of symmetric rays are physically meaningful. For a triangle seen edge-on that quotient is rounding
+//!   noise; then the depth is interpolated from the corners, and where that is noise too it is the farthest
+//!   corner's, which no filter contradicts.
 
 use super::Cube;
 use vlscan_geom::{Aabb, DVec3};
@@ -37,9 +39,9 @@ pub(crate) fn axes_by_dominance(d: DVec3) -> [usize; 3] {
     }
 }
 
-/// Distance at which the ray `origin + t·direction` hits the triangle, from either side, in units of `direction`; `None`
-/// when it does not, when `t ≤ 0`, or when the ray runs within the triangle's plane. Directions are meant to be of about
-/// unit length; one shorter than 1e-100 hits nothing.
+/// Distance at which the ray `origin + t·direction` hits the triangle, from either side, in units of
+/// `direction`; `None` when it does not, when `t ≤ 0`, or when the ray runs within the triangle's plane.
+/// Directions are meant to be of about unit length; one shorter than 1e-100 hits nothing.
 pub fn triangle(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (pa, pb, pc) = (a - origin, b - origin, c - origin);
     let [k, i, j] = axes_by_dominance(direction);

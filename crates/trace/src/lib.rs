@@ -2,8 +2,9 @@
 //!
 //! ## Inside
 //!
-//! A [`Geometry`] holds triangles, cubes, height fields and grids of voxels, a [`Tree`] is built over it, and [`Tree::nearest_where`] finds the first hit of a
-//! ray, [`Tree::trace_group`] those of many ([`RayGroup`], [`Hits`]). [`Instances`] place a model many times.
+//! A [`Geometry`] holds triangles, cubes, height fields and grids of voxels, a [`Tree`] is built over it, and
+//! [`Tree::nearest_where`] finds the first hit of a ray, [`Tree::trace_group`] those of many ([`RayGroup`],
+//! [`Hits`]). [`Instances`] place a model many times.
 //!
 //! | file | contents |
 //! |---|---|
@@ -22,8 +23,8 @@
 //! | `stack` | nodes that wait to be visited |
 //! | `memory` | memory of vectors |
 //!
-//! Trees and frustums only choose which exact tests are made, and err on the side of more tests. So every tree, every
-//! traversal and every instruction set reports the same hits, bit for bit, as testing everything.
+//! Trees and frustums only choose which exact tests are made, and err on the side of more tests. So every
+//! tree, every traversal and every instruction set reports the same hits, bit for bit, as testing everything.
 
 #![deny(unsafe_code)]
 

@@ -48,8 +48,8 @@ impl KdNode {
         first..first + self.payload as usize
     }
 
-    /// Returns the node with the numbers of nodes and blocks offset by these amounts. A leaf without blocks does not
-    /// change.
+    /// Returns the node with the numbers of nodes and blocks offset by these amounts. A leaf without blocks
+    /// does not change.
     pub fn moved(self, nodes: usize, blocks: usize) -> KdNode {
         if self.axis().is_none() && self.payload == 0 {
             return self;
@@ -64,8 +64,8 @@ fn pack(number: usize, tag: u32) -> u32 {
     (number as u32) << 2 | tag
 }
 
-/// A node of the wide tree: sixteen boxes side by side, in the tree's frame. Unused lanes hold an inside-out box,
-/// which no ray hits.
+/// A node of the wide tree: sixteen boxes side by side, in the tree's frame. Unused lanes hold an inside-out
+/// box, which no ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct WideNode {

@@ -46,10 +46,11 @@ impl Builder {
 pub enum Accounting {
     /// By the node alone; independent of the order of the build.
     Local,
-    /// By the running cost of the whole tree, the paper's ILOT cache, which several threads update under a lock (its
-    /// Algorithm 1). In exact arithmetic this accepts the splits that [`Accounting::Local`] accepts: the sides of a split have
-    /// the area of the node together, so its effect on the whole is its effect on the node. Rounding differs, and decides
-    /// when a build without depth cap ends; with several threads it depends on their order.
+    /// By the running cost of the whole tree, the paper's ILOT cache, which several threads update under a
+    /// lock (its Algorithm 1). In exact arithmetic this accepts the splits that [`Accounting::Local`]
+    /// accepts: the sides of a split have the area of the node together, so its effect on the whole is its
+    /// effect on the node. Rounding differs, and decides when a build without depth cap ends; with several
+    /// threads it depends on their order.
     Global,
 }
 
@@ -90,7 +91,8 @@ pub struct BuildOptions {
     pub cost_leaf: f64,
     /// Cost of testing a primitive, C_o.
     pub cost_primitive: f64,
-    /// Number of primitives tested at once: a leaf's count is rounded up to a multiple of it when a split is judged.
+    /// Number of primitives tested at once: a leaf's count is rounded up to a multiple of it when a split is
+    /// judged.
     pub grain: usize,
     /// Maximum depth of a leaf; `None` is ⌊8 + 1.3·log2 N⌋.
     pub max_depth: Option<u32>,
@@ -100,11 +102,12 @@ pub struct BuildOptions {
     pub areas: Areas,
     /// How the gain of a split is judged.
     pub accounting: Accounting,
-    /// Threads of the build, each on different nodes; 0 is as many as the machine has, with 1 nodes are built one
-    /// after the other (spec tree-and-schedule §2.1).
+    /// Threads of the build, each on different nodes; 0 is as many as the machine has, with 1 nodes are built
+    /// one after the other (spec tree-and-schedule §2.1).
     pub jobs: usize,
-    /// Threads that work together on the nodes of the upper ⌊log2⌋ levels of a kd-tree, where there are fewer nodes
-    /// than threads; 0 is as many as the machine has, with 1 each node has one (spec tree-and-schedule §2.3).
+    /// Threads that work together on the nodes of the upper ⌊log2⌋ levels of a kd-tree, where there are fewer
+    /// nodes than threads; 0 is as many as the machine has, with 1 each node has one (spec tree-and-schedule
+    /// §2.3).
     pub geometry_jobs: usize,
     /// Minimum number of primitives that are handed to another thread.
     pub delegate: usize,
@@ -143,8 +146,8 @@ impl BuildOptions {
         BuildOptions { builder, axes, ..BuildOptions::default() }
     }
 
-    /// Costs and rules of HELIOS++ (spec tree-and-schedule §1.2): unit costs, τ_p = 5, axes in turn without a second
-    /// try, global accounting, and no depth cap below the 64 levels, which it never reaches.
+    /// Costs and rules of HELIOS++ (spec tree-and-schedule §1.2): unit costs, τ_p = 5, axes in turn without a
+    /// second try, global accounting, and no depth cap below the 64 levels, which it never reaches.
     pub fn strict(builder: Builder) -> BuildOptions {
         BuildOptions {
             builder,
@@ -184,6 +187,7 @@ pub struct Statistics {
     pub root_area: f64,
     /// Expected cost of a ray, C_T of spec tree-and-schedule §1.9, with proportional areas.
     pub cost: f64,
-    /// The cost as accounted by [`Accounting::Global`], for which the empty side of a split costs as much as a leaf.
+    /// The cost as accounted by [`Accounting::Global`], for which the empty side of a split costs as much as
+    /// a leaf.
     pub booked_cost: Option<f64>,
 }

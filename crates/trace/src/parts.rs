@@ -18,8 +18,8 @@ pub enum NodeArray<'a> {
     Wide(Cow<'a, [WideNode]>),
 }
 
-/// A tree without its instances, as what a file can hold. Nodes and blocks are plain memory ([`bytemuck::Pod`]) in the
-/// byte order of the machine.
+/// A tree without its instances, as what a file can hold. Nodes and blocks are plain memory
+/// ([`bytemuck::Pod`]) in the byte order of the machine.
 #[derive(Clone, Debug)]
 pub struct TreeParts<'a> {
     /// The frame of nodes and blocks.
@@ -49,8 +49,8 @@ impl Tree {
         }
     }
 
-    /// The tree of these parts, without instances. Parts of unknown origin must be checked by [`Tree::is_sound`] before the
-    /// tree is used.
+    /// The tree of these parts, without instances. Parts of unknown origin must be checked by
+    /// [`Tree::is_sound`] before the tree is used.
     pub fn from_parts(parts: TreeParts) -> Tree {
         let nodes = match parts.nodes {
             NodeArray::Kd(nodes) => Nodes::Kd(nodes.into_owned()),

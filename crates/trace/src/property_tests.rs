@@ -1,4 +1,5 @@
-//! Property tests: every tree and every traversal reports the hits of the exact test of all primitives, bit for bit.
+//! Property tests: every tree and every traversal reports the hits of the exact test of all primitives, bit
+//! for bit.
 
 use super::options::{Accounting, Axes};
 use super::*;
@@ -205,7 +206,8 @@ proptest! {
         assert_agreement(&g, &[pulse(DVec3::NAN, &[DVec3::X])]);
     }
 
-    /// From within a closed mesh every ray hits it; from outside an even number of times, so never "through" an edge.
+    /// From within a closed mesh every ray hits it; from outside an even number of times, so never "through"
+    /// an edge.
     #[test]
     fn closed_meshes_do_not_leak(seed in 0u64..1000, rings in 3usize..9, sides in 3usize..12, offset in prop_oneof![Just(0.0), Just(4.7e6)]) {
         let centre = DVec3::new(offset, -offset, 0.1 * offset);
@@ -329,8 +331,8 @@ fn wide_pulses_in_groups_agree() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// Inputs of merging: pulses of few rays that start beside, before and behind each other, some of them within the
-    /// mesh, some with a NaN neighbour.
+    /// Inputs of merging: pulses of few rays that start beside, before and behind each other, some of them
+    /// within the mesh, some with a NaN neighbour.
     #[test]
     fn merged_pulses_agree(
         seed in 0u64..1000, rays in prop::sample::select(vec![1usize, 2, 3, 4, 7]), away in 0.0..5.0f64,

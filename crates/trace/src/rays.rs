@@ -3,15 +3,16 @@
 use std::ops::Range;
 use vlscan_geom::DVec3;
 
-/// Maximum difference between the first ray of a pulse and that of the first pulse that it is merged with: in each
-/// component of the direction, and of the origin in metres. A merged pulse is as wide as all of them together, and
-/// hits as many triangles.
+/// Maximum difference between the first ray of a pulse and that of the first pulse that it is merged with: in
+/// each component of the direction, and of the origin in metres. A merged pulse is as wide as all of them
+/// together, and hits as many triangles.
 const MAX_MERGE_DISTANCE: (f64, f64) = (0.02, 1.0);
 
 /// The rays of consecutive pulses, each pulse with its own origin and all with the same number of rays.
 ///
-/// Neighbouring pulses are traced together. Their order affects only the speed, which is best when the footprints of
-/// consecutive pulses touch. Directions are stored in rows of [`RayGroup::stride`] numbers per pulse.
+/// Neighbouring pulses are traced together. Their order affects only the speed, which is best when the
+/// footprints of consecutive pulses touch. Directions are stored in rows of [`RayGroup::stride`] numbers per
+/// pulse.
 #[derive(Clone, Debug, Default)]
 pub struct RayGroup {
     rays: usize,
@@ -19,8 +20,8 @@ pub struct RayGroup {
     x: Vec<f64>,
     y: Vec<f64>,
     z: Vec<f64>,
-    /// Origins of the rays of merged pulses, by axis, in rows like the directions; empty where all rays of a pulse
-    /// share its origin.
+    /// Origins of the rays of merged pulses, by axis, in rows like the directions; empty where all rays of a
+    /// pulse share its origin.
     ray_origins: [Vec<f64>; 3],
 }
 
@@ -40,8 +41,8 @@ impl RayGroup {
         [&mut self.x, &mut self.y, &mut self.z].into_iter().chain(&mut self.ray_origins).for_each(Vec::clear);
     }
 
-    /// Appends a pulse from `origin`. `fill` must write x, y and z of its directions, [`RayGroup::rays`] numbers
-    /// each.
+    /// Appends a pulse from `origin`. `fill` must write x, y and z of its directions, [`RayGroup::rays`]
+    /// numbers each.
     pub fn push(&mut self, origin: DVec3, fill: impl FnOnce(&mut [f64], &mut [f64], &mut [f64])) {
         let (start, rays) = (self.x.len(), self.rays);
         let end = start + self.stride();
@@ -59,8 +60,8 @@ impl RayGroup {
         }
     }
 
-    /// Appends a pulse from `origin` and returns x, y and z of its directions in complete registers. The caller must
-    /// write all of them; lanes beyond the last ray must repeat it.
+    /// Appends a pulse from `origin` and returns x, y and z of its directions in complete registers. The
+    /// caller must write all of them; lanes beyond the last ray must repeat it.
     #[inline(always)]
     pub fn push_registers(&mut self, origin: DVec3) -> [&mut [[f64; RayGroup::WIDTH]]; 3] {
         let start = self.x.len();
@@ -89,8 +90,8 @@ impl RayGroup {
     pub(super) const MERGED_RAYS: usize = 16;
 
     /// Replaces the pulses by those of another group, merged: the rays of several pulses, of at most
-    /// [`RayGroup::MAX_MERGEABLE_RAYS`] rays each, with nearly the same origin and direction become one pulse. Writes
-    /// to `places` the index of each ray's hit in the hits of `of`; `u32::MAX` for padding.
+    /// [`RayGroup::MAX_MERGEABLE_RAYS`] rays each, with nearly the same origin and direction become one
+    /// pulse. Writes to `places` the index of each ray's hit in the hits of `of`; `u32::MAX` for padding.
     pub(super) fn merge_pulses(&mut self, of: &RayGroup, places: &mut Vec<u32>) {
         self.clear(RayGroup::MERGED_RAYS);
         places.clear();
@@ -213,9 +214,9 @@ impl Hits {
     /// The primitive number of a miss.
     pub const MISS: u32 = u32::MAX;
 
-    /// Replaces hits of the rays from number `first` on by those of `others` that are nearer, or equally near and
-    /// first by the `order` of primitives. `number` converts the primitive numbers of `others` to those of these
-    /// hits.
+    /// Replaces hits of the rays from number `first` on by those of `others` that are nearer, or equally near
+    /// and first by the `order` of primitives. `number` converts the primitive numbers of `others` to those
+    /// of these hits.
     pub fn take_nearer(
         &mut self,
         first: usize,

@@ -1,7 +1,7 @@
 //! Stacks of nodes that wait to be visited.
 
-/// Inserts a node among the last ones of a stack, those from `floor` on, so that the one with the least depth of entry is on top.
-/// Returns the new height of the stack.
+/// Inserts a node among the last ones of a stack, those from `floor` on, so that the one with the least depth
+/// of entry is on top. Returns the new height of the stack.
 #[inline(always)]
 pub(crate) fn insert_by_depth<V: Copy>(
     stack: &mut [V],

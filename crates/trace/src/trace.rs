@@ -11,9 +11,9 @@ use super::{CubeAt, Geometry, Hit, Hits, Tree};
 use vlscan_geom::DVec3;
 
 impl Tree {
-    /// First hit of the ray `origin + t·direction` among the primitives whose number `accept` accepts, with t > 0 in
-    /// units of `direction`. Directions should be of about unit length; one shorter than 1e-100 hits nothing. For
-    /// many rays [`Tree::trace_group`] is several times faster.
+    /// First hit of the ray `origin + t·direction` among the primitives whose number `accept` accepts, with
+    /// t > 0 in units of `direction`. Directions should be of about unit length; one shorter than 1e-100 hits
+    /// nothing. For many rays [`Tree::trace_group`] is several times faster.
     pub fn nearest_where(
         &self,
         geometry: &Geometry,
@@ -112,8 +112,8 @@ impl Tree {
         best
     }
 
-    /// Visits the leaves that the frustum hits, nearest first, up to the depth `limit`, which `visit` may lower.
-    /// `visit` takes a block with a mask of the lanes that rays of the frustum might hit.
+    /// Visits the leaves that the frustum hits, nearest first, up to the depth `limit`, which `visit` may
+    /// lower. `visit` takes a block with a mask of the lanes that rays of the frustum might hit.
     #[inline(always)]
     pub(super) fn walk(&self, frustum: &Frustum, limit: f32, visit: impl FnMut(&Block, u32, &mut f32)) {
         match &self.nodes {

@@ -17,7 +17,8 @@ pub trait Tasks {
 
 /// Result of a chunk.
 pub trait Outcome: Sized {
-    /// Appends the result of the next chunk, so that both are one result, or returns it if they cannot be joined.
+    /// Appends the result of the next chunk, so that both are one result, or returns it if they cannot be
+    /// joined.
     fn join(&mut self, next: Self) -> Option<Self> {
         Some(next)
     }
@@ -39,8 +40,8 @@ pub(super) enum Pending<R> {
     InFlight(flume::Receiver<Result<R>>),
 }
 
-/// Barrier at the end of a leg: waits until all chunks of the leg are done, each of which holds a clone of the
-/// sender.
+/// Barrier at the end of a leg: waits until all chunks of the leg are done, each of which holds a clone of
+/// the sender.
 pub(super) struct LegBarrier {
     guard: Sender<()>,
     done: Receiver<()>,
@@ -59,11 +60,11 @@ impl LegBarrier {
     }
 }
 
-/// The producer's side of the queues: takes chunks and has them computed, by this thread or a worker, as the schedule
-/// decides.
+/// The producer's side of the queues: takes chunks and has them computed, by this thread or a worker, as the
+/// schedule decides.
 ///
-/// Results keep the order of the chunks under every schedule. Every method blocks while the collector is too far
-/// behind, and fails when the collector has ended.
+/// Results keep the order of the chunks under every schedule. Every method blocks while the collector is too
+/// far behind, and fails when the collector has ended.
 pub struct Feed<'a, C, R, W> {
     pub(super) schedule: Schedule,
     pub(super) queue: Sender<QueuedChunk<C, R>>,
@@ -89,8 +90,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         self.sizer.map_or(self.schedule.policy.size(), |sizer| sizer.size())
     }
 
-    /// Takes a chunk that has reached its size. Returns it when all workers are busy and the schedule wants the
-    /// producer to [`Feed::compute`] its first task and continue filling the rest.
+    /// Takes a chunk that has reached its size. Returns it when all workers are busy and the schedule wants
+    /// the producer to [`Feed::compute`] its first task and continue filling the rest.
     pub fn offer(&mut self, chunk: C) -> Result<Option<C>> {
         if self.schedule.workers() == 0 {
             return self.compute(chunk).map(|()| None);
@@ -125,7 +126,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         }
     }
 
-    /// Takes a chunk that ends before it has reached its size. With a leg barrier it is computed by this thread.
+    /// Takes a chunk that ends before it has reached its size. With a leg barrier it is computed by this
+    /// thread.
     pub fn put(&mut self, chunk: C) -> Result<()> {
         match self.schedule.policy {
             _ if self.schedule.workers() == 0 || self.barrier.is_some() => self.compute(chunk)?,
@@ -139,8 +141,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         self.flush()
     }
 
-    /// Computes a chunk on this thread. The result of a single task is buffered until [`Feed::flush`] or until there
-    /// are [`MAX_BUFFERED_TASKS`] of them.
+    /// Computes a chunk on this thread. The result of a single task is buffered until [`Feed::flush`] or
+    /// until there are [`MAX_BUFFERED_TASKS`] of them.
     pub fn compute(&mut self, chunk: C) -> Result<()> {
         if chunk.tasks() > 1 {
             return self.compute_and_flush(chunk, self.schedule.workers() == 0);
@@ -163,8 +165,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         results.extend(rest);
     }
 
-    /// Passes buffered results to the collector. Callers of [`Feed::compute`] must do this before they wait for
-    /// something; all other methods do it themselves.
+    /// Passes buffered results to the collector. Callers of [`Feed::compute`] must do this before they wait
+    /// for something; all other methods do it themselves.
     pub fn flush(&mut self) -> Result<()> {
         if self.buffered.1 == 0 {
             return Ok(());
@@ -176,8 +178,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         self.enqueue(Pending::Ready(results))
     }
 
-    /// Computes a chunk and then enqueues its result: no other chunk comes in between, and a sleeping collector is
-    /// not woken only to wait for the result.
+    /// Computes a chunk and then enqueues its result: no other chunk comes in between, and a sleeping
+    /// collector is not woken only to wait for the result.
     fn compute_and_flush(&mut self, chunk: C, runs_side_jobs: bool) -> Result<()> {
         self.record.add_tasks(chunk.tasks());
         if runs_side_jobs {
@@ -257,8 +259,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         self.enqueue(Pending::InFlight(result))
     }
 
-    /// Runs side jobs of the collector. They can take longer than the queued chunks last, and no chunk is made
-    /// meanwhile, so one job per worker is left in the queue.
+    /// Runs side jobs of the collector. They can take longer than the queued chunks last, and no chunk is
+    /// made meanwhile, so one job per worker is left in the queue.
     fn run_side_jobs(&mut self) {
         self.record.timer.discard_lap();
         while self.jobs.queue_end().len() > self.schedule.workers()
@@ -285,8 +287,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         let _ = item.result.send(result);
     }
 
-    /// Passes results to the collector. While the collector is too far behind, this thread computes chunks from the
-    /// warehouse, all of which are older than the results, and runs the collector's side jobs.
+    /// Passes results to the collector. While the collector is too far behind, this thread computes chunks
+    /// from the warehouse, all of which are older than the results, and runs the collector's side jobs.
     fn enqueue(&mut self, mut pending: Pending<R>) -> Result<()> {
         let gone = || Error::Internal("the collector has ended early".to_owned());
         let (results, queue_end, jobs) = (self.results.clone(), self.queue_end.clone(), self.jobs);

@@ -10,10 +10,10 @@
 //!   (Feed)    └─ pending results (bounded, in order) ─► collector
 //! ```
 //!
-//! The queue of pending results keeps the order, without sequence numbers or a heap. Every queue is bounded, so that
-//! a slow reader of the results slows the producer down. A [`Policy`] decides how large chunks are, when they go to a
-//! worker and what the producer does while all workers are busy. Workers and collector are independent of it, and so
-//! are the results. The paper's barrier between legs is a switch.
+//! The queue of pending results keeps the order, without sequence numbers or a heap. Every queue is bounded,
+//! so that a slow reader of the results slows the producer down. A [`Policy`] decides how large chunks are,
+//! when they go to a worker and what the producer does while all workers are busy. Workers and collector are
+//! independent of it, and so are the results. The paper's barrier between legs is a switch.
 //!
 //! | file | contents |
 //! |---|---|

@@ -5,8 +5,8 @@
 pub enum Policy {
     /// One task at a time for every idle worker; the producer waits and never computes (§3.2).
     Single,
-    /// Chunks of `size` tasks for idle workers; while all are busy the producer computes single tasks of the next
-    /// chunk (§3.3).
+    /// Chunks of `size` tasks for idle workers; while all are busy the producer computes single tasks of the
+    /// next chunk (§3.3).
     Static {
         /// Tasks per chunk.
         size: u32,
@@ -18,8 +18,8 @@ pub enum Policy {
         /// Idle times below this, and changes up to this, are ignored: τ and ε, ns.
         significant_ns: u64,
     },
-    /// Chunks are stored in a bounded queue, the warehouse; while it is full the producer computes a complete chunk
-    /// (§3.5).
+    /// Chunks are stored in a bounded queue, the warehouse; while it is full the producer computes a complete
+    /// chunk (§3.5).
     Warehouse {
         /// Tasks per chunk.
         size: u32,
@@ -74,8 +74,8 @@ pub struct Schedule {
     pub threads: usize,
     /// How chunks are distributed.
     pub policy: Policy,
-    /// True if a leg begins only when the one before it is done, as in the paper. This costs time and does not change
-    /// the results.
+    /// True if a leg begins only when the one before it is done, as in the paper. This costs time and does
+    /// not change the results.
     pub leg_barrier: bool,
 }
 
@@ -94,10 +94,10 @@ impl Schedule {
         }
     }
 
-    /// Maximum number of pending results besides the one that the collector waits for: one for every chunk that is
-    /// queued or being computed, and as many finished ones. There is room for the single tasks that a producer
-    /// computes while a worker has a complete chunk, and, where chunks are small, for enough results that no thread
-    /// waits while the collector is briefly descheduled.
+    /// Maximum number of pending results besides the one that the collector waits for: one for every chunk
+    /// that is queued or being computed, and as many finished ones. There is room for the single tasks that a
+    /// producer computes while a worker has a complete chunk, and, where chunks are small, for enough results
+    /// that no thread waits while the collector is briefly descheduled.
     pub fn results_capacity(&self) -> usize {
         let size = self.policy.size();
         let singles = match self.policy {
@@ -111,10 +111,10 @@ impl Schedule {
     }
 }
 
-/// Maximum number of tasks in small chunks by which the producer is ahead of the collector, and of single tasks by
-/// which it is ahead of a worker with a chunk.
+/// Maximum number of tasks in small chunks by which the producer is ahead of the collector, and of single
+/// tasks by which it is ahead of a worker with a chunk.
 const MAX_TASKS_AHEAD: u32 = 4096;
 
-/// Single tasks that the producer computes before it passes their results to the collector, which may have to be
-/// woken.
+/// Single tasks that the producer computes before it passes their results to the collector, which may have to
+/// be woken.
 pub const MAX_BUFFERED_TASKS: usize = 64;

@@ -1,6 +1,6 @@
-//! Records of a schedule's activity: idle times, queue depths, chunk sizes. Every thread measures its own time and
-//! adds it to the log when it ends, so that recording costs two readings of the clock per chunk, and two of each
-//! thread's processor clock in total.
+//! Records of a schedule's activity: idle times, queue depths, chunk sizes. Every thread measures its own
+//! time and adds it to the log when it ends, so that recording costs two readings of the clock per chunk, and
+//! two of each thread's processor clock in total.
 
 use super::policy::Schedule;
 use super::sizing::ChunkSizer;
@@ -8,8 +8,8 @@ use serde::Serialize;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A history of bounded length: when it is full, every other entry is removed, and from then on only every second,
-/// fourth, … new entry is kept.
+/// A history of bounded length: when it is full, every other entry is removed, and from then on only every
+/// second, fourth, … new entry is kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series<T> {
     entries: Vec<T>,
@@ -73,8 +73,8 @@ pub struct ThreadLog {
     pub idle_s: f64,
     /// Time of side jobs (compressing, writing) for the collector, s.
     pub jobs_s: f64,
-    /// Processor time of the thread, s, which other programs do not lengthen; on systems without such a clock, the
-    /// wall time less the idle time.
+    /// Processor time of the thread, s, which other programs do not lengthen; on systems without such a
+    /// clock, the wall time less the idle time.
     pub cpu_s: f64,
     /// Time from start to end of the thread, s.
     pub wall_s: f64,
@@ -383,8 +383,8 @@ impl<'r> ProducerRecord<'r> {
         self.with(|log, _| log.refusals += 1);
     }
 
-    /// Records a chunk computed by the producer. With `is_alone`, no other thread computes, and the time of every
-    /// chunk is recorded.
+    /// Records a chunk computed by the producer. With `is_alone`, no other thread computes, and the time of
+    /// every chunk is recorded.
     pub fn add_chunk(&mut self, tasks: u32, is_alone: bool) {
         self.timer.add_chunk(tasks);
         if is_alone {

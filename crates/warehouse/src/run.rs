@@ -18,13 +18,13 @@ use vlscan_base::machine;
 pub trait Collect<R>: Send {
     /// Result of the run.
     type Summary: Send;
-    /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a live
-    /// stream can be flushed when there is none.
+    /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a
+    /// live stream can be flushed when there is none.
     fn take(&mut self, result: R, more_waiting: bool) -> Result<()>;
     /// Ends a run, all results of which have been taken.
     fn finish(self) -> Result<Self::Summary>;
-    /// Ends a run that the user has stopped; no further results follow. The summary is dropped if the producer has
-    /// failed.
+    /// Ends a run that the user has stopped; no further results follow. The summary is dropped if the
+    /// producer has failed.
     fn cut(self) -> Result<Self::Summary>
     where
         Self: Sized,
@@ -36,12 +36,13 @@ pub trait Collect<R>: Send {
     fn abort(self);
 }
 
-/// Runs `produce` on this thread, the workers and the collector on others, until everything is done or one of them
-/// fails.
+/// Runs `produce` on this thread, the workers and the collector on others, until everything is done or one of
+/// them fails.
 ///
-/// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent of the
-/// schedule. On any failure `stop` reads as requested until the next run, which `produce` should check between chunks. The first error in the order
-/// of the results is returned. A `recorder` records the activity of all threads.
+/// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent
+/// of the schedule. On any failure `stop` reads as requested until the next run, which `produce` should check
+/// between chunks. The first error in the order of the results is returned. A `recorder` records the activity
+/// of all threads.
 pub fn run<C, R, W, K>(
     schedule: Schedule,
     jobs: &Arc<JobQueue>,
@@ -118,7 +119,8 @@ where
             record: ProducerRecord::new(recorder),
             work: make_worker(),
         };
-        // The producer computes chunks, too. If that panics, the collector must not take what it has for everything.
+        // The producer computes chunks, too. If that panics, the collector must not take what it has for
+        // everything.
         let produced = catch_unwind(AssertUnwindSafe(|| {
             let produced = produce(&mut feed);
             // Results before a failure or a stop are part of the output, too.
@@ -141,8 +143,8 @@ where
         if let Some(recorder) = recorder {
             recorder.end_run(&schedule);
         }
-        // When the collector fails, the producer fails too because it cannot pass results on: the collector's error
-        // is the cause.
+        // When the collector fails, the producer fails too because it cannot pass results on: the collector's
+        // error is the cause.
         match (collected, produced) {
             // The collector only followed the producer's stop.
             (Err(Error::Interrupted), Err(reason)) => Err(reason),
@@ -205,8 +207,8 @@ impl<C: Tasks, R> WorkerContext<'_, C, R> {
             select! {
                 recv(self.jobs.queue_end()) -> job => match job {
                     Ok(job) => run_job(&mut timer, job),
-                    // The collector has ended: it closes the job queue last. The results are lost, but a producer
-                    // that has not noticed yet may wait for the chunks that it sent.
+                    // The collector has ended: it closes the job queue last. The results are lost, but a
+                    // producer that has not noticed yet may wait for the chunks that it sent.
                     Err(_) => {
                         self.queue_end.iter().for_each(|_| self.announce_idle());
                         break;

@@ -22,9 +22,9 @@ enum Direction {
     Down,
 }
 
-/// Adapts the size of chunks so that the idle times of the workers become shorter: as long as they do not grow, each
-/// step is larger than the last in the same direction; when they grow, the direction is reversed and steps are small
-/// again.
+/// Adapts the size of chunks so that the idle times of the workers become shorter: as long as they do not
+/// grow, each step is larger than the last in the same direction; when they grow, the direction is reversed
+/// and steps are small again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChunkSizer {
     size: u32,
@@ -35,8 +35,8 @@ pub struct ChunkSizer {
 }
 
 impl ChunkSizer {
-    /// Begins with chunks of `size` tasks. Idle times below `significant_ns`, and changes up to that, are ignored (τ
-    /// and ε).
+    /// Begins with chunks of `size` tasks. Idle times below `significant_ns`, and changes up to that, are
+    /// ignored (τ and ε).
     pub fn new(size: u32, significant_ns: u64) -> ChunkSizer {
         ChunkSizer {
             size: size.clamp(1, MAX_SIZE),
@@ -66,8 +66,8 @@ impl ChunkSizer {
         }
     }
 
-    /// Chooses the next size after a chunk was handed over. `idle_ns` is the time from the first idle worker to
-    /// renewed saturation, if measured since the last hand-over. Returns whether it was significant.
+    /// Chooses the next size after a chunk was handed over. `idle_ns` is the time from the first idle worker
+    /// to renewed saturation, if measured since the last hand-over. Returns whether it was significant.
     pub fn resize(&mut self, idle_ns: Option<u64>) -> bool {
         let Some(idle) = idle_ns else { return false };
         let significant = idle >= self.significant_ns;

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-/// Maximum spinning time: several times the wake-up time of a thread on a sleeping core of a virtual machine, so that
-/// of two threads that wait for each other neither falls asleep while the other wakes up.
+/// Maximum spinning time: several times the wake-up time of a thread on a sleeping core of a virtual machine,
+/// so that of two threads that wait for each other neither falls asleep while the other wakes up.
 const MAX_SPIN: Duration = Duration::from_micros(100);
 
 /// Polls `is_ready` until it holds, for at most [`MAX_SPIN`]. Other threads that want the core run first.

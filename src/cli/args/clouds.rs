@@ -9,7 +9,8 @@ use vlscan_tools::raster::{RasterFiles, RasterOptions};
 /// `vlscan info`.
 #[derive(Debug, Args)]
 pub struct CloudInfoArgs {
-    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin. Several are described as one.
+    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin. Several are
+    /// described as one.
     #[arg(required = true, value_name = "CLOUD")]
     pub clouds: Vec<PathBuf>,
     /// As JSON.
@@ -20,7 +21,8 @@ pub struct CloudInfoArgs {
 /// `vlscan raster`.
 #[derive(Debug, Args)]
 pub struct RasterArgs {
-    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin. Several are rasterised as one.
+    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin. Several are
+    /// rasterised as one.
     #[arg(required = true, value_name = "CLOUD")]
     pub clouds: Vec<PathBuf>,
     /// The rasters.

@@ -7,7 +7,8 @@ use vlscan_tools::compare::CompareOptions;
 /// `vlscan compare`.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// The first cloud, usually the measured one: LAS, LAZ, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin.
+    /// The first cloud, usually the measured one: LAS, LAZ, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for
+    /// stdin.
     pub first: PathBuf,
     /// The second cloud, usually the simulated one.
     pub second: PathBuf,
@@ -17,10 +18,12 @@ pub struct CompareArgs {
     /// Also write a page with tables, charts and pictures.
     #[arg(long, value_name = "FILE.html")]
     pub page: Option<PathBuf>,
-    /// Also write the change from the first to the second cloud as GeoTIFF: the difference of the ground in each cell, m.
+    /// Also write the change from the first to the second cloud as GeoTIFF: the difference of the ground in
+    /// each cell, m.
     #[arg(long, value_name = "FILE.tif")]
     pub change: Option<PathBuf>,
-    /// Also write the points that are new (class 64) or gone (class 65) in the second cloud, for example as LAZ.
+    /// Also write the points that are new (class 64) or gone (class 65) in the second cloud, for example as
+    /// LAZ.
     #[arg(long, value_name = "FILE")]
     pub changed: Option<PathBuf>,
     /// How the clouds are compared.

@@ -6,15 +6,16 @@ use std::path::PathBuf;
 /// `vlscan fit`.
 #[derive(Debug, Args)]
 pub struct FitArgs {
-    /// The recorded cloud: LAS or LAZ, or another format with GPS times and scan angles; - for stdin. With --calibration the
-    /// recording of one revolution: Parquet with the columns beam, column, range_mm, reflectivity and, if there is one,
-    /// signal.
+    /// The recorded cloud: LAS or LAZ, or another format with GPS times and scan angles; - for stdin. With
+    /// --calibration the recording of one revolution: Parquet with the columns beam, column, range_mm,
+    /// reflectivity and, if there is one, signal.
     pub cloud: PathBuf,
     /// The pipeline file to write; the trajectory gets its name with .trajectory.csv, the mirror's wander
     /// with .wander.txt, pulse times with .pulses.txt.
     #[arg(short, long = "output", value_name = "FILE.toml")]
     pub out: PathBuf,
-    /// Fit noise and detection of the spinning sensor with this calibration file (Ouster, JSON) instead of a flight.
+    /// Fit noise and detection of the spinning sensor with this calibration file (Ouster, JSON) instead of a
+    /// flight.
     #[arg(long, value_name = "SENSOR.json")]
     pub calibration: Option<PathBuf>,
     /// Columns of a revolution that are fitted; the others test the fit.
@@ -26,8 +27,8 @@ pub struct FitArgs {
     /// Fit the flight line of this point source; the one with the most points if it is not given.
     #[arg(long, value_name = "N", conflicts_with = "calibration")]
     pub flight_line: Option<u16>,
-    /// Write a flight that goes on for so long after the recording: straight, with the last attitude, and with the pulses that
-    /// follow from the patterns that were found.
+    /// Write a flight that goes on for so long after the recording: straight, with the last attitude, and
+    /// with the pulses that follow from the patterns that were found.
     #[arg(
         long,
         value_name = "SECONDS",

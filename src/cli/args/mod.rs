@@ -46,8 +46,8 @@ use clap::{ArgAction, Parser, Subcommand};
 
 /// Virtual laser scanning for Unix pipes.
 ///
-/// Flies a LiDAR instrument over a virtual scene and writes the point cloud that it would have measured. Points go to files
-/// or stdout, messages and progress to stderr.
+/// Flies a LiDAR instrument over a virtual scene and writes the point cloud that it would have measured.
+/// Points go to files or stdout, messages and progress to stderr.
 #[derive(Debug, Parser)]
 #[command(name = "vlscan", version, propagate_version = true, max_term_width = 110)]
 pub struct Cli {
@@ -110,52 +110,56 @@ pub enum Command {
     Plan(PlanArgs),
     /// Index where the shards of a run begin, once for all shards.
     ///
-    /// The command line is that of vlscan run --shard without --shard. It writes the file flight.vlindex to the folder -o, for any number
-    /// of shards. Without it the first shard that is computed writes that file.
+    /// The command line is that of vlscan run --shard without --shard. It writes the file flight.vlindex to
+    /// the folder -o, for any number of shards. Without it the first shard that is computed writes that file.
     #[command(alias = "plan-parts")]
     IndexShards(Box<IndexShardsArgs>),
     /// Merge the shards of a run into its outputs.
     ///
-    /// The outputs are byte for byte those of one vlscan run with the same output options: every format, one file per leg, HELIOS++'s
-    /// layout, trajectories, and waveforms and pulses if the shards contain them. Neither survey nor scene is needed. Shards of another
-    /// version, survey, scene, seed or options are rejected, and missing ones are listed in the form that array jobs take.
+    /// The outputs are byte for byte those of one vlscan run with the same output options: every format, one
+    /// file per leg, HELIOS++'s layout, trajectories, and waveforms and pulses if the shards contain them.
+    /// Neither survey nor scene is needed. Shards of another version, survey, scene, seed or options are
+    /// rejected, and missing ones are listed in the form that array jobs take.
     Merge(Box<MergeArgs>),
     /// Make a data set: one run for every scene, variant and seed of a matrix.
     ///
-    /// Any number of processes can work on the same file, on one machine or on many that share the folder; each takes cells that no other
-    /// has taken. Complete cells are kept: run the same command again to continue. A cell that fails is recorded with its message and does
-    /// not stop the others. The bytes of the data set do not depend on where its cells were computed.
+    /// Any number of processes can work on the same file, on one machine or on many that share the folder;
+    /// each takes cells that no other has taken. Complete cells are kept: run the same command again to
+    /// continue. A cell that fails is recorded with its message and does not stop the others. The bytes of
+    /// the data set do not depend on where its cells were computed.
     Campaign(CampaignArgs),
     /// Measure how fast a survey runs on this machine, comparing threads, schedules, chunk sizes and trees.
     Bench(Box<BenchArgs>),
     /// Fly a survey or pipeline and write the platform's poses to stdout.
     ///
     /// One line per pose after a header: time[s] of the GPS week, x[m],y[m],z[m] of the platform in world
-    /// coordinates, roll[deg],pitch[deg],yaw[deg] as in aeronautics (yaw clockwise from +y, right wing down and nose
-    /// up positive, roll innermost), as --trajectory reads them. Legs whose scanner is switched off have no poses.
+    /// coordinates, roll[deg],pitch[deg],yaw[deg] as in aeronautics (yaw clockwise from +y, right wing down
+    /// and nose up positive, roll innermost), as --trajectory reads them. Legs whose scanner is switched off
+    /// have no poses.
     ///
     /// With --format arrow an Arrow IPC stream with columns of the same names, which --trajectory also reads.
     Trajectory(Box<TrajectoryArgs>),
     /// Fly a survey or pipeline and write its pulses to stdout instead of tracing them.
     ///
-    /// One line per pulse after a header that names the columns and their units: time, origin and direction in world
-    /// coordinates, leg, device, number of the pulse, and what `vlscan trace` needs to get the same echoes bit for
-    /// bit: the beam's quaternion, the scan angle, the last bits of the coordinates. With --format arrow an Arrow IPC stream with the same
-    /// columns, which is smaller and faster. The scene is loaded as well, for its coordinate frame and for legs on the ground.
+    /// One line per pulse after a header that names the columns and their units: time, origin and direction
+    /// in world coordinates, leg, device, number of the pulse, and what `vlscan trace` needs to get the same
+    /// echoes bit for bit: the beam's quaternion, the scan angle, the last bits of the coordinates. With
+    /// --format arrow an Arrow IPC stream with the same columns, which is smaller and faster. The scene is
+    /// loaded as well, for its coordinate frame and for legs on the ground.
     Pulses(Box<PulsesArgs>),
     /// Read pulses, trace them through a scene and write the echoes.
     ///
-    /// The pulses come from `vlscan pulses` or any other program: comma-separated or
-    /// blank-separated values with a header of names, of which x, y, z and dx, dy, dz are needed; without a header the
-    /// columns are time, x, y, z, dx, dy, dz. Units follow the names, as in time[ns] or scan_angle[deg];
-    /// without one they are s, m and rad. An uncompressed Arrow IPC stream or file with columns of these names, whole
-    /// or floating-point, is recognised by its first bytes; units are in the names or in the columns' metadata (key
-    /// unit).
+    /// The pulses come from `vlscan pulses` or any other program: comma-separated or blank-separated values
+    /// with a header of names, of which x, y, z and dx, dy, dz are needed; without a header the columns are
+    /// time, x, y, z, dx, dy, dz. Units follow the names, as in time[ns] or scan_angle[deg]; without one they
+    /// are s, m and rad. An uncompressed Arrow IPC stream or file with columns of these names, whole or
+    /// floating-point, is recognised by its first bytes; units are in the names or in the columns' metadata
+    /// (key unit).
     ///
-    /// With a survey as --scanner the echoes are those of `vlscan run`, bit for bit; seed, legs and strips come from
-    /// it. With a scanner alone they are as well if --seed and the options of the physics match the run: then --physics defaults to
-    /// refined, whereas runs of XML surveys default to helios. Give --physics and --correct to `vlscan pulses`, too: they change its
-    /// kinematics.
+    /// With a survey as --scanner the echoes are those of `vlscan run`, bit for bit; seed, legs and strips
+    /// come from it. With a scanner alone they are as well if --seed and the options of the physics match the
+    /// run: then --physics defaults to refined, whereas runs of XML surveys default to helios. Give --physics
+    /// and --correct to `vlscan pulses`, too: they change its kinematics.
     Trace(Box<TraceArgs>),
     /// Make scenes, place trees by an inventory, show what a scene contains, pack it.
     Scene(SceneArgs),
@@ -165,37 +169,42 @@ pub enum Command {
     Unzip(UnzipArgs),
     /// Draw a point cloud: a picture from above and from the side, or an interactive page.
     Preview(PreviewArgs),
-    /// Estimate a flight and its scanner from a recorded point cloud, or a spinning sensor from one revolution, and write a pipeline file.
+    /// Estimate a flight and its scanner from a recorded point cloud, or a spinning sensor from one
+    /// revolution, and write a pipeline file.
     ///
-    /// The cloud needs GPS times and scan angles, as LAS and LAZ have them, and all pulses of a flight line. Cones (Palmer
-    /// scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline file are written the trajectory, the
-    /// wander of a cone's mirror and, if the pulse rate is not constant, the times of the pulses; stdout gets a table of what was
-    /// estimated, with standard deviations.
+    /// The cloud needs GPS times and scan angles, as LAS and LAZ have them, and all pulses of a flight line.
+    /// Cones (Palmer scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline
+    /// file are written the trajectory, the wander of a cone's mirror and, if the pulse rate is not constant,
+    /// the times of the pulses; stdout gets a table of what was estimated, with standard deviations.
     Fit(FitArgs),
     /// Compare two point clouds of one place: measured and simulated, or two runs.
     ///
-    /// Within the box that both cover: density, height percentiles, canopy height and intensity histograms, returns, distances
-    /// from cloud to cloud, occupied voxels. Heights are above the lowest point of both clouds within squares of 5 m.
+    /// Within the box that both cover: density, height percentiles, canopy height and intensity histograms,
+    /// returns, distances from cloud to cloud, occupied voxels. Heights are above the lowest point of both
+    /// clouds within squares of 5 m.
     Compare(CompareArgs),
-    /// Describe a point cloud: count, density, extent, coordinate system, classes, returns, times, flight lines.
+    /// Describe a point cloud: count, density, extent, coordinate system, classes, returns, times, flight
+    /// lines.
     ///
-    /// Densities are over the area of square cells with points, the smallest that have ten points on average. The time kind, version and
-    /// point format are those of the headers of LAS.
+    /// Densities are over the area of square cells with points, the smallest that have ten points on average.
+    /// The time kind, version and point format are those of the headers of LAS.
     Info(CloudInfoArgs),
     /// Rasterise a point cloud: terrain, surface, canopy height, densities as GeoTIFF.
     ///
-    /// Cells without a value are NaN, which is also stated as the value for no data. Points of the noise classes 7 and 18 and pulses without
-    /// a return are left out.
+    /// Cells without a value are NaN, which is also stated as the value for no data. Points of the noise
+    /// classes 7 and 18 and pulses without a return are left out.
     Raster(RasterArgs),
     /// Write the frames of an MCAP file in the layout of a data set: KITTI or nuScenes.
     ///
-    /// A frame is a revolution of a spinning scanner, or as vlscan run --frame-s says. Its points are moved to where the scanner was at its first
-    /// point, by the poses on /tf; its pose takes them to the coordinates of the scene.
+    /// A frame is a revolution of a spinning scanner, or as vlscan run --frame-s says. Its points are moved
+    /// to where the scanner was at its first point, by the poses on /tf; its pose takes them to the
+    /// coordinates of the scene.
     Frames(FramesArgs),
     /// Offer runs, plans, comparisons and pictures as a service, with pages for a browser.
     ///
-    /// The service is a program of its own, vlscan-serve, which this command starts: it is looked for beside vlscan and then in the
-    /// folders of PATH. Without options it listens on the loopback address only. docs/service.md describes pages, interface and limits.
+    /// The service is a program of its own, vlscan-serve, which this command starts: it is looked for beside
+    /// vlscan and then in the folders of PATH. Without options it listens on the loopback address only.
+    /// docs/service.md describes pages, interface and limits.
     #[command(disable_help_flag = true)]
     Serve(ServeArgs),
     /// Write shell completions for this command line to stdout.

@@ -24,19 +24,21 @@ pub enum SceneCommand {
     Make(MakeArgs),
     /// Place tree models on terrain by an inventory.
     ///
-    /// The inventory is a table with a heading: x, y and height are required; crown (diameter), dbh, species, id and z are optional. Each
-    /// tree gets one of the three models of its species that are closest in height and in the ratio of crown to height, drawn at random,
-    /// scaled to the tree's height, rotated, and placed on the terrain, which is ground. The output folder contains stand.xml, the table of
-    /// instances, and labels.csv: number of the part in the points, id, species, model, position, height, crown, dbh.
+    /// The inventory is a table with a heading: x, y and height are required; crown (diameter), dbh, species,
+    /// id and z are optional. Each tree gets one of the three models of its species that are closest in
+    /// height and in the ratio of crown to height, drawn at random, scaled to the tree's height, rotated, and
+    /// placed on the terrain, which is ground. The output folder contains stand.xml, the table of instances,
+    /// and labels.csv: number of the part in the points, id, species, model, position, height, crown, dbh.
     ///
     /// With --epochs stand.xml contains a scene for each epoch: stand_0, stand_1 and so on.
     Stand(StandArgs),
     /// Reconstruct a scene from a classified point cloud: terrain, roofs, foliage as voxels.
     ///
-    /// Points of class 2 (ground), 9 (water), 8, 10 and 11 become the terrain, 6 and 17 roofs with walls; 7 and 18 are noise; all
-    /// others become voxels of leaf area density, of the class of their points. The position of the instrument is estimated from pulses
-    /// with several returns, or from scan angles. The output folder contains scene.xml with its files, scene.toml with scene and
-    /// instrument, the trajectory, and report.json with all estimates.
+    /// Points of class 2 (ground), 9 (water), 8, 10 and 11 become the terrain, 6 and 17 roofs with walls; 7
+    /// and 18 are noise; all others become voxels of leaf area density, of the class of their points. The
+    /// position of the instrument is estimated from pulses with several returns, or from scan angles. The
+    /// output folder contains scene.xml with its files, scene.toml with scene and instrument, the trajectory,
+    /// and report.json with all estimates.
     Reconstruct(ReconstructArgs),
     /// Describe a scene: parts, primitives, bounds, materials, memory, faults.
     Info(InfoArgs),
@@ -71,7 +73,8 @@ pub struct ReconstructArgs {
 /// `vlscan scene pack`.
 #[derive(Debug, Args)]
 pub struct PackArgs {
-    /// A scene (file.xml#id), a geometry file, or a survey (.xml) or pipeline (.toml), whose scanner's wavelength is used.
+    /// A scene (file.xml#id), a geometry file, or a survey (.xml) or pipeline (.toml), whose scanner's
+    /// wavelength is used.
     pub scene: String,
     /// The packed scene. [default: the scene's file with the extension .vlscene]
     #[arg(short = 'o', long, value_name = "PATH")]
@@ -85,8 +88,8 @@ pub struct PackArgs {
     /// Seed of random materials and voxel places. [default: the survey's, else 0]
     #[arg(long, value_name = "SEED")]
     pub seed: Option<Seed>,
-    /// The physics it will be scanned with; determines how materials are read. [default: that of the survey or pipeline,
-    /// refined for a scene by itself]
+    /// The physics it will be scanned with; determines how materials are read. [default: that of the survey
+    /// or pipeline, refined for a scene by itself]
     #[arg(long, value_name = "PROFILE")]
     pub physics: Option<PhysicsProfile>,
     /// The tree to pack. [default: bvh]
@@ -95,8 +98,8 @@ pub struct PackArgs {
     /// Whether parts of the same mesh file share its triangles; does not change the points. [default: auto]
     #[arg(long, value_name = "WHEN")]
     pub instances: Option<Sharing>,
-    /// Divide the scene into tiles, which runs with this option load when rays come near, and pack it with no more memory
-    /// than this for them, e.g. 2G. [default: the scene is packed whole]
+    /// Divide the scene into tiles, which runs with this option load when rays come near, and pack it with no
+    /// more memory than this for them, e.g. 2G. [default: the scene is packed whole]
     #[arg(long, value_name = "SIZE")]
     pub scene_memory: Option<Bytes>,
     /// Replace an existing file.
@@ -107,9 +110,8 @@ pub struct PackArgs {
 /// `vlscan scene info`.
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif, .vrt, a folder of
-    /// tiles), voxels (.vox), a table of
-    /// instances (.csv), or a packed scene (.vlscene).
+    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif, .vrt, a
+    /// folder of tiles), voxels (.vox), a table of instances (.csv), or a packed scene (.vlscene).
     pub scene: String,
     /// Packed scenes: check all epochs and all indices. Checksums are always compared.
     #[arg(long)]
@@ -125,11 +127,11 @@ pub struct InfoArgs {
 /// `vlscan scene map`.
 #[derive(Debug, Args)]
 pub struct MapArgs {
-    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif, .vrt, a folder of
-    /// tiles), voxels (.vox), a table of
-    /// instances (.csv), or a packed scene (.vlscene).
+    /// A scene (file.xml#id), a survey (.xml), a pipeline (.toml), a mesh (.obj), raster (.tif, .vrt, a
+    /// folder of tiles), voxels (.vox), a table of instances (.csv), or a packed scene (.vlscene).
     pub scene: String,
-    /// The picture (.png), coloured by height, north at the top; its world file, which GIS read, is beside it (.pgw).
+    /// The picture (.png), coloured by height, north at the top; its world file, which GIS read, is beside it
+    /// (.pgw).
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: PathBuf,
     /// Pixels along the longer side, 64 to 16384.

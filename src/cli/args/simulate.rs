@@ -64,11 +64,11 @@ pub struct RunArgs {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Dry run")]
 pub struct DryRunArgs {
-    /// Write no points; forecast the run: legs, duration, pulses, points, density, footprint, spacing, sizes of the outputs, memory and
-    /// time on this machine, and what the scan would miss.
+    /// Write no points; forecast the run: legs, duration, pulses, points, density, footprint, spacing, sizes
+    /// of the outputs, memory and time on this machine, and what the scan would miss.
     ///
-    /// Legs and pulses are counted or, of long flights, computed. The rest comes from a sample that is measured and written to
-    /// a temporary folder, with twice its standard error as uncertainty.
+    /// Legs and pulses are counted or, of long flights, computed. The rest comes from a sample that is
+    /// measured and written to a temporary folder, with twice its standard error as uncertainty.
     #[arg(long, alias = "dryrun", conflicts_with_all = ["shard", "resume"])]
     pub dry_run: bool,
     /// Print the forecast as JSON.
@@ -80,16 +80,17 @@ pub struct DryRunArgs {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Shards")]
 pub struct ShardArgs {
-    /// Compute shard K of N, with K from 0 to N-1, and write it into the folder -o instead of points; vlscan merge turns all
-    /// shards into the outputs of one run. --waveforms, --pulses, --misses, --subrays and --columns determine what shards contain in
-    /// addition to echoes and poses. With --resume a complete shard is kept.
+    /// Compute shard K of N, with K from 0 to N-1, and write it into the folder -o instead of points; vlscan
+    /// merge turns all shards into the outputs of one run. --waveforms, --pulses, --misses, --subrays and
+    /// --columns determine what shards contain in addition to echoes and poses. With --resume a complete
+    /// shard is kept.
     #[arg(long, alias = "part", value_name = "K/N")]
     pub shard: Option<OneOf>,
     /// Without effect: any output can be made of a shard.
     #[arg(long, hide = true, value_name = "KIND", value_parser = ["echoes", "las"], requires = "shard")]
     pub part_points: Option<String>,
-    /// Continue where the same command was interrupted, even by kill -9 or a power cut: shards of this many pulses are kept in OUT.shards
-    /// until the outputs are complete. [default: 1M pulses]
+    /// Continue where the same command was interrupted, even by kill -9 or a power cut: shards of this many
+    /// pulses are kept in OUT.shards until the outputs are complete. [default: 1M pulses]
     #[arg(long, value_name = "PULSES", num_args = 0..=1, require_equals = true, default_missing_value = "1M")]
     pub resume: Option<Count<1>>,
 }
@@ -112,18 +113,19 @@ pub struct MergeArgs {
     /// Points and what is written beside them.
     #[command(flatten)]
     pub output: OutputOptions,
-    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads
-    /// it).
+    /// Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as
+    /// --trajectory reads it).
     #[arg(long, value_name = "PATH", help_heading = "Output")]
     pub trajectory_out: Option<PathBuf>,
-    /// Write the outputs that this pipeline file or survey names, as vlscan run would; options take precedence over the file.
+    /// Write the outputs that this pipeline file or survey names, as vlscan run would; options take
+    /// precedence over the file.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub pipeline: Option<PathBuf>,
     /// Verify the checksums of all shards, and write nothing.
     #[arg(long, conflicts_with_all = ["out", "output", "trajectory_out", "pipeline"])]
     pub check: bool,
-    /// Write only segment K of M of the points, to OUT.segments/, so that many processes can share the merge of one LAS or LAZ file. K
-    /// counts from 0.
+    /// Write only segment K of M of the points, to OUT.segments/, so that many processes can share the merge
+    /// of one LAS or LAZ file. K counts from 0.
     #[arg(long, alias = "part", value_name = "K/M", conflicts_with = "check")]
     pub segment: Option<OneOf>,
     /// Join the segments that --segment has written; other options must be the same.
@@ -192,8 +194,8 @@ pub struct TraceArgs {
     /// The pulses; - for stdin.
     #[arg(value_name = "PULSES", default_value = "-")]
     pub stream: PathBuf,
-    /// The receiver: the id of a built-in scanner (see vlscan catalogue), file.xml#id, or a survey (.xml) or pipeline (.toml) with all its
-    /// settings.
+    /// The receiver: the id of a built-in scanner (see vlscan catalogue), file.xml#id, or a survey (.xml) or
+    /// pipeline (.toml) with all its settings.
     #[arg(long, value_name = "SCANNER")]
     pub scanner: String,
     /// Changes of the instrument.
@@ -258,7 +260,8 @@ pub struct InstrumentArgs {
     /// Length of the outgoing pulse in ns.
     #[arg(long, value_name = "NS")]
     pub pulse_length: Option<NotNegative>,
-    /// Pulses per second; needed by moving scenes whose time steps are in seconds. [default: the scanner's first]
+    /// Pulses per second; needed by moving scenes whose time steps are in seconds. [default: the scanner's
+    /// first]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..))]
     pub pulse_rate: Option<u32>,
     /// Concentric rings of subrays per pulse (beamSampleQuality).

@@ -101,18 +101,20 @@ pub struct UnzipArgs {
 /// `vlscan preview`.
 #[derive(Debug, Args)]
 pub struct PreviewArgs {
-    /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: text, LAS, LAZ, PLY, PCD, E57, PTS,
-    /// Arrow, Parquet, - for stdin; with --pulse waveforms (*_fullwave.txt, also .gz or .bin) or LAS and LAZ with waveform packets.
+    /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: text,
+    /// LAS, LAZ, PLY, PCD, E57, PTS, Arrow, Parquet, - for stdin; with --pulse waveforms (*_fullwave.txt,
+    /// also .gz or .bin) or LAS and LAZ with waveform packets.
     pub points: PathBuf,
-    /// A picture (.png), an interactive page for a browser (.html), or all points as COPC for viewers that read ranges (.copc.laz); - writes
-    /// the picture to stdout.
+    /// A picture (.png), an interactive page for a browser (.html), or all points as COPC for viewers that
+    /// read ranges (.copc.laz); - writes the picture to stdout.
     #[arg(short = 'o', long, value_name = "PATH")]
     pub out: PathBuf,
-    /// Plot the waveform of this pulse, its echoes marked with their fitted widths; the number is the eighth column of
-    /// point files.
+    /// Plot the waveform of this pulse, its echoes marked with their fitted widths; the number is the eighth
+    /// column of point files.
     #[arg(long, value_name = "N")]
     pub pulse: Option<u64>,
-    /// What the colour shows. [default: height; for a survey the leg that covers the point, grey where none does]
+    /// What the colour shows. [default: height; for a survey the leg that covers the point, grey where none
+    /// does]
     #[arg(long, value_enum)]
     pub colour: Option<ColourBy>,
     /// Dark on white, for print, instead of light on black.

@@ -16,7 +16,8 @@ use vlscan_lidar::pulse::Echo;
 use vlscan_scene::MotionState;
 use vlscan_warehouse::Tasks;
 
-/// Work after which no further stratum is begun, as a number of rays. Not a time, so that samples are always the same.
+/// Work after which no further stratum is begun, as a number of rays. Not a time, so that samples are always
+/// the same.
 const MAX_RAYS: u64 = 3_000_000;
 /// What a stratum costs in scenes whose tiles are loaded for it, as a number of rays.
 const RAYS_PER_TILED_STRATUM: u64 = MAX_RAYS / 16;
@@ -82,7 +83,8 @@ impl Tasks for SampleChunk {
     }
 }
 
-/// Measures strata in an order in which those so far are always evenly spread, until all are done or [`MAX_RAYS`] are traced.
+/// Measures strata in an order in which those so far are always evenly spread, until all are done or
+/// [`MAX_RAYS`] are traced.
 pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Result<(Ended, Sample)> {
     let started = Instant::now();
     let begun = Mutex::new(None);
@@ -140,7 +142,8 @@ pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Res
     Ok((ended, Sample { strata: joined(parts), seconds }))
 }
 
-/// The strata of parts in the order of the flight, one for each leg, in sums that do not depend on the threads.
+/// The strata of parts in the order of the flight, one for each leg, in sums that do not depend on the
+/// threads.
 fn joined(parts: impl Iterator<Item = (usize, Stratum)>) -> Vec<Stratum> {
     let mut strata: Vec<(usize, Stratum)> = Vec::new();
     for (number, part) in parts {

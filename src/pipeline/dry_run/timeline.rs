@@ -1,8 +1,8 @@
-//! What a flight consists of: duration and pulses of its legs, and states at equal distances along it, from which a sample
-//! is measured.
+//! What a flight consists of: duration and pulses of its legs, and states at equal distances along it, from
+//! which a sample is measured.
 //!
-//! A short flight is stepped to its end. Of a long one the durations come from the same flight with a coarse clock, and the
-//! states from jumps ([`FlightState::jump`]); of a stream both come from its poses.
+//! A short flight is stepped to its end. Of a long one the durations come from the same flight with a coarse
+//! clock, and the states from jumps ([`FlightState::jump`]); of a stream both come from its poses.
 
 use super::super::chunk::wait_for_poses;
 use std::time::Duration;
@@ -177,10 +177,12 @@ fn read_track(poses: &mut PoseReader, max_poses: usize, stop: &Stop) -> Result<V
     }
 }
 
-/// Reads a stream to its end and estimates the flight along its poses, `max_gap` s apart at most where it is flown.
+/// Reads a stream to its end and estimates the flight along its poses, `max_gap` s apart at most where it is
+/// flown.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::Input`] for more than [`MAX_POSES`] poses, and those of stream and flight.
+/// [`Error::Interrupted`], [`Error::Input`] for more than [`MAX_POSES`] poses, and those of stream and
+/// flight.
 pub fn follow(flight: &FlightPlan, poses: &mut PoseReader, max_gap: f64, stop: &Stop) -> Result<Timeline> {
     let mut all = Timeline::of_legs(flight);
     let track = read_track(poses, MAX_POSES, stop)?;

@@ -35,7 +35,8 @@ fn a_producer_of_single_tasks_does_not_compute() {
     assert_eq!(seconds(&load(&[1.0; 5], &[5]), 3, Policy::Single, false), 3.0);
 }
 
-/// The worker computes 0 and 1 until 2 s; the producer computes 2 and 3; the worker computes 4 and 5 until 4 s.
+/// The worker computes 0 and 1 until 2 s; the producer computes 2 and 3; the worker computes 4 and 5 until 4
+/// s.
 #[test]
 fn a_refused_static_chunk_loses_a_task_to_the_producer() {
     let load = load(&[1.0; 6], &[6]);
@@ -58,10 +59,11 @@ fn a_full_warehouse_lets_the_producer_work() {
 fn a_barrier_costs_the_wait_for_the_slowest() {
     let load = load(&[4.0, 1.0, 1.0, 4.0], &[2, 4]);
     let policy = Policy::Warehouse { size: 1, factor: 1 };
-    // The worker computes 0; 1 is queued and taken back by the producer; then the worker computes 2, the producer 3.
+    // The worker computes 0; 1 is queued and taken back by the producer; then the worker computes 2, the
+    // producer 3.
     assert_eq!(seconds(&load, 2, policy, true), 8.0);
-    // The worker computes 0 until 4 s; 1 is queued; the producer computes 2 and 3 until 5 s, when the worker is done
-    // with 1.
+    // The worker computes 0 until 4 s; 1 is queued; the producer computes 2 and 3 until 5 s, when the worker
+    // is done with 1.
     assert_eq!(seconds(&load, 2, policy, false), 5.0);
 }
 
@@ -74,9 +76,9 @@ fn making_handing_over_and_waking_cost_time() {
     let load = Workload { making, overheads, ..load(&[1.0; 2], &[2]) };
     // One thread makes and computes both and announces them together.
     assert_eq!(seconds(&load, 1, Policy::Single, false), 3.25);
-    // First task: made and sent at 0.5 s, announced at 0.6875 s, worker awake at 0.75 s, done at 2.25 s. Second task:
-    // made at 1.1875 s, a worker idle at 2.25 s, the producer awake at 2.5 s, the worker awake at 2.75 s, done at
-    // 4.25 s.
+    // First task: made and sent at 0.5 s, announced at 0.6875 s, worker awake at 0.75 s, done at 2.25 s.
+    // Second task: made at 1.1875 s, a worker idle at 2.25 s, the producer awake at 2.5 s, the worker awake
+    // at 2.75 s, done at 4.25 s.
     assert_eq!(seconds(&load, 2, Policy::Single, false), 4.25);
 }
 
@@ -98,21 +100,21 @@ fn dynamic_chunks_grow_when_a_worker_was_idle() {
     assert!(replayed.seconds < 2.0, "{} s", replayed.seconds);
 }
 
-/// A chunk of 1 s for the worker from 0.5 s. Meanwhile the producer takes off single tasks: each is stepped through
-/// twice (0.25 s), takes 0.125 s more to make alone and one second to compute.
+/// A chunk of 1 s for the worker from 0.5 s. Meanwhile the producer takes off single tasks: each is stepped
+/// through twice (0.25 s), takes 0.125 s more to make alone and one second to compute.
 #[test]
 fn a_task_that_is_taken_off_costs_a_chunk_and_a_second_step() {
     let making = PerSize(vec![(1, 0.375), (2, 0.25)]);
     let load = Workload { making, fixed_s: 0.5, ..load(&[1.0; 4], &[4]) };
-    // 0 and 1 are sent at 0.5 s and done at 2.5 s. 2 and 3 are made at 1 s and refused; 2 is done at 2.375 s. Only 3
-    // is left and the worker is busy: done at 3.5 s.
+    // 0 and 1 are sent at 0.5 s and done at 2.5 s. 2 and 3 are made at 1 s and refused; 2 is done at 2.375 s.
+    // Only 3 is left and the worker is busy: done at 3.5 s.
     assert_eq!(seconds(&load, 2, Policy::Static { size: 2 }, false), 4.0);
 }
 
-/// Chunks of 4096 tasks, each of one second except the first of 100 s: the worker computes 0 until 100 s and 1 is
-/// queued. The producer computes 2 to 7; with 0 held by the collector, the queue of six results is full before 7, so
-/// the producer computes 1 and then waits until 100 s. From then on both work: 8 and 10 until 101 s, and so on until
-/// 19 at 106 s.
+/// Chunks of 4096 tasks, each of one second except the first of 100 s: the worker computes 0 until 100 s and
+/// 1 is queued. The producer computes 2 to 7; with 0 held by the collector, the queue of six results is full
+/// before 7, so the producer computes 1 and then waits until 100 s. From then on both work: 8 and 10 until
+/// 101 s, and so on until 19 at 106 s.
 #[test]
 fn who_is_too_far_ahead_of_the_collector_waits() {
     const SIZE: u64 = 4096;
@@ -161,8 +163,8 @@ fn more_threads_than_tasks_do_no_harm() {
     );
 }
 
-/// Four tasks of 1 s with a job of 1 s each: two threads need 4 s. A collector that needs as long for each result is done a second
-/// after the last of them.
+/// Four tasks of 1 s with a job of 1 s each: two threads need 4 s. A collector that needs as long for each
+/// result is done a second after the last of them.
 #[test]
 fn jobs_are_shared_and_collecting_is_not() {
     let costs = PerSize(vec![(1, 1.0)]);

@@ -8,8 +8,8 @@ use vlscan_geom::UtmZone;
 
 /// Areas by code; its head describes the format.
 const AREAS: &str = include_str!("areas.txt");
-/// Distance from the area of use from which coordinates are taken not to be in a system, m. Zones are used beyond their areas: Norway
-/// as a whole has UTM zone 33N.
+/// Distance from the area of use from which coordinates are taken not to be in a system, m. Zones are used
+/// beyond their areas: Norway as a whole has UTM zone 33N.
 const MAX_DISTANCE: f64 = 500_000.0;
 /// Mean radius of the Earth, m.
 const EARTH_RADIUS: f64 = 6_371_000.0;

@@ -98,7 +98,8 @@ const KNOWN: &[Known] = &[
     unit(9302, 0.201_167_56, "British links (Sears 1922 truncated)", &["britishlinksears1922truncated"]),
 ];
 
-/// The systems of heights and depths of EPSG (version 12.029) that are not in metres, with the codes of their units.
+/// The systems of heights and depths of EPSG (version 12.029) that are not in metres, with the codes of their
+/// units.
 const HEIGHTS: &[(u16, u16)] = &[
     (5614, 9002),
     (5702, 9003),
@@ -152,8 +153,8 @@ impl LengthUnit {
         KNOWN.iter().find(is_named).map(LengthUnit::from)
     }
 
-    /// Returns the unit of a system of heights by its EPSG code; `None` for codes that are no such system, which include those
-    /// that GeoTIFF 1.0 gave to ellipsoids and to mean sea levels without a unit.
+    /// Returns the unit of a system of heights by its EPSG code; `None` for codes that are no such system,
+    /// which include those that GeoTIFF 1.0 gave to ellipsoids and to mean sea levels without a unit.
     pub fn of_heights(system: u16) -> Option<LengthUnit> {
         if matches!(system, 0 | 5001..=5033 | 5101..=5106 | 32_767..) {
             return None;

@@ -1,6 +1,6 @@
-//! Files that are one output: all of them get their names, or none does. There are two exceptions: a name that
-//! another program has taken meanwhile, whose file is `NAME.new.EXT`, and replaced files where the file system
-//! has no hard links, which cannot be restored.
+//! Files that are one output: all of them get their names, or none does. There are two exceptions: a name
+//! that another program has taken meanwhile, whose file is `NAME.new.EXT`, and replaced files where the file
+//! system has no hard links, which cannot be restored.
 //!
 //! Their content is on the disk before the first one is renamed. If a process is killed while it renames
 //! several, a log beside them lets the next process that writes into the folder undo what was done: new files

@@ -4,8 +4,8 @@ use super::fault;
 use std::fs::File;
 use std::io;
 
-/// Another handle of a file that is being written, for writes at given offsets. It does not move the position of other handles,
-/// but on Windows.
+/// Another handle of a file that is being written, for writes at given offsets. It does not move the position
+/// of other handles, but on Windows.
 #[derive(Debug)]
 pub struct PositionedFile {
     file: File,

@@ -1,10 +1,10 @@
-//! Opening of files for reading. Every file that the user names, or that such a file refers to, is opened and looked for through
-//! this module, so that two questions have one answer each:
+//! Opening of files for reading. Every file that the user names, or that such a file refers to, is opened and
+//! looked for through this module, so that two questions have one answer each:
 //!
-//! * What did a result depend on? A [`Recording`] holds the files that were opened, those that were looked for and not found, and
-//!   the folders whose names were listed, while it exists.
-//! * Would an output replace an input? [`ReadGuard`] holds the identities of the files that a command has read;
-//!   [`refuse_input`] refuses them as outputs, under whatever name.
+//! * What did a result depend on? A [`Recording`] holds the files that were opened, those that were looked
+//!   for and not found, and the folders whose names were listed, while it exists.
+//! * Would an output replace an input? [`ReadGuard`] holds the identities of the files that a command has
+//!   read; [`refuse_input`] refuses them as outputs, under whatever name.
 
 use super::paths::{identity, is_special};
 use crate::error::{Error, Result};
@@ -47,8 +47,8 @@ impl Reads {
     }
 }
 
-/// Size and times of a file: as long as they stay the same, so do its contents, but for damage of the medium and programs that set
-/// times back.
+/// Size and times of a file: as long as they stay the same, so do its contents, but for damage of the medium
+/// and programs that set times back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub struct Stamp {
     /// Size of the file, bytes.
@@ -179,8 +179,8 @@ impl Drop for Recording {
     }
 }
 
-/// While it exists, no file that the process has read since it was created is replaced by [`super::FileWriter`]. For processes that
-/// execute one command.
+/// While it exists, no file that the process has read since it was created is replaced by
+/// [`super::FileWriter`]. For processes that execute one command.
 #[derive(Debug)]
 pub struct ReadGuard(());
 
@@ -216,8 +216,8 @@ pub fn refuse_input(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Refuses an output that would replace one of the `inputs`, or a file that this command has read: for commands that can tell so
-/// before they read.
+/// Refuses an output that would replace one of the `inputs`, or a file that this command has read: for
+/// commands that can tell so before they read.
 ///
 /// # Errors
 /// [`Error::Input`].
@@ -257,7 +257,8 @@ fn note_absent(path: &Path) {
     });
 }
 
-/// Notes that a file was opened, or why it could not be. To be called for files that are opened otherwise than by this module.
+/// Notes that a file was opened, or why it could not be. To be called for files that are opened otherwise
+/// than by this module.
 pub fn note_opened<T>(path: &Path, opened: &io::Result<T>) {
     if LISTENERS.load(Ordering::SeqCst) == 0 {
         return;
@@ -290,8 +291,8 @@ pub fn open(path: impl AsRef<Path>) -> io::Result<File> {
     opened
 }
 
-/// Opens a regular file without noting it: for files that the program has made for itself. A pipe in its place is an error and is
-/// not waited for.
+/// Opens a regular file without noting it: for files that the program has made for itself. A pipe in its
+/// place is an error and is not waited for.
 ///
 /// # Errors
 /// Those of [`File::open`], and for anything but a regular file.

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 /// When waiting for readers ends.
 static DEADLINE: OnceLock<Instant> = OnceLock::new();
 
-/// Limits the time that this process waits for readers of its streams from now on. A stream whose reader takes nothing
-/// until then fails as one whose reader has closed it.
+/// Limits the time that this process waits for readers of its streams from now on. A stream whose reader
+/// takes nothing until then fails as one whose reader has closed it.
 pub fn limit_waiting(time: Duration) {
     let _ = DEADLINE.set(Instant::now() + time);
 }
@@ -44,8 +44,8 @@ mod unix {
             let kind = file.metadata().map(|about| about.file_type());
             let waits = !kind.as_ref().is_ok_and(|kind| kind.is_file());
             let is_pipe = kind.is_ok_and(|kind| kind.is_fifo());
-            // Another description of the same pipe has flags of its own, so that nobody else's writes are affected.
-            // Linux opens one by this name; elsewhere, and where permission lacks, small writes do.
+            // Another description of the same pipe has flags of its own, so that nobody else's writes are
+            // affected. Linux opens one by this name; elsewhere, and where permission lacks, small writes do.
             let name = format!("/proc/self/fd/{}", file.as_fd().as_raw_fd());
             let flags = rustix::fs::OFlags::NONBLOCK.bits() as i32;
             let again = || OpenOptions::new().write(true).custom_flags(flags).open(name).ok();
@@ -144,9 +144,9 @@ pub(super) use other::{stderr_file, stdout_file};
 pub(super) use unix::{stderr_file, stdout_file};
 
 impl Stream {
-    /// True if bytes at the beginning can be replaced later. The name alone does not decide (`/dev/stdout`, `<(…)`),
-    /// and in a file that the shell opened for appending, or that is not empty, offsets do not count from the first
-    /// byte of the stream.
+    /// True if bytes at the beginning can be replaced later. The name alone does not decide (`/dev/stdout`,
+    /// `<(…)`), and in a file that the shell opened for appending, or that is not empty, offsets do not count
+    /// from the first byte of the stream.
     pub fn is_seekable(&mut self) -> bool {
         matches!(self.file.stream_position(), Ok(0)) && !self.appends()
     }

@@ -1,10 +1,10 @@
-//! Tables of numbers in an Arrow IPC stream, or in an Arrow file read from its beginning (Arrow columnar format,
-//! "IPC streaming format"). Streams are recognised by their first bytes and decoded batch by batch while they
-//! arrive.
+//! Tables of numbers in an Arrow IPC stream, or in an Arrow file read from its beginning (Arrow columnar
+//! format, "IPC streaming format"). Streams are recognised by their first bytes and decoded batch by batch
+//! while they arrive.
 //!
-//! The lengths of a message are checked here before anything is allocated for it, then `arrow-ipc` decodes and
-//! validates it. Its `StreamDecoder` is not used because it withholds a schema until the bytes of the next message
-//! arrive. Only columns of numbers are decoded; one batch is in memory at a time.
+//! The lengths of a message are checked here before anything is allocated for it, then `arrow-ipc` decodes
+//! and validates it. Its `StreamDecoder` is not used because it withholds a schema until the bytes of the
+//! next message arrive. Only columns of numbers are decoded; one batch is in memory at a time.
 
 use crate::damage::catch_decoder_panic;
 use crate::diag::{Diagnostics, Place};
@@ -172,7 +172,8 @@ impl ArrowDecoder {
         }
     }
 
-    /// Adds bytes that have arrived. Bytes after the end of the stream, such as the footer of a file, are ignored.
+    /// Adds bytes that have arrived. Bytes after the end of the stream, such as the footer of a file, are
+    /// ignored.
     pub fn feed(&mut self, bytes: &[u8]) {
         if !self.has_ended {
             self.pending.extend_from_slice(bytes);
@@ -187,8 +188,8 @@ impl ArrowDecoder {
     /// The next batch with rows that has arrived completely.
     ///
     /// # Errors
-    /// [`Error::Input`] for bytes that are not an Arrow stream, and for unsupported features, with the number of the
-    /// batch.
+    /// [`Error::Input`] for bytes that are not an Arrow stream, and for unsupported features, with the number
+    /// of the batch.
     pub fn next_batch(&mut self) -> Result<Option<NumberBatch>> {
         if !self.has_begun && self.pending.len() >= FILE_MAGIC.len() {
             self.has_begun = true;
@@ -234,8 +235,8 @@ impl ArrowDecoder {
         Ok(())
     }
 
-    /// Ranges of the metadata and the body of the first message, if it has arrived completely; `None` also at the
-    /// end marker.
+    /// Ranges of the metadata and the body of the first message, if it has arrived completely; `None` also at
+    /// the end marker.
     fn complete_message(&mut self) -> Result<Option<(Range<usize>, Range<usize>)>> {
         if self.has_ended || self.pending.len() < 8 {
             return Ok(None);

@@ -1,7 +1,7 @@
 //! Computes eight normal draws at a time, bit for bit equal to [`Stream::normal`].
 //!
-//! Logarithm, sine and cosine repeat the steps of libm for the arguments that occur here, without branches, so that
-//! the compiler can vectorise them for the instruction set of the caller into which they are inlined.
+//! Logarithm, sine and cosine repeat the steps of libm for the arguments that occur here, without branches,
+//! so that the compiler can vectorise them for the instruction set of the caller into which they are inlined.
 
 #![expect(clippy::excessive_precision, reason = "coefficients stand as they were published")]
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]

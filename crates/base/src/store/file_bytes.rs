@@ -1,9 +1,10 @@
 //! The bytes of files that are read as a whole.
 //!
-//! A file is read into memory, so that nothing that happens to it afterwards changes the bytes. One that would take more than a
-//! share of the memory is mapped instead. A mapping is shared with the file: bytes that another program writes
-//! meanwhile appear in it, and an access beyond the end of a file that was truncated meanwhile raises `SIGBUS`, which ends the
-//! process. [`FileBytes::check_unchanged`] finds the first of both; nothing but leaving the file alone prevents the second.
+//! A file is read into memory, so that nothing that happens to it afterwards changes the bytes. One that
+//! would take more than a share of the memory is mapped instead. A mapping is shared with the file: bytes
+//! that another program writes meanwhile appear in it, and an access beyond the end of a file that was
+//! truncated meanwhile raises `SIGBUS`, which ends the process. [`FileBytes::check_unchanged`] finds the
+//! first of both; nothing but leaving the file alone prevents the second.
 
 use crate::files::reads;
 use crate::machine;
@@ -80,7 +81,8 @@ impl FileBytes {
         Ok(FileBytes::from(bytes))
     }
 
-    /// Releases the memory of a part of a mapped file; its bytes are read from the file again when they are used again.
+    /// Releases the memory of a part of a mapped file; its bytes are read from the file again when they are
+    /// used again.
     pub fn release(&self, part: Range<usize>) {
         if let Content::Mapped { map, .. } = &*self.0 {
             let part = part.start.min(map.len())..part.end.min(map.len());
@@ -88,7 +90,8 @@ impl FileBytes {
         }
     }
 
-    /// Fails if the file has changed since it was opened, so that what was read may be a mixture of two versions.
+    /// Fails if the file has changed since it was opened, so that what was read may be a mixture of two
+    /// versions.
     ///
     /// # Errors
     /// [`io::ErrorKind::InvalidData`].
@@ -102,7 +105,8 @@ impl FileBytes {
 
 #[allow(unsafe_code, reason = "mapping a file")]
 fn map(file: File, version: Version) -> io::Result<FileBytes> {
-    // SAFETY: the mapping is only read, as bytes, for which every value is valid. Other programs can change it, see above.
+    // SAFETY: the mapping is only read, as bytes, for which every value is valid. Other programs can change
+    // it, see above.
     let map = unsafe { Mmap::map(&file)? };
     Ok(FileBytes(Arc::new(Content::Mapped { map, file, version })))
 }
@@ -111,7 +115,8 @@ fn map(file: File, version: Version) -> io::Result<FileBytes> {
 fn release(map: &Mmap, part: Range<usize>) {
     // That it fails on some system means only that the memory is not released.
     #[cfg(unix)]
-    // SAFETY: the mapping is shared with the file and only read, so that pages that are dropped come back with the same bytes.
+    // SAFETY: the mapping is shared with the file and only read, so that pages that are dropped come back
+    // with the same bytes.
     let _ = unsafe { map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, part.start, part.len()) };
     #[cfg(not(unix))]
     let _ = (map, part);

@@ -23,7 +23,8 @@ impl Checksum {
         self.0.update(bytes);
     }
 
-    /// Adds everything that the debug representation of a value shows: floats are written with all their digits.
+    /// Adds everything that the debug representation of a value shows: floats are written with all their
+    /// digits.
     pub fn debug(&mut self, value: &impl Debug) {
         // Writing to a checksum cannot fail.
         let _ = write!(self, "{value:?};");

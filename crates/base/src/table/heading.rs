@@ -79,7 +79,8 @@ pub fn parse_heading(
     Ok(ParsedHeading { quantity, factor: Some(factor) })
 }
 
-/// Splits a unit off the end of a name (`x_us-ft`, `Height.cm`, `z ft`), the longest that leaves a known name.
+/// Splits a unit off the end of a name (`x_us-ft`, `Height.cm`, `z ft`), the longest that leaves a known
+/// name.
 pub fn split_suffix(name: &str, is_known: impl Fn(&str) -> bool) -> Option<(&str, &str)> {
     let separators = name.char_indices().filter(|(_, c)| matches!(c, '_' | '.' | ' ' | '-'));
     let mut parts = separators.map(|(at, _)| (&name[..at], &name[at + 1..]));

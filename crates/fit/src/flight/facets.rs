@@ -1,4 +1,5 @@
-//! First guess of a polygon mirror whose facets differ by their tilt: their lines come in turn, each shifted along the flight.
+//! First guess of a polygon mirror whose facets differ by their tilt: their lines come in turn, each shifted
+//! along the flight.
 
 use super::guess::{coherence, least_squares, line_rate, mean_height, wrapped};
 use super::lines::{Crossing, crossing};
@@ -12,9 +13,11 @@ use std::f64::consts::TAU;
 const MIN_LINES: usize = 3;
 /// Facets have to leave less than this share of what one facet leaves of the places of lines.
 const MAX_LEFT: f64 = 0.3;
-/// A number of facets that leaves less than so many times what the best one leaves is as good; the smallest is taken.
+/// A number of facets that leaves less than so many times what the best one leaves is as good; the smallest
+/// is taken.
 const AS_GOOD: f64 = 1.5;
-/// Multiples of the rate of lines at which their phases are alike to this share of the best one's are as good.
+/// Multiples of the rate of lines at which their phases are alike to this share of the best one's are as
+/// good.
 const COHERENT: f64 = 0.97;
 
 /// A line: when it looks straight down, and how far ahead of its expected place it lies.
@@ -25,7 +28,8 @@ struct Line {
     secant: f64,
 }
 
-/// The mirror of one channel, `single`, with facets that differ; `None` if its lines do not lie where such facets would draw them.
+/// The mirror of one channel, `single`, with facets that differ; `None` if its lines do not lie where such
+/// facets would draw them.
 pub fn guess(recording: &Recording, single: &Model) -> Option<Model> {
     if single.mirror != Mirror::Polygon || single.senses.len() > 1 {
         return None;
@@ -105,8 +109,8 @@ pub fn guess(recording: &Recording, single: &Model) -> Option<Model> {
     Some(model)
 }
 
-/// Rate and phase of lines that look straight down at these times. A small place sees the lines of one facet at a time: then the
-/// rate is a multiple of what their intervals tell.
+/// Rate and phase of lines that look straight down at these times. A small place sees the lines of one facet
+/// at a time: then the rate is a multiple of what their intervals tell.
 fn rate_of_facets(times: &[f64]) -> Option<(f64, f64)> {
     let samples: Vec<(f64, f64)> = times.iter().map(|time| (*time, 0.0)).collect();
     let trials: Vec<(f64, f64, f64)> = (1..=MAX_FACETS)

@@ -13,10 +13,11 @@ const MIN_PULSES: usize = 8;
 /// ASPRS class of ground.
 const GROUND: u8 = 2;
 
-/// Standard deviation of ranges to smooth ground, m, with what its roughness adds; `None` without enough points.
+/// Standard deviation of ranges to smooth ground, m, with what its roughness adds; `None` without enough
+/// points.
 ///
-/// Planes are fitted to the single returns of small cells, of class ground where there are any; the median of their residuals
-/// counts, freed from what the plane takes up, so that cells with bushes do not matter.
+/// Planes are fitted to the single returns of small cells, of class ground where there are any; the median of
+/// their residuals counts, freed from what the plane takes up, so that cells with bushes do not matter.
 pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<f64> {
     let has_ground =
         recording.pulses.iter().filter(|pulse| pulse.class == GROUND).count() > recording.pulses.len() / 10;
@@ -42,7 +43,8 @@ pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<f64> {
     (spreads.len() >= 20).then(|| median(spreads))
 }
 
-/// Range that changes with a height, per m: the reciprocal of the cosine of the beam's angle from the vertical.
+/// Range that changes with a height, per m: the reciprocal of the cosine of the beam's angle from the
+/// vertical.
 fn slant(pulse: &Pulse, solution: &Solution) -> f64 {
     let attitude = solution.attitude(pulse.time);
     let beam = solution.model.direction(&attitude, usize::from(pulse.channel), pulse.time);

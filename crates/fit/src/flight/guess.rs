@@ -28,7 +28,8 @@ pub fn guesses(recording: &Recording) -> Vec<Model> {
     circles.chain(lines).collect()
 }
 
-/// Guesses of elliptic cones, which are tried where nothing else meets the points: from circles, by the ratio of their angles.
+/// Guesses of elliptic cones, which are tried where nothing else meets the points: from circles, by the ratio
+/// of their angles.
 pub fn elliptic_guesses(recording: &Recording) -> Vec<Model> {
     const RATIOS: [f64; 4] = [0.6, 0.8, 1.25, 1.7];
     let cones = [circle(recording), arcs(recording, 1.0), arcs(recording, -1.0)];
@@ -109,8 +110,8 @@ fn circle(recording: &Recording) -> Option<Circle> {
     (circle.rate != 0.0).then_some(circle)
 }
 
-/// The circle whose arcs are lines that come once in a revolution: its radius follows from their speed on the ground, its centre
-/// lies at right angles to them, on the right for `sense` 1 and on the left for −1.
+/// The circle whose arcs are lines that come once in a revolution: its radius follows from their speed on the
+/// ground, its centre lies at right angles to them, on the right for `sense` 1 and on the left for −1.
 fn arcs(recording: &Recording, sense: f64) -> Option<Circle> {
     let mut lines = Vec::new();
     for line in recording.lines.iter().filter(|line| line.len() >= 20) {
@@ -163,11 +164,11 @@ fn cone(recording: &Recording, circle: &Circle) -> Option<Model> {
     Some(Model::new(Mirror::Cone, parameters))
 }
 
-/// Height of the platform, and where across the track the beam looks straight down. `None` where the angles do not change
-/// across the track.
+/// Height of the platform, and where across the track the beam looks straight down. `None` where the angles
+/// do not change across the track.
 ///
-/// Angles that are rounded to degrees say little of a small tile: there the beams through the returns of pulses that have several
-/// are taken, if they are many.
+/// Angles that are rounded to degrees say little of a small tile: there the beams through the returns of
+/// pulses that have several are taken, if they are many.
 pub fn height(
     recording: &Recording,
     chosen: &[usize],
@@ -215,7 +216,8 @@ pub fn mean_height(recording: &Recording, chosen: &[usize]) -> f64 {
     chosen.iter().map(|i| recording.pulses[*i].position.z).sum::<f64>() / chosen.len().max(1) as f64
 }
 
-/// Rate and phase at time 0 of lines that pass the angle 0 at these times; near the `multiple` of the rate by their intervals.
+/// Rate and phase at time 0 of lines that pass the angle 0 at these times; near the `multiple` of the rate by
+/// their intervals.
 pub fn line_rate(crossings: &[f64], multiple: f64) -> Option<(f64, f64)> {
     let mut times = crossings.to_vec();
     times.sort_by(f64::total_cmp);
@@ -224,7 +226,8 @@ pub fn line_rate(crossings: &[f64], multiple: f64) -> Option<(f64, f64)> {
     Some(coherent_rate(&samples, coarse, 0.05))
 }
 
-/// Period of lines at these ascending times, of which some may be missing and some cut to parts; `None` for too few.
+/// Period of lines at these ascending times, of which some may be missing and some cut to parts; `None` for
+/// too few.
 fn period(times: &[f64]) -> Option<f64> {
     let mut gaps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     gaps.sort_by(f64::total_cmp);
@@ -235,8 +238,9 @@ fn period(times: &[f64]) -> Option<f64> {
     gaps.get(gaps.len() / 10).copied().filter(|period| *period > 0.0)
 }
 
-/// The rate near `coarse` (within a share of it) at which the phases of samples (time, phase) are most alike, and that phase at
-/// time 0. Samples without a phase of their own have the phase 0: then the result is the phase of the rate at time 0, reversed.
+/// The rate near `coarse` (within a share of it) at which the phases of samples (time, phase) are most alike,
+/// and that phase at time 0. Samples without a phase of their own have the phase 0: then the result is the
+/// phase of the rate at time 0, reversed.
 pub fn coherent_rate(samples: &[(f64, f64)], coarse: f64, share: f64) -> (f64, f64) {
     let first = samples.iter().map(|(time, _)| *time).fold(f64::INFINITY, f64::min);
     let last = samples.iter().map(|(time, _)| *time).fold(f64::NEG_INFINITY, f64::max);

@@ -1,4 +1,5 @@
-//! First guess of lines across the flight, of one channel or of several whose lines have different directions.
+//! First guess of lines across the flight, of one channel or of several whose lines have different
+//! directions.
 
 use super::guess::{chosen, coherence, height, line_rate, slope, wrapped};
 use super::mirror::Mirror;
@@ -15,8 +16,8 @@ const SAME: f64 = 0.07;
 /// Smaller shares of the lines are no channel.
 const MIN_SHARE: f64 = 0.1;
 
-/// Finds the channels by the directions of their lines and gives each pulse the number of its channel. Two channels that record
-/// at the same time are separate only if the file numbers them.
+/// Finds the channels by the directions of their lines and gives each pulse the number of its channel. Two
+/// channels that record at the same time are separate only if the file numbers them.
 pub fn find_channels(recording: &mut Recording) {
     // Middle of each line in time, its direction, and the number of its channel in the file.
     let mut lines = Vec::new();
@@ -201,8 +202,8 @@ pub struct Crossing {
     pub rate: f64,
 }
 
-/// The crossing of a line in the direction `along` from a platform at `centre` at time 0 and at `height`; `None` if its angle does
-/// not change.
+/// The crossing of a line in the direction `along` from a platform at `centre` at time 0 and at `height`;
+/// `None` if its angle does not change.
 pub fn crossing(
     recording: &Recording,
     line: Range<usize>,

@@ -9,17 +9,17 @@ use vlscan_geom::DVec3;
 /// What moves the beam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mirror {
-    /// A cone about the downward axis (Palmer scanner). Parameters: half angle, turns per second, phase; positive turns go
-    /// from ahead to the right.
+    /// A cone about the downward axis (Palmer scanner). Parameters: half angle, turns per second, phase;
+    /// positive turns go from ahead to the right.
     Cone,
-    /// An elliptic cone about the downward axis. Parameters: half angle across the flight, turns per second, phase, yaw of the
-    /// scanner, half angle along the flight; positive turns go from ahead to the right.
+    /// An elliptic cone about the downward axis. Parameters: half angle across the flight, turns per second,
+    /// phase, yaw of the scanner, half angle along the flight; positive turns go from ahead to the right.
     EllipticCone,
-    /// Parallel lines in one direction (polygon mirror). Parameters: angle per line, lines per second, phase, yaw of the
-    /// scanner; positive angles per line go from left to right. Facets may differ by their tilt.
+    /// Parallel lines in one direction (polygon mirror). Parameters: angle per line, lines per second, phase,
+    /// yaw of the scanner; positive angles per line go from left to right. Facets may differ by their tilt.
     Polygon,
-    /// Lines to and fro with constant speed (oscillating mirror). Parameters: half angle, periods per second, phase, yaw of
-    /// the scanner.
+    /// Lines to and fro with constant speed (oscillating mirror). Parameters: half angle, periods per second,
+    /// phase, yaw of the scanner.
     Oscillating,
 }
 
@@ -58,7 +58,8 @@ impl Mirror {
         }
     }
 
-    /// Direction of the beam at `time` (s), unit vector, of a mirror with the phase `phase` at time 0. Angles are rad.
+    /// Direction of the beam at `time` (s), unit vector, of a mirror with the phase `phase` at time 0. Angles
+    /// are rad.
     pub fn direction(self, p: &[f64], phase: f64, time: f64) -> DVec3 {
         match self {
             Mirror::Cone => {

@@ -19,15 +19,16 @@ pub const MAX_PARAMETERS: usize = FIRST_OF_CHANNELS + MAX_FACETS;
 
 /// A flight with its scanner.
 ///
-/// The platform moves along a parabola and has a constant attitude; deviations of single lines from it are [`Attitude`]s.
+/// The platform moves along a parabola and has a constant attitude; deviations of single lines from it are
+/// [`Attitude`]s.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// What moves the beam.
     pub mirror: Mirror,
-    /// Place at time 0 (x, y: m), velocity (m/s), acceleration (m/s²), height at time 0 (m), climb (m/s), roll, pitch (rad),
-    /// the parameters of the mirror, and for n channels n − 1 times: phase of channel k + 1, yaw and pitch of channel k. Yaws
-    /// and pitches of the channels have the sum 0: their mean is that of the scanner. Facets that differ have their tilts in place
-    /// of channels.
+    /// Place at time 0 (x, y: m), velocity (m/s), acceleration (m/s²), height at time 0 (m), climb (m/s),
+    /// roll, pitch (rad), the parameters of the mirror, and for n channels n − 1 times: phase of channel k +
+    /// 1, yaw and pitch of channel k. Yaws and pitches of the channels have the sum 0: their mean is that of
+    /// the scanner. Facets that differ have their tilts in place of channels.
     pub parameters: [f64; MAX_PARAMETERS],
     /// 1 for each channel whose lines go the way of the first one's, −1 for those that go the other way.
     pub senses: Vec<f64>,
@@ -35,7 +36,8 @@ pub struct Model {
     pub facets: usize,
 }
 
-/// Deviation of the attitude of one line: roll, pitch, yaw, rad. A cone turns by its yaw just as by the phase of its mirror.
+/// Deviation of the attitude of one line: roll, pitch, yaw, rad. A cone turns by its yaw just as by the phase
+/// of its mirror.
 pub type Attitude = [f64; 3];
 
 /// How a channel differs from the scanner, rad.
@@ -123,8 +125,8 @@ impl Model {
         }
     }
 
-    /// Tilts of the facets of a polygon mirror, in the order of their lines; empty if they are alike. A facet turns the beam by its
-    /// tilt forward, along the axis of the mirror.
+    /// Tilts of the facets of a polygon mirror, in the order of their lines; empty if they are alike. A facet
+    /// turns the beam by its tilt forward, along the axis of the mirror.
     pub fn facet_tilts(&self) -> &[f64] {
         let count = if self.facets > 1 { self.facets } else { 0 };
         &self.parameters[FIRST_OF_CHANNELS..][..count]
@@ -169,8 +171,8 @@ impl Model {
     }
 }
 
-/// A vector of the body in the axes right, forward, up of the course: first roll (right side down), then pitch (nose up), then
-/// yaw (to the right).
+/// A vector of the body in the axes right, forward, up of the course: first roll (right side down), then
+/// pitch (nose up), then yaw (to the right).
 fn turned(v: DVec3, roll: f64, pitch: f64, yaw: f64) -> DVec3 {
     let (s, c) = (sin(roll), cos(roll));
     let v = DVec3::new(c * v.x + s * v.z, v.y, c * v.z - s * v.x);

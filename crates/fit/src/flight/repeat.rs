@@ -8,20 +8,22 @@ const MAX_PULSES: usize = 64;
 const MAX_LINES: usize = 200;
 /// Fewer pairs of intervals say nothing.
 const MIN_PAIRS: f64 = 1000.0;
-/// Share of the variance of intervals that a pattern has to explain, and how it has to change sign within itself.
+/// Share of the variance of intervals that a pattern has to explain, and how it has to change sign within
+/// itself.
 const MIN_EXPLAINED: f64 = 0.25;
 const MIN_REVERSAL: f64 = 0.3;
 /// A pattern that explains this share of what the best one does is as good; the shortest is taken.
 const AS_GOOD: f64 = 0.85;
-/// A pattern of lines has to leave less than this share of the squares that their mean or their neighbours leave.
+/// A pattern of lines has to leave less than this share of the squares that their mean or their neighbours
+/// leave.
 const MAX_LEFT: f64 = 0.6;
 const ROUNDS: usize = 4;
 
-/// Relative deviations of intervals from their mean that recur after some pulses, as factors with the mean 1; empty if they do not
-/// recur.
+/// Relative deviations of intervals from their mean that recur after some pulses, as factors with the mean 1;
+/// empty if they do not recur.
 ///
-/// Each series is a run of intervals between neighbouring pulses of a line, `None` where a pulse is missing. Where in the pattern
-/// a line begins is not known beforehand.
+/// Each series is a run of intervals between neighbouring pulses of a line, `None` where a pulse is missing.
+/// Where in the pattern a line begins is not known beforehand.
 pub fn interval_pattern(series: &[Vec<Option<f64>>]) -> Vec<f64> {
     let covariance = |lag: usize| {
         let (mut sum, mut count) = (0.0, 0.0);
@@ -91,8 +93,8 @@ pub struct LinePattern {
 }
 
 impl LinePattern {
-    /// The pattern of the values of lines by their number, if one tells the values of lines that are left out better than their
-    /// mean and their neighbours do.
+    /// The pattern of the values of lines by their number, if one tells the values of lines that are left out
+    /// better than their mean and their neighbours do.
     pub fn of(lines: &BTreeMap<i64, f64>) -> Option<LinePattern> {
         let (first, last) = (*lines.first_key_value()?.0, *lines.last_key_value()?.0);
         let longest = MAX_LINES.min((last - first) as usize / 4).min(lines.len() / 3);

@@ -26,7 +26,8 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// What the model leaves to chance, m on the ground: residuals, and changes of the attitude from section to section.
+    /// What the model leaves to chance, m on the ground: residuals, and changes of the attitude from section
+    /// to section.
     pub fn unexplained(&self) -> f64 {
         let height = self.model.parameters[6].abs();
         let pairs = self.attitudes.windows(2);
@@ -41,9 +42,10 @@ impl Solution {
         (squares / self.attitudes.len().max(1) as f64).sqrt()
     }
 
-    /// Relative standard deviation of height and mirror angle by an error that all scan angles have in common and that grows
-    /// across the track. It is taken to be as large as their residual, or as the error of angles that are rounded to degrees. Where they are
-    /// rounded, pulses of several returns tell the height, too.
+    /// Relative standard deviation of height and mirror angle by an error that all scan angles have in common
+    /// and that grows across the track. It is taken to be as large as their residual, or as the error of
+    /// angles that are rounded to degrees. Where they are rounded, pulses of several returns tell the height,
+    /// too.
     pub fn scale_deviation(&self, recording: &Recording) -> f64 {
         if !recording.has_whole_angles() {
             return self.angle_residual / recording.angle_spread();
@@ -55,8 +57,9 @@ impl Solution {
 
     /// What pulses of several returns tell of the height: reciprocal of its relative variance.
     ///
-    /// The way from the first to the last return has the tangent of the beam's angle, which grows across the track with the reciprocal of the
-    /// height. The errors of a line are taken as one error, since its pulses share the attitude.
+    /// The way from the first to the last return has the tangent of the beam's angle, which grows across the
+    /// track with the reciprocal of the height. The errors of a line are taken as one error, since its pulses
+    /// share the attitude.
     fn scale_by_returns(&self, recording: &Recording) -> f64 {
         let (mut lines, mut errors) = (Vec::new(), Vec::new());
         for line in &recording.lines {

@@ -1,8 +1,8 @@
 //! Least squares for a flight: the parameters of the model together with the attitudes of all lines.
 //!
-//! The attitudes are a random walk whose variances are estimated from the data (expectation maximisation), so that they take up
-//! what moves the lines and no more. Their part of the normal equations is block tridiagonal and is eliminated (Schur complement):
-//! time and memory grow linearly with the number of lines.
+//! The attitudes are a random walk whose variances are estimated from the data (expectation maximisation), so
+//! that they take up what moves the lines and no more. Their part of the normal equations is block
+//! tridiagonal and is eliminated (Schur complement): time and memory grow linearly with the number of lines.
 
 use super::mirror::Mirror;
 use super::model::{Attitude, FIRST_OF_CHANNELS, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
@@ -13,7 +13,8 @@ use vlscan_geom::radians;
 
 /// Pulses of a section that are used.
 const SECTION_PULSES: usize = 40;
-/// Errors of neighbouring pulses are correlated (heights of the ground, encoders): a section counts as so many independent pulses.
+/// Errors of neighbouring pulses are correlated (heights of the ground, encoders): a section counts as so
+/// many independent pulses.
 const SECTION_WEIGHT: f64 = 20.0;
 /// Residuals beyond this many standard deviations get less weight (Huber).
 const HUBER: f64 = 2.5;
@@ -99,7 +100,8 @@ fn increments(duration: f64) -> [f64; MAX_PARAMETERS] {
 /// Number of residuals of a pulse.
 const RESIDUALS: usize = 5;
 
-/// Residuals of a pulse: on the ground (m), of the scan angle (rad), and at the height of its last return (m), if it has several.
+/// Residuals of a pulse: on the ground (m), of the scan angle (rad), and at the height of its last return
+/// (m), if it has several.
 ///
 /// An angle that is rounded to degrees has no residual within the rounding: what is beyond it counts.
 fn residuals(recording: &Recording, model: &Model, attitude: &Attitude, i: usize) -> [f64; RESIDUALS] {
@@ -140,8 +142,9 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
     let mut deviations = [f64::INFINITY; MAX_PARAMETERS];
     let mut damping = 1e-3;
     let mut latest = f64::INFINITY;
-    // A flight that does not meet the angles of the file would explain itself by their errors: its motion is taken for that of the
-    // mirror, or the other way round. Their errors are taken as small until the flight that meets them best is found.
+    // A flight that does not meet the angles of the file would explain itself by their errors: its motion is
+    // taken for that of the mirror, or the other way round. Their errors are taken as small until the flight
+    // that meets them best is found.
     let mut is_strict = has_attitudes;
     if is_strict {
         angle = min_angle(recording);
@@ -211,7 +214,8 @@ fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes
     ((1.4826 * median(ground)).max(0.005), (1.4826 * median(angle)).max(min_angle(recording)))
 }
 
-/// Least standard deviation of scan angles: that of their step, or of what lies beyond the rounding to degrees.
+/// Least standard deviation of scan angles: that of their step, or of what lies beyond the rounding to
+/// degrees.
 fn min_angle(recording: &Recording) -> f64 {
     radians(if recording.has_whole_angles() { 0.1 } else { 0.01 })
 }

@@ -4,8 +4,8 @@ use super::*;
 use libm::{cos, sin};
 use vlscan_geom::{DVec3, degrees, radians};
 
-/// Pulses of a flight over rolling ground that fall into a square of 200 m; the mirror wanders by 2 mrad, heights have noise of
-/// 2 cm and angles are rounded to 0.006°.
+/// Pulses of a flight over rolling ground that fall into a square of 200 m; the mirror wanders by 2 mrad,
+/// heights have noise of 2 cm and angles are rounded to 0.006°.
 fn flown(model: &Model, interval: impl Fn(f64) -> f64, duration: f64) -> Vec<Pulse> {
     flown_by(model, 0, interval, duration)
 }

@@ -27,8 +27,8 @@ pub(super) struct Detection {
     pub dropout_deviation: f64,
 }
 
-/// The detection with the largest likelihood, of pulses with the expected strength of their echo and whether it was detected; `None`
-/// without pulses.
+/// The detection with the largest likelihood, of pulses with the expected strength of their echo and whether
+/// it was detected; `None` without pulses.
 pub(super) fn detection(pulses: &[(f64, bool)]) -> Option<Detection> {
     let strengths = || pulses.iter().map(|(strength, _)| *strength).filter(|s| *s > 0.0);
     let (low, high) = (strengths().fold(f64::MAX, f64::min), strengths().fold(0.0, f64::max));
@@ -94,7 +94,8 @@ impl Detection {
     }
 }
 
-/// Probability of at least `photons` photoelectrons where there are `photons` times `over` on average (Poisson).
+/// Probability of at least `photons` photoelectrons where there are `photons` times `over` on average
+/// (Poisson).
 fn chance(over: f64, photons: u32) -> f64 {
     if over > CERTAIN {
         return 1.0;

@@ -12,11 +12,12 @@ use vlscan_survey::Scanner;
 const COLUMNS: [&str; 5] = ["beam", "column", "range_mm", "reflectivity", "signal"];
 /// Largest range that is taken as one, m.
 const MAX_RANGE: f64 = 10_000.0;
-/// Reflectivities up to 100 are per cent of a Lambertian reflector; beyond, retroreflectors have a scale of their own.
+/// Reflectivities up to 100 are per cent of a Lambertian reflector; beyond, retroreflectors have a scale of
+/// their own.
 const LAMBERTIAN: f64 = 100.0;
 
-/// Ranges of a revolution by row and azimuth: rows are beams by descending elevation, azimuths are columns, from which beams that
-/// look aside are shifted.
+/// Ranges of a revolution by row and azimuth: rows are beams by descending elevation, azimuths are columns,
+/// from which beams that look aside are shifted.
 #[derive(Clone, Debug)]
 pub struct RangeImage {
     /// Rows, which are beams.
@@ -56,8 +57,9 @@ impl Pixel {
 }
 
 impl RangeImage {
-    /// Reads a recording of one revolution: a Parquet table with the columns `beam`, `column`, `range_mm` (0 without an echo),
-    /// `reflectivity` (per cent) and, if there is one, `signal`. `scanner` is the calibrated sensor.
+    /// Reads a recording of one revolution: a Parquet table with the columns `beam`, `column`, `range_mm` (0
+    /// without an echo), `reflectivity` (per cent) and, if there is one, `signal`. `scanner` is the
+    /// calibrated sensor.
     ///
     /// # Errors
     /// [`Error::Input`] for columns that are missing, and for pixels that the sensor does not have.

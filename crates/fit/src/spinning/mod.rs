@@ -1,8 +1,10 @@
-//! A spinning sensor from one recorded revolution: its calibration is known, noise and detection are estimated.
+//! A spinning sensor from one recorded revolution: its calibration is known, noise and detection are
+//! estimated.
 //!
-//! Planes are found in the image of ranges, in patches of neighbouring pixels, from one half of the columns. The scatter of their
-//! ranges by strength, distance and incidence gives the law of noise, pulses without an echo give threshold, photon statistics and
-//! dropouts. The other half of the columns tells how well the law predicts.
+//! Planes are found in the image of ranges, in patches of neighbouring pixels, from one half of the columns.
+//! The scatter of their ranges by strength, distance and incidence gives the law of noise, pulses without an
+//! echo give threshold, photon statistics and dropouts. The other half of the columns tells how well the law
+//! predicts.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -80,8 +82,8 @@ pub struct SpinningFit {
     white: f64,
 }
 
-/// Estimates noise and detection of the sensor with the calibration file `calibration` from the recording of one revolution, see
-/// [`RangeImage::read`].
+/// Estimates noise and detection of the sensor with the calibration file `calibration` from the recording of
+/// one revolution, see [`RangeImage::read`].
 ///
 /// # Errors
 /// Files that cannot be read; [`Error::Input`] for recordings with too few planes.

@@ -25,8 +25,8 @@ pub(super) struct NoiseLaw {
     pub is_plane: Vec<bool>,
 }
 
-/// Weakness of a strength (threshold over strength) and standard deviation of the depths within the footprint of a beam of this
-/// divergence (rad): what the variance is linear in.
+/// Weakness of a strength (threshold over strength) and standard deviation of the depths within the footprint
+/// of a beam of this divergence (rad): what the variance is linear in.
 fn terms(patch: &Patch, threshold: f64, divergence: f64) -> [f64; PARTS] {
     let weakness = (threshold / patch.strength).min(1.0);
     let tangent = sqrt((1.0 / (patch.cosine * patch.cosine) - 1.0).max(0.0));
@@ -38,8 +38,8 @@ fn dot(a: &[f64; PARTS], b: &[f64; PARTS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The law that fits most patches. Patches with more scatter than its noise explains are surfaces that are not plane, and do not
-/// count: least trimmed squares, with the limit by the distribution of χ².
+/// The law that fits most patches. Patches with more scatter than its noise explains are surfaces that are
+/// not plane, and do not count: least trimmed squares, with the limit by the distribution of χ².
 pub(super) fn noise_law(patches: &[Patch], threshold: f64, divergence: f64) -> Option<NoiseLaw> {
     let rows: Vec<[f64; PARTS]> = patches.iter().map(|p| terms(p, threshold, divergence)).collect();
     let mut variances: Vec<f64> = rows.iter().map(|row| FIRST_NOISE * FIRST_NOISE + row[3]).collect();
@@ -83,7 +83,8 @@ impl NoiseLaw {
         sqrt(dot(&terms(patch, threshold, divergence), &self.parts))
     }
 
-    /// The law as a setting of an instrument whose ranges come in steps (m), whose rounding is a part of what was seen.
+    /// The law as a setting of an instrument whose ranges come in steps (m), whose rounding is a part of what
+    /// was seen.
     pub fn range_noise(&self, range_step: f64) -> RangeNoise {
         let [constant, shot, amplifier, footprint] = self.parts;
         let constant = (constant - range_step * range_step / 12.0).max(0.0);
@@ -105,8 +106,8 @@ impl NoiseLaw {
     }
 }
 
-/// Weighted least squares without negative coefficients: the best of all choices of coefficients that are 0. Each row has its
-/// terms, value and weight.
+/// Weighted least squares without negative coefficients: the best of all choices of coefficients that are 0.
+/// Each row has its terms, value and weight.
 fn least_squares_not_negative(rows: &[(&[f64; PARTS], f64, f64)]) -> Option<([f64; PARTS], [f64; PARTS])> {
     let (mut matrix, mut right) = ([[0.0; PARTS]; PARTS], [0.0; PARTS]);
     for (terms, value, weight) in rows {
@@ -169,7 +170,8 @@ fn inverse(matrix: &[[f64; PARTS]; PARTS], chosen: &[usize]) -> Option<Vec<Vec<f
     Some((0..n).map(|i| (0..n).map(|j| right[i][j] * scale[i] * scale[j]).collect()).collect())
 }
 
-/// Median of signal times squared range over reflectance: the strength of a white target at 1 m that faces the beam.
+/// Median of signal times squared range over reflectance: the strength of a white target at 1 m that faces
+/// the beam.
 pub(super) fn white_strength<'p>(patches: impl Iterator<Item = &'p Patch>) -> f64 {
     let logarithms = patches
         .filter(|p| p.reflectance > MIN_REFLECTANCE)

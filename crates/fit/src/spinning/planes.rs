@@ -30,7 +30,8 @@ pub struct Patch {
     pub scatter: f64,
     /// Degrees of freedom of the scatter.
     pub freedom: f64,
-    /// Medians of range (m), cosine of the angle of incidence, strength and reflectance of the half that was fitted.
+    /// Medians of range (m), cosine of the angle of incidence, strength and reflectance of the half that was
+    /// fitted.
     pub range: f64,
     /// See [`Patch::range`].
     pub cosine: f64,

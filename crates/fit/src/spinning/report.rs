@@ -1,4 +1,5 @@
-//! Figures of a fitted sensor: what was estimated, and scatter and dropouts by class in both halves of the columns.
+//! Figures of a fitted sensor: what was estimated, and scatter and dropouts by class in both halves of the
+//! columns.
 
 use super::planes::{NORMAL_MEDIAN, Patch, Sample, median};
 use super::{SpinningFit, TARGET_REFLECTANCE};
@@ -44,8 +45,8 @@ pub struct SpinningFigures {
     pub classes: Vec<ClassFigures>,
 }
 
-/// Scatter and dropouts of a class of pulses at planes. Of each pair the first value is of the half that was fitted, the second
-/// of the half that was not.
+/// Scatter and dropouts of a class of pulses at planes. Of each pair the first value is of the half that was
+/// fitted, the second of the half that was not.
 #[derive(Clone, Debug, Serialize)]
 pub struct ClassFigures {
     /// `distance` (m), `incidence` (degrees) or `reflectance`.
@@ -142,8 +143,8 @@ struct HalfFigures {
     law_dropouts: f64,
 }
 
-/// Standard deviation of a residual over that of a range: a plane is nearer to the ranges that it was fitted to, and farther from
-/// others.
+/// Standard deviation of a residual over that of a range: a plane is nearer to the ranges that it was fitted
+/// to, and farther from others.
 fn inflation(sample: &Sample) -> f64 {
     let sign = if sample.is_fitted { -1.0 } else { 1.0 };
     sqrt((1.0 + sign * sample.leverage).max(0.05))

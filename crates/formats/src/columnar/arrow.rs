@@ -1,6 +1,6 @@
-//! Points as an Arrow IPC stream. Names and types of the columns follow [`Column`]; the metadata of each column holds its
-//! unit and meaning, the metadata of the table holds the coordinate reference system, the scanner and the names of
-//! objects.
+//! Points as an Arrow IPC stream. Names and types of the columns follow [`Column`]; the metadata of each
+//! column holds its unit and meaning, the metadata of the table holds the coordinate reference system, the
+//! scanner and the names of objects.
 
 use super::rows::{BATCH_ROWS, Rows};
 use super::{Column, TableEncoder};
@@ -27,7 +27,8 @@ pub(super) const CRS: &str = "crs";
 /// Name, kind, unit and meaning of a column.
 pub type TableColumn = (&'static str, super::ColumnType, &'static str, &'static str);
 
-/// Returns a schema: columns with units and meanings, and the metadata of the table besides the program that writes it.
+/// Returns a schema: columns with units and meanings, and the metadata of the table besides the program that
+/// writes it.
 pub fn schema_of(
     columns: impl Iterator<Item = TableColumn>,
     metadata: BTreeMap<String, String>,
@@ -137,9 +138,9 @@ fn failed(error: ArrowError) -> Error {
     Error::Internal(format!("Arrow: {error}"))
 }
 
-/// Returns an empty batch of `columns` columns whose message metadata has [`PARTIAL`] as state (Arrow columnar
-/// format, "Encapsulated message format"). It is assembled here because `arrow-ipc` writes no metadata with a batch,
-/// and the metadata of the schema is written before the outcome of the run is known.
+/// Returns an empty batch of `columns` columns whose message metadata has [`PARTIAL`] as state (Arrow
+/// columnar format, "Encapsulated message format"). It is assembled here because `arrow-ipc` writes no
+/// metadata with a batch, and the metadata of the schema is written before the outcome of the run is known.
 fn partial_marker(columns: usize) -> Vec<u8> {
     let mut builder = IpcSchemaEncoder::new().schema_to_fb(&Schema::empty());
     builder.reset();

@@ -1,5 +1,6 @@
-//! GeoParquet 1.1 (<https://geoparquet.org>): the columns of Parquet, then `geometry` with points as well-known binary and `bbox` with
-//! their boxes, by which readers skip row groups; the coordinate reference system is PROJJSON.
+//! GeoParquet 1.1 (<https://geoparquet.org>): the columns of Parquet, then `geometry` with points as
+//! well-known binary and `bbox` with their boxes, by which readers skip row groups; the coordinate reference
+//! system is PROJJSON.
 
 use super::arrow::point_schema;
 use super::parquet::{

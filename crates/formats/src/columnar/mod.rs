@@ -1,5 +1,5 @@
-//! Points as tables: the columns, their values, and the formats that consist of columns. Names and types follow LAS where LAS has
-//! the dimension, otherwise PDAL or plain English.
+//! Points as tables: the columns, their values, and the formats that consist of columns. Names and types
+//! follow LAS where LAS has the dimension, otherwise PDAL or plain English.
 //!
 //! | file | contents |
 //! |---|---|
@@ -104,7 +104,8 @@ values! {
     f64 F64 push_fixed::<DECIMALS>;
 }
 
-/// Type, decimals in text, unit, value of a point `p` (with the origin of points in the world) and meaning of every column.
+/// Type, decimals in text, unit, value of a point `p` (with the origin of points in the world) and meaning of
+/// every column.
 macro_rules! columns {
     ($($name:ident $of:ident $decimals:literal $unit:literal $value:expr, $meaning:literal;)*) => {
         /// A column of points, named like the variant.
@@ -120,8 +121,8 @@ macro_rules! columns {
             /// All columns in the order in which they are written.
             pub const ALL: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).0;
 
-            /// What the columns lack of the values of a point. Tables in memory have them beside their columns, so that files can be made of
-            /// them; files do not have them.
+            /// What the columns lack of the values of a point. Tables in memory have them beside their
+            /// columns, so that files can be made of them; files do not have them.
             pub const EXACT: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).1;
 
             /// Those of [`Column::EXACT`] that only frames of a scanner (MCAP) need.
@@ -302,8 +303,8 @@ impl TableEncoder {
         points.iter().for_each(|p| out.tally.count_point(p.position + self.origin, p));
     }
 
-    /// Appends a block: the number of points, all values of the first column, then all values of the second, and so on;
-    /// little-endian.
+    /// Appends a block: the number of points, all values of the first column, then all values of the second,
+    /// and so on; little-endian.
     pub fn push_block(&self, points: &[PointRecord], out: &mut EncodedPoints) {
         let width: usize = self.columns.iter().map(|column| column.kind().width()).sum();
         out.bytes.reserve(4 + width * points.len());

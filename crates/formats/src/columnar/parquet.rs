@@ -1,5 +1,6 @@
-//! Points as Parquet, with the columns of the [Arrow stream](mod@super::arrow). The schema of that stream is in the metadata of
-//! the file, from which readers of Arrow take types, descriptions and the metadata of the table.
+//! Points as Parquet, with the columns of the [Arrow stream](mod@super::arrow). The schema of that stream is
+//! in the metadata of the file, from which readers of Arrow take types, descriptions and the metadata of the
+//! table.
 
 use super::arrow::{CRS, STATE, point_schema};
 use super::rows::{BATCH_ROWS, Rows};
@@ -26,8 +27,8 @@ use vlscan_base::error::{Error, Result};
 
 /// Rows per row group.
 pub(super) const GROUP_ROWS: usize = 16 * BATCH_ROWS;
-/// Metadata key of the schema of the same table in Arrow, an encapsulated message in base 64 (Arrow C++ and all readers
-/// that follow it).
+/// Metadata key of the schema of the same table in Arrow, an encapsulated message in base 64 (Arrow C++ and
+/// all readers that follow it).
 const ARROW_SCHEMA: &str = "ARROW:schema";
 
 /// Points as blocks of columns for Parquet.
@@ -176,8 +177,8 @@ pub(super) fn metadata(schema: &Schema) -> Vec<KeyValue> {
     metadata
 }
 
-/// The schema as readers of Arrow expect it: continuation marker, length, message (Arrow columnar format, "Encapsulated
-/// message format"), without padding as Arrow C++ has it.
+/// The schema as readers of Arrow expect it: continuation marker, length, message (Arrow columnar format,
+/// "Encapsulated message format"), without padding as Arrow C++ has it.
 fn encoded_schema(schema: &Schema) -> String {
     let mut dictionaries = DictionaryTracker::new(true);
     let message = IpcDataGenerator::default()

@@ -1,5 +1,5 @@
-//! Coordinate reference systems as PROJJSON (<https://proj.org/en/stable/specifications/projjson.html>), converted from WKT 1 (OGC
-//! 01-009): the same definition in the words of ISO 19111.
+//! Coordinate reference systems as PROJJSON (<https://proj.org/en/stable/specifications/projjson.html>),
+//! converted from WKT 1 (OGC 01-009): the same definition in the words of ISO 19111.
 
 use serde_json::{Value, json};
 
@@ -108,8 +108,8 @@ impl<'t> Element<'t> {
         })
     }
 
-    /// The axes of a Cartesian system. WKT 1 as GDAL and PROJ write it leaves them out where northing is first in the EPSG
-    /// dataset; without code and axes easting is first (OGC 01-009).
+    /// The axes of a Cartesian system. WKT 1 as GDAL and PROJ write it leaves them out where northing is
+    /// first in the EPSG dataset; without code and axes easting is first (OGC 01-009).
     fn axes(&self, unit: &Value) -> Option<Value> {
         let mut axes: Vec<(&str, String)> = Vec::new();
         for axis in self.elements("AXIS") {
@@ -197,7 +197,8 @@ const METHODS: &[(&str, &str, u16, Parameters)] = &[
     ("Polyconic", "American Polyconic", 9818, NATURAL),
 ];
 
-/// Converts a system in WKT 1. `None` for other texts, and for projections that are not among those of [`METHODS`].
+/// Converts a system in WKT 1. `None` for other texts, and for projections that are not among those of
+/// [`METHODS`].
 pub(super) fn projjson(wkt: &str) -> Option<Value> {
     let mut text = wkt.trim_matches(['\0', ' ', '\n', '\r', '\t']);
     let element = Element::parse(&mut text, 0)?;

@@ -1,5 +1,5 @@
-//! Rows collected column by column into groups of fixed size, so that the bytes of a file do not depend on how its rows
-//! arrived.
+//! Rows collected column by column into groups of fixed size, so that the bytes of a file do not depend on
+//! how its rows arrived.
 
 use super::ColumnType;
 use ::arrow_array::{ArrayRef, PrimitiveArray, RecordBatch, types::*};
@@ -12,7 +12,8 @@ use vlscan_base::error::{Error, Result};
 /// Rows per batch of an Arrow stream: a few megabytes.
 pub(super) const BATCH_ROWS: usize = 16_384;
 
-/// The rows of one group, at most `full` of them. A group may hold all rows of a run, so columns grow as vectors do.
+/// The rows of one group, at most `full` of them. A group may hold all rows of a run, so columns grow as
+/// vectors do.
 pub struct Rows {
     kinds: Vec<ColumnType>,
     values: Vec<MutableBuffer>,

@@ -1,10 +1,11 @@
-//! COPC 1.0: LAZ whose chunks are the nodes of an octree, so that a reader fetches only the region and the detail it needs
-//! (copc.io, "Cloud Optimized Point Cloud Specification").
+//! COPC 1.0: LAZ whose chunks are the nodes of an octree, so that a reader fetches only the region and the
+//! detail it needs (copc.io, "Cloud Optimized Point Cloud Specification").
 //!
-//! Points are collected in a temporary file until the last one has arrived, because the root cube is known only then.
-//! Each node keeps the first point of every cell of a grid of 128³ and passes the others to its children, through
-//! temporary files where they are many, so that memory holds one node and the buffers of its children. The points of
-//! a node depend only on the order of the points, which is the same for any number of threads.
+//! Points are collected in a temporary file until the last one has arrived, because the root cube is known
+//! only then. Each node keeps the first point of every cell of a grid of 128³ and passes the others to its
+//! children, through temporary files where they are many, so that memory holds one node and the buffers of
+//! its children. The points of a node depend only on the order of the points, which is the same for any
+//! number of threads.
 
 use super::laz::{compress, laszip_builder};
 use super::write::LasFormat;
@@ -21,13 +22,13 @@ use vlscan_geom::DVec3;
 const GRID: u64 = 128;
 /// Maximum number of points that a node keeps without dividing them.
 const MAX_LEAF_POINTS: u64 = 50_000;
-/// Minimum number of points of a child node. Fewer points stay in the parent, because small chunks cost more than
-/// they save.
+/// Minimum number of points of a child node. Fewer points stay in the parent, because small chunks cost more
+/// than they save.
 const MIN_NODE_POINTS: u64 = 200;
 /// Deepest level.
 const MAX_LEVEL: u32 = 16;
-/// Cells of the grids of the deepest nodes along each edge of the root cube. Nodes and cells of every level are unions of
-/// them.
+/// Cells of the grids of the deepest nodes along each edge of the root cube. Nodes and cells of every level
+/// are unions of them.
 const FINE_CELLS: u64 = GRID << MAX_LEVEL;
 /// Maximum bytes of a spill without a file.
 const MAX_MEMORY_BYTES: usize = 2 << 20;
@@ -128,8 +129,8 @@ impl CopcStream {
     }
 }
 
-/// The root cube, in units of the stored coordinates: from the lower corner of the box around the points, as wide as the
-/// box along its longest side, as readers take it from the header.
+/// The root cube, in units of the stored coordinates: from the lower corner of the box around the points, as
+/// wide as the box along its longest side, as readers take it from the header.
 #[derive(Clone, Copy)]
 struct Cube {
     min: [i64; 3],
@@ -147,8 +148,8 @@ impl Cube {
         Cube { min, edge: span.max(1) }
     }
 
-    /// Returns the fine cell of a point along each axis, of [`FINE_CELLS`]. The upper faces of the cube belong to the last
-    /// cells.
+    /// Returns the fine cell of a point along each axis, of [`FINE_CELLS`]. The upper faces of the cube
+    /// belong to the last cells.
     fn fine_cell(&self, record: &[u8]) -> [u64; 3] {
         [0, 1, 2].map(|axis| {
             let mut coordinate = [0; 4];

@@ -17,7 +17,8 @@ pub enum LasVersion {
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum ExtraDimensions {
-    /// `echo_width`, `fullwaveIndex`, `hitObjectId`, `heliosAmplitude`, and then `device`, `range`, `incidence_angle`.
+    /// `echo_width`, `fullwaveIndex`, `hitObjectId`, `heliosAmplitude`, and then `device`, `range`,
+    /// `incidence_angle`.
     #[default]
     All,
     /// The first four, as HELIOS++.
@@ -31,17 +32,17 @@ pub enum ExtraDimensions {
 pub struct LasSettings {
     /// LAS version.
     pub version: LasVersion,
-    /// Metres per unit of the coordinates; `None`: 0.0001, or the next power of ten at which the scene fits into 32
-    /// bits.
+    /// Metres per unit of the coordinates; `None`: 0.0001, or the next power of ten at which the scene fits
+    /// into 32 bits.
     pub scale: Option<f64>,
     /// Dimensions in the extra bytes.
     pub extra: ExtraDimensions,
-    /// Number of points in the header of LAS on a pipe, which is then written without delay, with the scene's box as
-    /// bounds: more points are an error, and most readers tolerate fewer. `None`: the points are spooled, and the
-    /// header is exact. On a seekable output the header is always patched at the end.
+    /// Number of points in the header of LAS on a pipe, which is then written without delay, with the scene's
+    /// box as bounds: more points are an error, and most readers tolerate fewer. `None`: the points are
+    /// spooled, and the header is exact. On a seekable output the header is always patched at the end.
     pub at_most: Option<u64>,
-    /// Waveforms as packets that the points refer to (LAS 1.4 with point format 9); `None`: no packets, point format
-    /// 6.
+    /// Waveforms as packets that the points refer to (LAS 1.4 with point format 9); `None`: no packets, point
+    /// format 6.
     pub packets: Option<PacketPlace>,
 }
 

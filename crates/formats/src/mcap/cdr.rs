@@ -1,4 +1,5 @@
-//! Messages of ROS 2 as CDR: little-endian, each value aligned to its size, after the four bytes of the encapsulation.
+//! Messages of ROS 2 as CDR: little-endian, each value aligned to its size, after the four bytes of the
+//! encapsulation.
 
 use vlscan_geom::{DVec3, Rotation};
 

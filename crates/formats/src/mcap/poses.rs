@@ -34,7 +34,8 @@ impl Pose {
     }
 }
 
-/// Chooses the poses that are published: the first and the last one of each frame, and one every 10 ms between them.
+/// Chooses the poses that are published: the first and the last one of each frame, and one every 10 ms
+/// between them.
 #[derive(Debug, Default)]
 pub struct PoseTrack {
     published: Option<Pose>,
@@ -67,7 +68,8 @@ impl PoseTrack {
         pose
     }
 
-    /// The pose before `next`, with its velocities until then; the last one without `next`, with those of `before`.
+    /// The pose before `next`, with its velocities until then; the last one without `next`, with those of
+    /// `before`.
     pub fn odometry(&mut self, next: Option<Pose>) -> Option<(Pose, Option<Pose>)> {
         let waiting = self.waiting;
         self.waiting = next;
@@ -86,8 +88,8 @@ pub fn transform(pose: &Pose, names: &FrameNames) -> Vec<u8> {
     out.0
 }
 
-/// Odometry as a message: velocities from a pose to the next one, in the axes of the scanner; 0 without a next one. Covariances are 0: the
-/// poses are those by which points are placed.
+/// Odometry as a message: velocities from a pose to the next one, in the axes of the scanner; 0 without a
+/// next one. Covariances are 0: the poses are those by which points are placed.
 pub fn odometry(pose: &Pose, next: Option<&Pose>, names: &FrameNames) -> Vec<u8> {
     let [linear, angular] = next.map_or([DVec3::ZERO; 2], |next| velocities(pose, next));
     let mut out = CdrWriter::new();

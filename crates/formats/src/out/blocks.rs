@@ -1,5 +1,5 @@
-//! Independent compression of blocks, by idle worker threads where there are any; the results keep the order of
-//! submission.
+//! Independent compression of blocks, by idle worker threads where there are any; the results keep the order
+//! of submission.
 
 use super::offload::Offload;
 use std::collections::VecDeque;
@@ -16,8 +16,8 @@ pub struct BlockCompressor {
     /// Blocks in order of submission.
     pending: VecDeque<Arc<Block>>,
     max_pending: usize,
-    /// Buffers of finished blocks, reused for the next ones. Repeated allocation of megabytes would fragment the
-    /// heap, and long runs would need more memory than short ones.
+    /// Buffers of finished blocks, reused for the next ones. Repeated allocation of megabytes would fragment
+    /// the heap, and long runs would need more memory than short ones.
     spare: Vec<Buffers>,
 }
 
@@ -31,8 +31,8 @@ impl BlockCompressor {
     pub fn new(
         compress: impl Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync + 'static,
     ) -> BlockCompressor {
-        // A block takes a few megabytes. The limit is one block per thread, and as many again in reserve while the
-        // oldest one is compressed.
+        // A block takes a few megabytes. The limit is one block per thread, and as many again in reserve
+        // while the oldest one is compressed.
         let max_pending = std::thread::available_parallelism().map_or(2, |n| 2 * n.get()).clamp(4, 32);
         let (pending, spare) = (VecDeque::new(), Vec::new());
         BlockCompressor { compress: Arc::new(compress), pending, max_pending, spare }
@@ -77,8 +77,9 @@ impl BlockCompressor {
     }
 }
 
-/// A block, compressed by the first thread that locks it: an idle worker, or the writer when it needs the bytes. The
-/// writer therefore waits only for a worker that is compressing, never for one that waits for the writer.
+/// A block, compressed by the first thread that locks it: an idle worker, or the writer when it needs the
+/// bytes. The writer therefore waits only for a worker that is compressing, never for one that waits for the
+/// writer.
 struct Block(Mutex<State>);
 
 enum State {
@@ -89,8 +90,8 @@ enum State {
 }
 
 impl Block {
-    /// Locks the state; waits while another thread compresses. A panic during compression leaves [`State::Gone`]
-    /// behind.
+    /// Locks the state; waits while another thread compresses. A panic during compression leaves
+    /// [`State::Gone`] behind.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

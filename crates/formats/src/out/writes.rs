@@ -8,8 +8,9 @@ use vlscan_base::files::PositionedFile;
 
 /// Most bytes that wait to be written.
 const MAX_WAITING_BYTES: usize = 16 << 20;
-/// Threads for each thread that writes to a file. Most file systems (ext4, XFS, tmpfs) let one write at a time change a file, and
-/// the others would only wait, spinning; those that allow several are fast enough for few threads.
+/// Threads for each thread that writes to a file. Most file systems (ext4, XFS, tmpfs) let one write at a
+/// time change a file, and the others would only wait, spinning; those that allow several are fast enough for
+/// few threads.
 const THREADS_PER_WRITER: usize = 8;
 
 /// The writes to one file that may not have ended.
@@ -80,8 +81,8 @@ impl Writes {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes pieces, or waits for the threads that do, until the state is as it should be or a write has failed. A job that
-    /// has not begun is not waited for.
+    /// Writes pieces, or waits for the threads that do, until the state is as it should be or a write has
+    /// failed. A job that has not begun is not waited for.
     fn wait_until(&self, is_reached: impl Fn(&State) -> bool) -> io::Result<()> {
         let mut state = self.lock();
         loop {

@@ -1,5 +1,5 @@
-//! Headers of PLY files in the spelling that the parser knows: single blanks, keywords in small letters, names of letters,
-//! digits and underscores, line feeds.
+//! Headers of PLY files in the spelling that the parser knows: single blanks, keywords in small letters,
+//! names of letters, digits and underscores, line feeds.
 
 use super::PlyError;
 use crate::text::last_of_line_ends;

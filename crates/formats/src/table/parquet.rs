@@ -59,10 +59,12 @@ fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
     Ok(())
 }
 
-/// The columns of numbers with these names of a Parquet file, NaN for nulls; `None` for names that it does not have.
+/// The columns of numbers with these names of a Parquet file, NaN for nulls; `None` for names that it does
+/// not have.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Input`] for files that are not Parquet or are damaged.
+/// [`Error::Io`] when the file cannot be read, [`Error::Input`] for files that are not Parquet or are
+/// damaged.
 pub fn read_number_columns(path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
     let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
     let read = || number_columns(Bytes::from_owner(file.clone()), names);

@@ -8,14 +8,14 @@ use vlscan_base::columns::is_blank;
 /// Maximum length of a line, bytes: a binary file without line ends must not fill the memory.
 const MAX_LINE_BYTES: usize = 1 << 16;
 
-/// True if `byte` ends a line. Both bytes of CRLF do, so that an empty line follows each of its lines where lines are split by
-/// this.
+/// True if `byte` ends a line. Both bytes of CRLF do, so that an empty line follows each of its lines where
+/// lines are split by this.
 pub fn is_line_end(byte: u8) -> bool {
     matches!(byte, b'\n' | b'\r')
 }
 
-/// The last byte of the ends of lines by that of the first one: a carriage return, or a line feed with or without one. Where
-/// binary values follow the lines, the first value may look like a line end, too.
+/// The last byte of the ends of lines by that of the first one: a carriage return, or a line feed with or
+/// without one. Where binary values follow the lines, the first value may look like a line end, too.
 pub fn last_of_line_ends(text: &[u8]) -> u8 {
     let end = text.iter().position(|b| is_line_end(*b)).unwrap_or(text.len());
     match &text[end..] {
@@ -24,8 +24,8 @@ pub fn last_of_line_ends(text: &[u8]) -> u8 {
     }
 }
 
-/// Reads the next line to `line`, without its end: a line feed, a carriage return or both. Lines that are too long are cut.
-/// `false` at the end of the text.
+/// Reads the next line to `line`, without its end: a line feed, a carriage return or both. Lines that are too
+/// long are cut. `false` at the end of the text.
 pub fn read_line(source: &mut impl BufRead, line: &mut Vec<u8>) -> std::io::Result<bool> {
     line.clear();
     let mut has_begun = false;
@@ -65,8 +65,8 @@ pub fn is_skipped(line: &[u8]) -> bool {
     matches!(line.trim_ascii_start(), [] | [b'/', b'/', ..] | [b'#', ..]) || line.iter().all(|&b| is_blank(b))
 }
 
-/// True if a line is a heading: at least three words, all of them names but for empty ones, which begin with a letter or `_` and
-/// are no numbers.
+/// True if a line is a heading: at least three words, all of them names but for empty ones, which begin with
+/// a letter or `_` and are no numbers.
 pub fn is_heading(line: &[u8], words: &[Range<usize>]) -> bool {
     let is_name = |word: &[u8]| {
         let word = word.strip_prefix(b"\"").unwrap_or(word);
@@ -86,8 +86,8 @@ pub struct BadColumn {
 }
 
 impl Columns {
-    /// Parses the words of a line. Normals are optional: they are absent if the line is too short for them, and NaN if
-    /// they are not numbers. Object, leg, channel and time need not be numbers.
+    /// Parses the words of a line. Normals are optional: they are absent if the line is too short for them,
+    /// and NaN if they are not numbers. Object, leg, channel and time need not be numbers.
     pub fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, BadColumn> {
         let number = |column: usize| words.get(column).and_then(|at| float(line[at.clone()].trim_ascii()));
         for (attribute, column) in self.used() {

@@ -1,5 +1,6 @@
-//! Points as text: the eleven columns of HELIOS++ (spec outputs §3) separated by single spaces and without header, as lines or as
-//! a compressed archive of them (spec outputs §8); and chosen columns with a line of their names.
+//! Points as text: the eleven columns of HELIOS++ (spec outputs §3) separated by single spaces and without
+//! header, as lines or as a compressed archive of them (spec outputs §8); and chosen columns with a line of
+//! their names.
 
 use super::archive;
 use crate::columnar::TableEncoder;
@@ -71,7 +72,8 @@ impl HeliosText {
         HeliosText { origin: settings.origin, labels, is_archive }
     }
 
-    /// Appends `x y z intensity echo_width return_number number_of_returns fullwave_index object_id class gps_time`.
+    /// Appends `x y z intensity echo_width return_number number_of_returns fullwave_index
+    /// object_id class gps_time`.
     fn push(&self, out: &mut Vec<u8>, point: &PointRecord) -> DVec3 {
         let position = point.position + self.origin;
         let reals = position.to_array().into_iter().chain([point.amplitude, point.echo_width]);
@@ -109,8 +111,8 @@ impl PointEncoder for HeliosText {
     }
 }
 
-/// Converts a part's id to a text field: blanks become `_`, and an empty id, which would shift the columns, becomes
-/// `-`.
+/// Converts a part's id to a text field: blanks become `_`, and an empty id, which would shift the columns,
+/// becomes `-`.
 fn label(id: &str) -> Box<[u8]> {
     if id.is_empty() {
         return Box::from(*b"-");

@@ -1,8 +1,9 @@
 //! Many steps of a leg at once, of which only the number of pulses and the last state are wanted.
 //!
-//! The parts of a flight's state depend on each other only where a leg ends or a sample of the trajectory is due. Up to
-//! the next such event, clock, platform, heads and deflectors advance separately, each in a loop of its own or, where
-//! the result of the loop is known, without one. The state is that after single steps, bit for bit.
+//! The parts of a flight's state depend on each other only where a leg ends or a sample of the trajectory is
+//! due. Up to the next such event, clock, platform, heads and deflectors advance separately, each in a loop
+//! of its own or, where the result of the loop is known, without one. The state is that after single steps,
+//! bit for bit.
 
 use super::clock::{WEEK_NS, elapsed_ns};
 use super::plan::FlightPlan;
@@ -42,8 +43,8 @@ impl FlightSink for Skipped {
 }
 
 impl FlightState {
-    /// Takes up to `steps` steps of the leg, the last of which is the one that emits pulse number `pulses`, counted from
-    /// 1. The state is that after as many calls of [`step`](Self::step), bit for bit.
+    /// Takes up to `steps` steps of the leg, the last of which is the one that emits pulse number `pulses`,
+    /// counted from 1. The state is that after as many calls of [`step`](Self::step), bit for bit.
     ///
     /// # Errors
     /// As for [`step`](Self::step).
@@ -69,9 +70,9 @@ impl FlightState {
         Ok(all)
     }
 
-    /// Takes up to `limit` steps that neither end the leg nor sample the trajectory, and returns their number and that
-    /// of their pulses. Takes none where [`step`](Self::step) has to decide what comes next, and for platforms that are
-    /// stepped one by one.
+    /// Takes up to `limit` steps that neither end the leg nor sample the trajectory, and returns their number
+    /// and that of their pulses. Takes none where [`step`](Self::step) has to decide what comes next, and for
+    /// platforms that are stepped one by one.
     pub(super) fn advance(&mut self, plan: &FlightPlan, limit: u32) -> (u32, u32) {
         let steps = self.steps_without_event(plan, limit);
         if steps == 0 {
@@ -90,8 +91,8 @@ impl FlightState {
         (steps, pulses)
     }
 
-    /// Takes `steps` steps, as counted by [`steps_without_event`](Self::steps_without_event), of a leg in which something is a function
-    /// of time. Returns their number and that of their pulses.
+    /// Takes `steps` steps, as counted by [`steps_without_event`](Self::steps_without_event), of a leg in
+    /// which something is a function of time. Returns their number and that of their pulses.
     fn advance_to(&mut self, plan: &FlightPlan, steps: u32) -> (u32, u32) {
         let leg = &plan.legs[self.leg];
         let steps = steps.min(MAX_TIMED_STEPS);
@@ -121,8 +122,8 @@ impl FlightState {
         (steps, pulses)
     }
 
-    /// Number of steps, up to `limit`, before which nothing can happen but the motion of clock, platform and devices.
-    /// Estimates err on the low side by a few steps.
+    /// Number of steps, up to `limit`, before which nothing can happen but the motion of clock, platform and
+    /// devices. Estimates err on the low side by a few steps.
     fn steps_without_event(&self, plan: &FlightPlan, limit: u32) -> u32 {
         let leg = &plan.legs[self.leg];
         let has_errors =
@@ -169,7 +170,8 @@ impl FlightState {
         (left / (leg.increment_ns * (1.0 + 1e-6) + 0.1)).floor() - 4.0
     }
 
-    /// Steps of a leg with pulse times before `seconds` have passed since the next one, and before the last of its times.
+    /// Steps of a leg with pulse times before `seconds` have passed since the next one, and before the last
+    /// of its times.
     fn steps_within(&self, plan: &FlightPlan, seconds: f64) -> f64 {
         let Some(times) = &plan.legs[self.leg].times else { return 0.0 };
         let (number, next) = self.step_ahead(plan, 0);
@@ -223,7 +225,8 @@ impl FlightState {
         }
     }
 
-    /// Advances time by `steps` steps, the last of which was at `streamed` ns if the platform follows a stream.
+    /// Advances time by `steps` steps, the last of which was at `streamed` ns if the platform follows a
+    /// stream.
     fn advance_clock(&mut self, plan: &FlightPlan, steps: u32, streamed: Option<f64>) {
         self.ticks += u64::from(steps);
         self.leg_ticks += u64::from(steps);

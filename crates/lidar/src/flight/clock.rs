@@ -9,9 +9,9 @@ const REFERENCE_GPS_ORIGIN: i64 = 315_964_809;
 
 /// POSIX seconds of 1980-01-06 00:00:00 UTC, when GPS time began.
 const GPS_ORIGIN: i64 = 315_964_800;
-/// POSIX seconds of the first second after each leap second since the origin of GPS time (IERS Bulletin C). GPS time is ahead of
-/// UTC by the number of leap seconds so far. None has been announced since the last one, and UTC will have none after
-/// 2035 at the latest (CGPM 2022, resolution 4).
+/// POSIX seconds of the first second after each leap second since the origin of GPS time (IERS Bulletin C).
+/// GPS time is ahead of UTC by the number of leap seconds so far. None has been announced since the last one,
+/// and UTC will have none after 2035 at the latest (CGPM 2022, resolution 4).
 const LEAP_SECONDS: [i64; 18] = [
     362_793_600,   // 1981-07-01
     394_329_600,   // 1982-07-01
@@ -44,10 +44,10 @@ pub enum TimeError {
     Posix(String),
 }
 
-/// GPS time of week, ns, at which a run starts: now if `text` is empty, otherwise a UTC time `YYYY-MM-DD hh:mm:ss` or
-/// POSIX seconds, whose fraction is ignored (spec outputs §2.4). With `leap_seconds` it counts from the true origin and
-/// includes the leap seconds of UTC, which POSIX time does not count (IS-GPS-200, §20.3.3.5.2.4); without, it counts
-/// from the origin of the reference and has none.
+/// GPS time of week, ns, at which a run starts: now if `text` is empty, otherwise a UTC time
+/// `YYYY-MM-DD hh:mm:ss` or POSIX seconds, whose fraction is ignored (spec outputs §2.4). With `leap_seconds`
+/// it counts from the true origin and includes the leap seconds of UTC, which POSIX time does not count
+/// (IS-GPS-200, §20.3.3.5.2.4); without, it counts from the origin of the reference and has none.
 ///
 /// # Errors
 /// A text that is no time.
@@ -64,8 +64,8 @@ pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, TimeError> {
     Ok(since_origin.rem_euclid(WEEK_S) as f64 * 1e9)
 }
 
-/// Year and day of the year (from 1), in UTC, of a time as [`gps_start`] parses it: the creation date of files, which
-/// must not depend on when a run is repeated. (0, 0) before 1970 and after 9999.
+/// Year and day of the year (from 1), in UTC, of a time as [`gps_start`] parses it: the creation date of
+/// files, which must not depend on when a run is repeated. (0, 0) before 1970 and after 9999.
 ///
 /// # Errors
 /// As [`gps_start`].
@@ -91,7 +91,8 @@ fn posix_seconds(text: &str) -> Result<i64, TimeError> {
     whole.parse().map_err(|_| TimeError::Posix(text.to_owned()))
 }
 
-/// POSIX seconds of `YYYY-MM-DD hh:mm:ss` in UTC; a leap second, 23:59:60, has the number of the second after it.
+/// POSIX seconds of `YYYY-MM-DD hh:mm:ss` in UTC; a leap second, 23:59:60, has the number of the second after
+/// it.
 fn utc_seconds(text: &str) -> Option<i64> {
     // The parser also takes numbers without leading zeros, and counts second 60 as a part of second 59.
     if text.len() != 19 {

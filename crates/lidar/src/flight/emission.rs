@@ -10,8 +10,8 @@ use vlscan_base::error::Error;
 use vlscan_geom::{DVec3, Rotation};
 
 impl FlightPlan {
-    /// The pulse that device `index` emits in a step, at `time_ns` and `since_start` seconds after the start of the flight, or
-    /// later by its firing offset.
+    /// The pulse that device `index` emits in a step, at `time_ns` and `since_start` seconds after the start
+    /// of the flight, or later by its firing offset.
     pub(super) fn pulse(
         &self,
         platform: &PlatformState,
@@ -117,9 +117,9 @@ impl PlannedLeg {
     }
 }
 
-/// The scan angle of LAS (ASPRS LAS 1.4, point formats 6 to 10; the rank of formats 0 to 5 has the same sense), rad: that of the
-/// beam from straight down about the direction of flight `way`, positive to the right; ±π is straight up. A tripod has no
-/// direction of flight: the angle is that from straight down.
+/// The scan angle of LAS (ASPRS LAS 1.4, point formats 6 to 10; the rank of formats 0 to 5 has the same
+/// sense), rad: that of the beam from straight down about the direction of flight `way`, positive to the
+/// right; ±π is straight up. A tripod has no direction of flight: the angle is that from straight down.
 fn angle_across(beam: DVec3, way: Option<DVec3>) -> f64 {
     // Adding 0 removes negative zeros, whose angles are half turns.
     let down = 0.0 - beam.z;

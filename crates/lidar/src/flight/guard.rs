@@ -55,8 +55,8 @@ impl ProgressGuard {
         }
     }
 
-    /// Checks progress at tick `now`, `distance` m from the waypoint, and schedules the next check; returns `false` if
-    /// there is no progress. `waiting`: the leg continues only because the head still turns.
+    /// Checks progress at tick `now`, `distance` m from the waypoint, and schedules the next check; returns
+    /// `false` if there is no progress. `waiting`: the leg continues only because the head still turns.
     pub fn check(&mut self, plan: &PlatformPlan, leg: usize, now: u64, distance: f64, waiting: bool) -> bool {
         if waiting {
             self.nearest = distance;

@@ -1,5 +1,5 @@
-//! States far ahead in a flight without the steps between: near what stepping would give, not equal to it. For forecasts,
-//! which must not take the time of the flight.
+//! States far ahead in a flight without the steps between: near what stepping would give, not equal to it.
+//! For forecasts, which must not take the time of the flight.
 
 use super::guard::ProgressGuard;
 use super::plan::FlightPlan;
@@ -47,8 +47,9 @@ impl FlightState {
         true
     }
 
-    /// Moves on by `steps` steps of the leg, which must not be over before: waypoints are approached at the leg's speed, the
-    /// head turns, mirrors get some phase. Platforms that follow a stream stay where they are.
+    /// Moves on by `steps` steps of the leg, which must not be over before: waypoints are approached at the
+    /// leg's speed, the head turns, mirrors get some phase. Platforms that follow a stream stay where they
+    /// are.
     pub fn jump(&mut self, plan: &FlightPlan, steps: u64) {
         let clock = self.step_clock(plan);
         let far = u32::try_from(steps).unwrap_or(u32::MAX);

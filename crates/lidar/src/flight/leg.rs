@@ -23,8 +23,8 @@ pub(super) struct PlannedLeg {
     pub still: bool,
     /// Maximum duration, s; 0 = none.
     pub max_duration: f64,
-    /// Steps per second of the step clock, and the period of the GPS clock, ns: the first leg's for all legs, unless
-    /// [`Corrections::leg_pulse_rate`](vlscan_base::corrections::Corrections::leg_pulse_rate) is on.
+    /// Steps per second of the step clock, and the period of the GPS clock, ns: the first leg's for all legs,
+    /// unless [`Corrections::leg_pulse_rate`](vlscan_base::corrections::Corrections::leg_pulse_rate) is on.
     pub frequency: f64,
     pub increment_ns: f64,
     /// GPS time at which the leg starts, ns of the week, where its trajectory determines it.
@@ -66,8 +66,9 @@ impl PlannedLeg {
 /// What to do where legs find no ground.
 const NO_GROUND_HELP: &str = "ground is every surface whose material has `helios_isGround true` (`vlscan scene info` lists them); give the terrain such a material, or give the leg a height instead of on_ground";
 
-/// Courses of the legs in the scene frame: shifted, dropped to the ground and, given a seed, displaced at random. Where
-/// there is no ground that is an error if the ground is needed, and otherwise the height of the scene's centre counts.
+/// Courses of the legs in the scene frame: shifted, dropped to the ground and, given a seed, displaced at
+/// random. Where there is no ground that is an error if the ground is needed, and otherwise the height of the
+/// scene's centre counts.
 pub(super) fn courses(
     survey: &Survey,
     shift: DVec3,

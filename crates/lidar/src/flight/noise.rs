@@ -43,7 +43,8 @@ impl PoseNoise {
         !matches!(self.attitude, [None, None, None])
     }
 
-    /// `attitude` with noise about x, then y, then z of its own frame; in the reference this is the beam frame.
+    /// `attitude` with noise about x, then y, then z of its own frame; in the reference this is the beam
+    /// frame.
     pub fn apply_noise(&self, attitude: Rotation, device: u32, pulse: u64) -> Rotation {
         let about: [fn(f64) -> Rotation; 3] = [Rotation::about_x, Rotation::about_y, Rotation::about_z];
         self.attitude.iter().zip(about).fold(attitude, |a, (source, about)| match source {
@@ -54,7 +55,8 @@ impl PoseNoise {
 }
 
 impl NoiseSource {
-    /// One drawn value applies to `lifespan` consecutive pulses; with lifespan 0 one unclipped value applies to all.
+    /// One drawn value applies to `lifespan` consecutive pulses; with lifespan 0 one unclipped value applies
+    /// to all.
     fn value(&self, device: u32, pulse: u64) -> f64 {
         let number = pulse.checked_div(u64::from(self.noise.lifespan)).unwrap_or(u64::MAX);
         let drawn = match self.noise.kind {

@@ -16,9 +16,10 @@ pub struct PlannedPosition {
 }
 
 impl FlightPlan {
-    /// Up to `per_leg` positions along each active leg: the position of a static platform, evenly spaced positions
-    /// between two waypoints, positions of a recorded flight at equal time intervals; none for a stream, whose poses
-    /// are not known yet. Vehicles and multicopters deviate little from the straight line between waypoints.
+    /// Up to `per_leg` positions along each active leg: the position of a static platform, evenly spaced
+    /// positions between two waypoints, positions of a recorded flight at equal time intervals; none for a
+    /// stream, whose poses are not known yet. Vehicles and multicopters deviate little from the straight line
+    /// between waypoints.
     pub fn planned_positions(&self, per_leg: u32) -> Vec<PlannedPosition> {
         let courses = &self.platform.legs;
         let mut positions = Vec::new();

@@ -8,16 +8,17 @@ use vlscan_geom::{DVec3, Rotation};
 pub struct Pulse {
     /// Origin of the beam, m, scene frame (world minus shift), with platform noise.
     pub origin: DVec3,
-    /// Rotation from the beam frame to the scene, with errors and noise; the beam leaves along the image of +Y.
+    /// Rotation from the beam frame to the scene, with errors and noise; the beam leaves along the image of
+    /// +Y.
     pub attitude: Rotation,
-    /// Attitude known to the instrument: if there are mechanical errors, `attitude` without them and without attitude
-    /// noise; otherwise `attitude`.
+    /// Attitude known to the instrument: if there are mechanical errors, `attitude` without them and without
+    /// attitude noise; otherwise `attitude`.
     pub exact_attitude: Rotation,
-    /// `exact_attitude` relative to the platform attitude that the navigation system reports; determines the reported
-    /// direction of points.
+    /// `exact_attitude` relative to the platform attitude that the navigation system reports; determines the
+    /// reported direction of points.
     pub reported_attitude: Rotation,
-    /// Reported attitude of the scanner: rotation from the axes of its mount, within which head and deflector turn, to the
-    /// scene. The identity for pulses that are read from a stream.
+    /// Reported attitude of the scanner: rotation from the axes of its mount, within which head and deflector
+    /// turn, to the scene. The identity for pulses that are read from a stream.
     pub scanner_attitude: Rotation,
     /// Reported minus true origin, m.
     pub origin_error: DVec3,
@@ -27,8 +28,9 @@ pub struct Pulse {
     pub number: u64,
     /// Index of the device.
     pub device: u32,
-    /// The scan angle of LAS, rad: that of the reported beam from straight down across the direction of flight, positive to the right;
-    /// without the correction `las_scan_angles` the deflection on the scanner without errors.
+    /// The scan angle of LAS, rad: that of the reported beam from straight down across the direction of
+    /// flight, positive to the right; without the correction `las_scan_angles` the deflection on the scanner
+    /// without errors.
     pub scan_angle: f64,
     /// Error that is added to every range of this pulse, m.
     pub range_error: f64,
@@ -70,8 +72,8 @@ impl PoseSample {
     }
 }
 
-/// Receives the output of steps. Values are passed as closures, because the producer of chunks only counts them while
-/// workers compute them.
+/// Receives the output of steps. Values are passed as closures, because the producer of chunks only counts
+/// them while workers compute them.
 pub trait FlightSink {
     /// A pulse is emitted.
     fn pulse(&mut self, pulse: impl FnOnce() -> Pulse);

@@ -49,8 +49,8 @@ pub fn straight() -> Deflector {
     Deflector::Risley { prisms: Vec::new(), air: 1.0, incident: DVec3::Y }
 }
 
-/// A platform that follows recorded poses at 100, 101, 102 and 104 s: 10 m to the east per second, yaws 0, 10, 30 and
-/// 350 degrees, the first one changed to `first_yaw`.
+/// A platform that follows recorded poses at 100, 101, 102 and 104 s: 10 m to the east per second, yaws 0,
+/// 10, 30 and 350 degrees, the first one changed to `first_yaw`.
 pub fn recorded(first_yaw: f64, sync_gps_time: bool, legs: Vec<Leg>) -> (Survey, tempfile::TempDir) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("flight.txt");

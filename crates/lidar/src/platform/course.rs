@@ -59,8 +59,8 @@ pub struct Course {
 }
 
 impl Course {
-    /// Sets the waypoints of leg `leg`, and the position if it is the first of a run. The last leg keeps the waypoints
-    /// of the previous leg. Returns whether a target was assigned.
+    /// Sets the waypoints of leg `leg`, and the position if it is the first of a run. The last leg keeps the
+    /// waypoints of the previous leg. Returns whether a target was assigned.
     pub fn start_leg(&mut self, legs: &[LegCourse], leg: usize, entry: LegEntry) -> bool {
         if entry == LegEntry::Initial {
             self.position = legs[leg].position;
@@ -133,8 +133,9 @@ pub(super) fn facing(way: DVec3) -> Option<Rotation> {
     horizontal_unit(way).map(|d| Rotation::about_z(-atan2(d.x, d.y)))
 }
 
-/// The reference's alignment (spec kinematics §2.3): turns `attitude` about z until its forward axis points along the
-/// horizontal part of `q`. Its turns are unsigned, so small clockwise errors grow. A vertical `q` changes nothing.
+/// The reference's alignment (spec kinematics §2.3): turns `attitude` about z until its forward axis points
+/// along the horizontal part of `q`. Its turns are unsigned, so small clockwise errors grow. A vertical `q`
+/// changes nothing.
 pub(super) fn align(attitude: Rotation, q: DVec3) -> Rotation {
     const MAX_ERROR: f64 = 0.025;
     const MAX_TURNS: usize = 10_000;
@@ -158,8 +159,8 @@ pub(super) fn align(attitude: Rotation, q: DVec3) -> Rotation {
     aligned
 }
 
-/// Roll, pitch and yaw of `attitude`: the XYZ triple, or the ZYX triple with clockwise yaw for ARINC trajectories. At
-/// gimbal lock the angle about the first axis is 0.
+/// Roll, pitch and yaw of `attitude`: the XYZ triple, or the ZYX triple with clockwise yaw for ARINC
+/// trajectories. At gimbal lock the angle about the first axis is 0.
 pub(super) fn reported_angles(attitude: Rotation, recorded: Option<RotationSpec>) -> [f64; 3] {
     if recorded == Some(RotationSpec::Arinc705) {
         let [y, roll, pitch] = attitude.angles_zyx().unwrap_or_else(|| locked_zyx(attitude));

@@ -1,4 +1,5 @@
-//! A vehicle that steers towards its waypoints and backs up where their bearing is too large (spec kinematics §2.4).
+//! A vehicle that steers towards its waypoints and backs up where their bearing is too large (spec kinematics
+//! §2.4).
 
 use super::course::{Course, LegCourse, LegEntry, align, facing, horizontal, horizontal_unit};
 use super::physics::accelerated;
@@ -71,7 +72,8 @@ impl GroundVehicle {
         }
     }
 
-    /// Takes one step. With `follows_heights` the vehicle climbs from waypoint to waypoint, otherwise it keeps its height.
+    /// Takes one step. With `follows_heights` the vehicle climbs from waypoint to waypoint, otherwise it
+    /// keeps its height.
     pub(super) fn step(&mut self, drag: f64, leg: &LegCourse, follows_heights: bool) {
         self.course.position += self.course.velocity;
         let slope = if follows_heights { self.slope() } else { Slope::LEVEL };
@@ -91,7 +93,8 @@ impl GroundVehicle {
         self.course.velocity = level + DVec3::Z * level.dot(slope.gradient);
     }
 
-    /// The slope of the straight line from the last waypoint to the next where the vehicle is, which may be beside it.
+    /// The slope of the straight line from the last waypoint to the next where the vehicle is, which may be
+    /// beside it.
     fn slope(&self) -> Slope {
         let Course { position, origin, target, .. } = self.course;
         let (way, climb) = (horizontal(target - origin), target.z - origin.z);

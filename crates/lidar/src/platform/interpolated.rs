@@ -41,8 +41,8 @@ impl InterpolatedState {
         self.advance(table, span.start - self.time);
     }
 
-    /// Puts the first step of the leg at its start, and ends the leg after its duration less `slack` s for rounding.
-    /// The reference also counts the time that the change of legs took (spec kinematics §2.6).
+    /// Puts the first step of the leg at its start, and ends the leg after its duration less `slack` s for
+    /// rounding. The reference also counts the time that the change of legs took (spec kinematics §2.6).
     pub(super) fn start_on_time(&mut self, clock: f64, slack: f64) {
         (self.last_clock, self.slack) = (clock, slack);
     }

@@ -70,8 +70,8 @@ impl LinearPath {
         }
     }
 
-    /// Takes the first or a later step of a leg, which is `steps` steps of the leg's mean rate after the start of the leg or the step
-    /// before it.
+    /// Takes the first or a later step of a leg, which is `steps` steps of the leg's mean rate after the
+    /// start of the leg or the step before it.
     pub(super) fn step_by(&mut self, leg: &LegCourse, steps: f64, is_first: bool) {
         if is_first {
             self.step(leg);
@@ -87,16 +87,16 @@ impl LinearPath {
         }
     }
 
-    /// Number of steps, rounded down, after which the target is still farther than a step; 0 or less near it, and 0
-    /// unless the velocity is that of this leg.
+    /// Number of steps, rounded down, after which the target is still farther than a step; 0 or less near it,
+    /// and 0 unless the velocity is that of this leg.
     pub(super) fn steps_to_target(&self, leg: &LegCourse) -> f64 {
         let q = self.course.to_target();
         let is_cruising = leg.speed > 0.0 && self.course.velocity == unit(q) * leg.step_length;
         if is_cruising { (q.length() / leg.step_length * (1.0 - 1e-6)).floor() - 4.0 } else { 0.0 }
     }
 
-    /// Takes `steps` steps, at most [`steps_to_target`](Self::steps_to_target). Position and velocity are those of as
-    /// many calls of [`step`](Self::step), bit for bit.
+    /// Takes `steps` steps, at most [`steps_to_target`](Self::steps_to_target). Position and velocity are
+    /// those of as many calls of [`step`](Self::step), bit for bit.
     pub(super) fn advance(&mut self, leg: &LegCourse, mut steps: u32) {
         let mut single = MIN_SINGLE_STEPS;
         while steps > 0 {
@@ -118,10 +118,10 @@ impl LinearPath {
 
     /// As many calls of [`step`](Self::step), of which [`LANES`] are computed side by side.
     ///
-    /// A step waits for the square root and the division of the step before. The velocity, though, hardly changes, and
-    /// where it does its last bits alternate. So the next positions are predicted from the last two velocities, the
-    /// velocities at all predicted positions computed at once, and the positions compared with what these velocities
-    /// give: up to the first difference the prediction was right, bit for bit.
+    /// A step waits for the square root and the division of the step before. The velocity, though, hardly
+    /// changes, and where it does its last bits alternate. So the next positions are predicted from the last
+    /// two velocities, the velocities at all predicted positions computed at once, and the positions compared
+    /// with what these velocities give: up to the first difference the prediction was right, bit for bit.
     fn advance_by_prediction(&mut self, leg: &LegCourse, mut steps: u32) {
         let c = &mut self.course;
         let (target, mut before) = (c.target, c.velocity);
@@ -147,22 +147,25 @@ impl LinearPath {
 
     /// Number of steps, up to `wanted`, that certainly change the position by the same increment each.
     ///
-    /// The velocity v = s·q/|q|, with q the way to the target and s the length of a step, hardly changes along a straight
-    /// path. Adding it to a coordinate rounds to a multiple of the spacing d of the coordinate's binade. So the increment
-    /// stays the same multiple, r, as long as v stays within d/2 of it.
+    /// The velocity v = s·q/|q|, with q the way to the target and s the length of a step, hardly changes
+    /// along a straight path. Adding it to a coordinate rounds to a multiple of the spacing d of the
+    /// coordinate's binade. So the increment stays the same multiple, r, as long as v stays within d/2 of it.
     ///
-    /// After n steps of r, which leave the line to the target by less than n·|r − v| sideways, the direction has turned by
-    /// less than n·|r − v|/|q − n·r|. Rounding errors of computed velocities are below 2⁻⁴⁸·s: ten operations with
-    /// relative errors of up to 2⁻⁵³ each, at both ends. The margins cover the rounding errors of this estimate.
+    /// After n steps of r, which leave the line to the target by less than n·|r − v| sideways, the direction
+    /// has turned by less than n·|r − v|/|q − n·r|. Rounding errors of computed velocities are below 2⁻⁴⁸·s:
+    /// ten operations with relative errors of up to 2⁻⁵³ each, at both ends. The margins cover the rounding
+    /// errors of this estimate.
     fn equal_steps(&self, leg: &LegCourse, wanted: u32) -> u32 {
         let Course { position, velocity, .. } = self.course;
         let increment = (position + velocity) - position;
-        // Distance of the velocity from where it would round to another increment, as far as the leg needs it.
+        // Distance of the velocity from where it would round to another increment, as far as the leg needs
+        // it.
         let mut room = f64::INFINITY;
         let mut steps = f64::from(wanted);
         for axis in 0..3 {
             if velocity[axis] == 0.0 {
-                // Along an axis without motion the increment is 0 only as long as the target has the same coordinate.
+                // Along an axis without motion the increment is 0 only as long as the target has the same
+                // coordinate.
                 if self.course.to_target()[axis] != 0.0 {
                     return 0;
                 }
@@ -229,7 +232,8 @@ fn correct_lanes(position: &[[f64; LANES]; 3], velocity: &[[f64; LANES]; 3]) -> 
 const LANES: usize = 8;
 /// Fewer equal steps are taken one by one.
 const MIN_EQUAL_STEPS: u32 = 8;
-/// Half of the steps that are taken one by one before equal steps are looked for again; doubled each time in vain.
+/// Half of the steps that are taken one by one before equal steps are looked for again; doubled each time in
+/// vain.
 const MIN_SINGLE_STEPS: u32 = 16;
 /// Bound of the relative rounding error of a velocity, with a margin.
 const ROUNDING: f64 = 1.0 / (1u64 << 48) as f64;

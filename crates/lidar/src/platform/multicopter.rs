@@ -141,8 +141,8 @@ impl MulticopterState {
         Rotation::about_z(self.yaw)
     }
 
-    /// The attitude with its tilt about the craft's own axes: pitch with the nose up, and roll, which is positive in
-    /// turns to the left here, so that the craft banks into them.
+    /// The attitude with its tilt about the craft's own axes: pitch with the nose up, and roll, which is
+    /// positive in turns to the left here, so that the craft banks into them.
     pub(super) fn tilted(&self) -> Rotation {
         self.level().after(Rotation::about_x(self.pitch)).after(Rotation::about_y(-self.roll))
     }
@@ -296,7 +296,8 @@ impl MulticopterState {
         horizontal_unit(self.direction(self.course.to_target())).unwrap_or(self.nose)
     }
 
-    /// Predicts how long a smooth turn takes, and the distances that turning or braking needs (spec kinematics §2.5.3).
+    /// Predicts how long a smooth turn takes, and the distances that turning or braking needs (spec
+    /// kinematics §2.5.3).
     fn predict(&mut self, plan: &MulticopterPlan, leg: &LegCourse, cap: f64) {
         let full = plan.parameters.engine_max_force;
         let ahead = self.level_direction();

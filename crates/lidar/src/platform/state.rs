@@ -103,8 +103,8 @@ impl PlatformState {
         }
     }
 
-    /// Takes a step of leg `leg` whose pulses have times of their own: `clock` as for [`step`](Self::step), `steps` the time since
-    /// the start of the leg or the step before, in steps of the mean rate.
+    /// Takes a step of leg `leg` whose pulses have times of their own: `clock` as for [`step`](Self::step),
+    /// `steps` the time since the start of the leg or the step before, in steps of the mean rate.
     pub fn step_by(&mut self, plan: &PlatformPlan, leg: usize, clock: f64, steps: f64, is_first: bool) {
         match self {
             PlatformState::Linear(s) => s.step_by(&plan.legs[leg], steps, is_first),
@@ -112,7 +112,8 @@ impl PlatformState {
         }
     }
 
-    /// True if a platform with waypoints reaches its next one before `steps` steps of the mean rate have passed.
+    /// True if a platform with waypoints reaches its next one before `steps` steps of the mean rate have
+    /// passed.
     pub fn arrives_within(&self, steps: f64) -> bool {
         self.course().is_some_and(|course| {
             let (way, step) = (course.to_target().length(), course.velocity.length());
@@ -120,7 +121,8 @@ impl PlatformState {
         })
     }
 
-    /// Number and time (s after the first pose) of the step that is `ahead` after the next one, of a platform that follows a stream.
+    /// Number and time (s after the first pose) of the step that is `ahead` after the next one, of a platform
+    /// that follows a stream.
     pub fn step_ahead(&self, plan: &PlatformPlan, ahead: u32) -> Option<(u64, f64)> {
         match (self, &plan.motion) {
             (PlatformState::Stream(s), Motion::Stream(plan)) => Some(s.step_ahead(plan, ahead)),
@@ -128,9 +130,10 @@ impl PlatformState {
         }
     }
 
-    /// Number of steps, at least, that [`advance`](Self::advance) can take before the end of the leg can be reached, or
-    /// before poses have to arrive; 0 for platforms that are stepped one by one. The step clock is at `clock` seconds and
-    /// ticks `frequency` times per second, which in the reference is not the leg's own rate.
+    /// Number of steps, at least, that [`advance`](Self::advance) can take before the end of the leg can be
+    /// reached, or before poses have to arrive; 0 for platforms that are stepped one by one. The step clock
+    /// is at `clock` seconds and ticks `frequency` times per second, which in the reference is not the leg's
+    /// own rate.
     pub fn steps_before_arrival(&self, plan: &PlatformPlan, leg: usize, clock: f64, frequency: f64) -> f64 {
         match (self, &plan.motion) {
             (PlatformState::Linear(s), _) => s.steps_to_target(&plan.legs[leg]),
@@ -142,9 +145,9 @@ impl PlatformState {
         }
     }
 
-    /// Takes `steps` steps, at most [`steps_before_arrival`](Self::steps_before_arrival) unless the platform is static.
-    /// `clock` returns the step clock of each, s. Returns the time of the last step in ns of the GPS week for platforms
-    /// that follow a stream.
+    /// Takes `steps` steps, at most [`steps_before_arrival`](Self::steps_before_arrival) unless the platform
+    /// is static. `clock` returns the step clock of each, s. Returns the time of the last step in ns of the
+    /// GPS week for platforms that follow a stream.
     pub fn advance(
         &mut self,
         plan: &PlatformPlan,
@@ -163,8 +166,8 @@ impl PlatformState {
         None
     }
 
-    /// Moves on by `steps` steps of leg `leg` at once, after which the step clock is at `clock` seconds: straight towards
-    /// the waypoint at the leg's speed, up to a step before it. Near what single steps give.
+    /// Moves on by `steps` steps of leg `leg` at once, after which the step clock is at `clock` seconds:
+    /// straight towards the waypoint at the leg's speed, up to a step before it. Near what single steps give.
     pub fn jump(&mut self, plan: &PlatformPlan, leg: usize, steps: f64, clock: f64) {
         if let (PlatformState::Interpolated(s), Motion::Interpolated(table)) = (&mut *self, &plan.motion) {
             s.step(table, clock);
@@ -185,8 +188,8 @@ impl PlatformState {
         }
     }
 
-    /// Checks whether the end of the leg is reached (spec kinematics §1.5). Each check counts down a multicopter's
-    /// smooth turn.
+    /// Checks whether the end of the leg is reached (spec kinematics §1.5). Each check counts down a
+    /// multicopter's smooth turn.
     #[inline]
     pub fn check_arrival(&mut self, plan: &PlatformPlan, leg: usize, clock: f64) -> bool {
         match self {
@@ -216,9 +219,9 @@ impl PlatformState {
         }
     }
 
-    /// Direction in which the platform moves over the ground, horizontal and of any length: that of its path, or of its nose where it
-    /// stands. Ground vehicles, which may back up, have the direction of the nose. `None` for static platforms, and where the
-    /// direction is vertical.
+    /// Direction in which the platform moves over the ground, horizontal and of any length: that of its path,
+    /// or of its nose where it stands. Ground vehicles, which may back up, have the direction of the nose.
+    /// `None` for static platforms, and where the direction is vertical.
     pub fn direction_of_travel(&self, plan: &PlatformPlan) -> Option<DVec3> {
         let way = match (self, &plan.motion) {
             (PlatformState::Static(_), _) => return None,
@@ -234,8 +237,8 @@ impl PlatformState {
         Some(horizontal(way)).filter(is_direction).or_else(|| Some(horizontal(nose())).filter(is_direction))
     }
 
-    /// Position, m, scene frame, and attitude that carries the mount, `seconds` after the last step, which are `part` of a
-    /// step. Vehicles and multicopters keep the attitude of the step.
+    /// Position, m, scene frame, and attitude that carries the mount, `seconds` after the last step, which
+    /// are `part` of a step. Vehicles and multicopters keep the attitude of the step.
     pub fn pose_within_step(&self, plan: &PlatformPlan, seconds: f64, part: f64) -> (DVec3, Rotation) {
         match (self, &plan.motion) {
             (PlatformState::Interpolated(s), Motion::Interpolated(table)) => {
@@ -264,8 +267,8 @@ impl PlatformState {
         }
     }
 
-    /// The attitude that trajectories report: the mount's, except for the reference's multicopter, whose tilt is
-    /// reported but never reaches the beam.
+    /// The attitude that trajectories report: the mount's, except for the reference's multicopter, whose tilt
+    /// is reported but never reaches the beam.
     pub fn reported_attitude(&self, plan: &PlatformPlan) -> Rotation {
         match self {
             PlatformState::Multicopter(s) if !plan.kinematics.multicopter_tilt => s.attitude(),
@@ -273,15 +276,15 @@ impl PlatformState {
         }
     }
 
-    /// `attitude` as roll, pitch and yaw in rad in the convention of the platform's trajectories, yaw within [0, 2π]
-    /// (spec kinematics §9).
+    /// `attitude` as roll, pitch and yaw in rad in the convention of the platform's trajectories, yaw within
+    /// [0, 2π] (spec kinematics §9).
     pub fn angles(&self, plan: &PlatformPlan, attitude: Rotation) -> [f64; 3] {
         let recorded = matches!(self, PlatformState::Interpolated(_) | PlatformState::Stream(_));
         reported_angles(attitude, recorded.then_some(plan.rotation_spec))
     }
 
-    /// The completed fraction of leg `leg` (spec outputs §10.3); `None` for static platforms and for streams, whose
-    /// length is unknown.
+    /// The completed fraction of leg `leg` (spec outputs §10.3); `None` for static platforms and for streams,
+    /// whose length is unknown.
     pub fn progress(&self, plan: &PlatformPlan, leg: usize, clock: f64) -> Option<f64> {
         match self {
             PlatformState::Interpolated(s) => Some(s.progress(clock)),
@@ -301,8 +304,9 @@ impl PlatformState {
         }
     }
 
-    /// Restores position, attitude, origin, target and velocity from `start`, the state at the beginning of the run. A
-    /// multicopter's turn and the waypoint after the target stay (spec kinematics §1.6, repetitions).
+    /// Restores position, attitude, origin, target and velocity from `start`, the state at the beginning of
+    /// the run. A multicopter's turn and the waypoint after the target stay (spec kinematics §1.6,
+    /// repetitions).
     pub fn restore(&mut self, start: &PlatformState) {
         match (self, start) {
             (PlatformState::Multicopter(s), PlatformState::Multicopter(start)) => s.restore(start),

@@ -29,9 +29,10 @@ pub struct StreamPlan {
     pub keeps_adjusted_times: bool,
 }
 
-/// The time (s) that the times of pulses count from along a trajectory that begins at `first` seconds in adjusted standard GPS time (GPS
-/// seconds less 10⁹): that less the seconds since the last multiple of a week, so that times of pulses are small and exact. `None` for
-/// other scales: seconds of the week lie between 0 and 604800, and times beyond ±10⁹ are POSIX or GPS seconds.
+/// The time (s) that the times of pulses count from along a trajectory that begins at `first` seconds in
+/// adjusted standard GPS time (GPS seconds less 10⁹): that less the seconds since the last multiple of a
+/// week, so that times of pulses are small and exact. `None` for other scales: seconds of the week lie
+/// between 0 and 604800, and times beyond ±10⁹ are POSIX or GPS seconds.
 pub fn adjusted_time_origin(first: f64) -> Option<f64> {
     let week = WEEK_NS * 1e-9;
     let is_adjusted = (-1e9..1e9).contains(&first) && !(-week..=week).contains(&first);
@@ -40,8 +41,8 @@ pub fn adjusted_time_origin(first: f64) -> Option<f64> {
 
 const WEEK_NS: f64 = 604_800e9;
 
-/// Position in a stream of poses. Steps are numbered from the first pose, and the time of a step is a function of its
-/// number alone.
+/// Position in a stream of poses. Steps are numbered from the first pose, and the time of a step is a
+/// function of its number alone.
 #[derive(Clone, Debug)]
 pub struct StreamState {
     /// The poses around the current step and all later ones that have arrived.
@@ -57,8 +58,8 @@ pub struct StreamState {
     complete: bool,
 }
 
-/// Number of a step: whole seconds after the first pose, and steps within the second; with times of their own the number of all steps
-/// before, in place of the seconds.
+/// Number of a step: whole seconds after the first pose, and steps within the second; with times of their own
+/// the number of all steps before, in place of the seconds.
 #[derive(Clone, Copy, Debug, Default)]
 struct StepNumber {
     seconds: u64,
@@ -135,7 +136,8 @@ impl Default for StreamState {
 }
 
 impl StreamState {
-    /// Appends poses, taken to the scene frame by `shift`. Poses that are not later than the last one are dropped.
+    /// Appends poses, taken to the scene frame by `shift`. Poses that are not later than the last one are
+    /// dropped.
     pub fn feed(&mut self, poses: Vec<Pose>, shift: DVec3) {
         let keep = self.segment.saturating_sub(1);
         let mut window = Vec::with_capacity(self.window.len() - keep + poses.len());
@@ -193,8 +195,8 @@ impl StreamState {
         adjusted_time_origin(self.first_time).filter(|_| plan.keeps_adjusted_times)
     }
 
-    /// Number of the next step: the due one, or the first one after the gap that contains it. It is a function of the
-    /// surrounding poses alone, independent of when they arrive.
+    /// Number of the next step: the due one, or the first one after the gap that contains it. It is a
+    /// function of the surrounding poses alone, independent of when they arrive.
     #[inline]
     fn next_number(&self, plan: &StreamPlan) -> StepNumber {
         if plan.max_gap == f64::INFINITY { self.next } else { self.next_beyond_gaps(plan) }
@@ -224,7 +226,8 @@ impl StreamState {
         self.next = self.next.after(plan);
     }
 
-    /// Number of steps, at least, until a pose is passed. In them neither a gap nor the end of the window is met.
+    /// Number of steps, at least, until a pose is passed. In them neither a gap nor the end of the window is
+    /// met.
     pub(super) fn steps_to_pose(&self, plan: &StreamPlan) -> f64 {
         let Some(before) = self.segment.checked_sub(1) else { return 0.0 };
         let (Some(a), Some(b)) = (self.window.get(before), self.window.get(self.segment)) else { return 0.0 };
@@ -238,15 +241,15 @@ impl StreamState {
         }
     }
 
-    /// Number, with times of their own, and time (s after the first pose) of the step that is `ahead` after the next one, before
-    /// which there is no gap.
+    /// Number, with times of their own, and time (s after the first pose) of the step that is `ahead` after
+    /// the next one, before which there is no gap.
     pub(super) fn step_ahead(&self, plan: &StreamPlan, ahead: u32) -> (u64, f64) {
         let step = self.next_number(plan).ahead(plan, ahead);
         (step.seconds, step.elapsed(plan))
     }
 
-    /// Takes `steps` steps, at most [`steps_to_pose`](Self::steps_to_pose) and at least 1. Returns the time of the last
-    /// one, ns of the GPS week.
+    /// Takes `steps` steps, at most [`steps_to_pose`](Self::steps_to_pose) and at least 1. Returns the time
+    /// of the last one, ns of the GPS week.
     pub(super) fn advance(&mut self, plan: &StreamPlan, steps: u32) -> f64 {
         self.next = self.next.ahead(plan, steps - 1);
         let time = self.next_time_ns(plan);
@@ -254,8 +257,8 @@ impl StreamState {
         time
     }
 
-    /// The poses before and after the current step, and the fraction of the time between them that has passed `seconds` after
-    /// the step.
+    /// The poses before and after the current step, and the fraction of the time between them that has passed
+    /// `seconds` after the step.
     fn bracket(&self, seconds: f64) -> Option<(&Knot, &Knot, f64)> {
         let b = self.window.get(self.segment)?;
         let a = self.segment.checked_sub(1).map_or(b, |i| &self.window[i]);
@@ -263,8 +266,8 @@ impl StreamState {
         Some((a, b, if span > 0.0 { (self.elapsed - a.elapsed + seconds) / span } else { 0.0 }))
     }
 
-    /// Position and attitude `seconds` after the current step. Beyond the next pose the motion before it goes on, because
-    /// the following pose may not have arrived.
+    /// Position and attitude `seconds` after the current step. Beyond the next pose the motion before it goes
+    /// on, because the following pose may not have arrived.
     pub(super) fn pose_after(&self, seconds: f64) -> (DVec3, Rotation) {
         let pose = |(a, b, u): (&Knot, &Knot, f64)| {
             (a.position + (b.position - a.position) * u, slerp(a.attitude, b.attitude, b.turn, u))
@@ -276,7 +279,8 @@ impl StreamState {
         self.bracket(0.0).map_or(DVec3::ZERO, |(a, b, u)| a.position + (b.position - a.position) * u)
     }
 
-    /// Velocity between the poses around the current step, m/s; 0 at the first pose, whose next one may not have arrived.
+    /// Velocity between the poses around the current step, m/s; 0 at the first pose, whose next one may not
+    /// have arrived.
     pub(super) fn velocity(&self) -> DVec3 {
         let between = |(a, b, _): (&Knot, &Knot, f64)| match b.elapsed - a.elapsed {
             span if span > 0.0 => (b.position - a.position) / span,
@@ -306,7 +310,8 @@ impl Knot {
     }
 }
 
-/// Spherical linear interpolation from `a` to `b` at `u` (Shoemake 1985); `turn` is the angle between the quaternions.
+/// Spherical linear interpolation from `a` to `b` at `u` (Shoemake 1985); `turn` is the angle between the
+/// quaternions.
 fn slerp(a: Rotation, b: Rotation, turn: f64, u: f64) -> Rotation {
     let (p, q) = if turn < 1e-6 {
         (1.0 - u, u)

@@ -28,8 +28,8 @@ pub(super) struct TableRow {
 }
 
 impl TrajectoryTable {
-    /// The table of `rows` (time in the files' own scale, values) in any order. Rows of equal time keep their order and
-    /// make a jump. `None` if there is no row.
+    /// The table of `rows` (time in the files' own scale, values) in any order. Rows of equal time keep their
+    /// order and make a jump. `None` if there is no row.
     pub fn new(mut rows: Vec<(f64, PoseValues)>) -> Option<TrajectoryTable> {
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
         TrajectoryTable::from_sorted(rows)
@@ -52,7 +52,8 @@ impl TrajectoryTable {
         Some(TrajectoryTable { first_time, rows: table, zone: None })
     }
 
-    /// This table with every angle within half a turn of the previous one, so that rotations take the shorter path.
+    /// This table with every angle within half a turn of the previous one, so that rotations take the shorter
+    /// path.
     pub fn unwrapped(self) -> TrajectoryTable {
         self.map_rows(|rows| {
             for i in 1..rows.len() {
@@ -62,8 +63,8 @@ impl TrajectoryTable {
         })
     }
 
-    /// This table with yaws along the path from the previous row to the next, for tables of positions only. `sense` is
-    /// 1 where yaw is a heading, −1 where it is counter-clockwise.
+    /// This table with yaws along the path from the previous row to the next, for tables of positions only.
+    /// `sense` is 1 where yaw is a heading, −1 where it is counter-clockwise.
     pub fn heading_along(self, sense: f64) -> TrajectoryTable {
         self.map_rows(|rows| {
             let positions: Vec<[f64; 2]> = rows.iter().map(|r| [r.1[3], r.1[4]]).collect();
@@ -168,9 +169,9 @@ pub(super) fn unwrap_angles(values: &mut PoseValues, before: &PoseValues) {
     }
 }
 
-/// The slope filter (spec kinematics §2.6): drops rows where slopes hardly change. A row stays if the sum of the
-/// changes of slope since the last kept row exceeds `threshold` in any column; the first, the last and rows of jumps
-/// stay. `rows` are sorted by time.
+/// The slope filter (spec kinematics §2.6): drops rows where slopes hardly change. A row stays if the sum of
+/// the changes of slope since the last kept row exceeds `threshold` in any column; the first, the last and
+/// rows of jumps stay. `rows` are sorted by time.
 pub(super) fn filter_slopes(rows: &[(f64, PoseValues)], threshold: f64) -> Vec<(f64, PoseValues)> {
     let slope = |i: usize| -> Option<PoseValues> {
         let (a, b) = (&rows[i], &rows[i + 1]);

@@ -18,7 +18,8 @@ pub struct Batch {
     pub weak: WeakPulses,
     /// Echoes, pulse by pulse, by return number within a pulse.
     pub echoes: Vec<Echo>,
-    /// True causes of echoes, if they are recorded or differ from the reported values; see [`Echo::truth_index`].
+    /// True causes of echoes, if they are recorded or differ from the reported values; see
+    /// [`Echo::truth_index`].
     pub truths: Vec<EchoTruth>,
     /// Waveforms, when they are recorded.
     pub waveforms: Vec<WaveformRecord>,

@@ -1,7 +1,7 @@
 //! Fast path where ranges are read between bins: no waveform, only the samples around the light.
 //!
-//! Reflections whose pulses overlap form a cluster. Most clusters are so shallow that their sum has a single peak: only
-//! the samples around it are computed, for other clusters all samples. They equal those of
+//! Reflections whose pulses overlap form a cluster. Most clusters are so shallow that their sum has a single
+//! peak: only the samples around it are computed, for other clusters all samples. They equal those of
 //! [`super::waveform::Waveform`] bit for bit.
 
 use super::detector_settings::{DetectorSettings, PeakRule, Return};
@@ -12,7 +12,8 @@ use super::shape::PulseShape;
 /// Criteria by which reflections form clusters.
 #[derive(Clone, Debug)]
 pub(super) struct ClusterRule {
-    /// Maximum distance between the first and the last start of a pulse with which there is a single peak, bins.
+    /// Maximum distance between the first and the last start of a pulse with which there is a single peak,
+    /// bins.
     reach: i64,
     /// Minimum distance between the starts of pulses of different clusters, bins.
     gap: i64,
@@ -26,7 +27,8 @@ const MAX_REACH: i64 = 6;
 const MAX_WINDOW: u64 = 1 << 16;
 
 impl ClusterRule {
-    /// `None` if neighbours of peaks must reach the threshold, or if bins are too wide for the pulse to have a peak.
+    /// `None` if neighbours of peaks must reach the threshold, or if bins are too wide for the pulse to have
+    /// a peak.
     pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<ClusterRule> {
         let is_simple = rule.weak_neighbours
             && rule.first_bin
@@ -35,7 +37,8 @@ impl ClusterRule {
             && shape.peak >= 1
             && shape.peak + 2 < shape.samples.len();
         is_simple.then(|| ClusterRule {
-            // The last pulse may start almost a bin later than its bin; in wide bins even two pulses in one bin may part.
+            // The last pulse may start almost a bin later than its bin; in wide bins even two pulses in one
+            // bin may part.
             reach: (shape.concave_reach() as i64 - 1).min(MAX_REACH),
             gap: shape.samples.len() as i64 + rule.window as i64,
             threshold: rule.threshold,
@@ -59,8 +62,8 @@ struct SampledPeak {
 }
 
 impl ClusterDetector {
-    /// Appends the returns of `profile` whose range `is_kept` accepts, nearest first, up to the detector's maximum.
-    /// Returns `false`, and appends nothing, if an intensity is not finite.
+    /// Appends the returns of `profile` whose range `is_kept` accepts, nearest first, up to the detector's
+    /// maximum. Returns `false`, and appends nothing, if an intensity is not finite.
     #[inline(always)]
     pub fn detect(
         &mut self,

@@ -1,13 +1,14 @@
 //! Light that foliage returns from everywhere along the paths of subrays.
 //!
-//! A subray represents a part of the footprint that holds many leaves, so the light that it loses to foliage returns
-//! from everywhere along its path, with the density σ·exp(−τ) of the range at which light is intercepted first (Beer
-//! and Lambert). For a subray that is known to be intercepted it is that density over 1 − exp(−T), with the optical
-//! depth T of the path. The light of a pulse is collected in range cells that all of its subrays share. They are as
-//! wide as the bins of the waveform, so that a homogeneous medium leaves no ripples there.
+//! A subray represents a part of the footprint that holds many leaves, so the light that it loses to foliage
+//! returns from everywhere along its path, with the density σ·exp(−τ) of the range at which light is
+//! intercepted first (Beer and Lambert). For a subray that is known to be intercepted it is that density over
+//! 1 − exp(−T), with the optical depth T of the path. The light of a pulse is collected in range cells that
+//! all of its subrays share. They are as wide as the bins of the waveform, so that a homogeneous medium
+//! leaves no ripples there.
 //!
-//! That is the limit of leaves much smaller than the footprint. Foliage of larger elements (shoots, clusters of leaves)
-//! intercepts a column of the footprint, as wide as an element, at one place ([`intercept`]).
+//! That is the limit of leaves much smaller than the footprint. Foliage of larger elements (shoots, clusters
+//! of leaves) intercepts a column of the footprint, as wide as an element, at one place ([`intercept`]).
 
 use super::detector_settings::DetectorSettings;
 use super::energy::Energy;
@@ -31,8 +32,8 @@ pub(super) fn depth(segments: &[MediumSegment], end: f64) -> f64 {
     segments.iter().map(|s| s.sigma * (s.to.min(end) - s.from).max(0.0)).sum()
 }
 
-/// The segment in which light is intercepted at an optical depth, the densest of those that overlap there, and the
-/// distance from the pulse's origin, m; `None` if the foliage up to `end` m has less depth.
+/// The segment in which light is intercepted at an optical depth, the densest of those that overlap there,
+/// and the distance from the pulse's origin, m; `None` if the foliage up to `end` m has less depth.
 pub(super) fn intercept(segments: &[MediumSegment], target: f64, end: f64) -> Option<(MediumSegment, f64)> {
     let mut bounds: Vec<f64> = segments.iter().flat_map(|s| [s.from, s.to.min(end)]).collect();
     bounds.sort_unstable_by(f64::total_cmp);
@@ -57,7 +58,8 @@ pub(super) struct LeafResponse {
     pub factor: f64,
 }
 
-/// Optical depth behind which the search for light ends: less light than the 2⁻⁵³ that a draw resolves reaches it.
+/// Optical depth behind which the search for light ends: less light than the 2⁻⁵³ that a draw resolves
+/// reaches it.
 pub(super) const MAX_DEPTH: f64 = 40.0;
 
 /// Cells per full width of the pulse at half maximum that leave no ripples in a waveform of finer bins.
@@ -106,7 +108,8 @@ impl FoliageContinuum {
         self.cell = cell_width(detector);
     }
 
-    /// Adds the light of the current subray, which is intercepted before `end` m; `response` evaluates a segment.
+    /// Adds the light of the current subray, which is intercepted before `end` m; `response` evaluates a
+    /// segment.
     pub fn scatter(
         &mut self,
         (energy, detector): (&Energy, &DetectorSettings),
@@ -153,8 +156,8 @@ impl FoliageContinuum {
         }
     }
 
-    /// Splits a homogeneous interval into cells, each with the factor by which it reflects. Returns the light left
-    /// behind it.
+    /// Splits a homogeneous interval into cells, each with the factor by which it reflects. Returns the light
+    /// left behind it.
     fn fill(
         &mut self,
         (from, to): (f64, f64),

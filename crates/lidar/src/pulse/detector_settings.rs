@@ -10,14 +10,14 @@ pub(super) struct PeakRule {
     /// Bins compared on each side, plus one.
     pub window: u64,
     pub weak_neighbours: bool,
-    /// Bin 0 is a neighbour like any other. The reference never compares it on the left, which makes no difference as
-    /// long as it holds the dark start of a pulse.
+    /// Bin 0 is a neighbour like any other. The reference never compares it on the left, which makes no
+    /// difference as long as it holds the dark start of a pulse.
     pub first_bin: bool,
 }
 
 impl PeakRule {
-    /// True if a neighbour of amplitude `other` lets a bin of amplitude `top` be a peak. NaN, for which all comparisons
-    /// are false, rules out no peak (spec pulse-physics trap 21).
+    /// True if a neighbour of amplitude `other` lets a bin of amplitude `top` be a peak. NaN, for which all
+    /// comparisons are false, rules out no peak (spec pulse-physics trap 21).
     #[inline(always)]
     pub fn admits(&self, other: f64, top: f64) -> bool {
         !((!self.weak_neighbours && other < self.threshold) || other >= top)
@@ -50,7 +50,8 @@ impl DetectorSettings {
     }
 }
 
-/// A peak of the waveform that is accepted, before its surface is known; [`Echo`](super::Echo) is the record that it becomes.
+/// A peak of the waveform that is accepted, before its surface is known; [`Echo`](super::Echo) is the record
+/// that it becomes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Return {
     /// Range read from the waveform, m, without errors and noise.

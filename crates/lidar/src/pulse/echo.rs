@@ -2,8 +2,9 @@
 
 use vlscan_geom::{DVec3, Rotation};
 
-/// A return with its position, surface and pulse: what points are written from (spec pulse-physics §7.1). Called echo in code and
-/// return in the documentation; `Return` is its peak in the waveform, before the surface is known. Positions are in the scene frame; writers add the shift.
+/// A return with its position, surface and pulse: what points are written from (spec pulse-physics §7.1).
+/// Called echo in code and return in the documentation; `Return` is its peak in the waveform, before the
+/// surface is known. Positions are in the scene frame; writers add the shift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Echo {
     /// Measured position, m, scene frame.
@@ -12,8 +13,8 @@ pub struct Echo {
     pub origin: DVec3,
     /// Reported beam direction, unit.
     pub direction: DVec3,
-    /// Reported attitude of the scanner: from the axes of its mount to the scene; [`Echo::NO_ATTITUDE`] unless it is recorded
-    /// ([`super::PhysicsOptions::record_scanner_axes`]).
+    /// Reported attitude of the scanner: from the axes of its mount to the scene; [`Echo::NO_ATTITUDE`]
+    /// unless it is recorded ([`super::PhysicsOptions::record_scanner_axes`]).
     pub scanner: Rotation,
     /// Measured range, m, noise and errors included.
     pub range: f64,
@@ -50,11 +51,11 @@ pub struct Echo {
 /// The true cause of an echo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EchoTruth {
-    /// True origin and direction of the beam, scene frame; equal to the reported ones if there are no navigation
-    /// errors.
+    /// True origin and direction of the beam, scene frame; equal to the reported ones if there are no
+    /// navigation errors.
     pub beam: [DVec3; 2],
-    /// Point where the strongest subray hit the surface, m, scene frame; NaN if no surface caused the echo. The point of
-    /// the echo lies on the beam's axis instead.
+    /// Point where the strongest subray hit the surface, m, scene frame; NaN if no surface caused the echo.
+    /// The point of the echo lies on the beam's axis instead.
     pub surface: DVec3,
     /// Unit normal there, towards the instrument; 0 in voxels.
     pub normal: DVec3,
@@ -72,13 +73,15 @@ impl EchoTruth {
 }
 
 impl Echo {
-    /// [`Echo::truth_index`] of echoes whose truth is not recorded and whose pulse has no errors of navigation.
+    /// [`Echo::truth_index`] of echoes whose truth is not recorded and whose pulse has no errors of
+    /// navigation.
     pub const NO_TRUTH: u32 = u32::MAX;
 
     /// [`Echo::scanner`] of echoes whose scanner's attitude is not recorded.
     pub const NO_ATTITUDE: Rotation = Rotation { w: 0.0, u: DVec3::ZERO };
 
-    /// The record of a pulse without echoes, at the beam's origin: no part, no primitive, return numbers of 0.
+    /// The record of a pulse without echoes, at the beam's origin: no part, no primitive, return numbers
+    /// of 0.
     pub fn miss(pulse: &PulseRecord) -> Echo {
         Echo {
             position: pulse.origin,
@@ -103,14 +106,15 @@ impl Echo {
         }
     }
 
-    /// The true cause of the echo, [`EchoTruth::unknown`] if it is not recorded; `truths` belong to its batch.
+    /// The true cause of the echo, [`EchoTruth::unknown`] if it is not recorded; `truths` belong to its
+    /// batch.
     pub fn truth(&self, truths: &[EchoTruth]) -> EchoTruth {
         let recorded = truths.get(self.truth_index as usize).copied();
         recorded.unwrap_or_else(|| EchoTruth::unknown([self.origin, self.direction]))
     }
 
-    /// Position relative to the origin of the beam in the scanner's axes, m: the origin itself for a missed pulse; NaN
-    /// unless it is recorded.
+    /// Position relative to the origin of the beam in the scanner's axes, m: the origin itself for a missed
+    /// pulse; NaN unless it is recorded.
     pub fn position_in_scanner(&self) -> DVec3 {
         match self.scanner_attitude() {
             _ if self.is_miss() => DVec3::ZERO,

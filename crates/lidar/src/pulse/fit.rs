@@ -9,7 +9,8 @@ const MAX_ITERATIONS: u32 = 10_000;
 const MIN_GAIN: f64 = 1e-4;
 /// Maximum number of iterations of a local fit.
 const MAX_LOCAL_ITERATIONS: u32 = 100;
-/// Relative change of height and width, and change of the centre by widths, below which a step ends a local fit.
+/// Relative change of height and width, and change of the centre by widths, below which a step ends a local
+/// fit.
 const MIN_STEP: f64 = 1e-5;
 /// Damping above which no step of a local fit lessens the error.
 const MAX_DAMPING: f64 = 1e12;
@@ -18,8 +19,8 @@ const MAX_REACH: u64 = 1 << 16;
 /// e^(−x) is exactly zero from here on.
 const UNDERFLOW: f64 = 746.0;
 
-/// Width of the Gaussian that the reference fits to all bins within [`MAX_REACH`] of a peak of height `top` in bin
-/// `peak`: half width at 1/e, in bins. May be negative, absurd or NaN.
+/// Width of the Gaussian that the reference fits to all bins within [`MAX_REACH`] of a peak of height `top`
+/// in bin `peak`: half width at 1/e, in bins. May be negative, absurd or NaN.
 pub(super) fn width(waveform: &Waveform, peak: u64, top: f64) -> f64 {
     reference_fit(waveform, window_around(waveform, peak, MAX_REACH), [0.0, top, peak as f64, 1.0]).0[3]
 }
@@ -29,8 +30,9 @@ pub(super) fn local_width(waveform: &Waveform, peak: u64, reach: u64) -> f64 {
     fit_gaussian(waveform, peak, reach)[3]
 }
 
-/// The Gaussian on a pedestal that fits the bins at most `reach` bins from a peak in the sense of least squares:
-/// pedestal, height above it, centre and half width at 1/e, in bins; NaN where the samples do not resemble one.
+/// The Gaussian on a pedestal that fits the bins at most `reach` bins from a peak in the sense of least
+/// squares: pedestal, height above it, centre and half width at 1/e, in bins; NaN where the samples do not
+/// resemble one.
 pub(super) fn fit_gaussian(waveform: &Waveform, peak: u64, reach: u64) -> [f64; 4] {
     let window = window_around(waveform, peak, reach.min(MAX_REACH));
     let start = [0.0, waveform.at(peak), peak as f64, width_at_peak(waveform, peak, window)];
@@ -51,8 +53,8 @@ fn width_at_peak(waveform: &Waveform, peak: u64, (from, to): (u64, u64)) -> f64 
     above.count() as f64 + 0.5
 }
 
-/// The fit of the reference: its damping never falls, and it ends where the squared error, in nW², hardly does.
-/// Returns the number of iterations, too.
+/// The fit of the reference: its damping never falls, and it ends where the squared error, in nW², hardly
+/// does. Returns the number of iterations, too.
 fn reference_fit(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
     let mut at = start;
     let mut sums = NormalEquations::over(waveform, window, &at);
@@ -75,9 +77,9 @@ fn reference_fit(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([
     (at, MAX_ITERATIONS)
 }
 
-/// The fit by Levenberg's and Marquardt's method (Marquardt 1963, "An algorithm for least-squares estimation of nonlinear
-/// parameters"), and its number of iterations. It ends where a step changes the curve by less than [`MIN_STEP`] of itself,
-/// whatever its height and noise.
+/// The fit by Levenberg's and Marquardt's method (Marquardt 1963, "An algorithm for least-squares estimation
+/// of nonlinear parameters"), and its number of iterations. It ends where a step changes the curve by less
+/// than [`MIN_STEP`] of itself, whatever its height and noise.
 fn levenberg_marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
     let mut at = start;
     let mut sums = NormalEquations::over(waveform, window, &at);
@@ -130,8 +132,8 @@ impl NormalEquations {
         sums
     }
 
-    /// Adds bins `start` up to `end` with the heights `f`. The Gaussian is computed by recurrence from the bin nearest
-    /// to its centre outwards in both directions, so that rounding errors do not grow.
+    /// Adds bins `start` up to `end` with the heights `f`. The Gaussian is computed by recurrence from the
+    /// bin nearest to its centre outwards in both directions, so that rounding errors do not grow.
     fn add_run(&mut self, start: u64, end: u64, f: impl Fn(u64) -> f64, gaussian: &Gaussian) {
         if start >= end {
             return;
@@ -187,7 +189,8 @@ impl NormalEquations {
         }
     }
 
-    /// The step with damping `mu`, by LU decomposition with partial pivoting. `None` if a pivot is exactly zero.
+    /// The step with damping `mu`, by LU decomposition with partial pivoting. `None` if a pivot is exactly
+    /// zero.
     fn step(&self, mu: f64) -> Option<[f64; 4]> {
         let mut m: [[f64; 5]; 4] = std::array::from_fn(|a| {
             std::array::from_fn(|b| match b {

@@ -11,7 +11,8 @@ use vlscan_trace::{Cube, Tree};
 /// Projection G of spherically distributed leaves.
 const SPHERICAL_PROJECTION: f64 = 0.5;
 
-/// Bits of the counters of draws by column of a footprint, and of the place of the columns: free paths are fewer.
+/// Bits of the counters of draws by column of a footprint, and of the place of the columns: free paths are
+/// fewer.
 const COLUMNS: u32 = 1 << 31;
 const SHIFT: u32 = 1 << 30;
 
@@ -25,15 +26,16 @@ pub(super) struct FreePaths {
 }
 
 impl FreePaths {
-    /// Draws a free path through foliage of extinction `sigma` (1/m), m: exponentially distributed, ∞ if the draw is 0.
+    /// Draws a free path through foliage of extinction `sigma` (1/m), m: exponentially distributed, ∞ if the
+    /// draw is 0.
     pub fn sample(&mut self, sigma: f64) -> f64 {
         let u = self.stream.uniform(self.device, self.pulse, self.drawn);
         self.drawn = self.drawn.wrapping_add(1);
         -log(u) / sigma
     }
 
-    /// Optical depth at which the elements of foliage in a column of the footprint intercept light: exponentially
-    /// distributed, one draw for each pulse and column.
+    /// Optical depth at which the elements of foliage in a column of the footprint intercept light:
+    /// exponentially distributed, one draw for each pulse and column.
     pub fn depth_of_column(&self, column: [i32; 2]) -> f64 {
         let [u, v] = column.map(|i| i as u32 & 0x7fff);
         -log(self.stream.uniform(self.device, self.pulse, COLUMNS | u << 15 | v))
@@ -93,7 +95,8 @@ fn leaf_angles(scene: &Scene, i: u32) -> Option<&LadTable> {
     scene.parts[scene.part_of(i) as usize].lad.as_deref()
 }
 
-/// Distance at which a ray leaves voxel `i`, m, and the voxel's extinction, 1/m; `None` if it holds no leaves.
+/// Distance at which a ray leaves voxel `i`, m, and the voxel's extinction, 1/m; `None` if it holds no
+/// leaves.
 pub(super) fn leaf_extinction(
     scene: &Scene,
     corrections: &Corrections,
@@ -106,15 +109,15 @@ pub(super) fn leaf_extinction(
     (sigma > 0.0 && exit > 0.0).then_some((exit, sigma))
 }
 
-/// Mean cosine of the incidence on the leaves of voxel `i`: by the leaf angle table of its part, otherwise for leaves
-/// that face all directions alike.
+/// Mean cosine of the incidence on the leaves of voxel `i`: by the leaf angle table of its part, otherwise
+/// for leaves that face all directions alike.
 pub(super) fn mean_cosine(scene: &Scene, corrections: &Corrections, i: u32, direction: DVec3) -> f64 {
     let table = leaf_angles(scene, i).filter(|_| corrections.leaf_table_law);
     table.map_or(SPHERICAL_MEAN_COSINE, |t| t.mean_cosine(direction))
 }
 
-/// Cross-section of the foliage of a voxel with a leaf angle table in the radar equation (spec pulse-physics §3.5);
-/// `None` if the voxel reflects like a surface.
+/// Cross-section of the foliage of a voxel with a leaf angle table in the radar equation (spec pulse-physics
+/// §3.5); `None` if the voxel reflects like a surface.
 pub(super) fn cross_section(
     scene: &Scene,
     corrections: &Corrections,
@@ -138,8 +141,8 @@ fn extinction(density: f64, table: Option<&LadTable>, corrections: &Corrections,
     }
 }
 
-/// True if a ray that enters voxel `i` at `entry` metres runs through its interior or along a lower face; an upper face
-/// belongs to the neighbour.
+/// True if a ray that enters voxel `i` at `entry` metres runs through its interior or along a lower face; an
+/// upper face belongs to the neighbour.
 pub(super) fn is_within(scene: &Scene, i: u32, (from, direction): (DVec3, DVec3), entry: f64) -> bool {
     let Some(cube) = scene.geometry.cube_of(i) else { return true };
     let middle = from + direction * (0.5 * (entry + exit(&cube, from, direction)));
@@ -160,8 +163,8 @@ fn exit(cube: &Cube, from: DVec3, direction: DVec3) -> f64 {
     nearest
 }
 
-/// The voxels of foliage that contain or touch `point`: rays that start there never enter them. `size` is the edge of
-/// the scene's largest cube.
+/// The voxels of foliage that contain or touch `point`: rays that start there never enter them. `size` is the
+/// edge of the scene's largest cube.
 pub(super) fn voxels_around(scene: &Scene, tree: &Tree, point: DVec3, size: f64) -> Vec<u32> {
     let contains = |i: u32| {
         scene.voxel_and_cube(i).is_some_and(|(voxel, cube)| {

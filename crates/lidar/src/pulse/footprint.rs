@@ -1,12 +1,13 @@
 //! Patterns of subrays of equal energy across the footprint of a beam.
 //!
-//! The energy within a radius r of the footprint is F(r): 1 − e^(−2r²/w²) of a Gaussian beam of 1/e² radius w, (r/w)²
-//! of a top hat. N subrays represent N annuli of equal energy. Each lies at the root mean square radius of its annulus
-//! and is turned against the previous one by the golden angle (Vogel 1979, "A better way to construct the sunflower
-//! head") or a similar one, so that the subrays spread evenly over radii and directions: the share that an edge, a wire
-//! or a plate cuts off is accurate to a fraction of a subray. Finally the pattern is moved and stretched by a few per
-//! cent so that its centre is on the axis and its second moments are exactly the beam's in all directions. Then the
-//! mean range of a plane and the broadening of its echo are exact for any number of subrays.
+//! The energy within a radius r of the footprint is F(r): 1 − e^(−2r²/w²) of a Gaussian beam of 1/e² radius
+//! w, (r/w)² of a top hat. N subrays represent N annuli of equal energy. Each lies at the root mean square
+//! radius of its annulus and is turned against the previous one by the golden angle (Vogel 1979, "A better
+//! way to construct the sunflower head") or a similar one, so that the subrays spread evenly over radii and
+//! directions: the share that an edge, a wire or a plate cuts off is accurate to a fraction of a subray.
+//! Finally the pattern is moved and stretched by a few per cent so that its centre is on the axis and its
+//! second moments are exactly the beam's in all directions. Then the mean range of a plane and the broadening
+//! of its echo are exact for any number of subrays.
 //!
 //! The pattern is turned from pulse to pulse, so that targets missed by one pulse are hit by its neighbours.
 
@@ -18,8 +19,8 @@ use vlscan_survey::BeamProfile;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Footprint {
     pub profile: BeamProfile,
-    /// Half angle (rad) at which a Gaussian beam has fallen to 1/e², or a top hat ends: along x and along z of the beam
-    /// frame.
+    /// Half angle (rad) at which a Gaussian beam has fallen to 1/e², or a top hat ends: along x and along z
+    /// of the beam frame.
     pub half_angles: [f64; 2],
     /// Radius of the beam where it leaves the instrument, m.
     pub exit_radius: f64,
@@ -36,14 +37,15 @@ pub(super) struct Subray {
 
 /// Number of patterns of beams with few subrays.
 const PATTERNS: usize = 16;
-/// Maximum number of subrays for more than one pattern. Larger patterns cover any footprint, and patterns need memory.
+/// Maximum number of subrays for more than one pattern. Larger patterns cover any footprint, and patterns
+/// need memory.
 const MAX_PATTERNED_SUBRAYS: usize = 1000;
 
 /// `count` subrays of equal energy, for each pattern. A single subray is the axis.
 ///
-/// A subray leaves the instrument at its angle, scaled and turned by 90° about the axis. So position and angle are
-/// uncorrelated, and the squares of both radii add up as for a Gaussian beam from its waist on: w(R)² = w(0)² +
-/// (R·θ/2)².
+/// A subray leaves the instrument at its angle, scaled and turned by 90° about the axis. So position and
+/// angle are uncorrelated, and the squares of both radii add up as for a Gaussian beam from its waist on:
+/// w(R)² = w(0)² + (R·θ/2)².
 pub(super) fn patterns(beam: &Footprint, count: usize) -> impl Iterator<Item = Vec<Subray>> {
     let base = match count {
         1 => vec![[0.0; 2]],
@@ -67,7 +69,8 @@ pub(super) fn patterns(beam: &Footprint, count: usize) -> impl Iterator<Item = V
 
 /// Points of a sunflower, in units of the beam's radius.
 fn spiral(profile: BeamProfile, count: usize) -> Vec<[f64; 2]> {
-    // The golden angle is best for many points. For 16 this angle resolves edges best among 2500 that were tried.
+    // The golden angle is best for many points. For 16 this angle resolves edges best among 2500 that were
+    // tried.
     let twist = match count {
         16 => 1.7146,
         _ => PI * (3.0 - 5f64.sqrt()),
@@ -95,11 +98,12 @@ fn annulus_radius(profile: BeamProfile, i: usize, count: usize) -> f64 {
     }
 }
 
-/// Standard deviation of the energy of either profile along any axis, in units of the beam's radius: ∫ r² dF = 1/2,
-/// half of it along each axis.
+/// Standard deviation of the energy of either profile along any axis, in units of the beam's radius: ∫ r²
+/// dF = 1/2, half of it along each axis.
 const DEVIATION: f64 = 0.5;
 
-/// Moves and stretches points so that their mean is 0, their covariance 0 and their standard deviation along each axis
+/// Moves and stretches points so that their mean is 0, their covariance 0 and their standard deviation along
+/// each axis
 /// [`DEVIATION`]: by the inverse root of their covariance matrix, which does not rotate them.
 fn with_exact_moments(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let n = points.len() as f64;

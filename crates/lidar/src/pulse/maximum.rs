@@ -1,10 +1,10 @@
 //! The maximum of an echo from its largest sample and the two beside it.
 //!
-//! A parabola through the three samples has its vertex near the maximum of any smooth echo, but neither exactly at its
-//! time nor at its height: a pulse is lopsided. So the instrument's own pulse corrects the reading by what it differs
-//! from its own parabola: an echo of the very shape of the pulse is read exactly, in bins of any width that leave three
-//! samples of it. The flatter an echo is than the pulse, which is stretched by a slope or merged of several, the more
-//! the parabola alone counts for its height.
+//! A parabola through the three samples has its vertex near the maximum of any smooth echo, but neither
+//! exactly at its time nor at its height: a pulse is lopsided. So the instrument's own pulse corrects the
+//! reading by what it differs from its own parabola: an echo of the very shape of the pulse is read exactly,
+//! in bins of any width that leave three samples of it. The flatter an echo is than the pulse, which is
+//! stretched by a slope or merged of several, the more the parabola alone counts for its height.
 
 use super::sampled;
 use libm::{atan, atan2, exp, sincos};
@@ -31,7 +31,8 @@ struct Parabola {
 }
 
 impl Parabola {
-    /// The parabola through samples 1 bin before and after one of height 1; flat unless that one is the largest.
+    /// The parabola through samples 1 bin before and after one of height 1; flat unless that one is the
+    /// largest.
     #[inline(always)]
     fn through(before: f64, after: f64) -> Parabola {
         let (slope, curvature) = (0.5 * (after - before), (1.0 - before) + (1.0 - after));
@@ -66,12 +67,13 @@ impl PulseReading {
     }
 }
 
-/// The maximum of an echo of the gamma-like pulse (t/τ)²·e^(−t/τ) in bins of x·τ, `growth` = e^x, from its samples
-/// `[before, top, after]`.
+/// The maximum of an echo of the gamma-like pulse (t/τ)²·e^(−t/τ) in bins of x·τ, `growth` = e^x, from its
+/// samples `[before, top, after]`.
 ///
-/// The ratio of two samples tells when the pulse began: √(F·e^(t/τ)) grows linearly from its start. With a start u·τ before
-/// the largest sample, g = √(F₊/F₋)·e^x = (u + x)/(u − x); where the sample before it is dark, √(F₊/F₀)·e^(x/2) =
-/// (u + x)/u. The maximum is 2τ after the start, and (2/u)²·e^(u−2) times as high as the largest sample.
+/// The ratio of two samples tells when the pulse began: √(F·e^(t/τ)) grows linearly from its start. With a
+/// start u·τ before the largest sample, g = √(F₊/F₋)·e^x = (u + x)/(u − x); where the sample before it is
+/// dark, √(F₊/F₀)·e^(x/2) = (u + x)/u. The maximum is 2τ after the start, and (2/u)²·e^(u−2) times as high as
+/// the largest sample.
 #[inline(always)]
 pub(super) fn of_gamma([before, top, after]: [f64; 3], x: f64, growth: f64) -> Maximum {
     let (relative_before, relative_after) = (before / top, after / top);
@@ -92,8 +94,8 @@ pub(super) fn of_gamma([before, top, after]: [f64; 3], x: f64, growth: f64) -> M
         return PulseReading::default().correct(found, top);
     }
     let gain = (4.0 / (u * u)) * exp(u - 2.0);
-    // The ratio tells the time of the pulse with less noise than the vertex, whose second difference is noisy, but not that of
-    // an echo which is much flatter.
+    // The ratio tells the time of the pulse with less noise than the vertex, whose second difference is
+    // noisy, but not that of an echo which is much flatter.
     let likeness = (MIN_LIKENESS_INVERTED * found.curvature / own.curvature).clamp(0.0, 1.0);
     let offset = likeness * (offset - found.offset);
     PulseReading { offset, rise: gain - 1.0 - own.rise, curvature: own.curvature }.correct(found, top)
@@ -102,7 +104,8 @@ pub(super) fn of_gamma([before, top, after]: [f64; 3], x: f64, growth: f64) -> M
 /// Second difference of the pulse over that of the flattest echo whose time is read as that of the pulse.
 const MIN_LIKENESS_INVERTED: f64 = 2.0;
 
-/// The maximum of echoes of pulses a + A·cos ωk, k in bins, of which sums of shifted ones are of the same form.
+/// The maximum of echoes of pulses a + A·cos ωk, k in bins, of which sums of shifted ones are of the same
+/// form.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CosineMaximum {
     /// rad per bin.
@@ -113,7 +116,8 @@ pub(super) struct CosineMaximum {
     half: (f64, f64),
 }
 
-/// Bins, rad, up to which the largest sample of an echo has neighbours that lie completely within the pulse: five in a period.
+/// Bins, rad, up to which the largest sample of an echo has neighbours that lie completely within the pulse:
+/// five in a period.
 pub(super) const MAX_OMEGA: f64 = TAU / 5.0;
 
 impl CosineMaximum {
@@ -123,9 +127,9 @@ impl CosineMaximum {
         CosineMaximum { omega, inverted: [0.5 / (1.0 - cos), 0.5 / sin], half: sincos(0.5 * omega) }
     }
 
-    /// The maximum from the samples `[before, top, after]`, `offset` m bins after the largest: the second difference
-    /// 2F₀ − F₊ − F₋ = 2A(1 − cos ω)·cos ωm and F₊ − F₋ = 2A sin ω·sin ωm. In wider bins from the larger neighbour, if it is that
-    /// of a single pulse, a = A: √(F₊/F₀) = cos(ω/2) + sin(ω/2)·tan(ωm/2).
+    /// The maximum from the samples `[before, top, after]`, `offset` m bins after the largest: the second
+    /// difference 2F₀ − F₊ − F₋ = 2A(1 − cos ω)·cos ωm and F₊ − F₋ = 2A sin ω·sin ωm. In wider bins from the
+    /// larger neighbour, if it is that of a single pulse, a = A: √(F₊/F₀) = cos(ω/2) + sin(ω/2)·tan(ωm/2).
     #[inline(always)]
     pub fn read(&self, [before, top, after]: [f64; 3]) -> Maximum {
         if self.omega > MAX_OMEGA {
@@ -165,8 +169,8 @@ pub(super) struct MeasuredMaximum {
 }
 
 impl MeasuredMaximum {
-    /// The readings of a pulse whose sample k, where it starts `by` bins (0 to 1) late, is `sample(k, by)` of its maximum
-    /// `top_bin` bins after its start.
+    /// The readings of a pulse whose sample k, where it starts `by` bins (0 to 1) late, is `sample(k, by)` of
+    /// its maximum `top_bin` bins after its start.
     pub fn new(top_bin: f64, count: usize, sample: impl Fn(usize, f64) -> f64) -> MeasuredMaximum {
         let mut readings: Vec<(f64, PulseReading)> = Vec::new();
         for step in 0..STEPS_PER_BIN {
@@ -223,7 +227,8 @@ pub(super) fn time_of_measured(pulse: &PulseSamples) -> f64 {
 mod tests {
     use super::*;
 
-    /// Samples of (t/τ)²·e^(−t/τ) in bins of `x`·τ, which starts `by` bins after sample 0, and its largest three.
+    /// Samples of (t/τ)²·e^(−t/τ) in bins of `x`·τ, which starts `by` bins after sample 0, and its largest
+    /// three.
     fn gamma(x: f64, by: f64) -> (usize, [f64; 3]) {
         let at = |k: usize| {
             let t = ((k as f64 - by) * x).max(0.0);

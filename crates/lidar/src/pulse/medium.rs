@@ -1,10 +1,10 @@
 //! Rays through foliage as a participating medium: the refined counterpart of spec pulse-physics §2.7.
 //!
-//! Voxels are visited in the order of their entries, and each draws one free path. The nearest scattering point counts,
-//! provided that nothing opaque lies before it; or all foliage along the ray is listed (see [`super::continuum`]). So
-//! neighbouring voxels are never skipped, voxels that overlap add their extinctions, and a trunk within a voxel is
-//! visible through its leaves. A voxel does not own its upper faces: a ray along a face belongs to only one of the
-//! neighbours.
+//! Voxels are visited in the order of their entries, and each draws one free path. The nearest scattering
+//! point counts, provided that nothing opaque lies before it; or all foliage along the ray is listed (see
+//! [`super::continuum`]). So neighbouring voxels are never skipped, voxels that overlap add their
+//! extinctions, and a trunk within a voxel is visible through its leaves. A voxel does not own its upper
+//! faces: a ray along a face belongs to only one of the neighbours.
 
 use super::continuum::{MAX_DEPTH, MediumSegment, depth};
 use super::detector_settings::DetectorSettings;
@@ -21,8 +21,8 @@ struct MediumWalk<'v, 'a> {
     direction: DVec3,
     nearest: Option<Interaction>,
     search: Search<'v>,
-    /// Voxels entered shortly before the point from which the search continues, with their entry distances from the
-    /// origin.
+    /// Voxels entered shortly before the point from which the search continues, with their entry distances
+    /// from the origin.
     passed: Vec<(u32, f64)>,
 }
 
@@ -42,8 +42,8 @@ enum Step {
 }
 
 impl SceneView<'_> {
-    /// Follows a subray from its first interaction through foliage to the one that reflects it; `None` if there is
-    /// none. `around` are the voxels of foliage that contain its origin.
+    /// Follows a subray from its first interaction through foliage to the one that reflects it; `None` if
+    /// there is none. `around` are the voxels of foliage that contain its origin.
     #[inline(never)]
     pub(super) fn walk_medium(
         &self,
@@ -56,8 +56,8 @@ impl SceneView<'_> {
         self.run_walk(detector, ray, first, around, Search::ScatterPoint(paths))
     }
 
-    /// Follows a subray through foliage to a solid surface, if any, and lists the foliage on its path by ascending
-    /// entry.
+    /// Follows a subray through foliage to a solid surface, if any, and lists the foliage on its path by
+    /// ascending entry.
     #[inline(never)]
     pub(super) fn collect_medium(
         &self,

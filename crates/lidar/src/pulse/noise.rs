@@ -1,15 +1,16 @@
 //! Noise of the receiver: normal, limited to its bandwidth, a function of device, pulse and sample.
 //!
-//! A receiver with the Gaussian response |H(f)|² = 2^(−(f/B)²) turns white noise into noise of autocorrelation
-//! exp(−t²/(4σ_h²)), where σ_h = √(ln 2)/(2πB) is the width of its impulse response. Samples are therefore white draws
-//! under a Gaussian window of that width: neighbouring samples share most of their noise, as behind a real amplifier,
-//! and an echo is one crossing of the threshold and not a cluster of crossings.
+//! A receiver with the Gaussian response |H(f)|² = 2^(−(f/B)²) turns white noise into noise of
+//! autocorrelation exp(−t²/(4σ_h²)), where σ_h = √(ln 2)/(2πB) is the width of its impulse response. Samples
+//! are therefore white draws under a Gaussian window of that width: neighbouring samples share most of their
+//! noise, as behind a real amplifier, and an echo is one crossing of the threshold and not a cluster of
+//! crossings.
 //!
-//! Between the echoes only noise crosses the threshold T. A stationary normal process of standard deviation σ does so ν
-//! = √(−ρ''(0))/(2π)·exp(−T²/(2σ²)) times per unit of time (Rice 1945, "Mathematical analysis of random noise", eq.
-//! 3.3-14), here with −ρ''(0) = 1/(2σ_h²); crossings of a high threshold form a Poisson process whose peaks x have the
-//! tail exp(−(x² − T²)/(2σ²)) (Cramér & Leadbetter 1967, ch. 12). So they are drawn one after the other, not sample by
-//! sample.
+//! Between the echoes only noise crosses the threshold T. A stationary normal process of standard deviation σ
+//! does so ν = √(−ρ''(0))/(2π)·exp(−T²/(2σ²)) times per unit of time (Rice 1945, "Mathematical analysis of
+//! random noise", eq. 3.3-14), here with −ρ''(0) = 1/(2σ_h²); crossings of a high threshold form a Poisson
+//! process whose peaks x have the tail exp(−(x² − T²)/(2σ²)) (Cramér & Leadbetter 1967, ch. 12). So they are
+//! drawn one after the other, not sample by sample.
 
 use libm::{erfc, exp, log, sqrt};
 use std::f64::consts::{LN_2, PI, SQRT_2};
@@ -26,19 +27,20 @@ const THRESHOLD_OVER_NOISE: f64 = 6.0;
 /// Bandwidth of a matched receiver times the full width at half maximum of its Gaussian pulse: 2·ln 2/π.
 const MATCHED_BANDWIDTH_WIDTH: f64 = 2.0 * LN_2 / PI;
 
-/// Bandwidth (GHz) of the receiver matched to a pulse of `fwhm` ns: its noise is correlated over the pulse length.
+/// Bandwidth (GHz) of the receiver matched to a pulse of `fwhm` ns: its noise is correlated over the pulse
+/// length.
 pub(super) fn matched_bandwidth(fwhm: f64) -> f64 {
     MATCHED_BANDWIDTH_WIDTH / fwhm
 }
 
-/// Variance of shot noise in W² per watt of light: 2qB/responsivity (Schottky 1918), with the bandwidth in Hz and the
-/// responsivity in A/W.
+/// Variance of shot noise in W² per watt of light: 2qB/responsivity (Schottky 1918), with the bandwidth in Hz
+/// and the responsivity in A/W.
 pub(super) fn shot_variance(bandwidth: f64, responsivity: f64) -> f64 {
     2.0 * ELECTRON * bandwidth / responsivity
 }
 
-/// Signal-to-noise ratio at which a pulse of `depth` m at half maximum has a range noise of `sigma` m: σ_p/σ, the
-/// Cramér–Rao bound of a Gaussian pulse of standard deviation σ_p behind a matched receiver.
+/// Signal-to-noise ratio at which a pulse of `depth` m at half maximum has a range noise of `sigma` m: σ_p/σ,
+/// the Cramér–Rao bound of a Gaussian pulse of standard deviation σ_p behind a matched receiver.
 pub(super) fn signal_to_noise(depth: f64, sigma: f64) -> f64 {
     depth / (sqrt(8.0 * LN_2) * sigma)
 }
@@ -76,8 +78,8 @@ pub(super) struct FalseAlarm {
 }
 
 impl ReceiverNoise {
-    /// Units: `dark_variance` squared amplitude, `signal_variance` squared amplitude per amplitude of an echo,
-    /// `bandwidth` GHz, `bin` ns.
+    /// Units: `dark_variance` squared amplitude, `signal_variance` squared amplitude per amplitude of an
+    /// echo, `bandwidth` GHz, `bin` ns.
     pub fn new(dark_variance: f64, signal_variance: f64, bandwidth: f64, bin: f64) -> ReceiverNoise {
         let response = sqrt(LN_2) / (2.0 * PI * bandwidth);
         let width = response / bin;
@@ -116,8 +118,9 @@ impl ReceiverNoise {
         }
     }
 
-    /// False alarms per nanosecond at a threshold. Samples farther apart than the noise is correlated cross it
-    /// with the tail probability of the normal distribution, which bounds the rate of the continuous process.
+    /// False alarms per nanosecond at a threshold. Samples farther apart than the noise is correlated cross
+    /// it with the tail probability of the normal distribution, which bounds the rate of the continuous
+    /// process.
     pub fn alarm_rate(&self, threshold: f64) -> f64 {
         let level = threshold / self.dark_sigma();
         let crossings = exp(-0.5 * level * level) / (2.0 * PI * SQRT_2 * self.response);
@@ -125,8 +128,8 @@ impl ReceiverNoise {
         crossings.min(tail)
     }
 
-    /// Appends the false alarms in `gate` (ns) outside of the `lit` intervals (ns, ascending, disjoint), sorted by
-    /// time.
+    /// Appends the false alarms in `gate` (ns) outside of the `lit` intervals (ns, ascending, disjoint),
+    /// sorted by time.
     pub fn add_alarms(
         &self,
         threshold: f64,

@@ -16,7 +16,8 @@ pub enum PhysicsProfile {
 impl PhysicsProfile {
     /// The default of XML surveys, which are written for HELIOS++.
     pub const OF_SURVEYS: PhysicsProfile = PhysicsProfile::Helios;
-    /// The default wherever no XML survey is run: pipeline files, scenes by themselves, instruments by themselves.
+    /// The default wherever no XML survey is run: pipeline files, scenes by themselves, instruments by
+    /// themselves.
     pub const OF_PIPELINES: PhysicsProfile = PhysicsProfile::Refined;
 
     /// The corrections that belong to the profile.
@@ -33,8 +34,8 @@ impl PhysicsProfile {
 pub struct PhysicsOptions {
     /// Seed of every random draw.
     pub seed: u64,
-    /// Use the older energy model (spec pulse-physics §3.3); ignored by scanners with channels (spec pulse-physics
-    /// §0.4).
+    /// Use the older energy model (spec pulse-physics §3.3); ignored by scanners with channels (spec
+    /// pulse-physics §0.4).
     pub legacy_energy: bool,
     /// Treat every surface as if it faced the beam (spec pulse-physics §2.4).
     pub fixed_incidence: bool,

@@ -11,8 +11,8 @@ use vlscan_trace::simd::Simd;
 /// Minimum fitted width of an echo, ns; narrower echoes are dropped.
 const MIN_ECHO_WIDTH: f64 = 0.1;
 
-/// Appends the returns of `waveform` whose range `is_kept` accepts, nearest first, up to the detector's maximum. Widths
-/// are fitted to `fitted`, if it is given: the waveform as the receiver puts it out.
+/// Appends the returns of `waveform` whose range `is_kept` accepts, nearest first, up to the detector's
+/// maximum. Widths are fitted to `fitted`, if it is given: the waveform as the receiver puts it out.
 #[inline(always)]
 pub(super) fn detect<S: Simd>(
     simd: S,
@@ -58,8 +58,8 @@ pub(super) fn detect<S: Simd>(
     }
 }
 
-/// Index of the reflection to which a return at `range` is attributed: the nearest by entry point, the first of equally
-/// near ones (spec pulse-physics §4.7). NaN is attributed to the first.
+/// Index of the reflection to which a return at `range` is attributed: the nearest by entry point, the first
+/// of equally near ones (spec pulse-physics §4.7). NaN is attributed to the first.
 #[inline(always)]
 pub(super) fn attribute(reflections: &Reflections, range: f64) -> usize {
     // The bits of floats that are not negative are ordered like the floats.

@@ -5,7 +5,8 @@ use super::lanes::LANES;
 use super::waveform::Waveform;
 use vlscan_trace::simd::{F64Ops, MaskOps, Simd, each_of};
 
-/// Mask of the eight bins that may be peaks, judging by their direct neighbours: bit `i` belongs to `around[i + 1]`.
+/// Mask of the eight bins that may be peaks, judging by their direct neighbours: bit `i` belongs to
+/// `around[i + 1]`.
 #[inline(always)]
 fn candidates<S: Simd>(simd: S, around: &[f64; LANES + 2], rule: &PeakRule) -> u8 {
     let [before, top, after] = each_of!([0, 1, 2], i => {
@@ -20,8 +21,8 @@ fn candidates<S: Simd>(simd: S, around: &[f64; LANES + 2], rule: &PeakRule) -> u
     !(higher | below).bits() as u8
 }
 
-/// The peaks of a waveform in ascending time, as (bin, amplitude). Bins that are not stored are never peaks: they
-/// received no light.
+/// The peaks of a waveform in ascending time, as (bin, amplitude). Bins that are not stored are never peaks:
+/// they received no light.
 pub(super) struct Peaks<'a, S: Simd> {
     simd: S,
     waveform: &'a Waveform,
@@ -44,8 +45,8 @@ impl<'a, S: Simd> Peaks<'a, S> {
                 || (i > self.first_neighbour() && offset >= 1 && rules_out(&bins[offset - 1])))
     }
 
-    /// Skips bins below the threshold or ruled out by a direct neighbour, eight at a time, as far as both neighbours
-    /// are stored.
+    /// Skips bins below the threshold or ruled out by a direct neighbour, eight at a time, as far as both
+    /// neighbours are stored.
     #[inline(always)]
     fn skip_ruled_out(&mut self, bins: &[f64]) {
         if self.rule.window < 2 {

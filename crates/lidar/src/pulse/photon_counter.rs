@@ -1,10 +1,11 @@
 //! Receivers that count single photons: every photoelectron is a return of its own.
 //!
-//! The photoelectrons of a waveform form a Poisson process whose rate follows the light that is received, with a constant rate of
-//! background light under it (Goodman 2015, *Statistical Optics*, §9). After an event the receiver is blind for its dead time, whatever
-//! arrives meanwhile (non-paralysable). The process has no memory, so that events are drawn one after the other: the mean number of
-//! photoelectrons between an event, or the end of its dead time, and the next one has the exponential distribution of mean 1. Pixels
-//! that share the light are channels of the scanner.
+//! The photoelectrons of a waveform form a Poisson process whose rate follows the light that is received,
+//! with a constant rate of background light under it (Goodman 2015, *Statistical Optics*, §9). After an event
+//! the receiver is blind for its dead time, whatever arrives meanwhile (non-paralysable). The process has no
+//! memory, so that events are drawn one after the other: the mean number of photoelectrons between an event,
+//! or the end of its dead time, and the next one has the exponential distribution of mean 1. Pixels that
+//! share the light are channels of the scanner.
 
 use super::detector_settings::{DetectorSettings, Return};
 use super::shape::PulseShape;
@@ -17,8 +18,8 @@ use vlscan_survey::{Ranging, Receiver};
 const ELECTRON: f64 = 1.602_176_634e-19;
 /// Most photons of a pulse that are recorded.
 const MAX_EVENTS: u32 = 4096;
-/// Most background photoelectrons per pulse, on average: so few that these alone are never more than are recorded (46
-/// standard deviations of the Poisson distribution).
+/// Most background photoelectrons per pulse, on average: so few that these alone are never more than are
+/// recorded (46 standard deviations of the Poisson distribution).
 const MAX_BACKGROUND: f64 = 2000.0;
 
 /// Detection by single photoelectrons.
@@ -48,11 +49,12 @@ struct Piece {
 }
 
 impl PhotonCounter {
-    /// The counter of a receiver with the detection threshold `threshold`; `None` if it detects echoes. `gate` are the travel times
-    /// between which photons count, ns; 0 `max_returns` are any number.
+    /// The counter of a receiver with the detection threshold `threshold`; `None` if it detects echoes.
+    /// `gate` are the travel times between which photons count, ns; 0 `max_returns` are any number.
     ///
     /// # Errors
-    /// A message if there is no threshold that tells how many photoelectrons an echo has, or too much background light.
+    /// A message if there is no threshold that tells how many photoelectrons an echo has, or too much
+    /// background light.
     pub fn new(
         receiver: &Receiver,
         shape: &PulseShape,

@@ -12,12 +12,14 @@ const SNAP: f64 = 1e-9;
 pub(super) struct PulseStarts {
     /// Bin in which each pulse starts; integers.
     bins: Vec<Block>,
-    /// Factors for the fraction of a bin by which each pulse starts late, see [`super::shape::PulseShape::late`].
+    /// Factors for the fraction of a bin by which each pulse starts late, see
+    /// [`super::shape::PulseShape::late`].
     late: Vec<[Block; 3]>,
 }
 
 impl PulseStarts {
-    /// Computes the starts of `profile` in a waveform whose first pulse starts `first` bins after the start of bin 0.
+    /// Computes the starts of `profile` in a waveform whose first pulse starts `first` bins after the start
+    /// of bin 0.
     #[inline(always)]
     pub fn compute(&mut self, profile: &ReturnProfile, detector: &DetectorSettings, first: f64) {
         let Some(nearest) = profile.ranges().first() else { return };
@@ -42,8 +44,8 @@ impl PulseStarts {
         self.bins.as_flattened()[i] as i64
     }
 
-    /// The first pulse after `i` that starts in another bin, at most `count`, and the sum of the factors of the pulses
-    /// before it, weighted with their intensities.
+    /// The first pulse after `i` that starts in another bin, at most `count`, and the sum of the factors of
+    /// the pulses before it, weighted with their intensities.
     #[inline(always)]
     pub fn sum_of_bin(&self, mut i: usize, count: usize, intensities: &[f64]) -> (usize, [f64; 3]) {
         let bins = self.bins.as_flattened();

@@ -7,10 +7,9 @@ use std::collections::HashSet;
 use vlscan_base::Result;
 use vlscan_base::rng::{NORMALS_PER_BLOCK, Stream};
 
-/// Adds noise to the ranges of at most [`NORMALS_PER_BLOCK`] echoes, rounds them to the steps of the instrument and computes their
-/// positions. The noise is a
-/// function of device, pulse and return number alone. Returns whether it puts an echo outside the instrument's range
-/// limits.
+/// Adds noise to the ranges of at most [`NORMALS_PER_BLOCK`] echoes, rounds them to the steps of the
+/// instrument and computes their positions. The noise is a function of device, pulse and return number alone.
+/// Returns whether it puts an echo outside the instrument's range limits.
 #[inline(always)]
 pub(super) fn apply_noise(
     echoes: &mut [Echo],
@@ -56,8 +55,9 @@ pub(super) fn apply_noise(
     Ok(is_outside)
 }
 
-/// Removes the echoes of `batch` from number `first` on whose noisy range is outside the limits of their instrument, as its
-/// range gate does, and counts the returns of their pulses anew. Waveforms of pulses that lose all echoes go, too.
+/// Removes the echoes of `batch` from number `first` on whose noisy range is outside the limits of their
+/// instrument, as its range gate does, and counts the returns of their pulses anew. Waveforms of pulses that
+/// lose all echoes go, too.
 #[inline(never)]
 pub(super) fn remove_outside(
     batch: &mut Batch,

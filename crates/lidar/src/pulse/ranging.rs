@@ -1,10 +1,11 @@
-//! Ranging between bins: the position of an echo by its peak, its centroid or a Gaussian, for pulses of any shape.
+//! Ranging between bins: the position of an echo by its peak, its centroid or a Gaussian, for pulses of any
+//! shape.
 //!
-//! Each method reads a position from the samples around the largest one that differs from the position of the pulse, by
-//! an amount that depends on the pulse's shape and on its start within a bin. So the instrument is calibrated: the
-//! reading is tabulated for a pulse of its own shape in small shifts, and the table is inverted. Noiseless single
-//! echoes then have exact positions by any method; the methods differ in their response to noise and to echoes that
-//! overlap.
+//! Each method reads a position from the samples around the largest one that differs from the position of the
+//! pulse, by an amount that depends on the pulse's shape and on its start within a bin. So the instrument is
+//! calibrated: the reading is tabulated for a pulse of its own shape in small shifts, and the table is
+//! inverted. Noiseless single echoes then have exact positions by any method; the methods differ in their
+//! response to noise and to echoes that overlap.
 
 use vlscan_survey::Ranging;
 
@@ -32,9 +33,9 @@ pub(super) struct RangeReader {
 }
 
 impl RangeReader {
-    /// The detector for pulses that are `width` bins wide at half maximum; `None` for the peak, see [`super::maximum`].
-    /// `pulse(k, by)` is sample `k` relative to the peak of a pulse that begins `by` bins (0 to 1) late, 0 where there is
-    /// none.
+    /// The detector for pulses that are `width` bins wide at half maximum; `None` for the peak, see
+    /// [`super::maximum`]. `pulse(k, by)` is sample `k` relative to the peak of a pulse that begins `by` bins
+    /// (0 to 1) late, 0 where there is none.
     pub fn new(ranging: Ranging, width: f64, pulse: impl Fn(i64, f64) -> f64) -> Option<RangeReader> {
         let method = match ranging {
             Ranging::Peak | Ranging::Photons => return None,
@@ -101,9 +102,9 @@ impl RangeReader {
         if sum > 0.0 { moment / sum } else { f64::NAN }
     }
 
-    /// Centre of the Gaussian that fits the samples in the sense of least squares (Gauss–Newton; Wagner et al. 2006,
-    /// "Gaussian decomposition and calibration of a novel small-footprint full-waveform digitising airborne laser
-    /// scanner", §3).
+    /// Centre of the Gaussian that fits the samples in the sense of least squares (Gauss–Newton; Wagner et
+    /// al. 2006, "Gaussian decomposition and calibration of a novel small-footprint full-waveform digitising
+    /// airborne laser scanner", §3).
     fn gaussian(&self, sample: impl Fn(i64) -> f64) -> f64 {
         let top = sample(0);
         let [mut height, mut centre, mut width] = [1.0, 0.0, self.width];
@@ -205,9 +206,9 @@ mod tests {
 
     #[test]
     fn noise_shifts_a_range_by_the_pulse_length_over_the_signal_to_noise_ratio() {
-        // The Cramér–Rao bound of the time of a Gaussian pulse behind a matched receiver is σ_p/SNR (Van Trees 1968,
-        // part I, ch. 4: √(σ²/Σ(s')²) on white noise before the filter); the peak detector reaches it, as it is the
-        // maximum of the matched filter's output. No detector may beat it.
+        // The Cramér–Rao bound of the time of a Gaussian pulse behind a matched receiver is σ_p/SNR (Van
+        // Trees 1968, part I, ch. 4: √(σ²/Σ(s')²) on white noise before the filter); the peak detector
+        // reaches it, as it is the maximum of the matched filter's output. No detector may beat it.
         let (bin, fwhm) = (0.25, 2.0);
         let sigma = fwhm / bin / (8.0 * 2f64.ln()).sqrt();
         let shape = gaussian(sigma);

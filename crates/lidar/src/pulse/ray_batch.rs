@@ -9,7 +9,8 @@ use vlscan_trace::{Geometry, Hits, RayGroup, TraceScratch, Tree};
 pub(super) struct RayBatch {
     pub rays: RayGroup,
     pub hits: Hits,
-    /// Point where each ray leaves the instrument, pulse by pulse, m; empty where all rays of a pulse leave its origin.
+    /// Point where each ray leaves the instrument, pulse by pulse, m; empty where all rays of a pulse leave
+    /// its origin.
     pub exits: Vec<DVec3>,
     /// Rays with exits as groups of one ray each, and their hits.
     single: Box<(RayGroup, Hits)>,

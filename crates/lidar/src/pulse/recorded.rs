@@ -13,8 +13,8 @@ pub struct RecordedEcho {
     pub sample: usize,
     /// Amplitude there.
     pub amplitude: f64,
-    /// Half width at 1/e of the fitted Gaussian (spec pulse-physics §4.5), samples. NaN or meaningless, as are
-    /// `centre`, `height` and `pedestal`, where the samples do not resemble a Gaussian.
+    /// Half width at 1/e of the fitted Gaussian (spec pulse-physics §4.5), samples. NaN or meaningless, as
+    /// are `centre`, `height` and `pedestal`, where the samples do not resemble a Gaussian.
     pub width: f64,
     /// Centre of the fitted Gaussian, samples.
     pub centre: f64,

@@ -18,8 +18,8 @@ pub(super) struct ReturnProfile {
 const MAX_RANKED: usize = 32;
 
 impl ReturnProfile {
-    /// Replaces the light by that of `reflections`, sorted. Of reflections at exactly the same range only the first
-    /// counts, or their sum if `sum` is set (spec pulse-physics trap 2).
+    /// Replaces the light by that of `reflections`, sorted. Of reflections at exactly the same range only the
+    /// first counts, or their sum if `sum` is set (spec pulse-physics trap 2).
     #[inline(always)]
     pub fn sort_by_range<S: Simd>(&mut self, simd: S, reflections: &Reflections, sum: bool) {
         let (ranges, intensities) = (reflections.ranges(), reflections.intensities());
@@ -38,7 +38,8 @@ impl ReturnProfile {
         }
     }
 
-    /// Sorts by counting how many ranges are smaller than each, without branches on ranges. `false` if some are equal.
+    /// Sorts by counting how many ranges are smaller than each, without branches on ranges. `false` if some
+    /// are equal.
     #[inline(always)]
     fn sort_by_counting<S: Simd>(&mut self, simd: S, ranges: &[f64], intensities: &[f64]) -> bool {
         let n = ranges.len();

@@ -44,9 +44,9 @@ pub(super) fn width(pulse: &PulseSamples) -> f64 {
     }
 }
 
-/// The pulse in bins of `bin` ns: samples, and the coefficients of late starts. The pulse that starts φ bins late, 0 to
-/// 1, has the sample `samples[k] + lateness[0][k]·φ + lateness[1][k]·φ²`: the parabola through the pulse at kΔ, (k −
-/// ½)Δ and (k − 1)Δ.
+/// The pulse in bins of `bin` ns: samples, and the coefficients of late starts. The pulse that starts φ bins
+/// late, 0 to 1, has the sample `samples[k] + lateness[0][k]·φ + lateness[1][k]·φ²`: the parabola through the
+/// pulse at kΔ, (k − ½)Δ and (k − 1)Δ.
 pub(super) fn digitise(pulse: &PulseSamples, bin: f64) -> (Vec<f64>, [Vec<f64>; 2]) {
     // One more bin for the end of pulses that start late.
     let count = (duration(pulse) / bin).ceil() as usize + 2;

@@ -1,9 +1,11 @@
-//! Which of the returns in a waveform a receiver reports: photon statistics, dropouts, dead time, number of returns.
+//! Which of the returns in a waveform a receiver reports: photon statistics, dropouts, dead time, number of
+//! returns.
 //!
-//! A receiver that counts photons detects an echo when at least N of its photoelectrons arrive. Their number has the Poisson
-//! distribution around a mean that is proportional to the amplitude of the echo, N at the threshold. So
-//! an echo at the threshold is detected every other time, and weaker ones now and then. After an event the receiver is blind for its dead time, whatever
-//! arrives meanwhile (non-paralysable: Müller 1973, "Dead-time problems").
+//! A receiver that counts photons detects an echo when at least N of its photoelectrons arrive. Their number
+//! has the Poisson distribution around a mean that is proportional to the amplitude of the echo, N at the
+//! threshold. So an echo at the threshold is detected every other time, and weaker ones now and then. After
+//! an event the receiver is blind for its dead time, whatever arrives meanwhile (non-paralysable: Müller
+//! 1973, "Dead-time problems").
 
 use super::detector_settings::Return;
 use libm::{exp, floor, sqrt};
@@ -14,7 +16,8 @@ use vlscan_survey::Receiver;
 const MAX_POISSON_MEAN: f64 = 128.0;
 /// Probability of a detection below which an echo is not looked for.
 const MIN_DETECTION: f64 = 1e-6;
-/// Standard deviations of the number of photons below the threshold at which an echo is not looked for, where it is normal.
+/// Standard deviations of the number of photons below the threshold at which an echo is not looked for, where
+/// it is normal.
 const MAX_DEVIATIONS: f64 = 4.8;
 
 /// The selection of returns, for receivers whose statistics or dead time decide on it.
@@ -41,8 +44,8 @@ struct PhotonStatistics {
 }
 
 impl ReturnSelection {
-    /// The selection of a receiver with the detection threshold `threshold`; `None` if it reports all returns. 0 `max_returns` are
-    /// any number.
+    /// The selection of a receiver with the detection threshold `threshold`; `None` if it reports all
+    /// returns. 0 `max_returns` are any number.
     pub fn new(receiver: &Receiver, threshold: f64, max_returns: u32, seed: u64) -> Option<ReturnSelection> {
         let photons = receiver.threshold_photons.filter(|_| threshold > 0.0).map(|count| PhotonStatistics {
             threshold: f64::from(count),
@@ -75,8 +78,8 @@ impl ReturnSelection {
         low / threshold
     }
 
-    /// Removes the returns of a pulse, in the order of range, that the receiver does not report. Amplitudes become those of the
-    /// photons that arrived.
+    /// Removes the returns of a pulse, in the order of range, that the receiver does not report. Amplitudes
+    /// become those of the photons that arrived.
     pub fn select(&self, (device, pulse): (u32, u64), returns: &mut Vec<Return>) {
         let (mut number, mut last, mut kept) = (0, f64::NEG_INFINITY, 0);
         returns.retain_mut(|found| {
@@ -156,7 +159,8 @@ mod tests {
 
     #[test]
     fn echoes_are_detected_by_the_poisson_law() {
-        // P(at least 10 of a mean of 10) = 0.5421, of 5: 0.0318, of 20: 0.9950; of 200 by 200: 0.509 (Poisson tables).
+        // P(at least 10 of a mean of 10) = 0.5421, of 5: 0.0318, of 20: 0.9950; of 200 by 200: 0.509 (Poisson
+        // tables).
         for (threshold, share, expected) in
             [(10, 1.0, 0.5421), (10, 0.5, 0.0318), (10, 2.0, 0.9950), (200, 1.0, 0.509)]
         {
@@ -193,7 +197,8 @@ mod tests {
 
     #[test]
     fn the_receiver_is_blind_after_an_echo() {
-        // 10 ns are 1.499 m; the receiver counts from the last echo that it saw, not from those in its dead time.
+        // 10 ns are 1.499 m; the receiver counts from the last echo that it saw, not from those in its dead
+        // time.
         let receiver = Receiver { dead_time: 10.0, ..Receiver::default() };
         let all = [(10.0, 3.0), (11.0, 3.0), (11.6, 3.0), (12.9, 3.0), (13.2, 3.0)];
         let ranges = |max_returns: u32| {

@@ -8,8 +8,8 @@ use std::f64::consts::TAU;
 use vlscan_base::corrections::Corrections;
 use vlscan_survey::{PulseSamples, WaveformSettings, pulse_length_of_width, width_of_pulse_length};
 
-/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t = τp, a raised
-/// cosine, or a pulse of measured shape.
+/// Samples of the pulse's power over time: a gamma-like curve `(t/τ)²·exp(−t/τ)` with τ = τp/7, cut at t =
+/// τp, a raised cosine, or a pulse of measured shape.
 #[derive(Clone, Debug)]
 pub(super) struct PulseShape {
     /// One sample per bin, from the start of the pulse.
@@ -18,9 +18,11 @@ pub(super) struct PulseShape {
     pub peak: usize,
     /// ns.
     pub bin: f64,
-    /// Bins per nanosecond if that is exact, so that times can be multiplied by it instead of divided by `bin`.
+    /// Bins per nanosecond if that is exact, so that times can be multiplied by it instead of divided by
+    /// `bin`.
     pub bins_per_ns: Option<f64>,
-    /// Pulse length τp, ns; for a measured shape, the length of the gamma-like curve of equal width at half maximum.
+    /// Pulse length τp, ns; for a measured shape, the length of the gamma-like curve of equal width at half
+    /// maximum.
     pub length: f64,
     /// Duration of the samples, ns.
     pub duration: f64,
@@ -94,9 +96,10 @@ impl PulseShape {
         }
     }
 
-    /// A raised cosine, ½ − ½cos(2πt/T) for t from 0 to T, that is as wide at half maximum, T/2, as the gamma-like curve of
-    /// `length` ns. Sums of pulses shifted by less than T are a constant and a cosine again, whose maximum is known exactly:
-    /// the echo of a slope has it at the mean range, as no lopsided pulse has.
+    /// A raised cosine, ½ − ½cos(2πt/T) for t from 0 to T, that is as wide at half maximum, T/2, as the
+    /// gamma-like curve of `length` ns. Sums of pulses shifted by less than T are a constant and a cosine
+    /// again, whose maximum is known exactly: the echo of a slope has it at the mean range, as no lopsided
+    /// pulse has.
     pub fn raised_cosine(length: f64, bin: f64) -> PulseShape {
         let duration = 2.0 * width_of_pulse_length(length);
         let bins = duration / bin;
@@ -158,8 +161,8 @@ impl PulseShape {
         shape
     }
 
-    /// Time from the start of a pulse to the point that its range refers to, ns: its maximum where pulses may start
-    /// between bins, otherwise its largest sample.
+    /// Time from the start of a pulse to the point that its range refers to, ns: its maximum where pulses may
+    /// start between bins, otherwise its largest sample.
     pub fn lead(&self, between_bins: bool) -> f64 {
         if between_bins { self.top_time } else { self.peak as f64 * self.bin }
     }
@@ -174,8 +177,8 @@ impl PulseShape {
         self.integral * LENGTH_OVER_INTEGRAL
     }
 
-    /// Factor on the average power, of which the energy of pulses follows whose instrument does not state it: the default pulse has the
-    /// peak power of the gamma-like curve of that length.
+    /// Factor on the average power, of which the energy of pulses follows whose instrument does not state it:
+    /// the default pulse has the peak power of the gamma-like curve of that length.
     pub fn power_factor(&self) -> f64 {
         match self.curve {
             Curve::Cosine(_) => 4.0 * exp(-2.0) * self.length_of_equal_energy() / self.length,
@@ -183,9 +186,9 @@ impl PulseShape {
         }
     }
 
-    /// Factors of `samples` and of both `lateness` whose sum is the pulse that starts `by` bins (0 to 1) late:
-    /// ((k−φ)x)²e^(−(k−φ)x) = e^(φx)·(k² − 2kφ + φ²)·x²e^(−kx), and
-    /// cos(ω(k−φ)) = cos ωk − (1 − cos ωφ)·cos ωk + sin ωφ·sin ωk.
+    /// Factors of `samples` and of both `lateness` whose sum is the pulse that starts `by` bins (0 to 1)
+    /// late: ((k−φ)x)²e^(−(k−φ)x) = e^(φx)·(k² − 2kφ + φ²)·x²e^(−kx), and cos(ω(k−φ)) = cos ωk − (1 − cos
+    /// ωφ)·cos ωk + sin ωφ·sin ωk.
     #[inline(always)]
     pub fn late(&self, by: &Block) -> [Block; 3] {
         let mut late = [[0.0; LANES]; 3];
@@ -232,14 +235,14 @@ impl PulseShape {
         }
     }
 
-    /// Maximum distance between pulses, bins, with which their sum has a single peak: all of them must be concave
-    /// between the first peak and the last.
+    /// Maximum distance between pulses, bins, with which their sum has a single peak: all of them must be
+    /// concave between the first peak and the last.
     pub fn concave_reach(&self) -> f64 {
         self.concave
     }
 
-    /// Bins from the start of a waveform to the maximum of its first pulse, which so lies on a sample, and how many bins that
-    /// pulse starts late.
+    /// Bins from the start of a waveform to the maximum of its first pulse, which so lies on a sample, and
+    /// how many bins that pulse starts late.
     pub fn first_start(&self) -> (f64, f64) {
         let lead = self.top_time / self.bin;
         let bins = (lead - ROUNDING).ceil();
@@ -271,8 +274,8 @@ fn index_of_max(samples: &[f64]) -> usize {
 /// Arguments up to which [`exp_series`] is exact enough.
 const MAX_SERIES_ARGUMENT: f64 = 1.0;
 
-/// e^x for x from 0 to [`MAX_SERIES_ARGUMENT`]: a Taylor series of 12 terms, whose remainder is below 3e-9, and below
-/// 2e-12 up to 0.5, so that ranges move by nanometres.
+/// e^x for x from 0 to [`MAX_SERIES_ARGUMENT`]: a Taylor series of 12 terms, whose remainder is below 3e-9,
+/// and below 2e-12 up to 0.5, so that ranges move by nanometres.
 #[inline(always)]
 fn exp_series(x: f64) -> f64 {
     const C: [f64; 12] = {
@@ -292,7 +295,8 @@ fn exp_series(x: f64) -> f64 {
     low + x4 * (middle + x4 * high)
 }
 
-/// 1 − cos x and sin x for x from 0 to [`MAX_SERIES_ARGUMENT`]: Taylor series whose remainders are below 1e-12.
+/// 1 − cos x and sin x for x from 0 to [`MAX_SERIES_ARGUMENT`]: Taylor series whose remainders are below
+/// 1e-12.
 #[inline(always)]
 fn cosine_series(x: f64) -> (f64, f64) {
     const C: [f64; 15] = {
@@ -310,8 +314,9 @@ fn cosine_series(x: f64) -> (f64, f64) {
     (y * versine, x * sine)
 }
 
-/// Coefficients of 1 − cos ωφ and sin ωφ for the sample that a raised cosine reaches if it starts φ > `dark` bins late. Next to
-/// the peak, where the pulse has few samples, they are right for φ = 1 and halfway there; else for φ = 1, and never negative.
+/// Coefficients of 1 − cos ωφ and sin ωφ for the sample that a raised cosine reaches if it starts φ > `dark`
+/// bins late. Next to the peak, where the pulse has few samples, they are right for φ = 1 and halfway there;
+/// else for φ = 1, and never negative.
 fn end_of_cosine(omega: f64, dark: f64) -> [f64; 2] {
     let power = |late: f64| 0.5 - 0.5 * cos(omega * (late - dark));
     let (sin_1, cos_1) = sincos(omega);
@@ -454,7 +459,8 @@ mod tests {
                     } else {
                         0.0
                     };
-                    // The end of the pulse within a bin is approximate, and next to the peak exact where the maximum needs it.
+                    // The end of the pulse within a bin is approximate, and next to the peak exact where the
+                    // maximum needs it.
                     let tolerance = if k + 1 == s.samples.len() {
                         0.15 * (1.0 - cos(TAU * bin / s.duration))
                     } else {
@@ -496,8 +502,8 @@ mod tests {
                     "{depth} {phase}: {} mm",
                     symmetric * 150.0
                 );
-                // To second order in the depth s a peak moves by −s²p‴/2p″: s²/2τ for (t/τ)²·e^(−t/τ), of which the reading for
-                // the pulse itself takes a part back.
+                // To second order in the depth s a peak moves by −s²p‴/2p″: s²/2τ for (t/τ)²·e^(−t/τ), of
+                // which the reading for the pulse itself takes a part back.
                 if depth == 0.1 {
                     let moved = lopsided / (depth * depth / (2.0 * tau));
                     assert!((0.7..1.1).contains(&moved), "{lopsided}");

@@ -1,5 +1,5 @@
-//! The fast path of most pulses: all their light arrives within one bin, so that the waveform is the outgoing pulse,
-//! whose single peak is precomputed.
+//! The fast path of most pulses: all their light arrives within one bin, so that the waveform is the outgoing
+//! pulse, whose single peak is precomputed.
 
 use super::detector_settings::{DetectorSettings, PeakRule, Return};
 use super::return_profile::ReturnProfile;
@@ -15,14 +15,16 @@ pub(super) struct SingleBinDetector {
     threshold: f64,
 }
 
-/// Relative difference of neighbouring samples above which their products with any intensity stay in the same order.
+/// Relative difference of neighbouring samples above which their products with any intensity stay in the same
+/// order.
 const MIN_RELATIVE_STEP: f64 = 1e-9;
 
 /// Intensities whose products with a sample are normal numbers.
 const NORMAL_INTENSITIES: std::ops::Range<f64> = 1e-200..1e200;
 
 impl SingleBinDetector {
-    /// `None` if the peak cannot be precomputed: windows of one bin or longer than the pulse, flat or ragged pulses.
+    /// `None` if the peak cannot be precomputed: windows of one bin or longer than the pulse, flat or ragged
+    /// pulses.
     pub fn new(shape: &PulseShape, rule: &PeakRule) -> Option<SingleBinDetector> {
         let (samples, peak) = (&shape.samples, shape.peak);
         let window = usize::try_from(rule.window).ok().filter(|w| *w >= 2)?;

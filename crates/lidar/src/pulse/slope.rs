@@ -1,10 +1,10 @@
 //! Replaces the subrays that hit one plane by the continuous light of the beam.
 //!
-//! A beam that falls on a slope returns a pulse that is stretched by the depth of its footprint, w/2·tan θ of standard
-//! deviation for a Gaussian beam of radius w. A few subrays have this depth as their standard deviation, too
-//! ([`super::footprint`]), but once the slope puts them farther apart than the pulse is long, each becomes a separate
-//! echo. So the subrays on one plane are replaced by the light that they sample: its ranges are normally distributed
-//! with their mean and variance, in steps of one bin.
+//! A beam that falls on a slope returns a pulse that is stretched by the depth of its footprint, w/2·tan θ of
+//! standard deviation for a Gaussian beam of radius w. A few subrays have this depth as their standard
+//! deviation, too ([`super::footprint`]), but once the slope puts them farther apart than the pulse is long,
+//! each becomes a separate echo. So the subrays on one plane are replaced by the light that they sample: its
+//! ranges are normally distributed with their mean and variance, in steps of one bin.
 
 use super::instrument::Instrument;
 use super::reflections::Reflections;
@@ -47,7 +47,8 @@ struct Point {
 }
 
 impl SlopeMerger {
-    /// Replaces the light of subrays on steep planes. Only pulses that hit nothing but opaque triangles change.
+    /// Replaces the light of subrays on steep planes. Only pulses that hit nothing but opaque triangles
+    /// change.
     #[inline(always)]
     pub fn merge(
         &mut self,

@@ -47,8 +47,9 @@ impl ReflectionSources {
         self.returns.extend(reflections.entries().iter().map(nearest));
     }
 
-    /// True cause of return `number` (from 1): its strongest subray, or the reflection `source` if it has none. `beam`
-    /// is the beam's origin and direction. The direction in the scanner's axes is left to the caller.
+    /// True cause of return `number` (from 1): its strongest subray, or the reflection `source` if it has
+    /// none. `beam` is the beam's origin and direction. The direction in the scanner's axes is left to the
+    /// caller.
     pub fn of_return(
         &self,
         number: u32,

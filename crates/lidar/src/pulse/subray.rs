@@ -23,8 +23,8 @@ pub(super) fn rays_in_ring(i: u32) -> u32 {
     ((TAU * f64::from(i)) as u32).max(1)
 }
 
-/// Number of subrays of equal energy for a beam sample quality, about as many as in the reference's rings, in multiples
-/// of a block: 1, 8, 16, 40, 64, 96 …
+/// Number of subrays of equal energy for a beam sample quality, about as many as in the reference's rings, in
+/// multiples of a block: 1, 8, 16, 40, 64, 96 …
 pub(super) fn equal_subrays(rings: u32) -> usize {
     let of_rings = (0..rings).map(rays_in_ring).sum::<u32>() as usize;
     if of_rings <= 1 { of_rings } else { ((of_rings + LANES / 2) / LANES * LANES).max(LANES) }
@@ -84,11 +84,13 @@ impl Subrays {
         self.patterns.len()
     }
 
-    /// Writes x, y and z of the directions of all subrays of a pattern under `attitude`, padded like the quaternions.
+    /// Writes x, y and z of the directions of all subrays of a pattern under `attitude`, padded like the
+    /// quaternions.
     ///
     /// The direction is the image of +Y under the product of the quaternions, rounded in the order of
-    /// [`Rotation::after`] and [`Rotation::apply`]: which subrays of a symmetric surface tie in range depends on the
-    /// last digits (spec pulse-physics §4.2). A zero component is always +0, because slab tests read the sign of zeros.
+    /// [`Rotation::after`] and [`Rotation::apply`]: which subrays of a symmetric surface tie in range depends
+    /// on the last digits (spec pulse-physics §4.2). A zero component is always +0, because slab tests read
+    /// the sign of zeros.
     #[inline(always)]
     pub fn expand(&self, pattern: usize, attitude: &Rotation, [dx, dy, dz]: [&mut [Block]; 3]) {
         let (aw, a) = (attitude.w, attitude.u);

@@ -1,5 +1,5 @@
-//! Tracing of pulses through the tiles of a scene: those that may be hit are loaded, the nearest first, and traced like the
-//! scene itself.
+//! Tracing of pulses through the tiles of a scene: those that may be hit are loaded, the nearest first, and
+//! traced like the scene itself.
 
 use super::ray_batch::RayBatch;
 use std::sync::Arc;
@@ -33,7 +33,8 @@ pub(super) struct TileTracer {
     ahead: Vec<(f64, u32)>,
 }
 
-/// The rays of a pulse: all start within `reach` of `origin` and have directions within `spread` of `direction`.
+/// The rays of a pulse: all start within `reach` of `origin` and have directions within `spread` of
+/// `direction`.
 #[derive(Clone, Copy)]
 struct Bundle {
     origin: DVec3,
@@ -78,8 +79,8 @@ impl TileTracer {
         self.reader.release()
     }
 
-    /// Merges the hits on tiles into the hits of the batch of a device, which was traced through `scene` without them. Rays of
-    /// all its pulses have the same arrangement if there `is_one_pattern`.
+    /// Merges the hits on tiles into the hits of the batch of a device, which was traced through `scene`
+    /// without them. Rays of all its pulses have the same arrangement if there `is_one_pattern`.
     pub fn trace(
         &mut self,
         scene: &Scene,
@@ -183,7 +184,8 @@ impl Bundle {
 }
 
 impl<'a> NearTiles<'a> {
-    /// The tile of a primitive, its facts, and the primitive's number in the tile; `None` for other primitives.
+    /// The tile of a primitive, its facts, and the primitive's number in the tile; `None` for other
+    /// primitives.
     #[inline]
     pub fn locate(&self, primitive: u32) -> Option<(&'a TileFacts, &'a Tile, u32)> {
         self.reader.locate(primitive)

@@ -53,8 +53,8 @@ impl<'a> TracedPulse<'a> {
         self.exits.get(i).copied().unwrap_or(self.origin)
     }
 
-    /// Computes the distance of every hit from the origin through the hit point in the scene frame, whose rounding
-    /// decides which ranges are equal (spec pulse-physics §4.2).
+    /// Computes the distance of every hit from the origin through the hit point in the scene frame, whose
+    /// rounding decides which ranges are equal (spec pulse-physics §4.2).
     #[inline(always)]
     fn measure(&self, ranges: &mut [Block]) {
         let (o, [x, y, z]) = (self.origin, self.directions);
@@ -81,7 +81,8 @@ impl GainBuffer {
         self.gains.clear();
     }
 
-    /// Appends the ranges of a pulse, and the intensities of a perfect reflector there (spec pulse-physics §3).
+    /// Appends the ranges of a pulse, and the intensities of a perfect reflector there (spec pulse-physics
+    /// §3).
     #[inline(always)]
     pub fn push(&mut self, instrument: &Instrument, traced: &TracedPulse) {
         let (first, end) = (self.ranges.len(), self.ranges.len() + traced.t.len());

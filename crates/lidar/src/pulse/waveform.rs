@@ -8,12 +8,12 @@ use super::return_profile::ReturnProfile;
 /// Maximum length of a recorded waveform, samples (1,250 km of 0.25 ns bins).
 pub(super) const MAX_RECORD_SAMPLES: u64 = 1 << 24;
 
-/// Longest gap without light that is stored, bins; longer gaps exist as differences of bin numbers only, so that a leaf
-/// at 5 m and a wall at 5 km take no more memory than two leaves.
+/// Longest gap without light that is stored, bins; longer gaps exist as differences of bin numbers only, so
+/// that a leaf at 5 m and a wall at 5 km take no more memory than two leaves.
 const MAX_STORED_GAP: u64 = 64;
 
-/// A waveform: bins of amplitude over one-way travel time, from bin 0 at [`Waveform::start`]. Bins outside the segments
-/// hold zero.
+/// A waveform: bins of amplitude over one-way travel time, from bin 0 at [`Waveform::start`]. Bins outside
+/// the segments hold zero.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Waveform {
     /// Travel time of bin 0, ns.
@@ -41,8 +41,8 @@ pub(super) struct Segment {
 }
 
 impl Waveform {
-    /// Replaces the waveform by the sum of the pulses of `profile`; `false` if a reflection in the dead zone discards
-    /// it.
+    /// Replaces the waveform by the sum of the pulses of `profile`; `false` if a reflection in the dead zone
+    /// discards it.
     #[inline(always)]
     pub fn receive(&mut self, profile: &ReturnProfile, detector: &DetectorSettings) -> bool {
         self.segments.clear();
@@ -71,7 +71,8 @@ impl Waveform {
             let limit = c * detector.max_duration + if corrections.limit_from_first { nearest } else { 0.0 };
             count = profile.ranges().iter().take_while(|range| **range <= limit).count();
         }
-        // With the correction, detection uses the pulse from its start; only records begin at the minimum range.
+        // With the correction, detection uses the pulse from its start; only records begin at the minimum
+        // range.
         if detector.range_min / c > start && !corrections.clip_dead_zone {
             return false;
         }
@@ -127,8 +128,8 @@ impl Waveform {
         }
     }
 
-    /// Adds pulses that start within bins, the first one `first` bins after the start of bin 0, summing the pulses of
-    /// each bin first.
+    /// Adds pulses that start within bins, the first one `first` bins after the start of bin 0, summing the
+    /// pulses of each bin first.
     #[inline(always)]
     fn add_between_bins(
         &mut self,
@@ -156,8 +157,8 @@ impl Waveform {
         self.starts = starts;
     }
 
-    /// Adds `intensity` times the pulse from bin `from` on, clipped to bins from 0 to the last. Successive calls must
-    /// not start earlier.
+    /// Adds `intensity` times the pulse from bin `from` on, clipped to bins from 0 to the last. Successive
+    /// calls must not start earlier.
     #[inline(always)]
     fn add(&mut self, pulse: &[f64], from: i64, intensity: f64) {
         let skip = (-from).max(0) as usize;
@@ -182,7 +183,8 @@ impl Waveform {
         }
     }
 
-    /// Makes the last segment longer, or appends one, so that it stores `len` bins from `from` on, and returns it.
+    /// Makes the last segment longer, or appends one, so that it stores `len` bins from `from` on, and
+    /// returns it.
     #[inline(always)]
     fn segment_for(&mut self, from: u64, len: usize) -> Segment {
         let stored = self.segments.last().map_or(0, |s| s.at + s.len);

@@ -77,8 +77,8 @@ impl DeflectorState {
         }
     }
 
-    /// Applies a leg's settings. Angles are reset only where the spec says so; the others continue, with the correction
-    /// `optics_on_time` from one step of the leg before to the first pulse of this one.
+    /// Applies a leg's settings. Angles are reset only where the spec says so; the others continue, with the
+    /// correction `optics_on_time` from one step of the leg before to the first pulse of this one.
     pub(super) fn start_leg(&mut self, plan: &DevicePlan, settings: &ScannerSettings, frequency: f64) {
         let scan_angle = plan.scan_angle(settings.scan_angle);
         match (self, &plan.deflector) {
@@ -116,8 +116,8 @@ impl DeflectorState {
         }
     }
 
-    /// Resets the angle to that of the phase, at an active leg after an inactive one (spec kinematics §4.1). In the reference
-    /// fibres and prisms go on.
+    /// Resets the angle to that of the phase, at an active leg after an inactive one (spec kinematics §4.1).
+    /// In the reference fibres and prisms go on.
     pub(super) fn restart(&mut self, plan: &DevicePlan) {
         let is_on_time = plan.kinematics.optics_on_time;
         match self {
@@ -135,8 +135,8 @@ impl DeflectorState {
         }
     }
 
-    /// Turns of the deflector's phase per step, signed, and those that have passed at the next step since phase 0. `None` for
-    /// fibres, which are a matter of pulses, not of time.
+    /// Turns of the deflector's phase per step, signed, and those that have passed at the next step since
+    /// phase 0. `None` for fibres, which are a matter of pulses, not of time.
     pub(super) fn turns(&self, plan: &DevicePlan) -> Option<(f64, f64)> {
         match self {
             DeflectorState::Polygon(mirror) => Some(mirror.turns(plan)),
@@ -245,8 +245,8 @@ impl DeflectorState {
         later
     }
 
-    /// Takes `steps` steps of a deflector without an error, and returns in how many of them it fires. The state is that
-    /// after as many calls of [`step`](Self::step), bit for bit.
+    /// Takes `steps` steps of a deflector without an error, and returns in how many of them it fires. The
+    /// state is that after as many calls of [`step`](Self::step), bit for bit.
     pub fn advance(&mut self, plan: &DevicePlan, steps: u32) -> u32 {
         match self {
             DeflectorState::Polygon(mirror) => return mirror.advance(plan, steps),
@@ -286,7 +286,8 @@ impl DeflectorState {
         }
     }
 
-    /// The angle without errors, of which error formulas are functions; 0 for Risley prisms and patterns of a program's own.
+    /// The angle without errors, of which error formulas are functions; 0 for Risley prisms and patterns of a
+    /// program's own.
     #[inline]
     pub fn exact_angle(&self) -> f64 {
         match self {
@@ -298,8 +299,8 @@ impl DeflectorState {
         }
     }
 
-    /// The scan angle of a pulse, rad: the angle in the scan plane; for two-dimensional patterns the component about x
-    /// of `deflection`, the exact rotation.
+    /// The scan angle of a pulse, rad: the angle in the scan plane; for two-dimensional patterns the
+    /// component about x of `deflection`, the exact rotation.
     pub fn scan_angle(&self, deflection: &Rotation) -> f64 {
         match self {
             DeflectorState::Conic { .. } | DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => {
@@ -371,7 +372,8 @@ fn start_time(plan: &DevicePlan) -> f64 {
     if freq == 0.0 { 0.0 } else { plan.start_turns() / freq }
 }
 
-/// Keeps the direction behind prisms that may reflect it totally; without total reflection it is computed only for pulses.
+/// Keeps the direction behind prisms that may reflect it totally; without total reflection it is computed
+/// only for pulses.
 #[inline]
 fn remember_beam(plan: &DevicePlan, time: f64, last: &mut Option<DVec3>) {
     if let Some(prisms) = plan.prisms.as_ref().filter(|p| p.may_reflect_totally) {
@@ -379,7 +381,8 @@ fn remember_beam(plan: &DevicePlan, time: f64, last: &mut Option<DVec3>) {
     }
 }
 
-/// The deflection of a polygon mirror at this angle, whose facet turns the beam by `tilt` towards +x, along the axis.
+/// The deflection of a polygon mirror at this angle, whose facet turns the beam by `tilt` towards +x, along
+/// the axis.
 #[inline]
 fn reflected(angle: f64, tilt: f64) -> Rotation {
     let across = Rotation::about_x(angle);

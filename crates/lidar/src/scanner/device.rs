@@ -98,8 +98,8 @@ impl DeviceState {
         self.head.seconds_to_completion()
     }
 
-    /// Takes `steps` steps at the times `time_of`, s after the start of the leg, of a device whose head and deflector have no errors.
-    /// Returns the number of pulses emitted, none unless it `fires`.
+    /// Takes `steps` steps at the times `time_of`, s after the start of the leg, of a device whose head and
+    /// deflector have no errors. Returns the number of pulses emitted, none unless it `fires`.
     pub fn advance_to(
         &mut self,
         plan: &DevicePlan,
@@ -164,8 +164,8 @@ impl DeviceState {
         self.head.step(plan, self.deflector.exact_angle());
     }
 
-    /// Takes `steps` steps, with the deflector if `is_active`, of a device whose head and deflector have no errors.
-    /// Returns the number of pulses emitted.
+    /// Takes `steps` steps, with the deflector if `is_active`, of a device whose head and deflector have no
+    /// errors. Returns the number of pulses emitted.
     pub fn advance(&mut self, plan: &DevicePlan, is_active: bool, steps: u32) -> u32 {
         self.head.advance(steps);
         if !is_active {

@@ -27,8 +27,9 @@ const MAX_PERIOD: i64 = 1 << 26;
 /// Pulses of acceleration after a turn, as in the reference.
 const TURNING_PULSES: f64 = 50.0;
 
-/// The angle, from −1 to 1, after `turns` periods of a mirror that oscillates `rate` times per pulse: constant speed between
-/// two parabolas of constant acceleration. Half periods of less than 100 pulses are two parabolas.
+/// The angle, from −1 to 1, after `turns` periods of a mirror that oscillates `rate` times per pulse:
+/// constant speed between two parabolas of constant acceleration. Half periods of less than 100 pulses are
+/// two parabolas.
 fn oscillation(turns: f64, rate: f64) -> f64 {
     let phase = turns - turns.floor();
     let (x, sign) = if phase < 0.5 { (2.0 * phase, 1.0) } else { (2.0 * phase - 1.0, -1.0) };
@@ -80,7 +81,8 @@ impl Oscillating {
         }
     }
 
-    /// Swings the mirror of the reference from the start of a period to `turns` of it; the next step is at that place.
+    /// Swings the mirror of the reference from the start of a period to `turns` of it; the next step is at
+    /// that place.
     fn swing_to(&mut self, turns: f64) {
         let steps = (turns * self.period.min(MAX_PERIOD) as f64).round() as i64;
         (0..steps).for_each(|_| self.step());
@@ -96,8 +98,9 @@ impl Oscillating {
         self.angle = self.half_angle * oscillation(turns, self.rate);
     }
 
-    /// Moves by one step. Within 50 pulses of each turn the speed changes linearly, in between it is constant. In
-    /// periods of less than 200 pulses these intervals overlap, and the first matching case applies.
+    /// Moves by one step. Within 50 pulses of each turn the speed changes linearly, in between it is
+    /// constant. In periods of less than 200 pulses these intervals overlap, and the first matching case
+    /// applies.
     #[inline]
     pub fn step(&mut self) {
         if self.is_corrected {

@@ -31,7 +31,8 @@ pub struct DevicePlan {
     pub errors: MechanicalErrors,
     /// Corrections of the reference's kinematics that are enabled.
     pub kinematics: Corrections,
-    /// True if the beam may have no direction at some time: by a formula of an error, or a pattern of a program's own.
+    /// True if the beam may have no direction at some time: by a formula of an error, or a pattern of a
+    /// program's own.
     pub may_lack_deflection: bool,
     pub(super) prisms: Option<PrismTrain>,
 }
@@ -102,8 +103,8 @@ impl DevicePlan {
         if limit.is_nan() { 0.0 } else { wanted.clamp(-limit, limit) }
     }
 
-    /// Half angle, rad, that this device uses when a leg requests `wanted` (spec kinematics §4.1). The reference does
-    /// not limit oscillating mirrors.
+    /// Half angle, rad, that this device uses when a leg requests `wanted` (spec kinematics §4.1). The
+    /// reference does not limit oscillating mirrors.
     pub fn scan_angle(&self, wanted: f64) -> f64 {
         let limits = self.kinematics.oscillation_at_leg_frequency && self.scan_angle_max > 0.0;
         if matches!(self.deflector, Deflector::Oscillating { .. }) && !limits {

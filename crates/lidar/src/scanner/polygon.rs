@@ -20,7 +20,8 @@ pub struct Polygon {
     facet: u32,
 }
 
-/// The interval of angles in which a polygon mirror fires: the lower end, which is excluded, and the upper one.
+/// The interval of angles in which a polygon mirror fires: the lower end, which is excluded, and the upper
+/// one.
 pub(crate) fn firing_window(effective_max: f64, scan_angle: f64, settings: &ScannerSettings) -> (f64, f64) {
     let usable = effective_max.min(scan_angle);
     (settings.vertical_min.unwrap_or(-usable), settings.vertical_max.unwrap_or(usable))
@@ -58,8 +59,8 @@ impl Polygon {
         self.angle += plan.errors.deflection.as_ref().map_or(0.0, |error| error.eval(self.exact));
     }
 
-    /// Places the mirror at the phase of its plan; with the correction `optics_on_time` a step before it, so that the first
-    /// step leads to the phase.
+    /// Places the mirror at the phase of its plan; with the correction `optics_on_time` a step before it, so
+    /// that the first step leads to the phase.
     pub fn restart(&mut self, plan: &DevicePlan) {
         self.place(plan, plan.start_turns());
         if plan.kinematics.optics_on_time {
@@ -165,7 +166,8 @@ impl Polygon {
         fired
     }
 
-    /// Number of steps, at least, that add the same increment and pass neither the end of the line nor of the window.
+    /// Number of steps, at least, that add the same increment and pass neither the end of the line nor of the
+    /// window.
     fn equal_steps(&self, plan: &DevicePlan) -> f64 {
         let increment = (self.exact + self.step) - self.exact;
         let is_uniform =

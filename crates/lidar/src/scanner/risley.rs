@@ -62,16 +62,17 @@ impl Wedge {
     }
 }
 
-/// Snell's law for the unit vector `b` at a face with normal `n` towards the beam; `eta` is the ratio of the indices.
+/// Snell's law for the unit vector `b` at a face with normal `n` towards the beam; `eta` is the ratio of the
+/// indices.
 fn refract_at_face(b: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
     let k = -b.dot(n);
     let r2 = eta * eta * (1.0 - k * k);
     (r2 <= 1.0).then(|| unit(b * eta + n * (eta * k - (1.0 - r2).sqrt())))
 }
 
-/// True if total reflection is possible at some time. The bound on the beam's tilt is conservative: refraction at a
-/// face maps the axis to a known direction and scales distances on the sphere around it by at most the largest slope of
-/// Snell's law within reach.
+/// True if total reflection is possible at some time. The bound on the beam's tilt is conservative:
+/// refraction at a face maps the axis to a known direction and scales distances on the sphere around it by at
+/// most the largest slope of Snell's law within reach.
 fn may_reflect_totally(prisms: &[Prism], air: f64, incident: DVec3) -> bool {
     let mut tilt = acos(incident.y.clamp(-1.0, 1.0));
     for prism in prisms {
@@ -87,8 +88,8 @@ fn may_reflect_totally(prisms: &[Prism], air: f64, incident: DVec3) -> bool {
     false
 }
 
-/// The largest tilt from the axis behind a face whose normal is tilted by `face`, or `None` if total reflection is
-/// possible.
+/// The largest tilt from the axis behind a face whose normal is tilted by `face`, or `None` if total
+/// reflection is possible.
 fn tilt_behind(tilt: f64, face: f64, eta: f64) -> Option<f64> {
     let steepest = tilt + face;
     // A margin for rounding.

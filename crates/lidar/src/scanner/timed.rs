@@ -4,8 +4,8 @@ use super::plan::DevicePlan;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// The motion of a deflector in a leg as a function of time, for deflectors that wander: by even turns from a start, and an angle
-/// that is added to them.
+/// The motion of a deflector in a leg as a function of time, for deflectors that wander: by even turns from a
+/// start, and an angle that is added to them.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct TimedMotion {
     /// Turns at the start of the leg, without the wander.

@@ -17,7 +17,8 @@ pub(super) struct VoxelStore {
 }
 
 impl VoxelStore {
-    /// No voxels, which will be cubes in a grid of `counts` cells along x, y, z. `keeps_grid` is whether they can be one grid.
+    /// No voxels, which will be cubes in a grid of `counts` cells along x, y, z. `keeps_grid` is whether they
+    /// can be one grid.
     pub fn new(place: GridPlace, counts: [u32; 3], keeps_grid: bool) -> VoxelStore {
         let on_grid = keeps_grid.then(|| (VoxelCells::new(counts), GridVoxels::default()));
         VoxelStore { place, on_grid, count: 0 }

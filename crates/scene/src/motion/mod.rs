@@ -8,8 +8,8 @@
 //!                                                                                 copy of the parts with their trees)
 //! ```
 //!
-//! The motions of a part are multiplied, step by step, into one transform of its initial pose. A state is therefore
-//! small, and replaying a copy of it results in the same bits on every thread.
+//! The motions of a part are multiplied, step by step, into one transform of its initial pose. A state is
+//! therefore small, and replaying a copy of it results in the same bits on every thread.
 
 mod object;
 mod plan;

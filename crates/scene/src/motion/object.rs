@@ -7,7 +7,8 @@ use std::ops::Range;
 use vlscan_geom::Affine;
 use vlscan_trace::{BuildOptions, Tree};
 
-/// A worker's copy of the moving parts. The static part of the scene is shared by all workers and has a separate tree.
+/// A worker's copy of the moving parts. The static part of the scene is shared by all workers and has a
+/// separate tree.
 #[derive(Clone, Debug)]
 pub struct DynamicScene<'a> {
     plan: &'a MotionPlan,
@@ -108,8 +109,8 @@ impl DynamicObject {
         number as u32
     }
 
-    /// Converts the index of a primitive of the complete scene to that in the object; `None` if it belongs to another
-    /// part.
+    /// Converts the index of a primitive of the complete scene to that in the object; `None` if it belongs to
+    /// another part.
     #[inline]
     pub fn to_object_index(&self, i: u32) -> Option<u32> {
         let i = i as usize;

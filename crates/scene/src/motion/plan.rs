@@ -27,8 +27,8 @@ pub(super) struct PlannedPart {
     pub move_interval: u64,
     /// Moves between refreshes of the pose that rays hit.
     pub refresh_interval: u64,
-    /// Centre of rotations about the part itself: that of its bounding box in the initial pose, moved along with the
-    /// part. The reference does not recompute the box after a rotation of the part.
+    /// Centre of rotations about the part itself: that of its bounding box in the initial pose, moved along
+    /// with the part. The reference does not recompute the box after a rotation of the part.
     pub centre: DVec3,
     /// The part alone in its initial pose, numbered from 0.
     pub rest: Scene,
@@ -56,8 +56,8 @@ pub(super) struct Move {
 }
 
 impl MotionPlan {
-    /// The moving parts of `scene`; `None` if there are none. `pulse_rate` is that of the first leg, Hz: time steps are
-    /// counted in its periods.
+    /// The moving parts of `scene`; `None` if there are none. `pulse_rate` is that of the first leg, Hz: time
+    /// steps are counted in its periods.
     pub fn new(scene: &Scene, pulse_rate: f64) -> Option<MotionPlan> {
         if scene.moving_parts.is_empty() {
             return None;
@@ -85,7 +85,8 @@ impl MotionPlan {
     }
 }
 
-/// Warns of a time step of a moving scene, which the file `path` describes, that is no whole number of pulse periods.
+/// Warns of a time step of a moving scene, which the file `path` describes, that is no whole number of pulse
+/// periods.
 pub fn check_time_step(scene: &Scene, path: &Path, pulse_rate: f64) -> Diagnostics {
     let mut found = Diagnostics::default();
     let Some(time) = scene.dyn_time_step.filter(|_| !scene.moving_parts.is_empty()) else { return found };

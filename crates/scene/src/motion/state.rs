@@ -29,8 +29,8 @@ struct StepCounter {
 }
 
 impl StepCounter {
-    /// Counts a call; true if it is the first one or the n-th since the last that fired. An `interval` of 0 fires only
-    /// once.
+    /// Counts a call; true if it is the first one or the n-th since the last that fired. An `interval` of 0
+    /// fires only once.
     fn advance(&mut self, interval: u64) -> bool {
         if self.calls_left > 0 {
             self.calls_left -= 1;
@@ -61,8 +61,8 @@ impl MotionState {
         state
     }
 
-    /// Ends a simulation step, after its pulses. Calls `on_refresh` for every part whose pose for rays changes now,
-    /// with its index and the transform from its initial pose.
+    /// Ends a simulation step, after its pulses. Calls `on_refresh` for every part whose pose for rays
+    /// changes now, with its index and the transform from its initial pose.
     pub fn step(&mut self, plan: &MotionPlan, mut on_refresh: impl FnMut(usize, &Affine)) {
         if !self.update.advance(plan.update_interval) {
             return;

@@ -31,7 +31,8 @@ fn moving(sequences: Vec<MotionSequence>) -> (SceneRecipe, Scene) {
     (f.recipe(), f.scene())
 }
 
-/// World position of the corner (3, 3, 1) of the part, as hit by rays, before the first step and after each of `steps`.
+/// World position of the corner (3, 3, 1) of the part, as hit by rays, before the first step and after each
+/// of `steps`.
 fn corners(recipe: &SceneRecipe, scene: &Scene, steps: usize) -> Vec<DVec3> {
     let part = recipe.parts[1].timing;
     let mut scene = scene.clone();

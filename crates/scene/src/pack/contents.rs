@@ -138,7 +138,8 @@ pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Re
     Ok(scene)
 }
 
-/// True if the numbers of height fields are those of no other triangles, and the indices of grids those of no other cubes.
+/// True if the numbers of height fields are those of no other triangles, and the indices of grids those of no
+/// other cubes.
 fn are_numbered(g: &Geometry) -> bool {
     let are_apart = |mut ranges: Vec<Range<usize>>, end: usize| {
         ranges.push(end..end);

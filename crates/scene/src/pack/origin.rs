@@ -86,8 +86,8 @@ impl Origin {
         Ok(Origin { conditions, builder, files: BTreeSet::new(), sources })
     }
 
-    /// Checks that the files have not changed. A missing file counts as unchanged: packs can be moved without their
-    /// sources.
+    /// Checks that the files have not changed. A missing file counts as unchanged: packs can be moved without
+    /// their sources.
     pub fn check_files(&self, pack: &Path) -> std::result::Result<(), String> {
         let changed = |s: &&Source| {
             let path = folder_of(pack).join(&s.path);

@@ -107,7 +107,8 @@ pub(super) struct PackedTiles {
 }
 
 impl PackedTiles {
-    /// Reads what is known of all tiles of `scene`, which was read from the arrays whose names begin with `prefix`.
+    /// Reads what is known of all tiles of `scene`, which was read from the arrays whose names begin with
+    /// `prefix`.
     ///
     /// # Errors
     /// As for [`ArrayFile::value`].
@@ -145,7 +146,8 @@ impl PackedTiles {
         }
     }
 
-    /// The tiles of a scene which has `own` primitives of its own. Without options of tiles they stay in memory.
+    /// The tiles of a scene which has `own` primitives of its own. Without options of tiles they stay in
+    /// memory.
     ///
     /// # Errors
     /// [`vlscan_base::Error::Input`] if their primitives cannot be numbered.

@@ -29,7 +29,8 @@ pub(super) fn read_geometry(name: &str, file: &ArrayFile) -> Result<Geometry> {
     })
 }
 
-/// Writes the height fields under names that begin with `name`; their pyramids are computed when they are read.
+/// Writes the height fields under names that begin with `name`; their pyramids are computed when they are
+/// read.
 pub(super) fn write_fields(fields: &[HeightField], name: &str, out: &mut ArrayFileWriter) -> Result<()> {
     let grids: Vec<_> = fields.iter().map(|field| (field.grid(), field.first())).collect();
     out.value(format!("{name}fields"), &grids)?;
@@ -68,7 +69,8 @@ pub(super) fn read_fields(name: &str, file: &ArrayFile) -> Result<Vec<HeightFiel
     grids.into_iter().enumerate().map(field).collect()
 }
 
-/// Writes the grids of voxels under names that begin with `name`; the hierarchies over their cells are computed when they are read.
+/// Writes the grids of voxels under names that begin with `name`; the hierarchies over their cells are
+/// computed when they are read.
 pub(super) fn write_grids(grids: &[VoxelGrid], name: &str, out: &mut ArrayFileWriter) -> Result<()> {
     let places: Vec<_> =
         grids.iter().map(|grid| (grid.place(), grid.first(), grid.cells().arrays().0)).collect();

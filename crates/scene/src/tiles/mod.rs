@@ -1,9 +1,10 @@
 //! Tiles: parts of a scene that are in memory only while rays need them.
 //!
-//! Every tile is a scene of its own, with its tree, in the frame of the complete scene. The scene knows of each tile what
-//! does not depend on whether it is in memory: its box, its part, its materials and the numbers of its primitives, which
-//! follow those of the scene's own primitives and instances. So a tile's primitives are told apart, ordered at equal
-//! distances and described as if they were stored in the scene, and what is in memory only decides how long a run takes.
+//! Every tile is a scene of its own, with its tree, in the frame of the complete scene. The scene knows of
+//! each tile what does not depend on whether it is in memory: its box, its part, its materials and the
+//! numbers of its primitives, which follow those of the scene's own primitives and instances. So a tile's
+//! primitives are told apart, ordered at equal distances and described as if they were stored in the scene,
+//! and what is in memory only decides how long a run takes.
 
 mod place;
 mod reader;
@@ -147,8 +148,8 @@ impl Tiles {
         self.facts.iter().map(|tile| tile.primitives() as usize).sum()
     }
 
-    /// The tile that primitive `i` of the complete scene belongs to, and the primitive's number there; `None` if it belongs
-    /// to no tile.
+    /// The tile that primitive `i` of the complete scene belongs to, and the primitive's number there; `None`
+    /// if it belongs to no tile.
     #[inline]
     pub fn locate(&self, i: u32) -> Option<(usize, u32)> {
         if i < self.numbers[0] || i >= self.numbers[1] {
@@ -177,8 +178,8 @@ impl Tiles {
         self.facts.iter().map(of_tile).sum()
     }
 
-    /// Loads the tiles that an area meets on its way, the nearest first, as long as there is room for them without what was
-    /// used lately. `way` is in m.
+    /// Loads the tiles that an area meets on its way, the nearest first, as long as there is room for them
+    /// without what was used lately. `way` is in m.
     pub fn prefetch(&self, area: &Aabb, way: DVec3) {
         let mut ahead: Vec<(f64, usize)> = (0..)
             .zip(&self.facts)
@@ -193,8 +194,8 @@ impl Tiles {
         let _ = ahead.into_iter().all(|(_, tile)| self.items.prefetch(tile));
     }
 
-    /// Calls `visit` with the tiles that are `wanted`, one after the other, so that one has to be in memory at a time. A tile that
-    /// cannot be loaded is reported by [`Tiles::check`].
+    /// Calls `visit` with the tiles that are `wanted`, one after the other, so that one has to be in memory
+    /// at a time. A tile that cannot be loaded is reported by [`Tiles::check`].
     pub(crate) fn for_each(
         self: &Arc<Self>,
         wanted: impl Fn(&TileFacts) -> bool,
@@ -215,7 +216,8 @@ impl Tiles {
         result
     }
 
-    /// Fails if a height of the ground or a distance could not be computed because a tile could not be loaded.
+    /// Fails if a height of the ground or a distance could not be computed because a tile could not be
+    /// loaded.
     ///
     /// # Errors
     /// The error of the tile.
@@ -223,8 +225,8 @@ impl Tiles {
         self.failure.get().map_or(Ok(()), |error| Err(error_of(error)))
     }
 
-    /// The number of primitive `i` if all primitives were stored in the order of their parts, cubes last. `own` is that
-    /// number without tiles, for primitives of no tile.
+    /// The number of primitive `i` if all primitives were stored in the order of their parts, cubes last.
+    /// `own` is that number without tiles, for primitives of no tile.
     pub(crate) fn number_when_stored(
         self: &Arc<Self>,
         scene: &Scene,
@@ -292,8 +294,8 @@ impl Tiles {
         }
     }
 
-    /// The nearest of `best`, a hit on the scene without its tiles, and the first hits on tiles of primitives that `accept`
-    /// accepts, by the scene of their tile and their number there.
+    /// The nearest of `best`, a hit on the scene without its tiles, and the first hits on tiles of primitives
+    /// that `accept` accepts, by the scene of their tile and their number there.
     pub(crate) fn nearest(
         self: &Arc<Self>,
         scene: &Scene,

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use vlscan_trace::HeightField;
 
-/// The place of a tile's triangles among those of the raster that it is a part of, which are counted row by row without the
-/// missing ones.
+/// The place of a tile's triangles among those of the raster that it is a part of, which are counted row by
+/// row without the missing ones.
 #[derive(Clone, Debug)]
 pub struct PlaceInRaster {
     /// Number of triangles before each row of the raster, and of all.
@@ -20,7 +20,8 @@ pub struct PlaceInRaster {
 }
 
 impl PlaceInRaster {
-    /// Number of triangles of the raster before triangle `local` of the tile, whose `field` counts if some are missing.
+    /// Number of triangles of the raster before triangle `local` of the tile, whose `field` counts if some
+    /// are missing.
     pub(crate) fn number(&self, local: u32, field: Option<&HeightField>) -> u32 {
         let local = local as usize;
         let row = local / (2 * self.columns);

@@ -33,15 +33,16 @@ impl TileReader {
         self.pins.get(&self.tiles.items, tile)
     }
 
-    /// The tile that primitive `i` of the complete scene belongs to, and the primitive's number there; `None` for other
-    /// primitives.
+    /// The tile that primitive `i` of the complete scene belongs to, and the primitive's number there; `None`
+    /// for other primitives.
     #[inline]
     pub fn locate(&self, i: u32) -> Option<(&TileFacts, &Tile, u32)> {
         let (tile, local) = self.tiles.locate(i)?;
         Some((&self.tiles.facts[tile], self.get(tile)?, local))
     }
 
-    /// As [`Scene::number_when_stored`], for a primitive of `scene` or of one of the tiles that were asked for.
+    /// As [`Scene::number_when_stored`], for a primitive of `scene` or of one of the tiles that were asked
+    /// for.
     #[inline]
     pub fn number_when_stored(&self, scene: &Scene, i: u32) -> u32 {
         self.tiles.number_with(scene, i, |i| scene.number_without_tiles(i), |tile| self.get(tile))
@@ -55,14 +56,15 @@ impl TileReader {
     /// Allows the tiles to be dropped.
     ///
     /// # Errors
-    /// When one of them could not be loaded, or all together need too much memory: what was traced through them does not
-    /// count.
+    /// When one of them could not be loaded, or all together need too much memory: what was traced through
+    /// them does not count.
     pub fn release(&mut self) -> Result<()> {
         self.pins.release().map_err(|error| error_of(&error))
     }
 
-    /// The nearest of `best`, a hit on `scene` without its tiles, and the first hits on the tiles with these indices (all
-    /// without) of primitives that `accept` accepts, by the scene of their tile, their number there and that in `scene`.
+    /// The nearest of `best`, a hit on `scene` without its tiles, and the first hits on the tiles with these
+    /// indices (all without) of primitives that `accept` accepts, by the scene of their tile, their number
+    /// there and that in `scene`.
     pub fn nearest(
         &self,
         scene: &Scene,

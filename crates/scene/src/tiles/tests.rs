@@ -10,8 +10,8 @@ fn options(memory: u64) -> Option<TileOptions> {
     Some(TileOptions { memory, trees: BuildOptions::default() })
 }
 
-/// A square of `cells` × `cells` cells of one metre with its lower left corner at (x, y), in two materials; neighbours share
-/// their border.
+/// A square of `cells` × `cells` cells of one metre with its lower left corner at (x, y), in two materials;
+/// neighbours share their border.
 fn square(x: f64, y: f64, cells: usize) -> String {
     let mut text = "mtllib site.mtl\n".to_owned();
     for j in 0..=cells {

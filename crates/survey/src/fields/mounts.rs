@@ -22,8 +22,8 @@ impl Fields<'_> {
         Some(Mount { offset, rotation })
     }
 
-    /// The composed rotations of a list of tables, each about one axis; about the axes as rotated by those before it, if they
-    /// are `local`.
+    /// The composed rotations of a list of tables, each about one axis; about the axes as rotated by those
+    /// before it, if they are `local`.
     pub fn rotations(&mut self, key: Key, local: bool) -> Rotation {
         let keys = AxisKeys::KEYS;
         type Axis = (Key, fn(f64) -> Rotation);
@@ -53,8 +53,8 @@ impl Fields<'_> {
     }
 }
 
-/// Offset and rotations of an element with `x`, `y`, `z`, `rotations` and `<rot>` children (spec input-formats §1.4,
-/// §1.5).
+/// Offset and rotations of an element with `x`, `y`, `z`, `rotations` and `<rot>` children (spec
+/// input-formats §1.4, §1.5).
 pub(crate) fn read_mount(context: &Context, element: &Element) -> Mount {
     let mut fields = Fields::new(context, element);
     let offset = DVec3::from(["x", "y", "z"].map(|name| fields.number(name, 0.0)));
@@ -68,8 +68,8 @@ fn is_local(fields: &mut Fields) -> bool {
     fields.choice("rotations", &[("local", true), ("global", false)], Some("global")).unwrap_or(false)
 }
 
-/// The composed `<rot>` children of an element: each about the fixed axes, or (`local`) about the axes as rotated by
-/// the preceding ones.
+/// The composed `<rot>` children of an element: each about the fixed axes, or (`local`) about the axes as
+/// rotated by the preceding ones.
 fn read_rotations(context: &Context, element: &Element, local: bool) -> Rotation {
     let (mut all, mut last) = (Rotation::IDENTITY, Rotation::IDENTITY);
     for rot in element.named("rot") {
@@ -80,8 +80,8 @@ fn read_rotations(context: &Context, element: &Element, local: bool) -> Rotation
     all
 }
 
-/// Reads a `<rot>`. With an axis named pitch, roll or yaw it is `before`, the rotation of the element before it, as in
-/// the reference.
+/// Reads a `<rot>`. With an axis named pitch, roll or yaw it is `before`, the rotation of the element before
+/// it, as in the reference.
 fn read_rotation(context: &Context, rot: &Element, before: Rotation) -> Option<Rotation> {
     let mut fields = Fields::new(context, rot);
     let axis = fields.required("axis");

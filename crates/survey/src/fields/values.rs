@@ -84,7 +84,8 @@ impl Value for f64 {
 impl Value for i64 {
     const DECLARED: &'static [&'static str] = &["integer", "int"];
 
-    /// Decimals such as 2.0 are integers of parameters. Lenient integers are counts: any negative one stands for itself.
+    /// Decimals such as 2.0 are integers of parameters. Lenient integers are counts: any negative one stands
+    /// for itself.
     fn parse(text: &str, reading: Reading) -> Option<i64> {
         let whole = |value: f64| (value.fract() == 0.0 && value.abs() < 1e15).then_some(value as i64);
         match reading {

@@ -3,8 +3,9 @@
 use vlscan_base::quantity;
 use vlscan_geom::radians;
 
-/// Errors of position and attitude as the navigation system reports them, and of the scanner's calibration. The beam
-/// is traced from the true pose; points are georeferenced with the reported pose. All 0 means no error.
+/// Errors of position and attitude as the navigation system reports them, and of the scanner's calibration.
+/// The beam is traced from the true pose; points are georeferenced with the reported pose. All 0 means no
+/// error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NavigationErrors {
     /// Standard deviation of the position to the east, north and up, m.
@@ -53,7 +54,8 @@ const KEYS: [(&str, &str); 11] = [
 ];
 
 impl NavigationErrors {
-    /// No errors; the correlation times are typical of a processed GNSS solution and of a tactical IMU aided by it.
+    /// No errors; the correlation times are typical of a processed GNSS solution and of a tactical IMU aided
+    /// by it.
     pub const NONE: NavigationErrors = NavigationErrors {
         position: [0.0; 3],
         position_correlation: 300.0,
@@ -68,9 +70,9 @@ impl NavigationErrors {
         lever_arm_sigma: [0.0; 3],
     };
 
-    /// Names of all keys, and their meanings. Standard deviations belong to first-order Gauss-Markov processes,
-    /// whose correlation falls by a factor e within the correlation time. Every key but the correlation times takes
-    /// one number for all three components, or three numbers.
+    /// Names of all keys, and their meanings. Standard deviations belong to first-order Gauss-Markov
+    /// processes, whose correlation falls by a factor e within the correlation time. Every key but the
+    /// correlation times takes one number for all three components, or three numbers.
     pub const KEYS: &[(&str, &str)] = &KEYS;
 
     /// True if any error, bias, drift or misalignment is not 0; correlation times do not count.

@@ -7,7 +7,8 @@ use std::sync::Arc;
 pub enum PulseTimes {
     /// Recorded times, ascending, at least two and none below 0.
     Recorded(Arc<[f64]>),
-    /// Times within a cycle of intervals that repeats, the first of which is 0, and the duration of the cycle.
+    /// Times within a cycle of intervals that repeats, the first of which is 0, and the duration of the
+    /// cycle.
     Cycle {
         /// Ascending, s.
         times: Arc<[f64]>,
@@ -28,7 +29,8 @@ impl PulseTimes {
         PulseTimes::Cycle { times: times.collect(), duration }
     }
 
-    /// The time of pulse `number`, counted from 0, s. Beyond the last recorded one time goes on at the mean rate.
+    /// The time of pulse `number`, counted from 0, s. Beyond the last recorded one time goes on at the mean
+    /// rate.
     #[inline]
     pub fn at(&self, number: u64) -> f64 {
         match self {
@@ -54,8 +56,8 @@ impl PulseTimes {
         }
     }
 
-    /// The number of the first pulse at `time` or later, counted from 0; beyond the last recorded one as [`PulseTimes::at`] goes
-    /// on.
+    /// The number of the first pulse at `time` or later, counted from 0; beyond the last recorded one as
+    /// [`PulseTimes::at`] goes on.
     pub fn first_from(&self, time: f64) -> u64 {
         let near = match self {
             PulseTimes::Recorded(times) if time <= times[times.len() - 1] => {

@@ -1,5 +1,5 @@
-//! Settings of an instrument's receiver beyond the reference's threshold on a noiseless waveform. All of them apply
-//! in refined physics only (correction `receiver`).
+//! Settings of an instrument's receiver beyond the reference's threshold on a noiseless waveform. All of them
+//! apply in refined physics only (correction `receiver`).
 
 use std::sync::Arc;
 
@@ -32,27 +32,31 @@ pub struct Receiver {
     pub saturation: Option<f64>,
     /// Amount by which the range of an echo right at the threshold is too long, m.
     pub range_walk: f64,
-    /// True if samples lie on a grid of bins counted from the emission, instead of beginning with the first return.
+    /// True if samples lie on a grid of bins counted from the emission, instead of beginning with the first
+    /// return.
     pub digitiser_clock: bool,
     /// Estimator of the range of an echo.
     pub ranging: Ranging,
     /// Noise of ranges by the strength of echoes; overrides [`super::Detector::accuracy`].
     pub range_noise: Option<RangeNoise>,
-    /// Photoelectrons of an echo right at the threshold, whose number varies from pulse to pulse; `None` = strengths do not vary.
+    /// Photoelectrons of an echo right at the threshold, whose number varies from pulse to pulse; `None` =
+    /// strengths do not vary.
     pub threshold_photons: Option<u32>,
     /// Share of echoes that are lost whatever their strength.
     pub dropout_rate: f64,
-    /// Time after an echo, or of [`Ranging::Photons`] after a photon, during which no other one is detected, ns.
+    /// Time after an echo, or of [`Ranging::Photons`] after a photon, during which no other one is detected,
+    /// ns.
     pub dead_time: f64,
     /// Step of the ranges that are reported, m; 0 = any range.
     pub range_step: f64,
 }
 
-/// Noise of a range as a function of the strength of its echo and of the depth of its footprint: independent parts. The variance for
-/// an echo of amplitude A over the threshold T is constant² + shot²·T/A + amplifier²·(T/A)² + (footprint·depth)²: what does not
-/// depend on the light (timer, jitter), the shot noise of the light, which falls with the root of the number of photons, the
-/// noise of the amplifier, which falls with the signal (Cramér–Rao bounds of a pulse's time in photon noise and in white noise), and the
-/// texture and speckle of the surface, which move the centre of the light within the footprint.
+/// Noise of a range as a function of the strength of its echo and of the depth of its footprint: independent
+/// parts. The variance for an echo of amplitude A over the threshold T is constant² + shot²·T/A +
+/// amplifier²·(T/A)² + (footprint·depth)²: what does not depend on the light (timer, jitter), the shot noise
+/// of the light, which falls with the root of the number of photons, the noise of the amplifier, which falls
+/// with the signal (Cramér–Rao bounds of a pulse's time in photon noise and in white noise), and the texture
+/// and speckle of the surface, which move the centre of the light within the footprint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RangeNoise {
     /// Of echoes of any strength.
@@ -66,8 +70,8 @@ pub struct RangeNoise {
 }
 
 impl RangeNoise {
-    /// Standard deviation for an echo of that amplitude, m; at the threshold for weaker ones. `depth` is the standard deviation of
-    /// the depths within the footprint, m.
+    /// Standard deviation for an echo of that amplitude, m; at the threshold for weaker ones. `depth` is the
+    /// standard deviation of the depths within the footprint, m.
     pub fn sigma(&self, amplitude: f64, threshold: f64, depth: f64) -> f64 {
         let weakness = if amplitude > threshold { threshold / amplitude } else { 1.0 };
         let (shot, amplifier) = (self.shot * self.shot, self.amplifier * self.amplifier);
@@ -112,7 +116,8 @@ pub struct ReferenceTarget {
     pub pulse_freq: Option<f64>,
 }
 
-/// Shot noise of the photocurrent: variance 2qB·(P_signal + P_background)/responsivity in W², B the bandwidth.
+/// Shot noise of the photocurrent: variance 2qB·(P_signal + P_background)/responsivity in W², B the
+/// bandwidth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShotNoise {
     /// Mean power of background light on the detector, W.
@@ -139,7 +144,8 @@ pub enum Ranging {
 /// Full width at half maximum of x²e^(−x), whose half-power points are −2W₀(−1/(√2·e)) and −2W₋₁(−1/(√2·e)).
 const GAMMA_WIDTH: f64 = 3.394_680_670_846_504;
 
-/// Length (ns) of the reference's pulse (t/τ)²·e^(−t/τ), τ = length/7, which is `fwhm` ns wide at half maximum.
+/// Length (ns) of the reference's pulse (t/τ)²·e^(−t/τ), τ = length/7, which is `fwhm` ns wide at half
+/// maximum.
 pub fn pulse_length_of_width(fwhm: f64) -> f64 {
     7.0 * fwhm / GAMMA_WIDTH
 }

@@ -3,17 +3,20 @@
 use std::sync::Arc;
 use vlscan_geom::radians;
 
-/// How a deflector moves. The default is the reference's: forward, from phase 0, about an axis of the emitter, evenly.
+/// How a deflector moves. The default is the reference's: forward, from phase 0, about an axis of the
+/// emitter, evenly.
 ///
-/// Phases are angles, rad, in which 2π are a revolution (`conic`), a facet (`rotating`), a period (`oscillating`), a sequence of
-/// fibres (`line`) or a turn of the first prism that turns (`risley`). Scan patterns of a program have a tilt only.
+/// Phases are angles, rad, in which 2π are a revolution (`conic`), a facet (`rotating`), a period
+/// (`oscillating`), a sequence of fibres (`line`) or a turn of the first prism that turns (`risley`). Scan
+/// patterns of a program have a tilt only.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ScanMotion {
     /// True if the deflector turns, swings or steps the other way.
     pub is_reversed: bool,
     /// Phase at the first pulse of a leg, where the deflector restarts, rad from 0 to 2π.
     pub phase: f64,
-    /// Tilt of the axis, rad: angles about the emitter's x axis and then about its z axis by which the deflected beam is turned.
+    /// Tilt of the axis, rad: angles about the emitter's x axis and then about its z axis by which the
+    /// deflected beam is turned.
     pub axis_tilt: [f64; 2],
     /// Angle that is added to the phase over time.
     pub wander: Option<Wander>,

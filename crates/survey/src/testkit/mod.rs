@@ -14,8 +14,8 @@ pub fn tls_beam() -> Beam {
     Beam { pulse_length: 5.0, ..DEVICE_BEAM }
 }
 
-/// A device with [`tls_beam`] of the given pulse length (ns), a minimum range of 1.5 m, 3 rings, bins of 0.25 ns and
-/// a window of a quarter pulse.
+/// A device with [`tls_beam`] of the given pulse length (ns), a minimum range of 1.5 m, 3 rings, bins of 0.25
+/// ns and a window of a quarter pulse.
 pub fn tls_device(pulse_length: f64) -> Device {
     Device {
         beam: Beam { pulse_length, ..tls_beam() },

@@ -37,7 +37,8 @@ fn settings_merge_by_value() {
         ],
     );
     let s: Vec<_> = survey.legs.iter().map(|l| &l.scanner).collect();
-    // without a template, the scanner's values replace values that are missing or equal to the hard-coded default
+    // without a template, the scanner's values replace values that are missing or equal to the hard-coded
+    // default
     assert_eq!((s[0].pulse_freq, s[0].beam_divergence), (100_000, 0.0005));
     assert_eq!((s[1].pulse_freq, s[1].beam_divergence), (100_000, 0.0005));
     // with a template, its values do
@@ -103,7 +104,8 @@ fn durations() {
 
 #[test]
 fn resolutions_replace_frequency_and_head_speed() {
-    // spec kinematics §6: f = 100 000, M = 60°: 0.2·100000/120 = 166.67 Hz is above the limit; 0.1° gives 83.3 Hz
+    // spec kinematics §6: f = 100 000, M = 60°: 0.2·100000/120 = 166.67 Hz is above the limit; 0.1° gives
+    // 83.3 Hz
     let leg = |settings: &str| format!("<leg><platformSettings/><scannerSettings {settings}/></leg>");
     let settings =
         "verticalResolution_deg='0.1' horizontalResolution_deg='0.2' headRotateStop_deg='90' scanFreq_hz='7'";

@@ -1,5 +1,5 @@
-//! Pipeline files: a complete run in one TOML file. The options of the run are read by the program, the survey
-//! here.
+//! Pipeline files: a complete run in one TOML file. The options of the run are read by the program, the
+//! survey here.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -32,12 +32,12 @@ pub struct PipelineSurvey {
     pub is_of_survey: bool,
 }
 
-/// Reads the survey of a pipeline file from the tables whose other keys have been taken. The second value contains
-/// the warnings to be shown.
+/// Reads the survey of a pipeline file from the tables whose other keys have been taken. The second value
+/// contains the warnings to be shown.
 ///
 /// # Errors
-/// All problems of all files at once as [`vlscan_base::Error::Input`]; limits of the scanner as [`vlscan_base::Error::Limits`];
-/// [`vlscan_base::Error::Io`] when a file cannot be read.
+/// All problems of all files at once as [`vlscan_base::Error::Input`]; limits of the scanner as
+/// [`vlscan_base::Error::Limits`]; [`vlscan_base::Error::Io`] when a file cannot be read.
 pub fn read_pipeline_survey(tables: Tables, options: &ReadOptions) -> Result<(PipelineSurvey, Diagnostics)> {
     let source = tables.source();
     let (root, names, problems) = tables.finish();

@@ -8,8 +8,8 @@ use std::path::{Component, Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{Stamp, reads};
 
-/// The note of what was written for a cell, beside the record in its folder: so that the files are known when that record is damaged,
-/// and with the sizes and times that they had when their checksums were right.
+/// The note of what was written for a cell, beside the record in its folder: so that the files are known when
+/// that record is damaged, and with the sizes and times that they had when their checksums were right.
 #[derive(Debug)]
 pub(super) struct Made {
     pub record: Record,
@@ -69,7 +69,8 @@ pub(super) struct Owned {
 }
 
 impl Owned {
-    /// The files that `records` name in `place`, the folder of a cell of the data set in `folder`, and the record there.
+    /// The files that `records` name in `place`, the folder of a cell of the data set in `folder`, and the
+    /// record there.
     pub fn new(folder: &Path, place: &Path, records: impl Iterator<Item = Record>) -> Owned {
         let mut files = BTreeSet::new();
         for record in records {
@@ -118,7 +119,8 @@ impl Owned {
         })
     }
 
-    /// Removes the files and the folders around them, the record first, so that the cell is not complete from then on.
+    /// Removes the files and the folders around them, the record first, so that the cell is not complete from
+    /// then on.
     ///
     /// # Errors
     /// [`Error::Input`] if there are other files, in which case nothing is removed; [`Error::Io`].

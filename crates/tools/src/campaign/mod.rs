@@ -1,5 +1,5 @@
-//! Campaigns: one run for every scene, variant and seed of a matrix, computed by any number of processes that share a folder
-//! and nothing else.
+//! Campaigns: one run for every scene, variant and seed of a matrix, computed by any number of processes that
+//! share a folder and nothing else.
 //!
 //! ```text
 //! campaign.toml ─► File ─► Cells ─► a process takes a cell: lock ─► work folder ─► renamed to OUT/cells/NAME

@@ -10,8 +10,8 @@ const MAX_TESTS: f64 = 5e8;
 /// Part of a square's size by which the area may cut off its edges.
 const MAX_EDGE_CUT: f64 = 5e-7;
 
-/// Squares of a grid that lie within the area: those of the grid are drawn at random, without repetition. They are returned
-/// from south to north and from west to east.
+/// Squares of a grid that lie within the area: those of the grid are drawn at random, without repetition.
+/// They are returned from south to north and from west to east.
 ///
 /// # Errors
 /// A sentence if fewer fit.

@@ -74,8 +74,8 @@ const SUM_KEY: &str = ",\"sum\":\"";
 const SUM_END: &str = "\"}";
 
 impl Record {
-    /// The record as a line of JSON, the last key of which is the checksum of everything before it (XXH3, 64 bits), with the brace
-    /// that closes it.
+    /// The record as a line of JSON, the last key of which is the checksum of everything before it (XXH3, 64
+    /// bits), with the brace that closes it.
     ///
     /// # Errors
     /// [`Error::Internal`] for numbers that JSON has not.
@@ -97,8 +97,8 @@ impl Record {
         serde_json::from_str(&whole).ok()
     }
 
-    /// True if the same cell, described by `wanted`, would have this record again: version, options, group, the contents of all
-    /// files that were read, and the absence of those that were looked for and not found.
+    /// True if the same cell, described by `wanted`, would have this record again: version, options, group,
+    /// the contents of all files that were read, and the absence of those that were looked for and not found.
     pub fn is_current(&self, wanted: &Record, inputs: &mut Inputs) -> bool {
         let head = |record: &Record| {
             let Record { cell, scene, variant, seed, group, split, version, .. } = record.clone();

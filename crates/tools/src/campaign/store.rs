@@ -11,10 +11,11 @@
 //! OUT/.campaign/NAME.failed
 //! ```
 //!
-//! A cell gets its name when everything in it is on the disk, in one step, so that it is complete or absent. Nothing is removed but
-//! files that a campaign has written (`made`), what lies in the folders that it has marked, and a manifest with lines of cells: a
-//! folder of the data set that holds other files is left as it is, and its cell is not computed. Where a file system has no locks two
-//! processes would remove each other's unfinished files; then only processes with cells of their own (`--task K/N`) compute.
+//! A cell gets its name when everything in it is on the disk, in one step, so that it is complete or absent.
+//! Nothing is removed but files that a campaign has written (`made`), what lies in the folders that it has
+//! marked, and a manifest with lines of cells: a folder of the data set that holds other files is left as it
+//! is, and its cell is not computed. Where a file system has no locks two processes would remove each other's
+//! unfinished files; then only processes with cells of their own (`--task K/N`) compute.
 
 use super::cells::Cell;
 use super::inputs::Inputs;
@@ -75,8 +76,8 @@ impl Drop for CellLock {
 }
 
 impl Store {
-    /// Creates the folder if it is missing. `needs_no_locks` tells that this process has cells of its own; `verifies` has the
-    /// checksums of all files compared.
+    /// Creates the folder if it is missing. `needs_no_locks` tells that this process has cells of its own;
+    /// `verifies` has the checksums of all files compared.
     ///
     /// # Errors
     /// [`Error::Input`] if the folder holds files of these names that no campaign has written; [`Error::Io`].
@@ -112,8 +113,8 @@ impl Store {
         let hidden = self.folder.join(".campaign");
         let mut names = fs::read_dir(&hidden).into_iter().flatten().flatten().map(|entry| entry.file_name());
         let is_empty = names.all(|name| is_temporary_name(&name));
-        // A damaged mark is replaced where the state of a cell tells the same. Another process that begins at the same time may be
-        // writing the mark, which is therefore looked for last.
+        // A damaged mark is replaced where the state of a cell tells the same. Another process that begins at
+        // the same time may be writing the mark, which is therefore looked for last.
         let is_known =
             hidden.symlink_metadata().is_err() || is_empty || made::is_in(&hidden) || self.is_marked();
         let is_marked = self.is_marked();
@@ -186,8 +187,8 @@ impl Store {
         }
     }
 
-    /// Compares the files of a complete cell with its record: their sizes and times, and their checksums if the times are others
-    /// than those when the checksums were compared last.
+    /// Compares the files of a complete cell with its record: their sizes and times, and their checksums if
+    /// the times are others than those when the checksums were compared last.
     fn check_files(&self, cell: &Cell, record: &Record, inputs: &mut Inputs) -> Result<(), String> {
         let made = Made::read(&self.made_path(cell));
         let stamps = made.as_ref().map(|made| &made.stamps);
@@ -230,7 +231,8 @@ impl Store {
         made::Owned::new(&self.folder, &self.cell(cell), records)
     }
 
-    /// Why a cell cannot be computed: in the place of one of its files or folders there is something that no campaign has written.
+    /// Why a cell cannot be computed: in the place of one of its files or folders there is something that no
+    /// campaign has written.
     fn obstruction(&self, cell: &Cell) -> Option<String> {
         for path in
             [self.failed_path(cell), self.made_path(cell), self.hidden(&format!("{}.lock", cell.name))]
@@ -302,10 +304,12 @@ impl Store {
         remove_file(&self.failed_path(cell))
     }
 
-    /// Keeps why a cell has failed, and removes its unfinished files and those of an earlier state of the campaign.
+    /// Keeps why a cell has failed, and removes its unfinished files and those of an earlier state of the
+    /// campaign.
     ///
     /// # Errors
-    /// [`Error::Input`] if files of others are in the place of the cell, in which case nothing is kept; [`Error::Io`].
+    /// [`Error::Input`] if files of others are in the place of the cell, in which case nothing is kept;
+    /// [`Error::Io`].
     pub fn fail(&self, cell: &Cell, lock: CellLock, record: &Record) -> Result<()> {
         self.owned(cell).remove()?;
         write(&self.failed_path(cell), record.line()?.as_bytes())?;
@@ -340,7 +344,8 @@ impl Store {
         Ok((path, earlier.is_some_and(|earlier| earlier != text.as_bytes())))
     }
 
-    /// Removes the manifest before a cell is computed again, since it does not describe what is then in the folder.
+    /// Removes the manifest before a cell is computed again, since it does not describe what is then in the
+    /// folder.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -381,8 +386,8 @@ fn is_work(work: &Path) -> bool {
     is_folder && (is_marked() || is_empty())
 }
 
-/// Removes a folder with unfinished files, if it exists. Its mark is the last file: what a process leaves that is killed meanwhile is
-/// known by it.
+/// Removes a folder with unfinished files, if it exists. Its mark is the last file: what a process leaves
+/// that is killed meanwhile is known by it.
 fn remove_work(work: &Path) -> io::Result<()> {
     if work.symlink_metadata().is_err() {
         return Ok(());

@@ -15,8 +15,9 @@ const SAMPLED_S: f64 = 1.0;
 /// Half angle of a scan above which elevations do not tell its field, rad.
 const MAX_ELEVATION: f64 = 1.5;
 
-/// Full angles of the field of view, degrees, each at most 360: one of scanners that draw lines or cones; all around, and up and
-/// down, of those with a head that turns; of others the two extents at right angles to each other.
+/// Full angles of the field of view, degrees, each at most 360: one of scanners that draw lines or cones; all
+/// around, and up and down, of those with a head that turns; of others the two extents at right angles to
+/// each other.
 ///
 /// # Errors
 /// Formulas of mechanical errors without a value.
@@ -66,7 +67,8 @@ pub fn field_figures(scanner: &Scanner, sources: &Sources) -> Vec<&'static str> 
     }
 }
 
-/// Half angle of the lines or the cone of a device, rad; a mirror that turns round and round sees a full circle.
+/// Half angle of the lines or the cone of a device, rad; a mirror that turns round and round sees a full
+/// circle.
 fn half_angle(device: &Device) -> f64 {
     let half = match &device.deflector {
         Deflector::Polygon { effective_max, .. } => effective_max.min(device.scan_angle_max),
@@ -75,7 +77,8 @@ fn half_angle(device: &Device) -> f64 {
     half.min(PI)
 }
 
-/// True if a mirror moves the beams. Channels that the head alone turns have none, though they state the angle of one.
+/// True if a mirror moves the beams. Channels that the head alone turns have none, though they state the
+/// angle of one.
 fn has_mirror(scanner: &Scanner) -> bool {
     scanner.devices[0].scan_freq.1 > 0.0 || !scanner.multi_channel
 }
@@ -97,7 +100,8 @@ fn tenths(angle: f64) -> f64 {
     (angle * 10.0).round() / 10.0
 }
 
-/// Full angles of the beams of all devices about the axis of the middle one: across, and up and down, degrees.
+/// Full angles of the beams of all devices about the axis of the middle one: across, and up and down,
+/// degrees.
 fn sampled(scanner: &Scanner) -> Result<[f64; 2]> {
     let middle = scanner.devices[scanner.devices.len() / 2].beam_origin.rotation.inverse();
     let pulse_freq = scanner.pulse_freqs.iter().max().copied().unwrap_or(1).max(1);

@@ -1,5 +1,5 @@
-//! Instruments and platforms by the figures of their data sheets: what users compare, where each figure comes from, and where
-//! an instrument's beams point.
+//! Instruments and platforms by the figures of their data sheets: what users compare, where each figure comes
+//! from, and where an instrument's beams point.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -41,7 +41,8 @@ pub struct ScannerFigures {
     pub range_min_m: f64,
     /// `None` is unlimited.
     pub range_max_m: Option<f64>,
-    /// Full angle of the field, or of its two extents: all around, and up and down, of a head that turns; each at most 360.
+    /// Full angle of the field, or of its two extents: all around, and up and down, of a head that turns;
+    /// each at most 360.
     pub field_of_view_deg: Vec<f64>,
     /// Maximum rotation rate of the head; 0 without a head.
     pub head_deg_per_s: f64,

@@ -13,7 +13,8 @@ use vlscan_survey::{Deflector, Scanner, ScannerSettings};
 const DOTS: u64 = 24_000;
 /// Pulses that are stepped through, at most.
 const MAX_PULSES: u64 = 20_000_000;
-/// Duration of the pattern of instruments without a turning head, s: a frame of those whose pattern does not repeat.
+/// Duration of the pattern of instruments without a turning head, s: a frame of those whose pattern does not
+/// repeat.
 const FRAME_S: f64 = 0.1;
 /// Lines per second of mirrors without limits.
 const LINES_HZ: f64 = 50.0;
@@ -129,7 +130,8 @@ impl Pattern {
     }
 }
 
-/// Horizontal and vertical angles of a share of the beams of a device, degrees. `extent` grows by those of all beams.
+/// Horizontal and vertical angles of a share of the beams of a device, degrees. `extent` grows by those of
+/// all beams.
 fn beams(
     plan: &DevicePlan,
     settings: &ScannerSettings,

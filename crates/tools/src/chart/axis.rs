@@ -20,7 +20,8 @@ impl Axis {
         Axis { low, high: if high > low { high } else { low + 1.0 }, is_log: false }
     }
 
-    /// A logarithmic axis of positive values with room at both ends, or a linear one from 0; of nothing, an axis to 2.
+    /// A logarithmic axis of positive values with room at both ends, or a linear one from 0; of nothing, an
+    /// axis to 2.
     pub fn around(values: impl Iterator<Item = f64>, is_log: bool) -> Axis {
         let shown = values.filter(|v| v.is_finite() && (!is_log || *v > 0.0));
         let (low, high) =

@@ -28,7 +28,8 @@ pub enum Theme {
     Reader,
 }
 
-/// Colours of the series, light on dark and dark on white; those on white can be told apart with most kinds of colour vision.
+/// Colours of the series, light on dark and dark on white; those on white can be told apart with most kinds
+/// of colour vision.
 const SERIES: [[Rgb; 2]; Role::SERIES] = [
     [[106, 176, 243], [0, 114, 178]],
     [[246, 174, 66], [213, 94, 0]],

@@ -5,8 +5,8 @@ pub(crate) const ADVANCE: u32 = 6;
 /// Height of the capitals, dots; descenders take two more rows below.
 pub(crate) const HEIGHT: u32 = 7;
 
-/// The dots of a character: seven rows of five (bit 4 is the leftmost), and the number of rows that it extends below
-/// the baseline. Characters without a glyph are drawn as a box.
+/// The dots of a character: seven rows of five (bit 4 is the leftmost), and the number of rows that it
+/// extends below the baseline. Characters without a glyph are drawn as a box.
 pub(crate) fn glyph(c: char) -> ([u8; 7], u32) {
     let rows = |bits: [u8; 7]| (bits, 0);
     let hanging = |bits: [u8; 7]| (bits, 2);

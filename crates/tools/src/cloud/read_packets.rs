@@ -1,5 +1,5 @@
-//! Reads the waveform of one pulse from the wave packets of LAS and LAZ files (LAS 1.4 R15, point formats 4, 5, 9 and
-//! 10).
+//! Reads the waveform of one pulse from the wave packets of LAS and LAZ files (LAS 1.4 R15, point formats 4,
+//! 5, 9 and 10).
 
 use super::wave::{NearestPulses, Wave};
 use std::io::{Read, Seek, SeekFrom};
@@ -16,7 +16,8 @@ const C: f64 = 0.299792458;
 /// Maximum size of a packet, bytes.
 const MAX_PACKET_BYTES: u32 = 1 << 28;
 
-/// Finds the packet of pulse `number`; the extra dimension `fullwaveIndex` of the points holds the numbers of pulses.
+/// Finds the packet of pulse `number`; the extra dimension `fullwaveIndex` of the points holds the numbers of
+/// pulses.
 ///
 /// # Errors
 /// [`Error::Input`] when the file has no packets or none of that pulse; the message lists the nearest pulses.

@@ -1,13 +1,15 @@
 //! What chance alone gives: differences between random halves of the first cloud.
 //!
-//! Neighbouring points are alike, since they share terrain, attitude errors and atmosphere, so that single points must not be drawn:
-//! halves of single points would be alike beyond what another measurement is. The cloud is divided into blocks, which are its scan
-//! lines or, where there are none, square cells (a block bootstrap: Künsch, 1989, The jackknife and the bootstrap for general
-//! stationary observations). Of two neighbouring blocks one goes to each half, by a coin, so that both halves see the same place and
-//! differ by what changes from one line to the next. In [`SPLITS`] splits the largest difference is a bound: one more
+//! Neighbouring points are alike, since they share terrain, attitude errors and atmosphere, so that single
+//! points must not be drawn: halves of single points would be alike beyond what another measurement is. The
+//! cloud is divided into blocks, which are its scan lines or, where there are none, square cells (a block
+//! bootstrap: Künsch, 1989, The jackknife and the bootstrap for general stationary observations). Of two
+//! neighbouring blocks one goes to each half, by a coin, so that both halves see the same place and differ by
+//! what changes from one line to the next. In [`SPLITS`] splits the largest difference is a bound: one more
 //! of its kind exceeds it with a probability of 1 in 40.
 //!
-//! Halves have half the points, so that the bound is wide for clouds as large as the first one: it errs on the side of chance.
+//! Halves have half the points, so that the bound is wide for clouds as large as the first one: it errs on
+//! the side of chance.
 
 use serde::Serialize;
 use vlscan_base::rng::{Purpose, Stream};
@@ -54,7 +56,8 @@ impl Halves {
         let stream = Stream::new(SEED, Purpose::Halves);
         let split = |number: u64| {
             let coin = |pair: u32| stream.bits(0, number, pair)[0] & 1;
-            // Every other split pairs a block with the one before, so that the first and the last may make one half larger.
+            // Every other split pairs a block with the one before, so that the first and the last may make
+            // one half larger.
             let shift = (number % 2) as u32;
             (0..blocks).map(|block| (coin((block + shift) / 2) ^ (block + shift) & 1) == 1).collect()
         };

@@ -5,7 +5,8 @@ use super::statistic::quantile;
 use crate::chart::label::{metres, round_below};
 use crate::chart::{Frame, Picture, Rgb, font};
 
-/// From lower to higher: blue over white to red, told apart with all usual kinds of colour vision (ColorBrewer RdBu).
+/// From lower to higher: blue over white to red, told apart with all usual kinds of colour vision
+/// (ColorBrewer RdBu).
 const DIVERGING: [Rgb; 9] = [
     [5, 48, 97],
     [33, 102, 172],

@@ -1,4 +1,5 @@
-//! A comparison as one page for a browser and for paper: tables, charts, pictures of both clouds and of their difference.
+//! A comparison as one page for a browser and for paper: tables, charts, pictures of both clouds and of their
+//! difference.
 
 use super::comparison::Comparison;
 use super::histogram::Histogram;
@@ -217,8 +218,8 @@ fn width_of(histogram: &Histogram) -> String {
     format!("{}", (width * 1e9).round() / 1e9)
 }
 
-/// The fraction at the top of a chart, and whether bars are cut there: the ground of a forest has so many points that nothing
-/// else would be seen.
+/// The fraction at the top of a chart, and whether bars are cut there: the ground of a forest has so many
+/// points that nothing else would be seen.
 fn scale(histogram: &Histogram) -> (f64, bool) {
     const MAX_RATIO: f64 = 4.0;
     let mut heights: Vec<f64> = Vec::new();

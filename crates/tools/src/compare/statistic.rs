@@ -7,8 +7,8 @@ pub(super) enum Statistic {
     Mean,
     /// The value below which this fraction lies.
     Quantile(f64),
-    /// Half the distance of the quantiles at 15.87 and 84.13 %: the standard deviation of a normal distribution, which a few
-    /// outliers do not change.
+    /// Half the distance of the quantiles at 15.87 and 84.13 %: the standard deviation of a normal
+    /// distribution, which a few outliers do not change.
     Spread,
     /// Percentage of the values from the first number to below the second.
     Share(f64, f64),
@@ -32,8 +32,9 @@ impl Statistic {
         }
     }
 
-    /// What ascending values cannot resolve: of a quantile the step of the values there; of a share the number of values that are
-    /// not met once with a probability of 1 in 40 (ln 40, by Poisson's law); 0 of other statistics.
+    /// What ascending values cannot resolve: of a quantile the step of the values there; of a share the
+    /// number of values that are not met once with a probability of 1 in 40 (ln 40, by Poisson's law); 0 of
+    /// other statistics.
     pub fn resolution(self, sorted: &[f64]) -> f64 {
         let fraction = match self {
             Statistic::Quantile(fraction) => fraction,
@@ -82,7 +83,8 @@ pub(super) fn quantile(sorted: &[f64], fraction: f64) -> f64 {
     low + place.fract() * (high - low)
 }
 
-/// The largest distance of the cumulative distributions of ascending values (Kolmogorov and Smirnov), 0 to 1. Neither is empty.
+/// The largest distance of the cumulative distributions of ascending values (Kolmogorov and Smirnov), 0 to 1.
+/// Neither is empty.
 pub(super) fn largest_distance(a: &[f64], b: &[f64]) -> f64 {
     let (mut i, mut j, mut largest) = (0, 0, 0.0_f64);
     while i < a.len() && j < b.len() {

@@ -32,7 +32,8 @@ pub struct Voxels {
     pub agreement: f64,
 }
 
-/// The highest points of both clouds in the cells of `grid`, above the lowest ones in the cells of `wide_grid`.
+/// The highest points of both clouds in the cells of `grid`, above the lowest ones in the cells of
+/// `wide_grid`.
 pub(super) fn canopy(grid: &CellGrid, wide_grid: &CellGrid, lowest: &[f64], cuts: [&Cut; 2]) -> Canopy {
     let tops = cuts.map(|cut| {
         let extremes = grid.extremes(cut.offsets.iter());

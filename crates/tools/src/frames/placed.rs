@@ -1,4 +1,5 @@
-//! Frames whose points are relative to the scanner at their first point, in axes with x forward, y left and z up.
+//! Frames whose points are relative to the scanner at their first point, in axes with x forward, y left and z
+//! up.
 
 use super::ForwardAxis;
 use vlscan_formats::{Frame, FramePose};
@@ -23,8 +24,8 @@ pub(super) struct PlacedFrame {
     pub points: Vec<PlacedPoint>,
 }
 
-/// Moves the points of a frame to the pose of its first point; `None` without poses. `forward` is the axis of the scanner that points
-/// forward.
+/// Moves the points of a frame to the pose of its first point; `None` without poses. `forward` is the axis of
+/// the scanner that points forward.
 pub(super) fn place(frame: &Frame, forward: ForwardAxis, intensity_factor: f64) -> Option<PlacedFrame> {
     let time = |after_s: f32| frame.time_ns as f64 + f64::from(after_s) * 1e9;
     let first = frame.points.iter().map(|point| point.time_s).fold(f32::INFINITY, f32::min);

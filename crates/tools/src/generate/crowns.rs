@@ -21,8 +21,8 @@ pub(super) struct Cells {
     pub(super) bounds: Aabb,
 }
 
-/// Writes about `wanted` cells within the crowns of `trees`, distributed in proportion to leaf area. Fails when the
-/// crowns are too small for that number of cells.
+/// Writes about `wanted` cells within the crowns of `trees`, distributed in proportion to leaf area. Fails
+/// when the crowns are too small for that number of cells.
 pub(super) fn write(trees: &[Tree], seed: u64, wanted: u64, folder: &SceneFolder) -> Result<Cells> {
     let area: f64 = trees.iter().map(Tree::leaf_area).sum();
     let volume = |tree: &Tree| {

@@ -133,7 +133,8 @@ impl ForestStand {
         ForestStand { trees, leaf_area }
     }
 
-    /// Each tree with its number of triangles, in proportion to its leaf area; the numbers add up to exactly 2·`pairs`.
+    /// Each tree with its number of triangles, in proportion to its leaf area; the numbers add up to exactly
+    /// 2·`pairs`.
     fn shares(&self, pairs: u64) -> impl Iterator<Item = (&Tree, u64)> {
         let smallest = MIN_TREE_TRIANGLES / 2;
         let spare = (pairs - smallest * self.trees.len() as u64) as f64;

@@ -52,7 +52,8 @@ pub(super) fn ground(out: &mut ObjFile, relief: &Relief, extent: f64, cells: u64
     })
 }
 
-/// Writes a tube along `spine`, whose entries are points with radii; the ends are open. 2·sides·(points − 1) triangles.
+/// Writes a tube along `spine`, whose entries are points with radii; the ends are open. 2·sides·(points − 1)
+/// triangles.
 pub(super) fn tube(out: &mut ObjFile, spine: &[(DVec3, f64)], sides: u64) -> Result<()> {
     let Some((&(first, _), &(last, _))) = spine.first().zip(spine.last()) else { return Ok(()) };
     let (u, v) = frame(vlscan_geom::unit(last - first));
@@ -68,7 +69,8 @@ pub(super) fn ball_triangles(rings: u64) -> u64 {
     4 * rings * (rings - 1)
 }
 
-/// Writes a closed ball of `rings` ≥ 2 rings and twice as many sectors; `shape` maps a unit direction to the radius.
+/// Writes a closed ball of `rings` ≥ 2 rings and twice as many sectors; `shape` maps a unit direction to the
+/// radius.
 pub(super) fn ball(
     out: &mut ObjFile,
     centre: DVec3,
@@ -106,8 +108,8 @@ pub(super) fn ball(
     Ok(())
 }
 
-/// Writes a leaf of two triangles of `area` m² each, folded along its midrib. `along` is the direction of the midrib,
-/// `normal` roughly that of the upper side.
+/// Writes a leaf of two triangles of `area` m² each, folded along its midrib. `along` is the direction of the
+/// midrib, `normal` roughly that of the upper side.
 pub(super) fn leaf(out: &mut ObjFile, base: DVec3, along: DVec3, normal: DVec3, area: f64) -> Result<()> {
     // The leaf is twice as long as it is wide: each half has the area length · (length/4) / 2.
     let length = (8.0 * area).sqrt();
@@ -122,7 +124,8 @@ pub(super) fn leaf(out: &mut ObjFile, base: DVec3, along: DVec3, normal: DVec3, 
     out.face(numbers)
 }
 
-/// Writes a drooping spray of four triangles of about `area` m² each: a ribbon of two quads that bends downwards.
+/// Writes a drooping spray of four triangles of about `area` m² each: a ribbon of two quads that bends
+/// downwards.
 pub(super) fn spray(out: &mut ObjFile, base: DVec3, along: DVec3, normal: DVec3, area: f64) -> Result<()> {
     // The ribbon is three times as long as it is wide.
     let length = (12.0 * area).sqrt();
@@ -140,8 +143,8 @@ pub(super) fn spray(out: &mut ObjFile, base: DVec3, along: DVec3, normal: DVec3,
     Ok(())
 }
 
-/// Writes a bilinear patch between four corners (in order around it) with `columns` × `rows` quads; `offset` is added
-/// to the point at (u, v) of the unit square.
+/// Writes a bilinear patch between four corners (in order around it) with `columns` × `rows` quads; `offset`
+/// is added to the point at (u, v) of the unit square.
 pub(super) fn patch(
     out: &mut ObjFile,
     corners: [DVec3; 4],
@@ -157,8 +160,8 @@ pub(super) fn patch(
     })
 }
 
-/// The eight corners of a box with edge vectors `x`, `y`, `z` around `centre`: lower four counter-clockwise, then upper
-/// four.
+/// The eight corners of a box with edge vectors `x`, `y`, `z` around `centre`: lower four counter-clockwise,
+/// then upper four.
 pub(super) fn box_corners(centre: DVec3, x: DVec3, y: DVec3, z: DVec3) -> [DVec3; 8] {
     let at = |i: f64, j: f64, k: f64| centre + x * i + y * j + z * k;
     let (l, h) = (-0.5, 0.5);

@@ -13,9 +13,9 @@ pub(super) struct SurveyTexts {
     pub(super) pulses: u64,
 }
 
-/// Detection threshold of airborne scanners, W: about that of an avalanche photodiode. In the physics of the reference,
-/// which compares it with nanowatts that fall with the fourth power of the range, surfaces of ordinary reflectance are
-/// seen from flying heights with it, and not with the reference's default of 0.0001.
+/// Detection threshold of airborne scanners, W: about that of an avalanche photodiode. In the physics of the
+/// reference, which compares it with nanowatts that fall with the fourth power of the range, surfaces of
+/// ordinary reflectance are seen from flying heights with it, and not with the reference's default of 0.0001.
 const DETECTION_THRESHOLD_W: f64 = 1e-9;
 const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
 /// The root of a document whose files are those beside it, whatever lies in the working directory.
@@ -46,8 +46,8 @@ pub(super) fn scene_text(kind: SceneKind, parts: &[Part]) -> String {
     text
 }
 
-/// The survey of a scene of `extent` metres whose mean ground height is `ground`, m. `pulses` overrides the default
-/// pulse rate or resolution.
+/// The survey of a scene of `extent` metres whose mean ground height is `ground`, m. `pulses` overrides the
+/// default pulse rate or resolution.
 pub(super) fn survey_texts(kind: SceneKind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {
     match kind {
         SceneKind::Forest => Airborne::FOREST.texts(kind, extent, ground, pulses),

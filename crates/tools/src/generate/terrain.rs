@@ -103,8 +103,8 @@ fn house(out: &mut ObjFile, random: &mut Random, relief: &Relief, extent: f64) -
         let normal = vlscan_geom::unit(along.cross(slope) * -side);
         let slab =
             box_corners((lower + upper) * 0.5 + normal * 0.12, along * (1.08 * length), slope, normal * 0.2);
-        // The faces towards the ridge are hidden within the other half; the two gable faces and the outer four are
-        // visible.
+        // The faces towards the ridge are hidden within the other half; the two gable faces and the outer
+        // four are visible.
         let mut numbers = [0; 8];
         for (number, p) in numbers.iter_mut().zip(slab) {
             *number = out.vertex(p)?;

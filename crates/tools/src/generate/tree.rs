@@ -115,8 +115,8 @@ impl Tree {
         (self.foot + DVec3::Z * (base * self.height + half), DVec3::new(self.radius, self.radius, half))
     }
 
-    /// Leaf area of the crown, m². Triangles are distributed in proportion to it, so that all leaves have about the
-    /// same size.
+    /// Leaf area of the crown, m². Triangles are distributed in proportion to it, so that all leaves have
+    /// about the same size.
     pub(super) fn leaf_area(&self) -> f64 {
         self.species.traits().leaf_area_index * PI * self.radius * self.radius
     }
@@ -138,7 +138,8 @@ impl Tree {
         }
     }
 
-    /// Axis of the trunk from a little below the ground to near the top, slightly curved, as points with radii.
+    /// Axis of the trunk from a little below the ground to near the top, slightly curved, as points with
+    /// radii.
     fn trunk(&self, random: &mut Random, segments: u64) -> Vec<(DVec3, f64)> {
         let (dx, dy) = random.heading();
         let sway = 0.03 * self.height * random.unit();
@@ -165,8 +166,8 @@ impl Tree {
         const PER_WHORL: f64 = 9.0;
         let base = self.species.traits().crown_base * self.height;
         let whorls = (0.9 * (self.height - base)).round().max(4.0);
-        // Root and outward direction of the bough at crown level t (0 = lowest) and azimuth `turn`, as a fraction of a
-        // turn.
+        // Root and outward direction of the bough at crown level t (0 = lowest) and azimuth `turn`, as a
+        // fraction of a turn.
         let bough = |t: f64, turn: f64| {
             let angle = TAU * turn;
             let root = on_axis(trunk, (base + t * (self.height - base)) / self.height);
@@ -181,8 +182,8 @@ impl Tree {
         out.material(self.species.traits().foliage);
         let mut left = pairs;
         while left > 0 {
-            // Boughs get shorter upwards and so bear fewer needles: the density falls as 1 − t. The tip keeps some
-            // nevertheless.
+            // Boughs get shorter upwards and so bear fewer needles: the density falls as 1 − t. The tip keeps
+            // some nevertheless.
             let falling = 1.0 - (1.0 - random.unit()).sqrt();
             let level = (if random.unit() < 0.12 { 1.0 - 0.5 * falling } else { falling }) * whorls;
             let t = (level.floor() + 0.6 * random.unit()) / whorls;

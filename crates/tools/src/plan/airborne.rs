@@ -21,19 +21,21 @@ const MAX_LINES: f64 = 10_000.0;
 const DEFAULT_OVERLAP: f64 = 30.0;
 /// Steepest climb of lines that follow the ground if none is requested, degrees.
 const DEFAULT_CLIMB: f64 = 10.0;
-/// Share of the pulses that point down which the instrument's ranges may cut off where its field can be narrowed.
+/// Share of the pulses that point down which the instrument's ranges may cut off where its field can be
+/// narrowed.
 const MAX_CUT: f64 = 0.01;
 /// Part of the least range by which the ground must be farther away.
 const MIN_CLEARANCE: f64 = 0.01;
 /// Reach of a swath, per height, beyond which the ground counts as at the horizon: 89.4° from the vertical.
 const HORIZON: f64 = 100.0;
-/// Range, per height, up to which mounts are compared for an instrument that detects no ground at that height.
+/// Range, per height, up to which mounts are compared for an instrument that detects no ground at that
+/// height.
 const MOUNT_RANGE: f64 = 4.0;
 /// Rounds of choosing speed and scan frequency, on which the strips of oscillating mirrors depend.
 const ROUNDS: u32 = 3;
 
-/// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with defaults;
-/// density with overlap yields the speed, density with speed the distance of the lines.
+/// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with
+/// defaults; density with overlap yields the speed, density with speed the distance of the lines.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct AirborneOptions {
     /// Height above the ground, m.
@@ -48,10 +50,12 @@ pub struct AirborneOptions {
     /// Overlap of neighbouring strips, percent of the swath. [default: 30]
     #[arg(long, value_name = "PERCENT", value_parser = args::overlap)]
     pub overlap: Option<f64>,
-    /// Half opening angle, degrees; not for spinning heads and wedge prisms. [default: 30, or the scanner's maximum]
+    /// Half opening angle, degrees; not for spinning heads and wedge prisms. [default: 30, or the scanner's
+    /// maximum]
     #[arg(long, value_name = "DEG", value_parser = args::positive)]
     pub scan_angle: Option<f64>,
-    /// Scan frequency in Hz; for spinning scanners revolutions per second. [default: equal spacing along and across; 10]
+    /// Scan frequency in Hz; for spinning scanners revolutions per second. [default: equal spacing along and
+    /// across; 10]
     #[arg(long, value_name = "HZ", value_parser = args::positive)]
     pub scan_freq: Option<f64>,
     /// Direction of the lines, degrees clockwise from +y. [default: the one with the fewest lines]
@@ -60,8 +64,8 @@ pub struct AirborneOptions {
     /// Cross lines, perpendicular to the others and evenly spread.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=10_000))]
     pub cross_lines: u32,
-    /// Length by which lines begin before the area and end after it, m. [default: as far as the scanner looks ahead and behind, plus a scan
-    /// line]
+    /// Length by which lines begin before the area and end after it, m. [default: as far as the scanner looks
+    /// ahead and behind, plus a scan line]
     #[arg(long, value_name = "M", value_parser = args::positive)]
     pub run_in: Option<f64>,
     /// Fly turns of this radius between lines, m. [default: straight to the next line]
@@ -149,7 +153,8 @@ impl Choice {
         if self.scan.line_rate > 0.0 { self.speed / self.scan.line_rate } else { 0.0 }
     }
 
-    /// How far before the area lines begin and behind it they end, m, so that all beams of the strip sweep it from end to end.
+    /// How far before the area lines begin and behind it they end, m, so that all beams of the strip sweep it
+    /// from end to end.
     fn margins(&self, run_in: Option<f64>) -> [f64; 2] {
         let [behind, ahead] = self.field.along;
         match run_in {
@@ -159,8 +164,8 @@ impl Choice {
     }
 }
 
-/// Plans parallel lines over an area, flown in alternating directions, so that every point of it is covered as often as by an endless
-/// row of such lines; then the cross lines.
+/// Plans parallel lines over an area, flown in alternating directions, so that every point of it is covered
+/// as often as by an endless row of such lines; then the cross lines.
 ///
 /// # Errors
 /// [`Error::Input`]: options that contradict each other or exceed the instrument.
@@ -281,8 +286,8 @@ fn check_clearance(instrument: &SwathModel, options: &AirborneOptions, relief: f
     ))
 }
 
-/// The width that lines are laid out for, m: that of the strip, but no more than 45° to either side of instruments whose field
-/// cannot be narrowed and whose strips grow thin towards the horizon.
+/// The width that lines are laid out for, m: that of the strip, but no more than 45° to either side of
+/// instruments whose field cannot be narrowed and whose strips grow thin towards the horizon.
 fn planned_width(field: &Field, instrument: &SwathModel, options: &AirborneOptions) -> f64 {
     let is_open = instrument.half_angle(None).is_ok_and(|angle| angle.is_none());
     if is_open { field.width().min(2.0 * options.height) } else { field.width() }
@@ -476,8 +481,8 @@ impl Strip<'_> {
         Ok(spacing)
     }
 
-    /// Mean density over the area of strips `spacing` m apart, flown at 1 m/s, pulses/m²: the integral across of what the
-    /// strips have there and of how long the area is there.
+    /// Mean density over the area of strips `spacing` m apart, flown at 1 m/s, pulses/m²: the integral across
+    /// of what the strips have there and of how long the area is there.
     fn density(&self, spacing: f64) -> Result<f64, String> {
         const STEPS: u32 = 4000;
         let places = line_places(self.area, self.frame, self.width, spacing)?;
@@ -498,7 +503,8 @@ impl Strip<'_> {
     }
 }
 
-/// The heading, rad, of the side of the area along which lines are fewest: the one across which it is narrowest.
+/// The heading, rad, of the side of the area along which lines are fewest: the one across which it is
+/// narrowest.
 fn best_heading(area: &Area) -> f64 {
     let across = |heading: f64| {
         let [low, high] = Frame::new(heading, area.corners()[0]).width(area);
@@ -511,8 +517,8 @@ fn best_heading(area: &Area) -> f64 {
     if PI - best < 1e-9 { 0.0 } else { best }
 }
 
-/// Distances across of lines `spacing` apart. The outermost line lies so that the next one, which is not flown, would not
-/// reach the area.
+/// Distances across of lines `spacing` apart. The outermost line lies so that the next one, which is not
+/// flown, would not reach the area.
 fn line_places(area: &Area, frame: &Frame, width: f64, spacing: f64) -> Result<Vec<f64>, String> {
     let [low, high] = frame.width(area);
     let needed = (high - low) + width - 2.0 * spacing;
@@ -524,7 +530,8 @@ fn line_places(area: &Area, frame: &Frame, width: f64, spacing: f64) -> Result<V
     Ok((0..count as u32).map(|i| first + f64::from(i) * spacing).collect())
 }
 
-/// The lines at distances across over what is at most `half` from them, with margins before the area and behind it.
+/// The lines at distances across over what is at most `half` from them, with margins before the area and
+/// behind it.
 fn lines_at(
     area: &Area,
     frame: &Frame,
@@ -605,7 +612,8 @@ mod tests {
         let both = AirborneOptions { density: Some(12.0), speed: Some(60.0), ..options() };
         let choice = chosen(&both).unwrap();
         assert!((choice.density / 12.0 - 1.0).abs() < 0.03, "{}", choice.density);
-        // Of small areas the number of lines decides: a density that is missed is a warning, with the speed that would meet it.
+        // Of small areas the number of lines decides: a density that is missed is a warning, with the speed
+        // that would meet it.
         let tiny = Area::rectangle([0.0, 0.0], [500.0, 300.0]).unwrap();
         let mut warnings = 0;
         for density in (4..24).map(|i| 0.5 * f64::from(i)) {

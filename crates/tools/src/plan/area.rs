@@ -8,7 +8,8 @@ const MAX_COMPARED: usize = 20_000;
 /// Distance by which the ends of a side are on either side of another that it crosses, m: sides may touch.
 const MIN_CROSSING: f64 = 1e-6;
 
-/// A polygon without holes: its corners in order, without repeating the first one at the end. Coordinates are m.
+/// A polygon without holes: its corners in order, without repeating the first one at the end. Coordinates are
+/// m.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Area {
     corners: Vec<[f64; 2]>,
@@ -43,7 +44,8 @@ impl From<AreaError> for String {
 
 impl Area {
     /// # Errors
-    /// Fewer than three corners, corners on one line, sides that cross each other, a coordinate out of bounds.
+    /// Fewer than three corners, corners on one line, sides that cross each other, a coordinate out of
+    /// bounds.
     pub fn new(corners: Vec<[f64; 2]>) -> Result<Area, AreaError> {
         Area::checked(corners, true)
     }
@@ -126,8 +128,8 @@ impl Area {
         (fold(f64::min, f64::INFINITY), fold(f64::max, f64::NEG_INFINITY))
     }
 
-    /// The smallest and the largest value of `along` where `across` is from `low` to `high`, both being linear functions
-    /// of the position; `None` where the area does not reach.
+    /// The smallest and the largest value of `along` where `across` is from `low` to `high`, both being
+    /// linear functions of the position; `None` where the area does not reach.
     pub fn extent(
         &self,
         along: impl Fn([f64; 2]) -> f64,

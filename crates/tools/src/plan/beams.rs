@@ -1,5 +1,5 @@
-//! Where the beams of an instrument meet flat ground, sampled from the optics that the simulator turns: whatever deflector,
-//! channels, facets and head an instrument has, no formula of its own is needed.
+//! Where the beams of an instrument meet flat ground, sampled from the optics that the simulator turns:
+//! whatever deflector, channels, facets and head an instrument has, no formula of its own is needed.
 
 use super::reach::{Reach, Seen};
 use vlscan_base::corrections::Corrections;
@@ -15,7 +15,8 @@ const BINS: usize = 256;
 /// Share of the pulses ahead and behind that may be left out of the reach along the flight.
 const TAIL: f64 = 0.005;
 
-/// Attitudes of the beam for a sample of the pulses of one device, in the axes of the mount (x right, y ahead, z up).
+/// Attitudes of the beam for a sample of the pulses of one device, in the axes of the mount (x right, y
+/// ahead, z up).
 #[derive(Clone, Debug)]
 struct DeviceBeams {
     attitudes: Vec<Rotation>,
@@ -47,7 +48,8 @@ impl Beams {
         let mut fired = 0.0;
         let mut beams = Vec::with_capacity(devices.len());
         for (index, (device, reach)) in devices.iter().enumerate() {
-            // Channels that turn together are sampled at different angles, so that together they meet the edges of a strip.
+            // Channels that turn together are sampled at different angles, so that together they meet the
+            // edges of a strip.
             let first = ((index as f64 * GOLDEN).fract() * f64::from(stride)) as u32;
             let attitudes = attitudes(device, settings, first, count, stride)?;
             fired += attitudes.len() as f64;
@@ -251,7 +253,8 @@ impl Field {
     }
 }
 
-/// A rotation of a mount by quarter turns, as a pipeline file writes it: about x, then y, then z of the platform, degrees.
+/// A rotation of a mount by quarter turns, as a pipeline file writes it: about x, then y, then z of the
+/// platform, degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuarterTurns(pub [f64; 3]);
 
@@ -296,7 +299,8 @@ impl QuarterTurns {
     }
 }
 
-/// How well a field serves a strip below a flight: the width of the strip times the share of the pulses in its middle half.
+/// How well a field serves a strip below a flight: the width of the strip times the share of the pulses in
+/// its middle half.
 fn merit(field: &Field) -> f64 {
     if !field.is_symmetric() { 0.0 } else { field.width() * field.share_within(0.25 * field.width()) }
 }
@@ -305,10 +309,12 @@ fn merit(field: &Field) -> f64 {
 const MERIT_SAMPLES: usize = 10_000;
 /// How much of the best merit of any mount one must have.
 const MIN_MERIT: f64 = 0.9;
-/// Largest tangent of the angle by which the middle of the strip may lie ahead of the platform or behind it: 45°.
+/// Largest tangent of the angle by which the middle of the strip may lie ahead of the platform or behind it:
+/// 45°.
 const MAX_TILT: f64 = 1.0;
 
-/// The quarter turns that serve strips below a flight best, the simplest among equals, and whether `mount` does as well.
+/// The quarter turns that serve strips below a flight best, the simplest among equals, and whether `mount`
+/// does as well.
 pub(super) fn best_mount(beams: &Beams, mount: &Mount, height: f64) -> Option<(QuarterTurns, bool)> {
     let beams = beams.thinned(MERIT_SAMPLES);
     let merit_of = |rotation: Rotation| {

@@ -8,15 +8,16 @@ const CORNER_STEP: f64 = PI / 12.0;
 /// Most points of a corridor's edge.
 const MAX_POINTS: f64 = 100_000.0;
 
-/// The area no farther than `distance` m from a line of at least two different positions: its edges run beside the line, round
-/// where it ends and on the outside of its corners.
+/// The area no farther than `distance` m from a line of at least two different positions: its edges run
+/// beside the line, round where it ends and on the outside of its corners.
 ///
 /// # Errors
 /// A sentence for lines that are too long for their distance.
 pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, String> {
     let length: f64 =
         line.windows(2).map(|pair| libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1])).sum();
-    // Points that are close enough together that those on the inside of a corner can be left out: it is cut by a part of a step.
+    // Points that are close enough together that those on the inside of a corner can be left out: it is cut
+    // by a part of a step.
     let step = distance / 10.0;
     if !(distance > 0.0 && 2.0 * length / step <= MAX_POINTS) {
         return Err(format!("--buffer {distance} is too narrow for a line of {length:.0} m"));

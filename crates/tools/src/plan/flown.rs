@@ -62,7 +62,8 @@ pub fn fly_sample(flight: &FlightPlan, document: &PlannedSurvey, area: &Area, sh
                 strip.end_step();
                 at = position + 1.0;
                 count += 1.0;
-                // Between half and one and a half strides, so that no phase of a mirror is met more often than others.
+                // Between half and one and a half strides, so that no phase of a mirror is met more often
+                // than others.
                 next += if stride > 1.0 { stride * (0.5 + (count * GOLDEN).fract()) } else { 1.0 };
             }
             next = (next - steps).max(0.0);
@@ -99,8 +100,8 @@ struct Strip<'a> {
     fired: f64,
     measured: f64,
     inside: f64,
-    /// The pulses of the present step within the area, and the sum of the squares of those of earlier steps: channels that fire
-    /// in one step point at one place, and are no samples of their own.
+    /// The pulses of the present step within the area, and the sum of the squares of those of earlier steps:
+    /// channels that fire in one step point at one place, and are no samples of their own.
     inside_now: f64,
     inside_squares: f64,
     /// The outermost places across the flight of the present step, m, to the left and to the right.

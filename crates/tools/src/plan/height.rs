@@ -7,7 +7,8 @@ use vlscan_geom::{DVec3, HeightModel};
 /// Most waypoints of a line that follows the ground.
 const MAX_STEPS: f64 = 100_000.0;
 
-/// Largest distance of the ground-following line from one with all waypoints, a part of the height above the ground.
+/// Largest distance of the ground-following line from one with all waypoints, a part of the height above the
+/// ground.
 const MAX_DEVIATION: f64 = 0.01;
 
 /// The ground below a planned flight.
@@ -66,9 +67,9 @@ pub(super) struct Heights<'g> {
 }
 
 impl Heights<'_> {
-    /// The waypoints of a line. A line that follows the ground is at its sampled positions, a quarter of the wanted height apart, at
-    /// most [`MAX_DEVIATION`] lower above it than wanted; before waypoints are left out it climbs nowhere more steeply than
-    /// allowed.
+    /// The waypoints of a line. A line that follows the ground is at its sampled positions, a quarter of the
+    /// wanted height apart, at most [`MAX_DEVIATION`] lower above it than wanted; before waypoints are left
+    /// out it climbs nowhere more steeply than allowed.
     pub fn follow(&self, line: &Line) -> Result<Vec<DVec3>, String> {
         let place = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
         let Some(climb) = self.climb else {
@@ -95,8 +96,8 @@ impl Heights<'_> {
     }
 }
 
-/// Leaves out points whose height differs from the line between those that are kept by at most `tolerance` (Ramer 1972,
-/// Douglas and Peucker 1973).
+/// Leaves out points whose height differs from the line between those that are kept by at most `tolerance`
+/// (Ramer 1972, Douglas and Peucker 1973).
 fn simplified(points: &[DVec3], tolerance: f64) -> Vec<DVec3> {
     let mut keep = vec![false; points.len()];
     (keep[0], keep[points.len() - 1]) = (true, true);

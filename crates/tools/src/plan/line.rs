@@ -34,8 +34,9 @@ impl Line {
     }
 }
 
-/// Waypoints of a turn from the end of one line to the beginning of the next, at most [`MAX_TURN_STEP`] apart: the shortest path
-/// of arcs of one radius and straight pieces between two positions with directions (Dubins 1957).
+/// Waypoints of a turn from the end of one line to the beginning of the next, at most [`MAX_TURN_STEP`]
+/// apart: the shortest path of arcs of one radius and straight pieces between two positions with directions
+/// (Dubins 1957).
 pub(super) fn turn(line: &Line, next: &Line, radius: f64) -> Vec<[f64; 2]> {
     let heading = |d: [f64; 2]| libm::atan2(d[1], d[0]);
     let (from, to) = (heading(line.direction()), heading(next.direction()));
@@ -68,8 +69,9 @@ pub(super) fn turn(line: &Line, next: &Line, radius: f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// The shortest of the six Dubins paths for unit radius: three pieces, each with its sense (1 left, −1 right, 0 straight) and
-/// its length. `a` and `b` are the headings at beginning and end relative to the way of length `d` between them, rad.
+/// The shortest of the six Dubins paths for unit radius: three pieces, each with its sense (1 left, −1 right,
+/// 0 straight) and its length. `a` and `b` are the headings at beginning and end relative to the way of
+/// length `d` between them, rad.
 fn shortest_turn(d: f64, a: f64, b: f64) -> Option<[(f64, f64); 3]> {
     use libm::{acos, atan2, cos, sin, sqrt};
     let (sa, ca, sb, cb, cab) = (sin(a), cos(a), sin(b), cos(b), cos(a - b));

@@ -1,7 +1,8 @@
-//! The flight lines, drive or positions of a plan for maps and flight management: GeoJSON (RFC 7946), KML (OGC 12-007r2) and CSV.
+//! The flight lines, drive or positions of a plan for maps and flight management: GeoJSON (RFC 7946), KML
+//! (OGC 12-007r2) and CSV.
 //!
-//! GeoJSON and KML are in longitude and latitude of WGS 84, CSV in the coordinates of the plan, with longitude and latitude if its system
-//! is known. Heights are those of the plan.
+//! GeoJSON and KML are in longitude and latitude of WGS 84, CSV in the coordinates of the plan, with
+//! longitude and latitude if its system is known. Heights are those of the plan.
 
 use super::document::Waypoint;
 use serde_json::{Value, json};
@@ -59,7 +60,8 @@ impl PlanLine {
     }
 }
 
-/// The lines of a plan as the text of a file. `carriers` are the references to platform and scanner, `wkt` is the system of the coordinates.
+/// The lines of a plan as the text of a file. `carriers` are the references to platform and scanner, `wkt` is
+/// the system of the coordinates.
 ///
 /// # Errors
 /// [`Error::Input`] for GeoJSON and KML where the system is unknown or cannot be converted to WGS 84.
@@ -106,8 +108,8 @@ pub fn plan_lines(
     }
 }
 
-/// The lines on which the scanner fires: consecutive waypoints of one strip, and the one behind them. Without a speed each waypoint is a
-/// position. `height` is that of the ground for waypoints that stand on it, m.
+/// The lines on which the scanner fires: consecutive waypoints of one strip, and the one behind them. Without
+/// a speed each waypoint is a position. `height` is that of the ground for waypoints that stand on it, m.
 pub fn lines_of(waypoints: &[Waypoint], height: &dyn Fn(f64, f64) -> Option<f64>) -> Vec<PlanLine> {
     let place = |waypoint: &Waypoint| {
         let p = waypoint.position;

@@ -21,7 +21,8 @@ pub struct MobileOptions {
     /// Half opening angle, degrees. [default: the scanner's]
     #[arg(long, value_name = "DEG", value_parser = args::positive)]
     pub scan_angle: Option<f64>,
-    /// Scan frequency in Hz; for spinning scanners revolutions per second. [default: equal spacing along and across at 10 m; 10]
+    /// Scan frequency in Hz; for spinning scanners revolutions per second. [default: equal spacing along and
+    /// across at 10 m; 10]
     #[arg(long, value_name = "HZ", value_parser = args::positive)]
     pub scan_freq: Option<f64>,
     /// Maximum distance between waypoints, where the vehicle is placed on the scene's ground, m.
@@ -58,7 +59,8 @@ fn plan(
     ])?;
     let half_angle = instrument.mobile_half_angle(options.scan_angle)?;
     let pulse_rate = instrument.pulse_rate()?;
-    // Lines as far apart as the points on them at that distance, unless a frequency is given: v / f = 2·θ·R·f / N.
+    // Lines as far apart as the points on them at that distance, unless a frequency is given: v / f = 2·θ·R·f
+    // / N.
     let opening = 2.0 * half_angle.unwrap_or(1.0) * POINT_DISTANCE;
     let lines = |fired: f64| (options.speed * f64::from(pulse_rate) * fired / opening).sqrt();
     let scan_of = |fired: f64| instrument.scan(half_angle, pulse_rate, options.scan_freq, lines(fired));

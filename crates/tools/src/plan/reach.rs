@@ -13,7 +13,8 @@ pub struct Reach {
     far: f64,
     /// Square of the range, m², at which ground that faces the beam is as bright as the device just detects.
     weakest: f64,
-    /// Standard deviations of the beam's intensity along its two axes over that of the pulse along the beam, per metre of range, 1/m.
+    /// Standard deviations of the beam's intensity along its two axes over that of the pulse along the beam,
+    /// per metre of range, 1/m.
     spread: [f64; 2],
 }
 
@@ -39,8 +40,8 @@ impl Reach {
         Reach { near: 0.0, far: range, weakest: f64::INFINITY, spread: [0.0; 2] }
     }
 
-    /// The reach of a device at a pulse rate, Hz; `first` is the instrument's first one, to which figures without one refer. The
-    /// energy of a pulse falls with the pulse rate.
+    /// The reach of a device at a pulse rate, Hz; `first` is the instrument's first one, to which figures
+    /// without one refer. The energy of a pulse falls with the pulse rate.
     pub fn of(device: &Device, pulse_rate: f64, first: f64) -> Reach {
         let weakest = device.receiver.max_range.map_or(f64::INFINITY, |target| {
             let energy = target.pulse_freq.unwrap_or(first) / pulse_rate;
@@ -57,8 +58,8 @@ impl Reach {
     /// What becomes of a beam of that attitude that meets level ground at that range, m.
     pub fn of_ground(&self, range: f64, attitude: &Rotation) -> Seen {
         let cosine = -attitude.forward().z;
-        // Of pulse and depths within the footprint as normal distributions, whose variances add up: so much lower is the maximum of
-        // the echo.
+        // Of pulse and depths within the footprint as normal distributions, whose variances add up: so much
+        // lower is the maximum of the echo.
         let slopes = [DVec3::X, DVec3::Z].map(|axis| attitude.apply(axis).z / cosine);
         let depths = [0, 1].map(|i| self.spread[i] * range * slopes[i]);
         let flattened = (1.0 + depths[0] * depths[0] + depths[1] * depths[1]).sqrt();
@@ -107,8 +108,9 @@ mod tests {
 
     #[test]
     fn slanted_footprints_flatten_an_echo() {
-        // 20 m at 10 %: 44.72 m at 50 %. At 60 degrees a footprint of 0.0104 × 28 m spans depths of a standard deviation of 0.126 m, and
-        // a pulse of 5 ns has one of 0.318 m: the echo is lower by 1/√(1 + 0.157).
+        // 20 m at 10 %: 44.72 m at 50 %. At 60 degrees a footprint of 0.0104 × 28 m spans depths of a
+        // standard deviation of 0.126 m, and a pulse of 5 ns has one of 0.318 m: the echo is lower by 1/√(1 +
+        // 0.157).
         let reached = reach("#ouster_os0-128", 10240.0);
         let limit = 20.0 * 5f64.sqrt() * 0.5f64.sqrt();
         let seen = |range: f64| reached.of_ground(range, &incident(0.5));

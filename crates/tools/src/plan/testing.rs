@@ -13,7 +13,8 @@ pub fn instrument(id: &str) -> SwathModel {
     SwathModel::new(reference.clone(), scanner, None)
 }
 
-/// A scanner of one beam with a mirror of 20° to either side on a head of ten turns a second, with these attributes besides.
+/// A scanner of one beam with a mirror of 20° to either side on a head of ten turns a second, with these
+/// attributes besides.
 pub fn spinning(attributes: &str) -> SwathModel {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.xml");

@@ -72,7 +72,8 @@ impl ColourBy {
     }
 }
 
-/// From low to high: dark to light and blue to yellow, readable in greyscale and with colour vision deficiency.
+/// From low to high: dark to light and blue to yellow, readable in greyscale and with colour vision
+/// deficiency.
 const HEIGHTS: [Rgb; 8] = [
     [62, 54, 130],
     [54, 92, 168],
@@ -110,8 +111,8 @@ pub(super) fn height_range(points: &Points) -> (f64, f64) {
 pub(super) enum Colouring {
     /// A continuous value between two limits.
     Ramp { value: ColourBy, low: f32, high: f32, table: &'static [Rgb] },
-    /// A continuous value by its rank: equal numbers of points have equal parts of the colours, however skewed the values
-    /// are. `quantiles` ascend from the lowest to the highest value.
+    /// A continuous value by its rank: equal numbers of points have equal parts of the colours, however
+    /// skewed the values are. `quantiles` ascend from the lowest to the highest value.
     Ranks { quantiles: Vec<f32>, table: &'static [Rgb] },
     /// A colour for each number.
     Table { value: ColourBy, colours: Vec<Rgb> },
@@ -134,8 +135,8 @@ pub(super) enum Legend {
 }
 
 impl Colouring {
-    /// Colours by `wanted`, or by height if the points lack that attribute; `heights` are those of the lowest and the highest
-    /// colour, world coordinates, if not those of the points.
+    /// Colours by `wanted`, or by height if the points lack that attribute; `heights` are those of the lowest
+    /// and the highest colour, world coordinates, if not those of the points.
     pub(super) fn new(points: &Points, wanted: ColourBy, heights: Option<(f64, f64)>) -> Colouring {
         let table = |colours: Vec<Rgb>| Colouring::Table { value: wanted, colours };
         match wanted {
@@ -183,7 +184,8 @@ impl Colouring {
         }
     }
 
-    /// Place of a continuous value between the lowest and the highest colour, 0–1; NaN for values that are all equal.
+    /// Place of a continuous value between the lowest and the highest colour, 0–1; NaN for values that are
+    /// all equal.
     pub(super) fn fraction(&self, points: &Points, i: usize) -> f32 {
         match self {
             Colouring::Ramp { value: ColourBy::Time, low, high, .. } => {
@@ -386,8 +388,8 @@ fn class_name(class: usize) -> String {
     known.map_or_else(|| format!("class {class}"), |name| format!("{class} {name}"))
 }
 
-/// Colour of an object. Distinct colours of equal lightness for any number of objects: hues a golden angle apart in the
-/// Oklab space (Ottosson 2020), with two chroma levels.
+/// Colour of an object. Distinct colours of equal lightness for any number of objects: hues a golden angle
+/// apart in the Oklab space (Ottosson 2020), with two chroma levels.
 fn object_colour(number: usize) -> Rgb {
     let hue = (number as f64 * 2.399_963_229_728_653 + 0.6) % std::f64::consts::TAU;
     let lightness = if number.is_multiple_of(2) { 0.78 } else { 0.68 };

@@ -283,8 +283,8 @@ fn consider(
 }
 
 impl Split {
-    /// Makes the frames as large as what they show and their captions, and moves what follows them; `bottom` is the lower edge of
-    /// all frames, `letter` the width of a letter.
+    /// Makes the frames as large as what they show and their captions, and moves what follows them; `bottom`
+    /// is the lower edge of all frames, `letter` the width of a letter.
     fn trim(&mut self, extent: &Extent, gap: u32, line: u32, bottom: u32, letter: u32) {
         const CAPTION_LETTERS: [u32; 2] = [24, 40];
         let (dx, dy, dz) = (extent.size(0), extent.size(1), extent.size(2));
@@ -315,7 +315,8 @@ impl Split {
     }
 }
 
-/// Height above which the view from above omits points, in world coordinates; `None` if no ceiling hides the rest.
+/// Height above which the view from above omits points, in world coordinates; `None` if no ceiling hides the
+/// rest.
 pub(super) fn ceiling(points: &Points) -> Option<f64> {
     if points.is_empty() { None } else { Section::choose(points, &Extent::of(points)).cut_above }
 }
@@ -359,7 +360,8 @@ fn slice(points: &Points, extent: &Extent, middle: f64) -> f64 {
     depth
 }
 
-/// The middle of the slice of a thickness that shows most: whose points fill most cells of the view from the south.
+/// The middle of the slice of a thickness that shows most: whose points fill most cells of the view from the
+/// south.
 fn fullest(points: &Points, extent: &Extent, thickness: f64) -> f64 {
     const SLICES: usize = 96;
     const COLUMNS: usize = 64;

@@ -22,7 +22,8 @@ pub struct Map {
 }
 
 impl Map {
-    /// Draws a map with `side` pixels along its longer side, coloured by height and lit from the north-west; `None` without points.
+    /// Draws a map with `side` pixels along its longer side, coloured by height and lit from the north-west;
+    /// `None` without points.
     pub fn draw(points: &Points, side: u32) -> Option<Map> {
         if points.is_empty() {
             return None;
@@ -58,8 +59,9 @@ impl Map {
         Some(Map { picture, corner, pixel })
     }
 
-    /// The text of its world file, as GIS read them beside pictures: size of a pixel along x, two rotations, size along y (negative, to
-    /// the south), and the coordinates of the centre of the upper left pixel, a number per line.
+    /// The text of its world file, as GIS read them beside pictures: size of a pixel along x, two rotations,
+    /// size along y (negative, to the south), and the coordinates of the centre of the upper left pixel, a
+    /// number per line.
     pub fn world_file(&self) -> String {
         let Map { corner: [x, y], pixel, .. } = self;
         format!("{pixel}\n0\n0\n-{pixel}\n{x}\n{y}\n")

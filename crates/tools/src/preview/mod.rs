@@ -1,5 +1,6 @@
-//! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as an interactive
-//! page for a browser, writes it for viewers of large clouds, and draws the waveform of one pulse as a chart.
+//! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as an
+//! interactive page for a browser, writes it for viewers of large clouds, and draws the waveform of one pulse
+//! as a chart.
 //!
 //! The same points and options give the same picture.
 //!
@@ -41,10 +42,11 @@ pub struct PreviewOptions {
     pub light: bool,
     /// Heights of the lowest and the highest colour, world coordinates; by default those of the points.
     pub heights: Option<(f64, f64)>,
-    /// Start of the title of a picture, name of the cloud on a page, usually the name of the file; may be empty.
+    /// Start of the title of a picture, name of the cloud on a page, usually the name of the file; may be
+    /// empty.
     pub title: String,
-    /// Maximum number of points of a page; beyond it the points are divided into this number of equal runs, one point of each is
-    /// kept.
+    /// Maximum number of points of a page; beyond it the points are divided into this number of equal runs,
+    /// one point of each is kept.
     pub max_points: usize,
 }
 

@@ -17,9 +17,9 @@ const BATCH_POINTS: usize = 4096;
 /// Metres per unit of the coordinates: they reach 2147 km around the first point.
 const SCALE: f64 = 1e-3;
 
-/// Writes all points of a cloud to `out` as COPC: positions to the millimetre, intensity (`heliosAmplitude` as it was read), returns,
-/// class, object (named objects by numbers in order of appearance), scan angle, time, leg and device. The cloud is read once, in bounded
-/// memory. Returns the number of points.
+/// Writes all points of a cloud to `out` as COPC: positions to the millimetre, intensity (`heliosAmplitude`
+/// as it was read), returns, class, object (named objects by numbers in order of appearance), scan angle,
+/// time, leg and device. The cloud is read once, in bounded memory. Returns the number of points.
 ///
 /// # Errors
 /// Those of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points.
@@ -58,7 +58,8 @@ pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer
     Ok(tally.records)
 }
 
-/// Writes points as they are read. The file begins with the first point, near which the origin of its coordinates is.
+/// Writes points as they are read. The file begins with the first point, near which the origin of its
+/// coordinates is.
 struct Copy<'a> {
     out: &'a Path,
     replace: bool,

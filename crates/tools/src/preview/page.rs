@@ -1,5 +1,5 @@
-//! Writes a point cloud as one interactive HTML page: hand-written WebGL 2, no external resources, points packed into
-//! the page.
+//! Writes a point cloud as one interactive HTML page: hand-written WebGL 2, no external resources, points
+//! packed into the page.
 
 mod pack;
 
@@ -34,8 +34,8 @@ pub struct Page {
     pub total: usize,
 }
 
-/// Writes a cloud as a page that works offline. The same points and options result in the same bytes. Positions have a
-/// resolution of 1 mm, or of 1/2 097 152 of the longest side of a larger cloud.
+/// Writes a cloud as a page that works offline. The same points and options result in the same bytes.
+/// Positions have a resolution of 1 mm, or of 1/2 097 152 of the longest side of a larger cloud.
 ///
 /// # Errors
 /// When writing to `out` fails.

@@ -117,7 +117,8 @@ impl Panel {
     }
 }
 
-/// Radius, in samples, at which points on a surface just touch, derived from the number of points per occupied sample.
+/// Radius, in samples, at which points on a surface just touch, derived from the number of points per
+/// occupied sample.
 fn splat_radius(points: &Points, projection: &Projection, width: usize, height: usize) -> f64 {
     const CELL: usize = 8;
     let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
@@ -135,7 +136,8 @@ fn splat_radius(points: &Points, projection: &Projection, width: usize, height: 
     (2.4 / (std::f64::consts::PI * per_sample)).sqrt().clamp(0.5, 5.0 * FINE as f64)
 }
 
-/// Offsets of the samples that a disc of `radius` covers, and how far each lies behind the centre of the disc.
+/// Offsets of the samples that a disc of `radius` covers, and how far each lies behind the centre of the
+/// disc.
 fn splat(radius: f64) -> Vec<(f64, f64, f32)> {
     let reach = radius.floor() as i32;
     let mut covered = Vec::new();
@@ -169,8 +171,8 @@ impl Samples {
             .fold((f32::INFINITY, f32::NEG_INFINITY), |(f, n), &d| (f.min(d), n.max(d)))
     }
 
-    /// Brightness of every sample: dark where neighbours are nearer to the viewer (eye-dome lighting, Boucheny 2009),
-    /// and in the view from above lit from the north-west like a map.
+    /// Brightness of every sample: dark where neighbours are nearer to the viewer (eye-dome lighting,
+    /// Boucheny 2009), and in the view from above lit from the north-west like a map.
     fn shade(&self, view: View) -> Vec<f32> {
         let mut shade: Vec<f32> = self.per_sample(|x, y| self.dome(x, y));
         if view == View::Above {
@@ -218,8 +220,8 @@ impl Samples {
         libm::expf(-0.1 * hidden)
     }
 
-    /// Light from the upper left on the smoothed surface; about 1. Slopes are scaled to the relief of the cloud, so
-    /// that plains show their folds and canopies do not become black and white.
+    /// Light from the upper left on the smoothed surface; about 1. Slopes are scaled to the relief of the
+    /// cloud, so that plains show their folds and canopies do not become black and white.
     fn sun(&self) -> Vec<f32> {
         let fine = self.smoothed(FINE);
         let coarse = self.smoothed(5 * FINE);

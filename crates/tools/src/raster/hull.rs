@@ -16,7 +16,8 @@ impl RowSpan {
     }
 }
 
-/// The columns that the convex hull of the centres of cells covers in each row, from the first and last cell of the rows that have any.
+/// The columns that the convex hull of the centres of cells covers in each row, from the first and last cell
+/// of the rows that have any.
 pub(super) fn row_spans(ends: &[Option<[i64; 2]>]) -> Vec<RowSpan> {
     let of = |side: usize, sign: f64| {
         let points: Vec<[f64; 2]> = (0..)
@@ -29,8 +30,8 @@ pub(super) fn row_spans(ends: &[Option<[i64; 2]>]) -> Vec<RowSpan> {
     of(0, 1.0).zip(of(1, -1.0)).map(|(first, last)| RowSpan { first, last }).collect()
 }
 
-/// The greatest convex function below points of ascending abscissa, at each whole abscissa below `count`; infinite before the first and
-/// behind the last point. By the chain of Andrew (1979).
+/// The greatest convex function below points of ascending abscissa, at each whole abscissa below `count`;
+/// infinite before the first and behind the last point. By the chain of Andrew (1979).
 fn lower_envelope(points: &[[f64; 2]], count: usize) -> Vec<f64> {
     let mut chain: Vec<[f64; 2]> = Vec::new();
     for p in points {

@@ -45,8 +45,8 @@ impl RasterKind {
 /// The files of rasters.
 #[derive(Clone, Debug, Default, PartialEq, clap::Args)]
 pub struct RasterFiles {
-    /// Terrain: height of the ground at the centre of each cell, of the plane through the nearest ground points (class 2), averaged by cell,
-    /// m; - for stdout.
+    /// Terrain: height of the ground at the centre of each cell, of the plane through the nearest ground
+    /// points (class 2), averaged by cell, m; - for stdout.
     #[arg(long, value_name = "FILE.tif")]
     pub dtm: Option<PathBuf>,
     /// Surface: height of the highest point of each cell, m.
@@ -78,8 +78,8 @@ pub struct RasterOptions {
     /// Side of a cell, m. Corners of cells are at multiples of it.
     #[arg(long, value_name = "M", default_value = "1", value_parser = args::positive)]
     pub cell: f64,
-    /// Largest distance from a ground point at which there is terrain, m; cells beyond it, and outside of the convex hull of the points, have
-    /// no value.
+    /// Largest distance from a ground point at which there is terrain, m; cells beyond it, and outside of the
+    /// convex hull of the points, have no value.
     #[arg(long, value_name = "M", default_value = "30", value_parser = args::positive)]
     pub fill: f64,
 }

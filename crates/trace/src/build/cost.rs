@@ -1,11 +1,11 @@
-//! Costs of a tree: the running sums of spec tree-and-schedule §1.12 and the statistics of spec tree-and-schedule
-//! §1.16.
+//! Costs of a tree: the running sums of spec tree-and-schedule §1.12 and the statistics of spec
+//! tree-and-schedule §1.16.
 
 use crate::options::{BuildOptions, Statistics};
 use std::sync::{Mutex, PoisonError};
 
-/// Sums over the nodes of a tree or of a part of it. Areas are surfaces, in any unit and by any rule that the builder
-/// applies consistently.
+/// Sums over the nodes of a tree or of a part of it. Areas are surfaces, in any unit and by any rule that the
+/// builder applies consistently.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sums {
     area_interior: f64,
@@ -115,13 +115,13 @@ pub(crate) struct Proposal {
 pub(crate) enum CostAccount {
     /// Considers each node alone.
     Local,
-    /// Considers the cost of the complete tree so far. Choosing a split and partitioning the primitives happen
-    /// outside the lock (the paper's Algorithm 1).
+    /// Considers the cost of the complete tree so far. Choosing a split and partitioning the primitives
+    /// happen outside the lock (the paper's Algorithm 1).
     Global(Mutex<RunningCost>),
 }
 
-/// The paper's ILOT cache: running sums over interior nodes, leaves and primitives ("objects"), and their total,
-/// where every unfinished node counts as a leaf (spec tree-and-schedule §1.12).
+/// The paper's ILOT cache: running sums over interior nodes, leaves and primitives ("objects"), and their
+/// total, where every unfinished node counts as a leaf (spec tree-and-schedule §1.12).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RunningCost {
     interior: f64,
@@ -143,9 +143,9 @@ impl RunningCost {
         }
     }
 
-    /// Returns the sums with the node of the proposal as an interior node (eqs 10–12). The node's cost as a leaf is
-    /// subtracted before the costs of its children are added: where a split gains next to nothing, the rounding of
-    /// this order decides, and the published trees depend on it.
+    /// Returns the sums with the node of the proposal as an interior node (eqs 10–12). The node's cost as a
+    /// leaf is subtracted before the costs of its children are added: where a split gains next to nothing,
+    /// the rounding of this order decides, and the published trees depend on it.
     fn with(&self, options: &BuildOptions, split: &Proposal, [n, nl, nr]: [f64; 3]) -> RunningCost {
         let (ci, cl, co) = (options.cost_interior, options.cost_leaf, options.cost_primitive);
         let (left, right) = (split.chances[0] * split.area, split.chances[1] * split.area);

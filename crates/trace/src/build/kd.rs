@@ -10,8 +10,8 @@ use crate::frame::Frame;
 use crate::node::KdNode;
 use crate::options::{Accounting, Axes, BuildOptions, Builder, Statistics};
 
-/// Builds a kd-tree over `prims`. The result does not depend on the number of threads; with [`Accounting::Global`] it
-/// does in rare cases.
+/// Builds a kd-tree over `prims`. The result does not depend on the number of threads; with
+/// [`Accounting::Global`] it does in rare cases.
 pub(crate) fn build_kd(
     geometry: &Geometry,
     frame: Frame,
@@ -53,8 +53,8 @@ fn depth_cap(options: &BuildOptions, count: usize) -> u32 {
     options.max_depth.unwrap_or(auto).min(MAX_DEPTH)
 }
 
-/// Depth down to which threads steal nodes from one another: enough for some hundred parts per thread. Further down,
-/// handing a node over would only copy the part once more.
+/// Depth down to which threads steal nodes from one another: enough for some hundred parts per thread.
+/// Further down, handing a node over would only copy the part once more.
 fn shared_depth(options: &BuildOptions) -> u32 {
     match options.jobs {
         0 => rayon::current_num_threads().ilog2() + 8,
@@ -63,7 +63,8 @@ fn shared_depth(options: &BuildOptions) -> u32 {
     }
 }
 
-/// Position of a node: its depth, and its number from the left among the 2^depth possible nodes of that depth.
+/// Position of a node: its depth, and its number from the left among the 2^depth possible nodes of that
+/// depth.
 #[derive(Clone, Copy)]
 struct Position {
     depth: u32,
@@ -77,9 +78,9 @@ impl Position {
         [0, 1].map(|side| Position { depth: self.depth + 1, number: 2 * self.number + side })
     }
 
-    /// Returns how many of `threads` are assigned to the node. They are divided evenly among the nodes of a level,
-    /// and the right-most node gets the remainder; below level ⌊log2 threads⌋ every node has one
-    /// (spec tree-and-schedule §2.3).
+    /// Returns how many of `threads` are assigned to the node. They are divided evenly among the nodes of a
+    /// level, and the right-most node gets the remainder; below level ⌊log2 threads⌋ every node has one (spec
+    /// tree-and-schedule §2.3).
     fn share_of(self, threads: usize) -> usize {
         let (nodes, threads) = (1u128 << self.depth, threads as u128);
         let (each, rest) = (threads / nodes, threads % nodes);
@@ -140,8 +141,8 @@ impl Build<'_> {
         self.search.options.delegate.max(32)
     }
 
-    /// Builds a node and its descendants in a separate arena. After [`attach`] its nodes have the numbers that they
-    /// would have had in the common arena.
+    /// Builds a node and its descendants in a separate arena. After [`attach`] its nodes have the numbers
+    /// that they would have had in the common arena.
     fn build_detached(&self, prims: Vec<Prim>, cell: Cell, position: Position) -> (KdArena, Sums) {
         let mut arena = Arena { nodes: vec![KdNode::leaf(0, 0)], slots: Vec::new() };
         let sums = self.build_node(prims, cell, position, &mut arena, 0);
@@ -265,8 +266,8 @@ mod tests {
         g
     }
 
-    /// With this number of primitives the root is built by five threads together, its children by two and three; the
-    /// tree equals that of one thread.
+    /// With this number of primitives the root is built by five threads together, its children by two and
+    /// three; the tree equals that of one thread.
     #[test]
     fn threads_that_share_nodes_build_the_same_tree() {
         let g = sheet(288);

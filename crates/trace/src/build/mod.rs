@@ -20,8 +20,8 @@ pub(crate) use wide::{MAX_WIDE_DEPTH, build_wide};
 use super::node::KdNode;
 use rayon::prelude::*;
 
-/// Minimum number of primitives of a node that several threads work on together: in the upper levels there are fewer
-/// nodes than threads (spec tree-and-schedule §2.3).
+/// Minimum number of primitives of a node that several threads work on together: in the upper levels there
+/// are fewer nodes than threads (spec tree-and-schedule §2.3).
 const MIN_TEAM_PRIMITIVES: usize = 1 << 16;
 
 /// Folds the primitives of a node, in parallel if they are many. `join` must be associative.

@@ -13,8 +13,8 @@ pub(crate) struct Prim {
     pub hi: [f32; 3],
 }
 
-/// Collects the stored primitives that `keep` accepts and a ray can hit, which excludes those with a NaN or infinite
-/// coordinate, and for each grid of voxels its box, under the number of its first voxel.
+/// Collects the stored primitives that `keep` accepts and a ray can hit, which excludes those with a NaN or
+/// infinite coordinate, and for each grid of voxels its box, under the number of its first voxel.
 pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> bool + Sync) -> Vec<Prim> {
     stored(geometry)
         .filter(|&i| is_solid(geometry, i) && keep(i as u32))
@@ -25,7 +25,8 @@ pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> 
         .collect()
 }
 
-/// The numbers of all primitives that are part of neither a height field nor a grid of voxels, and of the first voxel of each grid.
+/// The numbers of all primitives that are part of neither a height field nor a grid of voxels, and of the
+/// first voxel of each grid.
 fn stored(geometry: &Geometry) -> impl IndexedParallelIterator<Item = usize> {
     let (triangles, cubes) = (geometry.triangles.len(), geometry.triangle_count());
     let count = triangles + geometry.cubes.len();

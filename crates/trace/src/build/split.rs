@@ -62,8 +62,8 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Returns the split of the selected builder on `axis`, computed by several `threads`; `None` when the cell has
-    /// no extent there.
+    /// Returns the split of the selected builder on `axis`, computed by several `threads`; `None` when the
+    /// cell has no extent there.
     pub fn on_axis(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         match self.options.builder {
             Builder::Median => self.median_split(threads, prims, cell, axis),
@@ -79,8 +79,8 @@ impl Search<'_> {
             .reduce(|best, s| if s.loss < best.loss { s } else { best })
     }
 
-    /// Expected number of tests after a split: each side's count, rounded up to the grain, times the probability that
-    /// it is hit.
+    /// Expected number of tests after a split: each side's count, rounded up to the grain, times the
+    /// probability that it is hit.
     pub fn loss(&self, chances: [f64; 2], counts: [usize; 2]) -> f64 {
         let [l, r] = counts.map(|n| n.next_multiple_of(self.options.grain.max(1)) as f64);
         chances[0] * l + chances[1] * r
@@ -115,8 +115,8 @@ impl Search<'_> {
         best
     }
 
-    /// Returns the best boundary of min/max histograms (spec tree-and-schedule §1.11), with bins clamped at both
-    /// ends.
+    /// Returns the best boundary of min/max histograms (spec tree-and-schedule §1.11), with bins clamped at
+    /// both ends.
     fn fsah_split(&self, threads: usize, prims: &[Prim], cell: &Cell, axis: usize) -> Option<Split> {
         let (a, b) = (cell.lo[axis], cell.hi[axis]);
         if b <= a {
@@ -208,9 +208,9 @@ impl Histograms {
     }
 }
 
-/// Counts the primitives that start and end in each bin between evenly ascending planes: at or before plane `i` and
-/// after plane `i − 1`; coordinates beyond the last plane count in the last bin. One pass over the primitives finds
-/// the counts that [`count`] finds for each plane.
+/// Counts the primitives that start and end in each bin between evenly ascending planes: at or before plane
+/// `i` and after plane `i − 1`; coordinates beyond the last plane count in the last bin. One pass over the
+/// primitives finds the counts that [`count`] finds for each plane.
 fn between(threads: usize, prims: &[Prim], axis: usize, planes: &[f64]) -> Histograms {
     let (start, last) = (planes[0], planes.len() - 1);
     let per_length = last as f64 / (planes[last] - start);

@@ -1,8 +1,9 @@
-//! The wide bounding volume hierarchy: sixteen children per node, exactly one block per leaf, no primitive twice.
+//! The wide bounding volume hierarchy: sixteen children per node, exactly one block per leaf, no primitive
+//! twice.
 //!
-//! A node starts as one range of primitives and repeatedly splits the range of largest surface that does not fit into
-//! a block, until there are sixteen. A split is the best of 32 bins of centroids per axis. The cost is the number of
-//! blocks, not of primitives, so blocks are nearly full.
+//! A node starts as one range of primitives and repeatedly splits the range of largest surface that does not
+//! fit into a block, until there are sixteen. A split is the best of 32 bins of centroids per axis. The cost
+//! is the number of blocks, not of primitives, so blocks are nearly full.
 
 use super::cost::Sums;
 use super::prim::Prim;

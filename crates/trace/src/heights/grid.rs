@@ -4,8 +4,8 @@ use vlscan_geom::{DVec3, Rotation};
 
 /// Where the vertices of a height field are: numbered by column and row, each with a number for its height.
 ///
-/// A vertex is computed as a program that stores vertices would compute it, operation by operation: its place in the grid and
-/// `number · scale + offset`, the transform of the part, its raise, less the scene's shift.
+/// A vertex is computed as a program that stores vertices would compute it, operation by operation: its place
+/// in the grid and `number · scale + offset`, the transform of the part, its raise, less the scene's shift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HeightGrid {
@@ -13,7 +13,8 @@ pub struct HeightGrid {
     pub columns: usize,
     /// Number of rows.
     pub rows: usize,
-    /// Column and row of the first vertex in the grid that this one is a part of; `origin` is that of the complete grid.
+    /// Column and row of the first vertex in the grid that this one is a part of; `origin` is that of the
+    /// complete grid.
     pub first: [usize; 2],
     /// x and y of the first vertex of the complete grid, m.
     pub origin: [f64; 2],
@@ -109,7 +110,8 @@ impl HeightGrid {
         self.transform.map_or(DVec3::ZERO, |by| by.offset) + DVec3::Z * self.raise - self.shift
     }
 
-    /// Bound of the numbers that occur when a vertex is computed whose height is at most `height` before it is moved.
+    /// Bound of the numbers that occur when a vertex is computed whose height is at most `height` before it
+    /// is moved.
     pub(super) fn magnitude(&self, height: f64) -> f64 {
         let (columns, rows) = ((self.first[0] + self.columns) as f64, (self.first[1] + self.rows) as f64);
         let side =

@@ -37,8 +37,8 @@ const fn corners() -> [[u32; BLOCK_SIZE]; 3] {
 }
 
 impl FieldView<'_> {
-    /// Computes the triangles of a leaf as a block whose vertex numbers count from `base`, and their vertices. Returns false if
-    /// all of them are missing; then block and vertices are unspecified.
+    /// Computes the triangles of a leaf as a block whose vertex numbers count from `base`, and their
+    /// vertices. Returns false if all of them are missing; then block and vertices are unspecified.
     #[inline(always)]
     pub fn fill(&self, leaf: FieldNode, base: u32, block: &mut Block, vertices: &mut [DVec3]) -> bool {
         let Some(vertices) = vertices.first_chunk_mut() else { return false };

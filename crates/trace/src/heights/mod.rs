@@ -1,9 +1,9 @@
 //! Height fields: terrain on a regular grid that is stored as its heights.
 //!
-//! A field has the triangles that a mesh over its vertices would have, two per cell, with exactly the corners that such a mesh
-//! would store; they are computed when they are tested. Over the cells is a pyramid of least and greatest heights (maximum
-//! mipmaps, Tevs, Ihrke and Seidel 2008), by which rays find the cells that they may hit; like trees it only chooses what is
-//! tested.
+//! A field has the triangles that a mesh over its vertices would have, two per cell, with exactly the corners
+//! that such a mesh would store; they are computed when they are tested. Over the cells is a pyramid of least
+//! and greatest heights (maximum mipmaps, Tevs, Ihrke and Seidel 2008), by which rays find the cells that
+//! they may hit; like trees it only chooses what is tested.
 //!
 //! | file | contents |
 //! |---|---|
@@ -40,10 +40,12 @@ const LEAF_ROWS: usize = 2;
 /// Cells in a run for whose first the number of missing triangles before it is known.
 const RUN: usize = 16;
 
-/// Terrain on a regular grid: two triangles between each four vertices, of which those with a corner without data are missing.
+/// Terrain on a regular grid: two triangles between each four vertices, of which those with a corner without
+/// data are missing.
 ///
-/// With `a` a vertex, `b` the one below it in the next row, `c` the one after `b` and `d` the one after `a`, triangle
-/// `2 · (row · (columns − 1) + column)` is `[a, b, d]` and the next number is `[b, c, d]`. Missing triangles have numbers, too.
+/// With `a` a vertex, `b` the one below it in the next row, `c` the one after `b` and `d` the one after `a`,
+/// triangle `2 · (row · (columns − 1) + column)` is `[a, b, d]` and the next number is `[b, c, d]`. Missing
+/// triangles have numbers, too.
 #[derive(Clone, Debug)]
 pub struct HeightField {
     grid: HeightGrid,
@@ -54,15 +56,17 @@ pub struct HeightField {
     /// Number of missing triangles before each run of cells, row by row; empty if none is missing.
     missing_before: Vec<u32>,
     missing: usize,
-    /// Box around the vertices of triangles as far as they are placed in the grid: neither transformed nor raised nor shifted.
+    /// Box around the vertices of triangles as far as they are placed in the grid: neither transformed nor
+    /// raised nor shifted.
     bounds: Aabb,
     /// Box around the vertices of triangles after the transform, neither raised nor shifted.
     transformed: Aabb,
 }
 
 impl HeightField {
-    /// A field whose first triangle has number `first` in its geometry; `None` if there are not as many heights as vertices,
-    /// or more triangles than can be numbered with 32 bits. Uses all threads of the current pool.
+    /// A field whose first triangle has number `first` in its geometry; `None` if there are not as many
+    /// heights as vertices, or more triangles than can be numbered with 32 bits. Uses all threads of the
+    /// current pool.
     pub fn new(grid: HeightGrid, heights: Heights, first: usize) -> Option<HeightField> {
         let cells = grid.cell_columns().checked_mul(grid.cell_rows())?;
         let end = cells.checked_mul(2)?.checked_add(first)?;
@@ -171,7 +175,8 @@ impl HeightField {
         Aabb { min: moved.moved(self.transformed.min), max: moved.moved(self.transformed.max) }
     }
 
-    /// The numbers, counted from the field's first, of all triangles above or below a place, and of some beside it.
+    /// The numbers, counted from the field's first, of all triangles above or below a place, and of some
+    /// beside it.
     pub fn triangles_near(&self, x: f64, y: f64) -> impl Iterator<Item = usize> {
         let turned = self.grid.turned().map(|_| self.turned_triangles_near(x, y));
         let plain = turned.is_none().then(|| self.plain_triangles_near(x, y));

@@ -6,8 +6,8 @@ use std::collections::TryReserveError;
 /// The number of a vertex without data among those of 16 bits.
 const HOLE: u16 = u16::MAX;
 
-/// The numbers of a height field's vertices, row by row, in the narrowest form that keeps all of them exactly. NaN stands for
-/// no data.
+/// The numbers of a height field's vertices, row by row, in the narrowest form that keeps all of them
+/// exactly. NaN stands for no data.
 #[derive(Clone, Debug)]
 pub enum Heights {
     /// Whole numbers less `base`; 65 535 stands for no data.
@@ -79,8 +79,8 @@ impl Heights {
         }
     }
 
-    /// Replaces the numbers from vertex `first` on; those that are not finite are no data. All numbers become wider if one of these
-    /// needs it.
+    /// Replaces the numbers from vertex `first` on; those that are not finite are no data. All numbers become
+    /// wider if one of these needs it.
     ///
     /// # Errors
     /// When there is not enough memory for wider numbers.

@@ -1,4 +1,5 @@
-//! The pyramid of least and greatest heights over the cells of a field: nodes with sixteen children, four by four.
+//! The pyramid of least and greatest heights over the cells of a field: nodes with sixteen children, four by
+//! four.
 
 use super::{HeightField, HeightGrid, Heights, LEAF_COLUMNS, LEAF_ROWS, RUN, Similarity};
 use crate::frame::{Frame, above, below};
@@ -33,7 +34,8 @@ pub(super) struct Pyramid {
 struct Level {
     columns: usize,
     rows: usize,
-    /// Least and greatest height of each node before it is moved, rounded outward; inside out without triangles.
+    /// Least and greatest height of each node before it is moved, rounded outward; inside out without
+    /// triangles.
     ranges: Vec<[f32; 2]>,
 }
 
@@ -111,8 +113,8 @@ pub(super) fn build(grid: &HeightGrid, heights: &Heights) -> Built {
     }
 }
 
-/// Reads the rows of cells of a row of leaves from number `first` on. Writes the ranges of the leaves and how many triangles of
-/// each run are missing; returns the box around all vertices of triangles.
+/// Reads the rows of cells of a row of leaves from number `first` on. Writes the ranges of the leaves and how
+/// many triangles of each run are missing; returns the box around all vertices of triangles.
 fn build_row(
     grid: &HeightGrid,
     heights: &Heights,
@@ -247,8 +249,8 @@ impl<'a> FieldView<'a> {
         [ends(node.column, LEAF_COLUMNS, grid.cell_columns()), ends(node.row, LEAF_ROWS, grid.cell_rows())]
     }
 
-    /// Calls `visit` with the lane of each child of a node, and with its least and greatest height, inside out where there is
-    /// nothing.
+    /// Calls `visit` with the lane of each child of a node, and with its least and greatest height, inside
+    /// out where there is nothing.
     #[inline(always)]
     pub(super) fn each_height(&self, node: FieldNode, mut visit: impl FnMut(usize, [f32; 2])) {
         let level = &self.field.pyramid.levels[node.level as usize - 1];
@@ -262,8 +264,8 @@ impl<'a> FieldView<'a> {
         }
     }
 
-    /// The boxes of a node's children, lower and upper corners by axis and lane, in the tree's frame; inside out where there is
-    /// nothing.
+    /// The boxes of a node's children, lower and upper corners by axis and lane, in the tree's frame; inside
+    /// out where there is nothing.
     #[inline(always)]
     pub fn boxes(&self, node: FieldNode) -> [[[f32; CHILDREN]; 3]; 2] {
         match &self.turned {

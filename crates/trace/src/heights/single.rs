@@ -10,8 +10,8 @@ use crate::stack::insert_by_depth;
 use vlscan_geom::DVec3;
 
 impl HeightField {
-    /// Visits the triangles that a ray of the frustum might hit, nearest leaves first, up to the depth `limit`. `visit` takes
-    /// number and corners of a triangle and returns the new limit.
+    /// Visits the triangles that a ray of the frustum might hit, nearest leaves first, up to the depth
+    /// `limit`. `visit` takes number and corners of a triangle and returns the new limit.
     pub(crate) fn walk(
         &self,
         frame: &Frame,
@@ -56,7 +56,8 @@ impl HeightField {
         }
     }
 
-    /// Applies the exact test to a ray and all triangles; `visit` takes the number and the distance of those that it hits.
+    /// Applies the exact test to a ray and all triangles; `visit` takes the number and the distance of those
+    /// that it hits.
     pub(crate) fn test_all(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32, f64)) {
         for i in 0..self.len() {
             if let Some(t) = self.triangle(i).and_then(|corners| triangle(origin, direction, corners)) {

@@ -8,7 +8,8 @@ use crate::frame::{Frame, above, below};
 use vlscan_geom::{Aabb, DVec3, Rotation};
 
 impl HeightField {
-    /// The box around all triangles after the transform, neither raised nor shifted: exactly that of their corners.
+    /// The box around all triangles after the transform, neither raised nor shifted: exactly that of their
+    /// corners.
     pub(super) fn find_transformed_bounds(&mut self) -> Aabb {
         let Some(by) = self.grid.transform.filter(|_| !self.bounds.is_empty()) else { return self.bounds };
         if by.rotation == Rotation::IDENTITY && by.scale > 0.0 {
@@ -79,8 +80,8 @@ impl HeightField {
         near
     }
 
-    /// Visits the leaves whose boxes, and those of the nodes above them, are `wanted`: by what the last visit returned and the lower
-    /// and upper corner of the box, in the frame.
+    /// Visits the leaves whose boxes, and those of the nodes above them, are `wanted`: by what the last visit
+    /// returned and the lower and upper corner of the box, in the frame.
     fn visit_leaves(
         &self,
         frame: &Frame,

@@ -1,6 +1,6 @@
-//! Processing of the pairs of a pulse and a triangle from the blocks of some leaves, step by step: their edges, the
-//! rays inside, planes, distances. Every step runs in a separate function, which has all registers available, and
-//! fills a list for the next step without branching on the data.
+//! Processing of the pairs of a pulse and a triangle from the blocks of some leaves, step by step: their
+//! edges, the rays inside, planes, distances. Every step runs in a separate function, which has all registers
+//! available, and fills a list for the next step without branching on the data.
 
 use super::distance::{Heading, Plane, hit_merged};
 use super::edges::{Edges, PulseExtent, by_axis};
@@ -19,8 +19,8 @@ pub(super) const SPAN: usize = 32;
 /// Maximum number of pairs of a block.
 pub(super) const MAX_BLOCK_PAIRS: usize = PACKET_SIZE * BLOCK_SIZE;
 
-/// Number of blocks whose pairs are processed together. Every step waits for the one before; larger batches reduce
-/// the number of waits.
+/// Number of blocks whose pairs are processed together. Every step waits for the one before; larger batches
+/// reduce the number of waits.
 pub(super) const MAX_PENDING_BLOCKS: usize = 2;
 
 /// Minimum number of entries for pairs at which processing is worthwhile.
@@ -54,7 +54,8 @@ impl PendingBlocks<'_> {
     };
 }
 
-/// The lists that the steps fill. A step may write one entry, or one register, beyond the entries that it counts.
+/// The lists that the steps fill. A step may write one entry, or one register, beyond the entries that it
+/// counts.
 pub(super) struct CandidateLists {
     /// `block · 256 + pulse · 16 + lane`; the pairs of a block begin at a multiple of 16.
     pub pairs: [u32; PAIRS_LEN],
@@ -74,8 +75,8 @@ pub(super) struct CandidateLists {
     /// The planes of the pairs in `inside`.
     pub planes: [Plane; PLANES_LEN],
     pub candidates: [Candidates; CANDIDATES_LEN],
-    /// Indices of pairs in `inside` that single precision leaves undecided, or of entries in `candidates` for which
-    /// the fast distance is not valid.
+    /// Indices of pairs in `inside` that single precision leaves undecided, or of entries in `candidates` for
+    /// which the fast distance is not valid.
     pub open: [u32; CANDIDATES_LEN],
 }
 
@@ -95,8 +96,8 @@ pub(super) struct Inside {
     pub maybe: u32,
 }
 
-/// Eight rays that may be inside a triangle: from the lowest bit on, their register in 32 bits, the plane in 16, and
-/// the masks of rays certainly inside and possibly inside, 8 each.
+/// Eight rays that may be inside a triangle: from the lowest bit on, their register in 32 bits, the plane in
+/// 16, and the masks of rays certainly inside and possibly inside, 8 each.
 #[derive(Clone, Copy)]
 pub(super) struct Candidates(u64);
 
@@ -150,9 +151,9 @@ impl CandidateLists {
         (self.batch_count, self.partial_count, self.covered_count) = (0, 0, 0);
     }
 
-    /// Computes the edges of all triangles of a block, the pending one of this number, for one pulse, and lists those of the
-    /// triangles `within` its depths that it may hit. Returns false if there are none. For one pulse this takes less time
-    /// than the test of slopes and the edges of the triangles that pass it.
+    /// Computes the edges of all triangles of a block, the pending one of this number, for one pulse, and
+    /// lists those of the triangles `within` its depths that it may hit. Returns false if there are none. For
+    /// one pulse this takes less time than the test of slopes and the edges of the triangles that pass it.
     #[inline(always)]
     pub fn pair_pulse<S: Simd>(
         &mut self,
@@ -211,8 +212,8 @@ pub(super) fn lane_of(pair: u32) -> usize {
     pair as usize % BLOCK_SIZE
 }
 
-/// The rays of each pulse that have certainly hit something, and the depth up to which they all have. Used only for
-/// pulses of one span.
+/// The rays of each pulse that have certainly hit something, and the depth up to which they all have. Used
+/// only for pulses of one span.
 pub(super) struct Occlusion {
     pub rays: [u32; PACKET_SIZE],
     pub depth: PerPulse,
@@ -222,8 +223,8 @@ impl Occlusion {
     pub const NONE: Occlusion =
         Occlusion { rays: [0; PACKET_SIZE], depth: PerPulse([f32::NEG_INFINITY; PACKET_SIZE]) };
 
-    /// Returns the rays that have hit something entirely in front of the triangle of a pair, and so cannot hit it
-    /// first.
+    /// Returns the rays that have hit something entirely in front of the triangle of a pair, and so cannot
+    /// hit it first.
     #[inline(always)]
     fn occluded_rays(&self, blocks: &PendingBlocks, pair: u32) -> u32 {
         let (pulse, near) = (pulse_of(pair), blocks.near[block_of(pair)][lane_of(pair)]);
@@ -266,8 +267,8 @@ pub(super) struct StepInput<'k, S: Simd> {
     pub span: usize,
 }
 
-/// Computes the edges of all pairs that have none yet, keeps the pairs whose pulse does not pass entirely beside the triangle, and
-/// prefetches the corners of these triangles.
+/// Computes the edges of all pairs that have none yet, keeps the pairs whose pulse does not pass entirely
+/// beside the triangle, and prefetches the corners of these triangles.
 #[inline(always)]
 pub(super) fn find_sides<S: Simd, const MERGED: bool>(
     simd: S,
@@ -303,9 +304,9 @@ pub(super) fn find_sides<S: Simd, const MERGED: bool>(
     }
 }
 
-/// Finds the rays of a span that pass within the triangles of the pairs. `valid` are the rays of the span, including
-/// padding that repeats the last ray; without the padding no limit would ever be lowered. Returns the number of pairs
-/// with such rays, and the number of these pairs that single precision leaves undecided.
+/// Finds the rays of a span that pass within the triangles of the pairs. `valid` are the rays of the span,
+/// including padding that repeats the last ray; without the padding no limit would ever be lowered. Returns
+/// the number of pairs with such rays, and the number of these pairs that single precision leaves undecided.
 #[inline(always)]
 pub(super) fn find_inside<S: Simd, const MERGED: bool>(
     simd: S,
@@ -393,9 +394,9 @@ pub(super) fn refine_inside<S: Simd, const MERGED: bool>(
     }
 }
 
-/// Computes the planes of the first `count` pairs in `inside` and the list of candidates. `first` is the first
-/// register of eight rays of the first pulse's span, `stride` the number of registers per pulse. Returns the length
-/// of the list and a mask of the pulses in it.
+/// Computes the planes of the first `count` pairs in `inside` and the list of candidates. `first` is the
+/// first register of eight rays of the first pulse's span, `stride` the number of registers per pulse.
+/// Returns the length of the list and a mask of the pulses in it.
 #[inline(always)]
 pub(super) fn find_planes<S: Simd>(
     simd: S,
@@ -435,8 +436,8 @@ pub(super) struct RayRegisters<'k> {
     pub ids: &'k mut [[u32; 8]],
 }
 
-/// Computes the distances of the first `count` candidates. Returns the number of registers with rays for which the
-/// fast arithmetic is not valid. `axis` is the dominant axis.
+/// Computes the distances of the first `count` candidates. Returns the number of registers with rays for
+/// which the fast arithmetic is not valid. `axis` is the dominant axis.
 #[inline(always)]
 pub(super) fn find_distances<S: Simd>(
     simd: S,
@@ -468,9 +469,9 @@ pub(super) fn find_distances<S: Simd>(
     open_count
 }
 
-/// Computes the distances of merged pulses, the first `count` pairs in `inside`. `first` is the first register of
-/// eight rays of the first pulse. Returns the number of registers with rays for which the fast arithmetic is not
-/// valid, and a mask of the pulses that were tested.
+/// Computes the distances of merged pulses, the first `count` pairs in `inside`. `first` is the first
+/// register of eight rays of the first pulse. Returns the number of registers with rays for which the fast
+/// arithmetic is not valid, and a mask of the pulses that were tested.
 #[inline(always)]
 pub(super) fn find_merged_distances<S: Simd>(
     simd: S,

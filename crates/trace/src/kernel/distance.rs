@@ -1,6 +1,6 @@
 //! The distances of a pulse's rays to one primitive, eight rays at a time: the arithmetic of
-//! [`intersect`](mod@crate::intersect), operation by operation, so that the bits are equal. Rays for which that
-//! arithmetic takes one of its rare branches are left to the exact test.
+//! [`intersect`](mod@crate::intersect), operation by operation, so that the bits are equal. Rays for which
+//! that arithmetic takes one of its rare branches are left to the exact test.
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
@@ -44,7 +44,8 @@ impl Rays<'_> {
         }
     }
 
-    /// Applies the test of a cube to all rays, operation by operation as [`intersect::cube`]; `origin` returns the origin of each.
+    /// Applies the test of a cube to all rays, operation by operation as [`intersect::cube`]; `origin`
+    /// returns the origin of each.
     #[inline(always)]
     pub fn intersect_cube(&mut self, id: u32, cube: Cube, origin: impl Fn(usize) -> DVec3) {
         let Aabb { min, max } = cube.bounds();
@@ -77,7 +78,8 @@ impl Rays<'_> {
     }
 }
 
-/// The dominant axis of the rays, the sign of their directions along it and the maximum magnitude of that component.
+/// The dominant axis of the rays, the sign of their directions along it and the maximum magnitude of that
+/// component.
 #[derive(Clone, Copy)]
 pub(super) struct Heading {
     pub axis: usize,
@@ -157,8 +159,9 @@ impl Plane {
         self.numerator = products[0] + products[1] + products[2];
     }
 
-    /// Merges the distances of eight rays, those `strictly` inside, into the hits `t` and `ids`, where the fast
-    /// arithmetic is valid. Returns the rays for which it is. `along` are the directions along the dominant axis.
+    /// Merges the distances of eight rays, those `strictly` inside, into the hits `t` and `ids`, where the
+    /// fast arithmetic is valid. Returns the rays for which it is. `along` are the directions along the
+    /// dominant axis.
     #[inline(always)]
     pub fn hit<S: Simd>(
         &self,
@@ -186,8 +189,9 @@ impl Plane {
     }
 }
 
-/// Merges the distances of eight rays of a merged pulse, each with a separate origin, those `strictly` inside a
-/// triangle, into the hits `t` and `ids`, where the fast arithmetic is valid. Returns the rays for which it is.
+/// Merges the distances of eight rays of a merged pulse, each with a separate origin, those `strictly` inside
+/// a triangle, into the hits `t` and `ids`, where the fast arithmetic is valid. Returns the rays for which it
+/// is.
 #[inline(always)]
 pub(super) fn hit_merged<S: Simd>(
     simd: S,

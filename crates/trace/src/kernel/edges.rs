@@ -1,14 +1,14 @@
-//! The rays of a pulse that pass within a triangle, where the rounded corners of a block leave that undecided:
-//! computed from double precision, but evaluated in single precision wherever that suffices.
+//! The rays of a pulse that pass within a triangle, where the rounded corners of a block leave that
+//! undecided: computed from double precision, but evaluated in single precision wherever that suffices.
 //!
-//! Slopes are `d_i/d_k` and `d_j/d_k`. In coordinates sheared along the pulse's first ray, a ray that deviates from
-//! it by slopes `(δ_i, δ_j)` passes the edge from corner `p` to corner `q` on the side given by the sign of
-//! `E = c0 + c1·δ_i + c2·δ_j`, where `(c1, c2, c0) = p × q`. The three coefficients come from double precision. They
-//! are small for small triangles near the ray, and so is the error of `E`. The error is bounded; a ray within the
-//! bound of an edge is left undecided.
+//! Slopes are `d_i/d_k` and `d_j/d_k`. In coordinates sheared along the pulse's first ray, a ray that
+//! deviates from it by slopes `(δ_i, δ_j)` passes the edge from corner `p` to corner `q` on the side given by
+//! the sign of `E = c0 + c1·δ_i + c2·δ_j`, where `(c1, c2, c0) = p × q`. The three coefficients come from
+//! double precision. They are small for small triangles near the ray, and so is the error of `E`. The error
+//! is bounded; a ray within the bound of an edge is left undecided.
 //!
-//! For rays of merged pulses, whose origins differ from that of the first, the edges themselves contribute as well:
-//! see [`super::sides`].
+//! For rays of merged pulses, whose origins differ from that of the first, the edges themselves contribute as
+//! well: see [`super::sides`].
 
 use super::spread::{Deviations, OriginOffsets};
 use crate::simd::{F32Ops, MaskOps, QuadOps, Simd, VectorOps, each_of};
@@ -23,14 +23,16 @@ pub(super) fn by_axis([a, b, c]: [DVec3; 3]) -> Corners {
     [[a.x, b.x, c.x, 0.0], [a.y, b.y, c.y, 0.0], [a.z, b.z, c.z, 0.0]]
 }
 
-/// Rounding of the coefficients, the deviations and the evaluation, all in single precision, generously rounded up.
+/// Rounding of the coefficients, the deviations and the evaluation, all in single precision, generously
+/// rounded up.
 const SINGLE: f64 = 1.0 / (1u64 << 20) as f64;
 
-/// Rounding of sheared coordinates and their products, in this module and in the exact test, relative to the square
-/// of the corners' distance, generously rounded up.
+/// Rounding of sheared coordinates and their products, in this module and in the exact test, relative to the
+/// square of the corners' distance, generously rounded up.
 const DOUBLE: f64 = 1.0 / (1u64 << 48) as f64;
 
-/// The sheared coordinates of a pulse: relative to the origin of its first ray, which runs along the third axis.
+/// The sheared coordinates of a pulse: relative to the origin of its first ray, which runs along the third
+/// axis.
 #[derive(Clone, Copy)]
 pub(super) struct Shear {
     pub origin: [f64; 3],
@@ -48,8 +50,8 @@ pub(super) struct PulseExtent {
     pub width: f64,
     /// Maximum sideways distance between the origins of a merged pulse's rays and the first, tree's frame.
     pub reach: f64,
-    /// Maximum distance along any axis between the origins of a merged pulse's rays and the first, over the packet,
-    /// tree's frame.
+    /// Maximum distance along any axis between the origins of a merged pulse's rays and the first, over the
+    /// packet, tree's frame.
     pub origin_spread: f64,
     /// Units of the tree's frame per metre.
     pub scale: f64,
@@ -65,8 +67,8 @@ pub(super) struct Edges {
 }
 
 impl Edges {
-    /// Computes the edge functions of a triangle for a pulse of this extent. `[k, i, j]` are the dominant axis and
-    /// the side axes.
+    /// Computes the edge functions of a triangle for a pulse of this extent. `[k, i, j]` are the dominant
+    /// axis and the side axes.
     #[inline(always)]
     pub fn of<S: Simd, const MERGED: bool>(
         simd: S,
@@ -112,8 +114,8 @@ impl Edges {
         edges
     }
 
-    /// Of sixteen rays, returns those certainly inside, and those not certainly outside. `offsets` are used for
-    /// merged pulses only.
+    /// Of sixteen rays, returns those certainly inside, and those not certainly outside. `offsets` are used
+    /// for merged pulses only.
     #[inline(always)]
     pub fn inside<S: Simd, const MERGED: bool>(
         &self,

@@ -7,8 +7,8 @@ use crate::block::{BLOCK_SIZE, Block};
 use crate::frustum::DEPTH_MARGIN;
 use crate::simd::{F32Ops, MaskOps, Simd, each_of};
 
-/// Tests sixteen boxes against one frustum from depth 0 to `limit`. Returns a mask of the boxes that it may hit, and
-/// the depths of entry.
+/// Tests sixteen boxes against one frustum from depth 0 to `limit`. Returns a mask of the boxes that it may
+/// hit, and the depths of entry.
 #[inline(always)]
 pub(super) fn boxes_in_frustum<S: Simd>(
     simd: S,
@@ -54,8 +54,8 @@ pub(super) fn box_in_pulses<S: Simd>(
     enter.le(leave * simd.splat(DEPTH_MARGIN)).bits()
 }
 
-/// Divides the depths `[lo, hi]` of each pulse by a plane: the depths at which it may be below the plane, and above
-/// it.
+/// Divides the depths `[lo, hi]` of each pulse by a plane: the depths at which it may be below the plane, and
+/// above it.
 #[inline(always)]
 pub(super) fn cut<S: Simd>(
     frustum: &PacketFrustum<S>,
@@ -137,8 +137,8 @@ pub(super) struct BlockSlopes<S: Simd> {
 }
 
 impl<S: Simd> BlockSlopes<S> {
-    /// Computes the slopes of `block`; with `cover_offsets` they are widened by the offsets of all pulses from the
-    /// apex.
+    /// Computes the slopes of `block`; with `cover_offsets` they are widened by the offsets of all pulses
+    /// from the apex.
     #[inline(always)]
     pub fn of(frustum: &PacketFrustum<S>, block: &Block, cover_offsets: bool) -> BlockSlopes<S> {
         let simd = frustum.simd;
@@ -153,7 +153,8 @@ impl<S: Simd> BlockSlopes<S> {
         let near = least(s);
         // Where slopes are used all depths are positive, and the nearest corner has the greatest reciprocal.
         let (inverse_near, inverse_far) = (greatest(inverse), least(inverse));
-        // Remaining error from the pulses' offsets: all of it, or its change from the nearest corner to the farthest.
+        // Remaining error from the pulses' offsets: all of it, or its change from the nearest corner to the
+        // farthest.
         let (offset, changes) = (simd.splat(frustum.max_offset), (inverse_near - inverse_far) * half);
         let rounding = simd.splat(4.0 * frustum.slack + 1e-6 * frustum.max_offset);
         let shift = offset * if cover_offsets { inverse_near } else { changes };

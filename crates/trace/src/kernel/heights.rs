@@ -1,5 +1,5 @@
-//! Height fields in a packet's traversal: nodes of the pyramid like those of the wide tree, and leaves whose triangles are
-//! computed as blocks when they are visited.
+//! Height fields in a packet's traversal: nodes of the pyramid like those of the wide tree, and leaves whose
+//! triangles are computed as blocks when they are visited.
 
 use super::candidates::MAX_PENDING_BLOCKS;
 use super::lanes::PACKET_SIZE;

@@ -35,8 +35,9 @@ pub(super) struct InstanceFrame<'a> {
     pub max_along: &'a [f64; PACKET_SIZE],
 }
 
-/// Computes the distances of the first `count` pairs in `inside`. `first` is the first register of eight rays of the
-/// first pulse's span, `stride` the number of registers per pulse. Returns a mask of the pulses among the pairs.
+/// Computes the distances of the first `count` pairs in `inside`. `first` is the first register of eight rays
+/// of the first pulse's span, `stride` the number of registers per pulse. Returns a mask of the pulses among
+/// the pairs.
 #[inline(always)]
 pub(super) fn hit_instance<S: Simd>(
     simd: S,
@@ -82,7 +83,8 @@ pub(super) fn hit_instance<S: Simd>(
     touched
 }
 
-/// Records the instances in a block that pulse `p` hits: `met` are their lanes and `enter` the depths of entry.
+/// Records the instances in a block that pulse `p` hits: `met` are their lanes and `enter` the depths of
+/// entry.
 #[inline(always)]
 pub(super) fn record_instances(
     visits: &mut Vec<InstanceVisit>,

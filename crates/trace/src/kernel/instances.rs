@@ -1,7 +1,7 @@
-//! Tracing of instances by packets: a packet traverses the tree over their boxes once, and then, nearest first, the
-//! trees of the models whose instances it hits. In these trees the rays are those of the model's frame, and so are
-//! all decisions in single precision; undecided cases and all distances are computed from the corners in the scene,
-//! as if they were stored.
+//! Tracing of instances by packets: a packet traverses the tree over their boxes once, and then, nearest
+//! first, the trees of the models whose instances it hits. In these trees the rays are those of the model's
+//! frame, and so are all decisions in single precision; undecided cases and all distances are computed from
+//! the corners in the scene, as if they were stored.
 
 use super::instance_frame::{InstanceFrame, InstanceVisit};
 use super::lanes::PACKET_SIZE;
@@ -34,8 +34,8 @@ impl InstanceTree {
         hits: &mut Hits,
         scratch: &mut InstanceScratch,
     ) {
-        // Instances first win all equal distances, with the lowest number among all instances. If that one does not
-        // come before the geometry's primitive, no other does.
+        // Instances first win all equal distances, with the lowest number among all instances. If that one
+        // does not come before the geometry's primitive, no other does.
         scratch.own_hits.clone_from(hits);
         hits.primitive.fill(Hits::MISS);
         dispatch!(level, simd => trace_packets(simd, self, geometry, group, hits, scratch));

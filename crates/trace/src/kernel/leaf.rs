@@ -16,8 +16,8 @@ use crate::simd::{F32Ops, F64Ops, MaskOps, Simd};
 use crate::{Cube, CubeAt};
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
-    /// Tests the pulses in `mask`, each within its range of depths, against a block. Its hits may be found together
-    /// with those of a later block. `enter` is the approximate minimum depth of the block.
+    /// Tests the pulses in `mask`, each within its range of depths, against a block. Its hits may be found
+    /// together with those of a later block. `enter` is the approximate minimum depth of the block.
     #[inline(always)]
     pub(super) fn visit_block(
         &mut self,
@@ -55,7 +55,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         self.lists.clear();
     }
 
-    /// Finds the hits of all pending pairs, span by span. Returns a mask of the pulses that may have hit something.
+    /// Finds the hits of all pending pairs, span by span. Returns a mask of the pulses that may have hit
+    /// something.
     #[inline(always)]
     fn flush_pulses(&mut self) -> u32 {
         let simd = self.simd;
@@ -95,7 +96,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         touched
     }
 
-    /// In the tree of a model, computes the deviations of the rays of all pulses that are partly inside a triangle.
+    /// In the tree of a model, computes the deviations of the rays of all pulses that are partly inside a
+    /// triangle.
     #[inline(always)]
     fn spread_pulses(&mut self) {
         let Some(frame) = &mut self.instance else { return };
@@ -113,8 +115,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
     }
 
-    /// Finds the hits of all pending pairs of merged pulses, which have one span. Returns a mask of the pulses that
-    /// may have hit something.
+    /// Finds the hits of all pending pairs of merged pulses, which have one span. Returns a mask of the
+    /// pulses that may have hit something.
     #[inline(always)]
     fn flush_merged(&mut self) -> u32 {
         let simd = self.simd;
@@ -186,8 +188,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
     }
 
-    /// Lowers the depth limit of a pulse: once all of its rays have hit something, objects behind the farthest of
-    /// these hits are occluded.
+    /// Lowers the depth limit of a pulse: once all of its rays have hit something, objects behind the
+    /// farthest of these hits are occluded.
     #[inline(always)]
     pub(super) fn lower_limit(&mut self, pulse: usize) {
         let first = (self.first + pulse) * self.registers;
@@ -200,9 +202,9 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         self.limit.0[pulse] = (depth * 1.000_000_4) as f32;
     }
 
-    /// Finds, for each pulse in `mask`, the triangles whose slopes overlap those of the pulse, in a block of a tree, or in the
-    /// next one of [`PacketTraversal::leaves`]. Their hits may be found together with those of a later block. `enter` is the
-    /// approximate minimum depth of the block.
+    /// Finds, for each pulse in `mask`, the triangles whose slopes overlap those of the pulse, in a block of
+    /// a tree, or in the next one of [`PacketTraversal::leaves`]. Their hits may be found together with those
+    /// of a later block. `enter` is the approximate minimum depth of the block.
     #[inline(always)]
     pub(super) fn pair_triangles(
         &mut self,
@@ -306,8 +308,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         }
     }
 
-    /// Applies the exact test to the rays of the `n`-th open register. Rays for which the fast distance is valid
-    /// obtain the same result again.
+    /// Applies the exact test to the rays of the `n`-th open register. Rays for which the fast distance is
+    /// valid obtain the same result again.
     #[cold]
     #[inline(never)]
     fn intersect_open(&mut self, n: usize) {

@@ -1,10 +1,11 @@
 //! Tracing of many pulses: up to sixteen neighbours, a packet, traverse the tree together.
 //!
-//! A single pulse visits a handful of nodes and triangles, so that most of its time is spent on mispredicted branches
-//! and waiting for memory. A packet shares every decision among some hundred rays: lanes are the children of a node,
-//! then the pulses, then the triangles of a block, then pairs of a pulse and a triangle, and finally the rays of one
-//! pulse for one triangle, where distances are computed. To fill those last lanes with pulses of few rays, too,
-//! neighbours are merged: sixteen rays, each with its own origin, are traced like one pulse.
+//! A single pulse visits a handful of nodes and triangles, so that most of its time is spent on mispredicted
+//! branches and waiting for memory. A packet shares every decision among some hundred rays: lanes are the
+//! children of a node, then the pulses, then the triangles of a block, then pairs of a pulse and a triangle,
+//! and finally the rays of one pulse for one triangle, where distances are computed. To fill those last lanes
+//! with pulses of few rays, too, neighbours are merged: sixteen rays, each with its own origin, are traced
+//! like one pulse.
 //!
 //! | file | contents |
 //! |---|---|
@@ -56,11 +57,11 @@ pub struct TraceScratch {
 }
 
 impl Tree {
-    /// First hits of all rays of many pulses. The hit of ray `r` of pulse `p` is at `p · rays.stride() + r`; entries
-    /// between the rows are unspecified. `hits` is resized and overwritten.
+    /// First hits of all rays of many pulses. The hit of ray `r` of pulse `p` is at `p · rays.stride() + r`;
+    /// entries between the rows are unspecified. `hits` is resized and overwritten.
     ///
-    /// Runs of neighbouring pulses are traced together, with the widest instructions of the machine. The hits equal
-    /// those of [`Tree::nearest_where`] for each ray, bit for bit.
+    /// Runs of neighbouring pulses are traced together, with the widest instructions of the machine. The hits
+    /// equal those of [`Tree::nearest_where`] for each ray, bit for bit.
     pub fn trace_group(
         &self,
         geometry: &Geometry,

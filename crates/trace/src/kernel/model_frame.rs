@@ -1,8 +1,8 @@
 //! A packet in the frame of a model: the frustums around its pulses are transformed, not their rays.
 //!
-//! The directions of a pulse lie within the pyramid over its slopes, and so do their images within the image of that
-//! pyramid. Its four edges give the slopes in the model's frame. The deviations of the rays themselves are computed for
-//! pulses that come upon a triangle.
+//! The directions of a pulse lie within the pyramid over its slopes, and so do their images within the image
+//! of that pyramid. Its four edges give the slopes in the model's frame. The deviations of the rays
+//! themselves are computed for pulses that come upon a triangle.
 
 #![expect(clippy::needless_range_loop, reason = "lanes of several arrays are counted together")]
 
@@ -17,17 +17,17 @@ use crate::intersect::axes_by_dominance;
 use crate::simd::{F32Ops, Simd, each_of};
 use glam::DMat3;
 
-/// Bound of the rounding error of the image of an edge of a pyramid in single precision, relative to the largest sum of a
-/// row of the matrix.
+/// Bound of the rounding error of the image of an edge of a pyramid in single precision, relative to the
+/// largest sum of a row of the matrix.
 const IMAGE_ROUNDING: f32 = 4e-7;
 
 /// Bound of the rounding error of slopes.
 const SLOPE_ROUNDING: f32 = 1e-6;
 
 impl<S: Simd> PacketFrustum<S> {
-    /// The frustums of the `pulses` of this packet, whose `origins` are those in the scene, in the frame of a model's tree.
-    /// Other lanes repeat the first of `pulses`. Returns `None` when the rays do not share a dominant axis there, or
-    /// start out of range.
+    /// The frustums of the `pulses` of this packet, whose `origins` are those in the scene, in the frame of a
+    /// model's tree. Other lanes repeat the first of `pulses`. Returns `None` when the rays do not share a
+    /// dominant axis there, or start out of range.
     #[inline(always)]
     pub fn in_model(
         &self,
@@ -80,13 +80,14 @@ impl PerPulse {
 struct Image {
     /// Slopes, `[side axis][low, high]`.
     slope: [[PerPulse; 2]; 2],
-    /// Maximum component along the dominant axis of the image of a direction that has the component 1 in the scene.
+    /// Maximum component along the dominant axis of the image of a direction that has the component 1 in the
+    /// scene.
     along: PerPulse,
 }
 
 impl Image {
-    /// The images under a matrix with these `rows`, for the dominant axis and the side axes. Returns `None` unless all rays
-    /// run forward, well within the cone of the dominant axis.
+    /// The images under a matrix with these `rows`, for the dominant axis and the side axes. Returns `None`
+    /// unless all rays run forward, well within the cone of the dominant axis.
     #[inline(always)]
     fn of(rows: &[[f32; 3]; 3], slope: &[[PerPulse; 2]; 2]) -> Option<Image> {
         let (mut least, mut greatest) =
@@ -144,8 +145,8 @@ impl Image {
     }
 }
 
-/// Transforms the origins of `pulses` into the frame of a model's tree; other lanes repeat lane `first`. Also returns the bound
-/// of their error in the model's frame.
+/// Transforms the origins of `pulses` into the frame of a model's tree; other lanes repeat lane `first`. Also
+/// returns the bound of their error in the model's frame.
 #[inline(always)]
 fn transform(
     OriginLanes(origins): &OriginLanes,
@@ -179,8 +180,8 @@ fn transform(
     (OriginLanes(to), way.error_at(farthest))
 }
 
-/// Writes the deviations of a pulse's rays from its shear to `deviations`, sixteen rays at a time. `rows` are those of the
-/// matrix into the model's frame for the axes of the shear, `slope` is that of the shear.
+/// Writes the deviations of a pulse's rays from its shear to `deviations`, sixteen rays at a time. `rows` are
+/// those of the matrix into the model's frame for the axes of the shear, `slope` is that of the shear.
 #[inline(always)]
 pub(super) fn set_deviations<S: Simd>(
     simd: S,

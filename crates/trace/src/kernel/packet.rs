@@ -13,12 +13,12 @@ use crate::simd::{F32Ops, Simd, each_of};
 use std::ops::Range;
 use vlscan_geom::DVec3;
 
-/// Maximum difference between the first ray of a pulse and that of its packet's first pulse: in each component of the
-/// direction, and of the origin in metres.
+/// Maximum difference between the first ray of a pulse and that of its packet's first pulse: in each
+/// component of the direction, and of the origin in metres.
 const MAX_DISTANCE: (f64, f64) = (0.1, 2.0);
 
-/// The depths at which the pulses hit planes across one axis, `(plane − from)·inverse` by lane, and whether these are
-/// upper or lower bounds of the depths on the inner side of the plane.
+/// The depths at which the pulses hit planes across one axis, `(plane − from)·inverse` by lane, and whether
+/// these are upper or lower bounds of the depths on the inner side of the plane.
 #[derive(Clone, Copy)]
 pub(crate) struct PlaneDepths<S: Simd> {
     pub from: PerPulse,
@@ -34,8 +34,8 @@ pub(crate) struct PlaneDepth {
     pub inverse: f32,
 }
 
-/// The frustums of up to sixteen pulses that share the dominant axis and its sign. Arrays of two are by side axis,
-/// arrays of three by axis.
+/// The frustums of up to sixteen pulses that share the dominant axis and its sign. Arrays of two are by side
+/// axis, arrays of three by axis.
 #[derive(Clone, Copy)]
 pub(crate) struct PacketFrustum<S: Simd> {
     pub simd: S,
@@ -59,7 +59,8 @@ pub(crate) struct PacketFrustum<S: Simd> {
     pub offset: [[PerPulse; 2]; 2],
     /// Maximum magnitude of an offset.
     pub max_offset: f32,
-    /// Depth from which [`PacketFrustum::max_offset`] is less than a quarter of the width of the narrowest pulse.
+    /// Depth from which [`PacketFrustum::max_offset`] is less than a quarter of the width of the narrowest
+    /// pulse.
     pub small_offsets_from: f32,
     /// Depth of each origin; for merged pulses, of the foremost.
     pub start: PerPulse,
@@ -77,8 +78,8 @@ pub(crate) struct PacketFrustum<S: Simd> {
     pub lane_shears: LaneShears,
 }
 
-/// Sheared coordinates of the pulses in single precision, relative to the apex. Arrays of three are by dominant axis
-/// and side axes.
+/// Sheared coordinates of the pulses in single precision, relative to the apex. Arrays of three are by
+/// dominant axis and side axes.
 #[derive(Clone, Copy)]
 pub(crate) struct LaneShears {
     pub from: [PerPulse; 3],
@@ -92,8 +93,8 @@ pub(crate) struct LaneShears {
     pub reach: PerPulse,
 }
 
-/// Returns the number of pulses from `first` on that are near enough to be traced together, at least 1. A pulse whose
-/// first ray is NaN joins no other.
+/// Returns the number of pulses from `first` on that are near enough to be traced together, at least 1. A
+/// pulse whose first ray is NaN joins no other.
 pub(crate) fn count_neighbours(rays: &RayGroup, first: usize) -> usize {
     let (o, d) = (rays.origin(first), rays.direction(first, 0));
     let last = (first + PACKET_SIZE).min(rays.len());
@@ -105,10 +106,10 @@ pub(crate) fn count_neighbours(rays: &RayGroup, first: usize) -> usize {
 }
 
 impl<S: Simd> PacketFrustum<S> {
-    /// Computes the frustums of some pulses, at most sixteen; lanes without a pulse repeat the first. Writes the
-    /// deviations of their rays, and the origins of merged pulses' rays. Returns `None` when the rays do not share a
-    /// dominant axis, or start out of range. `error` is the maximum error of rays and primitives, in units of the
-    /// tree's frame.
+    /// Computes the frustums of some pulses, at most sixteen; lanes without a pulse repeat the first. Writes
+    /// the deviations of their rays, and the origins of merged pulses' rays. Returns `None` when the rays do
+    /// not share a dominant axis, or start out of range. `error` is the maximum error of rays and primitives,
+    /// in units of the tree's frame.
     #[inline(always)]
     pub fn around(
         simd: S,

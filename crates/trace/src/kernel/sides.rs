@@ -1,18 +1,19 @@
-//! Which rays of a pulse pass within a triangle, decided in single precision wherever that suffices: sixteen pairs of a
-//! pulse and a triangle at a time, lanes being pairs.
+//! Which rays of a pulse pass within a triangle, decided in single precision wherever that suffices: sixteen
+//! pairs of a pulse and a triangle at a time, lanes being pairs.
 //!
-//! The reasoning is that of [`super::edges`]; only the corners come rounded from the block, relative to the packet's apex,
-//! so that the error is bounded by that rounding times the size of the triangle. What stays undecided goes to
-//! [`super::edges`], which starts from double precision.
+//! The reasoning is that of [`super::edges`]; only the corners come rounded from the block, relative to the
+//! packet's apex, so that the error is bounded by that rounding times the size of the triangle. What stays
+//! undecided goes to [`super::edges`], which starts from double precision.
 //!
 //! With `(X, Y, z)` a corner in coordinates sheared along the pulse's first ray, `q` the greatest of
-//! `|X| + |Y| + 2·w·|z|` over the corners (`w` the pulse's width), and `ε` the greatest error of `X`, `Y` and `z`, an edge
-//! function `E = (X_p·Y_q − Y_p·X_q) + (Y_p·z_q − z_p·Y_q)·δ_i + (z_p·X_q − X_p·z_q)·δ_j` errs by no more than
-//! `2·(1 + w)·ε·(q + 2ε)` through its corners and `2⁻²⁰·(q + 2ε)²` through its own arithmetic.
+//! `|X| + |Y| + 2·w·|z|` over the corners (`w` the pulse's width), and `ε` the greatest error of `X`, `Y` and
+//! `z`, an edge function `E = (X_p·Y_q − Y_p·X_q) + (Y_p·z_q − z_p·Y_q)·δ_i + (z_p·X_q − X_p·z_q)·δ_j` errs
+//! by no more than `2·(1 + w)·ε·(q + 2ε)` through its corners and `2⁻²⁰·(q + 2ε)²` through its own
+//! arithmetic.
 //!
-//! A ray of a merged pulse starts aside of the first, at `u = (u_i, u_j)`. To it the corners are at `(X − u_i, Y − u_j, z)`,
-//! which adds `e_x·u_j − e_y·u_i + e_z·(u_i·δ_j − u_j·δ_i)` to the edge function, `e` being the edge, and twice the greatest
-//! `|u|` to `q`; the rounding of `u` counts like that of corners.
+//! A ray of a merged pulse starts aside of the first, at `u = (u_i, u_j)`. To it the corners are at
+//! `(X − u_i, Y − u_j, z)`, which adds `e_x·u_j − e_y·u_i + e_z·(u_i·δ_j − u_j·δ_i)` to the edge function,
+//! `e` being the edge, and twice the greatest `|u|` to `q`; the rounding of `u` counts like that of corners.
 
 use super::lanes::PerPulse;
 use super::packet::PacketFrustum;
@@ -23,8 +24,8 @@ use crate::simd::{F32Ops, MaskOps, Simd, VectorOps, each_of};
 /// Error of the products and sums of an edge function, relative to `(q + 2ε)²`, generously rounded up.
 const PRODUCTS: f32 = 1e-6;
 
-/// Up to five roundings by half a unit in the last place on the way to `X` and `Y`, of `|X|` and of the shear `m·|z|`.
-/// Those of `z` count where it is multiplied by `w` only, and are among [`PRODUCTS`].
+/// Up to five roundings by half a unit in the last place on the way to `X` and `Y`, of `|X|` and of the shear
+/// `m·|z|`. Those of `z` count where it is multiplied by `w` only, and are among [`PRODUCTS`].
 const ROUNDINGS: f32 = 5.05 * 0.5 * f32::EPSILON;
 
 /// Error of where a ray of a merged pulse starts, relative to the greatest distance of that from the first.
@@ -58,8 +59,8 @@ impl Sides {
         edges: [[[0.0; BLOCK_SIZE]; 3]; 3],
     };
 
-    /// Computes the edges of sixteen pairs of a block. Returns masks of the pairs of which any ray may be inside, and of
-    /// those of which surely all rays are.
+    /// Computes the edges of sixteen pairs of a block. Returns masks of the pairs of which any ray may be
+    /// inside, and of those of which surely all rays are.
     #[inline(always)]
     pub fn set<S: Simd, const MERGED: bool>(
         &mut self,
@@ -166,8 +167,8 @@ impl Sides {
         [!(left & right).bits() & 0xffff, (all_left | all_right).bits()]
     }
 
-    /// Of sixteen rays of the pulse of pair `n`: those surely inside, and those not surely outside. `offsets` count for
-    /// merged pulses only.
+    /// Of sixteen rays of the pulse of pair `n`: those surely inside, and those not surely outside. `offsets`
+    /// count for merged pulses only.
     #[inline(always)]
     pub fn inside<S: Simd, const MERGED: bool>(
         &self,

@@ -32,8 +32,8 @@ pub(super) struct Origins {
 }
 
 impl Origins {
-    /// Computes the origins of some pulses that run `forward` along the first of `axes`; `None` if one is out of
-    /// range of single precision. `error` is the maximum error of the origins.
+    /// Computes the origins of some pulses that run `forward` along the first of `axes`; `None` if one is out
+    /// of range of single precision. `error` is the maximum error of the origins.
     #[inline(always)]
     pub fn of(
         frame: &Frame,
@@ -84,8 +84,8 @@ impl Origins {
             offset[1].0[l] = from[2] as f32;
             spread = larger(larger(from[0].abs(), larger(from[1].abs(), from[2].abs())), spread);
         }
-        // Rays start within the merged spread of the first, and at up to twice that sideways when extrapolated to its
-        // depth.
+        // Rays start within the merged spread of the first, and at up to twice that sideways when
+        // extrapolated to its depth.
         spread += 2.0 * merged.spread;
         let slack = above(2.0 * Frame::ROUNDING + 1e-14 * (1.0 + reach) + 5e-7 * spread + error);
         // At depths less than the offsets, an error of the depth is amplified in offset / depth.
@@ -158,8 +158,8 @@ impl MergedOrigins {
     }
 }
 
-/// Origins of a merged pulse's rays, relative to the first and extrapolated to its depth: `u_i` and `u_j` in the
-/// tree's frame, and their product `u_i·δ_j − u_j·δ_i` with the deviations; sixteen rays at a time.
+/// Origins of a merged pulse's rays, relative to the first and extrapolated to its depth: `u_i` and `u_j` in
+/// the tree's frame, and their product `u_i·δ_j − u_j·δ_i` with the deviations; sixteen rays at a time.
 pub(crate) type OriginOffsets = [[f32; 16]; 3];
 
 /// Slopes of a pulse's rays, `d_i/d_k` and `d_j/d_k`, minus those of its first ray; sixteen rays at a time.
@@ -180,8 +180,8 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// Computes the spread. Writes the deviations of all rays to `deviations`, in a fixed number of registers per
-    /// pulse, and the origins of merged pulses' rays to `offsets`.
+    /// Computes the spread. Writes the deviations of all rays to `deviations`, in a fixed number of registers
+    /// per pulse, and the origins of merged pulses' rays to `offsets`.
     #[inline(always)]
     pub fn of<S: Simd>(
         simd: S,
@@ -248,8 +248,8 @@ impl Spread {
         Spread { first, deviation: [wi, wj], forward: forward as f32, along, start }
     }
 
-    /// Returns the intervals of slopes, `[side axis][low, high]`; `None` unless every ray runs forward, well within
-    /// the cone of its axis.
+    /// Returns the intervals of slopes, `[side axis][low, high]`; `None` unless every ray runs forward, well
+    /// within the cone of its axis.
     #[inline(always)]
     pub fn slopes(&self) -> Option<[[PerPulse; 2]; 2]> {
         let mut slope = [[PerPulse::ZERO; 2]; 2];
@@ -272,8 +272,8 @@ impl Spread {
     }
 }
 
-/// Stores minimum and maximum of each pulse from the results of [`F32Ops::fold_minima`]: minima of numbers, then of
-/// their negatives.
+/// Stores minimum and maximum of each pulse from the results of [`F32Ops::fold_minima`]: minima of numbers,
+/// then of their negatives.
 #[inline(always)]
 fn store_ends<S: Simd>(simd: S, rows: &[[[f32; 16]; PACKET_SIZE]], ends: &mut [[PerPulse; 2]]) {
     for (rows, [least, greatest]) in rows.iter().zip(ends) {

@@ -51,8 +51,8 @@ pub(super) struct PacketTraversal<'a, S: Simd> {
 }
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
-    /// Creates a traversal by the pulses from `first` on, which `frustum` encloses. Their initial limits exclude
-    /// every hit.
+    /// Creates a traversal by the pulses from `first` on, which `frustum` encloses. Their initial limits
+    /// exclude every hit.
     #[inline(always)]
     pub fn of(
         geometry: &'a Geometry,

@@ -1,4 +1,5 @@
-//! Grids of voxels in a packet's traversal: nodes of their hierarchy like those of the wide tree, and rows of cubes like blocks.
+//! Grids of voxels in a packet's traversal: nodes of their hierarchy like those of the wide tree, and rows of
+//! cubes like blocks.
 
 use super::filter::boxes_in_frustum;
 use super::lanes::PACKET_SIZE;
@@ -54,7 +55,8 @@ impl<S: Simd> PacketTraversal<'_, S> {
         }
     }
 
-    /// Tests the pulses in a mask against the cubes of a row, each up to the cube behind which nothing of it is left.
+    /// Tests the pulses in a mask against the cubes of a row, each up to the cube behind which nothing of it
+    /// is left.
     #[inline(always)]
     fn hit_row(&mut self, view: &GridView, node: GridNode, mut pulses: u32) {
         let row = view.row(node);

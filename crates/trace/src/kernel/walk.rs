@@ -97,8 +97,8 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     fn walk_wide(&mut self, tree: &'a Tree, nodes: &[WideNode], pulses: u32) {
         self.stacks.wide[0] = Visit::root(WideChild::ROOT, pulses);
         let mut height = 1;
-        // Blocks are prefetched until some others have been found. Few pulses meet each block of a model, which is seldom in the
-        // cache.
+        // Blocks are prefetched until some others have been found. Few pulses meet each block of a model,
+        // which is seldom in the cache.
         let ahead = if self.instance.is_some() { MAX_AHEAD } else { 1 };
         let mut waiting: [Option<(&'a Block, f32, u32)>; MAX_AHEAD] = [None; MAX_AHEAD];
         let (mut first, mut count) = (0, 0);
@@ -162,9 +162,9 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         simd.splat(enter).le(simd.load(&self.limit.0) * simd.splat(DEPTH_MARGIN)).bits()
     }
 
-    /// Pushes the children of a node that the pulses hit on a stack of height `floor`, the nearest on top. The children are given
-    /// by the corners of their boxes and the mask of those that exist; `child` is called for those that are pushed. Returns the
-    /// new height.
+    /// Pushes the children of a node that the pulses hit on a stack of height `floor`, the nearest on top.
+    /// The children are given by the corners of their boxes and the mask of those that exist; `child` is
+    /// called for those that are pushed. Returns the new height.
     #[inline(always)]
     pub(super) fn push_children<N: Copy>(
         &mut self,

@@ -1,16 +1,17 @@
 //! Residency: items of a scene that are loaded when rays need them and dropped when memory is short.
 //!
-//! A [`Residency`] holds items of any kinds within one budget of bytes. [`Residency::add`] registers the items of one kind
-//! with the function that loads them. Every thread has its own [`Pins`]: what it takes stays in memory until the thread
-//! releases it, which it does after each packet of rays. Items that nobody holds are dropped when another needs their
-//! memory, the least recently used first.
+//! A [`Residency`] holds items of any kinds within one budget of bytes. [`Residency::add`] registers the
+//! items of one kind with the function that loads them. Every thread has its own [`Pins`]: what it takes
+//! stays in memory until the thread releases it, which it does after each packet of rays. Items that nobody
+//! holds are dropped when another needs their memory, the least recently used first.
 //!
-//! What is resident decides how long tracing takes, never what it finds: an item that cannot be loaded, or that would take
-//! the items of one packet beyond the budget, is reported by [`Pins::release`], and the packet does not count.
+//! What is resident decides how long tracing takes, never what it finds: an item that cannot be loaded, or
+//! that would take the items of one packet beyond the budget, is reported by [`Pins::release`], and the
+//! packet does not count.
 //!
-//! A thread that needs room waits for others to release theirs, so threads together keep to the budget, too, as long as one
-//! of them can go on. Where all wait for one another, one of them goes beyond the budget rather than stopping for ever;
-//! [`ResidencyStatistics::peak`] tells.
+//! A thread that needs room waits for others to release theirs, so threads together keep to the budget, too,
+//! as long as one of them can go on. Where all wait for one another, one of them goes beyond the budget
+//! rather than stopping for ever; [`ResidencyStatistics::peak`] tells.
 
 mod pins;
 #[cfg(test)]
@@ -127,7 +128,8 @@ impl Residency {
     }
 
     /// Registers items of one kind, each with its approximate bytes. `load` loads the item with an index in
-    /// this kind and tells its bytes; it must return the same item whenever it is called, and must not take items itself.
+    /// this kind and tells its bytes; it must return the same item whenever it is called, and must not take
+    /// items itself.
     pub fn add<T: Send + Sync + 'static>(
         self: &Arc<Self>,
         bytes: impl IntoIterator<Item = u64>,
@@ -160,8 +162,8 @@ impl Residency {
         ResidencyStatistics { resident, ..state.statistics }
     }
 
-    /// Loads an item that packets will need soon, if there is room for it without what they have used lately. Returns
-    /// whether it is in memory now. A failure is reported to the packet that needs the item.
+    /// Loads an item that packets will need soon, if there is room for it without what they have used lately.
+    /// Returns whether it is in memory now. A failure is reported to the packet that needs the item.
     fn prefetch(&self, item: usize) -> bool {
         let mut state = self.lock();
         match &state.items[item].content {
@@ -219,8 +221,8 @@ impl Residency {
         state
     }
 
-    /// Makes room for `bytes`: drops what nobody holds, then waits for others to release what they hold, unless all of
-    /// them wait, too.
+    /// Makes room for `bytes`: drops what nobody holds, then waits for others to release what they hold,
+    /// unless all of them wait, too.
     fn make_room<'a>(&'a self, mut state: MutexGuard<'a, State>, bytes: u64) -> MutexGuard<'a, State> {
         loop {
             let unused = state.unused_before(u64::MAX);
@@ -260,7 +262,8 @@ impl Residency {
 }
 
 impl State {
-    /// The items that nobody holds and that were last used before packet `before`, the least recently used first.
+    /// The items that nobody holds and that were last used before packet `before`, the least recently used
+    /// first.
     fn unused_before(&self, before: u64) -> Vec<usize> {
         let is_unused = |item: &Item| item.pins == 0 && item.last_use < before && item.content.is_resident();
         let mut unused: Vec<usize> = (0..self.items.len()).filter(|i| is_unused(&self.items[*i])).collect();
@@ -297,8 +300,8 @@ impl<T> Paged<T> {
         &self.residency
     }
 
-    /// Loads an item that packets will need soon, if there is room for it without what they have used lately. Returns
-    /// whether it is in memory now. A failure is reported to the packet that needs the item.
+    /// Loads an item that packets will need soon, if there is room for it without what they have used lately.
+    /// Returns whether it is in memory now. A failure is reported to the packet that needs the item.
     pub fn prefetch(&self, index: usize) -> bool {
         index < self.len && self.residency.prefetch(self.first + index)
     }

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 /// The items that one thread holds for the packet of rays that it traces.
 ///
-/// The first access of a packet to an item takes a lock and may load the item; further ones take neither lock nor atomic
-/// operation. [`Pins::release`] ends the packet.
+/// The first access of a packet to an item takes a lock and may load the item; further ones take neither lock
+/// nor atomic operation. [`Pins::release`] ends the packet.
 pub struct Pins {
     residency: Arc<Residency>,
     /// Every item of the residency, as far as the packet has taken it; `None` if it is not available.
@@ -51,8 +51,8 @@ impl Pins {
         Pins { residency: residency.clone(), taken, packet: RefCell::default() }
     }
 
-    /// The item with this index among those of `items`, which is loaded if it is not resident. `None` if that fails or if
-    /// the packet's items exceed the budget; [`Pins::release`] then tells so.
+    /// The item with this index among those of `items`, which is loaded if it is not resident. `None` if that
+    /// fails or if the packet's items exceed the budget; [`Pins::release`] then tells so.
     #[inline]
     pub fn get<T: Send + Sync + 'static>(&self, items: &Paged<T>, index: usize) -> Option<&T> {
         debug_assert!(Arc::ptr_eq(&items.residency, &self.residency), "items of another residency");

@@ -254,7 +254,8 @@ impl Simd for Avx2 {
     fn look_up(self, table: &[f32; 16], at: [__m256i; 2]) -> F32x16 {
         let [low, high] = self.load(table).0;
         unsafe {
-            // A permutation uses the low three bits of an index; the fourth, as a sign, selects one of the halves.
+            // A permutation uses the low three bits of an index; the fourth, as a sign, selects one of the
+            // halves.
             F32x16(each_of!([0, 1], n => {
                 let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at[n]));
                 _mm256_blendv_ps(
@@ -385,8 +386,8 @@ static LANES_OF_MASK: [[u32; 8]; 256] = {
     table
 };
 
-/// Reduces eight lanes, the lower or the upper ones, of the four rows from `first` on to one register: each half of
-/// it has the minima of the rows over four lanes.
+/// Reduces eight lanes, the lower or the upper ones, of the four rows from `first` on to one register: each
+/// half of it has the minima of the rows over four lanes.
 ///
 /// # Safety
 /// The machine must have AVX2.

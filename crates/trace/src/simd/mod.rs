@@ -1,14 +1,14 @@
 //! Instruction sets as values: sixteen single-precision or eight double-precision numbers at a time.
 //!
-//! A set is a zero-sized token ([`Portable`](portable::Portable), [`Avx2`](avx2::Avx2), [`Avx512`](avx512::Avx512))
-//! that only the detection of its features creates, and its vectors are types that only the token creates. So every
-//! operation is safe: a token or a vector is the proof that the machine has the instructions. `unsafe` is confined to
-//! the files of the sets.
+//! A set is a zero-sized token ([`Portable`](portable::Portable), [`Avx2`](avx2::Avx2),
+//! [`Avx512`](avx512::Avx512)) that only the detection of its features creates, and its vectors are types
+//! that only the token creates. So every operation is safe: a token or a vector is the proof that the machine
+//! has the instructions. `unsafe` is confined to the files of the sets.
 //!
-//! Code is written once, generic over [`Simd`], and computes the same bits on every set, because nothing is fused or
-//! reordered; the portable set is the reference that the others are tested against. Speed depends on inlining: a
-//! function that takes a token or vectors is `#[inline(always)]` up to a call of [`Simd::outlined`], which is
-//! compiled with the features of the set.
+//! Code is written once, generic over [`Simd`], and computes the same bits on every set, because nothing is
+//! fused or reordered; the portable set is the reference that the others are tested against. Speed depends on
+//! inlining: a function that takes a token or vectors is `#[inline(always)]` up to a call of
+//! [`Simd::outlined`], which is compiled with the features of the set.
 
 #[cfg(target_arch = "x86_64")]
 pub mod avx2;
@@ -23,8 +23,8 @@ use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Sub};
 use std::sync::OnceLock;
 
-/// The array of `$e` for `$i` in 0, 1, 2 (or as many as listed). `array::map` and `array::from_fn` are not always
-/// inlined, and a closure that is not inlined lacks the target features; this macro needs no closure.
+/// The array of `$e` for `$i` in 0, 1, 2 (or as many as listed). `array::map` and `array::from_fn` are not
+/// always inlined, and a closure that is not inlined lacks the target features; this macro needs no closure.
 #[macro_export]
 macro_rules! each_of {
     ([$($n:literal),+], $i:ident => $e:expr) => {
@@ -36,7 +36,8 @@ macro_rules! each_of {
 }
 pub use each_of;
 
-/// Evaluates `$body` in a function compiled for the instruction set of `$level`, with `$simd` as the token of the set.
+/// Evaluates `$body` in a function compiled for the instruction set of `$level`, with `$simd` as the token of
+/// the set.
 #[macro_export]
 macro_rules! dispatch {
     ($level:expr, $simd:ident => $body:expr) => {
@@ -89,8 +90,8 @@ impl Level {
         sets.into_iter().flatten()
     }
 
-    /// The fastest set, or the one that the environment variable `VLSCAN_SIMD` names: portable, avx2 or avx512. Sets
-    /// that the machine does not have are portable.
+    /// The fastest set, or the one that the environment variable `VLSCAN_SIMD` names: portable, avx2 or
+    /// avx512. Sets that the machine does not have are portable.
     pub fn best() -> Level {
         static BEST: OnceLock<Level> = OnceLock::new();
         *BEST.get_or_init(|| {
@@ -129,8 +130,8 @@ pub trait Simd: Copy + Debug + 'static {
     /// True if one register holds eight `f64`; then replacing branches by work on complete registers pays.
     const HAS_WIDE_REGISTERS: bool;
 
-    /// Calls `f` in a separate function, which has all registers available and is compiled with the features of the
-    /// set. `f` must be `#[inline(always)]`, as in `simd.outlined(#[inline(always)] || …)`.
+    /// Calls `f` in a separate function, which has all registers available and is compiled with the features
+    /// of the set. `f` must be `#[inline(always)]`, as in `simd.outlined(#[inline(always)] || …)`.
     fn outlined<R>(self, f: impl FnOnce() -> R) -> R;
 
     /// Sixteen lanes equal to `x`.
@@ -143,8 +144,8 @@ pub trait Simd: Copy + Debug + 'static {
     fn look_up(self, table: &[f32; 16], at: Self::Indices) -> Self::F32x16;
     /// The minima within the lower and within the upper eight lanes of sixteen rows, by row.
     fn row_minima(self, rows: &[[f32; 16]; 16]) -> [Self::F32x16; 2];
-    /// Writes `base + lane` for each lane in the 16-bit `mask` to consecutive entries of `out`; later entries are
-    /// overwritten with unspecified values.
+    /// Writes `base + lane` for each lane in the 16-bit `mask` to consecutive entries of `out`; later entries
+    /// are overwritten with unspecified values.
     fn write_lanes(self, mask: u32, base: u32, out: &mut [u32; 16]);
 
     /// Eight lanes equal to `x`.
@@ -155,8 +156,8 @@ pub trait Simd: Copy + Debug + 'static {
     fn mask8(self, bits: u32) -> Self::Mask8;
     /// Narrows both vectors to one of `f32`, rounded to nearest.
     fn narrow(self, low: Self::F64x8, high: Self::F64x8) -> Self::F32x16;
-    /// Replaces `t` in the lanes of `hit` by the candidates `v` that are less, and `ids` by `id` there; where a
-    /// candidate equals `t`, the smaller of both ids is kept.
+    /// Replaces `t` in the lanes of `hit` by the candidates `v` that are less, and `ids` by `id` there; where
+    /// a candidate equals `t`, the smaller of both ids is kept.
     fn keep_nearest(self, hit: Self::Mask8, t: &mut [f64; 8], v: Self::F64x8, ids: &mut [u32; 8], id: u32);
     /// Counts, for each number of the blocks, the `keys` that are smaller.
     fn count_smaller<const BLOCKS: usize>(
@@ -199,8 +200,8 @@ pub trait F32Ops: VectorOps + Div<Output = Self> {
     fn le(self, other: Self) -> Self::Mask;
     /// `self < other`, false when either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
-    /// Lane `i` becomes the minimum of lanes `i` and `i + 8` of `self` in the lower half, of `high` in the upper
-    /// half: one row of [`Simd::row_minima`].
+    /// Lane `i` becomes the minimum of lanes `i` and `i + 8` of `self` in the lower half, of `high` in the
+    /// upper half: one row of [`Simd::row_minima`].
     fn fold_minima(self, high: Self) -> Self;
     /// Returns the maximum of all lanes.
     fn max_lane(self) -> f32;

@@ -1,4 +1,5 @@
-//! The occupied cells of a grid in the order of their numbers: two bytes each, and four for each row of cells.
+//! The occupied cells of a grid in the order of their numbers: two bytes each, and four for each row of
+//! cells.
 
 use crate::memory::vec_bytes;
 use std::collections::TryReserveError;
@@ -18,11 +19,12 @@ const MAX_ROWS_PER_VOXEL: usize = 16;
 /// The orders of axes in which numbers can advance, from the slowest axis to the fastest.
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [2, 1, 0], [1, 0, 2], [0, 2, 1], [1, 2, 0], [2, 0, 1]];
 
-/// Number of cells along x, y, z; the axes from that along which numbers advance most slowly to that of rows; the number of the first
-/// row that has a voxel.
+/// Number of cells along x, y, z; the axes from that along which numbers advance most slowly to that of rows;
+/// the number of the first row that has a voxel.
 pub type CellLayout = ([u32; 3], [usize; 3], usize);
 
-/// The occupied cells of a grid. Their numbers advance along one axis, its rows, then along a second one and then along the third.
+/// The occupied cells of a grid. Their numbers advance along one axis, its rows, then along a second one and
+/// then along the third.
 #[derive(Clone, Debug)]
 pub struct VoxelCells {
     /// Number of cells along x, y, z.
@@ -49,8 +51,8 @@ impl VoxelCells {
         VoxelCells { counts, order, first_row: 0, starts: Vec::new(), along: Vec::new(), rows: Vec::new() }
     }
 
-    /// The cells whose rows begin at these numbers, and whose positions along the rows are these, as [`VoxelCells::arrays`]
-    /// returned them; `None` if they are not in order.
+    /// The cells whose rows begin at these numbers, and whose positions along the rows are these, as
+    /// [`VoxelCells::arrays`] returned them; `None` if they are not in order.
     pub fn from_arrays(
         (counts, order, first_row): CellLayout,
         starts: Vec<u32>,
@@ -73,8 +75,8 @@ impl VoxelCells {
         (are_rows && is_within && (first_row..rows).all(is_row)).then_some(cells)
     }
 
-    /// What the cells consist of: their counts along the axes, the order of the axes and the first row; the number of the first
-    /// voxel of each row; and the position of each voxel along its row.
+    /// What the cells consist of: their counts along the axes, the order of the axes and the first row; the
+    /// number of the first voxel of each row; and the position of each voxel along its row.
     pub fn arrays(&self) -> (CellLayout, &[u32], &[u16]) {
         ((self.counts, self.order, self.first_row), &self.starts, &self.along)
     }
@@ -97,8 +99,9 @@ impl VoxelCells {
         self.along.try_reserve(more)
     }
 
-    /// Occupies the cell with the next number. Returns false, and changes nothing, if it lies beyond the grid or if the numbers of
-    /// all cells then advance along the axes in no order, or if the grid has too few voxels for its rows.
+    /// Occupies the cell with the next number. Returns false, and changes nothing, if it lies beyond the grid
+    /// or if the numbers of all cells then advance along the axes in no order, or if the grid has too few
+    /// voxels for its rows.
     pub fn push(&mut self, cell: [u32; 3]) -> bool {
         self.append(cell) || self.reorder(cell)
     }

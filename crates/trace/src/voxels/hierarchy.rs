@@ -1,8 +1,9 @@
-//! The sparse hierarchy over the cells of a grid: nodes with sixteen children, of which those with voxels are stored.
+//! The sparse hierarchy over the cells of a grid: nodes with sixteen children, of which those with voxels are
+//! stored.
 //!
-//! Positions are by the axes of the grid, from that along which numbers advance most slowly to that of rows. A node of the lowest
-//! level, a brick, has four by four rows of sixteen cells; one of the next has four by four bricks, a cube of 16³ cells; above, the
-//! shorter sides of nodes are doubled four times per level.
+//! Positions are by the axes of the grid, from that along which numbers advance most slowly to that of rows.
+//! A node of the lowest level, a brick, has four by four rows of sixteen cells; one of the next has four by
+//! four bricks, a cube of 16³ cells; above, the shorter sides of nodes are doubled four times per level.
 
 use super::VoxelCells;
 use crate::memory::vec_bytes;
@@ -58,7 +59,8 @@ struct Level {
     firsts: Vec<u32>,
 }
 
-/// A node of the hierarchy: its level (0 for a row of cells within a brick, 1 for bricks), its index there, and its lowest cell.
+/// A node of the hierarchy: its level (0 for a row of cells within a brick, 1 for bricks), its index there,
+/// and its lowest cell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GridNode {
     pub level: u32,
@@ -197,8 +199,8 @@ fn places_of(bits: [u32; 3]) -> [[f32; CHILDREN]; 3] {
     [0, 1, 2].map(|axis| std::array::from_fn(|lane| (lane >> below[axis] & ((1 << bits[axis]) - 1)) as f32))
 }
 
-/// How often each side of the nodes of a level, with these logarithms, is doubled in the level above: the shortest one four times,
-/// as long as the grid is longer.
+/// How often each side of the nodes of a level, with these logarithms, is doubled in the level above: the
+/// shortest one four times, as long as the grid is longer.
 fn doublings(mut logs: [u32; 3], dimensions: [u32; 3]) -> [u32; 3] {
     let mut bits = [0; 3];
     for _ in 0..CHILD_BITS {

@@ -1,8 +1,8 @@
 //! Grids of voxels: cubes on a regular grid that are stored as their cells.
 //!
-//! A grid has the cubes that a program which stores cubes would have, with exactly their centres and sizes; they are computed
-//! when they are tested. Over the cells is a sparse hierarchy of boxes with sixteen children each, by which rays find the
-//! cells that they may hit; like trees it only chooses what is tested.
+//! A grid has the cubes that a program which stores cubes would have, with exactly their centres and sizes;
+//! they are computed when they are tested. Over the cells is a sparse hierarchy of boxes with sixteen
+//! children each, by which rays find the cells that they may hit; like trees it only chooses what is tested.
 //!
 //! | file | contents |
 //! |---|---|
@@ -43,8 +43,9 @@ pub struct VoxelGrid {
 }
 
 impl VoxelGrid {
-    /// A grid with a cube in each of the cells, whose first has index `first` among the cubes of its geometry; `None` without
-    /// cells, or if there are more than can be numbered with 32 bits. Uses all threads of the current pool.
+    /// A grid with a cube in each of the cells, whose first has index `first` among the cubes of its
+    /// geometry; `None` without cells, or if there are more than can be numbered with 32 bits. Uses all
+    /// threads of the current pool.
     pub fn new(place: GridPlace, mut cells: VoxelCells, first: usize) -> Option<VoxelGrid> {
         let end = cells.len().checked_add(first)?;
         if cells.is_empty() || end >= u32::MAX as usize {

@@ -5,8 +5,8 @@ use vlscan_geom::{DVec3, Rotation};
 
 /// Positions and size of the cubes of a grid.
 ///
-/// A cube is computed as a program that stores cubes would compute it, operation by operation: the centre of its cell, the scale
-/// and the translation of the part, its raise, less the scene's shift.
+/// A cube is computed as a program that stores cubes would compute it, operation by operation: the centre of
+/// its cell, the scale and the translation of the part, its raise, less the scene's shift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct GridPlace {

@@ -11,8 +11,8 @@ use crate::stack::insert_by_depth;
 use vlscan_geom::DVec3;
 
 impl VoxelGrid {
-    /// Visits the cubes that a ray of the frustum might hit, nearest rows first, up to the depth `limit`. `visit` takes the index
-    /// among the cubes of the geometry and the cube, and returns the new limit.
+    /// Visits the cubes that a ray of the frustum might hit, nearest rows first, up to the depth `limit`.
+    /// `visit` takes the index among the cubes of the geometry and the cube, and returns the new limit.
     pub(crate) fn walk(
         &self,
         frame: &Frame,
@@ -80,8 +80,8 @@ impl VoxelGrid {
         }
     }
 
-    /// Applies the exact test to a ray and all cubes; `visit` takes the index among the cubes of the geometry and the distance of
-    /// those that it hits.
+    /// Applies the exact test to a ray and all cubes; `visit` takes the index among the cubes of the geometry
+    /// and the distance of those that it hits.
     pub(crate) fn test_all(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(u32, f64)) {
         for (i, own) in (self.first..).zip(self.cubes()) {
             if let Some(t) = cube(origin, direction, own) {

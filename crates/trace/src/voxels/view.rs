@@ -9,15 +9,16 @@ use std::ops::Range;
 
 const _: () = assert!(ROW_CELLS == BLOCK_SIZE);
 
-/// Rounding of boxes in single precision in the tree's frame, where all voxels lie between -1 and 1: of a corner, of its distance from
-/// that of the first child, and of their sum, generously rounded up. Corners beyond are at least a cell away from all voxels.
+/// Rounding of boxes in single precision in the tree's frame, where all voxels lie between -1 and 1: of a
+/// corner, of its distance from that of the first child, and of their sum, generously rounded up. Corners
+/// beyond are at least a cell away from all voxels.
 const SINGLE: f64 = 1.0 / (1u64 << 21) as f64;
 
 /// Rounding of cubes and boxes in double precision, relative to the largest number that occurs.
 const DOUBLE: f64 = 1e-14;
 
-/// A grid in a tree's frame. Arrays of three are by the axes of the grid, from that along which numbers advance most slowly to that
-/// of rows.
+/// A grid in a tree's frame. Arrays of three are by the axes of the grid, from that along which numbers
+/// advance most slowly to that of rows.
 pub(crate) struct GridView<'a> {
     pub grid: &'a VoxelGrid,
     /// Axes of the scene.

@@ -75,7 +75,8 @@ fn schedules(threads: &[usize]) -> Vec<Schedule> {
     all
 }
 
-/// Distributes numbers as the pipeline distributes pulses: a number that is returned is computed by this thread.
+/// Distributes numbers as the pipeline distributes pulses: a number that is returned is computed by this
+/// thread.
 fn distribute<R: Outcome, W: FnMut(u64) -> Result<R>>(
     feed: &mut Feed<'_, u64, R, W>,
     numbers: std::ops::Range<u64>,

@@ -1,5 +1,5 @@
-//! A chunk of LAS 1.4 points with extra bytes, layer by layer: the bytes of LASzip in about half the time of the
-//! `laz` crate. Bytes that never change within a chunk are only counted, and independent layers are coded
+//! A chunk of LAS 1.4 points with extra bytes, layer by layer: the bytes of LASzip in about half the time of
+//! the `laz` crate. Bytes that never change within a chunk are only counted, and independent layers are coded
 //! interleaved.
 
 use super::extra;

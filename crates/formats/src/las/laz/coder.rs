@@ -1,5 +1,5 @@
-//! Adaptive arithmetic coder of LAZ: 32-bit intervals, carries that propagate into written bytes, and models of
-//! symbol frequencies that are updated at growing intervals.
+//! Adaptive arithmetic coder of LAZ: 32-bit intervals, carries that propagate into written bytes, and models
+//! of symbol frequencies that are updated at growing intervals.
 
 /// Bits of a symbol's probability.
 const PROBABILITY_BITS: u32 = 15;
@@ -18,7 +18,8 @@ pub(super) struct Coder {
     written: Written,
 }
 
-/// The written bytes and spare capacity, kept apart from the interval so that the interval stays in registers.
+/// The written bytes and spare capacity, kept apart from the interval so that the interval stays in
+/// registers.
 #[derive(Debug, Default)]
 struct Written {
     out: Vec<u8>,
@@ -91,8 +92,9 @@ impl Coder {
         if carry {
             self.written.carry();
         }
-        // Number of leading bits that no later symbol changes except by a carry, in whole bytes, often 0. A branch on
-        // it would be mispredicted, so four bytes are always written, and the position advances by the final ones.
+        // Number of leading bits that no later symbol changes except by a carry, in whole bytes, often 0. A
+        // branch on it would be mispredicted, so four bytes are always written, and the position advances by
+        // the final ones.
         let bits = length.leading_zeros() & !7;
         let Written { out, at } = &mut self.written;
         if *at + 4 > out.len() {
@@ -223,8 +225,8 @@ impl BitModel {
     }
 }
 
-/// Coder of integers as differences from a prediction: the magnitude as one symbol, the upper bits below it as
-/// another, the lower bits without a model.
+/// Coder of integers as differences from a prediction: the magnitude as one symbol, the upper bits below it
+/// as another, the lower bits without a model.
 #[derive(Debug)]
 pub(super) struct Integers {
     /// Binary magnitude of the last difference.

@@ -37,7 +37,8 @@ impl Column {
     }
 }
 
-/// Writes the differences of several columns interleaved: a symbol depends only on its predecessor in the same layer.
+/// Writes the differences of several columns interleaved: a symbol depends only on its predecessor in the
+/// same layer.
 #[inline(always)]
 fn write<const N: usize>(columns: [&mut Column; N], off: [&[u8]; N]) {
     let count = off.iter().fold(BLOCK_POINTS, |count, off| count.min(off.len()));
@@ -53,8 +54,8 @@ fn write<const N: usize>(columns: [&mut Column; N], off: [&[u8]; N]) {
     }
 }
 
-/// Returns the layers of the bytes from `start` on in records of `length` bytes; a layer is empty where nothing
-/// changed.
+/// Returns the layers of the bytes from `start` on in records of `length` bytes; a layer is empty where
+/// nothing changed.
 pub(super) fn layers(records: &[u8], start: usize, length: usize) -> Vec<Vec<u8>> {
     let points = records.len() / length;
     let mut columns: Vec<Column> = (start..length).map(|_| Column::new()).collect();

@@ -1,8 +1,9 @@
-//! LAZ: compression of LAS points in chunks of fixed size, by idle workers. The bytes depend on the points only, not
-//! on batches or threads.
+//! LAZ: compression of LAS points in chunks of fixed size, by idle workers. The bytes depend on the points
+//! only, not on batches or threads.
 //!
-//! LAS 1.4 points of one scanner channel are compressed by [`chunk`], others by the `laz` crate, which writes the same bytes
-//! for both. [`chunk`] exists because it is about 1.85 times as fast for point format 6 (docs/speed.md).
+//! LAS 1.4 points of one scanner channel are compressed by [`chunk`], others by the `laz` crate, which writes
+//! the same bytes for both. [`chunk`] exists because it is about 1.85 times as fast for point format 6
+//! (docs/speed.md).
 //!
 //! | file | contents |
 //! |---|---|

@@ -295,8 +295,8 @@ impl Positions {
     }
 }
 
-/// Class of a return by number of returns and return number (single, first of two, last of two and so on), as fixed
-/// by the format.
+/// Class of a return by number of returns and return number (single, first of two, last of two and so on), as
+/// fixed by the format.
 const KINDS: [[u8; 16]; 16] = [
     [0, 1, 2, 3, 4, 5, 3, 4, 4, 5, 5, 5, 5, 5, 5, 5],
     [1, 0, 1, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3],

@@ -1,5 +1,5 @@
-//! Extra dimensions of the points (LAS 1.4, extra bytes): their place in a record, type, scale, offset and the value that stands
-//! for none.
+//! Extra dimensions of the points (LAS 1.4, extra bytes): their place in a record, type, scale, offset and
+//! the value that stands for none.
 
 /// Bytes of a descriptor.
 const DESCRIPTOR_BYTES: usize = 192;
@@ -21,7 +21,8 @@ pub struct ExtraDimension {
     no_data: Option<f64>,
 }
 
-/// The dimensions in the data of the record of extra bytes, with their names; `offset` is that of the first one in a record.
+/// The dimensions in the data of the record of extra bytes, with their names; `offset` is that of the first
+/// one in a record.
 pub(super) fn dimensions(descriptors: &[u8], mut offset: usize) -> Vec<(String, ExtraDimension)> {
     let dimension = |descriptor: &[u8]| {
         let (kind, options) = (descriptor[2], descriptor[3]);
@@ -82,7 +83,8 @@ fn widened(kind: u8, bytes: [u8; 8]) -> Option<f64> {
     }
 }
 
-/// Size of an extra-bytes data type, bytes (LAS 1.4 table 24); types 11 to 30 are the first ten as arrays of two and three.
+/// Size of an extra-bytes data type, bytes (LAS 1.4 table 24); types 11 to 30 are the first ten as arrays of
+/// two and three.
 fn size_of_kind(kind: u8) -> usize {
     const SIZES: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
     match kind {

@@ -22,7 +22,8 @@ pub(in crate::las) struct LasFormat {
     pub extra: ExtraDimensions,
     /// Number of points in the header of a stream that cannot be patched.
     pub at_most: Option<u64>,
-    /// Box around all points that can occur, in stored integers, for the header of a stream that cannot be patched.
+    /// Box around all points that can occur, in stored integers, for the header of a stream that cannot be
+    /// patched.
     pub(super) reach: Aabb,
     pub groups: Groups,
     /// Layout of waveform packets, if requested.

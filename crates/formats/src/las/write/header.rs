@@ -11,9 +11,9 @@ use las::{Version, raw};
 use vlscan_geom::DVec3;
 
 impl LasFormat {
-    /// Returns header and variable length records of a file with the counts and bounds of `tally`, and with packets
-    /// at position `packets_at` of that file, or with points that form an octree; `state` describes how the run ended. The length
-    /// depends on the compression alone.
+    /// Returns header and variable length records of a file with the counts and bounds of `tally`, and with
+    /// packets at position `packets_at` of that file, or with points that form an octree; `state` describes
+    /// how the run ended. The length depends on the compression alone.
     pub fn head(
         &self,
         laszip: Option<&::laz::LazVlr>,
@@ -34,8 +34,8 @@ impl LasFormat {
         head
     }
 
-    /// Returns the header of a stream that cannot be patched: the maximum number of points, and the bounds of the
-    /// scene.
+    /// Returns the header of a stream that cannot be patched: the maximum number of points, and the bounds of
+    /// the scene.
     pub fn stream_head(&self, at_most: u64) -> Vec<u8> {
         let mut by_return = [0; 15];
         by_return[0] = at_most;
@@ -69,8 +69,8 @@ fn header(
     let (year, day) = format.creation;
     let is_adjusted = format.adjusted_times || tally.has_adjusted_times;
     let header = raw::Header {
-        // Adjusted standard GPS time or that of the week; WKT, the only kind of coordinate system allowed for formats 6 and 9;
-        // location of the packets.
+        // Adjusted standard GPS time or that of the week; WKT, the only kind of coordinate system allowed for
+        // formats 6 and 9; location of the packets.
         global_encoding: packets | if modern { 0x10 | u16::from(is_adjusted) } else { 0 },
         version,
         system_identifier: fixed_text(&format.system),

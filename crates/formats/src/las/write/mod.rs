@@ -1,4 +1,5 @@
-//! LAS 1.4 with point data record format 6, or 9 with waveform packets, and LAS 1.0 with format 1 (spec outputs §4).
+//! LAS 1.4 with point data record format 6, or 9 with waveform packets, and LAS 1.0 with format 1 (spec
+//! outputs §4).
 //!
 //! | file | contents |
 //! |---|---|
@@ -11,8 +12,8 @@
 //! * coordinates: rounded to the scale, relative to an offset of integral metres near the scene's centre;
 //! * `PointSourceId`: number of the leg plus one, because 0 means "unknown";
 //! * `ScannerChannel` (format 6): device modulo 4; the extra dimension `device` holds the index itself;
-//! * `ScanAngle`: of the beam from straight down across the track, negative to the left of the flight, in steps of 0.006° up to ±180°
-//!   (format 6), or whole degrees, of which there are ±90 (format 1);
+//! * `ScanAngle`: of the beam from straight down across the track, negative to the left of the flight, in
+//!   steps of 0.006° up to ±180° (format 6), or whole degrees, of which there are ±90 (format 1);
 //! * `Intensity`: see [`PointRecord::digital_intensity`](crate::PointRecord::digital_intensity);
 //! * `Classification`: 0 where the material's class exceeds 255 (31 in format 1) or is negative;
 //! * return numbers above 15 (format 1: 7) are stored as 15 (7), and counted as such in the header.

@@ -1,10 +1,11 @@
-//! Waveforms as packets of LAS 1.4: point data record format 9, whose points refer to the packet of their pulse.
+//! Waveforms as packets of LAS 1.4: point data record format 9, whose points refer to the packet of their
+//! pulse.
 //!
-//! A packet is one waveform of 16-bit samples, with the number of samples given by its descriptor. There are at most
-//! 255 descriptors, and the header that lists them precedes the first point, while lengths and amplitudes are known
-//! only after simulation. The descriptors therefore form a grid over all lengths and amplitudes that can occur: for
-//! each bin width, lengths that grow by a constant factor (a packet is padded with samples of amplitude 0) and gains
-//! that grow by a factor of sixteen.
+//! A packet is one waveform of 16-bit samples, with the number of samples given by its descriptor. There are
+//! at most 255 descriptors, and the header that lists them precedes the first point, while lengths and
+//! amplitudes are known only after simulation. The descriptors therefore form a grid over all lengths and
+//! amplitudes that can occur: for each bin width, lengths that grow by a constant factor (a packet is padded
+//! with samples of amplitude 0) and gains that grow by a factor of sixteen.
 
 use super::format::LasFormat;
 use super::vlr::{fixed_text, record};
@@ -44,8 +45,8 @@ pub(in crate::las) struct WavePackets {
 }
 
 impl WavePackets {
-    /// Computes the grid of descriptors. Returns `None`, with an error in `problems`, when the scanner has too many
-    /// bin widths.
+    /// Computes the grid of descriptors. Returns `None`, with an error in `problems`, when the scanner has
+    /// too many bin widths.
     pub fn new(
         place: PacketPlace,
         bins_ns: &[f64],
@@ -140,7 +141,8 @@ impl WavePackets {
 }
 
 impl LasFormat {
-    /// Encodes points with references to the packets of their pulses. All points of a pulse refer to the same packet.
+    /// Encodes points with references to the packets of their pulses. All points of a pulse refer to the same
+    /// packet.
     pub fn encode_with_packets(&self, packets: &WavePackets, batch: &PointBatch, out: &mut EncodedPoints) {
         let EncodedPoints { bytes, packets: data, tally, last_packet } = out;
         for point in batch.points {
@@ -186,14 +188,14 @@ fn gain(step: usize) -> f64 {
     libm::exp2(f64::from(GAIN_LOG.0 + GAIN_LOG.1 * step as i32))
 }
 
-/// Bin width in picoseconds as stored in descriptors. The direction parameters of the points compensate its rounding
-/// error.
+/// Bin width in picoseconds as stored in descriptors. The direction parameters of the points compensate its
+/// rounding error.
 fn spacing(bin: f64) -> u32 {
     (bin * 1000.0).round().max(1.0) as u32
 }
 
-/// Returns the header before packets of `length` bytes: an extended variable length record, which separate files have
-/// too.
+/// Returns the header before packets of `length` bytes: an extended variable length record, which separate
+/// files have too.
 pub fn packets_header(length: u64) -> Vec<u8> {
     let mut out = Vec::with_capacity(PACKETS_HEADER_BYTES as usize);
     // Reserved

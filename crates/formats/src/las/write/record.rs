@@ -15,8 +15,8 @@ const ADJUSTMENT_S: f64 = 1e9;
 /// Bytes of a record with all extra bytes.
 pub(super) const MAX_RECORD_BYTES: usize = 116;
 impl LasFormat {
-    /// Appends the record of a point, without the fields of waveform packets. Returns its coordinates as stored, or `None`, with
-    /// nothing appended, if they do not fit into 32 bits.
+    /// Appends the record of a point, without the fields of waveform packets. Returns its coordinates as
+    /// stored, or `None`, with nothing appended, if they do not fit into 32 bits.
     #[inline]
     pub fn push(&self, out: &mut Vec<u8>, point: &PointRecord) -> Option<DVec3> {
         let stored = self.stored(point.position)?;

@@ -154,8 +154,8 @@ pub(super) fn state(text: &str) -> Vec<u8> {
     record("vlscan", 2, "state of the run", &fixed_text::<40>(text))
 }
 
-/// Returns the names of objects whose id is not a number: lines of integer, tab, name, in as many records as they
-/// need.
+/// Returns the names of objects whose id is not a number: lines of integer, tab, name, in as many records as
+/// they need.
 pub(super) fn object_names(names: &[(i32, String)]) -> Vec<Vec<u8>> {
     let mut records = Vec::new();
     let mut data = Vec::new();

@@ -9,8 +9,8 @@ use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation, radians};
 use vlscan_survey::*;
 
-/// Flies `plan` in steps of up to `limits` at once and, beside it, in single steps. Returns the fraction of the steps that
-/// were taken at once.
+/// Flies `plan` in steps of up to `limits` at once and, beside it, in single steps. Returns the fraction of
+/// the steps that were taken at once.
 fn compare(plan: &FlightPlan, limits: &[u32], feed: impl Fn(&mut FlightState)) -> f64 {
     let (mut quick, mut single) = (FlightState::start(plan), FlightState::start(plan));
     feed(&mut quick);

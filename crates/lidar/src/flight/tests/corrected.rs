@@ -83,7 +83,8 @@ fn beams_point_along_the_leg() {
 
 #[test]
 fn corners_are_sharp_and_take_no_time() {
-    // 30 m/s at 100 Hz: 0.3 m a step. The corner at 10.1 m is reached after 33 steps (9.9 m) and 2/3 of another.
+    // 30 m/s at 100 Hz: 0.3 m a step. The corner at 10.1 m is reached after 33 steps (9.9 m) and 2/3 of
+    // another.
     let flown = corrected(&path(&[[0.0; 3], [10.1, 0.0, 0.0], [10.1, -5.0, 0.0]], 100));
     let origins: Vec<DVec3> = flown.iter().flat_map(|l| &l.pulses).map(|p| p.origin).collect();
     for (k, place) in origins.iter().enumerate() {
@@ -164,8 +165,8 @@ fn a_tilted_multicopter_tilts_its_scanner() {
 
 #[test]
 fn attitude_noise_turns_platform_and_mount() {
-    // A constant 0.1 rad about the platform's y: the platform rolls to the right. The beam of a downward-looking
-    // scanner swings to the left; in the reference the beam turns about its own axis.
+    // A constant 0.1 rad about the platform's y: the platform rolls to the right. The beam of a
+    // downward-looking scanner swings to the left; in the reference the beam turns about its own axis.
     let mut s = path(&[[0.0; 3], [0.0, 30.0, 0.0]], 100);
     s.platform.mount =
         Mount { offset: DVec3::new(0.0, 0.0, -2.0), rotation: Rotation::about_x(radians(-90.0)) };

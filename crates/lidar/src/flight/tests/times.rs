@@ -28,8 +28,8 @@ fn fly_timed(s: &Survey, kinematics: Corrections) -> Vec<Vec<Pulse>> {
     fly_plan(&plan_with(s, options)).into_iter().map(|leg| leg.pulses).collect()
 }
 
-/// Asserts that a conic scanner on a head that turns by `rate` degrees per second fired at these times of a leg that began at `start`
-/// seconds.
+/// Asserts that a conic scanner on a head that turns by `rate` degrees per second fired at these times of a
+/// leg that began at `start` seconds.
 fn assert_times(pulses: &[Pulse], start: f64, times: &[f64], rate: f64, place: impl Fn(f64) -> DVec3) {
     assert_eq!(pulses.len(), times.len());
     for (pulse, time) in pulses.iter().zip(times) {
@@ -53,7 +53,8 @@ fn pulses_of_a_flight_leave_at_their_times_from_where_it_is() {
     // Two seconds to the next waypoint: the time at 7 s is never reached.
     let times = [0.25, 0.2500005, 0.3, 0.9, 0.90001, 1.5];
     assert_times(&flown[0], 0.0, &times, 0.0, |t| DVec3::new(0.0, 5.0 * t, 5.0));
-    // The leg begins a mean period after the last step, and the platform where it is then; the deflector goes on.
+    // The leg begins a mean period after the last step, and the platform where it is then; the deflector goes
+    // on.
     let begin = seconds(&flown[1][0]);
     assert!((begin - 1.5 - 1.0 / recorded_times().mean_rate()).abs() < 1e-9, "{begin}");
     let expected = (4.0 - begin) * cycle.mean_rate();

@@ -18,7 +18,8 @@ fn golden_legs(change: impl Fn(&mut LegCourse)) -> [LegCourse; 4] {
     })
 }
 
-/// Flies the legs until they end or `limit` steps have passed: per leg and step position, pitch and yaw in degrees.
+/// Flies the legs until they end or `limit` steps have passed: per leg and step position, pitch and yaw in
+/// degrees.
 fn fly(legs: &[LegCourse], limit: usize) -> Vec<Vec<(DVec3, f64, f64)>> {
     let plan = MulticopterPlan::new(MULTICOPTER, legs[0].frequency);
     let mut copter = MulticopterState::default();

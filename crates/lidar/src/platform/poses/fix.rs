@@ -1,4 +1,5 @@
-//! Records of a trajectory: fixes in the recorder's frame, poses in the world, and errors with their locations.
+//! Records of a trajectory: fixes in the recorder's frame, poses in the world, and errors with their
+//! locations.
 
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};

@@ -1,4 +1,5 @@
-//! Direct georeferencing: converts a fix in the recorder's frame into the pose of the scanner's platform in the world.
+//! Direct georeferencing: converts a fix in the recorder's frame into the pose of the scanner's platform in
+//! the world.
 
 use super::fix::{Fix, FixPlace, Pose, RecordError};
 use vlscan_base::quantity::{COORDINATE, number};

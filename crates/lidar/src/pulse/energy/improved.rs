@@ -117,7 +117,8 @@ impl Ring {
         };
         let (inner, outer) = (radius(i) * radius(i), radius(i + 1) * radius(i + 1));
         let rays = f64::from(rays_in_ring(i));
-        // The area of a subray, π(outer − inner)/rays, cancels from the law; but without divergence it is 0/0.
+        // The area of a subray, π(outer − inner)/rays, cancels from the law; but without divergence it is
+        // 0/0.
         let cancelled = if outer > inner { 1.0 } else { f64::NAN };
         Ring { scale: scale / rays * cancelled, inner: 2.0 * inner, width: 2.0 * (outer - inner) }
     }

@@ -6,11 +6,11 @@
 //! P_r = P_t · ρ cos θ/π · (π D²/4)/R² · η · e^(−2αR) = P_t · ρ cos θ · D² · η · e^(−2αR) / (4R²)
 //! ```
 //!
-//! into a receiver of diameter D: the radiance ρ/π of the lit surface, foreshortened by the incidence angle θ, times
-//! the solid angle of the receiver (Wagner et al. 2006, "Gaussian decomposition and calibration of a novel
-//! small-footprint full-waveform digitising airborne laser scanner", eq. 1 to 5; Baltsavias 1999, "Airborne laser
-//! scanning: basic relations and formulas"). The divergence does not occur, because the surface intercepts the whole
-//! beam at any range.
+//! into a receiver of diameter D: the radiance ρ/π of the lit surface, foreshortened by the incidence angle
+//! θ, times the solid angle of the receiver (Wagner et al. 2006, "Gaussian decomposition and calibration of a
+//! novel small-footprint full-waveform digitising airborne laser scanner", eq. 1 to 5; Baltsavias 1999,
+//! "Airborne laser scanning: basic relations and formulas"). The divergence does not occur, because the
+//! surface intercepts the whole beam at any range.
 
 use super::beam::{NANO, extinction};
 use super::series::{MAX_SERIES_ARGUMENT, exponential, series};
@@ -30,9 +30,9 @@ fn default_integral(length: f64) -> f64 {
 
 /// Energy of a pulse at a pulse rate (Hz), nJ: as stated by the instrument, otherwise from its average power.
 ///
-/// The average power of HELIOS++ instruments is the power of a pulse in that program's radar equation, at any rate and
-/// length. Here it is the power of a pulse of 4 ns at 100 kHz. The mean power is the same at all rates, so that a pulse
-/// at twice the rate has half the energy, and the energy is the same at all lengths.
+/// The average power of HELIOS++ instruments is the power of a pulse in that program's radar equation, at any
+/// rate and length. Here it is the power of a pulse of 4 ns at 100 kHz. The mean power is the same at all
+/// rates, so that a pulse at twice the rate has half the energy, and the energy is the same at all lengths.
 fn pulse_energy(beam: &Beam, frequency: f64) -> f64 {
     match beam.pulse_energy {
         Some(joules) => joules * NANO,

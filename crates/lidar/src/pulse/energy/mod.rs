@@ -48,8 +48,8 @@ impl Energy {
         Energy { law, legacy: Legacy::new(state, corrections) }
     }
 
-    /// Gains of the subrays of one pulse, [`LANES`] at a time: the intensities of reflectance factors of 1 at `ranges`
-    /// (m, by subray, padded to whole blocks). Gains at ranges that are not finite are meaningless.
+    /// Gains of the subrays of one pulse, [`LANES`] at a time: the intensities of reflectance factors of 1 at
+    /// `ranges` (m, by subray, padded to whole blocks). Gains at ranges that are not finite are meaningless.
     #[inline(always)]
     pub fn gains(&self, ranges: &[Block], out: &mut [Block]) {
         match &self.law {
@@ -79,7 +79,8 @@ impl Energy {
         gains.as_flattened()[..subrays].iter().sum()
     }
 
-    /// Turns reflectance factors f(θ) into intensities, factor `i` of a subray in `rings[i]` at `ranges[i]` m.
+    /// Turns reflectance factors f(θ) into intensities, factor `i` of a subray in `rings[i]` at `ranges[i]`
+    /// m.
     pub fn apply(&self, rings: &[u32], ranges: &[f64], factors: &mut [f64]) {
         let blocks = rings.chunks(LANES).zip(ranges.chunks(LANES)).zip(factors.chunks_mut(LANES));
         for ((rings, ranges), factors) in blocks {
@@ -101,8 +102,8 @@ impl Energy {
         out
     }
 
-    /// Intensity of a reflection at `range` m in `ring` from a voxel with the cross-section `sigma` (spec pulse-physics
-    /// §3.5).
+    /// Intensity of a reflection at `range` m in `ring` from a voxel with the cross-section `sigma` (spec
+    /// pulse-physics §3.5).
     pub fn of_cross_section(&self, ring: u32, range: f64, sigma: f64) -> f64 {
         let mut damping = [0.0; LANES];
         self.legacy.damping(&ProfileBlock::of(&self.legacy.profile, &[ring]), &[range; LANES], &mut damping);

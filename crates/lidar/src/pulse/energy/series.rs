@@ -3,7 +3,8 @@
 /// Bound of the arguments for which the series is used.
 pub const MAX_SERIES_ARGUMENT: f64 = 1.0 / 16.0;
 
-/// e^x. Near 0, where most arguments of the energy models lie, a series of 10 terms is exact to the last digit.
+/// e^x. Near 0, where most arguments of the energy models lie, a series of 10 terms is exact to the last
+/// digit.
 pub fn exponential(x: f64) -> f64 {
     if x.abs() < MAX_SERIES_ARGUMENT { 1.0 + x * series(x) } else { libm::exp(x) }
 }

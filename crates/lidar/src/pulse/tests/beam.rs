@@ -77,7 +77,8 @@ fn an_edge_cuts_off_what_it_cuts_off_of_a_gaussian_beam() {
 
 #[test]
 fn wires_and_plates_return_their_share_of_the_beam_on_average() {
-    // Half widths of 3 mm to 6 cm in a beam of w = 0.05 m, averaged over many pulses, whose patterns are turned.
+    // Half widths of 3 mm to 6 cm in a beam of w = 0.05 m, averaged over many pulses, whose patterns are
+    // turned.
     let n = 2000;
     let full = one(&rectangles(half_white(), &[board(100.0, 2.0, 2.0)]), &lab(1e-3, 3));
     for half in [0.003, 0.01, 0.03, 0.06] {
@@ -123,12 +124,13 @@ fn one_slope_is_one_echo_with_the_width_that_its_depth_gives() {
             let depth = 1000.0 * divergence / 4.0 * radians(degrees).tan() * 2.0 / 0.299792458;
             let expected = variance_of_flat + depth * depth;
             assert!((variance / expected - 1.0).abs() < 0.04, "{degrees}°: {variance} for {expected}");
-            // The mean range of the light. With angles α, β from the axis of standard deviation s each, ranges are R(1 + α·t + α²(½ + t²)
+            // The mean range of the light. With angles α, β from the axis of standard deviation s each,
+            // ranges are R(1 + α·t + α²(½ + t²)
             // + β²/2), t = tan θ, and the light falls by 1 − 3α·t: R·s²(1 − 2t²) later than the axis.
             let (s, t) = (divergence / 4.0, radians(degrees).tan());
             let late = batch.echoes[0].range - 1000.0 * (1.0 + s * s * (1.0 - 2.0 * t * t));
-            // What is left of subrays that are so near each other that their pulses add up to one echo is the reading of its maximum;
-            // of merged ones, terms of the third order.
+            // What is left of subrays that are so near each other that their pulses add up to one echo is the
+            // reading of its maximum; of merged ones, terms of the third order.
             let tolerance = if depth < 0.4 { 3e-4 } else { 3e-5 };
             assert!(late.abs() < tolerance, "{degrees}°: {late} m late");
         }

@@ -6,7 +6,8 @@ use vlscan_scene::{DynamicScene, MotionPlan, MotionState, MovingPart, ObjectUpda
 use vlscan_survey::*;
 use vlscan_trace::{BuildOptions, Tree};
 
-/// A plate 100 m away that moves by `by` along y after every pulse, before a wall at 120 m; five pulses along +y.
+/// A plate 100 m away that moves by `by` along y after every pulse, before a wall at 120 m; five pulses along
+/// +y.
 fn echoes(by: f64, options: PhysicsOptions) -> Vec<(f64, u32)> {
     let mut scene = rectangles(half_white(), &[wall(-20.0, 20.0, 100.0), wall(-20.0, 20.0, 120.0)]);
     let survey = tls();

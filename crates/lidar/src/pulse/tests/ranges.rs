@@ -3,8 +3,8 @@
 use super::*;
 use vlscan_survey::{Scanner, catalogue};
 
-/// Instruments by the ids of their entries | pulse rate (Hz), reflectance of an extended target, maximum range (m) |
-/// source of these figures, or the reason that they are missing.
+/// Instruments by the ids of their entries | pulse rate (Hz), reflectance of an extended target, maximum
+/// range (m) | source of these figures, or the reason that they are missing.
 const PUBLISHED: &str = "\
 riegl_vz400 | 100000 0.9 600, 100000 0.2 280, 300000 0.9 350, 300000 0.2 160 | RIEGL VZ-400, data sheet: long range mode 100 kHz, high speed mode 300 kHz
 riegl_vz1000 | 70000 0.9 1400, 70000 0.2 700, 100000 0.9 1200, 150000 0.9 950 | RIEGL VZ-1000, data sheet
@@ -34,7 +34,8 @@ riegl_vq_780i riegl_vq-1560i riegl_vq-880g riegl_vq-880g-infrared | | no figures
 riegl_vq-1560ii riegl_vq-840-g velodyne_hdl-32e hesai_xt32 hesai_pandar128 leica_rtc360 leica_blk360 riegl_vux-120 velodyne_alpha_prime hovermap | | no figures at hand that are certain; the entries have range gates alone
 tractorscanner panoscanner | | prototypes without a data sheet; the entries are left as they are";
 
-/// Distance of the farthest wall of that reflectance that the scanner's first device detects at a pulse rate, m.
+/// Distance of the farthest wall of that reflectance that the scanner's first device detects at a pulse rate,
+/// m.
 fn max_range(scanner: &Scanner, pulse_freq: u32, reflectance: f64) -> f64 {
     let mut survey = survey(vec![scanner.devices[0].clone()]);
     // Every echo at the threshold, not every other.

@@ -71,8 +71,8 @@ fn noise_of_a_signal_to_noise_ratio_shows_in_amplitudes_and_ranges() {
         (mean / AT_100_M - 1.0).abs() < 0.01 && (sigma * ratio / AT_100_M - 1.0).abs() < 0.05,
         "{mean} ± {sigma}"
     );
-    // The peak moves by n'/(A·s''): n' has the standard deviation σ/(√2σ_h), the raised cosine the relative curvature
-    // π²/(2·fwhm²) at its peak, and the matched receiver √2σ_h = fwhm/√(8·ln 2).
+    // The peak moves by n'/(A·s''): n' has the standard deviation σ/(√2σ_h), the raised cosine the relative
+    // curvature π²/(2·fwhm²) at its peak, and the matched receiver √2σ_h = fwhm/√(8·ln 2).
     let fwhm = 3.394_680_67 * 4.0 / 7.0;
     let correlation = fwhm / (8.0 * 2f64.ln()).sqrt();
     let curvature = std::f64::consts::PI.powi(2) / (2.0 * fwhm * fwhm);
@@ -174,10 +174,11 @@ fn background_light_makes_shot_noise() {
 
 #[test]
 fn ranges_and_amplitudes_are_exact_in_bins_up_to_the_width_of_the_pulse() {
-    // Two walls, each half in the beam: the second echo begins anywhere within a bin. 4 ns are 1.94 ns at half maximum.
-    // In bins of 1.9 ns the pulse reaches a third sample from 4 % of the starts only. Then its maximum is on the sample between, both
-    // neighbours hold a thousandth of it, and the third one, a law of two terms, is exact at the ends of these starts alone:
-    // half a millimetre. All other starts are read as exactly as in narrower bins.
+    // Two walls, each half in the beam: the second echo begins anywhere within a bin. 4 ns are 1.94 ns at
+    // half maximum. In bins of 1.9 ns the pulse reaches a third sample from 4 % of the starts only. Then its
+    // maximum is on the sample between, both neighbours hold a thousandth of it, and the third one, a law of
+    // two terms, is exact at the ends of these starts alone: half a millimetre. All other starts are read as
+    // exactly as in narrower bins.
     for (bin, tolerance) in [(0.05, 1e-5), (0.25, 1e-5), (0.5, 1e-5), (0.97, 1e-5), (1.9, 5e-4)] {
         let mut exact = 0;
         for by in 0..40 {
@@ -256,7 +257,8 @@ fn a_threshold_that_saturation_hides_is_refused() {
     let scene = wall_at(100.0);
     let error = Physics::new(&scene, &tree(&scene), &survey, PhysicsOptions::refined()).unwrap_err();
     assert!(error.to_string().contains("saturation"), "{error}");
-    // Just below it, an echo counts as soon as the saturated output reaches the threshold: v/√(1 + v²) = 0.6 at v = 0.75.
+    // Just below it, an echo counts as soon as the saturated output reaches the threshold: v/√(1 + v²) = 0.6
+    // at v = 0.75.
     let survey = instrument(|d| {
         d.receiver.saturation = Some(AT_100_M * 1e-9);
         d.detector.threshold = 0.6 * AT_100_M * 1e-9;
@@ -281,7 +283,8 @@ fn maxima_of_recorded_waveforms_lie_at_the_ranges_of_the_points() {
             let range = batch.echoes[0].range;
             let tolerance = if shape.is_some() { 1e-4 } else { 1e-6 };
             assert!((range - 100.013).abs() < tolerance, "{length} {bin} {clock}: {range}");
-            // Samples of a raised cosine of T are a constant and a cosine of T, whose phase three of them tell.
+            // Samples of a raised cosine of T are a constant and a cosine of T, whose phase three of them
+            // tell.
             if shape.is_none() {
                 let wave = batch.waveforms[0];
                 let at = |k: usize| batch.samples[wave.first_sample + k];
@@ -360,7 +363,8 @@ fn every_detector_finds_walls_with_pulses_of_any_shape() {
 
 #[test]
 fn recorded_waveforms_have_the_noise_of_the_stated_accuracy() {
-    // 4 ns: 1.9398 ns at half maximum, 0.12347 m of standard deviation; 5 mm of it in an echo need a ratio of 24.69.
+    // 4 ns: 1.9398 ns at half maximum, 0.12347 m of standard deviation; 5 mm of it in an echo need a ratio of
+    // 24.69.
     let options =
         PhysicsOptions { record_waveforms: true, waveform_noise: true, ..PhysicsOptions::refined() };
     let of = |accuracy: f64, change: &dyn Fn(&mut Device)| {

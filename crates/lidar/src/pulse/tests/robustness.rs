@@ -1,4 +1,5 @@
-//! Pulses under odd settings, alone and together, on every instruction set, and with noise of ranges and waveforms.
+//! Pulses under odd settings, alone and together, on every instruction set, and with noise of ranges and
+//! waveforms.
 
 use super::*;
 use proptest::prelude::*;
@@ -33,8 +34,9 @@ fn range_noise_has_device_0_s_spread_and_depends_on_the_pulse_alone() {
 
 #[test]
 fn noise_puts_no_point_outside_the_range_limits() {
-    // A wall 1 cm behind the minimum range of 1.5 m and one 1 cm before the maximum range, σ 5 cm: normal noise leaves
-    // Q(−0.2) = 0.579 of either within the limits. The rest is not reported, and what is left is counted anew.
+    // A wall 1 cm behind the minimum range of 1.5 m and one 1 cm before the maximum range, σ 5 cm: normal
+    // noise leaves Q(−0.2) = 0.579 of either within the limits. The rest is not reported, and what is left is
+    // counted anew.
     let survey = |accuracy| {
         tls_with(|d| {
             (d.detector.accuracy, d.detector.range_max) = (accuracy, 30.0);

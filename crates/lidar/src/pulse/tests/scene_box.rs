@@ -1,4 +1,5 @@
-//! The scene's box: in the reference the beam's axis must hit it, and moving parts outside of it are invisible.
+//! The scene's box: in the reference the beam's axis must hit it, and moving parts outside of it are
+//! invisible.
 
 use super::*;
 

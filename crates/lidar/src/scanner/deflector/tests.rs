@@ -108,7 +108,8 @@ fn elliptic_cones_have_two_half_angles() {
 
 #[test]
 fn a_corrected_polygon_has_the_requested_frequency() {
-    // 133 lines a second at 1000 Hz: 7.5188 pulses a line, so that the excess counts; the sum of steps is the angle.
+    // 133 lines a second at 1000 Hz: 7.5188 pulses a line, so that the excess counts; the sum of steps is the
+    // angle.
     let mut d = device(Deflector::Polygon { effective_max: radians(50.0), facet_tilts: Vec::new() });
     d.scan_angle_max = radians(30.0);
     let mut s = settings(1000);

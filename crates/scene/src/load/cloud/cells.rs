@@ -23,8 +23,8 @@ pub(super) struct CloudGrid {
 }
 
 impl CloudGrid {
-    /// The grid whose lower corner is that of `extent`; along an axis without extent its single layer is centred at the
-    /// points. `None` if the cell indices would overflow.
+    /// The grid whose lower corner is that of `extent`; along an axis without extent its single layer is
+    /// centred at the points. `None` if the cell indices would overflow.
     pub fn around(extent: Aabb, size: f64) -> Option<CloudGrid> {
         let (mut min, mut last) = (extent.min, [0; 3]);
         for axis in 0..3 {
@@ -104,7 +104,8 @@ pub(super) trait CellSums: Copy + Send + Sync {
     fn normal(&self, rule: NormalRule) -> Option<DVec3>;
 }
 
-/// The class of more than half of the points, if there is one (Boyer and Moore's majority vote), and its lead.
+/// The class of more than half of the points, if there is one (Boyer and Moore's majority vote), and its
+/// lead.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Votes {
     class: u8,

@@ -1,4 +1,5 @@
-//! Which cells of a grid are occupied, one bit each, and the tables that this makes possible: one entry per occupied cell, in order.
+//! Which cells of a grid are occupied, one bit each, and the tables that this makes possible: one entry per
+//! occupied cell, in order.
 
 use super::cells::{Cell, CloudGrid, SHARDS};
 use std::ops::Range;
@@ -16,7 +17,8 @@ pub(super) struct Occupancy {
 }
 
 impl Occupancy {
-    /// No occupied cells; `None` if the bits of all cells take more than `limit` bytes, or more memory than there is.
+    /// No occupied cells; `None` if the bits of all cells take more than `limit` bytes, or more memory than
+    /// there is.
     pub fn new(grid: &CloudGrid, limit: u64) -> Option<Occupancy> {
         let counts = grid.counts().map(u64::from);
         let cells = counts.iter().try_fold(1u64, |product, count| product.checked_mul(*count))?;

@@ -1,5 +1,6 @@
-//! Documents of glTF 2.0 (Khronos, ISO/IEC 12113:2022), as JSON with buffers beside it or within it, or as GLB: buffers,
-//! accessors, meshes and materials. Triangles are read; points, lines, skins, morph targets and textures are not.
+//! Documents of glTF 2.0 (Khronos, ISO/IEC 12113:2022), as JSON with buffers beside it or within it, or as
+//! GLB: buffers, accessors, meshes and materials. Triangles are read; points, lines, skins, morph targets and
+//! textures are not.
 
 use super::gltf_buffers::{Buffer, BufferJson, open_buffer, split_chunks};
 use super::gltf_extensions::{COMPRESSIONS, compressed, refused};
@@ -155,8 +156,8 @@ pub(super) struct GltfDocument {
 type Appended = HashMap<usize, (u32, u32)>;
 
 impl GltfDocument {
-    /// Opens a document and the buffers that it names. Its meshes may take `free_memory` bytes. Errors are sentences about the
-    /// file.
+    /// Opens a document and the buffers that it names. Its meshes may take `free_memory` bytes. Errors are
+    /// sentences about the file.
     pub fn open(path: &Path, free_memory: u64) -> Result<GltfDocument, String> {
         let source = Source::open(path).map_err(|e| e.to_string())?;
         let (text, chunk) = split_chunks(source.bytes())?;
@@ -176,7 +177,8 @@ impl GltfDocument {
         Ok(GltfDocument { source, json, buffers, materials, free_memory, warnings })
     }
 
-    /// What is left out and changes the shape of meshes, and files in another spelling, in sentences about the file.
+    /// What is left out and changes the shape of meshes, and files in another spelling, in sentences about
+    /// the file.
     pub fn warnings(&self) -> Vec<String> {
         let mut all = self.warnings.clone();
         if self.json.nodes.iter().any(|node| node.skin.is_some()) {

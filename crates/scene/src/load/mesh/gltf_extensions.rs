@@ -1,9 +1,10 @@
-//! Extensions that glTF documents require: which are read, which change nothing that a ray hits, and what to do with others.
+//! Extensions that glTF documents require: which are read, which change nothing that a ray hits, and what to
+//! do with others.
 
 /// Extensions that are read.
 const READ_EXTENSIONS: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
-/// Beginnings of the names of extensions that concern textures, materials, lights, cameras, animations, sounds and data about
-/// the file, which are left out anyway.
+/// Beginnings of the names of extensions that concern textures, materials, lights, cameras, animations,
+/// sounds and data about the file, which are left out anyway.
 const EXTENSIONS_WITHOUT_GEOMETRY: [&str; 22] = [
     "KHR_materials_",
     "EXT_materials_",
@@ -32,7 +33,8 @@ const EXTENSIONS_WITHOUT_GEOMETRY: [&str; 22] = [
 pub(super) const COMPRESSIONS: [&str; 3] =
     ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// Why a file that requires an extension is refused; `None` if the extension changes nothing that a ray hits, or is read.
+/// Why a file that requires an extension is refused; `None` if the extension changes nothing that a ray hits,
+/// or is read.
 pub(super) fn refused(extension: &str) -> Option<String> {
     if COMPRESSIONS.contains(&extension) {
         return Some(compressed(extension));

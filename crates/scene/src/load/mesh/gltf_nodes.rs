@@ -12,7 +12,8 @@ const MAX_PLACED: usize = 1 << 22;
 pub(super) struct PlacedMesh {
     /// Index of the mesh.
     pub mesh: usize,
-    /// Name of the node, or of the nearest node above it that has one; instances of a node have their number behind it.
+    /// Name of the node, or of the nearest node above it that has one; instances of a node have their number
+    /// behind it.
     pub name: Option<String>,
     /// From the frame of the mesh to that of the document.
     pub transform: DAffine3,
@@ -82,7 +83,8 @@ impl GltfDocument {
         self.check_memory((count as u64).saturating_mul(each as u64))
     }
 
-    /// The transforms of `EXT_mesh_gpu_instancing`, after `before` other placed meshes, for a node with a name of this length.
+    /// The transforms of `EXT_mesh_gpu_instancing`, after `before` other placed meshes, for a node with a
+    /// name of this length.
     fn instances(
         &self,
         instancing: &Instancing,
@@ -129,7 +131,8 @@ fn trs(translation: Option<[f64; 3]>, rotation: Option<[f64; 4]>, scale: Option<
     DAffine3::from_scale_rotation_translation(DVec3::from(scale), rotation, DVec3::from(translation))
 }
 
-/// Splits a linear map into a rotation and a factor, which is negative if the map mirrors; `None` if it is no similarity.
+/// Splits a linear map into a rotation and a factor, which is negative if the map mirrors; `None` if it is no
+/// similarity.
 pub(super) fn similarity(map: DMat3) -> Option<(DQuat, f64)> {
     const TOLERANCE: f64 = 1e-7;
     let size = map.x_axis.length();

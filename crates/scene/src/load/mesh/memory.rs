@@ -8,7 +8,8 @@ use vlscan_base::error::Result;
 use vlscan_geom::DVec3;
 use vlscan_survey::Mesh;
 
-/// Appends the triangles of a mesh to the scene. Triangles without area are left out and counted in a warning.
+/// Appends the triangles of a mesh to the scene. Triangles without area are left out and counted in a
+/// warning.
 pub(crate) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>) -> Result<()> {
     let materials: Vec<u32> = match mesh.materials() {
         [] => vec![scene.library.unnamed(DEFAULT)],
@@ -20,8 +21,8 @@ pub(crate) fn load(scene: &mut SceneBuilder, part: &PartSource, mesh: &Arc<Mesh>
     load_with(scene, part, mesh, materials, &[])
 }
 
-/// [`load`] with materials of the scene in place of those of the mesh, in its order. `face_of` is the face of each triangle,
-/// from 0; without it each triangle is a face.
+/// [`load`] with materials of the scene in place of those of the mesh, in its order. `face_of` is the face of
+/// each triangle, from 0; without it each triangle is a face.
 pub(crate) fn load_with(
     scene: &mut SceneBuilder,
     part: &PartSource,

@@ -1,5 +1,5 @@
-//! The strips and tiles of a TIFF image: where they are, how they are compressed, and the numbers in them (TIFF 6.0; supplement
-//! 3 for floating-point predictors; GDAL and libtiff for ZSTD and LERC).
+//! The strips and tiles of a TIFF image: where they are, how they are compressed, and the numbers in them
+//! (TIFF 6.0; supplement 3 for floating-point predictors; GDAL and libtiff for ZSTD and LERC).
 
 use super::file::{Directory, OpenFile};
 use super::unpack::{inflate, unlzw, unpack_bits, unzstd};
@@ -78,8 +78,8 @@ impl Compression {
         Err(format!("it is compressed by {unread}, which is not read"))
     }
 
-    /// Maximum ratio of the numbers to the bytes of a block. A raster that states more is damaged. A code of LZW has 12 bits
-    /// and stands for at most 3840 bytes.
+    /// Maximum ratio of the numbers to the bytes of a block. A raster that states more is damaged. A code of
+    /// LZW has 12 bits and stands for at most 3840 bytes.
     fn max_ratio(self) -> u64 {
         match self {
             Compression::None => 1,
@@ -99,8 +99,8 @@ enum NumberFormat {
     Float,
 }
 
-/// The blocks of an image, all of a size; those at the right and lower border reach beyond it (tiles) or are shorter
-/// (strips).
+/// The blocks of an image, all of a size; those at the right and lower border reach beyond it (tiles) or are
+/// shorter (strips).
 #[derive(Debug)]
 pub(super) struct Blocks {
     /// Size of the image, pixels.
@@ -298,7 +298,8 @@ impl Blocks {
         Stored { height, numbers, row_bytes, bytes: row_bytes.saturating_mul(height) }
     }
 
-    /// The numbers of some bands of a block, row by row, cut to the image; `None` for a block that is left out.
+    /// The numbers of some bands of a block, row by row, cut to the image; `None` for a block that is left
+    /// out.
     pub fn decode(
         &self,
         file: &OpenFile,
@@ -450,7 +451,8 @@ impl Blocks {
         if self.is_big_endian { bytes.iter().fold(0, push) } else { bytes.iter().rev().fold(0, push) }
     }
 
-    /// The floats of a row whose bytes are differences: first the most significant bytes of all floats, and so on.
+    /// The floats of a row whose bytes are differences: first the most significant bytes of all floats, and
+    /// so on.
     fn undo_float_predictor(&self, row: &[u8], size: usize, numbers: usize, all: &mut Vec<u64>) {
         let step = self.bands_of_block();
         let mut bytes = row.to_vec();

@@ -1,4 +1,5 @@
-//! The keys of GeoTIFF files (OGC GeoTIFF 1.1): what coordinates are, and in which unit; GDAL's metadata of the first band.
+//! The keys of GeoTIFF files (OGC GeoTIFF 1.1): what coordinates are, and in which unit; GDAL's metadata of
+//! the first band.
 
 use super::blocks::readable;
 use super::file::Directory;
@@ -119,8 +120,8 @@ fn epsg(directory: &mut Directory, system: u16) -> Option<u16> {
     key(directory, system).ok().flatten().filter(|&code| code > 0 && code < USER_DEFINED)
 }
 
-/// The unit of easting and northing: that of its key, else that of the system, else that of WKT in the citation. `None` if the
-/// keys name no projected system; the error is a unit that is not known.
+/// The unit of easting and northing: that of its key, else that of the system, else that of WKT in the
+/// citation. `None` if the keys name no projected system; the error is a unit that is not known.
 pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<LengthUnit>, String> {
     let code = key(directory, PROJECTED_UNIT_KEY)?.filter(|&code| code > 0);
     if let Some(code) = code.filter(|&code| code != USER_DEFINED) {
@@ -172,8 +173,8 @@ fn heights_in(citation: &str) -> Option<&str> {
     starts.iter().find_map(|start| citation.find(start)).map(|at| &citation[at..])
 }
 
-/// The unit of heights: that of the metadata, else that of its key, else that of the system, else that of WKT in the citation.
-/// `None` if nothing is said about heights; the error is a unit that is not known.
+/// The unit of heights: that of the metadata, else that of its key, else that of the system, else that of WKT
+/// in the citation. `None` if nothing is said about heights; the error is a unit that is not known.
 pub(super) fn vertical_unit(
     directory: &mut Directory,
     band: &BandMetadata,

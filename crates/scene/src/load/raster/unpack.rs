@@ -1,4 +1,5 @@
-//! The compressions of bytes that TIFF files have. Each function unpacks at most a number of bytes, fewer if the data end before.
+//! The compressions of bytes that TIFF files have. Each function unpacks at most a number of bytes, fewer if
+//! the data end before.
 
 use flate2::read::ZlibDecoder;
 use std::io::Read;

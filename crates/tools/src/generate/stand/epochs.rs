@@ -18,8 +18,8 @@ pub struct Development {
     pub storm: f64,
 }
 
-/// The trees of the next epoch, with their numbers in the inventory. Draws are by seed, epoch and number, so that a tree
-/// that is felled in one variant is felled in the others, too.
+/// The trees of the next epoch, with their numbers in the inventory. Draws are by seed, epoch and number, so
+/// that a tree that is felled in one variant is felled in the others, too.
 pub(super) fn next_epoch(
     trees: &[(usize, Tree)],
     development: &Development,

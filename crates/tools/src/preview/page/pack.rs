@@ -1,7 +1,8 @@
-//! Packs points for a page: in blocks along a space-filling curve, as differences, in planes of bytes, deflated.
+//! Packs points for a page: in blocks along a space-filling curve, as differences, in planes of bytes,
+//! deflated.
 //!
-//! Neighbours on the curve are neighbours in space, so differences are small and their upper bytes are nearly all zero;
-//! a forest takes 5 to 7 bytes per point.
+//! Neighbours on the curve are neighbours in space, so differences are small and their upper bytes are nearly
+//! all zero; a forest takes 5 to 7 bytes per point.
 
 use super::super::colour::Colouring;
 use crate::cloud::Points;
@@ -32,8 +33,8 @@ pub(super) struct Packed {
     blocks: Vec<(usize, Vec<u8>)>,
 }
 
-/// Selects at most `max` of `total` points: a random one from each of `max` equal runs, so that regular patterns in the
-/// order of the points (returns, scan lines) do not show.
+/// Selects at most `max` of `total` points: a random one from each of `max` equal runs, so that regular
+/// patterns in the order of the points (returns, scan lines) do not show.
 pub(super) fn sample(total: usize, max: usize) -> Vec<u32> {
     let total = total.min(u32::MAX as usize) as u64;
     let max = (max as u64).min(total);
@@ -114,8 +115,8 @@ fn curve(cell: [u32; 3]) -> u64 {
     spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
 }
 
-/// Typical distance of neighbouring points, m: half the edge of the cubes, found by halving, that contain at most four
-/// points on average.
+/// Typical distance of neighbouring points, m: half the edge of the cubes, found by halving, that contain at
+/// most four points on average.
 fn spacing(grid: &Grid, order: &[(u64, u32)]) -> f64 {
     for level in (0..=21u32).rev() {
         let occupied =
@@ -133,8 +134,8 @@ fn spacing(grid: &Grid, order: &[(u64, u32)]) -> f64 {
     grid.step
 }
 
-/// Planes of bytes: the lower, middle and upper bytes of the zigzag-coded differences of x, y and z; then the other
-/// attributes of the points.
+/// Planes of bytes: the lower, middle and upper bytes of the zigzag-coded differences of x, y and z; then the
+/// other attributes of the points.
 fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, scales: &Scales) -> Vec<u8> {
     let cells: Vec<[u32; 3]> = block.iter().map(|&(_, i)| grid.cell(&points.offset(i as usize))).collect();
     let mut bytes = Vec::with_capacity(block.len() * 14);
