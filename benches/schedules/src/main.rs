@@ -1,8 +1,6 @@
 //! The experiment of *Virtual LiDAR Simulation as a High Performance Computing Challenge: Toward HPC
-//! HELIOS++* (IEEE Access
-//! 2022) on any survey: every tree, schedule, chunk size and number of threads is measured, and the measured
-//!       task times are
-//! replayed on machines with more cores.
+//! HELIOS++* (IEEE Access 2022) on any survey: every tree, schedule, chunk size and number of threads is
+//! measured, and the measured task times are replayed on machines with more cores.
 //!
 //! ```text
 //! cargo run --release -p vlscan-schedules -- survey.xml --simulate-threads 16,64 --json all.json --svg all.svg

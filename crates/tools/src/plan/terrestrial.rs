@@ -42,7 +42,8 @@ pub struct TerrestrialOptions {
 /// grid lies over `area`.
 ///
 /// # Errors
-/// [`Error::Input`]: no position, too many, an instrument without a turning head, a resolution that it cannot draw.
+/// [`Error::Input`]: no position, too many, an instrument without a turning head, a resolution that it cannot
+/// draw.
 pub fn plan_terrestrial(
     area: Option<&Area>,
     instrument: &SwathModel,
