@@ -248,7 +248,8 @@ impl<'c> CellRunner<'c> {
         let ResolvedRun { settings, mut output, .. } = job;
         if output.trajectory.is_some() {
             return Err(Error::input(format!(
-                "{}: its [[output]] of the trajectory names one file, which all cells would overwrite; leave it out",
+                "{}: its [[output]] of the trajectory names one file, which all cells would overwrite; leave \
+                 it out",
                 survey.display()
             )));
         }

@@ -60,12 +60,14 @@ const EXIT_STATUS: &[(&str, &str)] = &[
     ("3", "A scan frequency is outside the scanner's limits."),
     (
         "4",
-        "The run cannot be divided into shards (--shard, --resume), or not continued with the shards that exist; without them it can be computed.",
+        "The run cannot be divided into shards (--shard, --resume), or not continued with the shards that \
+         exist; without them it can be computed.",
     ),
     ("5", "Another process works in the folder of the shards; repeat the command when it has ended."),
     (
         "130",
-        "Interrupted (Ctrl-C, SIGTERM): files and streams are valid, contain what was done so far, and are marked as partial.",
+        "Interrupted (Ctrl-C, SIGTERM): files and streams are valid, contain what was done so far, and are \
+         marked as partial.",
     ),
 ];
 
@@ -218,7 +220,9 @@ const OPPOSITES: &str =
 
 /// Formats the corrections for help.
 fn corrections() -> String {
-    let mut text = "Corrections (--correct NAME switches one on, --correct no-NAME off; --physics refined includes all that are not marked; those of the kinematics are always on in pipeline files):\n"
+    let mut text = "Corrections (--correct NAME switches one on, --correct no-NAME off; --physics refined \
+                    includes all that are not marked; those of the kinematics are always on in pipeline \
+                    files):\n"
         .to_owned();
     for (name, help) in correction_entries() {
         text += &format!("  {name}\n{}\n", wrapped(&help, 90));

@@ -62,7 +62,8 @@ fn reconstruct(args: &ReconstructArgs, console: &Console) -> Result<()> {
         ));
     }
     console.say(format!(
-        "{} pulses: terrain with a spread of {:.3} m, {} m² of roofs, {} voxels with {} m² of leaves in elements of {:.2} m",
+        "{} pulses: terrain with a spread of {:.3} m, {} m² of roofs, {} voxels with {} m² of leaves in \
+         elements of {:.2} m",
         amount(found.pulses as f64),
         found.terrain.spread,
         amount((found.roofs.cells as f64 * found.roofs.cell.powi(2)).round()),

@@ -11,7 +11,8 @@ const PROGRAM: &str = if cfg!(windows) { "vlscan-serve.exe" } else { "vlscan-ser
 pub fn run(args: &ServeArgs) -> Result<()> {
     let Some(program) = program() else {
         return Err(Error::input_with_help(
-            "vlscan serve needs the program vlscan-serve, which is neither beside vlscan nor in a folder of PATH",
+            "vlscan serve needs the program vlscan-serve, which is neither beside vlscan nor in a folder of \
+             PATH",
             "install it with `cargo install --locked --path crates/serve`",
         ));
     };

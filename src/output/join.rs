@@ -200,7 +200,8 @@ pub fn join(
         let segment = OpenSegment::open(path)?;
         if segment.records() != *records {
             return Err(Error::input(format!(
-                "{} holds {} points instead of {records}: if points do not fit the format and are left out, merge without --segment",
+                "{} holds {} points instead of {records}: if points do not fit the format and are left out, \
+                 merge without --segment",
                 path.display(),
                 segment.records()
             )));

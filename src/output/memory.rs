@@ -90,7 +90,8 @@ const PULSES: &[RecordColumn<PulseRecord>] = &[
     RecordColumn(
         "scan_angle",
         "deg",
-        "Angle of the beam from straight down across the track, negative to the left of the flight; with the physics of HELIOS++ its deflection on the scanner.",
+        "Angle of the beam from straight down across the track, negative to the left of the flight; with the \
+         physics of HELIOS++ its deflection on the scanner.",
         F64(|p, _| degrees(p.scan_angle)),
     ),
 ];

@@ -276,7 +276,10 @@ fn warn_of_unknown(table: &RecordBatch, path: &Path, found: &mut Diagnostics) {
             Some(Place::of_file(path)),
             format!("columns that no file of points has are not written: {}", unknown.join(", ")),
         );
-        problem.help("the columns of points are those that `vlscan.columns()` lists; files of tables, such as Parquet of pandas, hold any");
+        problem.help(
+            "the columns of points are those that `vlscan.columns()` lists; files of tables, such as Parquet \
+             of pandas, hold any",
+        );
     }
 }
 

@@ -98,7 +98,8 @@ pub(super) fn without_crs(outputs: &OutputRequest, context: &OutputContext) -> O
     let has_place = outputs.sinks.iter().any(|(_, format)| format.holds_crs());
     let is_lacking = is_projected && has_place && outputs.crs_wkt.is_none() && context.crs.is_none();
     is_lacking.then(|| {
-        "the coordinate reference system is unknown, so the outputs have none; add it with --crs EPSG:25832 (the scene's code)"
+        "the coordinate reference system is unknown, so the outputs have none; add it with --crs EPSG:25832 \
+         (the scene's code)"
             .to_owned()
     })
 }

@@ -47,7 +47,8 @@ pub(super) fn load_scene(
 pub(super) fn describe_tiles(statistics: &ResidencyStatistics) -> String {
     let ResidencyStatistics { loaded, prefetched, dropped, peak, load_time, .. } = statistics;
     format!(
-        "tiles: {loaded} loaded ({prefetched} ahead), {dropped} dropped, {:.2} % found in memory, at most {} at a time, {:.2} s",
+        "tiles: {loaded} loaded ({prefetched} ahead), {dropped} dropped, {:.2} % found in memory, at most {} \
+         at a time, {:.2} s",
         100.0 * statistics.hit_rate(),
         bytes(*peak),
         load_time.as_secs_f64()

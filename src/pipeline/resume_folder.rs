@@ -114,8 +114,8 @@ impl ResumeFolder {
             Some(Mark { program, state }) if program == PROGRAM => Ok(Some(state)),
             _ if is_unused(path) => Ok(None),
             _ => Err(Error::input(format!(
-                "{} exists and was not made by `{PROGRAM}`, which needs this name for its folder: move it, or choose another \
-                 name with -o",
+                "{} exists and was not made by `{PROGRAM}`, which needs this name for its folder: move it, \
+                 or choose another name with -o",
                 path.display()
             ))),
         }
@@ -250,7 +250,8 @@ fn lock(folder: &Path) -> Result<File> {
     let path = folder.join(LOCK);
     if path.symlink_metadata().is_ok() && !is_lock(&path) {
         return Err(Error::input(format!(
-            "{} was not made by `{PROGRAM}`, which needs this name for a file: move it to another folder, then repeat the command",
+            "{} was not made by `{PROGRAM}`, which needs this name for a file: move it to another folder, \
+             then repeat the command",
             path.display()
         )));
     }

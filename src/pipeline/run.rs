@@ -176,7 +176,8 @@ impl Session {
         let is_joined = |target: &Target| !matches!(target, Target::Helios(_));
         if epochs > 1 && outputs.sinks.iter().any(|(target, _)| is_joined(target)) {
             self.notify(Notice::Note(format!(
-                "the scene's swaps make {epochs} flights; their points are in the same files, with the same times; --output DIR writes one folder per flight"
+                "the scene's swaps make {epochs} flights; their points are in the same files, with the same \
+                 times; --output DIR writes one folder per flight"
             )));
         }
         if let Some(missing) = crs::without_crs(&outputs, context) {

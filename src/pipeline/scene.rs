@@ -245,7 +245,8 @@ impl LoadedScene {
         let scene = self.scene();
         if scene.tiles.is_some() {
             return Err(Error::input(
-                "points on the surfaces need the scene in memory: leave out --scene-memory, also where it was packed",
+                "points on the surfaces need the scene in memory: leave out --scene-memory, also where it \
+                 was packed",
             ));
         }
         let area = |i: u32| match scene.triangle(i) {

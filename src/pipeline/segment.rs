@@ -158,7 +158,8 @@ impl<'a> Segments<'a> {
 /// How segments are written that are missing or damaged.
 fn merge_again(of: u32, numbers: &[u32]) -> String {
     format!(
-        "repeat this command with --segment {}/{of} instead of --join (as an array job: --array={}), then with --join",
+        "repeat this command with --segment {}/{of} instead of --join (as an array job: --array={}), then \
+         with --join",
         numbers.first().unwrap_or(&0),
         array_list(numbers.iter().copied())
     )

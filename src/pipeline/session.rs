@@ -100,7 +100,8 @@ impl Session {
         if motion.is_some() && settings.survey.legs.iter().any(|leg| leg.scanner.pulse_times.is_some()) {
             return Err(Error::input_with_help(
                 "moving parts of a scene need a constant pulse rate, but a leg has pulse times",
-                "give the legs pulse_freq_hz in place of pulse_times and pulse_intervals_us, or the scene no moving parts",
+                "give the legs pulse_freq_hz in place of pulse_times and pulse_intervals_us, or the scene no \
+                 moving parts",
             ));
         }
         let rate = first_pulse_rate(&settings);

@@ -310,8 +310,10 @@ pub(super) fn check_outputs(outputs: &OutputRequest) -> Result<()> {
         return Ok(());
     }
     Err(Error::not_divisible(
-        "heights above ground need the scene, which shards do not have, and cannot be used with --shard or --resume",
-        "leave out --height-above-ground and the column HeightAboveGround, or run without --shard and --resume",
+        "heights above ground need the scene, which shards do not have, and cannot be used with --shard or \
+         --resume",
+        "leave out --height-above-ground and the column HeightAboveGround, or run without --shard and \
+         --resume",
     ))
 }
 
@@ -322,7 +324,8 @@ fn check_platform(survey: &Survey) -> Result<()> {
         return Ok(());
     }
     Err(Error::not_divisible(
-        "every shard needs all poses before it, but poses from standard input or a pipe can be read only once",
+        "every shard needs all poses before it, but poses from standard input or a pipe can be read only \
+         once",
         "save them to a file, and name it with --trajectory",
     ))
 }

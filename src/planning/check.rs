@@ -68,7 +68,8 @@ impl Check<'_> {
                     // What cannot be flown is refused here.
                     flat.plan_flight()?;
                     warnings.push(format!(
-                        "{} turns and brakes; density and strips are computed for straight flight at constant speed",
+                        "{} turns and brakes; density and strips are computed for straight flight at \
+                         constant speed",
                         self.plan.platform
                     ));
                 }
@@ -130,8 +131,9 @@ impl Check<'_> {
         let share = ((1.0 - forecast.missed.pulses) / flown.measured).max(returned(&forecast));
         if share < MIN_FLAT_SHARE {
             return Err(Error::input(format!(
-                "the instrument detects echoes of only {:.0} % of the pulses that meet flat ground {} m below, if it reflects one \
-                 half; the other echoes are too weak: fly lower with --height, or lower the pulse rate with --pulse-rate",
+                "the instrument detects echoes of only {:.0} % of the pulses that meet flat ground {} m \
+                 below, if it reflects one half; the other echoes are too weak: fly lower with --height, or \
+                 lower the pulse rate with --pulse-rate",
                 100.0 * share,
                 number(promise.height)
             )));
@@ -170,8 +172,8 @@ impl Check<'_> {
         let share = returned(&forecast);
         Ok((share < MIN_SCENE_SHARE).then(|| {
             format!(
-                "only {:.0} % of the pulses that point at the scene within the instrument's ranges have an echo: the others pass between \
-                 its objects, or their echoes are too weak",
+                "only {:.0} % of the pulses that point at the scene within the instrument's ranges have an \
+                 echo: the others pass between its objects, or their echoes are too weak",
                 100.0 * share
             )
         }))
@@ -213,8 +215,9 @@ impl Check<'_> {
         let what = if around == Around::Scene { "the scene" } else { "flat ground around it" };
         if near > MAX_NEAR_SHARE {
             return Err(Error::input(format!(
-                "{name} measures from {least} m on, and {percent} % of the pulses of this plan that meet {what} meet it nearer than that; \
-                 choose a scanner that measures nearer with --scanner (`vlscan catalogue` lists them with their ranges)"
+                "{name} measures from {least} m on, and {percent} % of the pulses of this plan that meet \
+                 {what} meet it nearer than that; choose a scanner that measures nearer with --scanner \
+                 (`vlscan catalogue` lists them with their ranges)"
             )));
         }
         if around == Around::Scene {
@@ -222,15 +225,16 @@ impl Check<'_> {
         }
         Ok(match around {
             _ if near > MIN_SCENE_SHARE => Some(format!(
-                "{name} measures from {least} m on, and {percent} % of the pulses that meet {what} meet it nearer than that"
+                "{name} measures from {least} m on, and {percent} % of the pulses that meet {what} meet it \
+                 nearer than that"
             )),
             Around::FlatGround if echoes <= 0.0 => {
                 Some(format!("no pulse of this plan has an echo from {what}"))
             }
             Around::FlatGround => None,
             Around::Scene => Some(format!(
-                "only {:.0} % of the pulses that point at the scene have an echo: the others pass between its objects, meet it out of the \
-                 instrument's ranges, or their echoes are too weak",
+                "only {:.0} % of the pulses that point at the scene have an echo: the others pass between \
+                 its objects, meet it out of the instrument's ranges, or their echoes are too weak",
                 100.0 * echoes / towards
             )),
         })

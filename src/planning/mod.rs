@@ -216,7 +216,8 @@ impl Planner<'_> {
         if !site.ground.has_ground() && self.setup.ground.is_none() {
             return Err(Error::input_with_help(
                 format!("--scene {name}: none of its materials is ground"),
-                "give the terrain's material `helios_isGround true` (in its MTL file or materials.csv; `vlscan scene stand --terrain` does), or give the height of level ground with --ground",
+                "give the terrain's material `helios_isGround true` (in its MTL file or materials.csv; \
+                 `vlscan scene stand --terrain` does), or give the height of level ground with --ground",
             ));
         }
         Ok(self.setup.ground.is_none())
@@ -237,7 +238,8 @@ impl Planner<'_> {
                 first.x,
                 first.y
             ),
-            "keep --area, --around or --along within the terrain whose material has `helios_isGround true`, or give the height of level ground with --ground",
+            "keep --area, --around or --along within the terrain whose material has `helios_isGround true`, \
+             or give the height of level ground with --ground",
         ))
     }
 
@@ -271,8 +273,8 @@ impl Planner<'_> {
         let is_like_degrees = area.corners().iter().all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
         let help = match is_like_degrees {
             true => {
-                "give the area in the scene's coordinates, in metres; if its coordinates are longitude and latitude, write SRID=4326; \
-                 before well-known text, or give it as KML"
+                "give the area in the scene's coordinates, in metres; if its coordinates are longitude and \
+                 latitude, write SRID=4326; before well-known text, or give it as KML"
             }
             false => "give the area in the scene's coordinates; `vlscan scene info` shows where a scene is",
         };

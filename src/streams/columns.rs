@@ -31,12 +31,15 @@ columns! {
     Device Device, "Index of the device, from 0.";
     Pulse Pulse, "Number of the pulse among those of its device, from 1; determines its random numbers.";
     Step Step, "Simulation steps since the epoch began, by which parts of the scene move.";
-    AttitudeW QuaternionW, "Quaternion from the beam frame (the beam leaves along +y) to the world: orients the subrays about the beam.";
+    AttitudeW QuaternionW, "Quaternion from the beam frame (the beam leaves along +y) to the world: orients \
+                            the subrays about the beam.";
     AttitudeX QuaternionX, "See AttitudeW.";
     AttitudeY QuaternionY, "See AttitudeW.";
     AttitudeZ QuaternionZ, "See AttitudeW.";
-    ScanAngle ScanAngle, "The scan angle of LAS: of the beam from straight down across the track, negative to the left.";
-    LowX LowX, "Rounding error of the world coordinate, which restores the last bits of the scene coordinate.";
+    ScanAngle ScanAngle, "The scan angle of LAS: of the beam from straight down across the track, negative \
+                          to the left.";
+    LowX LowX, "Rounding error of the world coordinate, which restores the last bits of the scene \
+                coordinate.";
     LowY LowY, "See LowX.";
     LowZ LowZ, "See LowX.";
     ExactW ExactW, "The quaternion without mechanical errors: points are reported along it.";
@@ -45,9 +48,11 @@ columns! {
     ExactZ ExactZ, "See ExactW.";
     RangeError RangeError, "Mechanical error that is added to every range.";
     Divergence Divergence, "Divergence of the beam of device 0.";
-    StartDivergence StartDivergence, "Divergence at the beginning of the survey, with which the reference traces all legs.";
+    StartDivergence StartDivergence, "Divergence at the beginning of the survey, with which the reference \
+                                      traces all legs.";
     Epoch Epoch, "Number of the epoch, from 0, in surveys with swapped parts.";
-    ReportedW ReportedW, "The quaternion computed with the reported pose, without mechanical errors: points are reported along it.";
+    ReportedW ReportedW, "The quaternion computed with the reported pose, without mechanical errors: points \
+                          are reported along it.";
     ReportedX ReportedX, "See ReportedW.";
     ReportedY ReportedY, "See ReportedW.";
     ReportedZ ReportedZ, "See ReportedW.";

@@ -210,7 +210,8 @@ impl Default for Columns {
 pub enum PositionsError {
     /// The coordinates are longitude and latitude.
     #[error(
-        "its coordinates are longitude and latitude ({found}); project them, for example with PDAL's filters.reprojection"
+        "its coordinates are longitude and latitude ({found}); project them, for example with PDAL's \
+         filters.reprojection"
     )]
     Geographic {
         /// The names.

@@ -169,7 +169,8 @@ pub enum UnreadFormat {
     },
     /// Binary data of an unknown format.
     #[error(
-        "is binary and in no known format (it begins with \"{beginning}\"); {CONVERTERS}; {READ_FORMATS} are read"
+        "is binary and in no known format (it begins with \"{beginning}\"); {CONVERTERS}; {READ_FORMATS} are \
+         read"
     )]
     Binary {
         /// Its first bytes.

@@ -397,7 +397,8 @@ impl<'a> SceneBuilder<'a> {
         let (vertices, primitives) = (self.geometry.vertices.len(), self.geometry.len());
         if vertices.max(primitives) > MAX_ELEMENTS {
             return Err(Error::input(format!(
-                "the scene has {vertices} vertices and {primitives} primitives; the maximum is {MAX_ELEMENTS} of each"
+                "the scene has {vertices} vertices and {primitives} primitives; the maximum is \
+                 {MAX_ELEMENTS} of each"
             )));
         }
         Ok(())

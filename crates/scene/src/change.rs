@@ -39,7 +39,8 @@ pub(super) fn report_unused(scene: &mut SceneBuilder) {
             change.others.iter().take(MAX_NAMES).map(|n| format!("\"{n}\"")).collect();
         let more = if change.others.len() > MAX_NAMES { " and more" } else { "" };
         let message = format!(
-            "no primitive of the part has the material \"{}\", so nothing is replaced; its materials are {}{more}",
+            "no primitive of the part has the material \"{}\", so nothing is replaced; its materials are \
+             {}{more}",
             printable(&change.name),
             there_are.join(", ")
         );

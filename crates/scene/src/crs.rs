@@ -45,9 +45,10 @@ pub(super) fn find_crs(recipe: &SceneRecipe, problems: &mut Diagnostics) -> Opti
                         named.file.display(),
                         crs::name(&named.wkt)
                     );
-                    problems
-                        .warn(part.place.clone(), message)
-                        .help("files are not reprojected; convert all files of a scene to one system first (gdalwarp, ogr2ogr)");
+                    problems.warn(part.place.clone(), message).help(
+                        "files are not reprojected; convert all files of a scene to one system first \
+                         (gdalwarp, ogr2ogr)",
+                    );
                 }
                 Some(_) => {}
             }

@@ -50,8 +50,8 @@ impl PartFrames {
         let (Some(local), Some(grid)) = (self.local, self.grid) else { return };
         let (near, far) = (local.bounds.centre(), grid.bounds.centre());
         let message = format!(
-            "part \"{}\" has local coordinates (about x {:.0}, y {:.0}), part \"{}\" those of a grid such as UTM (about x \
-             {:.0}, y {:.0}): they are {} apart",
+            "part \"{}\" has local coordinates (about x {:.0}, y {:.0}), part \"{}\" those of a grid such as \
+             UTM (about x {:.0}, y {:.0}): they are {} apart",
             local.id,
             near.x,
             near.y,
@@ -61,8 +61,8 @@ impl PartFrames {
             metres((far - near).length())
         );
         scene.diagnostics.warn(local.place.or(grid.place), message).help(
-            "move the first to its position on the grid with a translate filter (offset = easting;northing;height), or the second \
-             to the origin",
+            "move the first to its position on the grid with a translate filter (offset = \
+             easting;northing;height), or the second to the origin",
         );
     }
 }

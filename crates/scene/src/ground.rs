@@ -96,8 +96,8 @@ impl Gaps {
             n => format!(", and {n} others at smaller distances"),
         };
         let message = format!(
-            "part \"{id}\" stands {:.1} m {side} the ground under it{others}: onGround puts parts on a plane through the whole \
-             of part \"{ground}\", as HELIOS++ does",
+            "part \"{id}\" stands {:.1} m {side} the ground under it{others}: onGround puts parts on a plane \
+             through the whole of part \"{ground}\", as HELIOS++ does",
             gap.abs()
         );
         scene.diagnostics.warn(place, message).help(

@@ -206,13 +206,14 @@ impl TableKind {
         };
         let mean = self.mean;
         let message = format!(
-            "the leaf angle table's values are taken for {scale}: they average {mean:.4} over all directions{half}"
+            "the leaf angle table's values are taken for {scale}: they average {mean:.4} over all \
+             directions{half}"
         );
         diagnostics.note(place(), message);
         if (mean / expected - 1.0).abs() > MAX_MEAN_ERROR {
             let message = format!(
-                "the leaf angle table's values average {mean:.4} over all directions, where G averages 0.5 and 2πG π; \
-                 the foliage is {:.3} times as dense as its voxels say",
+                "the leaf angle table's values average {mean:.4} over all directions, where G averages 0.5 \
+                 and 2πG π; the foliage is {:.3} times as dense as its voxels say",
                 mean / expected
             );
             diagnostics.warn(place(), message);

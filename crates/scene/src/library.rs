@@ -316,17 +316,20 @@ impl Library {
         }
         if let Some(UnusedOptics { properties, place }) = &d.unused_optics {
             let message = format!(
-                "material \"{}\" is opaque: transparency and mirror reflection are not simulated ({properties})",
+                "material \"{}\" is opaque: transparency and mirror reflection are not simulated \
+                 ({properties})",
                 d.name
             );
             diagnostics.warn(place.clone().or(d.place.clone()), message).help(
-                "delete its faces if beams should pass through them; `d 1` and `illum 2` in an MTL file, or alphaMode OPAQUE in a glTF file, confirm that it is opaque",
+                "delete its faces if beams should pass through them; `d 1` and `illum 2` in an MTL file, or \
+                 alphaMode OPAQUE in a glTF file, confirm that it is opaque",
             );
         }
         // Definitions with a line have been checked where they were read.
         if !d.has_line() && !CLASSES.contains(&d.classification) {
             let message = format!(
-                "material \"{}\" has the class {}, which is written as 0 in LAS and LAZ: they have classes 0 to 255",
+                "material \"{}\" has the class {}, which is written as 0 in LAS and LAZ: they have classes 0 \
+                 to 255",
                 d.name, d.classification
             );
             diagnostics.warn(d.place.clone(), message);
@@ -426,7 +429,8 @@ impl Library {
                     let index = same_word()?;
                     let other = &definitions[index].name;
                     let message = format!(
-                        "{} defines no material \"{name}\"; \"{other}\" is used, which has the same first word",
+                        "{} defines no material \"{name}\"; \"{other}\" is used, which has the same first \
+                         word",
                         path.display()
                     );
                     diagnostics.warn(place.cloned(), message);

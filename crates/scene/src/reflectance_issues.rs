@@ -87,11 +87,13 @@ impl ReflectanceIssues {
                 ),
                 (ReflectanceIssue::Missing, 1) => (
                     missing(&names, rules),
-                    "give it a reflectance from 0 to 1 (helios_reflectance in MTL files), or a spectrum (helios_spectra)",
+                    "give it a reflectance from 0 to 1 (helios_reflectance in MTL files), or a spectrum \
+                     (helios_spectra)",
                 ),
                 (ReflectanceIssue::Missing, _) => (
                     missing(&names, rules),
-                    "give each a reflectance from 0 to 1 (helios_reflectance in MTL files), or a spectrum (helios_spectra)",
+                    "give each a reflectance from 0 to 1 (helios_reflectance in MTL files), or a spectrum \
+                     (helios_spectra)",
                 ),
                 (ReflectanceIssue::NoFraction, 1) => (
                     format!("the reflectance of material {listed} is not between 0 and 1, and used as it is"),
@@ -99,7 +101,8 @@ impl ReflectanceIssues {
                 ),
                 (ReflectanceIssue::NoFraction, n) => (
                     format!(
-                        "the reflectances of {n} materials are not between 0 and 1, and used as they are: {listed}"
+                        "the reflectances of {n} materials are not between 0 and 1, and used as they are: \
+                         {listed}"
                     ),
                     "helios_reflectance 0.3 reflects 30 per cent",
                 ),

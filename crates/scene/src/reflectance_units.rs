@@ -61,9 +61,12 @@ impl ReflectanceUnits {
             listed(&fractions)
         );
         let help = if is_fraction {
-            "those above 2 are read as per cent, the others as fractions; give all from 0 to 1 (helios_reflectance 0.3)"
+            "those above 2 are read as per cent, the others as fractions; give all from 0 to 1 \
+             (helios_reflectance 0.3)"
         } else {
-            "--physics helios uses all as they are, so the former echo 100 times as strongly and the latter can be too weak to detect; give all from 0 to 1 (helios_reflectance 0.3), or use --physics refined"
+            "--physics helios uses all as they are, so the former echo 100 times as strongly and the latter \
+             can be too weak to detect; give all from 0 to 1 (helios_reflectance 0.3), or use --physics \
+             refined"
         };
         let place = first.place.clone().or_else(|| fractions.iter().find_map(|given| given.place.clone()));
         diagnostics.warn(place, message).help(help);

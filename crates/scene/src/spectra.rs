@@ -150,7 +150,8 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
                 is_told_of_header = true;
                 problems.warn(line.number, at, || {
                     format!(
-                        "a row among the first {HEADER_LINES} lines, which are the header and are not read; put as many lines before the table"
+                        "a row among the first {HEADER_LINES} lines, which are the header and are not read; \
+                         put as many lines before the table"
                     )
                 });
             }
@@ -162,7 +163,8 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
                 let found = found.trim();
                 let hint = comma_note(found.split_whitespace().next().unwrap_or_default());
                 format!(
-                    "expected a wavelength in micrometres and a reflectance in per cent with a blank between them, found \"{found}\"{hint}"
+                    "expected a wavelength in micrometres and a reflectance in per cent with a blank between \
+                     them, found \"{found}\"{hint}"
                 )
             });
             continue;
@@ -191,7 +193,8 @@ fn warn_of_doubts(rows: &[Row], wavelengths: &[f32], problems: &mut Problems) {
     if rows.iter().all(|row| row.wavelength >= MIN_NANOMETRES) {
         range.0.warn(problems, || {
             format!(
-                "wavelengths in nanometres? the file is read in micrometres, from {} to {} µm: {used}; divide them by 1000",
+                "wavelengths in nanometres? the file is read in micrometres, from {} to {} µm: {used}; \
+                 divide them by 1000",
                 range.0.wavelength, range.1.wavelength
             )
         });
@@ -223,7 +226,8 @@ fn warn_of_numbers(rows: &[Row], used: &str, problems: &mut Problems) {
     let negative: Vec<&Row> = rows.iter().filter(|row| row.per_cent < 0.0).collect();
     warn_of_first(&negative, problems, |row, others| {
         format!(
-            "expected a reflectance of 0 per cent or more, found {}{others}; the row is used, and a result below 0 is set to 0: {used}",
+            "expected a reflectance of 0 per cent or more, found {}{others}; the row is used, and a result \
+             below 0 is set to 0: {used}",
             row.per_cent
         )
     });
@@ -231,7 +235,8 @@ fn warn_of_numbers(rows: &[Row], used: &str, problems: &mut Problems) {
     if let (Some(first), true) = (rows.first(), negative.is_empty() && highest > 0.0 && highest <= 1.0) {
         first.warn(problems, || {
             format!(
-                "reflectances as fractions? none is above {highest}, and the file is read in per cent: {used}; multiply them by 100"
+                "reflectances as fractions? none is above {highest}, and the file is read in per cent: \
+                 {used}; multiply them by 100"
             )
         });
     }
@@ -248,7 +253,8 @@ fn warn_of_order(rows: &[Row], used: &str, problems: &mut Problems) -> bool {
         rows.windows(2).filter(|pair| is_misplaced(&pair[1], &pair[0])).map(|pair| &pair[1]).collect();
     warn_of_first(&misplaced, problems, |row, others| {
         format!(
-            "expected a wavelength above that of the row before, found {}{others}; the first row at or above the wavelength is used: {used}; sort the rows by wavelength",
+            "expected a wavelength above that of the row before, found {}{others}; the first row at or above \
+             the wavelength is used: {used}; sort the rows by wavelength",
             row.wavelength
         )
     });
@@ -262,7 +268,8 @@ fn warn_of_range((first, last): (&Row, &Row), wavelength: f32, used: &str, probl
         first.warn(problems, || {
             let begin = first.wavelength;
             format!(
-                "{is} below the table, which begins at {begin} µm; the value lies between 0 per cent at 0 µm and its first row: {used}"
+                "{is} below the table, which begins at {begin} µm; the value lies between 0 per cent at 0 µm \
+                 and its first row: {used}"
             )
         });
     } else if wavelength > last.wavelength {

@@ -109,7 +109,8 @@ impl LegCheck<'_> {
                 let window = (settings.vertical_min.unwrap_or(-half), settings.vertical_max.unwrap_or(half));
                 if window.1 - window.0 > 2.0 * effective_max {
                     let message = format!(
-                        "leg {}: the vertical angles {} to {} degrees are wider than the scanner's field of view",
+                        "leg {}: the vertical angles {} to {} degrees are wider than the scanner's field of \
+                         view",
                         self.leg.number,
                         number(degrees(window.0)),
                         number(degrees(window.1))

@@ -275,7 +275,8 @@ pub(super) fn check_deflector(fields: &Fields, device: &Device, in_channel: bool
                 true => ("`prisms`", ""),
                 false => (
                     "`angle1_deg`, `angle2_deg` and their `refrIndex1`, `refrIndex2`",
-                    "files for HELIOS++ 1 do not have them; data/scanners_tls.xml#livox_mid-70 of the catalogue has them",
+                    "files for HELIOS++ 1 do not have them; data/scanners_tls.xml#livox_mid-70 of the \
+                     catalogue has them",
                 ),
             };
             let message = format!(

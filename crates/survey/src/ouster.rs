@@ -157,7 +157,8 @@ impl Calibration<'_> {
 
     fn missing<T>(&self, names: &[&str]) -> Option<T> {
         let message = format!("`{}` is missing in this calibration file", names[0]);
-        let help = "expected the metadata that an Ouster sensor writes of itself: angles of the beams, origin and mode";
+        let help = "expected the metadata that an Ouster sensor writes of itself: angles of the beams, \
+                    origin and mode";
         self.context.error_help(Place::of_file(self.path), message, help);
         None
     }
@@ -190,8 +191,8 @@ impl Calibration<'_> {
             },
             None => {
                 let message = format!(
-                    "the file states no `lidar_origin_to_beam_origin_mm`; {ORIGIN_BEFORE_1_14} mm is used, that of sensors \
-                     with firmware before 1.14"
+                    "the file states no `lidar_origin_to_beam_origin_mm`; {ORIGIN_BEFORE_1_14} mm is used, \
+                     that of sensors with firmware before 1.14"
                 );
                 self.context.warn(Place::of_file(self.path), message);
                 ORIGIN_BEFORE_1_14
@@ -268,7 +269,8 @@ impl Calibration<'_> {
         let entry = PRODUCTS.iter().find(|(line, _)| product.starts_with(line)).map(|(_, entry)| *entry);
         if entry.is_none() {
             let message = format!(
-                "the product `{product}` is not in the catalogue; beam and receiver are those of {OTHER_PRODUCT}"
+                "the product `{product}` is not in the catalogue; beam and receiver are those of \
+                 {OTHER_PRODUCT}"
             );
             let help =
                 "keys of [scanner] replace them: beam_divergence_rad, range_min_m, max_range, range_noise";

@@ -215,7 +215,8 @@ impl ScannerLayer {
             });
             if element.value(name).is_some() && written != used {
                 let message = format!(
-                    "`{name}` of {written} is a default and treated as not given; {used} is used, as in HELIOS++"
+                    "`{name}` of {written} is a default and treated as not given; {used} is used, as in \
+                     HELIOS++"
                 );
                 context.warn(element.value_place(name), message);
             }

@@ -54,7 +54,8 @@ pub(super) fn read_survey_parts(context: &Context, root: &Element) -> Option<(Su
         match ["scene", "scanner", "platform"].into_iter().find(|kind| root.child(kind).is_some()) {
             Some(kind) => {
                 let help = format!(
-                    "it holds a <{kind}>; a survey is the file whose <survey> names scene, platform and scanner"
+                    "it holds a <{kind}>; a survey is the file whose <survey> names scene, platform and \
+                     scanner"
                 );
                 context.error_help(Some(root.place()), message, help);
             }

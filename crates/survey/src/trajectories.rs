@@ -212,9 +212,11 @@ fn check_columns(context: &Context, leg: &Element, says: &TrajectoryLayer) {
             let help = if i == 0 || j == 0 {
                 "a path without times needs a column of them: name it with tIndex"
             } else if ANGLES.contains(&i) || ANGLES.contains(&j) {
-                "name the columns of all angles, or give interpolationDomain=\"position\" for a path without attitude"
+                "name the columns of all angles, or give interpolationDomain=\"position\" for a path without \
+                 attitude"
             } else {
-                "give each its own column; those that are not named are 0 to 6: time, roll, pitch, yaw, x, y, z"
+                "give each its own column; those that are not named are 0 to 6: time, roll, pitch, yaw, x, \
+                 y, z"
             };
             context.warn_help(place_of(leg, at), message, help);
         }

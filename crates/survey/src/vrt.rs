@@ -195,8 +195,8 @@ impl Reader<'_> {
             && [width, height] != [columns, rows]
         {
             let message = format!(
-                "a window of {width} x {height} pixels is resampled to {columns} x {rows}, which is not supported: <SrcRect> and \
-                 <DstRect> must have the same size"
+                "a window of {width} x {height} pixels is resampled to {columns} x {rows}, which is not \
+                 supported: <SrcRect> and <DstRect> must have the same size"
             );
             let place = source.child("DstRect").unwrap_or_else(|| source.clone()).place();
             self.context.error_help(place, message, "gdalwarp -tr brings tiles to one pixel size first");
@@ -265,7 +265,8 @@ impl Reader<'_> {
             if !(0.0..=f64::from(u32::MAX)).contains(&whole) || (written - whole).abs() > MAX_WINDOW_ERROR {
                 let message =
                     format!("`{attribute}` of <{name}> is {written}, expected a whole number of pixels");
-                let help = "parts of pixels would be resampled, which is not supported; gdalwarp -tap aligns tiles first";
+                let help = "parts of pixels would be resampled, which is not supported; gdalwarp -tap aligns \
+                            tiles first";
                 self.context.error_help(element.value_place(attribute), message, help);
                 return None;
             }

@@ -86,7 +86,8 @@ pub fn overlap(text: &str) -> Result<f64, String> {
     let is_marked = text.trim_end().ends_with('%');
     match text.trim_end_matches('%').trim().parse::<f64>() {
         Ok(part) if !is_marked && part != 0.0 && part.abs() < 1.0 => Err(format!(
-            "it is in percent: {} for that part of the swath, or \"{part}%\" if less than one percent is meant",
+            "it is in percent: {} for that part of the swath, or \"{part}%\" if less than one percent is \
+             meant",
             number(part * 100.0)
         )),
         Ok(percent) if OVERLAP.contains(percent) => Ok(percent),

@@ -54,7 +54,8 @@ fn refuse_shards(args: &TraceArgs) -> Result<()> {
     let Some((option, _)) = options.iter().find(|(_, is_given)| *is_given) else { return Ok(()) };
     Err(Error::input_with_help(
         format!("{option} cannot be used with vlscan trace: the length of a stream of pulses is not known"),
-        "run the survey in shards instead (vlscan run --shard), or divide the pulses into files and trace each",
+        "run the survey in shards instead (vlscan run --shard), or divide the pulses into files and trace \
+         each",
     ))
 }
 
@@ -80,7 +81,8 @@ impl Setting {
                 warnings.extend(found);
             }
             if let Some(leg) = survey.legs.iter().find(|leg| leg.scanner.pulse_times.is_some()) {
-                let message = "`pulse_times` and `pulse_intervals_us` have no effect: pulses leave at the times in their stream";
+                let message = "`pulse_times` and `pulse_intervals_us` have no effect: pulses leave at the \
+                               times in their stream";
                 warnings.warn(leg.place.clone(), message);
             }
             return Ok((Setting { survey, options, known: true }, warnings));

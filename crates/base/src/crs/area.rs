@@ -77,7 +77,8 @@ impl Area {
 pub enum Wgs84Error {
     /// It has no EPSG code and is no UTM zone.
     #[error(
-        "{0} has no EPSG code and is no UTM zone on WGS 84 or GRS 80, so its longitudes and latitudes are unknown"
+        "{0} has no EPSG code and is no UTM zone on WGS 84 or GRS 80, so its longitudes and latitudes are \
+         unknown"
     )]
     NoCode(String),
     /// Its projection is not known here.
@@ -185,7 +186,8 @@ fn hint(code: u32, x: f64, y: f64) -> String {
         return format!("a digit may be missing: {}", named(&longer));
     }
     if x.abs() < 100_000.0 && y.abs() < 100_000.0 {
-        return "the scene has local coordinates, which belong to no system: leave out the code, or move the scene to its true position"
+        return "the scene has local coordinates, which belong to no system: leave out the code, or move the \
+                scene to its true position"
             .to_owned();
     }
     "--crs does not reproject: name the system that the scene's coordinates are in".to_owned()

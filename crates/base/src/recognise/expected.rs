@@ -205,7 +205,8 @@ impl Expected {
             }
             (Role::Terrain, Mesh) => "a mesh is read by <filter type=\"objloader\">, or as `--scene {f}`",
             (Role::Points, Terrain) => {
-                "`vlscan scene info {f}` describes it as terrain; points of its cells: gdal_translate -of XYZ {f} out.xyz"
+                "`vlscan scene info {f}` describes it as terrain; points of its cells: gdal_translate -of \
+                 XYZ {f} out.xyz"
             }
             (Role::Flight, Area | Log | Mesh | Document | Markup) => {
                 "write its positions as a table with headings: time,x,y,z,roll,pitch,yaw"
@@ -216,7 +217,8 @@ impl Expected {
             (Role::Area, Table) => "write the corners as well-known text: POLYGON ((x y, x y, x y))",
             (Role::Area, Flight) => "`vlscan run PIPELINE --trajectory {f}` flies it as it was recorded",
             (Role::Area, Points) => {
-                "`vlscan info {f}` shows its extent; write the corners as well-known text: POLYGON ((x y, x y, x y))"
+                "`vlscan info {f}` shows its extent; write the corners as well-known text: POLYGON ((x y, x \
+                 y, x y))"
             }
             (Role::Table | Role::Flight, Columnar) => "write it as CSV, for example with Polars or pandas",
             (Role::Survey, Text | Utf16 | Binary | Empty | Markup) => {
@@ -255,7 +257,8 @@ fn use_of(kind: &Kind) -> &'static str {
                 `vlscan run -o a.mcap -o a.laz` also writes the points in world coordinates"
         }
         Document => {
-            "`vlscan run {f}` flies a survey, `vlscan scene info {f}` describes a scene; `--scanner {f}#ID` takes instruments"
+            "`vlscan run {f}` flies a survey, `vlscan scene info {f}` describes a scene; `--scanner {f}#ID` \
+             takes instruments"
         }
         Pipeline => {
             "`vlscan run {f}` flies a pipeline, `vlscan campaign {f}` makes the data set of a campaign"
@@ -263,8 +266,8 @@ fn use_of(kind: &Kind) -> &'static str {
         Shard => "`vlscan merge FOLDER` makes points of the shards of a run",
         Calibration => "`--scanner {f}` takes calibrations",
         Table => {
-            "points: `vlscan info {f}`; a trajectory: `vlscan run PIPELINE --trajectory {f}`; an inventory of trees: `vlscan scene \
-             stand {f} -o DIR`"
+            "points: `vlscan info {f}`; a trajectory: `vlscan run PIPELINE --trajectory {f}`; an inventory \
+             of trees: `vlscan scene stand {f} -o DIR`"
         }
         Array | Sheet => "tables: points for `vlscan info {f}`, a trajectory for `--trajectory {f}`",
         Markup | Text | Utf16 | Archive | Picture | Other | Binary | Empty => "",

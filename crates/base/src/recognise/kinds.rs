@@ -300,7 +300,8 @@ pub(super) const BY_START: &[Kind] = &[
     kind(
         "a Feather table of version 1",
         Other,
-        "write it again: pyarrow.feather.write_feather(pyarrow.feather.read_table('{f}'), 'out.arrow', compression='uncompressed')",
+        "write it again: pyarrow.feather.write_feather(pyarrow.feather.read_table('{f}'), 'out.arrow', \
+         compression='uncompressed')",
         &[b"FEA1"],
         &["feather"],
     ),
@@ -350,7 +351,8 @@ pub(super) const BY_START: &[Kind] = &[
     kind(
         "an HDF5 or NetCDF 4 file",
         Array,
-        "a raster in it becomes GeoTIFF: gdal_translate {f} out.tif; tables in it: write them as CSV with h5py",
+        "a raster in it becomes GeoTIFF: gdal_translate {f} out.tif; tables in it: write them as CSV with \
+         h5py",
         &[b"\x89HDF"],
         &["h5", "hdf5", "hdf", "he5"],
     ),

@@ -115,7 +115,8 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     let mut recording = Recording::read(path, request.flight_line, found)?;
     if let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) {
         let message = format!(
-            "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: this is no flight",
+            "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: \
+             this is no flight",
             path.display(),
             degrees(turn),
             recording.duration()
@@ -132,7 +133,8 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         let mut turned = recording.clone();
         turned.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
         if let Ok(solution) = best_solution(&turned) {
-            let message = "scan angles are positive to the left of the flight, against the LAS specification; they are turned round";
+            let message = "scan angles are positive to the left of the flight, against the LAS \
+                           specification; they are turned round";
             found.warn(Some(Place::of_file(path)), message);
             (recording, fitted) = (turned, Ok(solution));
         }
@@ -141,7 +143,10 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     let solution = fitted.map_err(|reason| {
         Error::input_with_help(
             format!("{name}: no flight meets these points: {reason}; they are {}", recording.description()),
-            "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a polygon mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from prisms or a sensor that spins, with scan angles in degrees that change across the track, and times in seconds",
+            "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a \
+             polygon mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from \
+             prisms or a sensor that spins, with scan angles in degrees that change across the track, and \
+             times in seconds",
         )
     })?;
     if solution.residual > DOUBTFUL_RESIDUAL {
@@ -155,7 +160,8 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     if share > DOUBTFUL_SCALE {
         let rounded = if recording.has_whole_angles() { ", rounded to degrees," } else { "" };
         let message = format!(
-            "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) that height and angles of the mirror are known to {:.0} % only",
+            "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) that \
+             height and angles of the mirror are known to {:.0} % only",
             degrees(recording.angle_spread()),
             100.0 * share
         );
@@ -164,7 +170,8 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     let rate = PulseRate::of(&recording, &solution);
     if let Some(step) = rate.coarse_step {
         let message = format!(
-            "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse rate of {:.0} per second",
+            "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse rate of \
+             {:.0} per second",
             1e6 * step,
             rate.mean
         );
@@ -172,7 +179,9 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     }
     if rate.lost > MAX_LOST_SHARE {
         let message = format!(
-            "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; no dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the pulse rate is too low",
+            "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; no \
+             dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the pulse rate \
+             is too low",
             100.0 * rate.lost
         );
         found.warn(Some(Place::of_file(path)), message);

@@ -161,7 +161,8 @@ impl Recording {
             let warning = found.warn(
                 Some(Place::of_file(path)),
                 format!(
-                    "{name} holds {} flight lines: the one with the most points is fitted (point source {}, GPS time {:.1} s); {left_out} points of the others are left out",
+                    "{name} holds {} flight lines: the one with the most points is fitted (point source {}, \
+                     GPS time {:.1} s); {left_out} points of the others are left out",
                     flights.len(),
                     recording.source,
                     recording.start
@@ -215,20 +216,25 @@ impl Recording {
                     "{name}: {others} points have the time of another pulse ({} times in all)",
                     pulses.len()
                 ),
-                "a fit needs the pulses of one flight line, whose times differ; points that are in the file twice, flight lines with the same point source, and beams that fire together without a number of their channel have to be taken apart before",
+                "a fit needs the pulses of one flight line, whose times differ; points that are in the file \
+                 twice, flight lines with the same point source, and beams that fire together without a \
+                 number of their channel have to be taken apart before",
             ));
         }
         let (outliers, distance) = remove_outliers(&mut pulses);
         if outliers > 0 {
             let message = format!(
-                "{outliers} of the points of {name} lie more than {distance:.0} m above or below those that were recorded before and after them; they are left out as noise"
+                "{outliers} of the points of {name} lie more than {distance:.0} m above or below those that \
+                 were recorded before and after them; they are left out as noise"
             );
             found.warn(Some(Place::of_file(path)), message);
         }
         let count = pulses.len();
         let recording = Recording::new(pulses).ok_or_else(|| {
             Error::input(format!(
-                "{name}: {count} pulses within a flight line are too few to estimate a flight, which needs {MIN_PULSES}; points of one pulse have the same GPS time, and pauses of more than {FLIGHT_PAUSE} s in the GPS times, which are seconds, separate flight lines",
+                "{name}: {count} pulses within a flight line are too few to estimate a flight, which needs \
+                 {MIN_PULSES}; points of one pulse have the same GPS time, and pauses of more than \
+                 {FLIGHT_PAUSE} s in the GPS times, which are seconds, separate flight lines",
             ))
         })?;
         let (low, high) =
@@ -238,7 +244,8 @@ impl Recording {
         let extent = (high.x - low.x).max(high.y - low.y);
         if extent < MIN_EXTENT {
             return Err(Error::input(format!(
-                "{name}: the points of the flight line lie within {extent:.3} m, which is no flight line (or coordinates that are not lengths)"
+                "{name}: the points of the flight line lie within {extent:.3} m, which is no flight line (or \
+                 coordinates that are not lengths)"
             )));
         }
         if recording.angle_spread() == 0.0 {
@@ -297,7 +304,8 @@ impl Recording {
             .map(|pulse| degrees(pulse.angle))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| (low.min(angle), high.max(angle)));
         format!(
-            "{} pulses of {:.3} s, {:.0} a second within their {} scan lines, with scan angles from {}° to {}°",
+            "{} pulses of {:.3} s, {:.0} a second within their {} scan lines, with scan angles from {}° to \
+             {}°",
             self.pulses.len(),
             self.duration(),
             1.0 / self.interval,

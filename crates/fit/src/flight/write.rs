@@ -186,9 +186,17 @@ impl FlightFit {
         }
         line("#".to_owned());
         if files.wander.is_some() {
-            line("# A turn of the platform and one of the mirror look alike to a cone: both are in the mirror's wander.".to_owned());
+            line(
+                "# A turn of the platform and one of the mirror look alike to a cone: both are in the \
+                 mirror's wander."
+                    .to_owned(),
+            );
         }
-        line("# Not to be told from the points, and left to you: divergence, pulse length, energy, range limits.".to_owned());
+        line(
+            "# Not to be told from the points, and left to you: divergence, pulse length, energy, range \
+             limits."
+                .to_owned(),
+        );
         line(String::new());
         line("# scene = \"scene.xml\"         # what is scanned; or vlscan run --scene".to_owned());
         if let Some(wkt) = &self.recording.wkt {
@@ -241,7 +249,8 @@ impl FlightFit {
         }
         let farthest = self.farthest();
         line(format!(
-            "# assumed: a target of this reflectance is seen from {ASSUMED_RANGE} times the largest recorded distance, so that no pulse is lost"
+            "# assumed: a target of this reflectance is seen from {ASSUMED_RANGE} times the largest recorded \
+             distance, so that no pulse is lost"
         ));
         line(format!(
             "max_range = {{ range_m = {:.0}, reflectance = {ASSUMED_REFLECTANCE} }}",
@@ -272,7 +281,11 @@ impl FlightFit {
         }
         line(format!("pulse_freq_hz = {:.0}", self.rate.mean));
         if let Some(path) = &files.pulse_times {
-            line("# the rate changes with the place of the mirror, and from line to line; pulses elsewhere are not known".to_owned());
+            line(
+                "# the rate changes with the place of the mirror, and from line to line; pulses elsewhere \
+                 are not known"
+                    .to_owned(),
+            );
             line(format!("pulse_times = {}", quoted(&name(path))));
         } else if !self.rate.dither.is_empty() {
             line("# intervals that repeat".to_owned());

@@ -150,8 +150,8 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
         let names: Vec<&str> = unknown.iter().map(String::as_str).collect();
         let (line, are) = if names.len() == 1 { ("line", "it is") } else { ("lines", "they are") };
         let message = format!(
-            "neither returns nor scan angles of {line} {} show where the instrument was; {are} taken to be recorded from \
-             straight above",
+            "neither returns nor scan angles of {line} {} show where the instrument was; {are} taken to be \
+             recorded from straight above",
             listed(&names, MAX_LISTED_LINES)
         );
         found.warn(Some(Place::of_file(&options.cloud)), message);

@@ -147,8 +147,8 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let count = kept().filter(|r| matches!(r.class, 2 | 8)).count();
     if count < 3 {
         return Err(Error::input(format!(
-            "{name} has {count} points of class 2 (ground), and at least 3 are needed; classify the ground first, for example: \
-             pdal translate {name} classified.laz smrf"
+            "{name} has {count} points of class 2 (ground), and at least 3 are needed; classify the ground \
+             first, for example: pdal translate {name} classified.laz smrf"
         )));
     }
     let mut warn = |message: &str| {
@@ -162,7 +162,8 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     }
     if !has(Attribute::NumberOfReturns) || !has(Attribute::ReturnNumber) {
         warn(
-            "it has no return numbers and numbers of returns; every point is taken as the only return of its pulse",
+            "it has no return numbers and numbers of returns; every point is taken as the only return of its \
+             pulse",
         );
     }
     let has_times = has(Attribute::Time);

@@ -70,7 +70,8 @@ impl RangeImage {
         for (name, column) in COLUMNS.iter().zip(tables) {
             let missing = || {
                 let message = format!(
-                    "{} has no column `{name}` of numbers; a recording of a spinning sensor has {}, and `signal` if it is recorded",
+                    "{} has no column `{name}` of numbers; a recording of a spinning sensor has {}, and \
+                     `signal` if it is recorded",
                     path.display(),
                     COLUMNS[..4].join(", ")
                 );
@@ -88,7 +89,8 @@ impl RangeImage {
             let at = is_pixel.then(|| place_of(beam as usize, column as usize)).flatten();
             let Some(at) = at else {
                 return Err(Error::input(format!(
-                    "{}, row {row}: beam {beam} and column {column}, expected one of the {} beams and {} columns of the sensor",
+                    "{}, row {row}: beam {beam} and column {column}, expected one of the {} beams and {} \
+                     columns of the sensor",
                     path.display(),
                     image.rows,
                     image.columns

@@ -57,9 +57,11 @@ pub(crate) fn geoparquet(
     let crs = settings.crs.as_deref().map_or(Value::Null, |wkt| {
         projjson(wkt).unwrap_or_else(|| {
             let name = crs::name(wkt);
-            let message = format!("GeoParquet without coordinate reference system: {name} has no PROJJSON here");
+            let message =
+                format!("GeoParquet without coordinate reference system: {name} has no PROJJSON here");
             problems.warn(None, message).help(
-                "its WKT is in the metadata `crs`; --crs with the EPSG code of a projected system writes PROJJSON",
+                "its WKT is in the metadata `crs`; --crs with the EPSG code of a projected system writes \
+                 PROJJSON",
             );
             Value::Null
         })

@@ -118,7 +118,10 @@ impl Header {
                     let raster = width.and_then(|width| width.checked_mul(height));
                     let differs = points.zip(raster).filter(|(points, raster)| points != raster);
                     let remark = differs.map(|(points, raster)| {
-                        format!("its header has {points} POINTS, which are read, but WIDTH times HEIGHT is {raster}")
+                        format!(
+                            "its header has {points} POINTS, which are read, but WIDTH times HEIGHT is \
+                             {raster}"
+                        )
                     });
                     let points = points.or(raster);
                     let points = points.ok_or("its header has no POINTS")?;

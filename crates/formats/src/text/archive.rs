@@ -182,7 +182,8 @@ impl<'n, R: BufRead> Archive<'n, R> {
         if head[32..] != NUMBERS {
             let found = &head[32..];
             return Err(self.wrong(format!(
-                "written on another kind of machine: expected sizes and order of numbers {NUMBERS:?}, found {found:?}"
+                "written on another kind of machine: expected sizes and order of numbers {NUMBERS:?}, found \
+                 {found:?}"
             )));
         }
         Ok(())

@@ -156,7 +156,8 @@ impl<T> Widths<T> {
         let longer = longer.1.map(|place| {
             let (count, lines) = (longer.0, lines(longer.0));
             let message = format!(
-                "{count} {lines} more values than line {first}, which has {width}; the others are not read{commas}"
+                "{count} {lines} more values than line {first}, which has {width}; the others are not \
+                 read{commas}"
             );
             (place, message)
         });

@@ -64,7 +64,9 @@ impl PlannedLeg {
 }
 
 /// What to do where legs find no ground.
-const NO_GROUND_HELP: &str = "ground is every surface whose material has `helios_isGround true` (`vlscan scene info` lists them); give the terrain such a material, or give the leg a height instead of on_ground";
+const NO_GROUND_HELP: &str = "ground is every surface whose material has `helios_isGround true` (`vlscan \
+                              scene info` lists them); give the terrain such a material, or give the leg a \
+                              height instead of on_ground";
 
 /// Courses of the legs in the scene frame: shifted, dropped to the ground and, given a seed, displaced at
 /// random. Where there is no ground that is an error if the ground is needed, and otherwise the height of the
@@ -202,7 +204,8 @@ pub(super) fn check_spans(
             problems.warn(leg.place.clone(), message);
         } else if span.start < 0.0 || span.end > table.duration() {
             let message = format!(
-                "leg {}: {start} s to {end} s leaves the trajectory ({} s to {} s); the first and last poses are extrapolated",
+                "leg {}: {start} s to {end} s leaves the trajectory ({} s to {} s); the first and last poses \
+                 are extrapolated",
                 leg.number,
                 number(world(0.0)),
                 number(world(table.duration()))

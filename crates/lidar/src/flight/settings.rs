@@ -129,8 +129,8 @@ pub(super) fn check_optics(
         {
             let until = seconds.map_or(String::new(), |seconds| format!(" of its {} s", number(seconds)));
             let message = format!(
-                "leg {}{which}: the wander of the deflector is stated from {} s to {} s{until}; its first and last angle are held \
-                 before and after",
+                "leg {}{which}: the wander of the deflector is stated from {} s to {} s{until}; its first \
+                 and last angle are held before and after",
                 leg.number,
                 number(from),
                 number(to)
@@ -141,12 +141,13 @@ pub(super) fn check_optics(
         {
             let (angle, other) = (number(degrees(angle)), number(degrees(PI - angle)));
             let message = format!(
-                "leg {}{which}: with a half angle of {angle}°, above 90°, the beam leaves backwards, as a cone of {other}° about the \
-                 opposite direction that turns the other way",
+                "leg {}{which}: with a half angle of {angle}°, above 90°, the beam leaves backwards, as a \
+                 cone of {other}° about the opposite direction that turns the other way",
                 leg.number
             );
             problems.warn(leg.place.clone(), message).help(format!(
-                "for a circle that turns the other way give {other}° and scan_reverse = true (scanReverse=\"true\")"
+                "for a circle that turns the other way give {other}° and scan_reverse = true \
+                 (scanReverse=\"true\")"
             ));
         }
         let Deflector::Polygon { effective_max, .. } = device.deflector else { continue };
@@ -174,7 +175,8 @@ pub(super) fn check_pulse_times(
     if platform.is_physical() {
         let message =
             format!("leg {}: vehicles and multicopters move in steps of a constant pulse rate", leg.number);
-        let help = "pulse_times and pulse_intervals_us need a platform that stands, flies straight or follows a trajectory";
+        let help = "pulse_times and pulse_intervals_us need a platform that stands, flies straight or \
+                    follows a trajectory";
         problems.error(leg.place.clone(), message).help(help);
     }
     if let (Some(count), Some(seconds)) = (times.count(), seconds) {
@@ -201,7 +203,8 @@ pub(super) fn check_reference(
     let s = &leg.settings;
     if s.pulse_rate() != leg.frequency {
         let message = format!(
-            "leg {}: its time passes as if its pulse rate of {} Hz were {} Hz, that of the first leg, as in HELIOS++",
+            "leg {}: its time passes as if its pulse rate of {} Hz were {} Hz, that of the first leg, as in \
+             HELIOS++",
             leg.number,
             s.pulse_freq,
             number(leg.frequency)
@@ -218,11 +221,13 @@ pub(super) fn check_reference(
         {
             let (wanted, used) = (number(s.scan_freq), number(max));
             let message = format!(
-                "leg {name}: conic optics turn with {used} Hz, the scanner's scanFreqMax_Hz, not with {wanted} Hz, as in HELIOS++"
+                "leg {name}: conic optics turn with {used} Hz, the scanner's scanFreqMax_Hz, not with \
+                 {wanted} Hz, as in HELIOS++"
             );
-            problems
-                .warn(leg.place.clone(), named_as_in(leg.place.as_ref(), &message))
-                .help("--physics refined, or --correct conic_at_leg_frequency, turns them with the frequency of the leg");
+            problems.warn(leg.place.clone(), named_as_in(leg.place.as_ref(), &message)).help(
+                "--physics refined, or --correct conic_at_leg_frequency, turns them with the frequency of \
+                 the leg",
+            );
         }
         let (wanted, used) = (s.scan_angle, device.scan_angle(s.scan_angle));
         if matches!(device.deflector, Deflector::Oscillating { .. }) && wanted > used {
@@ -249,8 +254,8 @@ pub(super) fn check_shorter_periods(
     let is_shorter = before.settings.active && leg.settings.active && period(leg) < period(before);
     if is_oscillating && is_shorter && !kinematics.oscillation_at_leg_frequency {
         let message = format!(
-            "leg {}: a period of the mirror takes fewer pulses than in the leg before ({:.0} after {:.0}); it begins a new period, \
-             where the angle of HELIOS++ can run away",
+            "leg {}: a period of the mirror takes fewer pulses than in the leg before ({:.0} after {:.0}); \
+             it begins a new period, where the angle of HELIOS++ can run away",
             leg.number,
             period(leg),
             period(before)
@@ -268,8 +273,8 @@ pub(super) fn check_firing(leg: &mut PlannedLeg, devices: &[DevicePlan], problem
     leg.fires_at_once = last * leg.frequency >= 1.0 || last >= period;
     if leg.fires_at_once && leg.settings.active {
         let message = format!(
-            "leg {}: all channels fire at once, because the last one fires {:.3} µs after the first, which is not within a \
-             period of {} Hz",
+            "leg {}: all channels fire at once, because the last one fires {:.3} µs after the first, which \
+             is not within a period of {} Hz",
             leg.number,
             last * 1e6,
             number(leg.frequency)
@@ -362,8 +367,8 @@ fn why_never_arrives(index: usize, platform: &PlatformPlan) -> Option<(String, &
         return (climb >= max_step).then(|| {
             (
                 format!("a ground vehicle keeps its height and the next waypoint is {climb:.3} m off it"),
-                "`--correct vehicle-heights`, which is part of `--physics refined`, drives up and down; or give all legs \
-                 the same height, or the platform the type `linearpath`",
+                "`--correct vehicle-heights`, which is part of `--physics refined`, drives up and down; or \
+                 give all legs the same height, or the platform the type `linearpath`",
             )
         });
     }

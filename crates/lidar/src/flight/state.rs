@@ -415,8 +415,8 @@ impl FlightState {
         let mut problems = vlscan_base::diag::Diagnostics::default();
         let at = self.platform.position() + plan.shift;
         let message = format!(
-            "leg {} never ends: after {:.0} s of flight its platform is at x {:.2} y {:.2} z {:.2}, came within {:.2} m \
-             of the next waypoint and does not get nearer",
+            "leg {} never ends: after {:.0} s of flight its platform is at x {:.2} y {:.2} z {:.2}, came \
+             within {:.2} m of the next waypoint and does not get nearer",
             leg.number,
             self.clock(plan),
             at.x,
@@ -425,7 +425,8 @@ impl FlightState {
             self.guard.nearest(),
         );
         let help = if plan.platform.is_physical() {
-            "give the leg a maxDuration_s, move the waypoint, or use a platform of type linearpath, which always arrives"
+            "give the leg a maxDuration_s, move the waypoint, or use a platform of type linearpath, which \
+             always arrives"
         } else {
             "give the leg a maxDuration_s, or a movePerSec_m above 0"
         };

@@ -204,7 +204,8 @@ impl PoseLayout {
         for (name, earlier) in std::mem::take(&mut headings.repeated) {
             if !(is_projected && is_geographic && name.eq_ignore_ascii_case(&earlier)) {
                 return Err(format!(
-                    "columns `{earlier}` and `{name}` have the same meaning; rename one, or choose with --trajectory-columns"
+                    "columns `{earlier}` and `{name}` have the same meaning; rename one, or choose with \
+                     --trajectory-columns"
                 ));
             }
             headings.unused.push(name);

@@ -67,9 +67,11 @@ impl PhotonCounter {
         }
         let photons = f64::from(receiver.threshold_photons.unwrap_or(1));
         if !(threshold > 0.0 && threshold.is_finite()) {
-            return Err("a receiver that counts photons needs a threshold above 0, which tells how bright an echo of \
-                        `threshold_photons` is; state `max_range`"
-                .to_owned());
+            return Err(
+                "a receiver that counts photons needs a threshold above 0, which tells how bright an echo of \
+                 `threshold_photons` is; state `max_range`"
+                    .to_owned(),
+            );
         }
         // The light of an echo whose peak is at the threshold.
         let light = threshold * shape.samples.iter().sum::<f64>() * shape.bin / shape.top;
@@ -77,8 +79,8 @@ impl PhotonCounter {
         let expected = background * (gate.1 - gate.0);
         if expected > MAX_BACKGROUND {
             return Err(format!(
-                "background light of {:.1e} photoelectrons a second makes about {expected:.0} returns per pulse, at most \
-                 {MAX_BACKGROUND} are allowed; lower `background_w` or limit the range",
+                "background light of {:.1e} photoelectrons a second makes about {expected:.0} returns per \
+                 pulse, at most {MAX_BACKGROUND} are allowed; lower `background_w` or limit the range",
                 background * 1e9
             ));
         }
@@ -121,9 +123,11 @@ impl PhotonCounter {
             if event == MAX_EVENTS {
                 return Err(Error::input_with_help(
                     format!(
-                        "pulse {pulse} of device {device} has more than {MAX_EVENTS} photons, about {total:.0} without dead time"
+                        "pulse {pulse} of device {device} has more than {MAX_EVENTS} photons, about \
+                         {total:.0} without dead time"
                     ),
-                    "no receiver counts so many: state the receiver's `dead_time_ns`, or limit the returns with `max_returns`",
+                    "no receiver counts so many: state the receiver's `dead_time_ns`, or limit the returns \
+                     with `max_returns`",
                 ));
             }
             let piece = pieces[pieces.partition_point(|piece| piece.before <= reached).saturating_sub(1)];

@@ -332,8 +332,8 @@ impl Detection {
         let waveform = if is_saturated { &self.saturated } else { &self.waveform };
         if waveform.bins > MAX_RECORD_SAMPLES {
             return Err(Error::input(format!(
-                "the waveform of pulse {} of device {} has {} samples, at most {MAX_RECORD_SAMPLES} can be recorded; \
-                 set maxFullwaveRange_ns or a larger binSize_ns",
+                "the waveform of pulse {} of device {} has {} samples, at most {MAX_RECORD_SAMPLES} can be \
+                 recorded; set maxFullwaveRange_ns or a larger binSize_ns",
                 pulse.number, pulse.device, waveform.bins
             )));
         }

@@ -122,8 +122,8 @@ impl ReceiverModel {
         let power = unsaturated(threshold, limit);
         if power == f64::INFINITY {
             return Err(format!(
-                "the detection threshold of {:.3e} W is not below the saturation at {:.3e} W, so that no echo can reach it; \
-                 lower the threshold or raise the saturation",
+                "the detection threshold of {:.3e} W is not below the saturation at {:.3e} W, so that no \
+                 echo can reach it; lower the threshold or raise the saturation",
                 threshold / NANO,
                 limit / NANO,
             ));
@@ -132,8 +132,8 @@ impl ReceiverModel {
             let expected = expected_alarms(noise, power, gate);
             if expected > MAX_ALARMS {
                 return Err(format!(
-                    "a threshold of {:.3e} W over noise of {:.3e} W makes about {expected:.0} false alarms per pulse, at most \
-                     {MAX_ALARMS} are allowed; raise the threshold or limit the range",
+                    "a threshold of {:.3e} W over noise of {:.3e} W makes about {expected:.0} false alarms \
+                     per pulse, at most {MAX_ALARMS} are allowed; raise the threshold or limit the range",
                     threshold / NANO,
                     noise.dark_sigma() / NANO,
                 ));

@@ -353,8 +353,8 @@ fn no_place(echo: Option<&Echo>) -> Error {
         return Error::Internal("a point has no finite position".to_owned());
     };
     Error::input(format!(
-        "pulse {pulse_number} of device {device} gives a point beyond ±{MAX_POSITION:e} m or NaN: x {} y {} z {} at the range \
-         {} m; check the settings of the scanner and the coordinates of the scene",
+        "pulse {pulse_number} of device {device} gives a point beyond ±{MAX_POSITION:e} m or NaN: x {} y {} \
+         z {} at the range {} m; check the settings of the scanner and the coordinates of the scene",
         number(p.x),
         number(p.y),
         number(p.z),

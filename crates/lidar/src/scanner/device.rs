@@ -210,7 +210,8 @@ impl DeviceState {
             let time = steps * step;
             let found = pattern.direction(time);
             return Error::input(format!(
-                "the scan pattern points to {found} at {time} s, expected a direction whose length is above 0: {pattern:?}"
+                "the scan pattern points to {found} at {time} s, expected a direction whose length is above \
+                 0: {pattern:?}"
             ));
         }
         let at = self.deflector.exact_angle();

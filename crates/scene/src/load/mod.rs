@@ -496,7 +496,8 @@ fn is_far(reach: f64) -> bool {
 fn refuse_far(scene: &mut SceneBuilder, id: &str, reach: f64, place: Option<&Place>) {
     if is_far(reach) {
         let message = format!(
-            "part \"{id}\" reaches {reach:e} m after its transforms; at most {MAX_COORDINATE:e} m can be computed"
+            "part \"{id}\" reaches {reach:e} m after its transforms; at most {MAX_COORDINATE:e} m can be \
+             computed"
         );
         scene.diagnostics.error(place.cloned(), message);
     }

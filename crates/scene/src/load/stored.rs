@@ -41,6 +41,7 @@ pub(super) fn warn_of_memory(scene: &mut SceneBuilder, parts: &[LoadedPart], lim
         quantity::bytes(all),
         listed.join(", ")
     );
-    let help = "parts that move, are swapped or dropped to the ground, and meshes that several parts share, are no tiles";
+    let help = "parts that move, are swapped or dropped to the ground, and meshes that several parts share, \
+                are no tiles";
     scene.diagnostics.warn(place, message).help(help);
 }

@@ -315,7 +315,8 @@ pub(crate) fn error_of(error: &PinError) -> Error {
             let [needed, budget] = [*needed, *budget].map(bytes);
             Error::input_with_help(
                 format!(
-                    "one footprint meets tiles of the scene that need {needed} together; --scene-memory is {budget}"
+                    "one footprint meets tiles of the scene that need {needed} together; --scene-memory is \
+                     {budget}"
                 ),
                 format!("give --scene-memory more than {needed}, or divide the scene into smaller tiles"),
             )

@@ -201,7 +201,8 @@ pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool,
                 let flag = correction.replace('_', "-");
                 (
                     format!(
-                        "`{name}` has no effect with the correction {flag}, which is part of the refined physics"
+                        "`{name}` has no effect with the correction {flag}, which is part of the refined \
+                         physics"
                     ),
                     "leave it out, or use `--physics helios`".to_owned(),
                 )

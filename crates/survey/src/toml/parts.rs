@@ -78,7 +78,8 @@ fn read_loader(fields: &mut Fields) -> Option<Loader> {
     let is_mesh = MESH_ENDINGS.contains(&extension.as_str());
     let is_raster = fields.context.is_terrain(&name, fields.folder());
     if !is_mesh && !is_raster && extension != "vox" {
-        let expected = "a file that ends in .obj, .ply, .stl, .off, .gltf, .glb, .tif, .asc, .vrt or .vox, or a folder of rasters";
+        let expected = "a file that ends in .obj, .ply, .stl, .off, .gltf, .glb, .tif, .asc, .vrt or .vox, \
+                        or a folder of rasters";
         fields.refuse(keys.file, expected);
         fields.ignore(&of_meshes);
         return None;

@@ -108,8 +108,8 @@ pub(crate) fn of_form(message: &str, text: &str, at: Option<usize>) -> Wording {
 }
 
 /// How paths of Windows are written in TOML.
-const ESCAPES: &str = "within \"…\" a backslash begins an escape: write the path in single quotes, 'C:\\Users\\me', or with \
-                       forward slashes, \"C:/Users/me\"";
+const ESCAPES: &str = "within \"…\" a backslash begins an escape: write the path in single quotes, \
+                       'C:\\Users\\me', or with forward slashes, \"C:/Users/me\"";
 
 /// A hint for a name that contains what escapes turn into, such as a tab from `C:\temp`; an empty text for
 /// other names.

@@ -24,7 +24,8 @@ pub fn draw(area: &Area, count: usize, size: f64, seed: u64) -> Result<Vec<Area>
     }
     if squares * area.corners().len() as f64 > MAX_TESTS {
         return Err(format!(
-            "{squares} squares of {size} m and an area of {} corners take too long; make the plots larger, or give the area fewer corners",
+            "{squares} squares of {size} m and an area of {} corners take too long; make the plots larger, \
+             or give the area fewer corners",
             area.corners().len()
         ));
     }

@@ -282,7 +282,8 @@ impl Store {
             Err(TryLockError::WouldBlock) => Ok(false),
             Err(TryLockError::Error(_)) if self.needs_no_locks => Ok(true),
             Err(TryLockError::Error(error)) => Err(Error::input(format!(
-                "{}: this file system has no locks ({error}); use --task K/N, which divides the cells among the processes",
+                "{}: this file system has no locks ({error}); use --task K/N, which divides the cells among \
+                 the processes",
                 self.folder.display()
             ))),
         }

@@ -123,8 +123,8 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
         let times = facts.time.filter(|span| facts.states_week_of_last_file() && span.is_beyond_week());
         if let Some(span) = times {
             let message = format!(
-                "its header states seconds of the GPS week, which are 0 to {WEEK_S}, and times are {:.3} to {:.3}; as \
-                 adjusted standard GPS time they are {}",
+                "its header states seconds of the GPS week, which are 0 to {WEEK_S}, and times are {:.3} to \
+                 {:.3}; as adjusted standard GPS time they are {}",
                 span.min,
                 span.max,
                 facts.dates(span)

@@ -87,7 +87,8 @@ impl Change {
         let all = left_out + self.cells;
         (left_out as f64 > SHARE * all as f64).then(|| {
             format!(
-                "change in {left_out} of {all} cells: the points of a cloud do not surround their centres; larger cells have more points (--cell {})",
+                "change in {left_out} of {all} cells: the points of a cloud do not surround their centres; \
+                 larger cells have more points (--cell {})",
                 2.0 * side
             )
         })
@@ -97,7 +98,8 @@ impl Change {
     pub(super) fn registration_note(&self) -> Option<String> {
         (self.offset_m.abs() > self.random_m).then(|| {
             format!(
-                "most cells differ by about {} m, which is counted as an error of registration and raises the level of detection; --registration M states its standard deviation",
+                "most cells differ by about {} m, which is counted as an error of registration and raises \
+                 the level of detection; --registration M states its standard deviation",
                 signed(self.offset_m, 3)
             )
         })

@@ -242,7 +242,8 @@ pub(super) fn common_box(first: &Points, second: &Points) -> Result<(DVec3, DVec
     if low.x > high.x || low.y > high.y {
         let gap = (low - high).max_element();
         return Err(format!(
-            "the clouds do not overlap: their boxes are {gap:.1} m apart ({:.1} {:.1} and {:.1} {:.1} are their lower corners)",
+            "the clouds do not overlap: their boxes are {gap:.1} m apart ({:.1} {:.1} and {:.1} {:.1} are \
+             their lower corners)",
             a.min.x, a.min.y, b.min.x, b.min.y
         ));
     }

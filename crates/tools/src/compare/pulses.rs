@@ -91,7 +91,8 @@ impl Pulses {
         }
         if ambiguous as f64 > MAX_AMBIGUOUS * pulses.len() as f64 {
             return Err(format!(
-                "{ambiguous} of its points have the source, time and return number of another one: its times are too coarse to tell pulses"
+                "{ambiguous} of its points have the source, time and return number of another one: its times \
+                 are too coarse to tell pulses"
             ));
         }
         let has_angles = pulses.iter().any(|pulse| pulse.angle != pulses[0].angle);

@@ -116,7 +116,8 @@ impl Setting<'_> {
             NAME,
             ("", "pulse"),
             &statistics,
-            "number of returns of each pulse with an echo: points of one time and source, or the first returns where there are no times",
+            "number of returns of each pulse with an echo: points of one time and source, or the first \
+             returns where there are no times",
         );
         definition.is_whole = true;
         let returns = [0, 1].map(|cloud: usize| match &self.pulses[cloud] {
@@ -204,8 +205,17 @@ impl Setting<'_> {
             "Pulses",
             "time between pulses",
             ("µs", "pulse"),
-            &[Frequency(1e6), Mean, Quantile(0.05), Quantile(0.25), Quantile(0.5), Quantile(0.75), Quantile(0.95)],
-            "time from a pulse with an echo to the next one of its scan line; the rate is that of pulses with echoes within lines",
+            &[
+                Frequency(1e6),
+                Mean,
+                Quantile(0.05),
+                Quantile(0.25),
+                Quantile(0.5),
+                Quantile(0.75),
+                Quantile(0.95),
+            ],
+            "time from a pulse with an echo to the next one of its scan line; the rate is that of pulses \
+             with echoes within lines",
         );
         found.add("time between pulses", self.of_lines(definition, intervals));
         if pulses.iter().any(|pulses| !pulses.has_angles) {
@@ -236,8 +246,8 @@ impl Setting<'_> {
             AT_TIME,
             ("°", "pulse"),
             &[Mean, Spread, Quantile(0.025), Quantile(0.5), Quantile(0.975)],
-            "scan angle minus that of the first cloud at the same time; chance is what the angles of the first cloud differ from those \
-             between the pulses before and after",
+            "scan angle minus that of the first cloud at the same time; chance is what the angles of the \
+             first cloud differ from those between the pulses before and after",
         );
         definition.errors = self.halves.is_some().then(|| angles.errors());
         let differences = [&first.pulses, &second.pulses].map(|pulses| angles.differences(pulses));
@@ -266,7 +276,8 @@ impl Setting<'_> {
             "time between scan lines",
             ("ms", "line"),
             &[Frequency(1e3), Mean, Quantile(0.05), Quantile(0.5), Quantile(0.95)],
-            "from a scan line (arc) to the next one, at the median scan angle of the source or, without angles, in the middle; the rate is that of lines, of revolutions if there is one line in each",
+            "from a scan line (arc) to the next one, at the median scan angle of the source or, without \
+             angles, in the middle; the rate is that of lines, of revolutions if there is one line in each",
         );
         found.add("time between scan lines", self.of_lines(definition, pulses.map(milliseconds)));
         let definition = define(

@@ -205,8 +205,9 @@ fn agreement(c: &Comparison) -> Section {
     Section {
         title: "both together".to_owned(),
         meaning: format!(
-            "cells of {} m: numbers of points and highest points; distances to the nearest point of the other cloud; voxels that \
-             both occupy, of all. Chance is the same of two halves of the first cloud, which have half its points",
+            "cells of {} m: numbers of points and highest points; distances to the nearest point of the \
+             other cloud; voxels that both occupy, of all. Chance is the same of two halves of the first \
+             cloud, which have half its points",
             c.cell_m
         ),
         rows,
@@ -233,8 +234,9 @@ fn change(change: &Change) -> Section {
     Section {
         title: format!("change of the ground ({} cells)", change.cells),
         meaning: format!(
-            "second minus first, planes through {} at the centres of cells that both have; cut and fill beyond the \
-             level of detection at 95 %, with standard uncertainties, which contain the volume below that level",
+            "second minus first, planes through {} at the centres of cells that both have; cut and fill \
+             beyond the level of detection at 95 %, with standard uncertainties, which contain the volume \
+             below that level",
             change.surface
         ),
         rows: vec![

@@ -42,7 +42,8 @@ impl Terrain {
         let name = path.to_str().filter(|_| is_mesh || names_raster(path)).ok_or_else(|| {
             let shown = path.display();
             Error::input(format!(
-                "--terrain {shown}: expected a raster (.tif, .asc, .vrt, a folder of tiles) or a mesh (.obj, .ply, .stl, .off)"
+                "--terrain {shown}: expected a raster (.tif, .asc, .vrt, a folder of tiles) or a mesh (.obj, \
+                 .ply, .stl, .off)"
             ))
         })?;
         let (recipe, found) = read_scene(name, &ReadOptions::default())?;
@@ -72,7 +73,8 @@ impl Terrain {
     pub fn description(&self) -> &'static str {
         match self {
             Terrain::Planes(_) => {
-                "planes through the 12 nearest ground points of the first cloud, without the nearest scan line"
+                "planes through the 12 nearest ground points of the first cloud, without the nearest scan \
+                 line"
             }
             Terrain::Model(..) => "the terrain that was given",
         }

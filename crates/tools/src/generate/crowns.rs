@@ -63,7 +63,8 @@ pub(super) fn write(trees: &[Tree], seed: u64, wanted: u64, folder: &SceneFolder
 
 fn too_many(wanted: u64, room: f64) -> Error {
     Error::input(format!(
-        "{wanted} voxels of {CELL} m: the crowns hold about {room:.0} only; a larger --extent makes more trees"
+        "{wanted} voxels of {CELL} m: the crowns hold about {room:.0} only; a larger --extent makes more \
+         trees"
     ))
 }
 

@@ -10,7 +10,8 @@ use vlscan_geom::DVec3;
 
 pub(super) const MATERIAL_FILE: &str = "forest.mtl";
 pub(super) const MATERIALS: Materials = Materials {
-    comment: "helios_reflectance: 0 to 1, at 1064 nm. Classes: 2 ground, 3 low vegetation, 4 wood, 5 leaves and needles.",
+    comment: "helios_reflectance: 0 to 1, at 1064 nm. Classes: 2 ground, 3 low vegetation, 4 wood, 5 leaves \
+              and needles.",
     all: &[
         ("forest_floor", "0.36 0.29 0.20", 0.35, 2, true),
         ("undergrowth", "0.25 0.48 0.18", 0.48, 3, false),

@@ -243,8 +243,8 @@ fn check(options: &SceneOptions) -> Result<f64> {
         let share = if possible { triangles / (models * copies) } else { 0 };
         if share < forest::MIN_MODEL_TRIANGLES || models * copies > 100_000_000 {
             return Err(Error::input(format!(
-                "a {kind} of {triangles} triangles in {models} models of {copies} copies: only a forest has models, at most \
-                 10000, and every tree takes at least {} triangles",
+                "a {kind} of {triangles} triangles in {models} models of {copies} copies: only a forest has \
+                 models, at most 10000, and every tree takes at least {} triangles",
                 forest::MIN_MODEL_TRIANGLES
             )));
         }

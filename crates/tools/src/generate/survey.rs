@@ -84,8 +84,9 @@ impl Airborne {
         pulse_rate: 1_000_000.0,
         scanner_id: "als_polygon",
         scanner: "name=\"Airborne polygon mirror scanner\" optics=\"rotating\" accuracy_m=\"0.02\" \
-                  beamDivergence_rad=\"0.00025\" pulseLength_ns=\"4\" rangeMin_m=\"100\" wavelength_nm=\"1064\" \
-                  scanAngleMax_deg=\"20\" scanAngleEffectiveMax_deg=\"20\" scanFreqMin_Hz=\"1\" scanFreqMax_Hz=\"1200\"",
+                  beamDivergence_rad=\"0.00025\" pulseLength_ns=\"4\" rangeMin_m=\"100\" \
+                  wavelength_nm=\"1064\" scanAngleMax_deg=\"20\" scanAngleEffectiveMax_deg=\"20\" \
+                  scanFreqMin_Hz=\"1\" scanFreqMax_Hz=\"1200\"",
     };
     const TERRAIN: Airborne = Airborne {
         mirror: Mirror::Oscillating,
@@ -95,8 +96,9 @@ impl Airborne {
         pulse_rate: 150_000.0,
         scanner_id: "als_oscillating",
         scanner: "name=\"Airborne oscillating mirror scanner\" optics=\"oscillating\" accuracy_m=\"0.03\" \
-                  beamDivergence_rad=\"0.00033\" pulseLength_ns=\"8\" rangeMin_m=\"150\" wavelength_nm=\"1064\" \
-                  scanAngleMax_deg=\"25\" scanFreqMin_Hz=\"0\" scanFreqMax_Hz=\"400\" maxNOR=\"4\"",
+                  beamDivergence_rad=\"0.00033\" pulseLength_ns=\"8\" rangeMin_m=\"150\" \
+                  wavelength_nm=\"1064\" scanAngleMax_deg=\"25\" scanFreqMin_Hz=\"0\" scanFreqMax_Hz=\"400\" \
+                  maxNOR=\"4\"",
     };
 
     fn texts(&self, kind: SceneKind, extent: f64, ground: f64, pulses: Option<u64>) -> SurveyTexts {

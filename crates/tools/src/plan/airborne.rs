@@ -373,7 +373,8 @@ fn mount(
     }
     if !carrier.may_turn {
         return Err(format!(
-            "the mount of --platform does not point the beams of {} at the ground; leave out --platform for a mount that does, or turn the mount by {}",
+            "the mount of --platform does not point the beams of {} at the ground; leave out --platform for \
+             a mount that does, or turn the mount by {}",
             instrument.name(),
             turns.text()
         ));
@@ -397,7 +398,8 @@ fn check_ranges(instrument: &SwathModel, options: &AirborneOptions, field: &Fiel
     }
     if field.measured <= 0.0 && field.lost.too_weak > 0.0 {
         return Err(format!(
-            "the ground is {below} m away, where {name} does not detect ground that reflects {percent} %; fly lower, or lower the pulse rate"
+            "the ground is {below} m away, where {name} does not detect ground that reflects {percent} %; \
+             fly lower, or lower the pulse rate"
         ));
     }
     if field.measured <= 0.0 {
@@ -405,19 +407,21 @@ fn check_ranges(instrument: &SwathModel, options: &AirborneOptions, field: &Fiel
     }
     if is_open && far > MAX_COORDINATE && field.reach() > HORIZON * options.height {
         return Err(format!(
-            "{name} has no maximum range, and its field of view reaches the horizon {below} m above the ground and cannot be narrowed; state rangeMax_m or <maxRange> in its <scanner>"
+            "{name} has no maximum range, and its field of view reaches the horizon {below} m above the \
+             ground and cannot be narrowed; state rangeMax_m or <maxRange> in its <scanner>"
         ));
     }
     if !is_open && field.lost.too_far > MAX_CUT {
         return Err(format!(
-            "the edge of the swath is farther away than the {} m that {name} measures; fly lower, or narrow it with --scan-angle",
+            "the edge of the swath is farther away than the {} m that {name} measures; fly lower, or narrow \
+             it with --scan-angle",
             number(far)
         ));
     }
     if !is_open && field.lost.too_weak > MAX_CUT {
         return Err(format!(
-            "at the edge of the swath {name} detects no ground that reflects {percent} %; fly lower, narrow it with --scan-angle, or \
-             lower the pulse rate"
+            "at the edge of the swath {name} detects no ground that reflects {percent} %; fly lower, narrow \
+             it with --scan-angle, or lower the pulse rate"
         ));
     }
     Ok(())
@@ -450,7 +454,8 @@ impl Strip<'_> {
         };
         if !(speed > 1e-3 && speed < 1000.0) {
             return Err(format!(
-                "the speed would be {} m/s, expected 0.001 to 1000 m/s; change --density, --pulse-rate or --height",
+                "the speed would be {} m/s, expected 0.001 to 1000 m/s; change --density, --pulse-rate or \
+                 --height",
                 number(speed)
             ));
         }
@@ -472,7 +477,8 @@ impl Strip<'_> {
         let spacing = best.1;
         if spacing > self.field.width() * 1.001 {
             return Err(format!(
-                "at {} m/s one strip has {:.2} pulses/m² already, more than {}; increase --height or --speed, or lower --pulse-rate",
+                "at {} m/s one strip has {:.2} pulses/m² already, more than {}; increase --height or \
+                 --speed, or lower --pulse-rate",
                 number(speed),
                 self.fired_rate * self.field.measured / (speed * self.field.width()),
                 number(density)

@@ -228,7 +228,8 @@ impl<'s> Source<'s> {
         }
         let Some(scene_crs) = scene_crs else {
             self.note(format!(
-                "its coordinates are in {name}, but the scene's system is unknown; they are used as scene coordinates"
+                "its coordinates are in {name}, but the scene's system is unknown; they are used as scene \
+                 coordinates"
             ));
             return Ok(Coordinates::OfScene);
         };
@@ -268,7 +269,8 @@ impl<'s> Source<'s> {
             (false, _) => Coordinates::OfScene,
             (true, true) => {
                 let message = format!(
-                    "its coordinates, which extend over {}, are read as degrees, as usual for GeoJSON without `crs`",
+                    "its coordinates, which extend over {}, are read as degrees, as usual for GeoJSON \
+                     without `crs`",
                     number(spread)
                 );
                 let help = "write \"crs\": null behind the first { if they are metres in the scene's coordinates; \"crs\": {\"type\": \
@@ -277,7 +279,9 @@ impl<'s> Source<'s> {
                 Coordinates::Degrees
             }
             (true, false) => {
-                let message = "its coordinates are read as metres in the scene's system, although GeoJSON without `crs` is in degrees: the scene's system is unknown, so degrees cannot be projected";
+                let message = "its coordinates are read as metres in the scene's system, although GeoJSON \
+                               without `crs` is in degrees: the scene's system is unknown, so degrees cannot \
+                               be projected";
                 let help = "write \"crs\": null after the first { if they are metres; degrees must be projected, for example \
                             with ogr2ogr -t_srs EPSG:25832";
                 self.warn(message.to_owned(), help);
@@ -315,7 +319,8 @@ impl<'s> Source<'s> {
                 None => "the scene's UTM zone is unknown".to_owned(),
             };
             return Err(format!(
-                "its coordinates are degrees, and {why}; expected metres in the scene's coordinates: {REPROJECT}{or_metres}"
+                "its coordinates are degrees, and {why}; expected metres in the scene's coordinates: \
+                 {REPROJECT}{or_metres}"
             ));
         };
         let project = |position: &[f64; 2]| {
@@ -380,8 +385,8 @@ fn neither_file_nor_text(name: &str, wanted: Expected) -> Error {
         Expected::Line => "LINESTRING (0 0, 100 0, 100 80)",
     };
     let message = format!(
-        "{name}: neither a file nor well-known text; expected a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, well-known text), or well-known text itself: \
-         \"{example}\""
+        "{name}: neither a file nor well-known text; expected a file (GeoJSON, KML, KMZ, GPX, shapefile, \
+         GeoPackage, well-known text), or well-known text itself: \"{example}\""
     );
     Error::input_of(ProblemKind::NotFound, message)
 }

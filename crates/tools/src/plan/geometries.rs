@@ -86,7 +86,8 @@ impl System {
         let name = || crs.get("properties")?.get("name")?.as_str();
         let name = name().ok_or_else(|| {
             format!(
-                "its `crs` is {crs}, expected {{\"type\": \"name\", \"properties\": {{\"name\": \"EPSG:25832\"}}}}"
+                "its `crs` is {crs}, expected {{\"type\": \"name\", \"properties\": {{\"name\": \
+                 \"EPSG:25832\"}}}}"
             )
         })?;
         // EPSG:25832, urn:ogc:def:crs:EPSG::25832, http://www.opengis.net/def/crs/EPSG/0/25832

@@ -80,7 +80,8 @@ pub fn plan_lines(
         }
         (_, None) => {
             return Err(Error::input_with_help(
-                "--lines: GeoJSON and KML are in longitude and latitude, but the coordinate reference system of the plan is unknown",
+                "--lines: GeoJSON and KML are in longitude and latitude, but the coordinate reference system \
+                 of the plan is unknown",
                 "name it with --crs EPSG:25832, plan over a scene whose files name it, or write .csv",
             ));
         }

@@ -171,7 +171,8 @@ impl PlanReport<'_> {
             && (density / asked - 1.0).abs() > MAX_DENSITY_ERROR
         {
             warn(format!(
-                "the density over the area is {density:.3} pulses/m² instead of {asked}, because the number of lines is whole; at {:.3} m/s it would be {asked}",
+                "the density over the area is {density:.3} pulses/m² instead of {asked}, because the number \
+                 of lines is whole; at {:.3} m/s it would be {asked}",
                 speed * density / asked,
                 asked = number(asked)
             ));
@@ -181,14 +182,16 @@ impl PlanReport<'_> {
         let lowest = (self.height + depth).hypot(field.reach() * (1.0 + depth / self.height));
         if !options.follow_terrain && lowest > far && field.lost.too_far <= 0.0 {
             warn(format!(
-                "where the ground is lowest the edge of the swath is {lowest:.0} m away, farther than the instrument's {} m",
+                "where the ground is lowest the edge of the swath is {lowest:.0} m away, farther than the \
+                 instrument's {} m",
                 number(far)
             ));
         }
         let relief = self.level.high - self.level.low;
         if !options.follow_terrain && relief > 0.1 * self.height {
             warn(format!(
-                "the ground height varies by {relief:.0} m within the area, so swath and density vary along level lines; --follow-terrain keeps the height above ground"
+                "the ground height varies by {relief:.0} m within the area, so swath and density vary along \
+                 level lines; --follow-terrain keeps the height above ground"
             ));
         }
         if self.level.known == 0.0 {

@@ -211,8 +211,8 @@ impl SwathModel {
         match wanted_deg {
             None => Ok(None),
             Some(angle) => Err(format!(
-                "--scan-angle {}: the field of {} cannot be narrowed; leave it out, and set the distance of lines with \
-                 --overlap",
+                "--scan-angle {}: the field of {} cannot be narrowed; leave it out, and set the distance of \
+                 lines with --overlap",
                 number(angle),
                 self.name()
             )),
@@ -304,8 +304,9 @@ impl SwathModel {
                 match least <= most {
                     true => Ok((least, most)),
                     false => Err(format!(
-                        "{} degrees to either side: the mirror of {} swings that far at most {} times a second, and at least {} times \
-                         by its limits; narrow it to {} degrees with --scan-angle",
+                        "{} degrees to either side: the mirror of {} swings that far at most {} times a \
+                         second, and at least {} times by its limits; narrow it to {} degrees with \
+                         --scan-angle",
                         number(angle),
                         self.name(),
                         number(most),

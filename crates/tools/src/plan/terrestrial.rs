@@ -161,7 +161,8 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
     let resolution_at = |freq: f64| degrees(freq * 2.0 * mechanical / rate);
     if scan_freq < least * (1.0 - 1e-9) || scan_freq > most * (1.0 + 1e-9) {
         return Err(format!(
-            "{}: the mirror would draw {} lines a second, and that of {} draws {}; resolutions of {}° are possible",
+            "{}: the mirror would draw {} lines a second, and that of {} draws {}; resolutions of {}° are \
+             possible",
             asked(),
             number(scan_freq),
             instrument.name(),
@@ -171,7 +172,8 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
     }
     if head_rate > most_head * (1.0 + 1e-9) {
         return Err(format!(
-            "{}: the head would turn at {}°/s, and that of {} at most at {}°/s; choose a finer resolution or a lower pulse rate",
+            "{}: the head would turn at {}°/s, and that of {} at most at {}°/s; choose a finer resolution or \
+             a lower pulse rate",
             asked(),
             number(degrees(head_rate)),
             instrument.name(),

@@ -181,7 +181,8 @@ impl CloudRasters {
         }
         if !sink.has_returns && kinds.contains(&RasterKind::PulseDensity) {
             return Err(Error::input(format!(
-                "{name}: --pulse-density counts first returns, and the points have no return numbers; use --density"
+                "{name}: --pulse-density counts first returns, and the points have no return numbers; use \
+                 --density"
             )));
         }
         let (first, last) = cells.extent();
@@ -333,7 +334,8 @@ fn read_into(
     cloud.read(sink, &mut found)?;
     if sink.is_too_large {
         return Err(Error::input(format!(
-            "cells of {} m over so large a place need more than half of the memory; take larger ones (--cell) or fewer files",
+            "cells of {} m over so large a place need more than half of the memory; take larger ones \
+             (--cell) or fewer files",
             options.cell
         )));
     }

@@ -2,8 +2,9 @@
 #![allow(unsafe_code, reason = "the instructions of the set")]
 #![expect(
     clippy::undocumented_unsafe_blocks,
-    reason = "one reason for all: only `Avx512` makes these vectors, and only detection of the features makes an `Avx512`; \
-              memory is reached through references to as many numbers as an instruction reads or writes"
+    reason = "one reason for all: only `Avx512` makes these vectors, and only detection of the features \
+              makes an `Avx512`; memory is reached through references to as many numbers as an instruction \
+              reads or writes"
 )]
 
 use super::avx2::{Avx2, F64x4};

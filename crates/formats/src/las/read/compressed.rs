@@ -16,7 +16,8 @@ const UNCOMPRESSED: u16 = 0;
 const POINT_WISE: u16 = 1;
 
 /// What to do with points that are compressed in another way than those that are read.
-const CONVERT: &str = "convert it to LAS, with the program that wrote it, `laszip -i in.laz -o out.las` or `pdal translate in.laz out.las`";
+const CONVERT: &str = "convert it to LAS, with the program that wrote it, `laszip -i in.laz -o out.las` or \
+                       `pdal translate in.laz out.las`";
 
 /// Offset of the number of points of a chunk in the record of the compression, and a number beyond that of
 /// any file.
@@ -61,7 +62,8 @@ impl<'a> Compressed<'a> {
         if header.record_length > MAX_COMPRESSED_RECORD_BYTES {
             let length = header.record_length;
             return Err(format!(
-                "its compressed points have {length} bytes; at most {MAX_COMPRESSED_RECORD_BYTES} can be read; {CONVERT}"
+                "its compressed points have {length} bytes; at most {MAX_COMPRESSED_RECORD_BYTES} can be \
+                 read; {CONVERT}"
             ));
         }
         if items != u32::from(header.record_length) {

@@ -82,7 +82,8 @@ impl Header {
         let fields = Format::new(format).ok().filter(|_| major == 1 && minor <= 5);
         let Some(fields) = fields else {
             return Err(format!(
-                "is LAS {major}.{minor} with points of format {format}; LAS 1.0 to 1.5 with formats 0 to 10 are read, convert it for example with PDAL"
+                "is LAS {major}.{minor} with points of format {format}; LAS 1.0 to 1.5 with formats 0 to 10 \
+                 are read, convert it for example with PDAL"
             ));
         };
         // Some writers of LAS 1.4 fill in the field of earlier versions alone.

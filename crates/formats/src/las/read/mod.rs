@@ -199,16 +199,24 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
         more = reader.read_records(|record, position| {
             if std::mem::take(&mut are_degrees) {
                 if position.x.abs() <= 360.0 && position.y.abs() <= 90.0 {
-                    wrong = Some("its coordinates are longitude and latitude; project them, for example with PDAL's filters.reprojection");
+                    wrong = Some(
+                        "its coordinates are longitude and latitude; project them, for example with PDAL's \
+                         filters.reprojection",
+                    );
                     return ControlFlow::Break(());
                 }
-                reading.warn("its coordinate reference system is in degrees, its coordinates are not; they are taken as metres");
+                reading.warn(
+                    "its coordinate reference system is in degrees, its coordinates are not; they are taken \
+                     as metres",
+                );
             }
             let raw_intensity = u16::from_le_bytes([record[12], record[13]]);
             let mut misfits = Misfits::default();
             let time = misfits.fitted(Attribute::Time, header.time(record));
             let mut number = |attribute, dimension: Option<ExtraDimension>| {
-                dimension.and_then(|dimension| dimension.value(record)).map(|value| misfits.fitted(attribute, value))
+                dimension
+                    .and_then(|dimension| dimension.value(record))
+                    .map(|value| misfits.fitted(attribute, value))
             };
             reading.take(&PointRow {
                 position: position * metres,
@@ -224,7 +232,8 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
                 scan_angle: header.scan_angle(record),
                 leg: header.source_id(record),
                 point_source: header.point_source(record),
-                channel: number(Attribute::Channel, shown.device).map_or(header.channel(record), |v| v as u16),
+                channel: number(Attribute::Channel, shown.device)
+                    .map_or(header.channel(record), |v| v as u16),
                 time,
                 object: number(Attribute::Object, shown.object).map_or(0, |v| v as i64),
                 misfits,

@@ -160,7 +160,8 @@ impl PositionUnits {
             is_angle: false,
             crs: None,
             note: Some(format!(
-                "according to its coordinate reference system x and y are in {} ({} m), heights in {} ({} m); all are converted to metres",
+                "according to its coordinate reference system x and y are in {} ({} m), heights in {} ({} \
+                 m); all are converted to metres",
                 x.name, x.metres, z.name, z.metres
             )),
             warnings: assumed.into_iter().collect(),

@@ -50,7 +50,13 @@ impl LasFormat {
         let highest = cloud.highest_class;
         if settings.version == LasVersion::V10 && highest > MAX_CLASS_1 {
             problems
-                .warn(None, format!("--las10 has classes 0 to {MAX_CLASS_1}, the scene has up to {highest}: points with a higher class get class 0"))
+                .warn(
+                    None,
+                    format!(
+                        "--las10 has classes 0 to {MAX_CLASS_1}, the scene has up to {highest}: points with \
+                         a higher class get class 0"
+                    ),
+                )
                 .help("leave out --las10: LAS 1.4 has classes up to 255");
         }
         let mut vlrs = Vec::new();
@@ -72,7 +78,11 @@ impl LasFormat {
         let shift = cloud.origin - offset;
         if settings.at_most.is_some() && settings.packets == Some(PacketPlace::Inside) {
             problems
-                .error(None, "--wave-packets inside needs a header that is completed at the end, which --las-at-most rules out")
+                .error(
+                    None,
+                    "--wave-packets inside needs a header that is completed at the end, which --las-at-most \
+                     rules out",
+                )
                 .help("use --wave-packets beside, or leave out --las-at-most");
         }
         LasFormat {

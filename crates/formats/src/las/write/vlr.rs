@@ -113,7 +113,11 @@ pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) ->
             let horizontal = epsg(wkt).filter(|(kind, _)| *kind != EpsgKind::Compound);
             let Some((kind, code)) = horizontal else {
                 problems
-                    .warn(None, "LAS 1.0 has room for an EPSG code only, and the coordinate reference system has none")
+                    .warn(
+                        None,
+                        "LAS 1.0 has room for an EPSG code only, and the coordinate reference system has \
+                         none",
+                    )
                     .help("write LAS 1.4 to keep it");
                 return None;
             };

@@ -138,7 +138,8 @@ impl RecordDecoder {
         }
         if !(HEADER_SIZES.contains(&header) && RECORD_SIZES.contains(&record)) {
             let message = format!(
-                "the header states {header} bytes of header and {record} bytes per record, expected about 1376 and 64"
+                "the header states {header} bytes of header and {record} bytes per record, expected about \
+                 1376 and 64"
             );
             return self.invalid(RecordError::new(message));
         }

@@ -93,7 +93,8 @@ impl Georeference {
             ProjectionGrid::Utm(zone) | ProjectionGrid::OfScene(zone) => zone,
             ProjectionGrid::Foreign => {
                 return Err(RecordError::new(
-                    "latitude and longitude cannot be projected: the scene's coordinate reference system is no UTM zone",
+                    "latitude and longitude cannot be projected: the scene's coordinate reference system is \
+                     no UTM zone",
                 )
                 .help("project the trajectory first, or name a zone with --utm-zone"));
             }

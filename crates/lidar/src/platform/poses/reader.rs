@@ -294,12 +294,14 @@ impl PoseReader {
         let (path, p) = (self.path.display(), pose.position);
         if let Some(zone) = self.georeference.zone().filter(|_| self.zone_is_detected) {
             (self.notify)(Notice::Note(format!(
-                "{path}: poses are projected to UTM zone {zone}, that of the first one; --utm-zone names another"
+                "{path}: poses are projected to UTM zone {zone}, that of the first one; --utm-zone names \
+                 another"
             )));
         }
         if geographic && self.georeference.height_offset() == 0.0 {
             (self.notify)(Notice::Note(format!(
-                "{path}: heights are taken as they are, the first is {:.1} m; if they are ellipsoidal and the scene's are above a geoid, --height-offset shifts them",
+                "{path}: heights are taken as they are, the first is {:.1} m; if they are ellipsoidal and \
+                 the scene's are above a geoid, --height-offset shifts them",
                 p.z
             )));
         }

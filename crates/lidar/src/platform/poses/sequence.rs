@@ -122,7 +122,8 @@ impl SequenceChecks {
         }
         let bearing = |v: DVec3| libm::atan2(v.x, v.y).to_degrees().rem_euclid(360.0);
         Some(format!(
-            "the platform moves towards {:.0}° but heads for {:.0}°, clockwise from north; if that is wrong, --trajectory-rotation and --trajectory-angles state what its angles mean",
+            "the platform moves towards {:.0}° but heads for {:.0}°, clockwise from north; if that is wrong, \
+             --trajectory-rotation and --trajectory-angles state what its angles mean",
             bearing(way),
             bearing(heading)
         ))

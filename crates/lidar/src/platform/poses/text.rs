@@ -29,13 +29,15 @@ const CAMERA: &str = "the body moves along its z axis, as a camera does, but z i
 const CAMERA_HELP: &str =
     "state the axes: --trajectory-rotation camera (right, down, forward), or ros (forward, left, up)";
 /// Hint where no columns are found.
-const NAME_COLUMNS: &str = "name the columns in a first line, or with --trajectory-columns: time,x,y,z,roll,pitch,yaw or time,x,y,z,qx,qy,qz,qw";
+const NAME_COLUMNS: &str = "name the columns in a first line, or with --trajectory-columns: \
+                            time,x,y,z,roll,pitch,yaw or time,x,y,z,qx,qy,qz,qw";
 /// Hint where poses have no times.
 const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`, or at 10 Hz: \
      `awk '{ print (NR - 1) / 10, $0 }' poses.txt > timed.txt`";
 /// Hint where seven numbers are poses without times, or poses with times and angles.
-const NAME_OR_ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`; if the columns are \
-     time, x, y, z, roll, pitch, yaw, name them so in a first line";
+const NAME_OR_ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > \
+                                 timed.txt`; if the columns are time, x, y, z, roll, pitch, yaw, name them \
+                                 so in a first line";
 /// Name of the file of times that KITTI has beside its poses.
 const TIMES_FILE: &str = "times.txt";
 const MAX_TIMES_BYTES: u64 = 1 << 28;
@@ -233,7 +235,8 @@ impl PoseRows {
             Numbers::Unknown => Ok(PoseLayout::in_order(&[Time, X, Y, Z, Roll, Pitch, Yaw], None)),
             Numbers::TooMany(count) => {
                 let message = format!(
-                    "{count} columns without names, expected 7: time, x, y, z, roll, pitch, yaw; or 8: time, x, y, z, qx, qy, qz, qw with a quaternion of length 1"
+                    "{count} columns without names, expected 7: time, x, y, z, roll, pitch, yaw; or 8: time, \
+                     x, y, z, qx, qy, qz, qw with a quaternion of length 1"
                 );
                 Err(NoLayout { message, help: NAME_COLUMNS, is_of_words: false })
             }
@@ -297,7 +300,8 @@ impl PoseRows {
         match self.axes {
             Some(_) => Ok(()),
             None => refuse(
-                "the chosen --trajectory-rotation is a convention of angles, the file has quaternions or matrices",
+                "the chosen --trajectory-rotation is a convention of angles, the file has quaternions or \
+                 matrices",
                 "choose ros, heading, canonical or camera",
             ),
         }

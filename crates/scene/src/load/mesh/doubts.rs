@@ -116,12 +116,16 @@ fn axis_doubt(bounds: Aabb) -> Option<String> {
     let stands_on_y = (-0.2 * size.y..=0.05 * size.y).contains(&bounds.min.y) && centre.y >= 0.3 * size.y;
     let is_solid = size.x >= 0.1 * size.y && size.z >= 0.2 * size.y;
     if stands_on_y && is_solid && is_centred(centre.x, size.x) && is_centred(centre.z, size.z) {
-        return Some("the mesh lies on its side: it stands on y = 0 and extends equally to both sides in x and z, so y is probably up"
-            .to_owned());
+        return Some(
+            "the mesh lies on its side: it stands on y = 0 and extends equally to both sides in x and z, so \
+             y is probably up"
+                .to_owned(),
+        );
     }
     is_sheet(size).then(|| {
         format!(
-            "the mesh stands upright like a wall, {} wide and {} high: it is probably a landscape whose y is up",
+            "the mesh stands upright like a wall, {} wide and {} high: it is probably a landscape whose y is \
+             up",
             metres(size.x),
             metres(size.z)
         )

@@ -55,7 +55,7 @@ pub(super) fn compressed(extension: &str) -> String {
         _ => ", or gltfpack -noq -i in.glb -o out.glb",
     };
     format!(
-        "its geometry is compressed by {extension}, which is not read; import it in Blender and export it without \
-         compression{tool}"
+        "its geometry is compressed by {extension}, which is not read; import it in Blender and export it \
+         without compression{tool}"
     )
 }

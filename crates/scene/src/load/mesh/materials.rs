@@ -24,7 +24,8 @@ use vlscan_survey::{MaterialDefinition, MeshReading};
 /// Name of the table that is looked for beside a mesh file.
 const FILE_NAME: &str = "materials.csv";
 const COLUMNS: [&str; 6] = ["name", "reflectance", "class", "ground", "leaf", "spectrum"];
-const HELP: &str = "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), leaf (true or false), spectrum";
+const HELP: &str = "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), \
+                    leaf (true or false), spectrum";
 /// Maximum size of a table, bytes.
 const MAX_BYTES: u64 = 1 << 26;
 

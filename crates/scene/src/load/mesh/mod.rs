@@ -241,7 +241,8 @@ fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<Strin
     }
     let names: Vec<String> = unknown.iter().map(|n| format!("\"{n}\"")).collect();
     let message = missing(&names, scene.options.rules);
-    let help = "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each material, gives reflectances from 0 to 1";
+    let help = "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each \
+                material, gives reflectances from 0 to 1";
     scene.diagnostics.warn(Some(Place::of_file(path)), message).help(help);
 }
 

@@ -54,7 +54,8 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
             let held = triangles.len() / TRIANGLE_BYTES;
             if count == 0 || count > held {
                 return Err(format!(
-                    "the file states {count} triangles and has bytes for {held}; is it truncated, or not an STL file?"
+                    "the file states {count} triangles and has bytes for {held}; is it truncated, or not an \
+                     STL file?"
                 ));
             }
             let (triangles, rest) = triangles.split_at(count * TRIANGLE_BYTES);

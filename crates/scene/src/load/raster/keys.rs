@@ -139,7 +139,8 @@ pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<Length
     match (unit, code, system) {
         (Some(unit), ..) => Ok(Some(unit)),
         (None, Some(_), _) => {
-            Err("the unit of its coordinates is user-defined (key 3076 is 32767), but its length (key 3077) is missing"
+            Err("the unit of its coordinates is user-defined (key 3076 is 32767), but its length (key 3077) \
+                 is missing"
                 .to_owned())
         }
         (None, None, Some(USER_DEFINED)) => {
@@ -147,7 +148,8 @@ pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<Length
                 .to_owned())
         }
         (None, None, Some(code)) => Err(format!(
-            "the unit of its coordinates (key 3076) is missing, and their system, EPSG:{code}, is not a built-in projected system"
+            "the unit of its coordinates (key 3076) is missing, and their system, EPSG:{code}, is not a \
+             built-in projected system"
         )),
         (None, None, None) => Ok(None),
     }

@@ -192,7 +192,8 @@ impl Mosaic {
             for (part, of, what) in [(window, image, "<SrcRect>"), (target, extent, "<DstRect>")] {
                 if part.pixels() == 0 || part.intersection(&of) != Some(part) {
                     return Err(refuse(format!(
-                        "{what} of {shown} reaches from column {} and row {} over {} x {} pixels, beyond the {} x {} that there are",
+                        "{what} of {shown} reaches from column {} and row {} over {} x {} pixels, beyond the \
+                         {} x {} that there are",
                         part.left, part.top, part.width, part.height, of.width, of.height
                     )));
                 }
@@ -274,8 +275,9 @@ impl Mosaic {
         if first.is_geographic {
             let ((x0, y0), far) = (self.georeference.origin, self.corner());
             warnings.push(format!(
-                "its coordinates are degrees (longitude {x0:.4} to {:.4}, latitude {y0:.4} to {:.4}), which are taken as metres; \
-                 project it first: gdalwarp -t_srs EPSG:32632 in.tif out.tif, with the code of its zone",
+                "its coordinates are degrees (longitude {x0:.4} to {:.4}, latitude {y0:.4} to {:.4}), which \
+                 are taken as metres; project it first: gdalwarp -t_srs EPSG:32632 in.tif out.tif, with the \
+                 code of its zone",
                 far.0, far.1
             ));
         }
@@ -538,8 +540,8 @@ fn metres([horizontal, vertical]: &[Option<LengthUnit>; 2], warnings: &mut Vec<S
         None => "so are its heights, whose unit it does not state".to_owned(),
     };
     warnings.push(format!(
-        "its coordinates are {}, {heights}; x and y are multiplied by {}, z by {} to metres, so that flight and meshes must \
-         be, too (gdalwarp -t_srs EPSG:... in.tif out.tif brings it into a system in metres)",
+        "its coordinates are {}, {heights}; x and y are multiplied by {}, z by {} to metres, so that flight \
+         and meshes must be, too (gdalwarp -t_srs EPSG:... in.tif out.tif brings it into a system in metres)",
         name(horizontal),
         lengths.0,
         lengths.1

@@ -18,8 +18,9 @@ const PALETTE: u64 = 3;
 /// Bytes of a file by which formats are told apart.
 const START_BYTES: usize = 1 << 10;
 /// How to convert a raster that cannot be read.
-pub(super) const HELP: &str = "strips or tiles of any number type, not compressed or with Deflate, LZW, ZSTD, LERC or PackBits, are read; \
-                    gdal_translate -co COMPRESS=DEFLATE in.tif out.tif makes such a file";
+pub(super) const HELP: &str = "strips or tiles of any number type, not compressed or with Deflate, LZW, \
+                               ZSTD, LERC or PackBits, are read; gdal_translate -co COMPRESS=DEFLATE in.tif \
+                               out.tif makes such a file";
 
 /// A raster as its file describes it.
 #[derive(Debug)]
@@ -198,9 +199,10 @@ fn describe(file: RasterFile, open: &OpenFile) -> Result<Raster, String> {
     let vertical = accept(keys::vertical_unit(&mut directory, &band), used);
     if let Some(system) = keys::system_of_depths(&mut directory) {
         warnings.push(format!(
-            "its heights are in a system of depths ({system}), whose numbers grow downwards, and are taken as heights, which \
-             grow upwards; if they are depths, `gdal_calc.py -A in.tif --calc=-A --outfile=out.tif` makes heights of them, and \
-             `gdal_edit.py -a_srs EPSG:25832 out.tif`, with the code of its system, names a system without depths"
+            "its heights are in a system of depths ({system}), whose numbers grow downwards, and are taken \
+             as heights, which grow upwards; if they are depths, `gdal_calc.py -A in.tif --calc=-A \
+             --outfile=out.tif` makes heights of them, and `gdal_edit.py -a_srs EPSG:25832 out.tif`, with \
+             the code of its system, names a system without depths"
         ));
     }
     let no_data = keys::no_data(&mut directory).unwrap_or_else(|problem| {

@@ -146,14 +146,15 @@ impl Doubts {
         let mut all = Vec::new();
         if self.beyond > 0 {
             all.push(format!(
-                "{} pixels are beyond ±{MAX_COORDINATE:e} and are holes, although the file does not state them as no data",
+                "{} pixels are beyond ±{MAX_COORDINATE:e} and are holes, although the file does not state \
+                 them as no data",
                 self.beyond
             ));
         }
         for (value, count) in USUAL_NO_DATA.iter().zip(self.usual).filter(|(_, count)| *count > 0) {
             all.push(format!(
-                "{count} pixels are {value}, which often means no data; the file states no such value, and they are taken as \
-                 heights (gdal_edit.py -a_nodata {value} in.tif makes them holes)"
+                "{count} pixels are {value}, which often means no data; the file states no such value, and \
+                 they are taken as heights (gdal_edit.py -a_nodata {value} in.tif makes them holes)"
             ));
         }
         all

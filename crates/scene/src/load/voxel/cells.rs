@@ -92,7 +92,8 @@ impl CellCheck {
                 let (count, highest) = self.dense;
                 let cells = if count == 1 { "cell has a density" } else { "cells have densities" };
                 format!(
-                    "{count} {cells} above {MAX_USUAL_DENSITY} m²/m³, up to {highest:e}; expected plant area density"
+                    "{count} {cells} above {MAX_USUAL_DENSITY} m²/m³, up to {highest:e}; expected plant area \
+                     density"
                 )
             });
         }

@@ -57,7 +57,8 @@ impl Layout {
         if names.first().is_none_or(|name| name != "i") && names.iter().all(|name| name != "k") {
             problems.warn(line.number, at, || {
                 format!(
-                    "the columns are not named (i j k ...); column {} is taken as plant area density, column {} as transmittance",
+                    "the columns are not named (i j k ...); column {} is taken as plant area density, column \
+                     {} as transmittance",
                     DENSITY + 1,
                     TRANSMITTANCE + 1
                 )
@@ -87,7 +88,8 @@ impl Layout {
             Err(missing) => {
                 let has_attenuation = names.iter().any(|name| name.starts_with("attenuation"));
                 let hint = if has_attenuation {
-                    "; plantAreaDensity of the R package AMAPVox computes it from attenuation or transmittance"
+                    "; plantAreaDensity of the R package AMAPVox computes it from attenuation or \
+                     transmittance"
                 } else {
                     ""
                 };

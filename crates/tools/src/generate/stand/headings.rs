@@ -23,7 +23,8 @@ const SCHEMA: Schema = Schema {
         (Quantity::Latitude, Use::Unread),
     ],
     is_unique: false,
-    help: "an inventory has the columns x, y, height (Rechtswert, Hochwert, Höhe), and optionally crown, dbh, species, id, z; units follow the name: dbh_cm",
+    help: "an inventory has the columns x, y, height (Rechtswert, Hochwert, Höhe), and optionally crown, \
+           dbh, species, id, z; units follow the name: dbh_cm",
 };
 
 /// Reads the headings and reports everything that is wrong with them.

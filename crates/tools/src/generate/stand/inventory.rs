@@ -184,7 +184,8 @@ impl Table<'_> {
         if let Some((count, [first, second])) = self.repeated(|tree| Some(cell(tree))) {
             let [x, y, _] = self.trees[first].position;
             let message = format!(
-                "{count} trees have the position of another tree, the first of them in lines {} and {}: x {x} y {y}; all are placed",
+                "{count} trees have the position of another tree, the first of them in lines {} and {}: x \
+                 {x} y {y}; all are placed",
                 self.lines[first], self.lines[second]
             );
             self.problems.warn(heading.cloned(), message);

@@ -221,7 +221,8 @@ fn read_terrain(
     let is_known = is_raster || is_obj || is_one_of(&["ply", "stl", "off"]);
     let name = path.to_str().filter(|_| is_known).ok_or_else(|| {
         Error::input(format!(
-            "{}: expected a mesh (.obj, .ply, .stl, .off) or a raster (.tif, .asc, .vrt, a folder of tiles) of the terrain",
+            "{}: expected a mesh (.obj, .ply, .stl, .off) or a raster (.tif, .asc, .vrt, a folder of tiles) \
+             of the terrain",
             path.display()
         ))
     })?;
@@ -235,17 +236,19 @@ fn read_terrain(
     if !is_own && !is_raster && !is_obj {
         return Err(Error::input_with_help(
             format!("{}: none of its materials is ground", path.display()),
-            "put a materials.csv beside it with the line NAME,0.3,2,true below the heading name,reflectance,class,ground; \
-             --terrain-mtl is for rasters (.tif) and OBJ files",
+            "put a materials.csv beside it with the line NAME,0.3,2,true below the heading \
+             name,reflectance,class,ground; --terrain-mtl is for rasters (.tif) and OBJ files",
         ));
     }
     if is_raster {
         // A raster has no material, and what is said about that is not so in the stand.
         warnings = Diagnostics::default();
     } else if !is_own && named.is_none() {
-        let message = "none of its materials is ground, so the whole terrain becomes soil in the stand (class 2, reflectance 0.3, ground)";
+        let message = "none of its materials is ground, so the whole terrain becomes soil in the stand \
+                       (class 2, reflectance 0.3, ground)";
         warnings.warn(Some(Place::of_file(path)), message).help(
-            "--terrain-mtl FILE.mtl#NAME chooses another material; `helios_isGround true` in its own MTL file keeps those",
+            "--terrain-mtl FILE.mtl#NAME chooses another material; `helios_isGround true` in its own MTL \
+             file keeps those",
         );
     }
     observer.warnings(warnings)?;

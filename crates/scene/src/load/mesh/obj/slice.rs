@@ -143,7 +143,10 @@ impl Slice {
             }),
             _ => self.problems.warn(line.number, in_file(line, rest.clone()), || {
                 let found = shown(&line.text[rest]);
-                format!("expected a colour of three numbers or nothing after three coordinates, found \"{found}\"; it is ignored")
+                format!(
+                    "expected a colour of three numbers or nothing after three coordinates, found \
+                     \"{found}\"; it is ignored"
+                )
             }),
         }
     }
@@ -288,8 +291,8 @@ fn whole(line: &Line) -> Range<usize> {
 const ELEMENTS: &str = "l p curv curv2 surf sp bsp bzp";
 
 /// Statements of the format that affect neither triangles nor their material.
-const IGNORED: &str = "o g s mg cstype deg bmat step parm trim hole scrv end con bevel c_interp d_interp lod maplib \
-    usemap shadow_obj trace_obj ctech stech call csh";
+const IGNORED: &str = "o g s mg cstype deg bmat step parm trim hole scrv end con bevel c_interp d_interp lod \
+                       maplib usemap shadow_obj trace_obj ctech stech call csh";
 
 fn is_among(keyword: &[u8], statements: &str) -> bool {
     statements.split(' ').any(|statement| statement.as_bytes() == keyword)
