@@ -24,7 +24,7 @@ pub struct Scanning {
     pub further_wavelengths_nm: Vec<f64>,
     /// The survey's seed.
     pub seed: Option<u64>,
-    /// Those by which materials are read.
+    /// Corrections by which materials are read.
     pub corrections: Corrections,
 }
 

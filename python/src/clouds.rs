@@ -150,7 +150,7 @@ pub fn read_points(py: Python<'_>, path: PathBuf) -> PyResult<Table> {
     columns.table().map(Table::new).map_err(wrong)
 }
 
-/// Where clouds come from.
+/// Sources of clouds.
 fn sources(clouds: Vec<Named<'_>>) -> PyResult<Vec<CloudSource>> {
     let source = |(name, table): Named<'_>| -> PyResult<CloudSource> {
         let Some(table) = table else { return Ok(CloudSource::File(name.into())) };

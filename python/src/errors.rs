@@ -63,7 +63,7 @@ fn record<'py>(py: Python<'py>, problem: &Diagnostic) -> PyResult<Bound<'py, PyD
 pub struct Notices(Arc<Mutex<(Diagnostics, Vec<String>)>>);
 
 impl Notices {
-    /// What takes the notices of a session.
+    /// Receiver of the notices of a session.
     pub fn observer(&self) -> impl Fn(Notice) + Send + Sync + 'static {
         let own = self.clone();
         move |notice| own.add(notice)

@@ -21,8 +21,8 @@ use vlscan::{
 /// Rows of pulses that are traced together.
 const PULSE_ROWS: usize = 4096;
 
-/// What is run: a survey or pipeline file, or a pipeline as text; a scene that replaces its own; a trajectory
-/// or pulses in memory; options.
+/// Input of a run: a survey or pipeline file, or a pipeline as text; a scene that replaces its own; a
+/// trajectory or pulses in memory; options.
 #[pyclass(frozen, module = "vlscan")]
 pub struct Request {
     file: Option<PathBuf>,
@@ -59,7 +59,7 @@ impl Request {
 }
 
 impl Request {
-    /// What is run, with every choice resolved.
+    /// Job of the run, with every choice resolved.
     pub fn job(&self, notices: &Notices) -> vlscan::Result<ResolvedRun> {
         let mut options = vlscan::Options::parse(self.words.iter().cloned())?;
         let has_file = !options.output.out.is_empty() || options.output.output.is_some();
@@ -290,7 +290,7 @@ fn content(name: &str) -> PyResult<TableContent> {
 /// Tables by name, which are complete once the run has ended.
 pub type CollectedTables = Vec<(String, Arc<Collected>)>;
 
-/// What collects the tables of these names.
+/// Collectors of the tables of these names.
 pub fn collected(names: Vec<String>) -> PyResult<(Vec<TableRequest>, CollectedTables)> {
     let mut requests = Vec::new();
     let mut tables = Vec::new();

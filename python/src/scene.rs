@@ -312,7 +312,7 @@ fn part(loader: Loader, place: &Bound<'_, PyDict>) -> PyResult<Part> {
     }))
 }
 
-/// What is scanned.
+/// Scene that is scanned.
 #[pyclass(frozen, module = "vlscan")]
 pub struct Scene {
     pub recipe: Arc<SceneRecipe>,

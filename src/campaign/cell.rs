@@ -51,7 +51,7 @@ pub struct CellRunner<'c> {
     loaded: Option<(String, LoadedScene)>,
     /// Warnings that have been shown.
     warned: BTreeSet<String>,
-    /// What was read of the scene that the present cell shares with an earlier one.
+    /// Files of the scene that the present cell shares with an earlier one.
     reused: Option<Reads>,
 }
 

@@ -6,7 +6,7 @@ use vlscan_base::columns::{Separator, quoted, unquoted};
 use vlscan_base::error::{Error, Result};
 use vlscan_tools::campaign::Cell;
 
-/// What an inventory tells about the parts of a scene, as columns of text.
+/// Labels of the parts of a scene from an inventory, as columns of text.
 #[derive(Debug, Default)]
 pub struct Labels {
     columns: Vec<String>,

@@ -34,7 +34,7 @@ pub enum SurveySource {
     Plan { request: PlanRequest, command: String },
 }
 
-/// What the tables of a campaign's file ask for.
+/// Requests of the tables of a campaign's file.
 #[derive(Clone, Debug)]
 pub struct Requests {
     /// The scenes, in the order of the file.
@@ -152,7 +152,7 @@ const DRY: &str = "a cell is a run; give it to vlscan run with the same survey a
 const EPOCHS: &str = "a campaign scans one epoch of a stand";
 const MESSAGES: &str = "give -v, -q and others to vlscan campaign";
 
-/// What a campaign decides itself: keys of lines, names of options in them, and what to write instead.
+/// Options that a campaign sets itself: keys of lines, names of options in them, and what to write instead.
 const DECIDED: [(&[&str], &[&str], &str); 15] = [
     (&["run", "plan", "make", "stand"], &["out"], OUTPUT),
     (&["run"], &["output", "trajectory-out"], OUTPUT),
@@ -175,7 +175,7 @@ const DECIDED: [(&[&str], &[&str], &str); 15] = [
     ),
 ];
 
-/// What to write instead of an option that a campaign decides; `None` for those that it leaves to the line.
+/// Replacement for an option that a campaign sets itself; `None` for those that it leaves to the line.
 fn advice(key: &str, option: &str) -> Option<&'static str> {
     // A switch and its opposite alike.
     let option = option.strip_prefix("no-").unwrap_or(option);

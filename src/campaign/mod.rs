@@ -49,7 +49,7 @@ pub struct Campaign {
     warnings: Diagnostics,
 }
 
-/// Which cells of a campaign are computed, and how.
+/// Selection of the cells of a campaign, and how they are computed.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct CampaignOptions {
     /// Compute every N-th cell only, from cell K on, with K from 0 to N-1: for array jobs, and for file
@@ -80,10 +80,10 @@ impl CampaignOptions {
     }
 }
 
-/// What happens while a campaign is computed.
+/// Event while a campaign is computed.
 #[derive(Clone, Debug)]
 pub enum CampaignEvent {
-    /// What the stages of a cell say, but for their warnings.
+    /// Notice of a stage of a cell, except warnings.
     Notice(Notice),
     /// A warning or a note of a cell that no cell before it had.
     Warning {
@@ -96,7 +96,7 @@ pub enum CampaignEvent {
     Damaged {
         /// Name of the cell.
         cell: String,
-        /// What is wrong with its files.
+        /// Damage to its files.
         damage: String,
     },
     /// A cell is complete.
@@ -147,7 +147,7 @@ pub struct CampaignReport {
     pub points: u64,
     /// Number of cells that are reported: with [`CampaignOptions::cells`] those that are named.
     pub reported: usize,
-    /// Those of them that have failed.
+    /// Cells that have failed.
     pub failed: Vec<FailedCell>,
 }
 

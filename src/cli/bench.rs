@@ -19,7 +19,7 @@ use vlscan_survey::PlatformKind;
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{Log, Policy, Recorder, Schedule};
 
-/// What was measured under one schedule.
+/// Measurements under one schedule.
 #[derive(Serialize)]
 struct Cell {
     tree: &'static str,

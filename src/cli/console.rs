@@ -23,7 +23,7 @@ pub enum Verbosity {
     /// Errors, warnings, notes and the summary.
     #[default]
     Normal,
-    /// What each stage did and how long it took, too.
+    /// Outcome and time of each stage, too.
     Verbose,
 }
 
@@ -51,7 +51,7 @@ pub struct Console {
     step: Arc<Step>,
 }
 
-/// What is computed, and how it is displayed.
+/// Current computation, and its display.
 #[derive(Debug, Default)]
 struct Step {
     name: Mutex<&'static str>,
@@ -121,7 +121,7 @@ impl Console {
         *held(&self.step.name) = step;
     }
 
-    /// What is computed now.
+    /// Current computation.
     pub(super) fn step(&self) -> &'static str {
         *held(&self.step.name)
     }

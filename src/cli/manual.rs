@@ -80,7 +80,7 @@ pub fn command() -> Command {
     command
 }
 
-/// What every page of this program contains, and the module of options.
+/// Texts that every page of this program and the module of options contain.
 const MARKS: [&str; 2] = [".TH VLSCAN", "`vlscan man --python`"];
 
 /// Runs `vlscan man`: writes a page for every subcommand to a directory. Existing pages of this program are

@@ -163,7 +163,7 @@ fn line(now: &Snapshot, legs: usize, seconds: f64) -> String {
     }
 }
 
-/// What was loaded of a scene of tiles.
+/// Loaded part of a scene of tiles.
 fn tiles(now: &Snapshot) -> String {
     let Some(tiles) = &now.tiles else { return String::new() };
     format!(

@@ -16,7 +16,7 @@ use vlscan_survey::{NavigationErrors, SURVEY_TABLES, field_names};
 pub struct PipelineTable {
     /// Its header; empty for the top of the file.
     pub name: String,
-    /// What it describes.
+    /// Description of the table.
     pub about: String,
     /// Its keys.
     pub keys: Vec<PipelineKey>,
@@ -27,7 +27,7 @@ pub struct PipelineTable {
 pub struct PipelineKey {
     /// Its name.
     pub name: String,
-    /// What it means.
+    /// Meaning of the key.
     pub help: String,
     /// The types of its values as JSON Schema, if it is an option.
     pub types: Option<Value>,

@@ -7,7 +7,7 @@ use super::words::is_list;
 use clap::{Arg, Command};
 use serde_json::{Map, Value, json};
 
-/// What a command takes: an object with a property for every option, by its long name with underscores, and
+/// Schema of a command: an object with a property for every option, by its long name with underscores, and
 /// for every operand. `x-option` is what is typed, `x-operand` the place of an operand, from 0.
 pub fn command_schema(command: &Command) -> Value {
     let mut properties = Map::new();
@@ -38,7 +38,7 @@ pub fn command_schema(command: &Command) -> Value {
     object(&about, properties, required)
 }
 
-/// What a pipeline file contains. Keys that are options have the types of their values, tables their keys.
+/// Schema of a pipeline file. Keys that are options have the types of their values, tables their keys.
 pub fn pipeline_schema() -> Value {
     let tables = pipeline_keys();
     let mut top = table_schema(&tables[0], &tables);

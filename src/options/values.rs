@@ -301,7 +301,7 @@ impl FromStr for Crs {
     }
 }
 
-/// What to write instead of a form that is not read.
+/// Replacement for a form that is not read.
 fn hint(text: &str) -> String {
     if text.contains('+') && !text.contains("+proj") {
         return "; name a compound system by its own code (EPSG:5555) or as WKT".to_owned();

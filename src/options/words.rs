@@ -10,7 +10,7 @@ use vlscan_base::error::{Error, Result};
 pub struct OptionName {
     /// Name on the command line, without hyphens before it.
     pub long: String,
-    /// What it does.
+    /// Effect of the option.
     pub help: String,
     /// True if the option takes a value.
     pub has_value: bool,
@@ -22,7 +22,7 @@ pub struct OptionName {
     pub python_type: Option<String>,
 }
 
-/// What a program passes by arguments of its own, and what concerns a terminal.
+/// Options that programs pass by their own arguments, and options of terminals.
 const NOT_LISTED: [&str; 9] =
     ["out", "output", "trajectory", "scene", "waveforms", "pulses", "schedule-log", "progress", "parts"];
 

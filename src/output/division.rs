@@ -21,7 +21,8 @@ pub enum Division {
     Objects,
 }
 
-/// Where points are kept: within a polygon, world coordinates, m; its last corner is joined to the first one.
+/// Area in which points are kept: within a polygon, world coordinates, m; its last corner is joined to the
+/// first one.
 pub type Ring = Vec<[f64; 2]>;
 
 /// A division of the points of a scene.

@@ -65,7 +65,7 @@ struct Source<'a> {
 /// Waveforms of a batch, found in the order of the echoes.
 struct Waves<'a> {
     records: &'a [WaveformRecord],
-    /// Where the search for the waveform of an echo begins, by device.
+    /// Start of the search for the waveform of an echo, by device.
     next: BTreeMap<u32, usize>,
 }
 

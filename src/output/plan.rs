@@ -26,7 +26,7 @@ use vlscan_lidar::pulse::Batch;
 pub struct OutputPlan {
     pub(super) layout: OutputLayout,
     pub(super) request: OutputRequest,
-    /// What the formats know of the points.
+    /// Facts about the points for the formats.
     pub(super) settings: CloudSettings,
     /// The time that times of records count from, s.
     time_origin: f64,
@@ -34,7 +34,7 @@ pub struct OutputPlan {
     legs: Vec<(u16, f64)>,
     /// The formats that points are written in.
     pub(super) encoders: BTreeMap<PointFormat, Arc<dyn PointEncoder>>,
-    /// What these need of points.
+    /// Needs of the formats and columns.
     pub(super) needs: Needs,
     /// The division of points among the files of folders.
     pub(super) divider: Option<Divider>,
@@ -99,12 +99,12 @@ impl OutputPlan {
         })
     }
 
-    /// Where positions and times of records count from.
+    /// Origin of the positions and times of records.
     pub(super) fn frame(&self) -> WorldFrame {
         WorldFrame { origin: self.settings.origin, time: self.time_origin }
     }
 
-    /// What is known of the points beside their columns.
+    /// Facts about the points beside their columns.
     pub(super) fn cloud_facts(&self) -> CloudFacts {
         CloudFacts::new(self.settings.clone(), self.legs.clone())
     }
@@ -132,7 +132,7 @@ impl OutputPlan {
     }
 }
 
-/// Where positions and times of records count from.
+/// Origin of the positions and times of records.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WorldFrame {
     /// World position, m.
@@ -148,7 +148,7 @@ impl WorldFrame {
     }
 }
 
-/// What the formats need to know of the points.
+/// Facts about the points for the formats.
 fn cloud_settings(
     request: &OutputRequest,
     context: &OutputContext,

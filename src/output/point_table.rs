@@ -71,7 +71,7 @@ impl<'t> Values<'t> {
     }
 }
 
-/// Where the positions of records count from.
+/// Origin of the positions of records.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum PositionFrame {
     /// From the origin of the world.

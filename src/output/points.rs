@@ -19,7 +19,7 @@ use vlscan_geom::{Aabb, DVec3};
 /// Points that a thread encodes at a time.
 const BLOCK_POINTS: usize = 1 << 15;
 
-/// What is known of the points of a table beside their columns.
+/// Facts about the points of a table beside their columns.
 #[derive(Clone, Debug)]
 pub struct CloudFacts {
     settings: CloudSettings,
@@ -60,8 +60,8 @@ impl CloudFacts {
         CloudFacts { settings, legs }
     }
 
-    /// What can be told of a table of another program: the box around its points, their highest class, its
-    /// columns. `crs` is the coordinate reference system as WKT.
+    /// Facts about a table of another program: the box around its points, their highest class, its columns.
+    /// `crs` is the coordinate reference system as WKT.
     ///
     /// # Errors
     /// [`Error::Input`] for columns that are no numbers.
@@ -252,7 +252,7 @@ impl Frames {
     }
 }
 
-/// What the format needs to know.
+/// Settings of the format.
 fn settings_of(facts: &CloudFacts, request: &OutputRequest) -> CloudSettings {
     let own = facts.settings.clone();
     CloudSettings {

@@ -44,7 +44,7 @@ pub struct ShardOutput {
     pub head: Vec<u8>,
 }
 
-/// What the rows of a table are.
+/// Kind of the rows of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TableContent {
     /// Points, with the columns of [`OutputRequest::columns`].
@@ -62,7 +62,7 @@ pub enum TableContent {
 /// A table that a run passes to its caller.
 #[derive(Clone, Debug)]
 pub struct TableRequest {
-    /// What its rows are.
+    /// Kind of its rows.
     pub content: TableContent,
     /// Rows per batch; the last batch has the remaining rows.
     pub batch_rows: usize,
@@ -70,7 +70,7 @@ pub struct TableRequest {
     pub batch_per_leg: bool,
     /// Of points with the column `GpsTime`: whether a batch ends at every multiple of this many seconds, too.
     pub batch_seconds: Option<f64>,
-    /// What takes the batches.
+    /// Receiver of the batches.
     pub sink: Arc<dyn TableSink>,
 }
 
@@ -124,7 +124,7 @@ pub struct OutputRequest {
     pub frame_names: FrameNames,
     /// How the points of folders are divided among files, instead of by leg.
     pub division: Option<Division>,
-    /// Where points are kept; everywhere if `None`.
+    /// Area in which points are kept; everywhere if `None`.
     pub clip: Option<Ring>,
     /// True if poses arrive during the run, so that Arrow streams must not wait for full batches.
     pub live: bool,
@@ -195,8 +195,8 @@ impl OutputRequest {
         self.heights || self.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
     }
 
-    /// What has to be recorded beside echoes and poses for all outputs: the one place where formats, columns
-    /// and tables say what they need. A run records it, a merge refuses shards without it.
+    /// Records beside echoes and poses that all outputs need: the one place where formats, columns and tables
+    /// say what they need. A run records it, a merge refuses shards without it.
     pub fn records(&self) -> Records {
         let has_table = |content| self.tables.iter().any(|table| table.content == content);
         let own = Records {
@@ -208,7 +208,7 @@ impl OutputRequest {
         Records { truth: needs.cause, scanner_axes: needs.in_scanner, ..own }
     }
 
-    /// What formats and columns need of points.
+    /// Needs of formats and columns.
     pub(super) fn needs(&self) -> Needs {
         let own = Needs { true_position: self.true_positions, height: self.heights, ..Needs::default() };
         let formats = self.sinks.iter().map(|(_, format)| format.needs());

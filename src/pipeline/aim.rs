@@ -12,7 +12,7 @@ const SAMPLED_PULSES: usize = 8;
 /// Maximum number of beams of each kind in an [`AimLog`].
 const MAX_BEAMS: usize = 256;
 
-/// What beams are compared with, scene frame.
+/// Target of the beams, scene frame.
 #[derive(Clone, Copy, Debug)]
 pub struct AimTarget {
     /// Box around the scene, m.

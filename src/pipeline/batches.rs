@@ -83,7 +83,7 @@ impl Batches {
         Batches { batches: Some(batches), worker: Some(worker), end: Box::new(end), report: None, facts }
     }
 
-    /// What is known of the points beside their columns, from the first batch on.
+    /// Facts about the points beside their columns, from the first batch on.
     pub fn facts(&self) -> Option<&CloudFacts> {
         self.facts.get()
     }

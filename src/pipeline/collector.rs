@@ -8,7 +8,7 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_warehouse::Collect;
 
-/// What happens at the end of a pass.
+/// End of a pass.
 #[derive(Clone, Copy)]
 pub(super) struct PassEnd<'a> {
     /// Check for too few points, run before the outputs get their names.

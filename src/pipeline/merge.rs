@@ -154,7 +154,8 @@ pub fn output_context(shards: &ShardSet) -> Result<OutputContext> {
     context.map_err(|e| Error::input(format!("the shards lack data that the outputs need: {e}")))
 }
 
-/// What the outputs of shards do not hold of their points, and a system in which these can hardly be.
+/// Warnings about values of points that the outputs of shards do not hold, and about an unlikely coordinate
+/// reference system.
 ///
 /// # Errors
 /// Those of planning outputs, but for files that exist: they are asked for where they are written.

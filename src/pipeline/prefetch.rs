@@ -10,7 +10,7 @@ use vlscan_scene::Tiles;
 /// How far ahead tiles are loaded, in times that the loading of a tile takes.
 const LOADS_AHEAD: f64 = 3.0;
 
-/// Where a chunk of pulses was measured.
+/// Place at which a chunk of pulses was measured.
 #[derive(Clone, Copy, Debug)]
 pub struct Sighting {
     /// Position of the instrument, scene frame, m.

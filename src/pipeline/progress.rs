@@ -29,7 +29,7 @@ pub struct Snapshot {
     pub leg: u32,
     /// Fraction of the survey done, 0–1; NaN when the end is unknown.
     pub done: f64,
-    /// What was loaded and dropped of a scene of tiles.
+    /// Statistics of the tiles that were loaded and dropped.
     pub tiles: Option<ResidencyStatistics>,
 }
 

@@ -23,11 +23,11 @@ const MAX_THREADS: usize = 1024;
 pub struct ResolvedRun {
     /// The settings of the session.
     pub settings: Settings,
-    /// What is written.
+    /// Outputs.
     pub output: OutputRequest,
-    /// Where the activity of the schedule is written.
+    /// File for the activity of the schedule.
     pub schedule_log: Option<PathBuf>,
-    /// Where the table of the scene's parts goes.
+    /// File for the table of the scene's parts.
     pub part_table: Option<PathBuf>,
     /// True if the progress is shown as plain lines.
     pub progress_lines: bool,

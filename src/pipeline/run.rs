@@ -140,7 +140,7 @@ impl Session {
         Ok(is_doubted)
     }
 
-    /// What outputs depend on.
+    /// Context on which outputs depend.
     pub(super) fn output_context(&self) -> OutputContext {
         let two_way = self.settings().physics.corrections.two_way_time;
         OutputContext::new(self.survey(), self.scene()).with_times(two_way)

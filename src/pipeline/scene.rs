@@ -180,7 +180,7 @@ impl LoadedScene {
         self.epoch
     }
 
-    /// What was read when the scene was loaded.
+    /// Files that were read when the scene was loaded.
     pub fn reads(&self) -> &Reads {
         &self.reads
     }

@@ -29,7 +29,7 @@ use vlscan_warehouse::Stop;
 #[derive(Clone)]
 pub(super) struct Divisible {
     flight: Arc<FlightPlan>,
-    /// What the contents of its shards depend on.
+    /// Everything on which the contents of its shards depend.
     pub(super) fingerprint: Fingerprint,
 }
 

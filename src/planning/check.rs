@@ -44,7 +44,7 @@ pub struct Check<'c> {
     pub stop: &'c Stop,
 }
 
-/// What surrounds a drive or positions.
+/// Surroundings of a drive or of positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Around {
     FlatGround,

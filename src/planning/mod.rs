@@ -86,12 +86,12 @@ pub(crate) fn check_instrument(request: &PlanRequest) -> Result<()> {
     }
 }
 
-/// What plans of all kinds are made from.
+/// Inputs of plans of all kinds.
 struct Planner<'a> {
     setup: &'a PlanSetup,
     observer: &'a Observer,
     instrument: SwathModel,
-    /// Where the survey takes place, if there is a scene.
+    /// Site of the survey, if there is a scene.
     site: Option<Site>,
     /// The system that the request names, as WKT and as a pipeline file names it.
     crs: Option<(String, String)>,

@@ -29,7 +29,7 @@ const END_BYTES: usize = 24;
 /// The run that a shard belongs to, and which share of it the shard is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShardHead {
-    /// What the contents depend on.
+    /// Everything on which the contents depend.
     pub fingerprint: Fingerprint,
     /// Number of the shard, from 0.
     pub number: u32,
@@ -41,7 +41,7 @@ pub struct ShardHead {
     pub epochs: u32,
     /// Year and day of the year for the headers of files.
     pub creation: (u16, u16),
-    /// What is recorded beside echoes and poses.
+    /// Records beside echoes and poses.
     pub records: Records,
     /// The encoded facts that outputs depend on.
     pub context: Vec<u8>,
@@ -63,7 +63,7 @@ pub struct Records {
 }
 
 impl Records {
-    /// What a simulation records.
+    /// Records of a simulation.
     pub fn of(physics: &PhysicsOptions) -> Records {
         Records {
             waveforms: physics.record_waveforms,
@@ -86,7 +86,7 @@ impl Records {
         }
     }
 
-    /// What is in either of both.
+    /// Records in either of both.
     pub fn union(self, other: Records) -> Records {
         Records {
             waveforms: self.waveforms | other.waveforms,
@@ -111,7 +111,7 @@ impl ShardHead {
     }
 }
 
-/// What is known of a shard when all of its blocks are written.
+/// Facts about a shard when all of its blocks are written.
 #[derive(Debug, Serialize, Deserialize)]
 struct Index {
     head: Vec<u8>,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{NewFolder, publish};
 
-/// What precedes the number in the name of a private folder.
+/// Text before the number in the name of a private folder.
 const PREFIX: &str = "unfinished-";
 
 /// A folder for the unfinished files of this process. Processes on other machines leave it alone: unlike

@@ -44,7 +44,7 @@ fn a_campaign_of_surveys() {
     println!("{count} surveys from seed {first}: {flown:?}, the same bytes");
 }
 
-/// What a campaign did.
+/// Result of a campaign.
 #[derive(Debug, Default)]
 struct Flown {
     runs: usize,

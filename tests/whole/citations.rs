@@ -28,7 +28,7 @@ const HOMES: [(&str, &str); 10] = [
     ("crates/trace/src", "tree-and-schedule"),
 ];
 
-/// What may stand around a word of a citation.
+/// Characters around a word of a citation.
 const AROUND: [char; 9] = ['(', ')', '[', ']', ',', ';', ':', '.', '`'];
 
 /// A citation in a comment.
@@ -92,8 +92,8 @@ fn sections(word: &str) -> impl Iterator<Item = String> {
     })
 }
 
-/// What a run of comment lines cites. `home` is the page that `spec §1.8` means. Citations that neither name
-/// a page nor begin with `spec` are left out: they may be those of a book.
+/// Citations in a run of comment lines. `home` is the page that `spec §1.8` means. Citations that neither
+/// name a page nor begin with `spec` are left out: they may be those of a book.
 fn citations(words: &[(usize, &str)], home: Option<&'static str>) -> Vec<Citation> {
     let mut found = Vec::new();
     let mut cited = None;
@@ -129,7 +129,7 @@ fn citations(words: &[(usize, &str)], home: Option<&'static str>) -> Vec<Citatio
     found
 }
 
-/// What can be cited of a page: `§2.3` for the heading `### 2.3 Linear path`, `trap 8` for the paragraph
+/// Targets of citations on a page: `§2.3` for the heading `### 2.3 Linear path`, `trap 8` for the paragraph
 /// `**Trap 8.** …`.
 fn targets(text: &str) -> BTreeSet<String> {
     text.lines()

@@ -26,7 +26,7 @@ fn many_runs_leave_nothing_behind() {
     assert!(output.status.success(), "{}", text(&output.stderr));
 }
 
-/// What a process holds.
+/// Resources that a process holds.
 #[derive(Clone, Copy, Debug)]
 struct Held {
     /// Bytes that have been allocated and not freed.

@@ -566,7 +566,7 @@ fn every_pipeline_runs_as_it_is() {
     }
 }
 
-/// What a pipeline gives: its name, the least number of points, their bounds, their classes.
+/// Expected result of a pipeline: its name, the least number of points, their bounds, their classes.
 type Expected = (&'static str, usize, [f64; 3], [f64; 3], &'static [u8]);
 
 /// As seen in a picture of each.

@@ -124,9 +124,9 @@ fn swapped_parts_keep_their_spectra() {
     assert_eq!(intensities(&points[0]), intensities(&points[1]));
 }
 
-/// Where the first pulses of the legs of an interpolated platform start (spec kinematics §2.6): the first leg
-/// at its start, a later one three pulses later, four with `teleportToStart`; a head that rotates changes
-/// nothing.
+/// Checks the starts of the first pulses of the legs of an interpolated platform (spec kinematics §2.6): the
+/// first leg at its start, a later one three pulses later, four with `teleportToStart`; a head that rotates
+/// changes nothing.
 #[test]
 fn legs_of_interpolated_platforms_with_rotating_heads() {
     let dir = folder();

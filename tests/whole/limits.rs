@@ -345,7 +345,7 @@ fn blank_lines_and_comments_before_pulses_are_skipped() {
     assert!(status == Some(2) && messages.contains("pulses.csv:1048582:"), "status {status:?}, {messages}");
 }
 
-/// What is told of a scene needs the scene and its tree; a raster that moves is stored as triangles.
+/// Facts about a scene need the scene and its tree; a raster that moves is stored as triangles.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_contents_of_a_raster_that_does_not_fit_are_refused() {

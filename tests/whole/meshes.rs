@@ -7,7 +7,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-/// What `scene info` says of a file.
+/// Output of `scene info` for a file.
 fn facts(folder: &Path, scene: &str) -> serde_json::Value {
     let output = succeed(folder, &["scene", "info", scene, "--json", "-q"]);
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", text(&output.stdout)))

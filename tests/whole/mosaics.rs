@@ -9,7 +9,7 @@ use vlscan::{ReadOptions, read_scene};
 
 /// Columns and rows of the terrain.
 const SIZE: [usize; 2] = [53, 37];
-/// Where tiles end.
+/// Ends of tiles.
 const COLUMNS: [usize; 4] = [0, 20, 37, 53];
 const ROWS: [usize; 3] = [0, 16, 37];
 const ORIGIN: [f64; 2] = [500_000.25, 5_400_000.1];

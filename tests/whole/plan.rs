@@ -130,7 +130,7 @@ fn lines_follow_the_ground() {
     assert!(larger.contains(bounds) && larger.contains("draw the area within the scene"), "{larger}");
 }
 
-/// What a command says that is refused as wrong input and writes nothing.
+/// Message of a command that is refused as invalid input and writes nothing.
 fn refused(folder: &Path, args: &[&str]) -> String {
     let out = run(folder, args);
     let said = text(&out.stderr);

@@ -124,7 +124,7 @@ fn paths_of(code: &str) -> Vec<(Vec<String>, bool)> {
     paths
 }
 
-/// Where the next `use` declaration begins.
+/// Start of the next `use` declaration.
 fn find_use(code: &str) -> Option<usize> {
     let mut from = 0;
     while let Some(at) = code[from..].find("use ").map(|at| at + from) {
@@ -193,7 +193,7 @@ fn identifier(text: &str) -> String {
     text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
 }
 
-/// Which file each file imports from, re-exports followed to where an item is defined.
+/// Files from which each file imports, re-exports followed to where an item is defined.
 struct Imports<'a> {
     files: &'a [Source],
     by_module: BTreeMap<&'a [String], usize>,
@@ -392,7 +392,7 @@ fn every_correction_is_used_and_described() {
     }
 }
 
-/// What a pipeline file may say is said in the documentation, not on the manual page alone.
+/// Checks that the documentation, not only the manual page, describes every key of pipeline files.
 #[test]
 fn every_key_of_pipeline_files_is_described() {
     let folder = root().join("docs");

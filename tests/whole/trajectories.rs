@@ -12,7 +12,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 use vlscan::geom::{Rotation, UtmZone};
 
-/// Where `fixtures/airborne` lies in zone 32N.
+/// Origin of `fixtures/airborne` in zone 32N.
 const ORIGIN: [f64; 2] = [476_000.0, 5_429_000.0];
 
 /// time, x, y, z, roll, pitch, heading in degrees: a part of `fixtures/flight.csv`, moved to UTM coordinates.

@@ -365,7 +365,7 @@ fn chunk_making_s(plan: &FlightPlan, size: u32) -> Result<f64> {
     Ok(seconds / pulses as f64)
 }
 
-/// What a run in shards costs on one thread. Times are processor times, s, but for that of the start.
+/// Costs of a run in shards on one thread. Times are processor times, s, but for that of the start.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShardCosts {
     pub pulses: u64,

@@ -9,7 +9,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use vlscan_warehouse::Schedule;
 
-/// What is assumed about a cluster.
+/// Assumptions about a cluster.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Cluster {
     /// Threads of a node, each on a core of its own.

@@ -229,8 +229,7 @@ pub fn has_decimal_comma(text: &str) -> bool {
     })
 }
 
-/// What a message about a text that should be a number adds if it has a decimal comma; an empty text for
-/// others.
+/// Addition to a message about an invalid number with a decimal comma; an empty text for others.
 pub fn comma_note(text: &str) -> &'static str {
     if has_decimal_comma(text) { ", which has a decimal comma; numbers need a decimal point" } else { "" }
 }

@@ -20,7 +20,7 @@ pub enum Severity {
     Note,
 }
 
-/// What a problem is about, for programs that treat some problems in their own way.
+/// Kind of a problem, for programs that handle some kinds themselves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ProblemKind {
@@ -51,7 +51,7 @@ pub enum Notice {
     Detail(String),
     /// Duration of a step.
     Timing(String),
-    /// What is computed from now on, for a display of progress: "building the tree".
+    /// Beginning of a computation, for a display of progress: "building the tree".
     Step(&'static str),
 }
 
@@ -136,7 +136,7 @@ impl Place {
 pub struct Diagnostic {
     /// How grave it is.
     pub severity: Severity,
-    /// What it is about.
+    /// Kind of the problem.
     pub kind: ProblemKind,
     /// The problem and the expected input, in one sentence without a full stop.
     pub message: String,

@@ -12,7 +12,7 @@ pub struct Bounds {
     pub high: f64,
     /// The expected number, in words.
     pub expected: &'static str,
-    /// What instruments and flights have. Numbers beyond it are read with a warning.
+    /// Usual values of instruments and flights. Numbers beyond it are read with a warning.
     pub usual: Option<Usual>,
 }
 

@@ -30,7 +30,7 @@ macro_rules! attributes {
     };
 }
 
-/// What there is to know of an attribute.
+/// Facts about an attribute.
 struct Entry {
     /// The quantity by whose names and units columns are found.
     quantity: Quantity,
@@ -98,7 +98,7 @@ impl Attribute {
         matches!(dimension, Dimension::Time | Dimension::Length | Dimension::Angle).then_some(dimension)
     }
 
-    /// What a value of the attribute that does not fit is, and what counts instead; for messages.
+    /// Description of values that do not fit the attribute and of their replacement, for messages.
     pub fn misfit(self) -> String {
         let kind = match self.entry().whole_numbers {
             None => return format!("{} that is not a number; it is read as 0", self.described()),
@@ -276,8 +276,8 @@ impl Columns {
         Err(PositionsError::Missing { missing, found })
     }
 
-    /// What should be said about the names of a file: names that occur twice or mean the same, units that are
-    /// not known, and names that are neither read nor known.
+    /// Remarks about the names of a file: names that occur twice or mean the same, units that are not known,
+    /// and names that are neither read nor known.
     pub fn remarks(&self, names: &[&str]) -> Vec<String> {
         let plain: Vec<String> = names.iter().copied().map(name_of).collect();
         let mut remarks = Vec::new();

@@ -36,7 +36,7 @@ pub trait PointEncoder: Debug + Send + Sync {
         *stored
     }
 
-    /// Where waveform packets are, in a format that has them and if they are wanted.
+    /// Location of waveform packets, if the format has them and they are requested.
     fn packets(&self) -> Option<crate::las::PacketPlace> {
         None
     }

@@ -131,7 +131,7 @@ impl CloudFormat {
 
 const CONVERTERS: &str = "convert it to LAS or LAZ, for example with PDAL or CloudCompare";
 
-/// What a file is that is not read as a point cloud; a sentence without its subject, the file.
+/// Kind of a file that is not read as a point cloud; a sentence without its subject, the file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnreadFormat {
     /// A format that this build does not read.

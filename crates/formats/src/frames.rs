@@ -23,7 +23,7 @@ pub struct FramePoint {
     pub instance: i64,
 }
 
-/// Where a scanner is at a time.
+/// Pose of a scanner at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramePose {
     /// ns.

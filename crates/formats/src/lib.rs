@@ -127,12 +127,12 @@ pub struct PointRow {
     pub misfits: Misfits,
 }
 
-/// What a file is.
+/// Facts about a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileFacts {
     /// Its format.
     pub format: CloudFormat,
-    /// What the header of LAS states; `None` for other formats.
+    /// Statements of the LAS header; `None` for other formats.
     pub las: Option<LasFacts>,
 }
 

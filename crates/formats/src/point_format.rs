@@ -106,7 +106,7 @@ formats! {
         "Parquet with a geometry and its coordinate reference system, for GIS; files end in .geo.parquet";
 }
 
-/// What to do for a format that was left out.
+/// Advice for a format that was left out of the build.
 pub(crate) fn build_with(feature: &str) -> String {
     format!("build vlscan with the feature {feature}")
 }
@@ -222,7 +222,7 @@ impl PointFormat {
         self.is(FRAMES)
     }
 
-    /// What the format needs of points besides the settings; columns that are chosen add what they need, see
+    /// Needs of the format besides the settings; columns that are chosen add what they need, see
     /// [`Column::needs`](crate::Column::needs).
     pub fn needs(self) -> Needs {
         Needs { in_scanner: self.is(FRAMES), ..Needs::default() }

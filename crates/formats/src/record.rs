@@ -21,7 +21,7 @@ pub struct PointRecord {
     pub scanner: Option<Rotation>,
     /// Position without errors of navigation, m; NaN if unknown.
     pub true_position: DVec3,
-    /// What caused the echo.
+    /// Cause of the echo.
     pub cause: Cause,
     /// Measured range, m.
     pub range: f64,
@@ -201,7 +201,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// What one or the other needs.
+    /// Needs of either.
     #[must_use]
     pub fn union(self, other: Needs) -> Needs {
         Needs {

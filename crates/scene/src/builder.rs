@@ -202,7 +202,7 @@ pub(super) struct PartSource<'a> {
     pub place: Option<&'a Place>,
 }
 
-/// Which faces the triangles of a part come from. A face of its files can become several triangles, or none.
+/// Faces from which the triangles of a part come. A face of its files can become several triangles, or none.
 #[derive(Default)]
 pub(super) struct FaceNumbers {
     /// True if they are recorded: a material is for faces by their numbers.

@@ -11,7 +11,7 @@ use vlscan_survey::{Identity, MaterialChanges, Replaced};
 /// The changes of the parts loaded so far: several parts can have the same, as those of one glTF file.
 #[derive(Default)]
 pub(super) struct AppliedChanges {
-    /// Those of materials by their names, by the identity of the changes and their number there.
+    /// Changes of materials by their names, by the identity of the changes and their number there.
     named: BTreeMap<(Identity, usize), NamedChange>,
 }
 

@@ -39,7 +39,7 @@ pub struct Inventory {
 }
 
 impl Inventory {
-    /// What is wrong with the primitives, a sentence for each defect.
+    /// Defects of the primitives, a sentence each.
     pub fn faults(&self) -> Vec<String> {
         let faults = [
             (self.slivers, "triangles are almost lines; rays can hardly hit them"),

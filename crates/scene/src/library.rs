@@ -56,7 +56,7 @@ struct MtlFile {
     definitions: Vec<MaterialDefinition>,
 }
 
-/// Where definitions are from.
+/// Source of definitions.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub(super) enum DefinedBy {
     /// An MTL file.

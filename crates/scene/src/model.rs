@@ -67,7 +67,7 @@ pub struct Scene {
     pub packed_sizes: Option<Sizes>,
 }
 
-/// What [`Scene::sizes`] finds by reading all vertices and cubes.
+/// Result of [`Scene::sizes`], which reads all vertices and cubes.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Sizes {
     /// True if all primitives that are stored in the scene, those of moving parts in their initial pose, lie

@@ -52,7 +52,7 @@ impl MaterialArea {
     }
 }
 
-/// What a part has of a material.
+/// Share of a material in a part.
 #[derive(Clone, Copy, Debug, Default)]
 struct Share {
     primitives: u64,

@@ -4,7 +4,7 @@ use super::{InstanceSet, Scene, Surface};
 use vlscan_geom::DVec3;
 use vlscan_trace::{HeightField, TriangleAt, prefetch};
 
-/// Where a triangle of a scene is.
+/// Location of a triangle of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneTriangle<'a> {
     scene: &'a Scene,

@@ -33,7 +33,7 @@ pub(super) enum Found {
     BuiltIn(&'static BuiltIn),
 }
 
-/// What a name denotes.
+/// Object that a name denotes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Located<T> {
     pub found: T,
@@ -206,7 +206,7 @@ impl Assets {
     }
 }
 
-/// What `find` finds for a name as it is written, else with `/` in place of `\`.
+/// Result of `find` for a name as it is written, else with `/` in place of `\`.
 fn located<T>(name: &str, find: impl Fn(&str) -> Option<T>) -> Option<Located<T>> {
     if let Some(found) = find(name) {
         return Some(Located { found, respelled: None });

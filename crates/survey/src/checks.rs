@@ -10,7 +10,7 @@ use vlscan_geom::degrees;
 
 const K: SettingsKeys = SettingsKeys::KEYS;
 
-/// Where a setting of a leg, by its index, is written.
+/// Place of a setting of a leg, by the index of the leg.
 pub(super) type Places<'a> = &'a dyn Fn(usize, Key) -> Option<Place>;
 
 /// Checks every leg against the scanner and the platform. `places` tells where a setting is written: in a
@@ -35,8 +35,8 @@ pub(super) fn check_legs(context: &Context, survey: &Survey, places: Places, in_
     }
 }
 
-/// Where the settings of legs with these elements are written: in an element of the leg, or in the element
-/// that lacks them.
+/// Places of the settings of legs with these elements: in an element of the leg, or in the element that lacks
+/// them.
 pub(super) fn places_in(elements: &[Element]) -> impl Fn(usize, Key) -> Option<Place> + '_ {
     |index, setting| {
         let is_of_scanner = SettingsKeys::ALL.contains(&setting);

@@ -204,7 +204,7 @@ pub(super) fn change_waveform(fields: &mut Fields, waveform: &mut WaveformSettin
     fields.set(keys.max_range_ns, &mut waveform.max_range);
 }
 
-/// Where bins and window of a waveform are written.
+/// Place of the bins and the window of a waveform.
 pub(super) fn waveform_place(fields: &Fields) -> Option<WaveformPlace> {
     let keys = [WaveformKeys::KEYS.bin_ns, WaveformKeys::KEYS.window_ns];
     let written = keys.into_iter().rev().find_map(|key| fields.place_if_written(key));

@@ -31,7 +31,7 @@ pub struct Formula {
 pub struct FormulaError {
     /// Range of the invalid bytes in the text.
     pub at: Range<usize>,
-    /// What was found and what was expected.
+    /// Found and expected text.
     pub message: String,
 }
 

@@ -56,7 +56,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
     })
 }
 
-/// Where figures of a scanner come from: `<source figures="beamDivergence_rad …" name="…"/>`.
+/// Reads the source of figures of a scanner: `<source figures="beamDivergence_rad …" name="…"/>`.
 fn read_source(context: &Context, element: &Element) -> Option<FigureSource> {
     let mut fields = Fields::new(context, element);
     let (figures, name) = (fields.required("figures"), fields.required("name"));

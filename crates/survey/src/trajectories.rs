@@ -17,10 +17,10 @@ const COLUMNS: [(&str, &str); 7] = [
 ];
 /// Spellings of the separator attribute; the first is HELIOS++'s.
 const SEPARATOR: [&str; 2] = ["trajectory_seperator", "trajectory_separator"];
-/// Those of [`COLUMNS`] that are angles.
+/// Indices of the angles in [`COLUMNS`].
 const ANGLES: std::ops::RangeInclusive<usize> = 1..=3;
 
-/// What `<platformSettings>` say of a trajectory.
+/// Settings of a trajectory in `<platformSettings>`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TrajectoryLayer {
     pub file: Option<String>,

@@ -21,7 +21,7 @@ pub struct Geometry {
     pub grids: Vec<VoxelGrid>,
 }
 
-/// Where a triangle is.
+/// Location of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub enum TriangleAt<'a> {
     /// Index among the stored triangles.
@@ -30,7 +30,7 @@ pub enum TriangleAt<'a> {
     Field(usize, &'a HeightField, usize),
 }
 
-/// Where a cube is.
+/// Location of a cube.
 #[derive(Clone, Copy, Debug)]
 pub enum CubeAt<'a> {
     /// Index among the stored cubes.
@@ -57,7 +57,7 @@ impl Geometry {
         self.grids.iter().fold(self.cubes.len(), |sum, grid| sum + grid.len())
     }
 
-    /// Where the cube with this index among all cubes is.
+    /// Location of the cube with this index among all cubes.
     #[inline(always)]
     pub fn cube_at(&self, index: usize) -> CubeAt<'_> {
         let mut stored = index;
@@ -132,7 +132,7 @@ impl Geometry {
         self.fields.iter().fold(index, after)
     }
 
-    /// Where triangle `number` is.
+    /// Location of triangle `number`.
     #[inline(always)]
     pub fn triangle_at(&self, number: usize) -> TriangleAt<'_> {
         let mut index = number;

@@ -12,9 +12,9 @@ use std::sync::Arc;
 /// The nodes of a tree.
 #[derive(Clone, Debug)]
 pub enum NodeArray<'a> {
-    /// Those of a kd-tree.
+    /// Nodes of a kd-tree.
     Kd(Cow<'a, [KdNode]>),
-    /// Those of a hierarchy of boxes.
+    /// Nodes of a hierarchy of boxes.
     Wide(Cow<'a, [WideNode]>),
 }
 
@@ -30,7 +30,7 @@ pub struct TreeParts<'a> {
     pub statistics: Statistics,
     /// Interior nodes and leaves.
     pub nodes: NodeArray<'a>,
-    /// What the leaves hold.
+    /// Blocks of the leaves.
     pub blocks: Cow<'a, [Block]>,
 }
 

@@ -16,7 +16,7 @@ impl Tasks for Lines {
     }
 }
 
-/// What is printed of them.
+/// Text that is printed.
 struct Text(String);
 
 impl Outcome for Text {}

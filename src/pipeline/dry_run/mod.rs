@@ -79,13 +79,13 @@ pub struct LegEstimate {
 pub struct FileEstimate {
     /// Path, or what the file is.
     pub name: String,
-    /// What its records are: points, waveforms, pulses, poses.
+    /// Kind of its records: points, waveforms, pulses, poses.
     pub content: &'static str,
     /// Size, bytes.
     pub bytes: f64,
 }
 
-/// What the run will not measure.
+/// Pulses that the run will not measure.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Missed {
     /// Fraction of the pulses without an echo.
@@ -115,7 +115,7 @@ pub struct TimeEstimate {
     pub threads: usize,
 }
 
-/// What a run will cost and give.
+/// Forecast of the cost and the results of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct DryRunReport {
     /// Legs that take time, in the order of the survey.
@@ -142,13 +142,13 @@ pub struct DryRunReport {
     pub memory_bytes: u64,
     /// How long the run takes.
     pub time: TimeEstimate,
-    /// What the run does not measure.
+    /// Pulses that the run does not measure.
     pub missed: Missed,
     /// Pulses of the sample.
     pub sampled_pulses: f64,
 }
 
-/// Where a survey is flown and what it covers, world coordinates, m.
+/// Course and coverage of a survey, world coordinates, m.
 #[derive(Clone, Debug, Default)]
 pub struct FlightCoverage {
     /// Positions along each leg, by its number in the survey.
@@ -239,7 +239,7 @@ impl Session {
         Ok((timeline, sample, [empty, report.summary]))
     }
 
-    /// Where the survey is flown and what it covers, from a sample of the flight.
+    /// Course and coverage of the survey, from a sample of the flight.
     ///
     /// # Errors
     /// As for [`Session::run`].

@@ -19,7 +19,7 @@ use vlscan_warehouse::Tasks;
 /// Work after which no further stratum is begun, as a number of rays. Not a time, so that samples are always
 /// the same.
 const MAX_RAYS: u64 = 3_000_000;
-/// What a stratum costs in scenes whose tiles are loaded for it, as a number of rays.
+/// Cost of a stratum in scenes whose tiles are loaded for it, as a number of rays.
 const RAYS_PER_TILED_STRATUM: u64 = MAX_RAYS / 16;
 /// Steps of a moving scene that take as long as a ray.
 const MOTION_STEPS_PER_RAY: u64 = 32;
@@ -27,7 +27,7 @@ const PULSES_PER_CHUNK: u32 = 1024;
 /// Steps of a moving scene up to which its state is computed.
 const MAX_MOTION_STEPS: u64 = 5_000_000;
 
-/// What a stratum of the flight has measured.
+/// Measurements of a stratum of the flight.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stratum {
     /// Number of the leg in the survey.
@@ -51,7 +51,7 @@ pub struct Stratum {
 /// The ground that a stratum sees, scene frame, m.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct View {
-    /// Where the first pulse came from.
+    /// Origin of the first pulse.
     pub origin: DVec3,
     /// Horizontal unit vector to the right of the way; 0 if the platform stands.
     pub right: DVec3,
@@ -164,7 +164,7 @@ fn spread(count: usize) -> impl Iterator<Item = usize> {
 }
 
 impl Stratum {
-    /// What consecutive pulses of a leg have measured; `None` without pulses.
+    /// Measurements of consecutive pulses of a leg; `None` without pulses.
     fn of(leg: u32, pulses: &[Pulse], echoes: &[Echo], seconds: f64) -> Option<Stratum> {
         let (first, last) = (pulses.first()?, pulses.last()?);
         let way = last.origin - first.origin;

@@ -3,7 +3,7 @@
 use super::draw::Draw;
 use std::fmt::Write as _;
 
-/// What legs must know of a scanner.
+/// Properties of a scanner that legs need.
 pub struct Instrument {
     pub xml: String,
     pub pulse_freqs: [u32; 2],

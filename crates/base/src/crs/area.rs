@@ -116,7 +116,7 @@ impl Wgs84 {
         Some(Wgs84(Conversion::Projections(Box::new([from, to]))))
     }
 
-    /// Where a point is; `None` outside of the projection.
+    /// Place of a point on the Earth; `None` outside of the projection.
     pub fn place(&self, x: f64, y: f64) -> Option<Place> {
         let found = match &self.0 {
             Conversion::Projections(both) => {
@@ -142,7 +142,7 @@ fn place(code: u32, x: f64, y: f64) -> Result<Option<Place>, ()> {
     Wgs84::of_code(code).map(|conversion| conversion.place(x, y).ok_or(())).transpose()
 }
 
-/// Where coordinates of a system with an EPSG code lie.
+/// Place on the Earth of coordinates in a system with an EPSG code.
 pub fn place_of(wkt: &str, x: f64, y: f64) -> Option<Place> {
     place(u32::from(epsg(wkt)?.1), x, y).ok().flatten()
 }

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What was read and looked for, by the paths that were used.
+/// Files that were read or searched for, by the paths that were used.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Reads {
     /// Files that were opened, with their state at that time.
@@ -166,7 +166,7 @@ impl Recording {
         Recording(reads)
     }
 
-    /// What has been read so far.
+    /// Everything read so far.
     pub fn reads(&self) -> Reads {
         locked(&self.0).clone()
     }

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
-/// What precedes the number in the name of a temporary file.
+/// Text before the number in the name of a temporary file.
 const MARK: &str = ".vlscan-";
 const DIGITS: usize = 8;
 const END_BYTES: usize = 5;

@@ -25,7 +25,7 @@ const MAX_LEADING_LINES: usize = 1000;
 #[derive(Debug)]
 pub struct RowDecoder {
     source: Arc<Source>,
-    /// What a row is, for messages.
+    /// Name of a row in messages.
     what: &'static str,
     format: Format,
     /// Number of rows that have been returned.

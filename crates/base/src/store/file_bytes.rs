@@ -32,7 +32,7 @@ enum Content {
     Mapped { map: Mmap, file: File, version: Version },
 }
 
-/// What tells versions of a file apart.
+/// Facts that distinguish versions of a file.
 #[derive(Debug, PartialEq)]
 struct Version {
     length: u64,

@@ -6,7 +6,7 @@ use libm::{cos, sin, tan};
 use std::f64::consts::TAU;
 use vlscan_geom::DVec3;
 
-/// What moves the beam.
+/// Kind of mirror that deflects the beam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mirror {
     /// A cone about the downward axis (Palmer scanner). Parameters: half angle, turns per second, phase;
@@ -39,7 +39,7 @@ impl Mirror {
         }
     }
 
-    /// What it is called in messages.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Mirror::Cone => "a cone",

@@ -76,7 +76,7 @@ const DOUBTFUL_RESIDUAL: f64 = 0.15;
 /// Larger relative deviations of the height are told.
 const DOUBTFUL_SCALE: f64 = 0.01;
 
-/// What is fitted.
+/// Choices of a fit.
 #[derive(Clone, Debug, Default)]
 pub struct FlightRequest {
     /// Point source of the flight line; the one with the most points if there is none.

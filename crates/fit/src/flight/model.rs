@@ -23,7 +23,7 @@ pub const MAX_PARAMETERS: usize = FIRST_OF_CHANNELS + MAX_FACETS;
 /// [`Attitude`]s.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// What moves the beam.
+    /// Mirror that deflects the beam.
     pub mirror: Mirror,
     /// Place at time 0 (x, y: m), velocity (m/s), acceleration (m/s²), height at time 0 (m), climb (m/s),
     /// roll, pitch (rad), the parameters of the mirror, and for n channels n − 1 times: phase of channel k +
@@ -53,7 +53,7 @@ pub struct Channel {
     pub sense: f64,
 }
 
-/// Where a beam meets the height of a point, and its scan angle.
+/// Intersection of a beam with the height of a point, and its scan angle.
 #[derive(Clone, Copy, Debug)]
 pub struct Footprint {
     /// m.
@@ -155,7 +155,7 @@ impl Model {
         turned(beam, p[8] + attitude[0], p[9] + attitude[1], yaw + attitude[2])
     }
 
-    /// Where the beam of a channel at `time` meets `height`.
+    /// Intersection of the beam of a channel at `time` with `height`.
     pub fn footprint(&self, attitude: &Attitude, channel: usize, time: f64, height: f64) -> Footprint {
         let beam = self.direction(attitude, channel, time);
         let place = self.position(time);

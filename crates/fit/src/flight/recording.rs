@@ -72,7 +72,7 @@ pub struct Recording {
 /// ASPRS classes of noise, which is not on the ground.
 const NOISE: [u8; 2] = [7, 18];
 
-/// What is read of a point.
+/// Values that are read of a point.
 struct Row {
     time: f64,
     position: DVec3,
@@ -296,7 +296,7 @@ impl Recording {
         })
     }
 
-    /// What there is, in the units that are assumed.
+    /// Contents of the recording, in the assumed units.
     pub fn description(&self) -> String {
         let (low, high) = self
             .pulses

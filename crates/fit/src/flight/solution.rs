@@ -26,7 +26,7 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// What the model leaves to chance, m on the ground: residuals, and changes of the attitude from section
+    /// Unexplained part of the points, m on the ground: residuals, and changes of the attitude from section
     /// to section.
     pub fn unexplained(&self) -> f64 {
         let height = self.model.parameters[6].abs();
@@ -55,7 +55,7 @@ impl Solution {
         1.0 / (1.0 / (of_angles * of_angles) + self.scale_by_returns(recording)).sqrt()
     }
 
-    /// What pulses of several returns tell of the height: reciprocal of its relative variance.
+    /// Information about the height in pulses of several returns: reciprocal of its relative variance.
     ///
     /// The way from the first to the last return has the tangent of the beam's angle, which grows across the
     /// track with the reciprocal of the height. The errors of a line are taken as one error, since its pulses

@@ -50,7 +50,7 @@ pub struct Foliage {
     pub size: f64,
     /// Voxels along each axis.
     pub cells: [usize; 3],
-    /// Those that hold foliage, in the order of x, y, z.
+    /// Voxels with foliage, in the order of x, y, z.
     pub voxels: Vec<LeafVoxel>,
 }
 
@@ -200,7 +200,7 @@ pub(super) fn beam(recording: &Recording, pulse: usize, path: &SensorPath) -> Be
     Beam { origin, direction: (last.position - origin) / length.max(1e-9), length }
 }
 
-/// What beams lost in each voxel, and how far they went through it.
+/// Losses of beams in each voxel, and their path lengths through it.
 #[derive(Clone)]
 struct Sums {
     hits: Vec<f32>,
@@ -455,7 +455,7 @@ impl Extinctions {
     }
 }
 
-/// Which returns are from foliage: those of no surface, unless they are unclassified and as near to the
+/// Marks the returns from foliage: those of no surface, unless they are unclassified and as near to the
 /// terrain as its own points.
 pub(super) fn leaf_returns(recording: &Recording, near_terrain: impl Fn(DVec3) -> bool + Sync) -> Vec<bool> {
     let is_leaf = |r: &super::recording::Return| {

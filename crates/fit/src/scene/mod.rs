@@ -47,7 +47,7 @@ const MAX_LISTED_LINES: usize = 5;
 /// Unclassified points within so many spreads of the terrain are of the terrain.
 const NEAR_SPREADS: f64 = 3.0;
 
-/// What a scene is reconstructed from.
+/// Source and settings of a reconstruction.
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct ReconstructOptions {
     /// The point cloud, LAS or LAZ with classes, return numbers and times. Class 2 is ground, 6 buildings, 9
@@ -228,7 +228,7 @@ impl ReconstructedScene {
         write::write(self, folder, overwrite)
     }
 
-    /// What was estimated, from what and how well; `report.json`.
+    /// Estimates, their sources and their quality; `report.json`.
     pub fn report(&self) -> serde_json::Value {
         write::report(self)
     }

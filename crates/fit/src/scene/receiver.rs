@@ -45,7 +45,7 @@ const MIN_PAIRS: usize = 100;
 /// Distance at which returns are told apart where the recording does not say it, m: that of pulses of 4 ns.
 const USUAL_RESOLUTION: f64 = 0.6;
 
-/// What was found of the receiver and of foliage.
+/// Estimates about the receiver and foliage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Receiver {
     /// Distance from which on two returns are told apart, m.
@@ -72,7 +72,7 @@ pub struct Receiver {
 /// The factor on extinctions of a layer of foliage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer {
-    /// Where it ends, m over the ground.
+    /// Upper end, m over the ground.
     pub top: f64,
     /// The factor.
     pub factor: f64,
@@ -288,7 +288,7 @@ fn recorded_shares(samples: &[Sample]) -> [f64; SHARES] {
     ]
 }
 
-/// What a simulated pulse returned.
+/// Returns of a simulated pulse.
 struct Echoes {
     count: usize,
     /// Layer of the first return, if it is from foliage.

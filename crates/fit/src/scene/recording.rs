@@ -10,7 +10,7 @@ use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 /// Gap in time that ends a pass of the instrument over the place, s.
 const MIN_PASS_GAP: f64 = 20.0;
 
-/// What a return was reflected by, as far as its class says.
+/// Reflecting object of a return, by its class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// Ground, water, roads and rails.

@@ -19,7 +19,7 @@ const MAX_DIRECTION_ERROR: f64 = 0.01;
 /// Height above the place of an instrument of which only the direction is known, m.
 const UNKNOWN_HEIGHT: f64 = 1000.0;
 
-/// What the path of a line was found by.
+/// Source of the path of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathSource {
     /// Beams of pulses with several returns.
@@ -52,7 +52,7 @@ pub struct SensorPath {
     pub position: DVec3,
     /// Velocity, m/s.
     pub velocity: DVec3,
-    /// What it was found by.
+    /// Source of the path.
     pub found_by: PathSource,
     /// Standard deviation of the direction in which the instrument is seen, rad, where it was estimated.
     pub direction_sigma: Option<f64>,

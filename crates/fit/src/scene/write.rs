@@ -252,7 +252,7 @@ fn pipeline(scene: &ReconstructedScene) -> String {
     )
 }
 
-/// What was estimated, from what and how well.
+/// Estimates, their sources and their quality.
 pub(super) fn report(scene: &ReconstructedScene) -> serde_json::Value {
     let r = &scene.receiver;
     let by = |source: PathSource| match source {

@@ -12,7 +12,7 @@ const BINS: usize = 80;
 /// Strengths over the threshold beyond which every echo is detected.
 const CERTAIN: f64 = 50.0;
 
-/// Which echoes a receiver detects.
+/// Detection of echoes by a receiver.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Detection {
     /// Strength of an echo at the threshold, in the unit of the recording.

@@ -46,7 +46,7 @@ const ROUNDS: usize = 3;
 /// Reflectance of the target for which the maximum range is stated.
 const TARGET_REFLECTANCE: f64 = 0.1;
 
-/// Which columns are fitted; the others test the fit.
+/// Half of the columns that is fitted; the other half tests the fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Half {
     /// Columns 0, 2, 4 …
@@ -56,14 +56,14 @@ pub enum Half {
     Odd,
 }
 
-/// What is fitted.
+/// Choices of a fit.
 #[derive(Clone, Debug, Default)]
 pub struct SpinningRequest {
     /// Columns that are fitted.
     pub half: Half,
 }
 
-/// What a recording says about a spinning sensor.
+/// Estimates about a spinning sensor from a recording.
 #[derive(Clone, Debug)]
 pub struct SpinningFit {
     /// The calibrated sensor, with the beam and the receiver of its product line.

@@ -18,7 +18,7 @@ const REFLECTANCES: [f64; 6] = [0.0, 0.05, 0.15, 0.3, 0.6, 1.01];
 /// Fewest echoes of a half in a class that is reported.
 const MIN_ECHOES: usize = 100;
 
-/// What was estimated of a sensor.
+/// Estimates about a sensor.
 #[derive(Clone, Debug, Serialize)]
 pub struct SpinningFigures {
     /// Product line.
@@ -66,7 +66,7 @@ pub struct ClassFigures {
 }
 
 impl SpinningFit {
-    /// What was estimated.
+    /// Returns the estimates.
     pub fn figures(&self) -> SpinningFigures {
         let (noise, deviations, detection) = (&self.noise, self.law.root_deviations(), &self.detection);
         let mut classes = Vec::new();

@@ -121,11 +121,11 @@ macro_rules! columns {
             /// All columns in the order in which they are written.
             pub const ALL: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).0;
 
-            /// What the columns lack of the values of a point. Tables in memory have them beside their
-            /// columns, so that files can be made of them; files do not have them.
+            /// Values of a point that its columns lack. Tables in memory have them beside their columns, so
+            /// that files can be made of them; files do not have them.
             pub const EXACT: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).1;
 
-            /// Those of [`Column::EXACT`] that only frames of a scanner (MCAP) need.
+            /// Columns of [`Column::EXACT`] that only frames of a scanner (MCAP) need.
             pub const OF_FRAMES: &[Column] = Column::EVERY.split_at(Column::ExactTime as usize).1;
 
             /// Name of the column.
@@ -233,7 +233,7 @@ columns! {
     AttitudeZ f64 9 "" |p, _| p.scanner.map_or(f64::NAN, |r| r.u.z), "Attitude of the scanner, quaternion from the axes of its mount to the world; NaN if unknown.";
 }
 
-/// What a coordinate relative to an origin loses when it becomes one of the world.
+/// Rounding error of a coordinate relative to an origin when it becomes one of the world.
 fn rest(coordinate: f64, origin: f64) -> f32 {
     (coordinate - ((coordinate + origin) - origin)) as f32
 }
@@ -245,7 +245,7 @@ impl Column {
         Column::ALL.iter().copied().filter(|c| *c <= last && *c != Column::SurfaceClass).collect()
     }
 
-    /// What the values need of points.
+    /// Needs of the column's values.
     pub fn needs(self) -> Needs {
         match self {
             Column::SurfaceX | Column::SurfaceY | Column::SurfaceZ => {

@@ -56,7 +56,7 @@ fn is_constant(kind: &RecordDataType) -> bool {
     }
 }
 
-/// Where the coordinates of a scan are among its values.
+/// Indices of the coordinates among the values of a scan.
 #[derive(Clone, Copy, PartialEq)]
 enum Position {
     Cartesian([usize; 3]),
@@ -65,7 +65,7 @@ enum Position {
     None,
 }
 
-/// Where the values of a scan are, and its pose.
+/// Location of the values of a scan, and its pose.
 struct Scan {
     position: Position,
     /// 0 where a position is valid.

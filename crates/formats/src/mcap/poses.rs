@@ -7,12 +7,12 @@ use vlscan_geom::{DVec3, Rotation};
 /// Time between poses at most, while there are points, ns.
 const STEP_NS: u64 = 10_000_000;
 
-/// Where the scanner is at a time.
+/// Pose of the scanner at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// ns.
     pub time_ns: u64,
-    /// Where the beam leaves, in the world, m.
+    /// Origin of the beam in the world, m.
     pub position: DVec3,
     /// From the axes of the scanner to the world.
     pub rotation: Rotation,

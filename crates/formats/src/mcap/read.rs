@@ -23,14 +23,14 @@ const MESSAGE: u8 = 0x05;
 const CHUNK: u8 = 0x06;
 const DATA_END: u8 = 0x0F;
 
-/// What a channel carries.
+/// Contents of a channel.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Points,
     Transforms,
 }
 
-/// What is known of a file so far.
+/// State of reading a file.
 #[derive(Default)]
 struct Reader {
     schemas: HashMap<u16, Option<Kind>>,

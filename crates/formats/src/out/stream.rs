@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::error::Result;
 use vlscan_base::files::{FileGroup, FileWriter, Patched, free_name};
 
-/// Where bytes go.
+/// Destination of bytes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Destination {
     /// Standard output.

@@ -81,7 +81,7 @@ fn head(offset: DVec3, count: u64, state: &str, viewpoint: Option<Option<DVec3>>
 /// Encoder of points. `ring` is the row of the channel by elevation, `label` the class.
 #[derive(Debug)]
 struct Pcd {
-    /// What coordinates in the file are relative to, m, world.
+    /// Origin of the coordinates in the file, m, world.
     offset: DVec3,
     /// Origin of points in the frame of the file, m.
     origin: DVec3,

@@ -39,8 +39,8 @@ impl Layout {
         }
     }
 
-    /// What is wrong with the number of words of a line, if it has less than there are names: between blanks,
-    /// an empty value shifts those behind it.
+    /// Problem with the number of words of a line that has fewer than there are names: between blanks, an
+    /// empty value shifts those behind it.
     pub fn missing_values(&self, words: &[Range<usize>]) -> Option<String> {
         let named = self.named.filter(|named| self.separator == Separator::Blanks && words.len() < *named)?;
         Some(format!("expected {named} values, one for each named column, found {}", words.len()))

@@ -28,7 +28,7 @@ pub struct Skipped {
     pub pulses: u32,
     /// Number of samples of the trajectory.
     pub poses: u32,
-    /// What the last step did. If it is not [`Step::Advanced`], it does not count.
+    /// Outcome of the last step. If it is not [`Step::Advanced`], it does not count.
     pub last: Step,
 }
 

@@ -63,7 +63,7 @@ impl PlannedLeg {
     }
 }
 
-/// What to do where legs find no ground.
+/// Advice for legs without ground.
 const NO_GROUND_HELP: &str = "ground is every surface whose material has `helios_isGround true` (`vlscan \
                               scene info` lists them); give the terrain such a material, or give the leg a \
                               height instead of on_ground";

@@ -13,7 +13,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
 use vlscan_survey::PulseTimes;
 
-/// What a step did.
+/// Outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Time advanced by one pulse period of the first leg.

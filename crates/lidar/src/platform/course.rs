@@ -18,7 +18,7 @@ pub enum LegEntry {
 /// Parameters of a leg that its platform needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegCourse {
-    /// Where the leg starts, m, scene frame.
+    /// Start of the leg, m, scene frame.
     pub position: DVec3,
     /// Steps per second.
     pub frequency: f64,

@@ -17,7 +17,7 @@ use super::view::Interaction;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MediumSegment {
-    /// Where the ray enters it.
+    /// Entry of the ray.
     pub entry: Interaction,
     /// Distance of the entry from the pulse's origin, m.
     pub from: f64,

@@ -66,7 +66,7 @@ pub struct EchoTruth {
 }
 
 impl EchoTruth {
-    /// What is known of an echo that no surface caused, or whose cause is not recorded: NaN, no subray.
+    /// Truth of an echo that no surface caused, or whose cause is not recorded: NaN, no subray.
     pub fn unknown(beam: [DVec3; 2]) -> EchoTruth {
         EchoTruth { beam, surface: DVec3::NAN, normal: DVec3::NAN, fraction: f64::NAN, subray: u32::MAX }
     }

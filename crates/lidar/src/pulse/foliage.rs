@@ -41,7 +41,7 @@ impl FreePaths {
         -log(self.stream.uniform(self.device, self.pulse, COLUMNS | u << 15 | v))
     }
 
-    /// Where the columns of a pulse lie: shares of their size, from 0 to 1.
+    /// Offset of the columns of a pulse: shares of their size, from 0 to 1.
     pub fn shift_of_columns(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.stream.uniform(self.device, self.pulse, COLUMNS | SHIFT | axis))
     }

@@ -59,7 +59,7 @@ pub(super) struct Instrument {
     pub range_noise: Option<(RangeNoise, f64)>,
     /// Step of reported ranges, m; 0 = any range.
     pub range_step: f64,
-    /// Which returns are reported, unless all are.
+    /// Selection of the reported returns; `None` for all.
     pub selection: Option<ReturnSelection>,
     /// Factor on the range noise.
     pub distance_error: Option<Formula>,

@@ -45,7 +45,7 @@ impl Parabola {
     }
 }
 
-/// What an echo of the pulse's own shape differs from the parabola through its samples.
+/// Difference of an echo of the pulse's own shape from the parabola through its samples.
 #[derive(Clone, Copy, Debug, Default)]
 struct PulseReading {
     /// Time of its maximum from the vertex, bins.

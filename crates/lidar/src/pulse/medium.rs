@@ -26,7 +26,7 @@ struct MediumWalk<'v, 'a> {
     passed: Vec<(u32, f64)>,
 }
 
-/// What the walk collects along the ray.
+/// Values that the walk collects along the ray.
 enum Search<'v> {
     /// The nearest of the scattering points, one of which is drawn per voxel.
     ScatterPoint(&'v mut FreePaths),

@@ -2,7 +2,7 @@
 
 use vlscan_base::corrections::Corrections;
 
-/// Which corrections of the reference's physics are on.
+/// Set of corrections to the reference's physics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
@@ -53,7 +53,7 @@ pub struct PhysicsOptions {
     pub record_scanner_axes: bool,
     /// Append the reflections of all subrays to the batch instead of echoes.
     pub record_subrays: bool,
-    /// Where the physics departs from the reference's.
+    /// Corrections to the reference's physics.
     pub corrections: Corrections,
 }
 

@@ -339,7 +339,7 @@ fn exact_inverse(x: f64) -> Option<f64> {
     (is_power_of_two && (1.0 / x).is_normal()).then_some(1.0 / x)
 }
 
-/// Where a gamma-like pulse of `length` ns ends, ns: there or, if `whole`, where 3e-4 of its peak are left.
+/// End of a gamma-like pulse of `length` ns, ns: there or, if `whole`, where 3e-4 of its peak are left.
 fn duration(length: f64, whole: bool) -> f64 {
     if whole { 2.0 * length } else { length }
 }

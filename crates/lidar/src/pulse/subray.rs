@@ -12,7 +12,8 @@ use vlscan_geom::{DVec3, Rotation};
 pub(super) struct Subrays {
     /// Quaternions of each pattern by component; the last block is padded with the last quaternion.
     patterns: Vec<Vec<[Block; 4]>>,
-    /// Where the subrays of each pattern leave the instrument, m, beam frame; empty if all leave its origin.
+    /// Exits of the subrays of each pattern from the instrument, m, beam frame; empty if all leave its
+    /// origin.
     exits: Vec<Vec<DVec3>>,
     /// Ring of each subray; 0 where all have the same energy.
     pub ring: Vec<u32>,
@@ -68,7 +69,7 @@ impl Subrays {
         subrays
     }
 
-    /// Where the subrays of a pattern leave the instrument, m, beam frame; `None` if all leave its origin.
+    /// Exits of the subrays of a pattern from the instrument, m, beam frame; `None` if all leave its origin.
     #[inline(always)]
     pub fn exits(&self, pattern: usize) -> Option<&[DVec3]> {
         self.exits.get(pattern).map(Vec::as_slice)

@@ -9,7 +9,7 @@ use vlscan_geom::DVec3;
 pub(super) struct TracedPulse<'a> {
     /// Origin of the pulse, m.
     pub origin: DVec3,
-    /// Where each subray leaves the instrument, m; empty if all leave the pulse's origin.
+    /// Exit of each subray from the instrument, m; empty if all leave the pulse's origin.
     pub exits: &'a [DVec3],
     /// x, y and z of their directions.
     pub directions: [&'a [Block]; 3],
@@ -47,7 +47,7 @@ impl<'a> TracedPulse<'a> {
         DVec3::new(x[i], y[i], z[i])
     }
 
-    /// Where subray `i` starts, m.
+    /// Start of subray `i`, m.
     #[inline(always)]
     pub fn start(&self, i: usize) -> DVec3 {
         self.exits.get(i).copied().unwrap_or(self.origin)

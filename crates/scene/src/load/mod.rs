@@ -158,7 +158,7 @@ fn load_sources(
     Ok((Scene { crs, dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
 }
 
-/// What has been loaded of a scene.
+/// Loaded parts of a scene.
 #[derive(Default)]
 struct LoadedParts {
     /// Parts that are in memory.

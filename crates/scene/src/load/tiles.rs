@@ -38,7 +38,7 @@ struct IndexedTile {
     centres: Vec<(f64, Aabb)>,
 }
 
-/// What a tile is loaded from.
+/// Source of a tile.
 enum TileSource {
     Files(TileFiles),
     /// A page of a raster, by its index.

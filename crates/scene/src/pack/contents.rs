@@ -28,7 +28,7 @@ pub(super) fn read_epochs(file: &ArrayFile) -> Result<u32> {
     file.value(EPOCHS)
 }
 
-/// What the names of all arrays of an epoch begin with.
+/// Prefix of the names of all arrays of an epoch.
 pub(super) fn prefix(epoch: u32) -> String {
     format!("epoch {epoch} ")
 }

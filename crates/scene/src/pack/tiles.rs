@@ -15,7 +15,7 @@ use vlscan_trace::{BuildOptions, Builder, LoadError, Residency};
 /// The name of what is known of all tiles, after that of the epoch.
 const NAME: &str = "tiles";
 
-/// What the names of all arrays of a tile begin with.
+/// Prefix of the names of all arrays of a tile.
 fn prefix_of(prefix: &str, tile: usize) -> String {
     format!("{prefix}tile {tile} ")
 }
@@ -25,7 +25,7 @@ pub(super) fn is_of_tile(name: &str) -> bool {
     name.starts_with("tile ")
 }
 
-/// What is known of a tile that is not in memory.
+/// Facts about a tile that is not in memory.
 #[derive(Serialize, Deserialize)]
 struct StoredTile {
     bounds: Aabb,

@@ -46,7 +46,7 @@ impl Tile {
     }
 }
 
-/// What is known of a tile whether it is in memory or not.
+/// Facts about a tile, in memory or not.
 #[derive(Clone, Debug, Default)]
 pub struct TileFacts {
     /// Box around its primitives, scene frame, m.
@@ -69,7 +69,7 @@ pub struct TileFacts {
     pub bytes: u64,
     /// Its place in the raster that it is a part of.
     pub place: Option<PlaceInRaster>,
-    /// What precedes it in the order of parts.
+    /// Numbers before the tile in the order of parts.
     pub before: Before,
 }
 
@@ -81,7 +81,7 @@ impl TileFacts {
     }
 }
 
-/// What precedes a tile in the order of parts: decides between equal distances as if all were stored.
+/// Numbers before a tile in the order of parts, which decide between equal distances as if all were stored.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Before {
     /// Number of the scene's own triangles, those that height fields lack included.
@@ -164,7 +164,7 @@ impl Tiles {
         self.facts.iter().map(|tile| tile.bytes).fold(0, u64::saturating_add)
     }
 
-    /// What has been loaded and dropped so far.
+    /// Statistics of loading and dropping so far.
     pub fn statistics(&self) -> ResidencyStatistics {
         self.items.residency().statistics()
     }

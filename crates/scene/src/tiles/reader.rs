@@ -21,7 +21,7 @@ impl TileReader {
         TileReader { tiles: tiles.clone(), pins: Pins::new(tiles.items.residency()) }
     }
 
-    /// What is known of all tiles.
+    /// Facts about all tiles.
     pub fn facts(&self) -> &[TileFacts] {
         &self.tiles.facts
     }

@@ -32,7 +32,7 @@ pub(crate) trait Number: Value {
     /// The number at the beginning of a text.
     fn beginning(text: &str) -> Option<f64>;
 
-    /// What is expected, for messages.
+    /// Expected value, for messages.
     fn expected(reading: Reading) -> &'static str;
 }
 

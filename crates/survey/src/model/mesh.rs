@@ -131,7 +131,7 @@ pub struct MaterialDefinition {
     pub leaf: Option<bool>,
     /// Optical properties that are not simulated.
     pub unused_optics: Option<UnusedOptics>,
-    /// Where it is defined; `None` outside of files.
+    /// Place of the definition; `None` outside of files.
     pub place: Option<Place>,
 }
 
@@ -195,10 +195,10 @@ pub struct MaterialChange {
 pub enum Replaced {
     /// All.
     All,
-    /// Those whose material has this name.
+    /// Primitives whose material has this name.
     Named(String),
-    /// Those of the faces with these indices within the part, as its file or its mesh has them; voxels follow
-    /// them. An index beyond is an error.
+    /// Primitives of the faces with these indices within the part, as its file or its mesh has them; voxels
+    /// follow them. An index beyond is an error.
     Faces(Vec<u32>),
 }
 

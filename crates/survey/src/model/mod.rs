@@ -351,7 +351,7 @@ pub struct Scanner {
     pub multi_channel: bool,
     /// Keys of the user's files that not every physics makes use of.
     pub written: Vec<WrittenKey>,
-    /// Where its figures come from.
+    /// Sources of its figures.
     pub sources: Vec<FigureSource>,
     /// How the head turns in legs that state nothing of it; `None`: it does not.
     pub turn: Option<HeadTurn>,
@@ -404,13 +404,13 @@ pub struct Device {
     pub receiver: Receiver,
     /// Digitisation of the received waveform.
     pub waveform: WaveformSettings,
-    /// Where the user wrote the waveform's bins or window.
+    /// Place of the waveform's bins or window in the file.
     pub waveform_place: Option<WaveformPlace>,
     /// Calibration errors of range and angles.
     pub errors: MechanicalErrors,
 }
 
-/// Where bins and window of a waveform were written.
+/// Place of the bins and the window of a waveform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WaveformPlace {
     /// File and position of the keys.

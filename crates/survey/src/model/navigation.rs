@@ -136,11 +136,11 @@ impl NavigationErrors {
 pub struct NavigationKeyError {
     /// The key.
     pub key: String,
-    /// What is wrong with its numbers.
+    /// Problem with its numbers.
     pub problem: NavigationProblem,
 }
 
-/// What is wrong with a key of [`NavigationErrors`] and its numbers.
+/// Problem with a key of [`NavigationErrors`] and its numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NavigationProblem {
     /// There is no such key.

@@ -71,7 +71,7 @@ pub struct VirtualSource {
     pub target: Option<[usize; 4]>,
     /// Number that stands for no data in the file.
     pub no_data: Option<f64>,
-    /// Where the virtual raster names it.
+    /// Place in the virtual raster.
     pub place: Place,
 }
 

@@ -58,11 +58,11 @@ pub struct PartRecipe {
     pub name: Option<String>,
     /// Running number of the part element in its scene, from 0 (a skipped part keeps its number).
     pub number: u32,
-    /// Where its geometry comes from.
+    /// Source of its geometry.
     pub loader: Loader,
     /// Materials that replace those of its files, in this order.
     pub changes: MaterialChanges,
-    /// Where it stands.
+    /// Placement in the scene.
     pub transform: Transform,
     /// Rigid motions; empty for a part at rest.
     pub motions: Vec<MotionSequence>,
@@ -154,7 +154,7 @@ pub struct MeshReading {
 }
 
 impl MeshReading {
-    /// What [`MeshReading::unit`] reads.
+    /// Units that [`MeshReading::unit`] reads.
     pub const UNITS: &str = "m, dm, cm, mm, km, in, ft, us-ft, yd, or a number of metres above 0";
 
     /// The length of a unit of the files, m.

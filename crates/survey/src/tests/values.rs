@@ -3,7 +3,7 @@
 
 use super::*;
 
-/// What a survey says, without the places in its file.
+/// Contents of a survey, without the places in its file.
 fn model(survey: &Survey) -> String {
     let legs: Vec<Leg> = survey.legs.iter().map(|leg| Leg { place: None, ..leg.clone() }).collect();
     let parts: Vec<_> =
@@ -11,7 +11,7 @@ fn model(survey: &Survey) -> String {
     format!("{:?}\n{:?}\n{legs:?}\n{:?}\n{parts:?}", survey.scanner, survey.platform, survey.leg_offset)
 }
 
-/// What became of a document: its model and its warnings, or `None` if it was refused.
+/// Reads a document: its model and its warnings, or `None` if it was refused.
 pub(super) fn read(text: &str) -> Option<(String, String)> {
     let folder = Folder::new(&[("survey.xml", text), ("a.obj", ""), ("way.txt", "")]);
     let (survey, warnings) = folder.read(&ReadOptions::default()).ok()?;

@@ -93,7 +93,7 @@ impl<'c> LegTables<'c> {
         LegTables { leg, settings }
     }
 
-    /// Where a setting of the leg is written.
+    /// Place of a setting of the leg.
     fn place(&self, key: Key) -> Option<Place> {
         let settings = || self.settings.as_ref()?.place_if_written(key);
         self.leg.place_if_written(key).or_else(settings)

@@ -10,7 +10,7 @@ pub(crate) struct Wording {
     pub hint: String,
 }
 
-/// What serde calls the types of values, and what they are in a pipeline file.
+/// Names of types in serde, and their names in a pipeline file.
 const TYPES: [(&str, &str); 27] = [
     ("f64", "a number"),
     ("f32", "a number"),

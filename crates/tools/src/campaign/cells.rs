@@ -23,7 +23,7 @@ pub struct Cell {
     pub scene_index: usize,
     /// Name of the scene, or of the plot.
     pub scene_name: String,
-    /// What is scanned and kept.
+    /// Area that is scanned and kept.
     pub area: Option<Arc<Area>>,
     /// How the scene is scanned, as the campaign's file states it.
     pub variant: Arc<VariantEntry>,
@@ -115,7 +115,7 @@ impl Cells {
         Ok(Cells(cells, found))
     }
 
-    /// What there is to say of the files of areas, and of shares of the split that no group falls into.
+    /// Warnings about the files of areas and about shares of the split without a group.
     pub fn warnings(&self, file: &File) -> Diagnostics {
         let mut found = self.1.clone();
         let Some(written) = &file.split else { return found };

@@ -88,7 +88,7 @@ fn laz() -> String {
     "laz".to_owned()
 }
 
-/// What the groups of a split are.
+/// Kind of the groups of a split.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum GroupBy {
@@ -107,7 +107,7 @@ pub enum GroupBy {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Split {
-    /// What the groups are.
+    /// Kind of the groups.
     #[serde(default)]
     pub by: GroupBy,
     /// Share of the groups for training.
@@ -125,7 +125,7 @@ pub struct Split {
 }
 
 impl Split {
-    /// What groups are for, with their shares.
+    /// Purposes of groups, with their shares.
     pub fn shares(&self) -> [(&'static str, f64); 3] {
         [("train", self.train), ("validation", self.validation), ("test", self.test)]
     }
@@ -225,7 +225,7 @@ impl File {
         Ok(File { source: Some(Arc::new(source)), ..file })
     }
 
-    /// Where a value is written; `None` if the file was not read as one.
+    /// Place of a value; `None` if the file was not read as one.
     pub fn place<T>(&self, value: &Spanned<T>) -> Option<Place> {
         self.source.as_ref().map(|source| source.place(value.span()))
     }

@@ -11,7 +11,7 @@ use vlscan_base::store::Checksum;
 /// Checksums of files, each computed once per process as long as size and times of the file stay the same.
 #[derive(Debug, Default)]
 pub struct Inputs {
-    /// What is not an input although it lies within a folder that was listed: the data set.
+    /// Files that are not inputs although they lie in a listed folder: the data set.
     excluded: BTreeSet<PathBuf>,
     known: BTreeMap<PathBuf, (Stamp, String)>,
 }

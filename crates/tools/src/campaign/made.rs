@@ -45,7 +45,7 @@ impl Made {
     }
 }
 
-/// What a user does about something that is in the place of one of a campaign's files.
+/// Advice about something in the place of one of a campaign's files.
 pub(super) fn moved(path: &Path) -> String {
     format!("move it to another folder (mv '{}' FOLDER), then start the campaign again", path.display())
 }

@@ -69,7 +69,7 @@ pub struct FileRecord {
     pub sum: String,
 }
 
-/// What precedes the checksum at the end of a line, and what follows it.
+/// Text before the checksum at the end of a line, and after it.
 const SUM_KEY: &str = ",\"sum\":\"";
 const SUM_END: &str = "\"}";
 

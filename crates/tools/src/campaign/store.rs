@@ -47,7 +47,7 @@ pub struct Store {
     verifies: bool,
 }
 
-/// What became of a cell.
+/// Outcome of a cell.
 #[derive(Debug)]
 pub enum Outcome {
     /// Computed for the current state of the campaign; its files are as recorded.
@@ -162,7 +162,7 @@ impl Store {
         Record::parse(&reads::read_own(path).ok()?).filter(|record| record.cell == cell.name)
     }
 
-    /// What became of a cell; `wanted` is its record as far as it is known before it is computed.
+    /// Outcome of a cell; `wanted` is its record as far as it is known before it is computed.
     pub fn outcome(&self, cell: &Cell, wanted: &Record, inputs: &mut Inputs) -> Outcome {
         let place = self.cell(cell);
         let mut damage = None;

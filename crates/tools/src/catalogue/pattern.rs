@@ -107,7 +107,7 @@ impl Pattern {
         drawing
     }
 
-    /// What the drawing shows.
+    /// Caption of the drawing.
     fn caption(&self, scanner: &Scanner) -> String {
         let device = &scanner.devices[0];
         let mut parts = vec![match scanner.devices.len() {

@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use vlscan_survey::{FigureSource, Scanner};
 
-/// What is said of figures without a source.
+/// Remark on figures without a source.
 const UNVERIFIED: &str = "not compared with a data sheet";
 
 /// The sources of an instrument's figures. As JSON: names of figures with their sources.

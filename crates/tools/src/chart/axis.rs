@@ -85,7 +85,7 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// Where a point lies.
+    /// Position of a point in the drawing.
     pub fn at(&self, x: f64, y: f64) -> [f64; 2] {
         [
             self.left + self.x.place(x) * (self.right - self.left),

@@ -4,7 +4,7 @@ use super::Rgb;
 use std::fmt::Write as _;
 use vlscan_base::markup::escaped;
 
-/// What a mark stands for, which decides its colour.
+/// Role of a mark, which determines its colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Titles and the numbers of the main axis.
@@ -93,7 +93,7 @@ pub fn style(theme: Theme) -> String {
     )
 }
 
-/// Where a text stands from its place.
+/// Alignment of a text at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// It begins there.
@@ -122,7 +122,7 @@ pub enum Mark {
     Below {
         /// The path, from left to right.
         path: Vec<[f64; 2]>,
-        /// Where the horizontal line is.
+        /// Height of the horizontal line.
         floor: f64,
         /// How much of what is below is hidden, 0 to 1.
         opacity: f64,
@@ -137,7 +137,7 @@ pub enum Mark {
         radius: f64,
         /// Decides the colour.
         role: Role,
-        /// What is said.
+        /// Text.
         note: String,
     },
     /// Many small discs.

@@ -117,7 +117,7 @@ impl CloudSummary {
         out
     }
 
-    /// What kind of time it is, and the dates of adjusted standard GPS time.
+    /// Kind of the times, and the dates of adjusted standard GPS time.
     fn described_times(&self, span: Span) -> String {
         match self.has_adjusted_times() {
             Some(true) => {

@@ -69,7 +69,7 @@ mod tests {
         read_bytes(text.as_bytes(), "cloud.xyz")
     }
 
-    /// What is said of a file that is read.
+    /// Reads a file and returns its warnings.
     fn said(bytes: &[u8], name: &str) -> String {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);

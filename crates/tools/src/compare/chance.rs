@@ -20,7 +20,7 @@ pub(super) const SPLITS: u64 = 39;
 pub(super) const MIN_BLOCKS: u32 = 16;
 const SEED: u64 = 0;
 
-/// What the halves consist of.
+/// Blocks of which the halves consist.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "blocks")]
 pub enum BlockKind {
@@ -33,10 +33,10 @@ pub enum BlockKind {
     },
 }
 
-/// What the bounds by chance rest on.
+/// Basis of the bounds by chance.
 #[derive(Clone, Debug, Serialize)]
 pub struct Chance {
-    /// What goes to one half or the other as a whole.
+    /// Blocks that go to one half or the other as a whole.
     #[serde(flatten)]
     pub kind: BlockKind,
     /// Number of blocks.

@@ -32,7 +32,7 @@ const DETECTION: f64 = 1.96;
 /// Side of the blocks in which change below the level of detection adds up, in cells.
 const BLOCK: usize = 8;
 
-/// What changed between the clouds: second minus first, where both have a surface.
+/// Change between the clouds: second minus first, where both have a surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct Change {
     /// The points that the surfaces are made of.
@@ -63,9 +63,9 @@ pub struct Change {
     pub offset_m: f64,
     /// Standard deviation of the errors that neighbouring cells share about the offset, m.
     pub shared_m: f64,
-    /// Where the second cloud is significantly higher.
+    /// Volume where the second cloud is significantly higher.
     pub fill: Volume,
-    /// Where the second cloud is significantly lower.
+    /// Volume where the second cloud is significantly lower.
     pub cut: Volume,
     /// Volume between both surfaces over all cells, significant or not, m³.
     pub net_m3: f64,

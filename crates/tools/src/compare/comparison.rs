@@ -46,7 +46,7 @@ pub struct Cloud {
     pub pulses_and_lines: Option<[usize; 2]>,
 }
 
-/// What voxels, neighbours and cells have in common in a pair of clouds.
+/// Agreement of voxels, neighbours and cells in a pair of clouds.
 #[derive(Clone, Debug, Serialize)]
 pub struct Agreement {
     /// Correlation of the numbers of points per cell.
@@ -72,18 +72,18 @@ pub struct Comparison {
     pub cell_m: f64,
     /// Area of the cells of the common box that hold points of either cloud, m².
     pub area_m2: f64,
-    /// What the bounds by chance rest on, if they are told.
+    /// Basis of the bounds by chance, if they were computed.
     pub chance: Option<Chance>,
     /// Quantities of points, pulses, scan lines and cells.
     pub quantities: Vec<Quantity>,
     /// Quantities that are missing, with the reason.
     pub missing: Vec<String>,
-    /// What both clouds have in common.
+    /// Agreement of both clouds.
     #[serde(flatten)]
     pub agreement: Agreement,
     /// The same of two halves of the first cloud, if what chance gives is told.
     pub agreement_of_halves: Option<Agreement>,
-    /// What changed from the first to the second cloud.
+    /// Change from the first to the second cloud.
     pub change: Change,
     /// System of the coordinates as WKT, if the files name one.
     #[serde(skip)]

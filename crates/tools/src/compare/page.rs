@@ -111,7 +111,7 @@ fn title(paths: [&str; 2]) -> String {
     format!("{first} and {second}, compared")
 }
 
-/// What was compared and how many figures lie beyond chance.
+/// Summary: the clouds, and the number of figures beyond chance.
 fn summary(c: &Comparison) -> String {
     let mut text = format!(
         "<p>vlscan {} compared {} points of the first cloud with {} of the second one, on {:.0} m² that both share. Differences are \

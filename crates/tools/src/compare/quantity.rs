@@ -50,9 +50,9 @@ pub struct Quantity {
     pub name: String,
     /// Unit of its values.
     pub unit: &'static str,
-    /// What has one value: point, pulse, scan line, cell.
+    /// Unit of observation with one value: point, pulse, scan line, cell.
     pub per: &'static str,
-    /// What it means, in a sentence.
+    /// Meaning, in a sentence.
     pub meaning: String,
     /// Number of values of each cloud.
     pub counts: [usize; 2],
@@ -64,7 +64,7 @@ pub struct Quantity {
     pub histogram: Histogram,
 }
 
-/// What a quantity is, before it is measured.
+/// Definition of a quantity, before it is measured.
 pub(super) struct Definition {
     pub group: &'static str,
     pub name: String,

@@ -109,7 +109,7 @@ pub fn table(c: &Comparison) -> String {
     out
 }
 
-/// What the bounds by chance are.
+/// Description of the bounds by chance.
 pub(super) fn described(chance: &Chance) -> String {
     let Chance { kind, count, splits } = chance;
     let blocks = match kind {

@@ -32,9 +32,9 @@ impl Statistic {
         }
     }
 
-    /// What ascending values cannot resolve: of a quantile the step of the values there; of a share the
-    /// number of values that are not met once with a probability of 1 in 40 (ln 40, by Poisson's law); 0 of
-    /// other statistics.
+    /// Resolution of ascending values: of a quantile the step of the values there; of a share the number of
+    /// values that are not met once with a probability of 1 in 40 (ln 40, by Poisson's law); 0 of other
+    /// statistics.
     pub fn resolution(self, sorted: &[f64]) -> f64 {
         let fraction = match self {
             Statistic::Quantile(fraction) => fraction,

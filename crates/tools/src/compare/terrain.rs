@@ -69,7 +69,7 @@ impl Terrain {
         }
     }
 
-    /// What it is, for people.
+    /// Description for users.
     pub fn description(&self) -> &'static str {
         match self {
             Terrain::Planes(_) => {

@@ -71,7 +71,7 @@ pub struct FrameOptions {
     pub intensity_factor: f64,
 }
 
-/// What was written.
+/// Numbers of frames and points that were written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounts {
     /// Number of frames.

@@ -65,7 +65,7 @@ impl SceneKind {
     }
 }
 
-/// What distinguishes a kind of scenes.
+/// Traits of a kind of scenes.
 struct Traits {
     name: &'static str,
     min_triangles: u64,

@@ -35,7 +35,7 @@ impl Species {
     }
 }
 
-/// What distinguishes a species.
+/// Traits of a species.
 struct Traits {
     name: &'static str,
     foliage: &'static str,

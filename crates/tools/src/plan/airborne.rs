@@ -128,7 +128,7 @@ impl Frame {
 /// Speed, distance of the lines and scan of a plan.
 pub(super) struct Choice {
     pub scan: Scan,
-    /// What the scan sees of the ground.
+    /// Part of the ground that the scan covers.
     pub field: Field,
     /// Pulses per second that leave the instrument, all devices.
     pub fired_rate: f64,

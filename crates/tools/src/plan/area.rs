@@ -90,7 +90,7 @@ impl Area {
         self.corners.iter().zip(next).map(|(a, b)| [*a, *b])
     }
 
-    /// Where two sides cross each other; not looked for in outlines of very many corners.
+    /// Intersection of two sides; not looked for in outlines of very many corners.
     fn crossing(&self) -> Option<[f64; 2]> {
         if self.corners.len() > MAX_COMPARED {
             return None;
@@ -164,7 +164,7 @@ impl Area {
     }
 }
 
-/// Where the inner parts of two sides cross.
+/// Intersection of the inner parts of two sides.
 fn crossing(one: [[f64; 2]; 2], other: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     // Distances of the ends of a side from the line through another.
     let distances = |[a, b]: [[f64; 2]; 2], ends: [[f64; 2]; 2]| {

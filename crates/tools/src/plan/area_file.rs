@@ -63,7 +63,7 @@ enum Expected {
     Line,
 }
 
-/// What the coordinates of a geometry are.
+/// Kind of the coordinates of a geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Coordinates {
     OfScene,

@@ -20,7 +20,7 @@ const TAIL: f64 = 0.005;
 #[derive(Clone, Debug)]
 struct DeviceBeams {
     attitudes: Vec<Rotation>,
-    /// Where the beams leave, relative to the mount, m.
+    /// Origin of the beams relative to the mount, m.
     offset: DVec3,
     reach: Reach,
 }
@@ -61,7 +61,8 @@ impl Beams {
         Ok(Beams { devices: beams, stride, fired: fired / (f64::from(count) * devices.len() as f64) })
     }
 
-    /// Where the beams meet flat ground `height` m below a platform that carries the instrument on `mount`.
+    /// Points in which the beams meet flat ground `height` m below a platform that carries the instrument on
+    /// `mount`.
     pub fn over_ground(&self, mount: &Mount, height: f64) -> Field {
         let mut places = Vec::new();
         let (mut all, mut down, mut lost) = (0.0, 0.0, Lost::default());
@@ -160,7 +161,7 @@ pub(super) struct Lost {
     pub too_weak: f64,
 }
 
-/// Where an instrument's beams meet flat ground below it, m from the platform.
+/// Points in which an instrument's beams meet flat ground below it, m from the platform.
 #[derive(Clone, Debug)]
 pub(super) struct Field {
     /// The outermost beams to the left and to the right within the instrument's ranges, m.

@@ -24,13 +24,13 @@ pub struct Waypoint {
 /// A mount that replaces that of the platform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turned {
-    /// Where the scanner is on the platform, m.
+    /// Position of the scanner on the platform, m.
     pub offset: DVec3,
     /// How the scanner is turned.
     pub turns: QuarterTurns,
 }
 
-/// What a plan of a flight promises of flat ground.
+/// Figures that a plan of a flight states for flat ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Promise {
     /// Mean over the area of the parallel lines, pulses/m².
@@ -44,9 +44,9 @@ pub struct Promise {
 /// A planned survey.
 #[derive(Clone, Debug, Default)]
 pub struct PlannedSurvey {
-    /// What the plan promises, a line each.
+    /// Figures of the plan, a line each.
     pub comments: Vec<String>,
-    /// What the user should know; comments, too.
+    /// Warnings, which are comments in the plan, too.
     pub warnings: Vec<String>,
     /// Reference to the scene, if it is known.
     pub scene: Option<String>,
@@ -62,11 +62,11 @@ pub struct PlannedSurvey {
     pub settings: Vec<(&'static str, f64)>,
     /// Legs.
     pub waypoints: Vec<Waypoint>,
-    /// Where the scanner fires, once the ground is known.
+    /// Lines on which the scanner fires, once the ground is known.
     pub lines: Vec<PlanLine>,
     /// System of the coordinates as WKT, of the scene or as [`crs`](Self::crs) states it.
     pub wkt: Option<String>,
-    /// What its flight is checked against, if it is one.
+    /// Figures against which the flight is checked; `None` for other plans.
     pub promise: Option<Promise>,
     /// The ground that each device of its scanner measures.
     pub reaches: Vec<Reach>,

@@ -20,7 +20,7 @@ const MAX_DEVIATIONS: f64 = 4.0;
 /// Distances between the outermost samples of a strip and the next ones that its edge may lie farther out.
 const MAX_GAPS: f64 = 4.0;
 
-/// What the sample of a flight has of flat ground.
+/// Figures of the sample of a flight over flat ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flown {
     /// Mean density over the area of the parallel lines, pulses/m².

@@ -38,7 +38,7 @@ impl Format {
     }
 }
 
-/// What a text says of its coordinates.
+/// Coordinate reference system that a text states.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum System {
     /// Nothing.
@@ -123,7 +123,7 @@ impl Line {
     }
 }
 
-/// What a geometry is made of.
+/// Points of a geometry.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Shape {
     /// The rings of a polygon, the outermost one first.
@@ -309,7 +309,7 @@ pub(super) fn is_well_known_text(text: &str) -> bool {
     is_kind && text.contains('(') && text.ends_with(')')
 }
 
-/// What may stand behind the kind of a geometry.
+/// Dimensions after the kind of a geometry.
 const DIMENSIONS: [&str; 4] = ["", "Z", "M", "ZM"];
 
 fn is_srid(text: &str) -> bool {
@@ -368,8 +368,8 @@ fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), Str
     }
 }
 
-/// What is between the first bracket of a text and the one that closes it, and what is behind that; `None`
-/// for a text that does not begin with a bracket, or does not close it.
+/// Text between the first bracket and the one that closes it, and the text behind that; `None` for a text
+/// that does not begin with a bracket, or does not close it.
 fn bracketed(text: &str) -> Option<(&str, &str)> {
     let inner = text.strip_prefix('(')?;
     let mut depth = 1_usize;

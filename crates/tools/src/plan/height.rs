@@ -58,7 +58,7 @@ pub(super) fn mean_ground(area: &Area, ground: &PlanGround) -> GroundLevel {
 /// Heights of flight lines.
 pub(super) struct Heights<'g> {
     pub ground: &'g PlanGround<'g>,
-    /// Where the ground is unknown, m.
+    /// Height where the ground is unknown, m.
     pub level: f64,
     /// Height above the ground, m.
     pub above: f64,

@@ -55,7 +55,7 @@ impl Reach {
         Reach { near: device.detector.range_min, far: device.detector.range_max, weakest, spread }
     }
 
-    /// What becomes of a beam of that attitude that meets level ground at that range, m.
+    /// Outcome of a beam of that attitude that meets level ground at that range, m.
     pub fn of_ground(&self, range: f64, attitude: &Rotation) -> Seen {
         let cosine = -attitude.forward().z;
         // Of pulse and depths within the footprint as normal distributions, whose variances add up: so much

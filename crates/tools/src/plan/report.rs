@@ -15,7 +15,7 @@ const EDGE: f64 = 0.05;
 /// Number of pulses above which a plan warns.
 const MAX_PULSES: f64 = 1e11;
 
-/// Where a line begins or ends, `margin` m outside of the area, or within it if that is negative.
+/// Begin or end of a line, `margin` m outside of the area, or within it if that is negative.
 fn beside(margin: f64, outside: &str, area: &str) -> String {
     match margin {
         m if m.abs() < 0.05 => format!("at the edge of {area}"),
@@ -24,7 +24,7 @@ fn beside(margin: f64, outside: &str, area: &str) -> String {
     }
 }
 
-/// What the comments of a plan report.
+/// Contents of the comments of a plan.
 pub(super) struct PlanReport<'f> {
     pub area: &'f Area,
     pub instrument: &'f SwathModel,

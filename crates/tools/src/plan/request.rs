@@ -26,7 +26,7 @@ pub enum PlanRequest {
 }
 
 impl PlanRequest {
-    /// What all requests have.
+    /// Setup that all requests have.
     pub fn common(&self) -> &PlanSetup {
         match self {
             PlanRequest::Airborne(request) => &request.common,
@@ -35,7 +35,7 @@ impl PlanRequest {
         }
     }
 
-    /// What all requests have, to be changed.
+    /// Setup that all requests have, mutable.
     pub fn common_mut(&mut self) -> &mut PlanSetup {
         match self {
             PlanRequest::Airborne(request) => &mut request.common,
@@ -55,7 +55,7 @@ impl PlanRequest {
     }
 }
 
-/// Where the polygon or line of an area comes from.
+/// Source of the polygon or line of an area.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AreaSource {
     /// A file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage, or well-known text

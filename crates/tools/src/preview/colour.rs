@@ -7,7 +7,7 @@ use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_formats::Attribute;
 
-/// What the colours show.
+/// Attribute that colours show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum ColourBy {
     /// Height.

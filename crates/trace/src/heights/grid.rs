@@ -2,7 +2,8 @@
 
 use vlscan_geom::{DVec3, Rotation};
 
-/// Where the vertices of a height field are: numbered by column and row, each with a number for its height.
+/// Placement of the vertices of a height field: numbered by column and row, each with a number for its
+/// height.
 ///
 /// A vertex is computed as a program that stores vertices would compute it, operation by operation: its place
 /// in the grid and `number · scale + offset`, the transform of the part, its raise, less the scene's shift.

@@ -78,7 +78,7 @@ fn union(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
     [if b[0] < a[0] { b[0] } else { a[0] }, if b[1] > a[1] { b[1] } else { a[1] }]
 }
 
-/// What is found by reading all heights once.
+/// Result of reading all heights once.
 pub(super) struct Built {
     pub pyramid: Pyramid,
     /// Number of missing triangles before each run of cells; empty if none is missing.
@@ -234,7 +234,7 @@ impl<'a> FieldView<'a> {
         (self.field.triangles() > 0).then_some(FieldNode { level: levels, column: 0, row: 0 })
     }
 
-    /// Where the children of a node begin along both axes, and where the last ones end, in cells.
+    /// Starts of the children of a node along both axes and the ends of the last ones, in cells.
     #[inline(always)]
     pub(super) fn cells_of_children(&self, node: FieldNode) -> [[f64; SIDE + 1]; 2] {
         let shift = 2 * (node.level as usize - 1);

@@ -87,7 +87,7 @@ pub struct Paged<T> {
     kind: PhantomData<fn() -> T>,
 }
 
-/// What a [`Residency`] has done so far.
+/// Statistics of a [`Residency`] so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ResidencyStatistics {
     /// Items that were loaded, again after they were dropped included.
@@ -154,7 +154,7 @@ impl Residency {
         Paged { residency: self.clone(), first, len, kind: PhantomData }
     }
 
-    /// What was done so far.
+    /// Statistics so far.
     pub fn statistics(&self) -> ResidencyStatistics {
         let state = self.lock();
         let resident = state.items.iter().filter(|item| matches!(item.content, Slot::Resident(_)));

@@ -16,7 +16,7 @@ pub struct Pins {
     packet: RefCell<Packet>,
 }
 
-/// What a packet has taken.
+/// Items that a packet has taken.
 #[derive(Default)]
 struct Packet {
     is_active: bool,

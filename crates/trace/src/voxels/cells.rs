@@ -75,8 +75,8 @@ impl VoxelCells {
         (are_rows && is_within && (first_row..rows).all(is_row)).then_some(cells)
     }
 
-    /// What the cells consist of: their counts along the axes, the order of the axes and the first row; the
-    /// number of the first voxel of each row; and the position of each voxel along its row.
+    /// Parts of the cells: their counts along the axes, the order of the axes and the first row; the number
+    /// of the first voxel of each row; and the position of each voxel along its row.
     pub fn arrays(&self) -> (CellLayout, &[u32], &[u16]) {
         ((self.counts, self.order, self.first_row), &self.starts, &self.along)
     }

@@ -56,7 +56,7 @@ impl VoxelGrid {
         Some(VoxelGrid { place, cells, first: first as u32, hierarchy, extent })
     }
 
-    /// Where the cubes are.
+    /// Placement of the cubes.
     pub fn place(&self) -> &GridPlace {
         &self.place
     }

@@ -15,7 +15,7 @@ const MAX_COMPRESSED_RECORD_BYTES: u16 = 4096;
 const UNCOMPRESSED: u16 = 0;
 const POINT_WISE: u16 = 1;
 
-/// What to do with points that are compressed in another way than those that are read.
+/// Advice for points with an unsupported compression.
 const CONVERT: &str = "convert it to LAS, with the program that wrote it, `laszip -i in.laz -o out.las` or \
                        `pdal translate in.laz out.las`";
 

@@ -28,7 +28,7 @@ pub struct Header {
     raw: raw::Header,
 }
 
-/// What the header of a file states about all its points.
+/// Statements of a header about all points of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LasFacts {
     /// Major and minor version of LAS.

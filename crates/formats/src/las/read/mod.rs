@@ -43,7 +43,7 @@ enum Records<'a> {
     Compressed(Box<Compressed<'a>>),
 }
 
-/// Which fields of compressed records are decompressed.
+/// Selection of the fields of compressed records that are decompressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selection {
     /// Position and class only.

@@ -34,7 +34,7 @@ pub(super) struct PositionUnits {
     pub crs: Option<String>,
     /// How the units were taken.
     pub note: Option<String>,
-    /// What was assumed.
+    /// Assumptions.
     pub warnings: Vec<String>,
 }
 

@@ -39,7 +39,7 @@ pub enum FixPlace {
     Geographic([f64; 3]),
 }
 
-/// Where a fix was read.
+/// Place of a fix in its source.
 #[derive(Clone, Copy, Debug)]
 pub enum RecordPlace<'r> {
     /// A row of text or of an Arrow stream, and the column of its time.

@@ -18,7 +18,7 @@ use vlscan_base::quantity::number;
 use vlscan_geom::UtmZone;
 use vlscan_survey::{PoseStream, ProjectionGrid};
 
-/// What a reader of poses has when it is asked.
+/// Outcome of polling a reader of poses.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PollResult {
     /// Poses arrived.

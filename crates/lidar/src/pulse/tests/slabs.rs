@@ -22,7 +22,7 @@ fn number() -> u64 {
     u64::from(vlscan_base::machine::cases(1_000_000))
 }
 
-/// Where a slab begins, m along +y, and its voxels' edge.
+/// Front of a slab, m along +y, and its voxels' edge.
 const FRONT: f64 = 20.0;
 const EDGE: f64 = 0.5;
 

@@ -59,7 +59,7 @@ impl CloudGrid {
         self.min + (DVec3::from(cell.map(f64::from)) + 0.5) * self.size
     }
 
-    /// Where the cubes of cells are.
+    /// Placement of the cubes of cells.
     pub fn place(&self) -> GridPlace {
         GridPlace::new(self.min, self.size)
     }
@@ -86,7 +86,7 @@ pub(super) enum NormalRule {
     Plane,
 }
 
-/// What is kept of the points of a cell.
+/// Sums that are kept of the points of a cell.
 pub(super) trait CellSums: Copy + Send + Sync {
     /// That of no points.
     const NOTHING: Self;

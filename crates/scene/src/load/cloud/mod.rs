@@ -372,7 +372,7 @@ impl Settings {
     }
 }
 
-/// What is to be known of some points.
+/// Facts about some points.
 struct Seen {
     /// The box around them.
     extent: Aabb,
@@ -384,7 +384,7 @@ struct Seen {
 }
 
 impl Settings {
-    /// What is to be known of points before they are sorted.
+    /// Collects facts about points before they are sorted.
     fn look_at(&self, points: &[PointRow]) -> Seen {
         let mut seen = Seen { extent: Aabb::EMPTY, without_normal: 0, has_normals: false, first_wrong: None };
         for point in points {

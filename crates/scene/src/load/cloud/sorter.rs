@@ -17,7 +17,7 @@ const MIN_TABLE_BYTES: u64 = if cfg!(test) { 1 << 20 } else { 400 << 20 };
 /// The tables of cells may take this fraction of the memory if that is more.
 const MAX_TABLE_FRACTION: u64 = if cfg!(test) { u64::MAX } else { 64 };
 
-/// What tables of the cells may take for bits that tell which cells are occupied is this fraction of them.
+/// Fraction of the memory of the tables of cells that occupancy bits may take, as a divisor.
 const OCCUPANCY_FRACTION: u64 = 4;
 
 /// Batches of points for which there has to be room at a time.

@@ -91,7 +91,7 @@ fn own_bounds(scene: &SceneBuilder, part: &PartRecipe, body: &Body) -> Aabb {
     }
 }
 
-/// What is doubtful about a mesh of this size in metres.
+/// Doubt about the unit of a mesh of this size in metres.
 fn unit_doubt(size: DVec3) -> Option<String> {
     let wide = size.x.max(size.y);
     if size.z < MIN_TALL || size.z < MIN_STEEP * wide {
@@ -109,7 +109,7 @@ fn unit_doubt(size: DVec3) -> Option<String> {
     ))
 }
 
-/// What is doubtful about the axes of a mesh with this box, z up.
+/// Doubt about the axes of a mesh with this box, z up.
 fn axis_doubt(bounds: Aabb) -> Option<String> {
     let (size, centre) = (bounds.size(), bounds.centre());
     let is_centred = |centre: f64, size: f64| centre.abs() <= 0.1 * size;

@@ -177,8 +177,8 @@ impl GltfDocument {
         Ok(GltfDocument { source, json, buffers, materials, free_memory, warnings })
     }
 
-    /// What is left out and changes the shape of meshes, and files in another spelling, in sentences about
-    /// the file.
+    /// Warnings about omitted features that change the shape of meshes and about files in another spelling,
+    /// as sentences about the file.
     pub fn warnings(&self) -> Vec<String> {
         let mut all = self.warnings.clone();
         if self.json.nodes.iter().any(|node| node.skin.is_some()) {

@@ -48,7 +48,7 @@ pub(super) fn refused(extension: &str) -> Option<String> {
     })
 }
 
-/// What to do with a compressed file.
+/// Advice for a compressed file.
 pub(super) fn compressed(extension: &str) -> String {
     let tool = match extension {
         "KHR_draco_mesh_compression" => "",

@@ -123,7 +123,7 @@ struct RawMesh {
     fans: Vec<Fan>,
     /// Number of faces of fewer than three corners, which have no triangle.
     edges: usize,
-    /// What was left out, in sentences about the file.
+    /// Omissions, as sentences about the file.
     warnings: Vec<String>,
 }
 

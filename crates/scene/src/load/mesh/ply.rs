@@ -140,7 +140,7 @@ fn is_corners(name: &str) -> bool {
     ["vertex_indices", "vertex_index"].iter().any(|known| name.eq_ignore_ascii_case(known))
 }
 
-/// What the decoder says, without its quotation of the file and the full stop.
+/// Message of the decoder, without its quotation of the file and the full stop.
 fn first_line(e: &impl ToString) -> String {
     e.to_string().lines().next().unwrap_or_default().trim_end_matches(['.', ' ']).to_owned()
 }

@@ -91,7 +91,7 @@ impl Compression {
     }
 }
 
-/// What the bits of a number mean.
+/// Meaning of the bits of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum NumberFormat {
     Unsigned,
@@ -488,7 +488,7 @@ struct Stored {
     bytes: usize,
 }
 
-/// What the library says.
+/// Message of the library.
 pub(super) fn readable(e: tiff::TiffError) -> String {
     e.to_string()
 }

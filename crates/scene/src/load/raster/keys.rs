@@ -57,7 +57,7 @@ pub(super) fn is_point(directory: &mut Directory) -> Result<bool, String> {
     Ok(key(directory, RASTER_TYPE_KEY)? == Some(PIXEL_IS_POINT))
 }
 
-/// What a raster says of the system of its coordinates.
+/// Coordinate reference system that a raster states.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum System {
     /// Nothing.
@@ -106,7 +106,7 @@ impl System {
     }
 }
 
-/// Whether the system is one of longitude and latitude; `None` if the keys do not tell.
+/// True if the system is one of longitude and latitude; `None` if the keys do not state it.
 pub(super) fn is_geographic(directory: &mut Directory) -> Option<bool> {
     key(directory, MODEL_TYPE_KEY).ok().flatten().map(|kind| kind == MODEL_IS_GEOGRAPHIC)
 }

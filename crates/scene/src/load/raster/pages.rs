@@ -34,7 +34,7 @@ pub(crate) struct PagedRaster {
     pages: Vec<Window>,
 }
 
-/// What is known of a page that is not in memory.
+/// Facts about a page that is not in memory.
 pub(crate) struct PageFacts {
     /// Box around its triangles, world frame, m.
     pub bounds: Aabb,
@@ -193,7 +193,7 @@ impl Mosaic {
     }
 }
 
-/// Where parts of at most `most` cells begin that do not extend over a start, and the end.
+/// Starts of parts of at most `most` cells that do not extend over a start, and the end.
 fn cuts(mut starts: Vec<usize>, end: usize, most: usize) -> Vec<usize> {
     if end == 0 {
         return Vec::new();

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 
-/// What is wrong with a raster that is too large.
+/// Problem of a raster that is too large.
 pub(super) const TOO_MANY: &str = "it has more pixels than can be numbered";
 
 /// Why a raster cannot be used.
@@ -17,7 +17,7 @@ pub(super) enum Refusal {
     Unread(PathBuf, io::Error),
     /// The file was changed or removed while it was being read.
     Changed(PathBuf, io::Error),
-    /// What is wrong with a file, and what to do about it.
+    /// Problem of a file, and its solution.
     Unusable(PathBuf, String, Cow<'static, str>),
     /// How two files do not go together, and what to do about it.
     Apart(String, &'static str),

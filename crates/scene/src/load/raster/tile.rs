@@ -27,7 +27,7 @@ pub(super) const HELP: &str = "strips or tiles of any number type, not compresse
 pub(super) struct Raster {
     pub file: RasterFile,
     pub blocks: Blocks,
-    /// Where its pixels are, in the unit of its coordinates; `None` if it does not say so.
+    /// Placement of its pixels, in the unit of its coordinates; `None` without one.
     pub georeference: Option<Georeference>,
     pub system: System,
     /// True if its coordinates are longitudes and latitudes.
@@ -40,7 +40,7 @@ pub(super) struct Raster {
     /// The band that says how opaque a pixel is.
     alpha: Option<usize>,
     pub mask: Option<Mask>,
-    /// What is read otherwise than one might expect.
+    /// Values that are read in an unexpected way.
     pub warnings: Vec<String>,
 }
 

@@ -86,7 +86,7 @@ pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Option<usiz
     (bands - kinds.len().min(bands)).checked_add(at).filter(|band| (1..bands).contains(band))
 }
 
-/// Which numbers are heights.
+/// Rule that distinguishes heights from missing values.
 #[derive(Clone, Debug)]
 pub(super) struct NoData {
     values: Vec<f64>,

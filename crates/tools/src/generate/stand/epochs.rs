@@ -46,7 +46,7 @@ pub(super) fn next_epoch(
         .collect()
 }
 
-/// Which trees are nearest to a tree that is drawn, as many as the fraction says.
+/// Trees nearest to a tree that is drawn, as many as the fraction says.
 fn storm_gap(trees: &[(usize, Tree)], fraction: f64, draw: impl Fn(u32) -> f64) -> Vec<bool> {
     let mut thrown = vec![false; trees.len()];
     let count = (fraction * trees.len() as f64).round() as usize;

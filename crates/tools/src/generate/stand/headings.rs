@@ -3,7 +3,7 @@
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::table::{Headings, Line, Quantity, Schema, Use};
 
-/// What to do with longitudes and latitudes.
+/// Advice for longitudes and latitudes.
 pub(super) const PROJECT: &str =
     "project them to the terrain's system, in metres: gdaltransform -s_srs EPSG:4326 -t_srs EPSG:25832";
 

@@ -18,7 +18,7 @@ use vlscan_base::input::read_file;
 use vlscan_base::markup::escaped;
 use vlscan_base::rng::Stream;
 
-/// Where a stand is written and what stands on what.
+/// Output files of a stand, and its terrain.
 pub(super) struct StandSite<'o> {
     /// Output folder.
     pub folder: &'o Path,
@@ -42,7 +42,7 @@ pub(super) struct Terrain {
     pub surface: TerrainSurface,
 }
 
-/// What a terrain is made of.
+/// Surface of a terrain.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum TerrainSurface {
     /// The materials that its file has.
@@ -91,7 +91,7 @@ pub struct Substitute {
     pub is_meant: bool,
 }
 
-/// What was made.
+/// Files and counts of a generated stand.
 #[derive(Clone, Debug)]
 pub struct StandMade {
     /// The scene's file.
