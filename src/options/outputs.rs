@@ -34,7 +34,7 @@ pub struct OutputKeys = "[[output]]" {
 }
 }
 
-/// What goes to an output.
+/// Contents of an output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OutputContent {
@@ -46,7 +46,7 @@ pub enum OutputContent {
 }
 
 impl Options {
-    /// What is written. `creation` is the day for the headers of files.
+    /// Outputs. `creation` is the day for the headers of files.
     ///
     /// # Errors
     /// Names of files that tell no format; a coordinate reference system that cannot be read.
@@ -150,7 +150,7 @@ fn is_stdout(path: &Path) -> bool {
     ["-", "STDOUT"].iter().any(|name| path.as_os_str() == *name) || files::is_stdout(path)
 }
 
-/// Where a path leads, and its format: the one that its extension tells, else the one asked for, else
+/// Target of a path, and its format: the one that its extension tells, else the one asked for, else
 /// `default`.
 fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result<(Target, PointFormat)> {
     if is_stdout(path) {

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub struct CampaignArgs {
     /// The campaign (.toml).
     pub file: PathBuf,
-    /// Which cells, and how.
+    /// Selection of the cells, and how they are computed.
     #[command(flatten)]
     pub options: CampaignOptions,
     /// List the cells that are neither complete nor failed, and compute nothing.

@@ -47,7 +47,7 @@ pub struct FramesArgs {
     /// The folder of the data set; its sequence or tables must not exist.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
-    /// What is written.
+    /// Rasters to write.
     #[command(flatten)]
     pub options: FrameOptions,
 }

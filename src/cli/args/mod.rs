@@ -51,7 +51,7 @@ use clap::{ArgAction, Parser, Subcommand};
 #[derive(Debug, Parser)]
 #[command(name = "vlscan", version, propagate_version = true, max_term_width = 110)]
 pub struct Cli {
-    /// What to do.
+    /// Command.
     #[command(subcommand)]
     pub command: Command,
     /// Report what each stage does and how long it takes.
@@ -89,7 +89,7 @@ impl Cli {
         }
     }
 
-    /// Where messages go.
+    /// Destination of messages.
     pub fn log(&self) -> LogTo {
         match (self.log_file, self.log_file_only) {
             (_, true) => LogTo::File,

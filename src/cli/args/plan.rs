@@ -6,7 +6,7 @@ use vlscan_tools::plan::PlanRequest;
 /// `vlscan plan`.
 #[derive(Debug, Args)]
 pub struct PlanArgs {
-    /// What kind of survey.
+    /// Kind of the survey.
     #[command(subcommand)]
     pub request: PlanRequest,
 }

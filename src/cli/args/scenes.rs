@@ -12,7 +12,7 @@ use vlscan_trace::Builder;
 /// `vlscan scene`.
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// What to do with scenes.
+    /// Command for scenes.
     #[command(subcommand)]
     pub command: SceneCommand,
 }
@@ -54,7 +54,7 @@ pub struct StandArgs {
     /// Output folder.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
-    /// What the stand is made of.
+    /// Inputs and choices of the stand.
     #[command(flatten)]
     pub options: StandOptions,
 }
@@ -65,7 +65,7 @@ pub struct ReconstructArgs {
     /// Output folder.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
-    /// What the scene is reconstructed from.
+    /// Source and settings of the reconstruction.
     #[command(flatten)]
     pub options: ReconstructOptions,
 }
@@ -151,7 +151,7 @@ pub struct MakeArgs {
     /// Output folder.
     #[arg(short = 'o', long, value_name = "DIR")]
     pub out: PathBuf,
-    /// What to make.
+    /// Scene to make.
     #[command(flatten)]
     pub options: SceneOptions,
 }

@@ -31,7 +31,7 @@ pub struct SurveyArgs {
     /// Threads and chunks.
     #[command(flatten)]
     pub schedule: ScheduleOptions,
-    /// Where the kinematics depart from the reference's.
+    /// Corrections to the kinematics of the reference.
     #[command(flatten)]
     pub profile: ProfileOptions,
 }
@@ -163,7 +163,7 @@ pub enum EmitFormat {
 /// `vlscan trajectory`.
 #[derive(Debug, Args)]
 pub struct TrajectoryArgs {
-    /// What is flown and how.
+    /// Flight and its settings.
     #[command(flatten)]
     pub survey: SurveyArgs,
     /// Seconds from pose to pose. [default: the survey's trajectoryTimeInterval_s, else 0.05]
@@ -180,7 +180,7 @@ pub struct TrajectoryArgs {
 /// `vlscan pulses`.
 #[derive(Debug, Args)]
 pub struct PulsesArgs {
-    /// What is flown and how.
+    /// Flight and its settings.
     #[command(flatten)]
     pub survey: SurveyArgs,
     /// How pulses are written.

@@ -52,7 +52,7 @@ pub struct BenchArgs {
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct CatalogueArgs {
-    /// What to do instead of listing.
+    /// Command in place of the list.
     #[command(subcommand)]
     pub command: Option<CatalogueCommand>,
     /// Show only entries with this text in their reference or name.

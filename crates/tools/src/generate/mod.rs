@@ -104,7 +104,7 @@ static TRAITS: [Traits; 3] = [
     },
 ];
 
-/// What [`write_scene`] generates.
+/// Choices for [`write_scene`].
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct SceneOptions {
     /// What to make.

@@ -34,7 +34,7 @@ const MOUNT_RANGE: f64 = 4.0;
 /// Rounds of choosing speed and scan frequency, on which the strips of oscillating mirrors depend.
 const ROUNDS: u32 = 3;
 
-/// What an airborne survey shall be. Of speed, overlap and density at least one is given besides those with
+/// Requirements of an airborne survey. Of speed, overlap and density at least one is given besides those with
 /// defaults; density with overlap yields the speed, density with speed the distance of the lines.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct AirborneOptions {

@@ -12,7 +12,7 @@ const MAX_WAYPOINTS: f64 = 1e6;
 /// Distance for which the spacing of points is told, m.
 const POINT_DISTANCE: f64 = 10.0;
 
-/// What a mobile survey shall be.
+/// Requirements of a mobile survey.
 #[derive(Clone, Debug, clap::Args)]
 pub struct MobileOptions {
     /// Speed, m/s.

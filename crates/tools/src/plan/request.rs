@@ -71,7 +71,7 @@ impl From<String> for AreaSource {
     }
 }
 
-/// What all plans need.
+/// Setup of plans of all kinds.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct PlanSetup {
     /// The scanner: an id of `vlscan catalogue`, or file.xml#id.

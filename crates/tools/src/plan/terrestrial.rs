@@ -15,7 +15,7 @@ const MAX_POSITIONS: usize = 100_000;
 /// Positions around a plot if no number is given.
 const DEFAULT_POSITIONS: u32 = 4;
 
-/// What a terrestrial survey shall be: positions on a grid if there is a spacing, else around a plot.
+/// Requirements of a terrestrial survey: positions on a grid if there is a spacing, else around a plot.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TerrestrialOptions {
     /// Distance of the positions on a square grid over the area, m.

@@ -32,7 +32,7 @@ pub use page::{Page, write_page};
 /// How a cloud is drawn, as a picture or as a page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreviewOptions {
-    /// What the colours show; height if the points lack the attribute.
+    /// Attribute that colours show; height if the points lack the attribute.
     pub colour: ColourBy,
     /// Width of the picture, dots; 320 to 16384.
     pub width: u32,

@@ -21,7 +21,7 @@ const EPOCHS: Bounds = Bounds::new(1.0, 1000.0, "1 to 1000");
 /// Width of flat ground around the trees, m.
 const FLAT_MARGIN: f64 = 20.0;
 
-/// What a stand is made of.
+/// Inputs and choices of a stand.
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct StandOptions {
     /// The inventory: a table of text with a heading.
