@@ -22,7 +22,7 @@
 //! | `stream` | pipes, terminals and devices; how long a stopped run waits for their readers |
 //! | `paths` | links, devices, names of partial files |
 //! | `reads` | files that are opened for reading: what was read, and that no output replaces it |
-//! | `fault`, `testkit` | failures of chosen operations, and helpers, for tests |
+//! | `fault` | failures of chosen operations, for tests |
 
 pub mod fault;
 mod group;
