@@ -91,6 +91,8 @@ def test_shards_are_those_of_one_run(room, tmp_path):
     for wrong in (dict(seed=5), dict(seed=6, resume=True)):
         with pytest.raises(vlscan.InputError):
             vlscan.run_shard(survey, tmp_path / "shards", 0, 3, **wrong)
+    with pytest.raises(vlscan.InputError, match="heights above ground need the scene"):
+        vlscan.run_shard(survey, tmp_path / "high", 0, 3, height_above_ground=True)
     with pytest.raises(ValueError, match="0 to 2"):
         vlscan.run_shard(survey, tmp_path / "shards", 3, 3)
     files[1].write_bytes(files[1].read_bytes()[:-100])
