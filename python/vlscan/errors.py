@@ -34,9 +34,9 @@ def _keywords() -> dict[str, str]:
 
 def _keyword(option: re.Match[str]) -> str:
     """Return the keyword of an option: ``force=True`` of ``--force``, ``cell=2`` of ``--cell 2``, ``crs=`` of ``--crs CODE``."""
-    name = (option[1] or "").replace("-", "_")
-    kind = _keywords().get(name)
-    if kind is None:
+    name = option[1] and option[1].replace("-", "_")
+    kind = name and _keywords().get(name)
+    if not kind:
         return option[0]
     word = option[2] or ""
     rest = word and f" {word}"
