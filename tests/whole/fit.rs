@@ -139,7 +139,7 @@ fn the_cloud_of_a_tripod_is_no_flight() {
     let dir = folder();
     succeed(dir.path(), &["scene", "make", "forest", "-n", "3k", "--pulses", "1k", "-o", "f", "-q"]);
     let plan = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--scene", "f/scene.xml"];
-    let place = ["--around", "0,0", "--radius", "2", "-n", "1", "--resolution", "0.4", "-o", "p.toml", "-q"];
+    let place = ["--around", "0,0", "--radius", "2", "-n", "1", "--resolution", "0.28", "-o", "p.toml", "-q"];
     succeed(dir.path(), &[&plan[..], &place].concat());
     succeed(dir.path(), &["run", "p.toml", "-o", "tripod.laz", "-q"]);
     let out = run(dir.path(), &["fit", "tripod.laz", "-o", "t.toml"]);
