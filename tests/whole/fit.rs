@@ -144,7 +144,7 @@ fn the_cloud_of_a_tripod_is_no_flight() {
     succeed(dir.path(), &["run", "p.toml", "-o", "tripod.laz", "-q"]);
     let out = run(dir.path(), &["fit", "tripod.laz", "-o", "t.toml"]);
     let said = text(&out.stderr);
-    assert!(out.status.code() == Some(2) && said.contains("turn steadily by 36"), "{said}");
+    assert!(out.status.code() == Some(2) && said.contains("turn steadily by 3"), "{said}");
     assert!(said.contains("this is no flight") && !dir.path().join("t.toml").exists(), "{said}");
 }
 
