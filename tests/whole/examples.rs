@@ -462,7 +462,7 @@ const MISTAKES: [(&str, &str); 39] = [
     ),
     (
         "sed '/^.scanner/a range_min_m = 500' site.toml > near.toml; vlscan run near.toml -o wrong.laz --force",
-        "which is nearer: fly higher",
+        "fly higher",
     ),
     (
         "sed 's/scan_angle_deg = 45/scan_angle_deg = 270/' site.toml > wide.toml; vlscan run wide.toml -o wrong.laz --force --dry-run",

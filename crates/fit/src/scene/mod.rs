@@ -129,6 +129,11 @@ impl Stages<'_> {
     }
 }
 
+/// A number of flight lines, for messages.
+fn flight_lines(count: usize) -> String {
+    format!("{count} flight line{}", if count == 1 { "" } else { "s" })
+}
+
 /// Estimates a scene from a classified point cloud. What is doubtful is told to `observer`.
 ///
 /// # Errors
@@ -140,10 +145,10 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     observer.step("reading the cloud");
     let recording = recording::read(&options.cloud, &mut found)?;
     let (returns, pulses) = (amount(recording.returns.len() as f64), amount(recording.pulses.len() as f64));
-    stages.done(format!("{returns} points of {pulses} pulses in {} flight lines", recording.lines.len()));
+    stages.done(format!("{returns} points of {pulses} pulses in {}", flight_lines(recording.lines.len())));
     observer.step("looking for the instrument");
     let paths = sensor::paths(&recording);
-    stages.done(format!("paths of {} flight lines", paths.len()));
+    stages.done(format!("paths of {}", flight_lines(paths.len())));
     let unknown = paths.iter().filter(|p| p.found_by == PathSource::Nadir);
     let unknown: Vec<String> = unknown.map(|path| path.source.to_string()).collect();
     if !unknown.is_empty() {
