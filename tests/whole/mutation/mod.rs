@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use subjects::Subject;
 
 /// A run that takes longer is ended: the change asked for more pulses.
-const LIMIT: Duration = Duration::from_secs(20);
+const LIMIT: Duration = Duration::from_secs(8);
 
 /// The result of one run.
 enum Outcome {
@@ -142,25 +142,31 @@ fn documented() -> BTreeMap<String, BTreeSet<String>> {
     all
 }
 
-/// A subject and the values that it is the first to have, by file.
+/// Some values of a file of a subject, which no subject before it has.
 struct Attack<'a> {
     subject: &'a Subject,
-    places: Vec<(&'a str, &'a str, Vec<Place>)>,
+    file: &'a str,
+    content: &'a str,
+    places: Vec<Place>,
 }
+
+/// Values of one attack, so that threads share a subject of many.
+const PLACES: usize = 8;
 
 /// Assigns each value to the first subject that has it.
 fn assign(subjects: &[Subject]) -> Vec<Attack<'_>> {
-    let mut tried = BTreeSet::new();
-    let mut places_of = |subject: &Subject, name: &str, content: &str| {
-        let mut places = subject.places(name, content);
-        places.retain(|place| tried.insert(place.label.clone()));
-        places
-    };
-    let of = |subject| Attack { subject, places: Vec::new() };
-    let mut all: Vec<Attack> = subjects.iter().map(of).collect();
-    for attack in &mut all {
-        for (name, content) in attack.subject.changed_files() {
-            attack.places.push((name, content, places_of(attack.subject, name, content)));
+    let (mut tried, mut all) = (BTreeSet::new(), Vec::new());
+    for subject in subjects {
+        for (file, content) in subject.changed_files() {
+            let mut places = subject.places(file, content).into_iter();
+            let mut is_new = |place: &Place| tried.insert(place.label.clone());
+            loop {
+                let places: Vec<Place> = places.by_ref().filter(|place| is_new(place)).take(PLACES).collect();
+                if places.is_empty() {
+                    break;
+                }
+                all.push(Attack { subject, file, content, places });
+            }
         }
     }
     all
@@ -171,22 +177,21 @@ impl Attack<'_> {
     fn run(&self) -> (Vec<Silent>, usize) {
         let folder = crate::common::folder();
         self.subject.copy_to(folder.path());
-        let Outcome::Done { bytes, warnings } = outcome(folder.path(), &self.subject.args) else {
-            panic!("the run of {} fails by itself", self.subject.name);
+        let (bytes, warnings) = match outcome(folder.path(), &self.subject.args) {
+            Outcome::Done { bytes, warnings } => (bytes, warnings),
+            Outcome::Refused { messages } => panic!("{} fails by itself: {messages}", self.subject.name),
+            Outcome::Long { .. } => panic!("{} takes too long", self.subject.name),
         };
         let (mut silent, mut count) = (Vec::new(), 0);
-        for (name, content, places) in &self.places {
-            for place in places {
-                for change in changes(place, content) {
-                    std::fs::write(folder.path().join(name), &change.content).expect("a file");
-                    let changed = outcome(folder.path(), &self.subject.args);
-                    count += 1;
-                    if let Some(what) = judge((bytes, &warnings), &change, &changed) {
-                        silent.push(Silent { label: place.label.clone(), change: change.name, what });
-                    }
+        for place in &self.places {
+            for change in changes(place, self.content) {
+                std::fs::write(folder.path().join(self.file), &change.content).expect("a file");
+                let changed = outcome(folder.path(), &self.subject.args);
+                count += 1;
+                if let Some(what) = judge((bytes, &warnings), &change, &changed) {
+                    silent.push(Silent { label: place.label.clone(), change: change.name, what });
                 }
             }
-            std::fs::write(folder.path().join(name), content).expect("a file");
         }
         (silent, count)
     }

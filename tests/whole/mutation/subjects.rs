@@ -199,7 +199,8 @@ fn pipelines() -> Vec<Subject> {
 }
 
 fn tables() -> Vec<Subject> {
-    let trace = [&["trace", "rays.csv", "--scene", "a.obj"][..], &OUT].concat();
+    let scanner = "data/scanners_als.xml#riegl_vux-1uav";
+    let trace = [&["trace", "rays.csv", "--scene", "a.obj", "--scanner", scanner][..], &OUT].concat();
     let rays = "time,x,y,z,dx,dy,dz\n1.5,2.25,3.5,40.25,0.125,0.25,-1\n2.5,3.25,4.5,41.25,0.1,0.2,-1\n3.5,3.25,4.5,41.25,0.1,0.2,-1\n";
     let pulses =
         Subject::run("trace", &trace).with("rays.csv", rays).beside("a.obj", PLANE).beside("p.mtl", MATERIAL);
