@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Measures the forest fixture and the five surveys that make.sh has made in FOLDER, and prints the tables of
-# docs/experiment.md:
+# docs/dev/experiment.md:
 #
 #     pipelines/paper/compare.sh [FOLDER] [REPETITIONS] [SURVEY…]
 #

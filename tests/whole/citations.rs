@@ -1,5 +1,4 @@
-//! What comments cite of `docs/spec` is there: every section as a heading, every trap as a paragraph. And the
-//! files of the source that the pages name exist.
+//! Comments cite sections and traps of `docs/dev/spec` that exist, and the pages name source files that exist.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -51,7 +50,7 @@ fn page(name: &str) -> Option<&'static str> {
 }
 
 fn text_of(page: &str) -> String {
-    let path = root().join("docs/spec").join(page).with_extension("md");
+    let path = root().join("docs/dev/spec").join(page).with_extension("md");
     fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
@@ -158,7 +157,7 @@ fn every_citation_leads_somewhere() {
             count += 1;
             let Citation { line, page, target } = citation;
             if !known.iter().any(|(known, targets)| *known == page && targets.contains(&target)) {
-                lost.push(format!("{}:{line}: docs/spec/{page}.md has no {target}", name.display()));
+                lost.push(format!("{}:{line}: docs/dev/spec/{page}.md has no {target}", name.display()));
             }
         }
     }
@@ -168,8 +167,8 @@ fn every_citation_leads_somewhere() {
 
 #[test]
 fn the_pages_name_files_that_exist() {
-    let pages = PAGES.map(|(page, _)| format!("docs/spec/{page}.md"));
-    for page in pages.iter().map(String::as_str).chain(["docs/spec/README.md", "ARCHITECTURE.md"]) {
+    let pages = PAGES.map(|(page, _)| format!("docs/dev/spec/{page}.md"));
+    for page in pages.iter().map(String::as_str).chain(["docs/dev/spec/README.md", "ARCHITECTURE.md"]) {
         let text = fs::read_to_string(root().join(page)).unwrap();
         let quoted: Vec<_> = text.split('`').skip(1).step_by(2).collect();
         let files =

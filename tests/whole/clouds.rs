@@ -1,4 +1,4 @@
-//! Point clouds as other programs write them: each variant of docs/clouds.md is written by another library,
+//! Point clouds as other programs write them: each variant of docs/dev/formats.md is written by another library,
 //! and `compare`, `preview` and the scene's loader have to find the points where they are.
 
 use crate::common::{self, folder, run, succeed, text};

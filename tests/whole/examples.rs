@@ -243,7 +243,7 @@ fn examples_of_the_readme_run() {
 
 /// Pages of Markdown of the project.
 fn pages() -> Vec<PathBuf> {
-    let folders = ["", "docs", "docs/notes", "docs/spec", "fixtures", "pipelines/paper"];
+    let folders = ["", "docs", "docs/dev", "docs/dev/notes", "docs/dev/spec", "fixtures", "pipelines/paper"];
     let entries = folders.iter().flat_map(|folder| fs::read_dir(root().join(folder)).unwrap());
     let mut pages: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     pages.retain(|path| path.extension().is_some_and(|e| e == "md"));
@@ -295,11 +295,11 @@ const CLOUDS_OF_PAGES: [CloudOfPage; 17] = [
 #[test]
 #[ignore = "minutes; part of the continuous integration"]
 fn examples_of_docs_run() {
-    let mut pages: Vec<PathBuf> =
-        fs::read_dir(root().join("docs")).unwrap().map(|e| e.unwrap().path()).collect();
+    let entries = ["docs", "docs/dev"].iter().flat_map(|folder| fs::read_dir(root().join(folder)).unwrap());
+    let mut pages: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     pages.retain(|path| path.extension().is_some_and(|e| e == "md"));
     pages.sort();
-    assert!(pages.len() >= 2);
+    assert!(pages.len() >= 20);
     let mut failures = Vec::new();
     for path in pages {
         let page = fs::read_to_string(&path).unwrap();

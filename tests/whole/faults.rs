@@ -188,7 +188,7 @@ fn outputs_of_several_files_are_complete_or_absent() {
 }
 
 #[test]
-#[ignore = "takes long; see docs/reliability.md"]
+#[ignore = "takes long; see docs/dev/reliability.md"]
 fn other_outputs_of_several_files_are_complete_or_absent() {
     let inputs = Inputs::new();
     let (survey, points) = (inputs.survey(), inputs.path("a.laz"));
@@ -220,7 +220,7 @@ fn survey_with(options: &[&str]) {
 }
 
 #[test]
-#[ignore = "takes long; see docs/reliability.md"]
+#[ignore = "takes long; see docs/dev/reliability.md"]
 fn text_formats() {
     ["a.xyz", "a.csv", "a.bin"].iter().for_each(|name| survey_with(&["-o", name]));
 }
@@ -231,7 +231,7 @@ fn las_formats() {
 }
 
 #[test]
-#[ignore = "takes long; see docs/reliability.md"]
+#[ignore = "takes long; see docs/dev/reliability.md"]
 fn other_formats() {
     ["a.ply", "a.arrow", "a.parquet"].iter().for_each(|name| survey_with(&["-o", name]));
 }
@@ -251,7 +251,7 @@ fn products_beside_the_points() {
 }
 
 #[test]
-#[ignore = "takes long; see docs/reliability.md"]
+#[ignore = "takes long; see docs/dev/reliability.md"]
 fn a_spooled_stream() {
     survey_with(&["-o", "-", "--format", "las"]);
     survey_with(&["-o", "-", "--format", "copc"]);
@@ -307,7 +307,7 @@ fn previews_texts_and_manual_pages() {
 }
 
 #[test]
-#[ignore = "takes long; see docs/reliability.md"]
+#[ignore = "takes long; see docs/dev/reliability.md"]
 fn traced_pulses() {
     let inputs = Inputs::new();
     let (survey, pulses) = (inputs.survey(), inputs.path("pulses.csv"));

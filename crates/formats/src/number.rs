@@ -1,5 +1,5 @@
 //! Formatting of numbers with a fixed number of decimals: the digits of `format!` in a fraction of its time.
-//! Writing text is bound by this conversion (docs/speed.md).
+//! Writing text is bound by this conversion (docs/dev/speed.md).
 
 use std::io::Write as _;
 

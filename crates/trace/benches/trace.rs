@@ -6,7 +6,8 @@
 //! cargo bench -p vlscan-trace -- 2000            a surface of 2000 × 2000 vertices
 //! ```
 //!
-//! The comparison with Embree over forests is `cargo bench --bench kernel` of the workspace (docs/kernel.md).
+//! `cargo bench --bench kernel` of the workspace compares the tracer with Embree over forests
+//! (docs/dev/kernel.md).
 
 use std::hint::black_box;
 use std::time::Instant;

@@ -1,6 +1,6 @@
 //! Twenty changes to each attribute, key and column of surveys, pipelines and tables: each is an error with
 //! its place, a warning, a change of the points that the value asks for, or a row of the table "Silent by
-//! nature" of docs/values.md.
+//! nature" of docs/dev/values.md.
 
 mod changes;
 mod subjects;
@@ -125,10 +125,10 @@ fn judge(plain: (u64, &BTreeSet<String>), change: &Change, changed: &Outcome) ->
     }
 }
 
-/// The table "Silent by nature" of docs/values.md: for each label the changes that have no message.
+/// The table "Silent by nature" of docs/dev/values.md: for each label the changes that have no message.
 fn documented() -> BTreeMap<String, BTreeSet<String>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/values.md");
-    let page = std::fs::read_to_string(path).expect("docs/values.md");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/dev/values.md");
+    let page = std::fs::read_to_string(path).expect("docs/dev/values.md");
     let table = page.split("## Silent by nature").nth(1).expect("the section `Silent by nature`");
     let mut all = BTreeMap::<String, BTreeSet<String>>::new();
     for row in table.lines().filter(|line| line.starts_with("| `")) {

@@ -222,7 +222,7 @@ impl Expected {
             }
             (Role::Table | Role::Flight, Columnar) => "write it as CSV, for example with Polars or pandas",
             (Role::Survey, Text | Utf16 | Binary | Empty | Markup) => {
-                "`vlscan run` flies a survey (.xml) or a pipeline (.toml); docs/first-survey.md shows both"
+                "`vlscan run` flies a survey (.xml) or a pipeline (.toml); docs/start.md shows both"
             }
             (Role::Scene, Table) => {
                 "a table of instances ends in .csv; points become voxels: a scene of XML with <filter type=\"xyzloader\">"

@@ -3,7 +3,7 @@
 //!
 //! LAS 1.4 points of one scanner channel are compressed by [`chunk`], others by the `laz` crate, which writes
 //! the same bytes for both. [`chunk`] exists because it is about 1.85 times as fast for point format 6
-//! (docs/speed.md).
+//! (docs/dev/speed.md).
 //!
 //! | file | contents |
 //! |---|---|
