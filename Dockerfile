@@ -2,7 +2,7 @@
 FROM rust:1-slim AS build
 WORKDIR /src
 COPY . .
-RUN cargo build --release --locked
+RUN cargo build --release --locked --features parquet-zstd
 
 FROM debian:stable-slim
 COPY --from=build /src/target/release/vlscan /usr/local/bin/vlscan

@@ -3,7 +3,7 @@ FROM rust:1-slim AS build
 RUN apt-get update && apt-get install -y --no-install-recommends gcc libc6-dev
 WORKDIR /src
 COPY . .
-RUN cargo build --release --locked -p vlscan -p vlscan-serve --features vlscan-serve/s3
+RUN cargo build --release --locked -p vlscan -p vlscan-serve --features vlscan/parquet-zstd,vlscan-serve/s3
 
 FROM debian:stable-slim
 # Certificates are for buckets.

@@ -1,6 +1,6 @@
 //! Spinning sensors: the pattern of a calibration file, pulse by pulse; what is estimated from recordings.
 
-use crate::common::{folder, recording, run, succeed, text};
+use crate::common::{folder, missing, recording, run, succeed, text};
 use std::f64::consts::TAU;
 use std::fs;
 
@@ -70,6 +70,10 @@ fn settings_change_the_turn() {
 /// Noise by the recordings, and what a sensor with that noise records again.
 #[test]
 fn real_revolutions_are_fitted() {
+    // The recordings are Parquet files compressed with Zstandard.
+    if !cfg!(feature = "parquet-zstd") {
+        return missing("parquet-zstd", "cargo test --features parquet-zstd");
+    }
     for (name, beams, classes) in [("os0_128", 128, 5), ("os1_32", 32, 1), ("os2_128", 128, 3)] {
         let [found, calibration] =
             ["parquet", "json"].map(|ending| recording(&format!("spinning/{name}.{ending}")));

@@ -14,6 +14,8 @@
 //!
 //! The features `parquet` (with GeoParquet), `e57` and `mcap`, all on by default, build these formats.
 //! Without its feature a format is still recognised, and refused with a message that names the feature.
+//! `parquet-zstd`, off by default, reads Parquet files compressed with Zstandard; the build then needs a C
+//! compiler.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -77,9 +79,7 @@ pub use point_format::{PointFormat, UnknownExtension};
 pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
 pub use settings::{CloudSettings, FrameNames};
 pub use strays::{StrayFinder, Strays};
-#[cfg(feature = "parquet")]
-pub use table::read_number_columns;
-pub use table::{MISSES_KEY, read_record_batch};
+pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
 
 /// The example of the README.
 #[cfg(doctest)]

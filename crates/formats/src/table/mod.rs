@@ -8,6 +8,16 @@ pub use parquet::read_number_columns;
 #[cfg(feature = "parquet")]
 pub(crate) use parquet::read_parquet;
 
+/// Fails, because this build does not read Parquet.
+///
+/// # Errors
+/// [`Error::Input`], always.
+#[cfg(not(feature = "parquet"))]
+pub fn read_number_columns(path: &Path, _names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+    let message = format!("{} cannot be read: this build does not read Parquet", path.display());
+    Err(Error::input_with_help(message, crate::point_format::build_with("parquet")))
+}
+
 use super::{Columns, PointSink, Reading};
 use ::arrow_array::RecordBatch;
 use ::arrow_schema::Field;

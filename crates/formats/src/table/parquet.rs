@@ -2,10 +2,12 @@
 
 use super::{start, take_rows};
 use crate::Reading;
-use ::parquet::basic::{ConvertedType, LogicalType, Type as Physical};
+use crate::point_format::build_with;
+use ::parquet::basic::{CompressionCodec, ConvertedType, LogicalType, Type as Physical};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::DataType;
 use ::parquet::errors::ParquetError;
+use ::parquet::file::metadata::RowGroupMetaData;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::schema::types::ColumnDescriptor;
 use bytes::Bytes;
@@ -26,9 +28,7 @@ pub(crate) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
 
 fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
     let path = reading.path;
-    let failed = |e: ParquetError| {
-        Error::input(format!("{} is not a Parquet file that can be read: {e}", path.display()))
-    };
+    let failed = |e: ParquetError| unreadable(path, &e);
     let reader = SerializedFileReader::new(file).map_err(failed)?;
     let leaves = reader.metadata().file_metadata().schema_descr().columns();
     let names: Vec<&str> = leaves.iter().map(|leaf| if is_number(leaf) { leaf.name() } else { "" }).collect();
@@ -37,6 +37,7 @@ fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
         let group = reader.get_row_group(group).map_err(failed)?;
         let mut open = Vec::new();
         for (_, column) in columns.used() {
+            check_compression(group.metadata(), column, path)?;
             open.push((column, group.get_column_reader(column).map_err(failed)?));
         }
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); leaves.len()];
@@ -64,36 +65,34 @@ fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read, [`Error::Input`] for files that are not Parquet or are
-/// damaged.
+/// damaged, and for compressions that this build does not read.
 pub fn read_number_columns(path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
     let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
-    let read = || number_columns(Bytes::from_owner(file.clone()), names);
-    let failed = |e: ParquetError| {
-        Error::input(format!("{} is not a Parquet file that can be read: {e}", path.display()))
-    };
-    let columns = catch_decoder_panic(read)
-        .unwrap_or_else(|| Err(ParquetError::General("its pages are damaged".into())))
-        .map_err(failed)?;
+    let damaged = || unreadable(path, &ParquetError::General("its pages are damaged".into()));
+    let columns = catch_decoder_panic(|| number_columns(Bytes::from_owner(file.clone()), path, names))
+        .unwrap_or_else(|| Err(damaged()))?;
     file.check_unchanged().map_err(|e| Error::io("read", path, e))?;
     Ok(columns)
 }
 
-fn number_columns(file: Bytes, names: &[&str]) -> std::result::Result<Vec<Option<Vec<f64>>>, ParquetError> {
-    let reader = SerializedFileReader::new(file)?;
+fn number_columns(file: Bytes, path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+    let failed = |e: ParquetError| unreadable(path, &e);
+    let reader = SerializedFileReader::new(file).map_err(failed)?;
     let leaves = reader.metadata().file_metadata().schema_descr().columns();
     let found = |name: &&str| leaves.iter().position(|leaf| is_number(leaf) && leaf.name() == *name);
     let at: Vec<Option<usize>> = names.iter().map(found).collect();
     let mut columns: Vec<Option<Vec<f64>>> = at.iter().map(|at| at.map(|_| Vec::new())).collect();
     for group in 0..reader.num_row_groups() {
-        let group = reader.get_row_group(group)?;
+        let group = reader.get_row_group(group).map_err(failed)?;
         let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
         for (at, column) in at.iter().zip(&mut columns) {
             let (Some(at), Some(column)) = (at, column) else { continue };
-            let (mut reader, mut left) = (group.get_column_reader(*at)?, rows);
+            check_compression(group.metadata(), *at, path)?;
+            let (mut reader, mut left) = (group.get_column_reader(*at).map_err(failed)?, rows);
             while left > 0 {
-                let values = read_numbers(&mut reader, &leaves[*at], left.min(READ_ROWS))?;
+                let values = read_numbers(&mut reader, &leaves[*at], left.min(READ_ROWS)).map_err(failed)?;
                 if values.is_empty() {
-                    return Err(ParquetError::EOF("a column ends before the others".into()));
+                    return Err(failed(ParquetError::EOF("a column ends before the others".into())));
                 }
                 left = left.saturating_sub(values.len());
                 column.extend(values);
@@ -101,6 +100,30 @@ fn number_columns(file: Bytes, names: &[&str]) -> std::result::Result<Vec<Option
         }
     }
     Ok(columns)
+}
+
+/// The error for a file that the library cannot read.
+fn unreadable(path: &Path, error: &ParquetError) -> Error {
+    Error::input(format!("{} is not a Parquet file that can be read: {error}", path.display()))
+}
+
+/// Checks that this build reads the compression of a column.
+fn check_compression(group: &RowGroupMetaData, column: usize, path: &Path) -> Result<()> {
+    let column = group.column(column);
+    let compression = column.compression_codec();
+    let rewrite = "write the file with Snappy compression (in Polars, compression=\"snappy\")";
+    let help = match compression {
+        CompressionCodec::UNCOMPRESSED | CompressionCodec::SNAPPY => return Ok(()),
+        CompressionCodec::ZSTD if cfg!(feature = "parquet-zstd") => return Ok(()),
+        CompressionCodec::ZSTD => format!("{}, or {rewrite}", build_with("parquet-zstd")),
+        _ => rewrite.to_owned(),
+    };
+    let message = format!(
+        "{}: column {} is compressed with {compression}, which this build does not read",
+        path.display(),
+        column.column_path().string()
+    );
+    Err(Error::input_with_help(message, help))
 }
 
 /// True if a column holds one number per row; dates, times, decimals and members of nested columns are none.
@@ -152,4 +175,42 @@ fn read_values<T: DataType>(
     Ok((0..records)
         .map(|row| if is_present(row) { values.next().unwrap_or(f64::NAN) } else { f64::NAN })
         .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GZIP: &[u8] = include_bytes!("gzip.parquet");
+    const ZSTD: &[u8] = include_bytes!("zstd.parquet");
+
+    /// Columns X and Z of a file, or the message.
+    fn columns(bytes: &[u8]) -> std::result::Result<Vec<Option<Vec<f64>>>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.parquet");
+        std::fs::write(&path, bytes).unwrap();
+        read_number_columns(&path, &["X", "Z"]).map_err(|e| match e {
+            Error::Input(problems) => problems.render(false),
+            other => other.to_string(),
+        })
+    }
+
+    #[test]
+    fn zstd_pages_are_read_or_the_message_names_the_feature() {
+        let read = columns(ZSTD);
+        if cfg!(feature = "parquet-zstd") {
+            assert_eq!(read, Ok(vec![Some(vec![1.0, 2.0, 3.0]), Some(vec![7.0, 8.0, 9.0])]));
+        } else {
+            let said = read.unwrap_err();
+            assert!(said.contains("column X is compressed with ZSTD"), "{said}");
+            assert!(said.contains("feature parquet-zstd"), "{said}");
+        }
+    }
+
+    #[test]
+    fn other_compressions_are_named_with_one_that_is_read() {
+        let said = columns(GZIP).unwrap_err();
+        assert!(said.contains("t.parquet: column X is compressed with GZIP"), "{said}");
+        assert!(said.contains("Snappy") && !said.contains("feature"), "{said}");
+    }
 }
