@@ -483,7 +483,7 @@ mod tests {
         assert_eq!((&*marked, &*message), ("abc", "expected a number for yaw, found `abc`"));
         assert!(refused(&l, "1,2,3").1.contains("column 4 for yaw is missing: 3 columns"));
         assert!(refused(&l, "1,2,3,nan,5,6,7").1.contains("found `nan`"));
-        assert!(refused(&l, "1;2;3,5;4;5;6;7").1.contains("decimal comma"));
+        assert!(refused(&l, "1;2.5;3,5;4;5;6;7").1.contains("decimal comma"));
         assert!(refused(&l, "1,2,3,1e30,5,6,7").1.contains("yaw is 1e30, expected an angle"));
         assert!(layout("time,x,x").unwrap_err().contains("`x` and `x` have the same meaning"));
     }

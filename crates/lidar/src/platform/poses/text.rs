@@ -12,7 +12,7 @@ use crate::platform::interpolated::composed;
 use crate::platform::layout::{ANGLES, AttitudeColumns, POSE_COLUMNS, PoseColumn, PoseLayout, PoseNumbers};
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
-use vlscan_base::columns::Separator;
+use vlscan_base::columns::{Separator, is_number};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
@@ -184,7 +184,7 @@ impl PoseRows {
         }
         self.read_nanoseconds(&mut layout, &stated, line_place);
         self.layout = Some(layout);
-        let has_no_number = || stated.first.iter().all(|text| text.parse::<f64>().is_err());
+        let has_no_number = || !stated.first.iter().any(|text| is_number(text));
         let is_text = !stated.first.is_empty();
         Ok(stated.has_header_row || is_text && self.settings.columns.is_some() && has_no_number())
     }
@@ -228,9 +228,8 @@ impl PoseRows {
     /// The layout of lines of numbers without names.
     fn of_numbers(&mut self, stated: &StatedColumns) -> std::result::Result<PoseLayout, NoLayout> {
         use PoseColumn::{Pitch, Roll, Time, X, Y, Yaw, Z};
-        let numbers = stated.numbers().unwrap_or_default();
         let place = Some(Place::of_file(&self.path));
-        let found = recognise(&numbers);
+        let found = recognise(&stated.numbers);
         match found {
             Numbers::Unknown => Ok(PoseLayout::in_order(&[Time, X, Y, Z, Roll, Pitch, Yaw], None)),
             Numbers::TooMany(count) => {
@@ -464,6 +463,21 @@ mod tests {
     fn a_first_line_may_state_the_separator() {
         let fix = first(defaults(), "sep=;\ntime;x;y;z;roll;pitch;yaw\n1;2;3;4;0;0;0\n");
         assert_eq!((fix.time, fix.place), (1.0, FixPlace::Local([2.0, 3.0, 4.0])));
+    }
+
+    #[test]
+    fn spreadsheets_quote_fields_and_write_decimal_commas() {
+        let expected = (0.5, FixPlace::Local([2.25, 3.0, 4.0]));
+        for text in [
+            "\"time\",\"x\",\"y\",\"z\",\"roll\",\"pitch\",\"yaw\"\n\"0.5\",\"2.25\",\"3\",\"4\",\"0\",\"0\",\"0\"\n",
+            "time;x;y;z;roll;pitch;yaw\n0,5;2,25;3;4;0;0;0\n",
+            "0,5;2,25;3,0;4,0;0,0;0,0;0,0\n",
+            "time\tx\ty\tz\troll\tpitch\tyaw\n0,5\t2,25\t3\t4\t0\t0\t0\n",
+            "0,5 2,25 3 4 0,0 0,0 0,0 1,0\n",
+        ] {
+            let fix = first(defaults(), text);
+            assert_eq!((fix.time, fix.place), expected, "{text}");
+        }
     }
 
     #[test]

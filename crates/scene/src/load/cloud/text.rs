@@ -40,25 +40,14 @@ impl RowFormat {
         let mut words = Vec::new();
         layout.split(&line.text, &mut words);
         let guessed = Separator::guess(&line.text);
-        let is_decimal = |line: &Line| {
-            let mut words = guessed.split(&line.text).map(|at| shown(&line.text[at]));
-            words.find(|word| has_decimal_comma(word))
-        };
-        let decimal = is_decimal(&line);
+        let has_commas = guessed.split(&line.text).any(|at| has_decimal_comma(&shown(&line.text[at])));
         let used = if loader.separator.is_empty() { " " } else { &loader.separator };
-        let is_torn = decimal.is_some() && used.contains(',') && !used.contains(&guessed.characters());
+        let is_torn = has_commas && used.contains(',') && !used.contains(&guessed.characters());
         if (words.len() < 3 || is_torn) && guessed.split(&line.text).count() >= 3 {
-            // The line may name the columns; the numbers are in the next one then.
-            let mut next = || lines.find(|line| !is_skipped(&line.text));
-            let hint = decimal.or_else(|| is_decimal(&next()?)).map_or_else(String::new, |word| {
-                format!(", and \"{word}\" has a decimal comma; numbers need a decimal point")
-            });
             let found = guessed.characters();
             diagnostics.error(
                 Some(source.place(line.number, line.start..line.start + line.text.len())),
-                format!(
-                    "the separator of the part is {used:?}, the columns are separated by {found:?}{hint}"
-                ),
+                format!("the separator of the part is {used:?}, the columns are separated by {found:?}"),
             );
         }
         let columns = match layout.is_named() {
