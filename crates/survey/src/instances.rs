@@ -51,7 +51,7 @@ const SCHEMA: Schema = Schema {
         (Quantity::X, Use::Required),
         (Quantity::Y, Use::Required),
         // `height` is that of a tree; instances are scaled by a factor.
-        (Quantity::TreeHeight, Use::Unread),
+        (Quantity::TreeHeight, Use::Unread(HEIGHT)),
         (Quantity::Z, Use::Required),
         (Quantity::Yaw, Use::Optional),
         (Quantity::Scale, Use::Optional),
@@ -89,6 +89,8 @@ const MAX_LINE_BYTES: usize = 1 << 16;
 const HELP: &str = "the columns are file, x, y, z, yaw (degrees from x to y), scale and scale_xy (factors)";
 const ONLY_YAW: &str =
     "an instance turns about the vertical only: leave out the column, or turn the mesh itself";
+const HEIGHT: &str =
+    "a height may be that of a tree: if it is the elevation of the ground, rename the column to `z`";
 const PROJECT: &str =
     "project the positions to metres first: gdaltransform -s_srs EPSG:4326 -t_srs EPSG:25832";
 const HEADING: &str = "yaw counts from x to y; of a heading clockwise from north it is 90 - heading";
@@ -420,6 +422,7 @@ mod tests {
             ("file,x,y,z,pitch,scale", "a.obj,1,2,3,4,5", "turns about the vertical only"),
             ("file,x,y,z,heading", "a.obj,1,2,3,4", "90 - heading"),
             ("file,x,y,height", "a.obj,1,2,3", "no column z"),
+            ("file,x,y,height", "a.obj,1,2,3", "rename the column to `z`"),
             ("x,y,z", "1,2,3", "no column file"),
             ("file,x,y,z,x", "a.obj,1,2,3,4", "have the same meaning"),
             ("file,x,y,z", "a.obj,1,2,3,4", "5 fields, expected 4 as in the heading"),

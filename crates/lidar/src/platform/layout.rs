@@ -104,7 +104,7 @@ pub(super) struct PoseLayout {
 struct Unread {
     /// Columns with unknown names, with suggestions.
     unknown: Vec<String>,
-    help: Vec<String>,
+    help: Option<String>,
     /// Columns of quantities that are common in trajectories and unused here.
     usual: Vec<String>,
 }
@@ -211,7 +211,7 @@ impl PoseLayout {
             headings.unused.push(name);
         }
         let mut unread = Unread {
-            help: headings.unknown.iter().filter_map(|name| headings.suggestion(name, &SCHEMA)).collect(),
+            help: headings.suggestion(&SCHEMA),
             unknown: std::mem::take(&mut headings.unknown),
             usual: std::mem::take(&mut headings.unused),
         };
@@ -311,7 +311,7 @@ impl PoseLayout {
         if missing.is_empty() {
             return Ok(self);
         }
-        let meant = self.unread.help.iter().map(|question| format!("; {question}")).collect::<String>();
+        let meant = self.unread.help.map_or_else(String::new, |question| format!("; {question}"));
         Err(format!("no column for {}{meant}", missing.join(", ")))
     }
 
@@ -321,7 +321,7 @@ impl PoseLayout {
         let Unread { unknown, help, usual } = &self.unread;
         if !unknown.is_empty() {
             let message = format!("columns that are not read: {}", listed(unknown));
-            let help = if help.is_empty() { SCHEMA.help.to_owned() } else { help.join("; ") };
+            let help = help.clone().unwrap_or_else(|| SCHEMA.help.to_owned());
             found.warn(place.clone(), message).help(help);
         }
         if !usual.is_empty() {
@@ -441,6 +441,21 @@ mod tests {
         assert_eq!(l.columns, [Some(3), Some(5), Some(6), Some(7), Some(0), Some(1), Some(2)]);
         assert!(l.factors[1].is_some() && l.factors[2].is_none());
         assert!(l.complete(&POSE_COLUMNS).is_ok());
+    }
+
+    #[test]
+    fn names_of_the_grid_are_coordinates() {
+        for line in [
+            "time,Grid Easting,Grid Northing,Ell. Height,roll,pitch,yaw",
+            "time;Rechts;Hoch;hauteur;roll;pitch;yaw",
+            "time,UTM_E,UTM_N,alt,roll,pitch,yaw,GPSWeek,sigma_x,speed,sats,cog",
+        ] {
+            let l = layout(line).unwrap().complete(&POSE_COLUMNS).unwrap();
+            assert_eq!(l.columns, [0, 4, 5, 6, 1, 2, 3].map(Some), "{line}");
+            let mut found = Diagnostics::default();
+            l.report_unread(None, &mut found);
+            assert!(!found.render(false).contains("warning"), "{line}");
+        }
     }
 
     #[test]
