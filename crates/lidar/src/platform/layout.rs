@@ -5,7 +5,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::input::arrow::TableField;
 use vlscan_base::input::rows::{Row, RowError};
 use vlscan_base::quantity;
-use vlscan_base::table::{Dimension, Headings, Quantity, Schema, Use, join_units};
+use vlscan_base::table::{Dimension, Headings, Quantity, Schema, Use, join_units, plain, split_unit};
 use vlscan_geom::{Rotation, radians};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +96,8 @@ pub(super) struct PoseLayout {
     pub attitude: AttitudeColumns,
     /// Number of columns of every line, and where the number is from.
     pub width: Option<(usize, &'static str)>,
+    /// True for the headings of EuRoC and of exported ROS topics, whose times are nanoseconds.
+    pub has_ros_names: bool,
     unread: Unread,
 }
 
@@ -126,6 +128,7 @@ impl PoseLayout {
             geographic: false,
             attitude: AttitudeColumns::Angles,
             width: None,
+            has_ros_names: false,
             unread: Unread::default(),
         }
     }
@@ -179,6 +182,8 @@ impl PoseLayout {
         let names = join_units(names);
         let mut layout = PoseLayout::of(Headings::of(&names, &SCHEMA))?;
         layout.width = Some((names.len(), "the heading"));
+        layout.has_ros_names =
+            names.iter().any(|name| name.starts_with("field.") || plain(split_unit(name).0) == "prsrx");
         Ok(layout)
     }
 
