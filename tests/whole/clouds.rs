@@ -477,7 +477,14 @@ fn seconds_that_no_week_has_and_classes_of_old_formats_are_described_as_such() {
         record[15] = 15;
         record[20..28].copy_from_slice(&306_234_561.96f64.to_le_bytes());
     }
-    fs::write(dir.path().join("b.las"), las).unwrap();
+    fs::write(dir.path().join("b.las"), &las).unwrap();
+    for record in las[start..].chunks_exact_mut(length) {
+        record[20..28].copy_from_slice(&604_850f64.to_le_bytes());
+    }
+    fs::write(dir.path().join("c.las"), las).unwrap();
+    let out = common::succeed(dir.path(), &["info", "c.las"]);
+    let (shown, said) = (text(&out.stdout), text(&out.stderr));
+    assert!(shown.contains("continuing past its end") && !said.contains("GPS week"), "{shown}{said}");
     let out = common::succeed(dir.path(), &["info", "b.las"]);
     let (shown, said) = (text(&out.stdout), text(&out.stderr));
     assert!(shown.contains("not of the GPS week") && shown.contains("2021-05-"), "{shown}");
