@@ -150,6 +150,18 @@ fn what_is_not_used_as_written_is_told() {
 }
 
 #[test]
+fn colours_and_halves_of_numbers_are_unlikely_normals() {
+    for (text, separator) in [("1 2 3 128 64 20\n", " "), ("1,5,2,5,3,5\n", ",")] {
+        let said = warnings("a.xyz", text.as_bytes(), |l| l.separator = separator.to_owned());
+        assert!(said.contains("are read as a normal, whose length is") && said.contains("a.xyz:1"), "{said}");
+    }
+    assert_eq!(warnings("a.xyz", b"1 2 3 0 0 1\n", |_| {}), "");
+    let colours = |l: &mut XyzLoader| l.rgb_columns = Some([3, 4, 5]);
+    assert_eq!(warnings("a.xyz", b"1 2 3 128 64 20\n", colours), "");
+    assert_eq!(warnings("a.xyz", b"x y z r g b\n1 2 3 128 64 20\n", |_| {}), "");
+}
+
+#[test]
 fn normals_come_from_their_columns() {
     /// A scene whose points without a usable normal are warned of.
     fn warned(text: &str, change: impl FnOnce(&mut XyzLoader)) -> Scene {
