@@ -1,7 +1,8 @@
 //! The columns of a stream of pulses: names, dimensions and meanings.
 
-use vlscan_base::diag::nearest;
-use vlscan_base::table::{Dimension, HeadingError, ParsedHeading, Quantity, parse_heading, plain};
+use vlscan_base::table::{
+    Dimension, HeadingError, ParsedHeading, Quantity, parse_heading, plain, similar_name,
+};
 
 macro_rules! columns {
     ($($column:ident $quantity:ident, $meaning:literal;)*) => {
@@ -122,7 +123,7 @@ pub fn parse_pulse_heading(text: &str) -> Result<(PulseColumn, f64), (String, St
         Err(HeadingError::WrongUnit(_, found, expected)) => Err((found, expected)),
         Err(HeadingError::UnknownName(name)) => {
             let names = ENTRIES.iter().flat_map(|entry| entry.quantity.names());
-            let help = nearest(&plain(&name), names).map_or_else(
+            let help = similar_name(&plain(&name), names).map_or_else(
                 || {
                     let names: Vec<&str> = ENTRIES.iter().map(ColumnEntry::name).collect();
                     format!("the columns are {}", names.join(", "))
@@ -153,6 +154,7 @@ mod tests {
             assert_eq!(parse_pulse_heading(&format!("t[{unit}]")).unwrap(), (PulseColumn::Time, factor));
         }
         assert_eq!(parse_pulse_heading("divergence (mrad)").unwrap(), (PulseColumn::Divergence, 1e-3));
+        assert!(parse_pulse_heading("nx").unwrap_err().1.contains("the columns are time, x"));
         assert!(parse_pulse_heading("divergense").unwrap_err().1.contains("did you mean `divergence`"));
         assert_eq!(parse_pulse_heading("x[ft]").unwrap(), (PulseColumn::X, 0.3048));
         assert!(parse_pulse_heading("x[furlong]").unwrap_err().0.contains("is in `furlong`"));

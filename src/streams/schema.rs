@@ -4,6 +4,7 @@
 use super::columns::{COLUMNS, PulseColumn, parse_pulse_heading};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, PulseRow, RowFault, Values};
 use std::path::Path;
+use vlscan_base::columns::is_number;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::input::arrow::TableField;
@@ -33,7 +34,7 @@ impl StreamSchema {
     /// As [`StreamSchema::of_fields`], and for another number of columns without a header.
     pub fn of_text(first: &Row) -> Result<StreamSchema> {
         let names: Vec<String> = first.texts().collect();
-        if names.iter().all(|name| name.parse::<f64>().is_err()) {
+        if !names.iter().any(|name| is_number(name)) {
             let place = |column| first.error(column, "").place;
             let headings = names.iter().enumerate().map(|(i, name)| (&**name, place(Some(i)), None));
             let schema = StreamSchema::new(Some(names.len())).with_headings(headings, place(None))?;
@@ -147,5 +148,29 @@ fn check_complete(present: ColumnSet, place: Place, problems: &mut Diagnostics) 
         problems
             .error(Some(place), format!("no column for {}", missing.join(", ")))
             .help("a pulse needs x, y, z and dx, dy, dz (or qw, qx, qy, qz)");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_base::input::rows::RowDecoder;
+
+    #[test]
+    fn spreadsheets_quote_fields_and_write_decimal_commas() {
+        for (text, header_rows) in [
+            ("\"x\",\"y\",\"z\",\"dx\",\"dy\",\"dz\"\n\"1.5\",\"0\",\"0\",\"0\",\"0\",\"-1\"\n", 1),
+            ("x;y;z;dx;dy;dz\n1,5;0;0;0;0;-1\n", 1),
+            ("1,5;0,0;0,0;0,0;0,0;-1,0\n", 0),
+        ] {
+            let mut rows = RowDecoder::new(Path::new("a.csv"), "a pulse", None);
+            rows.feed(text.as_bytes());
+            let (block, mut fields) = (rows.next_block(2, true).unwrap().unwrap(), Vec::new());
+            let schema = StreamSchema::of_text(&block.row(0, &mut fields)).unwrap();
+            assert_eq!(schema.header_rows, header_rows, "{text}");
+            let row = block.row(header_rows as usize, &mut fields);
+            let pulse = schema.pulse(&row, DVec3::ZERO, 0, &|_| Ok(())).unwrap().pulse;
+            assert_eq!(pulse.origin, DVec3::new(1.5, 0.0, 0.0), "{text}");
+        }
     }
 }

@@ -212,9 +212,8 @@ fn what_is_not_read_is_named() {
         ("a.bin", b"\x07\0\0\0\x01\x02", "binary and in no known format"),
         ("a.obj", b"# mesh\nv 1 2 3\n", "an OBJ mesh"),
         ("SHAPE", b"SOLID box\n  FACET NORMAL 0 0 1\n", "an STL mesh"),
-        ("a.csv", b"x;y;z\n1,5;2,5;3,5\n", "decimal comma"),
-        ("b.csv", b"x y z\n1,5 2,5 3,5\n", "decimal comma"),
-        ("c.csv", b"1,5\t2,5\t3,5\n", "decimal comma"),
+        ("a.csv", b"x y z\n1,5 2.5 3,5\n", "decimal comma"),
+        ("b.csv", b"1,5\t2.5\t3,5\n", "decimal comma"),
         ("a.txt", b"lat lon height\n50 8 100\n", "longitude and latitude"),
         ("d.txt", b"x y z\n1 2 3 4\n", "3 columns are named, line 2 has 4"),
         ("e.txt", b"x y z note class\n1 2 3 4\n", "expected"),
@@ -478,7 +477,14 @@ fn seconds_that_no_week_has_and_classes_of_old_formats_are_described_as_such() {
         record[15] = 15;
         record[20..28].copy_from_slice(&306_234_561.96f64.to_le_bytes());
     }
-    fs::write(dir.path().join("b.las"), las).unwrap();
+    fs::write(dir.path().join("b.las"), &las).unwrap();
+    for record in las[start..].chunks_exact_mut(length) {
+        record[20..28].copy_from_slice(&604_850f64.to_le_bytes());
+    }
+    fs::write(dir.path().join("c.las"), las).unwrap();
+    let out = common::succeed(dir.path(), &["info", "c.las"]);
+    let (shown, said) = (text(&out.stdout), text(&out.stderr));
+    assert!(shown.contains("continuing past its end") && !said.contains("GPS week"), "{shown}{said}");
     let out = common::succeed(dir.path(), &["info", "b.las"]);
     let (shown, said) = (text(&out.stdout), text(&out.stderr));
     assert!(shown.contains("not of the GPS week") && shown.contains("2021-05-"), "{shown}");

@@ -372,7 +372,7 @@ fn plausible_numbers() -> Vec<Mistake> {
         flown(
             "decimal commas",
             STREAM,
-            poses([0.0, 0.0, 400.0], TO_EAST).replace(',', ";").replace('.', ","),
+            poses([0.0, 0.0, 400.0], TO_EAST).replace('.', ","),
             "decimal comma",
         ),
         Mistake {

@@ -42,8 +42,8 @@ impl Separator {
         found.map_or(Separator::Blanks, Separator::Char)
     }
 
-    /// The columns of `line` as byte ranges without surrounding blanks. A separator at the end of the line
-    /// does not start a further column.
+    /// The columns of `line` as byte ranges without surrounding blanks and without quotes around a column,
+    /// which may hold the separator. A separator at the end of the line does not start a further column.
     pub fn split(self, line: &(impl AsRef<[u8]> + ?Sized)) -> impl Iterator<Item = Range<usize>> {
         let line = line.as_ref();
         // A character beyond ASCII is found by its first byte.
@@ -73,6 +73,16 @@ impl Separator {
                 next = None;
                 return None;
             }
+            if line[start] == b'"'
+                && let Some(close) = closing_quote(line, start)
+            {
+                let ends = |at: &usize| separates(*at) || !padding.has(line[*at]);
+                let end = (close + 1..line.len()).find(ends).unwrap_or(line.len());
+                if end == line.len() || separates(end) {
+                    next = (end < line.len()).then_some(end + width);
+                    return Some(start + 1..close);
+                }
+            }
             let end = (start..line.len()).find(|&at| separates(at)).unwrap_or(line.len());
             next = (end < line.len()).then_some(end + width);
             let mut last = end;
@@ -96,6 +106,24 @@ impl Separator {
         if fields.len() == count { Ok(fields) } else { Err(fields.len()) }
     }
 
+    /// The number in `field`, one of the `fields` of a line. Its comma is a decimal comma unless commas
+    /// separate fields or another field has a decimal point.
+    #[inline]
+    pub fn number<'f>(self, field: &[u8], fields: impl Iterator<Item = &'f [u8]>) -> Option<f64> {
+        let text = std::str::from_utf8(field).ok()?.trim();
+        text.parse().ok().or_else(|| self.number_with_comma(text, fields))
+    }
+
+    #[cold]
+    fn number_with_comma<'f>(self, text: &str, mut fields: impl Iterator<Item = &'f [u8]>) -> Option<f64> {
+        let number = of_decimal_comma(text)?;
+        let has_point = |field: &[u8]| {
+            let text = std::str::from_utf8(field).ok().filter(|text| text.contains('.'));
+            text.is_some_and(|text| text.trim().parse::<f64>().is_ok())
+        };
+        (!self.characters().contains(',') && !fields.any(has_point)).then_some(number)
+    }
+
     /// Name of the separator in messages.
     pub fn name(self) -> String {
         match self {
@@ -112,6 +140,18 @@ impl Separator {
             Separator::Char(c) => c.to_string(),
             Separator::AnyOf(set) => (0..128u8).filter(|c| set & 1 << c != 0).map(char::from).collect(),
         }
+    }
+}
+
+/// The position of the quote that closes the one at `open`; doubled quotes do not.
+fn closing_quote(line: &[u8], open: usize) -> Option<usize> {
+    let mut at = open + 1;
+    loop {
+        at += memchr::memchr(b'"', &line[at..])?;
+        if line.get(at + 1) != Some(&b'"') {
+            return Some(at);
+        }
+        at += 2;
     }
 }
 
@@ -220,13 +260,21 @@ pub fn stated_separator(line: &str) -> Option<char> {
 
 /// True if a text is a number with a comma in place of the decimal point, such as `-1234,5` and `1,5e3`.
 pub fn has_decimal_comma(text: &str) -> bool {
+    of_decimal_comma(text).is_some()
+}
+
+/// True if a text is a number with a decimal point or a decimal comma.
+pub fn is_number(text: &str) -> bool {
+    text.trim().parse::<f64>().is_ok() || has_decimal_comma(text)
+}
+
+/// The number with a decimal comma that a text is.
+fn of_decimal_comma(text: &str) -> Option<f64> {
     let text = text.trim();
     let is_digit = |digit: Option<u8>| digit.is_some_and(|digit| digit.is_ascii_digit());
-    text.split_once(',').is_some_and(|(whole, part)| {
-        is_digit(whole.bytes().last())
-            && is_digit(part.bytes().next())
-            && text.replacen(',', ".", 1).parse::<f64>().is_ok()
-    })
+    let (whole, part) = text.split_once(',')?;
+    let is_between_digits = is_digit(whole.bytes().last()) && is_digit(part.bytes().next());
+    text.replacen(',', ".", 1).parse().ok().filter(|_| is_between_digits)
 }
 
 /// Addition to a message about an invalid number with a decimal comma; an empty text for others.
@@ -317,6 +365,41 @@ mod tests {
         ] {
             assert_eq!(has_decimal_comma(text), is_one, "{text}");
         }
+    }
+
+    #[test]
+    fn columns_may_be_quoted() {
+        let split = |line: &'static str| texts(Separator::guess(line), line);
+        assert_eq!(split(r#""x","y", "z" ,"""#), ["x", "y", "z", ""]);
+        assert_eq!(split(r#""1,5";"a;b";3"#), ["1,5", "a;b", "3"]);
+        assert_eq!(split(r#" "Norway spruce"  "2" 3"#), ["Norway spruce", "2", "3"]);
+        assert_eq!(split(r#""a ""b""",2"#), [r#"a ""b"""#, "2"]);
+        // Quotes that do not enclose a column belong to it.
+        assert_eq!(split(r#"5" oak,"a"b,"c"#), [r#"5" oak"#, r#""a"b"#, r#""c"#]);
+        assert_eq!(
+            [split("\""), split("1,\""), split("\"\"\"")],
+            [vec!["\""], vec!["1", "\""], vec!["\"\"\""]]
+        );
+    }
+
+    #[test]
+    fn commas_that_do_not_separate_are_decimal_commas() {
+        let number = |separator: Separator, field: &str, others: &str| {
+            separator.number(field.as_bytes(), others.split(' ').map(str::as_bytes))
+        };
+        for (separator, others, expected) in [
+            (Separator::Char(';'), "1,5 2 a.obj", Some(1.5)),
+            (Separator::Char('\t'), "1,5", Some(1.5)),
+            (Separator::Blanks, "1,5 2,5", Some(1.5)),
+            (Separator::Char(';'), "1,5 2.5", None),
+            (Separator::Char(','), "1,5", None),
+            (Separator::any_of(",;"), "1,5", None),
+        ] {
+            assert_eq!(number(separator, "1,5", others), expected, "{separator:?} {others}");
+            assert_eq!(number(separator, " 1.5", others), Some(1.5));
+        }
+        assert_eq!(number(Separator::Char(';'), "1,475,5", ""), None);
+        assert_eq!(["1.5", "1,5", "1,5 ", "x", ""].map(is_number), [true, true, true, false, false]);
     }
 
     #[test]

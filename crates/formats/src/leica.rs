@@ -34,8 +34,10 @@ pub(super) fn detect(first: &[u8]) -> Option<bool> {
 
 /// The numbers of a line between blanks; `None` if there are other words or too many.
 fn numbers(line: &[u8]) -> Option<Vec<f64>> {
-    let words: Vec<f64> = Separator::Blanks.split(line).map(|at| float(&line[at])).collect::<Option<_>>()?;
-    (1..=MAX_COLUMNS).contains(&words.len()).then_some(words)
+    let words = || Separator::Blanks.split(line).map(move |at| &line[at]);
+    let numbers = words().map(|word| Separator::Blanks.number(word, words()));
+    let numbers: Vec<f64> = numbers.collect::<Option<_>>()?;
+    (1..=MAX_COLUMNS).contains(&numbers.len()).then_some(numbers)
 }
 
 /// Lines with numbers, with their numbers.

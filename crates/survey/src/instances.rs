@@ -22,7 +22,7 @@ use super::text::decode_table;
 use super::{Loader, MeshReading, Transform};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use vlscan_base::columns::{comma_note, has_decimal_comma};
+use vlscan_base::columns::{comma_note, is_number};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity;
 use vlscan_base::recognise::{Expected, foreign};
@@ -51,7 +51,7 @@ const SCHEMA: Schema = Schema {
         (Quantity::X, Use::Required),
         (Quantity::Y, Use::Required),
         // `height` is that of a tree; instances are scaled by a factor.
-        (Quantity::TreeHeight, Use::Unread),
+        (Quantity::TreeHeight, Use::Unread(HEIGHT)),
         (Quantity::Z, Use::Required),
         (Quantity::Yaw, Use::Optional),
         (Quantity::Scale, Use::Optional),
@@ -89,6 +89,8 @@ const MAX_LINE_BYTES: usize = 1 << 16;
 const HELP: &str = "the columns are file, x, y, z, yaw (degrees from x to y), scale and scale_xy (factors)";
 const ONLY_YAW: &str =
     "an instance turns about the vertical only: leave out the column, or turn the mesh itself";
+const HEIGHT: &str =
+    "a height may be that of a tree: if it is the elevation of the ground, rename the column to `z`";
 const PROJECT: &str =
     "project the positions to metres first: gdaltransform -s_srs EPSG:4326 -t_srs EPSG:25832";
 const HEADING: &str = "yaw counts from x to y; of a heading clockwise from north it is 90 - heading";
@@ -105,9 +107,7 @@ pub(super) fn read_table(context: &Context, path: &Path, base: &Base) -> Option<
             context.error_help(Place::in_line(path, line.number, "", 0..0), message, HELP);
             return None;
         }
-        if std::mem::take(&mut is_first)
-            && line.fields.iter().all(|field| field.parse::<f64>().is_err() && !has_decimal_comma(field))
-        {
+        if std::mem::take(&mut is_first) && !line.fields.iter().any(|field| is_number(field)) {
             reader.columns = Some(reader.headings(&table, &line)?);
             continue;
         }
@@ -258,14 +258,16 @@ impl Reader<'_> {
             }
             let is_factor = matches!(quantity, Quantity::Scale | Quantity::ScaleXy);
             let bounds = if is_factor { quantity::POSITIVE } else { quantity::NUMBER };
-            let value = field.parse::<f64>().ok().filter(|value| bounds.contains(*value));
+            let all = line.fields.iter().map(|field| field.as_bytes());
+            let parsed = table.separator().number(field.as_bytes(), all);
+            let value = parsed.filter(|value| bounds.contains(*value));
             if value.is_none() {
                 let name = quantity.name();
-                let message = match (quantity, field.parse::<f64>()) {
-                    (Quantity::Scale | Quantity::ScaleXy, Ok(0.0)) => {
+                let message = match (quantity, parsed) {
+                    (Quantity::Scale | Quantity::ScaleXy, Some(0.0)) => {
                         "a scale of 0 leaves nothing of the mesh".to_owned()
                     }
-                    (Quantity::Scale | Quantity::ScaleXy, Ok(scale)) if scale < 0.0 => {
+                    (Quantity::Scale | Quantity::ScaleXy, Some(scale)) if scale < 0.0 => {
                         format!("a scale of {field} mirrors the mesh; expected {}", bounds.expected)
                     }
                     _ => format!("expected a number for {name}, found \"{field}\"{}", comma_note(field)),
@@ -408,6 +410,11 @@ mod tests {
         );
         let (transform, _) = place("scale;Z_cm;POINT_X;POINT_Y;Filename", "2;100;1;2;a.obj").unwrap();
         assert_eq!((transform.offset, transform.scale), (DVec3::new(1.0, 2.0, 1.0), 2.0));
+        for (heading, row) in
+            [("file;x;y;z", "a.obj;1,5;2;3"), ("\"file\",\"x\",\"y\",\"z\"", "\"a.obj\",\"1.5\",\"2\",\"3\"")]
+        {
+            assert_eq!(place(heading, row).unwrap().0.offset, DVec3::new(1.5, 2.0, 3.0), "{heading}");
+        }
         let (transform, said) = place("file,x,y,z,dbh,species,height", "a.obj,1,2,3,40,2,30").unwrap();
         assert!(said.contains("not read: `dbh`, `species`, `height`"), "{said}");
         assert_eq!((transform.scale, transform.rotation), (1.0, Rotation::IDENTITY));
@@ -415,12 +422,13 @@ mod tests {
             ("file,x,y,z,pitch,scale", "a.obj,1,2,3,4,5", "turns about the vertical only"),
             ("file,x,y,z,heading", "a.obj,1,2,3,4", "90 - heading"),
             ("file,x,y,height", "a.obj,1,2,3", "no column z"),
+            ("file,x,y,height", "a.obj,1,2,3", "rename the column to `z`"),
             ("x,y,z", "1,2,3", "no column file"),
             ("file,x,y,z,x", "a.obj,1,2,3,4", "have the same meaning"),
             ("file,x,y,z", "a.obj,1,2,3,4", "5 fields, expected 4 as in the heading"),
             ("file,x,y,z,yaw", "a.obj,1,2,3", "4 fields, expected 5"),
             ("file,x,y,z,scale", "a.obj,1,2,3,-2", "a scale of -2 mirrors the mesh"),
-            ("file;x;y;z", "a.obj;1,5;2;3", "decimal comma"),
+            ("file;x;y;z", "a.obj;1,5;2.5;3", "decimal comma"),
             ("file,lon,lat,z", "a.obj,1,2,3", "project the positions"),
         ] {
             let said = place(heading, row).unwrap_err();

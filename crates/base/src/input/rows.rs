@@ -507,7 +507,8 @@ impl Row<'_> {
             RowContent::Batch(batch, row) => return Ok(batch.value(column, row)),
             RowContent::Text(_, line) => (line, &self.fields[column]),
         };
-        let number = std::str::from_utf8(&line[at.clone()]).ok().and_then(|text| text.trim().parse().ok());
+        let fields = self.fields.iter().map(move |at| &line[at.clone()]);
+        let number = self.source.separator.number(&line[at.clone()], fields);
         number.ok_or_else(|| self.expected_number(column, name))
     }
 
@@ -588,6 +589,17 @@ mod tests {
     }
 
     #[test]
+    fn numbers_may_be_quoted_and_have_decimal_commas() {
+        for text in ["\"1.5\",\"2\"\n3,\"-4.5\"\n", "1,5;2\n\"3\";\"-4,5\"\n", "1,5\t2,0\n3\t-4,5\n"] {
+            assert_eq!(
+                read(text.as_bytes(), 100, 100).unwrap().concat(),
+                [[1.5, 2.0], [3.0, -4.5]],
+                "{text}"
+            );
+        }
+    }
+
+    #[test]
     fn lines_of_words_may_stand_before_the_numbers() {
         let rows = |text: &str| {
             let mut decoder = RowDecoder::new(Path::new("a.txt"), "a pose", None).with_preamble();
@@ -614,7 +626,8 @@ mod tests {
             other => panic!("{other:?}"),
         };
         assert!(said(b"1,2\n\n3,a\n").contains("a.txt:3:3"));
-        assert!(said(b"1 2\n3,5 1 1\n").contains("decimal comma"));
+        assert!(said(b"1 2\n3,5 1.5 1\n").contains("decimal comma"));
+        assert!(said(b"\"1,5\",2\n").contains("decimal comma"));
         assert!(said(b"1 2\n3\n").contains("column 2 for x is missing: 1 column separated by blanks"));
         assert!(said(b"1\0\n").contains("expected a row as text, found binary data"));
         let long = [b"1 2\n", &[b'x'; MAX_LINE_BYTES + 1][..]].concat();

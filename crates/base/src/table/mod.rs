@@ -19,4 +19,4 @@ pub use dimension::Dimension;
 pub use heading::{HeadingError, ParsedHeading, join_units, parse_heading, split_suffix, split_unit};
 pub use lines::{Field, Line, TextTable};
 pub use schema::{Headings, Schema, TableColumn, Use, WidthError, check_width};
-pub use vocabulary::{Quantity, is_usually_unused, plain};
+pub use vocabulary::{Quantity, is_usually_unused, plain, similar_name};

@@ -1,9 +1,9 @@
 //! Schemas of tables, and the headings of a table compared with its schema.
 
-use super::heading::{HeadingError, parse_heading, split_unit};
-use super::vocabulary::{Quantity, is_usually_unused, plain};
+use super::heading::{HeadingError, parse_heading, split_suffix, split_unit};
+use super::vocabulary::{Quantity, is_usually_unused, plain, similar_name};
 use crate::columns::Separator;
-use crate::diag::{Diagnostics, Place, nearest};
+use crate::diag::{Diagnostics, Place};
 
 /// How a table uses a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,8 +14,9 @@ pub enum Use {
     Optional,
     /// The column is an error, with this help.
     Refused(&'static str),
-    /// The column is not read, with a warning; its name has another meaning in other tables.
-    Unread,
+    /// The column is not read, with a warning; its name has another meaning in other tables. The help, which
+    /// may be empty, is for tables without a required column.
+    Unread(&'static str),
 }
 
 /// The columns of a kind of table. A name that several quantities have means the first of them.
@@ -63,6 +64,8 @@ pub struct Headings {
     pub width: usize,
     /// Headings with unknown names.
     pub unknown: Vec<String>,
+    /// The help of columns with [`Use::Unread`], which are among the unknown ones.
+    hints: Vec<&'static str>,
     /// Headings that tables often have and that are not read.
     pub unused: Vec<String>,
     /// Headings of quantities that another column has, and the heading of that column.
@@ -107,7 +110,10 @@ impl Headings {
         };
         match schema.usage(heading.quantity) {
             Use::Refused(help) => return self.refused.push((name.to_owned(), help)),
-            Use::Unread => return self.unknown.push(name.to_owned()),
+            Use::Unread(help) => {
+                self.hints.extend(Some(help).filter(|help| !help.is_empty()));
+                return self.unknown.push(name.to_owned());
+            }
             Use::Required | Use::Optional => {}
         }
         let column =
@@ -162,31 +168,34 @@ impl Headings {
             }
         }
         let missing = self.missing(schema);
-        let meant: Vec<String> =
-            self.unknown.iter().filter_map(|name| self.suggestion(name, schema)).collect();
-        let help = || if meant.is_empty() { schema.help.to_owned() } else { meant.join("; ") };
+        let question = self.suggestion(schema);
         if !missing.is_empty() {
             let all: Vec<String> = [&self.unknown[..], &self.unused].concat();
+            let hint = self.hints.first().map(|hint| (*hint).to_owned());
+            let help = hint.or(question).unwrap_or_else(|| schema.help.to_owned());
             let among = if all.is_empty() { String::new() } else { format!("; not read: {}", quoted(&all)) };
-            problems.error(place.cloned(), format!("no column {}{among}", missing.join(", "))).help(help());
+            problems.error(place.cloned(), format!("no column {}{among}", missing.join(", "))).help(help);
         } else if !self.unknown.is_empty() {
             let message = format!("columns that are not read: {}", quoted(&self.unknown));
-            problems.warn(place.cloned(), message).help(help());
+            problems.warn(place.cloned(), message).help(question.unwrap_or_else(|| schema.help.to_owned()));
         }
     }
 
-    /// The question whether an unknown heading means a quantity that the table does not have yet.
-    pub fn suggestion(&self, heading: &str, schema: &Schema) -> Option<String> {
+    /// The question whether unknown headings mean quantities that the table does not have yet.
+    pub fn suggestion(&self, schema: &Schema) -> Option<String> {
         let open = schema.columns.iter().filter(|(quantity, usage)| {
             matches!(usage, Use::Required | Use::Optional) && !self.has(*quantity)
         });
         let names: Vec<&str> = open.flat_map(|(quantity, _)| quantity.names()).collect();
-        let (name, _) = split_unit(heading);
-        let near = nearest(&plain(name), names.iter().copied()).or_else(|| {
-            let (stem, _) = name.rsplit_once(['_', '.', ' ', '-'])?;
-            nearest(&plain(stem), names.iter().copied())
-        })?;
-        Some(format!("did you mean `{near}` by `{heading}`?"))
+        let similar = |name: &str| similar_name(&plain(name), names.iter().copied());
+        let pairs = self.unknown.iter().filter_map(|heading| {
+            let (name, _) = split_unit(heading);
+            let stem = || split_suffix(name, |stem| similar(stem).is_some()).map(|(stem, _)| stem);
+            let near = similar(name).or_else(|| similar(stem()?))?;
+            Some(format!("`{near}` by `{heading}`"))
+        });
+        let pairs: Vec<String> = pairs.collect();
+        (!pairs.is_empty()).then(|| format!("did you mean {}?", pairs.join(", ")))
     }
 }
 
@@ -262,11 +271,22 @@ mod tests {
             (&["x", "z", "easting"], "columns `x` and `easting` have the same meaning"),
             (&["x", "z", "roll_deg"], "column `roll_deg` has no effect here"),
             (&["x", "z", "hieght"], "did you mean `height` by `hieght`?"),
+            (&["x", "eleation", "hieght"], "did you mean `elevation` by `eleation`, `height` by `hieght`?"),
             (&["x", "z", "colour"], "not read: `colour`"),
             (&["x", "z_s"], "column `z_s` is in `s`, expected m"),
         ] {
             assert!(report(names, &SCHEMA).contains(part), "{names:?}: {}", report(names, &SCHEMA));
         }
+        let unread = Schema {
+            columns: &[(Quantity::TreeHeight, Use::Unread("rename it to z")), (Quantity::Z, Use::Required)],
+            ..SCHEMA
+        };
+        let said = report(&["height"], &unread);
+        assert!(
+            said.contains("no column z") && said.contains("rename it") && !said.contains("did you"),
+            "{said}"
+        );
+        assert!(!report(&["height", "z"], &unread).contains("rename it"));
         let lenient = Schema { is_unique: false, ..SCHEMA };
         let found = Headings::of(["easting", "x", "z"], &lenient);
         assert_eq!(found.get(Quantity::X).unwrap().index, 1, "the first name in the vocabulary counts");

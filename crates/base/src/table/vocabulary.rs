@@ -34,11 +34,14 @@ struct Entry {
 quantities! {
     Time "time" Time, "gpstime time t timestamp utctime gpsseconds gpssow gpstow sow tow secondsofweek timeofweek unixtime posixtime zeit";
     X "x" Length, "x easting east e xcoordinate xcoord coordx pointx xkoordinate koordx xkoord rechtswert ostwert rw \
-        xutm utmx treex positionx posx xposition posepositionx poseposepositionx prsrx originx ox tx gx px";
+        xutm utmx utme grideasting rechts \
+        treex positionx posx xposition posepositionx poseposepositionx prsrx originx ox tx gx px";
     Y "y" Length, "y northing north n ycoordinate ycoord coordy pointy ykoordinate koordy ykoord hochwert nordwert hw \
-        yutm utmy treey positiony posy yposition posepositiony poseposepositiony prsry originy oy ty gy py";
+        yutm utmy utmn gridnorthing hoch \
+        treey positiony posy yposition posepositiony poseposepositiony prsry originy oy ty gy py";
     Z "z" Length, "z elevation elev height altitude alt zcoordinate zcoord coordz pointz zkoordinate koordz zkoord \
-        höhe hoehe h up orthometricheight orthoheight orthohgt hmsl ellipsoidheight ellipsoidalheight ellipsoidhgt hell hgt hght treez \
+        höhe hoehe hauteur h up orthometricheight orthoheight orthohgt hmsl ellheight \
+        ellipsoidheight ellipsoidalheight ellipsoidhgt hell hgt hght treez \
         positionz posz zposition posepositionz poseposepositionz prsrz originz oz tz gz pz";
     Latitude "latitude" Angle, "latitude lat breite breitengrad";
     Longitude "longitude" Angle, "longitude lon long lng länge laenge längengrad laengengrad";
@@ -54,9 +57,11 @@ quantities! {
     ScaleXy "scale_xy" Ratio, "scalexy";
     TreeId "id" Text, "id treeid tree treenr treeno treenumber treetag tag name label nr no number baum baumnr baumid baumnummer nummer";
     TreeHeight "height" Length, "height h treeheight totalheight heighttotal ht hgt höhe hoehe baumhöhe baumhoehe \
-        scheitelhöhe scheitelhoehe";
+        scheitelhöhe scheitelhoehe hauteur";
     Ground "ground" Length, "ground groundheight groundelevation geländehöhe gelaendehoehe";
-    Crown "crown" Length, "crown crowndiameter crownwidth crowndiam crownd cd krone kronendurchmesser kronenbreite kd";
+    Crown "crown" Length, "crown crowndiameter crownwidth crowndiam crownd cd cw \
+        krone kronendurchmesser kronenbreite kd";
+    CrownRadius "crown_radius" Length, "crownradius crownrad kronenradius";
     Stem "dbh" Length, "dbh bhd diameter stemdiameter diam diameteratbreastheight d13 brusthöhendurchmesser \
         brusthoehendurchmesser durchmesser";
     Species "species" Text, "species treespecies type sp speciescode spcode art baumart holzart";
@@ -100,11 +105,11 @@ quantities! {
 
 /// Names, in the form of [`plain`], of columns that tables often have and that most readers here do not use.
 const UNUSED: &str = "a acceleration alpha azimuthangle b beamdirectionx beamdirectiony beamdirectionz beamoriginx \
-    beamoriginy beamoriginz blue classflags comment curvature date day distance echowidth edgeofflightline fid fix \
-    footprintfraction frame frameid flightline fullwaveindex g gdop green hdop headerframeid headerseq headerstamp \
+    beamoriginy beamoriginz blue classflags cog comment course curvature date day distance echowidth edgeofflightline fid fix \
+    footprintfraction frame frameid flightline fullwaveindex g gdop gpsweek green hdop headerframeid headerseq headerstamp \
     heightaboveground hour id incidenceangle index infrared keypoint minute mode month nir nsats numsats overlap pdop point \
-    pointid primitive pulsenumber q quality r range record red reflectance rgb rgba satellites scandirectionflag scannerx \
-    scannery scannerz second seq sequence status subray surfacex surfacey surfacez synthetic truerange truex truey truez \
+    pointid primitive pulsenumber q quality r range record red reflectance rgb rgba sat satellites sats scandirectionflag scannerx \
+    scannery scannerz second seq sequence sog status subray surfacex surfacey surfacez synthetic truerange truex truey truez \
     undulation utcdate vdop wanderangle week width withheld year";
 
 /// Ends of names, in the form of [`plain`], of accuracies, velocities and rates, which no table here uses.
@@ -124,7 +129,7 @@ const UNUSED_ENDS: [&str; 12] = [
 ];
 
 /// Beginnings of names, in the form of [`plain`], of velocities, rates and biases of inertial sensors.
-const UNUSED_STARTS: [&str; 14] = [
+const UNUSED_STARTS: [&str; 16] = [
     "vrsr",
     "bwrss",
     "bars",
@@ -133,6 +138,8 @@ const UNUSED_STARTS: [&str; 14] = [
     "acc",
     "sd",
     "std",
+    "sigma",
+    "speed",
     "cov",
     "twist",
     "angularvel",
@@ -140,6 +147,13 @@ const UNUSED_STARTS: [&str; 14] = [
     "linearacc",
     "wander",
 ];
+
+/// Minimum number of letters of a name for which a similar one is looked for.
+const MIN_SIMILAR: usize = 3;
+/// Maximum number of these letters.
+const MAX_SIMILAR: usize = 60;
+/// Minimum number of letters of a name of which two may be wrong.
+const LONG_NAME: usize = 6;
 
 /// True if a name in the form of [`plain`] is one that tables often have and that no table here uses.
 pub fn is_usually_unused(name: &str) -> bool {
@@ -158,6 +172,26 @@ pub fn plain(name: &str) -> String {
     let name: String = name.chars().filter(is_kept).flat_map(char::to_lowercase).collect();
     let rest = ["scalar", "field"].iter().find_map(|prefix| name.strip_prefix(prefix));
     rest.filter(|rest| !rest.is_empty()).map(str::to_owned).unwrap_or(name)
+}
+
+/// The one of `names` that a name in the form of [`plain`] most likely stands for: it begins alike, and one
+/// letter differs, or two in a long name. `None` for one of the names. Another last letter often is another
+/// axis.
+pub fn similar_name<'n>(name: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
+    let letters = name.chars().count();
+    if !(MIN_SIMILAR..=MAX_SIMILAR).contains(&letters) {
+        return None;
+    }
+    let most = if letters < LONG_NAME { 1 } else { 2 };
+    let is_other_axis = |other: &str| {
+        let stem = |text: &str| text.chars().take(letters - 1).collect::<String>();
+        other != name && other.chars().count() == letters && stem(other) == stem(name)
+    };
+    let similar = names.into_iter().filter(|other| other.chars().next() == name.chars().next());
+    let similar = similar.filter(|other| !is_other_axis(other));
+    let distances = similar.map(|other| (strsim::osa_distance(name, other), other));
+    let near = distances.filter(|(distance, _)| *distance <= most).min_by_key(|near| near.0);
+    near.filter(|(distance, _)| *distance > 0).map(|(_, other)| other)
 }
 
 impl Quantity {
@@ -207,6 +241,33 @@ mod tests {
             assert!(names.iter().all(|name| plain(name) == *name), "{quantity:?}: {names:?}");
             assert!(names.contains(&&*plain(quantity.name())), "{quantity:?}");
             assert!(names.iter().all(|name| names.iter().filter(|other| *other == name).count() == 1));
+        }
+    }
+
+    #[test]
+    fn columns_of_receivers_are_usually_unused() {
+        for name in ["GPSWeek", "Week", "sigma_x", "SDEast", "speed", "speed_north", "sats", "hdop", "cog"] {
+            assert!(is_usually_unused(&plain(name)), "{name}");
+        }
+        assert!(!is_usually_unused("spot") && !is_usually_unused("depth"));
+    }
+
+    #[test]
+    fn similar_names_are_misspelt_ones() {
+        let near = |name| similar_name(name, Quantity::ALL.iter().flat_map(|quantity| quantity.names()));
+        for (name, expected) in [
+            ("hieght", "height"),
+            ("hedaing", "heading"),
+            ("dhb", "dbh"),
+            ("crwn", "crown"),
+            ("divergense", "divergence"),
+            ("latitud", "latitude"),
+            ("dzz", "dz"),
+        ] {
+            assert_eq!(near(name), Some(expected), "{name}");
+        }
+        for name in ["height", "utmz", "gridheading", "crownarea", "nq", "spot", ""] {
+            assert_eq!(near(name), None, "{name}");
         }
     }
 

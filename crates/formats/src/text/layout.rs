@@ -46,6 +46,11 @@ impl Layout {
         Some(format!("expected {named} values, one for each named column, found {}", words.len()))
     }
 
+    /// The separator of the columns.
+    pub fn separator(&self) -> Separator {
+        self.separator
+    }
+
     /// True if this character separates columns.
     pub fn is_separated_by(&self, byte: u8) -> bool {
         self.separator.split(&[b'1', byte, b'1']).count() > 1
@@ -266,6 +271,7 @@ mod tests {
                 "\u{feff}\"tree id\"\t\"E\"\t\"N\"\t\"H\"\n1\t2\t3\t4\n",
                 vec![(X, 1), (Y, 2), (Z, 3), (Object, 0)],
             ),
+            ("\"x\",\"y\",\"z\"\n\"1\",\"2\",\"3\"\n", vec![(X, 0), (Y, 1), (Z, 2)]),
             ("sep=;\nE;N;H\n1;2;3\n", vec![(X, 0), (Y, 1), (Z, 2)]),
             ("SEP=;\nE;N;H\n1;2;3\n", vec![(X, 0), (Y, 1), (Z, 2)]),
             ("\u{feff}sep=\t\ntree id\tE\tN\tH\n1\t2\t3\t4\n", vec![(X, 1), (Y, 2), (Z, 3), (Object, 0)]),

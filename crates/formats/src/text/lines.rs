@@ -3,7 +3,7 @@
 use crate::{Attribute, Columns, PointRow};
 use std::io::BufRead;
 use std::ops::Range;
-use vlscan_base::columns::is_blank;
+use vlscan_base::columns::{Separator, is_blank};
 
 /// Maximum length of a line, bytes: a binary file without line ends must not fill the memory.
 const MAX_LINE_BYTES: usize = 1 << 16;
@@ -88,8 +88,14 @@ pub struct BadColumn {
 impl Columns {
     /// Parses the words of a line. Normals are optional: they are absent if the line is too short for them,
     /// and NaN if they are not numbers. Object, leg, channel and time need not be numbers.
-    pub fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, BadColumn> {
-        let number = |column: usize| words.get(column).and_then(|at| float(line[at.clone()].trim_ascii()));
+    pub fn parse(
+        &self,
+        line: &[u8],
+        words: &[Range<usize>],
+        separator: Separator,
+    ) -> Result<PointRow, BadColumn> {
+        let all = || words.iter().map(move |at| &line[at.clone()]);
+        let number = |column: usize| separator.number(&line[words.get(column)?.clone()], all());
         for (attribute, column) in self.used() {
             if !attribute.is_optional() && number(column).is_none() {
                 let at = words.get(column).cloned().unwrap_or(line.len()..line.len());
@@ -108,7 +114,6 @@ impl Columns {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_base::columns::Separator;
     use vlscan_geom::DVec3;
 
     #[test]
@@ -144,7 +149,7 @@ mod tests {
         let columns = Columns::find(["x", "y", "z", "class", "nx", "ny", "nz"]);
         let parse = |line: &'static str| {
             let words: Vec<_> = Separator::Blanks.split(line).collect();
-            columns.parse(line.as_bytes(), &words)
+            columns.parse(line.as_bytes(), &words, Separator::Blanks)
         };
         let row = parse("1 2 3 300 0 0 1").unwrap();
         assert_eq!((row.position, row.class, row.normal), (DVec3::new(1.0, 2.0, 3.0), 255, Some(DVec3::Z)));

@@ -100,4 +100,17 @@ mod tests {
         assert!(said.contains("1 line has fewer values than line 2") && said.contains("a.csv:7:6"), "{said}");
         assert_eq!(sink.0, 6);
     }
+
+    #[test]
+    fn a_quoted_last_value_is_not_missing() {
+        let said = |text: &str| {
+            let (mut sink, mut found) = (Count(0), Diagnostics::default());
+            let mut reading = Reading::new(Path::new("a.csv"), Selection::All, &mut sink, &mut found);
+            read(text.as_bytes(), &mut reading).unwrap();
+            found.render(false)
+        };
+        assert_eq!(said("x,y,z\n\"1\",\"2\",\"3\"\n\"4\",\"5\",\"6\"\n"), "");
+        let short = said("x,y,z,time\n1,2,3,4\n\"1\",\"2\",\"3\"\n");
+        assert!(short.contains("1 line has fewer values"), "{short}");
+    }
 }

@@ -65,7 +65,7 @@ impl RowReader {
     /// # Errors
     /// Missing values, and words that are not numbers.
     pub fn parse(&self, line: &[u8], words: &[Range<usize>]) -> Result<PointRow, BadRow> {
-        let row = self.columns.parse(line, words).map_err(|bad| {
+        let row = self.columns.parse(line, words, self.layout.separator()).map_err(|bad| {
             let word = String::from_utf8_lossy(line[bad.at.clone()].trim_ascii());
             let found = match word.is_empty() {
                 true if bad.at.start >= line.len() => "the end of the line".to_owned(),
@@ -127,7 +127,7 @@ impl<T> Widths<T> {
         if words.len() > reader.width {
             self.longer.0 += 1;
             self.longer.1.get_or_insert_with(|| place(words[reader.width].start..end));
-        } else if words.last().is_some_and(|last| last.end >= end) {
+        } else if words.last().is_some_and(|last| line[last.end.min(end)..end].iter().all(|b| *b == b'"')) {
             // Empty values at the end, behind separators, are not among the words.
             self.shorter.0 += 1;
             self.shorter.1.get_or_insert_with(|| place(end..end));

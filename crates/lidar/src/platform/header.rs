@@ -2,7 +2,7 @@
 //! Arrow stream, and the directives of HELIOS++.
 
 use super::layout::{MAX_COLUMNS, PoseLayout, SCHEMA};
-use vlscan_base::columns::Separator;
+use vlscan_base::columns::{Separator, has_decimal_comma};
 use vlscan_base::diag::Place;
 use vlscan_base::input::rows::{LeadingLine, Row, RowDecoder, RowError};
 use vlscan_base::table::{Dimension, Headings, Quantity, join_units, split_unit};
@@ -47,6 +47,8 @@ pub(super) struct StatedColumns {
     pub has_directives: bool,
     /// The texts of the first row; none in Arrow streams.
     pub first: Vec<String>,
+    /// The numbers of the first row of text; none if it has other values.
+    pub numbers: Vec<f64>,
     /// True if the first row is a heading, in a file without poses.
     pub has_header_row: bool,
     /// The last line before the first pose that is neither a comment nor a heading, if there is no heading.
@@ -68,6 +70,9 @@ impl StatedColumns {
             has_directives |= parsed.map_err(|message| RowError { place: line.place.clone(), message })?;
         }
         let texts: Vec<String> = first.into_iter().flat_map(Row::texts).collect();
+        let line = first.filter(|_| !texts.is_empty());
+        let numbers: Option<Vec<f64>> =
+            line.and_then(|row| (0..row.width()).map(|column| row.number(column, "").ok()).collect());
         let separator = first.map_or(Separator::Blanks, Row::separator);
         let has_header_row = is_header(&texts);
         let header = match (rows.fields(), first) {
@@ -86,7 +91,8 @@ impl StatedColumns {
         };
         let words = rows.leading().iter().rfind(|line| !line.is_comment && header.is_none());
         let words = words.map(|line| line.place.clone());
-        Ok(StatedColumns { directives, has_directives, first: texts, has_header_row, words, header })
+        let numbers = numbers.unwrap_or_default();
+        Ok(StatedColumns { directives, has_directives, first: texts, numbers, has_header_row, words, header })
     }
 
     /// True if there is a heading, or there are the columns of an Arrow stream.
@@ -102,11 +108,6 @@ impl StatedColumns {
     /// The place of the heading.
     pub fn header_place(&self) -> Option<Place> {
         self.header.as_ref().and_then(|(_, place)| place.clone())
-    }
-
-    /// The numbers of the first row; `None` if it has others than numbers.
-    pub fn numbers(&self) -> Option<Vec<f64>> {
-        self.first.iter().map(|text| text.parse().ok()).collect()
     }
 }
 
@@ -137,7 +138,7 @@ fn find_heading(
 ) -> Option<(Result<PoseLayout, String>, usize)> {
     for (i, line) in lines.iter().enumerate().rev().take(MAX_LOOKED_AT) {
         let names = names_of(&line.text, width, separator);
-        if names.iter().any(|name| name.parse::<f64>().is_ok_and(f64::is_finite)) {
+        if names.iter().any(|name| is_finite_number(name)) {
             continue;
         }
         let headings = Headings::of(&names, &SCHEMA);
@@ -214,10 +215,14 @@ fn with_units(names: Vec<String>, units: Option<Vec<String>>) -> Vec<String> {
     names.into_iter().zip(units).map(with_unit).collect()
 }
 
+fn is_finite_number(text: &str) -> bool {
+    text.parse::<f64>().map_or_else(|_| has_decimal_comma(text), f64::is_finite)
+}
+
 /// True if the columns of a line are headings: no column is a number, and at least one names a component of a
 /// pose.
 fn is_header(names: &[String]) -> bool {
-    names.iter().all(|name| name.parse::<f64>().map_or(true, |v| !v.is_finite())) && {
+    !names.iter().any(|name| is_finite_number(name)) && {
         let headings = Headings::of(join_units(names), &SCHEMA);
         !headings.columns.is_empty() || !headings.wrong_units.is_empty()
     }

@@ -5,7 +5,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::input::arrow::TableField;
 use vlscan_base::input::rows::{Row, RowError};
 use vlscan_base::quantity;
-use vlscan_base::table::{Dimension, Headings, Quantity, Schema, Use, join_units};
+use vlscan_base::table::{Dimension, Headings, Quantity, Schema, Use, join_units, plain, split_unit};
 use vlscan_geom::{Rotation, radians};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,6 +96,8 @@ pub(super) struct PoseLayout {
     pub attitude: AttitudeColumns,
     /// Number of columns of every line, and where the number is from.
     pub width: Option<(usize, &'static str)>,
+    /// True for the headings of EuRoC and of exported ROS topics, whose times are nanoseconds.
+    pub has_ros_names: bool,
     unread: Unread,
 }
 
@@ -104,7 +106,7 @@ pub(super) struct PoseLayout {
 struct Unread {
     /// Columns with unknown names, with suggestions.
     unknown: Vec<String>,
-    help: Vec<String>,
+    help: Option<String>,
     /// Columns of quantities that are common in trajectories and unused here.
     usual: Vec<String>,
 }
@@ -126,6 +128,7 @@ impl PoseLayout {
             geographic: false,
             attitude: AttitudeColumns::Angles,
             width: None,
+            has_ros_names: false,
             unread: Unread::default(),
         }
     }
@@ -179,6 +182,8 @@ impl PoseLayout {
         let names = join_units(names);
         let mut layout = PoseLayout::of(Headings::of(&names, &SCHEMA))?;
         layout.width = Some((names.len(), "the heading"));
+        layout.has_ros_names =
+            names.iter().any(|name| name.starts_with("field.") || plain(split_unit(name).0) == "prsrx");
         Ok(layout)
     }
 
@@ -211,7 +216,7 @@ impl PoseLayout {
             headings.unused.push(name);
         }
         let mut unread = Unread {
-            help: headings.unknown.iter().filter_map(|name| headings.suggestion(name, &SCHEMA)).collect(),
+            help: headings.suggestion(&SCHEMA),
             unknown: std::mem::take(&mut headings.unknown),
             usual: std::mem::take(&mut headings.unused),
         };
@@ -311,7 +316,7 @@ impl PoseLayout {
         if missing.is_empty() {
             return Ok(self);
         }
-        let meant = self.unread.help.iter().map(|question| format!("; {question}")).collect::<String>();
+        let meant = self.unread.help.map_or_else(String::new, |question| format!("; {question}"));
         Err(format!("no column for {}{meant}", missing.join(", ")))
     }
 
@@ -321,7 +326,7 @@ impl PoseLayout {
         let Unread { unknown, help, usual } = &self.unread;
         if !unknown.is_empty() {
             let message = format!("columns that are not read: {}", listed(unknown));
-            let help = if help.is_empty() { SCHEMA.help.to_owned() } else { help.join("; ") };
+            let help = help.clone().unwrap_or_else(|| SCHEMA.help.to_owned());
             found.warn(place.clone(), message).help(help);
         }
         if !usual.is_empty() {
@@ -444,6 +449,21 @@ mod tests {
     }
 
     #[test]
+    fn names_of_the_grid_are_coordinates() {
+        for line in [
+            "time,Grid Easting,Grid Northing,Ell. Height,roll,pitch,yaw",
+            "time;Rechts;Hoch;hauteur;roll;pitch;yaw",
+            "time,UTM_E,UTM_N,alt,roll,pitch,yaw,GPSWeek,sigma_x,speed,sats,cog",
+        ] {
+            let l = layout(line).unwrap().complete(&POSE_COLUMNS).unwrap();
+            assert_eq!(l.columns, [0, 4, 5, 6, 1, 2, 3].map(Some), "{line}");
+            let mut found = Diagnostics::default();
+            l.report_unread(None, &mut found);
+            assert!(!found.render(false).contains("warning"), "{line}");
+        }
+    }
+
+    #[test]
     fn units_separated_from_their_names_are_no_columns() {
         let l = layout("time x y z roll (deg) pitch (deg) yaw (deg)").unwrap();
         assert_eq!(l.columns, [Some(0), Some(4), Some(5), Some(6), Some(1), Some(2), Some(3)]);
@@ -483,7 +503,7 @@ mod tests {
         assert_eq!((&*marked, &*message), ("abc", "expected a number for yaw, found `abc`"));
         assert!(refused(&l, "1,2,3").1.contains("column 4 for yaw is missing: 3 columns"));
         assert!(refused(&l, "1,2,3,nan,5,6,7").1.contains("found `nan`"));
-        assert!(refused(&l, "1;2;3,5;4;5;6;7").1.contains("decimal comma"));
+        assert!(refused(&l, "1;2.5;3,5;4;5;6;7").1.contains("decimal comma"));
         assert!(refused(&l, "1,2,3,1e30,5,6,7").1.contains("yaw is 1e30, expected an angle"));
         assert!(layout("time,x,x").unwrap_err().contains("`x` and `x` have the same meaning"));
     }

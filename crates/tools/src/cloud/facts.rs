@@ -1,6 +1,7 @@
 //! What a point cloud is: counts, density, extent, system, classes, returns, times, flight lines, in one pass
 //! and in memory that does not grow with the number of points.
 
+use super::facts_text::{ADJUSTED, likely_dates};
 use super::occupancy::Occupancy;
 use super::source::CloudSource;
 use std::collections::{BTreeMap, HashSet};
@@ -38,9 +39,9 @@ impl Span {
         Span { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// True if times, s, cannot be seconds of the GPS week.
+    /// True if times, s, cannot be seconds of the GPS week. Some recordings continue past the end of the week.
     fn is_beyond_week(self) -> bool {
-        self.min < 0.0 || self.max > WEEK_S
+        self.min < 0.0 || self.max > 2.0 * WEEK_S
     }
 }
 
@@ -120,16 +121,20 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
             found.warn(Some(Place::of_file(path)), message);
         }
         facts.crs = named.or(facts.crs.take());
-        let times = facts.time.filter(|span| facts.states_week_of_last_file() && span.is_beyond_week());
-        if let Some(span) = times {
-            let message = format!(
-                "its header states seconds of the GPS week, which are 0 to {WEEK_S}, and times are {:.3} to \
-                 {:.3}; as adjusted standard GPS time they are {}",
-                span.min,
-                span.max,
-                facts.dates(span)
-            );
-            found.warn(Some(Place::of_file(path)), message);
+        if let Some((span, is_adjusted)) = facts.time.zip(facts.stated_times_of_last_file()) {
+            let stated = match is_adjusted {
+                true if !ADJUSTED.is_likely(span) => Some("adjusted standard GPS time".to_owned()),
+                false if span.is_beyond_week() => {
+                    Some(format!("seconds of the GPS week, which are 0 to {WEEK_S}"))
+                }
+                _ => None,
+            };
+            if let Some(stated) = stated {
+                let (min, max, dates) = (span.min, span.max, likely_dates(span));
+                let message =
+                    format!("its header states {stated}, and times are {min:.3} to {max:.3}{dates}");
+                found.warn(Some(Place::of_file(path)), message);
+            }
         }
         facts.time = [times_before, facts.time].into_iter().flatten().reduce(Span::union);
         let left_out = facts.skipped - skipped;
@@ -299,10 +304,11 @@ impl CloudSummary {
         kinds.all(|kind| kind == Some(first)).then_some(first)
     }
 
-    /// True if the header of the last file states seconds of the GPS week.
-    fn states_week_of_last_file(&self) -> bool {
+    /// True if times are adjusted standard GPS time, as the header of the last file states; `None` unless it
+    /// is LAS.
+    fn stated_times_of_last_file(&self) -> Option<bool> {
         let file = self.files.last().and_then(|(_, file)| file.as_ref()?.las.as_ref());
-        file.is_some_and(|las| !las.has_adjusted_times)
+        file.map(|las| las.has_adjusted_times)
     }
 
     fn has_times_beyond_the_week(&self) -> bool {

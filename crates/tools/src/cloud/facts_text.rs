@@ -1,7 +1,7 @@
 //! Facts about a cloud as lines of text and as JSON.
 
 use super::classes::{class_name, class_name_in_old_formats};
-use super::facts::{CloudSummary, Span};
+use super::facts::{CloudSummary, Span, WEEK_S};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use vlscan_base::crs;
@@ -19,6 +19,37 @@ const ADJUSTMENT_S: f64 = 1e9;
 /// Days from 1 January 1970 to the epoch of GPS.
 const GPS_EPOCH_DAYS: f64 = 3657.0;
 const DAY_S: f64 = 86_400.0;
+/// Seconds from 1 January 1970 to the beginnings of 1990 and of 2040, between which recordings are likely.
+const LIKELY: std::ops::Range<f64> = 631_152_000.0..2_208_988_800.0;
+
+/// A way to count seconds.
+pub(super) struct TimeScale {
+    name: &'static str,
+    /// Seconds from 1 January 1970 to its 0.
+    epoch_s: f64,
+}
+
+pub(super) const ADJUSTED: TimeScale =
+    TimeScale { name: "adjusted standard GPS time", epoch_s: ADJUSTMENT_S + GPS_EPOCH_DAYS * DAY_S };
+const GPS: TimeScale = TimeScale { name: "GPS seconds", epoch_s: GPS_EPOCH_DAYS * DAY_S };
+const UNIX: TimeScale = TimeScale { name: "Unix time", epoch_s: 0.0 };
+
+impl TimeScale {
+    /// True if times are those of likely recordings.
+    pub(super) fn is_likely(&self, span: Span) -> bool {
+        [span.min, span.max].iter().all(|time| LIKELY.contains(&(time + self.epoch_s)))
+    }
+
+    fn dates(&self, span: Span) -> String {
+        format!("{} to {}", date(span.min + self.epoch_s), date(span.max + self.epoch_s))
+    }
+}
+
+/// The dates of times, for each scale by which they are likely: an addition to a message.
+pub(super) fn likely_dates(span: Span) -> String {
+    let likely = [ADJUSTED, GPS, UNIX].into_iter().filter(|scale| scale.is_likely(span));
+    likely.map(|scale| format!("; as {} they are {}", scale.name, scale.dates(span))).collect()
+}
 
 impl CloudSummary {
     /// The facts as lines of text.
@@ -121,22 +152,17 @@ impl CloudSummary {
     fn described_times(&self, span: Span) -> String {
         match self.has_adjusted_times() {
             Some(true) => {
-                format!(" (adjusted standard GPS time: {}, without leap seconds)", self.dates(span))
+                format!(" (adjusted standard GPS time: {}, without leap seconds)", ADJUSTED.dates(span))
+            }
+            Some(false) if span.max > WEEK_S => {
+                format!(" (of the GPS week, continuing past its end at {WEEK_S} s)")
             }
             Some(false) => " (of the GPS week)".to_owned(),
             None if self.has_wrong_times() => {
-                format!(
-                    " (not of the GPS week, as the header states; adjusted standard GPS time? {})",
-                    self.dates(span)
-                )
+                format!(" (not of the GPS week, as the header states{})", likely_dates(span))
             }
             None => String::new(),
         }
-    }
-
-    /// The dates of times, if they are adjusted standard GPS time.
-    pub(super) fn dates(&self, span: Span) -> String {
-        format!("{} to {}", date(span.min), date(span.max))
     }
 
     /// The name of a class in the formats of the files.
@@ -182,7 +208,7 @@ impl CloudSummary {
             "scan_angle_deg": span(self.scan_angle),
             "time_s": span(self.time),
             "time_kind": kind,
-            "dates": dates.map(|span| [date(span.min), date(span.max)]),
+            "dates": dates.map(|span| [span.min, span.max].map(|time| date(time + ADJUSTED.epoch_s))),
             "objects": self.objects().map(|(count, _)| count),
             "objects_are_all": self.objects().map(|(_, is_more)| !is_more),
             "channels": self.by_channel.iter().map(|(channel, points)| json!({ "channel": channel, "points": points })).collect::<Vec<_>>(),
@@ -224,10 +250,9 @@ fn described(file: &FileFacts) -> String {
     text
 }
 
-/// The date and time of adjusted standard GPS time, as ISO 8601 without a zone: leap seconds are not
-/// subtracted.
-fn date(adjusted_s: f64) -> String {
-    let seconds = (adjusted_s + ADJUSTMENT_S + GPS_EPOCH_DAYS * DAY_S).floor();
+/// The date and time of seconds since 1970, as ISO 8601 without a zone: leap seconds are not subtracted.
+fn date(seconds: f64) -> String {
+    let seconds = seconds.floor();
     let is_number = seconds.abs() < 1e13;
     let time = is_number.then(|| chrono::DateTime::from_timestamp(seconds as i64, 0)).flatten();
     time.map_or_else(|| "?".to_owned(), |time| time.format("%Y-%m-%dT%H:%M:%S").to_string())
@@ -239,6 +264,7 @@ mod tests {
 
     #[test]
     fn adjusted_times_have_dates() {
+        let date = |adjusted_s: f64| date(adjusted_s + ADJUSTED.epoch_s);
         // 2011-09-14T01:46:40 is 10⁹ seconds after the epoch of GPS.
         assert_eq!(date(0.0), "2011-09-14T01:46:40");
         assert_eq!(date(-1e9), "1980-01-06T00:00:00");
@@ -246,5 +272,24 @@ mod tests {
         assert_eq!(date(14_664.0 * DAY_S - 1e9 + 3661.5), "2020-02-29T01:01:01");
         assert_eq!(date(f64::NAN), "?");
         assert_eq!(date(1e300), "?");
+    }
+
+    #[test]
+    fn times_have_the_dates_of_likely_recordings() {
+        let said = |seconds: f64| likely_dates(Span { min: seconds, max: seconds + 100.0 });
+        let of = |name: &str, seconds: f64| said(seconds).contains(&format!("; as {name} they are"));
+        let all =
+            |seconds| ["adjusted standard GPS time", "GPS seconds", "Unix time"].map(|n| of(n, seconds));
+        for (seconds, expected) in [
+            (604_799.0, [true, false, false]),
+            (3.1e8, [true, false, false]),
+            (1.306e9, [false, true, true]),
+            (1.7e9, [false, true, true]),
+            (2.1e9, [false, false, true]),
+            (1e12, [false; 3]),
+        ] {
+            assert_eq!(all(seconds), expected, "{seconds}: {}", said(seconds));
+        }
+        assert!(said(1.306e9).contains("as GPS seconds they are 2021-05-25T"), "{}", said(1.306e9));
     }
 }

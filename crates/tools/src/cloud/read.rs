@@ -155,17 +155,20 @@ mod tests {
     }
 
     #[test]
-    fn decimal_commas_are_named_whatever_separates_the_columns() {
+    fn commas_that_do_not_separate_are_decimal_commas() {
         for text in [
             "1,5\t2,5\t3,5\n",
             "1,5 2,5 3,5\n",
             "x y z\n1,5 2,5 3,5\n",
             "X\tY\tZ\n1,5\t2,5\t3,5\n",
             "1,5;2,5;3,5\n",
-            "1 2 3\n4 5,5 6\n",
-            "2\n1,5 2,5 3,5 100\n4,5 5,5 6,5 100\n",
-            "2\n1 2 3 100\n4,5 5,5 6,5 100\n",
+            "\"x\";\"y\";\"z\"\n\"1,5\";\"2,5\";\"3,5\"\n",
+            "\"1.5\",\"2.5\",\"3.5\"\n",
+            "1\n1,5 2,5 3,5 100\n",
         ] {
+            assert_eq!(read(text).unwrap().bounds().max, DVec3::new(1.5, 2.5, 3.5), "{text:?}");
+        }
+        for text in ["1.5 2 3\n4.5 5,5 6\n", "\"1,5\",\"2,5\",\"3,5\"\n", "2\n1 2 3 100\n4.5 5,5 6,5 100\n"] {
             let Err(Error::Input(report)) = read(text) else { panic!("read {text:?}") };
             let report = report.render(false);
             assert!(

@@ -50,6 +50,15 @@ pub(super) fn recognise(numbers: &[f64]) -> Numbers {
     }
 }
 
+/// True if the body of a time, a position and a quaternion is upright with w first, as EuRoC writes
+/// quaternions, and upside down with w last.
+pub(super) fn is_upright_with_w_first(numbers: &[f64]) -> bool {
+    let &[_, _, _, _, a, b, c, _] = numbers else { return false };
+    // The vertical component of the body's z axis, by x and y of the quaternion.
+    let up = |x: f64, y: f64| 1.0 - 2.0 * (x * x + y * y);
+    up(a, b) < -0.5 && up(b, c) > 0.5
+}
+
 /// Compares the way of a body with its axes.
 #[derive(Debug, Default)]
 pub(super) struct CameraCheck {
@@ -80,6 +89,14 @@ impl CameraCheck {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn upright_bodies_tell_the_place_of_w() {
+        let is = |[a, b, c, d]: [f64; 4]| is_upright_with_w_first(&[9.0, 1.0, 2.0, 3.0, a, b, c, d]);
+        assert!(is([1.0, 0.0, 0.0, 0.0]) && is([0.995, 0.05, -0.05, 0.07]));
+        // The camera of a handheld recording that looks down.
+        assert!(!is([0.0, 0.0, 0.0, 1.0]) && !is([0.6574, 0.6126, -0.2949, -0.3248]));
+    }
 
     #[test]
     fn numbers_are_recognised_by_their_count_and_length() {

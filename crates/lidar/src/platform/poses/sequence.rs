@@ -11,6 +11,8 @@ const MIN_GAP_INTERVALS: f64 = 10.0;
 const MAX_WARNINGS: usize = 20;
 const TIME_UNIT: &str =
     "name the unit of times in the heading or with --trajectory-columns: time[ms], time[us] or time[ns]";
+const TOO_LONG: &str = "a trajectory covers at most 31 days; if times are not seconds, name their unit in \
+                        the heading or with --trajectory-columns: time[ms], time[us] or time[ns]";
 /// Maximum interval between two poses in which the platform is flown straight, s.
 pub const MAX_FLOWN_GAP: f64 = 3600.0;
 /// Distance after which headings are compared with the course, m.
@@ -81,7 +83,7 @@ impl SequenceChecks {
                 number(fix.time),
                 number(self.first_time)
             );
-            return Err(RecordError::new(message).help("a trajectory covers at most 31 days"));
+            return Err(RecordError::new(message).help(TOO_LONG));
         }
         let interval = fix.time - last.time;
         let seconds = number(interval);

@@ -5,14 +5,14 @@
 
 use super::decoder::TakeFix;
 use super::fix::{Fix, FixPlace, RecordPlace};
-use super::recognise::{CameraCheck, Numbers, recognise};
+use super::recognise::{CameraCheck, Numbers, is_upright_with_w_first, recognise};
 use crate::platform::attitude::FileAxes;
 use crate::platform::header::StatedColumns;
 use crate::platform::interpolated::composed;
 use crate::platform::layout::{ANGLES, AttitudeColumns, POSE_COLUMNS, PoseColumn, PoseLayout, PoseNumbers};
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
-use vlscan_base::columns::Separator;
+use vlscan_base::columns::{Separator, is_number};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
@@ -31,6 +31,9 @@ const CAMERA_HELP: &str =
 /// Hint where no columns are found.
 const NAME_COLUMNS: &str = "name the columns in a first line, or with --trajectory-columns: \
                             time,x,y,z,roll,pitch,yaw or time,x,y,z,qx,qy,qz,qw";
+/// Hint where w is probably the first component of the quaternion.
+const NAME_W_FIRST: &str = "name the columns in a first line, or with --trajectory-columns: \
+                            time,x,y,z,qw,qx,qy,qz or time,x,y,z,qx,qy,qz,qw";
 /// Hint where poses have no times.
 const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`, or at 10 Hz: \
      `awk '{ print (NR - 1) / 10, $0 }' poses.txt > timed.txt`";
@@ -184,7 +187,7 @@ impl PoseRows {
         }
         self.read_nanoseconds(&mut layout, &stated, line_place);
         self.layout = Some(layout);
-        let has_no_number = || stated.first.iter().all(|text| text.parse::<f64>().is_err());
+        let has_no_number = || !stated.first.iter().any(|text| is_number(text));
         let is_text = !stated.first.is_empty();
         Ok(stated.has_header_row || is_text && self.settings.columns.is_some() && has_no_number())
     }
@@ -228,10 +231,8 @@ impl PoseRows {
     /// The layout of lines of numbers without names.
     fn of_numbers(&mut self, stated: &StatedColumns) -> std::result::Result<PoseLayout, NoLayout> {
         use PoseColumn::{Pitch, Roll, Time, X, Y, Yaw, Z};
-        let numbers = stated.numbers().unwrap_or_default();
-        let place = Some(Place::of_file(&self.path));
-        let found = recognise(&numbers);
-        match found {
+        let (numbers, place) = (&stated.numbers, Some(Place::of_file(&self.path)));
+        match recognise(numbers) {
             Numbers::Unknown => Ok(PoseLayout::in_order(&[Time, X, Y, Z, Roll, Pitch, Yaw], None)),
             Numbers::TooMany(count) => {
                 let message = format!(
@@ -246,7 +247,13 @@ impl PoseRows {
                 is_of_words: false,
             }),
             Numbers::TimedQuaternion => {
-                self.remarks.note(place, "without names, read as time, x, y, z, qx, qy, qz, qw");
+                let message = "without names, read as time, x, y, z, qx, qy, qz, qw";
+                let has_nanoseconds = numbers.first().is_some_and(|time| *time >= MIN_NANOSECONDS);
+                if has_nanoseconds || is_upright_with_w_first(numbers) {
+                    self.remarks.warn(place, format!("{message}; EuRoC has qw before qx")).help(NAME_W_FIRST);
+                } else {
+                    self.remarks.note(place, message);
+                }
                 Ok(PoseLayout::tum())
             }
             Numbers::Matrix => {
@@ -307,15 +314,19 @@ impl PoseRows {
         }
     }
 
-    /// Reads times without a unit that are too large for seconds as nanoseconds, as EuRoC and ROS write them.
+    /// Reads times without a unit as nanoseconds if they are too large for seconds, or if they are integers
+    /// below a heading of EuRoC or ROS.
     fn read_nanoseconds(&mut self, layout: &mut PoseLayout, stated: &StatedColumns, place: Option<Place>) {
         let time = PoseColumn::Time as usize;
         let text = layout.columns[time].and_then(|column| stated.first.get(column));
         let first = text.and_then(|text| text.parse::<f64>().ok()).unwrap_or_default();
-        if layout.factors[time].is_none() && (MIN_NANOSECONDS..MAX_NANOSECONDS).contains(&first) {
+        let is_large = (MIN_NANOSECONDS..MAX_NANOSECONDS).contains(&first);
+        let is_integer = text.is_some_and(|text| text.bytes().all(|b| b.is_ascii_digit()));
+        if layout.factors[time].is_none() && (is_large || is_integer && layout.has_ros_names) {
             layout.factors[time] = Some(1e-9);
-            self.remarks
-                .note(place, "times without a unit are too large for seconds and are read as nanoseconds");
+            let reason = if is_large { "too large for seconds" } else { "integers below a heading of ROS" };
+            let message = format!("times without a unit are {reason} and are read as nanoseconds");
+            self.remarks.note(place, message);
         }
     }
 
@@ -464,6 +475,53 @@ mod tests {
     fn a_first_line_may_state_the_separator() {
         let fix = first(defaults(), "sep=;\ntime;x;y;z;roll;pitch;yaw\n1;2;3;4;0;0;0\n");
         assert_eq!((fix.time, fix.place), (1.0, FixPlace::Local([2.0, 3.0, 4.0])));
+    }
+
+    #[test]
+    fn headings_of_euroc_and_ros_mean_nanoseconds() {
+        let euroc =
+            "#timestamp,p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n";
+        let ros = "%time,field.header.stamp,field.pose.position.x,field.pose.position.y,field.pose.position.z,\
+                   field.pose.orientation.x,field.pose.orientation.y,field.pose.orientation.z,\
+                   field.pose.orientation.w\n";
+        for (text, time) in [
+            (format!("{euroc}1500000000,1,2,3,1,0,0,0\n"), 1.5),
+            (format!("{euroc}1.25,1,2,3,1,0,0,0\n"), 1.25),
+            (format!("{ros}2500000000,2500000000,1,2,3,0,0,0,1\n"), 2.5),
+            ("time,x,y,z,qw,qx,qy,qz\n15,1,2,3,1,0,0,0\n".to_owned(), 15.0),
+        ] {
+            assert!((first(defaults(), &text).time - time).abs() < 1e-12, "{text}");
+        }
+    }
+
+    #[test]
+    fn quaternions_that_probably_have_w_first_give_a_warning() {
+        let remarks = |text: &str| {
+            let mut rows = PoseRows::new(Path::new("-"), defaults());
+            rows.feed(text.as_bytes());
+            rows.decode(true, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
+            rows.take_remarks().render(false)
+        };
+        for text in ["1 0 0 0 1 0 0 0\n", "1403636580838555648 0 0 0 0 0 0 1\n"] {
+            let said = remarks(text);
+            assert!(said.contains("EuRoC has qw before qx") && said.contains("warning"), "{said}");
+        }
+        assert!(!remarks("1 0 0 0 0 0 0 1\n").contains("warning"));
+    }
+
+    #[test]
+    fn spreadsheets_quote_fields_and_write_decimal_commas() {
+        let expected = (0.5, FixPlace::Local([2.25, 3.0, 4.0]));
+        for text in [
+            "\"time\",\"x\",\"y\",\"z\",\"roll\",\"pitch\",\"yaw\"\n\"0.5\",\"2.25\",\"3\",\"4\",\"0\",\"0\",\"0\"\n",
+            "time;x;y;z;roll;pitch;yaw\n0,5;2,25;3;4;0;0;0\n",
+            "0,5;2,25;3,0;4,0;0,0;0,0;0,0\n",
+            "time\tx\ty\tz\troll\tpitch\tyaw\n0,5\t2,25\t3\t4\t0\t0\t0\n",
+            "0,5 2,25 3 4 0,0 0,0 0,0 1,0\n",
+        ] {
+            let fix = first(defaults(), text);
+            assert_eq!((fix.time, fix.place), expected, "{text}");
+        }
     }
 
     #[test]

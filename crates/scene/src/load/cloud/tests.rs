@@ -101,20 +101,22 @@ fn lines_may_end_in_carriage_returns() {
 }
 
 #[test]
-fn decimal_commas_are_named() {
+fn commas_that_do_not_separate_are_decimal_commas() {
+    let expected = centres(&scene("1.5 2.5 3.5\n", " ", |_| {}));
     for (text, separator) in [
         ("1,5 2,5 3,5\n", " "),
-        ("1,5 2,5 3,5\n", ","),
         ("1,5\t2,5\t3,5\n", "\t"),
-        ("1,5\t2,5\t3,5\n", ","),
         ("1,5;2,5;3,5\n", ";"),
-        ("1,5;2,5;3,5\n", " "),
-        ("1,5;2,5;3,5\n", ","),
-        ("x;y;z;class\n1;2;3;1,5\n", ";"),
+        ("\"x\";\"y\";\"z\"\n\"1,5\";\"2,5\";\"3,5\"\n", ";"),
     ] {
+        assert_eq!(centres(&scene(text, separator, |_| {})), expected, "{text:?}");
+    }
+    for (text, separator) in
+        [("1,5 2,5 3,5\n", ","), ("1,5\t2,5\t3,5\n", ","), ("1,5;2,5;3,5\n", " "), ("1,5;2,5;3,5\n", ",")]
+    {
         let message =
             scene_of("a.csv", text.as_bytes(), |l| l.separator = separator.to_owned()).err().unwrap();
-        let is_named = message.contains("decimal comma") && message.contains("decimal point");
+        let is_named = message.contains("the columns are separated by");
         assert!(is_named && message.contains("a.csv:"), "{text:?} by {separator:?}: {message}");
     }
 }
@@ -145,6 +147,18 @@ fn what_is_not_used_as_written_is_told() {
     points[3].1 = DVec3::ZERO;
     let left_out = warnings("a.ply", &as_ply(&points, true, "normals"), |_| {});
     assert!(left_out.contains("left out: 1 of them") && left_out.contains("a.ply"), "{left_out}");
+}
+
+#[test]
+fn colours_and_halves_of_numbers_are_unlikely_normals() {
+    for (text, separator) in [("1 2 3 128 64 20\n", " "), ("1,5,2,5,3,5\n", ",")] {
+        let said = warnings("a.xyz", text.as_bytes(), |l| l.separator = separator.to_owned());
+        assert!(said.contains("are read as a normal, whose length is") && said.contains("a.xyz:1"), "{said}");
+    }
+    assert_eq!(warnings("a.xyz", b"1 2 3 0 0 1\n", |_| {}), "");
+    let colours = |l: &mut XyzLoader| l.rgb_columns = Some([3, 4, 5]);
+    assert_eq!(warnings("a.xyz", b"1 2 3 128 64 20\n", colours), "");
+    assert_eq!(warnings("a.xyz", b"x y z r g b\n1 2 3 128 64 20\n", |_| {}), "");
 }
 
 #[test]

@@ -5,8 +5,10 @@ use crate::text::{Line, Lines, Problems, Source, shown};
 use std::ops::Range;
 use vlscan_base::columns::{Separator, has_decimal_comma};
 use vlscan_base::diag::Diagnostics;
+use vlscan_base::quantity;
 use vlscan_formats::text::{BadRow, LayoutFinder, RowReader, Widths, is_skipped};
 use vlscan_formats::{Attribute, Columns, PointRow};
+use vlscan_geom::DVec3;
 use vlscan_survey::XyzLoader;
 
 /// How the lines of a file are split, and the meaning of their columns.
@@ -16,6 +18,9 @@ pub(super) struct RowFormat {
 
 /// Number of a line, from 1, and bytes within the file or a piece of it.
 pub(super) type LinePlace = (usize, Range<usize>);
+
+/// Maximum length of a normal in columns without names that causes no warning.
+const MAX_LIKELY_NORMAL: f64 = 2.5;
 
 /// Columns of the normal unless the scene or the file names others.
 const DEFAULT_NORMAL: [usize; 3] = [3, 4, 5];
@@ -40,25 +45,14 @@ impl RowFormat {
         let mut words = Vec::new();
         layout.split(&line.text, &mut words);
         let guessed = Separator::guess(&line.text);
-        let is_decimal = |line: &Line| {
-            let mut words = guessed.split(&line.text).map(|at| shown(&line.text[at]));
-            words.find(|word| has_decimal_comma(word))
-        };
-        let decimal = is_decimal(&line);
+        let has_commas = guessed.split(&line.text).any(|at| has_decimal_comma(&shown(&line.text[at])));
         let used = if loader.separator.is_empty() { " " } else { &loader.separator };
-        let is_torn = decimal.is_some() && used.contains(',') && !used.contains(&guessed.characters());
+        let is_torn = has_commas && used.contains(',') && !used.contains(&guessed.characters());
         if (words.len() < 3 || is_torn) && guessed.split(&line.text).count() >= 3 {
-            // The line may name the columns; the numbers are in the next one then.
-            let mut next = || lines.find(|line| !is_skipped(&line.text));
-            let hint = decimal.or_else(|| is_decimal(&next()?)).map_or_else(String::new, |word| {
-                format!(", and \"{word}\" has a decimal comma; numbers need a decimal point")
-            });
             let found = guessed.characters();
             diagnostics.error(
                 Some(source.place(line.number, line.start..line.start + line.text.len())),
-                format!(
-                    "the separator of the part is {used:?}, the columns are separated by {found:?}{hint}"
-                ),
+                format!("the separator of the part is {used:?}, the columns are separated by {found:?}"),
             );
         }
         let columns = match layout.is_named() {
@@ -80,6 +74,9 @@ impl RowFormat {
         };
         let rows = RowReader::new(layout, columns, &line.text);
         warn_of_unread(&rows, loader, source, &line, diagnostics);
+        if loader.normal_columns.is_none() && !rows.is_named() {
+            warn_of_other_values(&rows, source, &line, diagnostics);
+        }
         Some(RowFormat { rows })
     }
 
@@ -182,6 +179,22 @@ fn warn_of_unread(
         };
         diagnostics.warn(Some(place), message).help("name the columns in the first line: `x y z class`");
     }
+}
+
+/// Warns of a first point whose normal in columns without names is too long to be one: colours, or halves of
+/// numbers with decimal commas.
+fn warn_of_other_values(rows: &RowReader, source: &Source, line: &Line, diagnostics: &mut Diagnostics) {
+    let mut words = Vec::new();
+    rows.split(&line.text, &mut words);
+    let normal = rows.parse(&line.text, &words).ok().and_then(|point| point.normal);
+    let Some(length) = normal.map(DVec3::length).filter(|length| *length > MAX_LIKELY_NORMAL) else { return };
+    let place = source.place(line.number, line.start..line.start + line.text.len());
+    let length = quantity::fixed(length, 1);
+    let message = format!("columns 4 to 6 have no names and are read as a normal, whose length is {length}");
+    diagnostics.warn(Some(place), message).help(
+        "name the columns in the first line, for example `x y z red green blue`; numbers with decimal commas \
+         need columns separated by semicolons or tabs",
+    );
 }
 
 /// The columns with these of the normal, if there are any.

@@ -126,7 +126,7 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
             }
         };
         for (name, (value, at)) in names.iter().zip(fields) {
-            if let Err(expected) = set(&mut material, name, &value) {
+            if let Err(expected) = set(&mut material, name, &value, separator) {
                 let message = format!("expected {expected}, found \"{value}\"{}", comma_note(&value));
                 diagnostics.error(Some(Place::in_line(path, number, line, at)), message).help(HELP);
             }
@@ -162,13 +162,19 @@ fn read_text(path: &Path) -> std::io::Result<String> {
     String::from_utf8(read_file(path, MAX_BYTES)?).map_err(|_| std::io::Error::other("it is not UTF-8"))
 }
 
-fn set(material: &mut MaterialDefinition, column: &str, value: &str) -> Result<(), &'static str> {
+fn set(
+    material: &mut MaterialDefinition,
+    column: &str,
+    value: &str,
+    separator: Separator,
+) -> Result<(), &'static str> {
     match column {
         "name" if value.is_empty() => return Err("the name of a material"),
         "name" => material.name = printable(value),
         _ if value.is_empty() => {}
         "reflectance" => {
-            let reflectance = value.parse::<f64>().ok().filter(|r| (0.0..=1.0).contains(r));
+            let reflectance = separator.number(value.as_bytes(), std::iter::empty());
+            let reflectance = reflectance.filter(|r| (0.0..=1.0).contains(r));
             material.reflectance = Some(reflectance.ok_or("a reflectance from 0 to 1")?);
         }
         "class" => material.classification = value.parse::<u8>().map_err(|_| "a class from 0 to 255")?.into(),

@@ -17,10 +17,11 @@ const SCHEMA: Schema = Schema {
         (Quantity::Species, Use::Optional),
         (Quantity::Stem, Use::Optional),
         (Quantity::Crown, Use::Optional),
+        (Quantity::CrownRadius, Use::Optional),
         (Quantity::Z, Use::Optional),
         (Quantity::Ground, Use::Optional),
-        (Quantity::Longitude, Use::Unread),
-        (Quantity::Latitude, Use::Unread),
+        (Quantity::Longitude, Use::Unread("")),
+        (Quantity::Latitude, Use::Unread("")),
     ],
     is_unique: false,
     help: "an inventory has the columns x, y, height (Rechtswert, Hochwert, Höhe), and optionally crown, \

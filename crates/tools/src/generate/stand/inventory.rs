@@ -18,6 +18,10 @@ const MAX_BYTES: u64 = 256 << 20;
 const MAX_PROBLEMS: usize = 5;
 /// Heights and crown diameters of trees, m.
 const SIZE: Bounds = Bounds::new(0.01, 200.0, "metres from 0.01 to 200");
+/// Crown radii, m.
+const RADIUS: Bounds = Bounds::new(0.005, 100.0, "metres from 0.005 to 100");
+/// Maximum crown diameter that causes no warning, as a multiple of the height.
+const MAX_LIKELY_CROWN: f64 = 2.5;
 /// Stem diameters in a column that has a unit, m.
 const STEM: Bounds = Bounds::new(0.0, 15.0, "a stem diameter of at most 15 m");
 /// Stem diameters in a column without a unit, m or cm.
@@ -56,10 +60,10 @@ pub struct Inventory {
 }
 
 impl Inventory {
-    /// Reads a table of text with headings: `x`, `y` and `height` are needed; `crown`, `dbh`, `species`, `id`
-    /// and `z` may be there, others are ignored, with a warning. Lengths are m unless the heading has another
-    /// unit; a `dbh` without a unit whose largest value is above 3 is cm. Numbers may have decimal commas.
-    /// Also returns what the user should know.
+    /// Reads a table of text with headings: `x`, `y` and `height` are needed; `crown`, `crown_radius`, `dbh`,
+    /// `species`, `id` and `z` may be there, others are ignored, with a warning. Lengths are m unless the
+    /// heading has another unit; a `dbh` without a unit whose largest value is above 3 is cm. Numbers may
+    /// have decimal commas. Also returns what the user should know.
     ///
     /// # Errors
     /// [`Error::Input`] with all problems of the headings and those of up to five lines, [`Error::Io`].
@@ -144,6 +148,7 @@ impl Table<'_> {
         if !self.problems.is_fatal(false) {
             let stem = headings.get(Quantity::Stem);
             self.resolve_stems(stem.is_some_and(|stem| stem.factor.is_some()), place.as_ref());
+            self.check_crowns(place.as_ref());
             self.check_places(place.as_ref());
         }
     }
@@ -175,6 +180,21 @@ impl Table<'_> {
         if is_cm {
             self.trees.iter_mut().for_each(|tree| tree.stem = tree.stem.map(|cm| cm / 100.0));
         }
+    }
+
+    /// Warns of crowns that are much wider than their trees are high.
+    fn check_crowns(&mut self, heading: Option<&Place>) {
+        let is_wide = |tree: &Tree| tree.crown.is_some_and(|crown| crown > MAX_LIKELY_CROWN * tree.height);
+        let mut wide = self.trees.iter().zip(&self.lines).filter(|(tree, _)| is_wide(tree));
+        let Some((tree, line)) = wide.next() else { return };
+        let (crown, height, count) = (tree.crown.unwrap_or_default(), tree.height, 1 + wide.count());
+        let trees = if count == 1 { "tree has a crown" } else { "trees have crowns" };
+        let message = format!(
+            "{count} {trees} wider than {MAX_LIKELY_CROWN} times the height, line {line} the first: {crown} m \
+             at a height of {height} m"
+        );
+        let help = "`crown` is the diameter; name the unit in the heading: crown_cm or crown_ft";
+        self.problems.warn(heading.cloned(), message).help(help);
     }
 
     /// Warns of trees that are there twice and of coordinates in degrees.
@@ -247,7 +267,7 @@ impl Row<'_> {
             stem: None,
             species: None,
         };
-        let headings = self.headings;
+        let (headings, mut radius) = (self.headings, None);
         for TableColumn { quantity, index, factor, name } in &headings.columns {
             let field = line.fields[*index].as_ref();
             let is_missing =
@@ -263,6 +283,7 @@ impl Row<'_> {
                 }
                 Quantity::TreeHeight => tree.height = value(SIZE).unwrap_or(f64::NAN),
                 Quantity::Crown if !is_missing => tree.crown = value(SIZE),
+                Quantity::CrownRadius if !is_missing => radius = value(RADIUS),
                 Quantity::Stem if !is_missing => {
                     let bounds = if factor.is_some() { STEM } else { STEM_WITHOUT_UNIT };
                     // 0 stands for trees that were not measured.
@@ -271,6 +292,7 @@ impl Row<'_> {
                 _ => {}
             }
         }
+        tree.crown = tree.crown.or(radius.map(|radius| 2.0 * radius));
         tree
     }
 
@@ -342,6 +364,24 @@ mod tests {
         assert_eq!(
             (trees[1].id.as_str(), trees[1].crown, trees[1].stem, &trees[1].species),
             ("2", None, None, &None)
+        );
+    }
+
+    #[test]
+    fn crowns_are_diameters_or_radii() {
+        let crown = |table: &str| read(table).unwrap().trees[0].crown;
+        for table in [
+            "x,y,height,crown_radius\n1,2,20,3\n",
+            "x,y,height,Crown radius [cm]\n1,2,20,300\n",
+            "x,y,height,CW_m\n1,2,20,6\n",
+            "x,y,height,crown_radius,crown\n1,2,20,1,6\n",
+        ] {
+            assert_eq!((crown(table), warned(table).as_str()), (Some(6.0), ""), "{table}");
+        }
+        let said = warned("x,y,height,crown\n1,2,20,60\n5,6,20,30\n");
+        assert!(
+            said.contains("1 tree has a crown wider") && said.contains("60 m at a height of 20 m"),
+            "{said}"
         );
     }
 
@@ -467,6 +507,8 @@ mod tests {
             "x,y,Tree height (m)\n1,2,20\n",
             "gx,gy,sp,dbh.mm,Height.cm\n1,2,beech,300,2000\n",
             "Tree ID,X-Koordinate,Y-Koordinate,Baumhöhe\n7,1,2,20\n",
+            "UTM_E;UTM_N;hauteur\n1;2;20\n",
+            "Rechts;Hoch;Höhe\n1;2;20\n",
         ] {
             assert_eq!((height(table), warned(table).as_str()), (20.0, ""), "{table}");
         }

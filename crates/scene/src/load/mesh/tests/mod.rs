@@ -151,7 +151,7 @@ fn a_square_is_the_same_in_every_format() {
 #[test]
 fn tables_give_materials_their_properties_by_name() {
     let mut f = fixture("a.stl", SQUARE_STL.as_bytes());
-    f.file("materials.csv", b"name;class;reflectance;ground\n# roofs\nroof;6;0.25;0\nwall;;0.5;true\n");
+    f.file("materials.csv", b"\"name\";class;reflectance;ground\n# roofs\nroof;6;0,25;0\nwall;;0.5;true\n");
     let scene = load(&mut f, "a.stl", MeshReading::default());
     let found: Vec<_> = scene
         .materials
@@ -174,7 +174,7 @@ fn tables_give_materials_their_properties_by_name() {
         ("name,ground\nroof,maybe\n", "expected true or false"),
         ("name,ground\nroof,1\nroof,0\n", "is described twice"),
         ("name,class,ground\nroof,1\n", "expected 3 fields, found 2"),
-        ("name;reflectance\nroof;0,25\n", "found \"0,25\", which has a decimal comma"),
+        ("name,reflectance\nroof,\"0,25\"\n", "found \"0,25\", which has a decimal comma"),
         ("name,class\nroof,1,true\n", "materials.csv:2"),
         ("", "is empty"),
     ] {
