@@ -83,7 +83,7 @@ fn fit(points: &[[f64; 3]], centre: [f64; 2]) -> Option<Fit> {
 
 /// True if a place lies within the convex hull of points, or on its edge: no half-plane beyond the place is
 /// without points.
-fn surrounds(points: &[[f64; 3]], [x, y]: [f64; 2]) -> bool {
+pub(super) fn surrounds(points: &[[f64; 3]], [x, y]: [f64; 2]) -> bool {
     const ROUNDING: f64 = 1e-9;
     let offsets = || points.iter().map(|p| [p[0] - x, p[1] - y]);
     // A point in each quadrant suffices, as in nearly all cells with many points.

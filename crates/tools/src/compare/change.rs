@@ -15,10 +15,13 @@
 //! The variance of a volume has three parts (Anderson, 2019, Uncertainty in quantitative analyses of
 //! topographic change: error propagation and the role of thresholding): the random errors of its cells;
 //! shared errors, which are those of blocks of as many cells, and the offset; and the volume that the level
-//! of detection cuts off.
+//! of detection cuts off. Cells that are filled from their neighbours ([`super::gaps`]) share errors, which
+//! add up within blocks. Cells that are left out add the volume that they would have if they changed like the
+//! measured cells around them.
 
 use super::cell_surface::{CellSurface, cell_surfaces};
 use super::cut::{CellGrid, Cut};
+use super::gaps::{Gaps, MeasuredCells};
 use super::registration::{CellDifference, Registration, sorted};
 use super::statistic::{Statistic, quantile};
 use super::terrain::GROUND;
@@ -29,7 +32,8 @@ use vlscan_base::quantity::signed;
 
 /// Standard deviations of the level of detection: 95 % of normal errors lie within them.
 const DETECTION: f64 = 1.96;
-/// Side of the blocks in which change below the level of detection adds up, in cells.
+/// Side of the blocks in which change below the level of detection and errors of filled cells add up, in
+/// cells.
 const BLOCK: usize = 8;
 
 /// Change between the clouds: second minus first, where both have a surface.
@@ -39,14 +43,16 @@ pub struct Change {
     pub surface: &'static str,
     /// Number of cells with a difference.
     pub cells: usize,
-    /// Number of these cells whose difference is the mean of the neighbouring cells, since a surface would be
-    /// extrapolated.
+    /// Number of these cells whose difference is the mean of measured cells around them, since a surface
+    /// would be extrapolated.
     pub cells_interpolated: usize,
     /// Number of cells with points of both that are left out, since their surface would be extrapolated in
-    /// the first or in the second cloud and too few neighbouring cells have a difference.
+    /// the first or in the second cloud and too few cells around them have a difference.
     pub cells_extrapolated: [usize; 2],
     /// Number of cells with points of both that are left out, each counted once.
     pub cells_left_out: usize,
+    /// Number of these cells, and of cells without points of both between cells with a difference.
+    pub cells_unmeasured: usize,
     /// Number of cells with points of the first, and of the second cloud alone.
     pub cells_of_one: [usize; 2],
     /// Mean difference, m.
@@ -79,16 +85,27 @@ pub struct Change {
 }
 
 impl Change {
-    /// A sentence about the cells that are left out, if they are many.
+    /// A sentence about the cells without a surface, if they are many or dominate an uncertainty.
     pub(super) fn doubts(&self, side: f64) -> Option<String> {
-        /// Least share of cells left out that is mentioned.
-        const SHARE: f64 = 0.1;
-        let left_out = self.cells_left_out;
-        let all = left_out + self.cells;
-        (left_out as f64 > SHARE * all as f64).then(|| {
+        /// Minimum share of cells left out that is mentioned.
+        const LEFT_OUT: f64 = 0.1;
+        /// Minimum share of cells left out or filled that is mentioned.
+        const WITHOUT_SURFACE: f64 = 0.25;
+        /// Minimum share of a volume that cells left out may add and that is mentioned.
+        const UNMEASURED: f64 = 0.05;
+        let [left_out, filled] = [self.cells_unmeasured, self.cells_interpolated];
+        let all = self.cells + left_out;
+        let dominates = |volume: &Volume| {
+            volume.unmeasured_m3 > 0.5 * volume.uncertainty_m3
+                && volume.unmeasured_m3 > UNMEASURED * volume.volume_m3
+        };
+        let is_mentioned = left_out as f64 > LEFT_OUT * all as f64
+            || (left_out + filled) as f64 > WITHOUT_SURFACE * all as f64
+            || [&self.fill, &self.cut].into_iter().any(dominates);
+        is_mentioned.then(|| {
             format!(
-                "change in {left_out} of {all} cells: the points of a cloud do not surround their centres; \
-                 larger cells have more points (--cell {})",
+                "change in {left_out} of {all} cells, {filled} more are filled from cells around them: the \
+                 points of a cloud do not surround their centres; larger cells have more points (--cell {})",
                 2.0 * side
             )
         })
@@ -111,12 +128,15 @@ impl Change {
 pub struct Volume {
     /// m³.
     pub volume_m3: f64,
-    /// Its standard uncertainty, m³, which contains the volume below the level of detection; NaN without
-    /// cells.
+    /// Its standard uncertainty, m³, which contains the volumes below the level of detection and of cells
+    /// left out; NaN without cells.
     pub uncertainty_m3: f64,
     /// Volume of the same sense below the level of detection, m³: cells that did not change significantly,
     /// summed in blocks, relative to the offset, or to 0 if the registration is stated.
     pub undetected_m3: f64,
+    /// Volume of the same sense that cells left out would have if they changed like the measured cells around
+    /// them, m³.
+    pub unmeasured_m3: f64,
     /// Area of its cells, m².
     pub area_m2: f64,
 }
@@ -175,6 +195,7 @@ pub(super) fn change(
     let is_left_out = |cell: &usize| has_both(cell) && !measured.has_difference[*cell];
     let total: f64 = positive_zero(all.iter().sum());
     let count = (all.len() as f64).max(1.0);
+    let [fill, cut] = [1.0, -1.0].map(|sign| measured.volume(sign));
     Change {
         surface: match are_classified {
             true => "ground points (class 2)",
@@ -190,6 +211,7 @@ pub(super) fn change(
                 && !measured.has_difference[cell]
         }),
         cells_left_out: (0..grid.len()).filter(is_left_out).count(),
+        cells_unmeasured: measured.left_out.len(),
         cells_of_one: count_of(&|_, surface, other| {
             surface != CellSurface::Missing && other == CellSurface::Missing
         }),
@@ -200,10 +222,11 @@ pub(super) fn change(
         detection_m: median(&sorted(measured.cells.iter().map(|cell| measured.detection(cell)))),
         offset_m: measured.shared.offset,
         shared_m: measured.shared.deviation,
-        fill: measured.volume(1.0),
-        cut: measured.volume(-1.0),
+        fill,
+        cut,
         net_m3: grid.side * grid.side * total,
-        net_uncertainty_m3: measured.uncertainty(measured.cells.iter(), 0.0),
+        net_uncertainty_m3: measured
+            .uncertainty(measured.cells.iter(), fill.unmeasured_m3 + cut.unmeasured_m3),
         random_m: median(&sorted(measured.cells.iter().map(|cell| cell.variance.sqrt()))),
         map: measured.map(corner),
     }
@@ -218,8 +241,12 @@ struct Measured<'g> {
     offset: f64,
     /// Difference of cells that did not change, m: the measured offset, or 0 with a stated registration.
     unchanged: f64,
-    /// Number of cells, the last of `cells`, whose difference is that of their neighbours.
+    /// Number of cells, the last of `cells`, whose difference is that of cells around them.
     interpolated: usize,
+    /// Cells of the grid that may have changed and have no difference.
+    left_out: Vec<usize>,
+    /// By cell of the grid.
+    is_interpolated: Vec<bool>,
     /// By cell of the grid.
     has_difference: Vec<bool>,
     /// By cell of the grid.
@@ -241,14 +268,25 @@ impl<'g> Measured<'g> {
             Some(deviation) => (deviation, 0.0),
             None => (shared.offset.abs(), shared.offset),
         };
-        let between = interpolated(grid, surfaces, &cells);
-        let interpolated = between.len();
-        cells.extend(between);
+        let Gaps { filled, left_out } = Gaps::of(grid, surfaces, &MeasuredCells::new(grid, &cells));
+        let interpolated = filled.len();
+        let mut is_interpolated = vec![false; grid.len()];
+        filled.iter().for_each(|cell| is_interpolated[cell.cell] = true);
+        cells.extend(filled);
         let mut has_difference = vec![false; grid.len()];
         cells.iter().for_each(|cell| has_difference[cell.cell] = true);
-        let is_changed = vec![false; grid.len()];
-        let mut measured =
-            Measured { grid, cells, shared, offset, unchanged, interpolated, has_difference, is_changed };
+        let mut measured = Measured {
+            grid,
+            cells,
+            shared,
+            offset,
+            unchanged,
+            interpolated,
+            left_out,
+            is_interpolated,
+            has_difference,
+            is_changed: vec![false; grid.len()],
+        };
         let mut signs = vec![0.0; grid.len()];
         for cell in &measured.cells {
             if cell.difference.abs() > measured.detection(cell) {
@@ -272,38 +310,66 @@ impl<'g> Measured<'g> {
         let is_part = |cell: &&CellDifference| self.is_changed[cell.cell] && sign * cell.difference > 0.0;
         let part = || self.cells.iter().filter(is_part);
         let area = self.grid.side * self.grid.side;
-        let undetected = self.undetected(sign);
+        let [undetected, unmeasured] = [self.undetected(sign), self.unmeasured(sign)];
         Volume {
             volume_m3: positive_zero(area * part().map(|cell| cell.difference.abs()).sum::<f64>()),
-            uncertainty_m3: self.uncertainty(part(), undetected),
+            uncertainty_m3: self.uncertainty(part(), libm::hypot(undetected, unmeasured)),
             undetected_m3: undetected,
+            unmeasured_m3: unmeasured,
             area_m2: area * part().count() as f64,
         }
     }
 
-    /// The standard uncertainty of the volume of some cells, of which a part is not detected, m³.
-    fn uncertainty<'c>(&self, part: impl Iterator<Item = &'c CellDifference>, undetected: f64) -> f64 {
+    /// The standard uncertainty of the volume of some cells and of a part that is missing, m³.
+    fn uncertainty<'c>(&self, part: impl Iterator<Item = &'c CellDifference>, missing: f64) -> f64 {
         if self.cells.is_empty() {
             return f64::NAN;
         }
         let (mut count, mut variance) = (0, 0.0);
+        // Filled cells of a block are means of about the same cells.
+        let mut of_filled = self.blocks();
         for cell in part {
-            (count, variance) = (count + 1, variance + cell.variance);
+            count += 1;
+            match self.is_interpolated[cell.cell] {
+                true => of_filled[self.block(cell.cell)] += cell.variance.sqrt(),
+                false => variance += cell.variance,
+            }
         }
+        variance += of_filled.iter().map(|deviation| deviation * deviation).sum::<f64>();
         let shared = libm::hypot(self.shared.deviation_of_mean(count), self.offset) * count as f64;
         let of_cells = self.grid.side * self.grid.side * libm::hypot(variance.sqrt(), shared);
-        libm::hypot(of_cells, undetected)
+        libm::hypot(of_cells, missing)
+    }
+
+    /// A sum of 0 for each block.
+    fn blocks(&self) -> Vec<f64> {
+        vec![0.0; self.grid.columns.div_ceil(BLOCK) * self.grid.rows.div_ceil(BLOCK)]
+    }
+
+    /// The block of a cell of the grid.
+    fn block(&self, cell: usize) -> usize {
+        let [column, row] = [cell % self.grid.columns, cell / self.grid.columns];
+        row / BLOCK * self.grid.columns.div_ceil(BLOCK) + column / BLOCK
+    }
+
+    /// The volume of a sign that cells left out have if they changed like the measured cells around them, m³.
+    fn unmeasured(&self, sign: f64) -> f64 {
+        let measured = &self.cells[..self.cells.len() - self.interpolated];
+        let change = |cell: &CellDifference| {
+            let is_significant = sign * cell.difference > self.detection(cell);
+            if is_significant { cell.difference.abs() } else { 0.0 }
+        };
+        let sum = MeasuredCells::new(self.grid, measured).sum_in(&self.left_out, change);
+        positive_zero(self.grid.side * self.grid.side * sum)
     }
 
     /// The volume of a sign in the cells that did not change significantly, m³: the sum of the blocks in
     /// which it prevails, so that random errors cancel. Errors that blocks share do not, since they hide as
     /// much change.
     fn undetected(&self, sign: f64) -> f64 {
-        let columns = self.grid.columns.div_ceil(BLOCK);
-        let mut sums = vec![0.0; columns * self.grid.rows.div_ceil(BLOCK)];
+        let mut sums = self.blocks();
         for cell in self.cells.iter().filter(|cell| !self.is_changed[cell.cell]) {
-            let [column, row] = [cell.cell % self.grid.columns, cell.cell / self.grid.columns];
-            sums[row / BLOCK * columns + column / BLOCK] += sign * (cell.difference - self.unchanged);
+            sums[self.block(cell.cell)] += sign * (cell.difference - self.unchanged);
         }
         let prevailing = sums.into_iter().map(|sum| f64::max(sum, 0.0)).sum::<f64>();
         positive_zero(self.grid.side * self.grid.side * prevailing)
@@ -328,48 +394,11 @@ impl<'g> Measured<'g> {
     }
 }
 
-/// The differences of cells with points of both clouds in which a surface would be extrapolated: the mean of
-/// the neighbouring cells', if at least half of them have one. The variance is that of a neighbour, with the
-/// scatter among them.
-fn interpolated(
-    grid: &CellGrid,
-    surfaces: &[Vec<CellSurface>; 2],
-    cells: &[CellDifference],
-) -> Vec<CellDifference> {
-    const LEAST: usize = 4;
-    let mut number = vec![u32::MAX; grid.len()];
-    for (i, cell) in (0..).zip(cells) {
-        number[cell.cell] = i;
-    }
-    let between = |cell: usize| {
-        let at = || around(grid, cell).filter_map(|other| cells.get(number[other] as usize));
-        let count = at().count();
-        let mean = |of: &dyn Fn(&CellDifference) -> f64| at().map(of).sum::<f64>() / count as f64;
-        let difference = mean(&|other| other.difference);
-        let variance = mean(&|other| other.variance + (other.difference - difference).powi(2));
-        (count >= LEAST).then_some(CellDifference { cell, difference, variance })
-    };
-    let is_left_out = |cell: &usize| {
-        let pair = [surfaces[0][*cell], surfaces[1][*cell]];
-        pair.contains(&CellSurface::Extrapolated) && !pair.contains(&CellSurface::Missing)
-    };
-    (0..grid.len()).filter(is_left_out).filter_map(between).collect()
-}
-
 /// True if a cell has a sign, and at least two of its eight neighbours the same.
 fn has_like_neighbours(grid: &CellGrid, signs: &[f64], cell: usize) -> bool {
     const LEAST: usize = 2;
     let is_alike = |other: &usize| signs[*other] == signs[cell];
-    signs[cell] != 0.0 && around(grid, cell).filter(is_alike).count() >= LEAST
-}
-
-/// The up to eight cells around a cell.
-fn around(grid: &CellGrid, cell: usize) -> impl Iterator<Item = usize> {
-    let (column, row, width) = (cell % grid.columns, cell / grid.columns, grid.columns);
-    let rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
-    let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
-    let cells = rows.flat_map(move |row| columns.clone().map(move |column| row * width + column));
-    cells.filter(move |other| *other != cell)
+    signs[cell] != 0.0 && grid.around(cell, 1).filter(is_alike).count() >= LEAST
 }
 
 /// The median of ascending values; 0 without any.

@@ -100,6 +100,15 @@ impl CellGrid {
         [cell % self.columns, cell / self.columns].map(|i| (i as f64 + 0.5) * self.side)
     }
 
+    /// The cells within a number of columns and rows of a cell, without that cell.
+    pub fn around(&self, cell: usize, reach: usize) -> impl Iterator<Item = usize> {
+        let (column, row, width) = (cell % self.columns, cell / self.columns, self.columns);
+        let rows = row.saturating_sub(reach)..(row + reach + 1).min(self.rows);
+        let columns = column.saturating_sub(reach)..(column + reach + 1).min(self.columns);
+        let cells = rows.flat_map(move |row| columns.clone().map(move |column| row * width + column));
+        cells.filter(move |other| *other != cell)
+    }
+
     /// The lowest and the highest of some points in each cell; infinite in cells without.
     pub fn extremes<'p>(&self, offsets: impl Iterator<Item = &'p [f64; 3]>) -> Vec<[f64; 2]> {
         let mut extremes = vec![[f64::INFINITY, f64::NEG_INFINITY]; self.len()];

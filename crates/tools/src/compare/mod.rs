@@ -15,6 +15,7 @@
 //! | `surfaces`, `neighbours` | canopy, voxels; distances from the points of one cloud to the other |
 //! | `change`, `changed` | two epochs: differences of the ground, cut and fill; points that are new or gone |
 //! | `cell_surface`, `registration` | the ground in cells; errors that neighbouring cells share |
+//! | `gaps` | cells without a difference: filled from measured cells, or left out |
 //! | `report` | the result as a table of text and as JSON |
 //! | `page`, `map` | the result as a page with charts and pictures; the picture of the differences |
 
@@ -25,6 +26,7 @@ mod changed;
 mod clock;
 mod comparison;
 mod cut;
+mod gaps;
 mod histogram;
 mod map;
 mod neighbours;

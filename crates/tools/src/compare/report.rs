@@ -235,8 +235,8 @@ fn change(change: &Change) -> Section {
         title: format!("change of the ground ({} cells)", change.cells),
         meaning: format!(
             "second minus first, planes through {} at the centres of cells that both have; cut and fill \
-             beyond the level of detection at 95 %, with standard uncertainties, which contain the volume \
-             below that level",
+             beyond the level of detection at 95 %, with standard uncertainties, which contain the volumes \
+             below that level and of cells left out",
             change.surface
         ),
         rows: vec![
@@ -249,11 +249,13 @@ fn change(change: &Change) -> Section {
             row("fill, m³", volume(&change.fill)),
             row("  on m²", fixed(change.fill.area_m2, 0)),
             row("  below the level of detection, m³", fixed(change.fill.undetected_m3, 1)),
+            row("  perhaps in cells left out, m³", fixed(change.fill.unmeasured_m3, 1)),
             row("cut, m³", volume(&change.cut)),
             row("  on m²", fixed(change.cut.area_m2, 0)),
             row("  below the level of detection, m³", fixed(change.cut.undetected_m3, 1)),
+            row("  perhaps in cells left out, m³", fixed(change.cut.unmeasured_m3, 1)),
             row("net, all cells, m³", with_uncertainty(signed(change.net_m3, 1), change.net_uncertainty_m3)),
-            row("cells between their neighbours", change.cells_interpolated.to_string()),
+            row("cells filled from cells around them", change.cells_interpolated.to_string()),
             row("cells left out as extrapolated", of_each(change.cells_extrapolated)),
             row("cells with one surface alone", of_each(change.cells_of_one)),
         ],

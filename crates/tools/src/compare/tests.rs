@@ -270,6 +270,66 @@ fn a_cone_and_a_pit_have_their_volumes() {
     assert!(none.fill.volume_m3 + none.cut.volume_m3 < 10.0, "{none:?}");
 }
 
+/// Ground at some places with noise of 2 cm and, if `is_changed`, a pit of 20 by 20 m, 2 m deep: 800 m³.
+fn pit(seed: u64, places: &[[f64; 2]], is_changed: bool) -> Points {
+    let stream = Stream::new(seed, Purpose::SceneMaking);
+    let mut points = Points::new(AttributeSet::of(|_| true));
+    for (i, [x, y]) in (0..).zip(places) {
+        let is_in_pit = is_changed && [x, y].into_iter().all(|c| (20.0..40.0).contains(c));
+        let z = if is_in_pit { -2.0 } else { 0.0 } + 0.02 * stream.normal(2, i, 0);
+        let row = PointRow { position: DVec3::new(*x, *y, z) + ORIGIN, class: 2, ..PointRow::default() };
+        points.push(&row, None);
+    }
+    points
+}
+
+/// Scan lines 60 m long, with points every 0.15 m.
+fn places_on_lines(spacing: f64) -> Vec<[f64; 2]> {
+    let line = |line: u32| {
+        let x = 0.05 + spacing * f64::from(line);
+        (0..400u32).map(move |point| [x, 0.15 * f64::from(point)])
+    };
+    (0..(60.0 / spacing) as u32).flat_map(line).collect()
+}
+
+#[test]
+fn a_pit_in_sparse_points_is_within_its_uncertainty() {
+    // 4 points/m², of which one cell in five has a surface in both clouds.
+    for seed in 0..3 {
+        let places = |seed: u64| -> Vec<[f64; 2]> {
+            let stream = Stream::new(seed, Purpose::SceneMaking);
+            (0..14_400u64).map(|i| [0, 1].map(|axis| 60.0 * stream.uniform(1, i, axis))).collect()
+        };
+        let first = pit(2 * seed, &places(2 * seed), false);
+        let c = compared(&first, &pit(2 * seed + 1, &places(2 * seed + 1), true), &options());
+        let Change { cut, net_m3, net_uncertainty_m3, .. } = &c.change;
+        assert!((cut.volume_m3 - 800.0).abs() < 2.0 * cut.uncertainty_m3, "{cut:?}");
+        assert!(cut.uncertainty_m3 < 320.0, "{cut:?}");
+        assert!((net_m3 + 800.0).abs() < 2.0 * net_uncertainty_m3, "{net_m3} ± {net_uncertainty_m3}");
+        assert!(c.missing.iter().any(|missing| missing.contains("--cell 2")), "{:?}", c.missing);
+    }
+    // Lines on one side of the centres only, in pairs of columns and in nearly all: the first are filled.
+    for (spacing, is_filled) in [(0.7, true), (0.9, false)] {
+        let places = places_on_lines(spacing);
+        let of = |is_changed: bool, cell: f64| {
+            let options = CompareOptions { cell, ..options() };
+            compared(&pit(1, &places, false), &pit(2, &places, is_changed), &options)
+        };
+        let c = of(true, 1.0);
+        let cut = c.change.cut;
+        assert!((cut.volume_m3 - 800.0).abs() < 2.0 * cut.uncertainty_m3, "{spacing}: {cut:?}");
+        assert_eq!((cut.volume_m3 - 800.0).abs() < 120.0, is_filled, "{spacing}: {cut:?}");
+        assert_eq!(cut.unmeasured_m3 < 50.0, is_filled, "{spacing}: {cut:?}");
+        assert!(c.missing.iter().any(|missing| missing.contains("--cell 2")), "{:?}", c.missing);
+        let wide = of(true, 2.0).change.cut;
+        assert!((wide.volume_m3 - 800.0).abs() < 3.0 * wide.uncertainty_m3 + 1.0, "{spacing}: {wide:?}");
+        assert!(wide.uncertainty_m3 < cut.uncertainty_m3, "{spacing}: {wide:?} {cut:?}");
+        let unchanged = of(false, 1.0).change.cut;
+        assert!(unchanged.volume_m3 < 2.0 * unchanged.uncertainty_m3, "{spacing}: {unchanged:?}");
+        assert!(unchanged.uncertainty_m3 < 20.0, "{spacing}: {unchanged:?}");
+    }
+}
+
 /// Ground of 60 by 60 m in strips of 20 m, of which each has a tilt and an offset of its own, with noise of 2
 /// cm.
 fn epoch_with_strips(seed: u64, is_changed: bool) -> Points {
