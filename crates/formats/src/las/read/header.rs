@@ -219,8 +219,13 @@ impl Header {
         record[14] & if self.fields.is_extended { 0x0f } else { 0x07 }
     }
 
-    /// True if a record is that of a pulse without a return: this program writes return 0 of 0 of the
-    /// intensity 0, withheld.
+    /// True if this program wrote the file.
+    pub(super) fn is_own(&self) -> bool {
+        self.raw.generating_software.starts_with(b"vlscan ")
+    }
+
+    /// True if a record of a file of this program is that of a pulse without a return: return 0 of 0,
+    /// withheld. The intensity is 0, too.
     pub(super) fn is_miss(&self, record: &[u8]) -> bool {
         let is_withheld =
             if self.fields.is_extended { record[15] & 1 << 2 != 0 } else { record[15] & 1 << 7 != 0 };

@@ -27,6 +27,8 @@ use vlscan_geom::DVec3;
 
 /// Maximum number of records that one call of [`LasReader::read_records`] passes.
 const BATCH_RECORDS: u64 = 1 << 16;
+/// The extra dimension of this program's files with pulses without a return.
+const NAME_OF_MISSES: &str = "BeamDirectionX";
 
 /// Reads the points of a file from first to last.
 pub struct LasReader<'a> {
@@ -176,6 +178,9 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     units.note.iter().for_each(|note| reading.note(note.as_str()));
     units.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     reader.check_count(reading);
+    // A program that edits a file of this program names itself in the header and keeps the dimensions.
+    let extra = reader.extra_dimensions().unwrap_or_default();
+    let may_have_misses = reader.header.is_own() || extra.iter().any(|(name, _)| name == NAME_OF_MISSES);
     let is_copc = reader.variable_record("copc", 1)?.is_some();
     let las = Some(reader.header.facts(is_copc));
     reading.sink.file(&FileFacts { format: CloudFormat::Las, las });
@@ -228,7 +233,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
                 class: header.class(record),
                 return_number: header.return_number(record),
                 number_of_returns: header.number_of_returns(record),
-                is_miss: raw_intensity == 0 && header.is_miss(record),
+                is_miss: may_have_misses && raw_intensity == 0 && header.is_miss(record),
                 scan_angle: header.scan_angle(record),
                 leg: header.source_id(record),
                 point_source: header.point_source(record),

@@ -101,6 +101,24 @@ fn numbers_of_points_are_compared_with_the_size_of_the_file() {
 }
 
 #[test]
+fn withheld_points_of_other_programs_are_no_pulses_without_a_return() {
+    let mut record = [0; 20];
+    record[15] = 1 << 7;
+    let mut bytes = file(1, false, None, &record);
+    for (software, is_miss) in [("", false), ("laspy 2.5.4", false), ("vlscan 1.0.0", true)] {
+        bytes[58..90].fill(0);
+        bytes[58..58 + software.len()].copy_from_slice(software.as_bytes());
+        let (rows, _) = read(&bytes);
+        assert_eq!((rows.len(), rows[0].is_miss), (1, is_miss), "{software}");
+    }
+    let mut direction = vec![0; 192];
+    direction[2] = 9;
+    direction[4..18].copy_from_slice(b"BeamDirectionX");
+    let (rows, _) = read(&file(1, false, Some(("LASF_Spec", 4, direction)), &record));
+    assert!(rows[0].is_miss);
+}
+
+#[test]
 fn degrees_are_refused_and_feet_become_metres() {
     let keys = |entries: &[[u16; 4]]| {
         let head = [1, 1, 0, entries.len() as u16];
