@@ -3,6 +3,7 @@
 //!
 //! A stray lies behind a gap without points along x, y or z that is wider than three times the extent of most
 //! points, and wider than the way from these to the gap: the points of a tripod thin out with their distance.
+//! Strays are few and lone: an islet or the returns through a window are a place of their own.
 
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
@@ -11,6 +12,10 @@ use vlscan_geom::{Aabb, DVec3};
 
 /// Most strays at one end of an axis; more of them are a place of their own.
 const MAX_STRAYS: usize = 63;
+/// Minimum number of distinct points near each other that are a place of their own.
+const MIN_PLACE: usize = 8;
+/// Maximum distance between the points of a place, as a share of the distance from most points.
+const PLACE_REACH: f64 = 0.5;
 /// Largest share of the points that are strays at one end of an axis, and share that the extent of most
 /// points leaves out there.
 const MAX_SHARE: f64 = 0.05;
@@ -63,16 +68,46 @@ impl End {
         self.threshold = self.points.last().map_or(f64::NEG_INFINITY, |last| last.0);
     }
 
-    /// The value behind which points are strays, in the middle of the innermost gap that is wide enough;
-    /// `None` without strays. `edge` is where most points end.
-    fn limit(mut self, count: u64, gap: f64, edge: f64) -> Option<f64> {
+    /// The value behind which points are strays, in the middle of the innermost gap that is wide enough and
+    /// has no place behind it; `None` without strays. `core` is the box of most points.
+    fn limit(mut self, count: u64, gap: f64, core: &Aabb) -> Option<f64> {
         self.shorten();
+        let edge = if self.sign < 0.0 { core.min } else { core.max };
+        let edge = self.sign * edge[self.axis];
         let most = ((count as f64 * MAX_SHARE) as usize).clamp(1, MAX_STRAYS);
-        let is_gap =
-            |pair: &&[(f64, u64, DVec3)]| pair[0].0 - pair[1].0 > gap.max(pair[1].0 - self.sign * edge);
-        let pair = self.points.windows(2).take(most).rfind(is_gap)?;
-        Some(self.sign * (0.5 * pair[0].0 + 0.5 * pair[1].0))
+        let is_limit = |last: &usize| {
+            let [outer, inner] = [self.points[*last].0, self.points[last + 1].0];
+            outer - inner > gap.max(inner - edge) && !has_place(&self.points[..=*last], core)
+        };
+        let last = (0..self.points.len().saturating_sub(1).min(most)).rfind(is_limit)?;
+        Some(self.sign * (0.5 * self.points[last].0 + 0.5 * self.points[last + 1].0))
     }
+}
+
+/// True if some points far from the core of a cloud are a place of their own: many distinct ones are near
+/// each other, and not above or below the core, where clouds, birds and multiple reflections give points.
+fn has_place(points: &[(f64, u64, DVec3)], core: &Aabb) -> bool {
+    let margin = core.size();
+    let is_beside = |p: &DVec3| {
+        (0..2).any(|axis| p[axis] < core.min[axis] - margin[axis] || p[axis] > core.max[axis] + margin[axis])
+    };
+    let beside: Vec<DVec3> = points.iter().map(|(_, _, p)| *p).filter(is_beside).collect();
+    beside.iter().any(|p| {
+        let reach = PLACE_REACH * distance(core, *p);
+        let mut near: Vec<DVec3> = Vec::new();
+        for q in &beside {
+            // Damaged files have many points at one position.
+            if (*q - *p).length() <= reach && !near.contains(q) {
+                near.push(*q);
+            }
+        }
+        near.len() >= MIN_PLACE
+    })
+}
+
+/// The distance of a point from a box, m.
+fn distance(from: &Aabb, p: DVec3) -> f64 {
+    (p - p.max(from.min).min(from.max)).length()
 }
 
 impl Default for StrayFinder {
@@ -128,8 +163,7 @@ impl StrayFinder {
             .map(|(extent, least)| GAP_EXTENTS * extent.max(least));
         for end in &self.ends {
             let gap = if end.axis == 2 { up } else { across };
-            let edge = if end.sign < 0.0 { core.min } else { core.max };
-            let Some(limit) = end.clone().limit(self.count, gap, edge[end.axis]) else { continue };
+            let Some(limit) = end.clone().limit(self.count, gap, &core) else { continue };
             let side = if end.sign < 0.0 { &mut strays.within.min } else { &mut strays.within.max };
             side[end.axis] = limit;
         }
@@ -139,8 +173,7 @@ impl StrayFinder {
                 found.push((*number, *p));
             }
         }
-        let distance = |p: DVec3| (p - p.max(core.min).min(core.max)).length();
-        let farthest = found.iter().map(|(_, p)| (*p, distance(*p)));
+        let farthest = found.iter().map(|(_, p)| (*p, distance(&core, *p)));
         strays.farthest = farthest.max_by(|a, b| a.1.total_cmp(&b.1));
         strays.count = found.len() as u64;
         strays
@@ -253,12 +286,32 @@ mod tests {
     }
 
     #[test]
+    fn few_points_equal_points_and_points_in_the_air_are_strays_together() {
+        let size = DVec3::new(60.0, 60.0, 10.0);
+        let few = cloud(7, size * 0.5, &[]).into_iter().map(|p| p + DVec3::X * 860.0);
+        let air = cloud(30, DVec3::new(60.0, 60.0, 200.0), &[]).into_iter().map(|p| p + DVec3::Z * 400.0);
+        for far in [few.collect::<Vec<DVec3>>(), air.collect(), vec![DVec3::splat(-5e5); 40]] {
+            assert_eq!(StrayFinder::of(cloud(3000, size, &far)).count, far.len() as u64);
+        }
+    }
+
+    #[test]
     fn places_of_their_own_and_points_that_thin_out_are_no_strays() {
         let size = DVec3::new(60.0, 60.0, 10.0);
         let far: Vec<DVec3> = cloud(100, size, &[]).into_iter().map(|p| p + DVec3::X * 1e5).collect();
         assert_eq!(StrayFinder::of(cloud(5000, size, &far)).count, 0);
         assert_eq!(StrayFinder::of(cloud(1, size, &[DVec3::ZERO, DVec3::X * 1e6])).count, 0);
         assert_eq!(StrayFinder::of(cloud(6, size, &[DVec3::X * 1e6; 6])).count, 0);
+        // An islet, and an outlier beyond it.
+        let mut lake = cloud(3000, size, &[]);
+        lake.extend(cloud(60, size * 0.5, &[]).into_iter().map(|p| p + DVec3::X * 860.0));
+        assert_eq!(StrayFinder::of(lake.iter().copied()).count, 0);
+        lake.push(DVec3::new(20_000.0, 0.0, 0.0));
+        assert_eq!(StrayFinder::of(lake).count, 1);
+        // Returns through a window.
+        let outside = (0..12u32).map(|i| DVec3::new(60.0 + 8.0 * f64::from(i), f64::from(i % 5), 1.0));
+        let room = cloud(20_000, DVec3::new(8.0, 6.0, 3.0), &outside.collect::<Vec<DVec3>>());
+        assert_eq!(StrayFinder::of(room).count, 0);
         // A tripod's: their number falls with the square of the distance, out to 2 km.
         let around = (0..20_000u32).map(|i| {
             let turn = 2.399_963 * f64::from(i);
