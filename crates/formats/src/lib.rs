@@ -78,7 +78,7 @@ pub use ply::{PlyError, PlyNumbers, is_ply, ply_header};
 pub use point_format::{PointFormat, UnknownExtension};
 pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
 pub use settings::{CloudSettings, FrameNames};
-pub use strays::{StrayFinder, Strays};
+pub use strays::{Apart, StrayFinder, Strays};
 pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
 
 /// The example of the README.

@@ -7,7 +7,7 @@
 
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::quantity::number;
+use vlscan_base::quantity::{metres, number};
 use vlscan_geom::{Aabb, DVec3};
 
 /// Most strays at one end of an axis; more of them are a place of their own.
@@ -25,6 +25,8 @@ const MIN_POINTS: u64 = 10;
 const GAP_EXTENTS: f64 = 3.0;
 /// Least extents for this: horizontally and vertically, m.
 const MIN_EXTENTS: [f64; 2] = [10.0, 50.0];
+/// Minimum width of the gap before points that lie apart, as a share of the extent.
+const MIN_APART: f64 = 0.5;
 /// Most points by which the extent of most points is estimated, evenly chosen.
 const MAX_SAMPLE: usize = 1 << 14;
 
@@ -179,6 +181,66 @@ impl StrayFinder {
         strays
     }
 
+    /// The smaller part of the points, if it lies behind a gap along x or y that is wider than half their
+    /// extent.
+    pub fn apart(&self) -> Option<Apart> {
+        let widest = |axis: usize| {
+            let mut values: Vec<f64> = self.kept().map(|p| p[axis]).collect();
+            values.sort_unstable_by(f64::total_cmp);
+            let extent = values.last()? - values.first()?;
+            let gaps = values.windows(2).map(|pair| (pair[1] - pair[0], 0.5 * pair[0] + 0.5 * pair[1]));
+            let (gap, middle) = gaps.max_by(|a, b| a.0.total_cmp(&b.0))?;
+            (gap > MIN_APART * extent).then_some((gap, axis, middle))
+        };
+        let (gap_m, axis, middle) = (0..2).filter_map(widest).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let above = self.sample.iter().filter(|p| p[axis] > middle).count();
+        let is_upper = 2 * above <= self.sample.len();
+        let is_apart = |p: &DVec3| (p[axis] > middle) == is_upper;
+        let mut end = self.ends[2 * axis + usize::from(is_upper)].clone();
+        end.shorten();
+        let at_end = end.points.iter().filter(|(_, _, p)| is_apart(p)).count() as u64;
+        let in_sample = self.sample.iter().filter(|p| is_apart(p)).count() as u64;
+        // The ends hold all points apart, or one more than may be strays.
+        let are_at_end = at_end <= MAX_STRAYS as u64;
+        Some(Apart {
+            count: if are_at_end { at_end } else { at_end.max(in_sample * self.stride) },
+            is_estimated: !are_at_end && self.stride > 1,
+            gap_m,
+            bounds: Aabb::around(self.kept().filter(|p| is_apart(p))),
+            others: Aabb::around(self.kept().filter(|p| !is_apart(p))),
+        })
+    }
+
+    /// The horizontal extent of the points, and the number and place of those that lie apart, in words; there
+    /// must be points.
+    pub fn described_extent(&self) -> String {
+        let Aabb { min, max } = Aabb::around(self.kept());
+        let mut text = format!(
+            "the points lie from x {:.0} to {:.0} and from y {:.0} to {:.0} m",
+            min.x, max.x, min.y, max.y
+        );
+        if let Some(apart) = self.apart() {
+            let lie = if apart.count == 1 { "lies" } else { "lie" };
+            let centre = apart.bounds.centre();
+            text += &format!(
+                "; {}{} of {} {lie} {} from the others, around x {:.0} and y {:.0}",
+                if apart.is_estimated { "about " } else { "" },
+                apart.count,
+                self.count,
+                metres(apart.gap_m),
+                centre.x,
+                centre.y
+            );
+        }
+        text
+    }
+
+    /// The sample and the outermost points.
+    fn kept(&self) -> impl Iterator<Item = DVec3> {
+        let at_ends = self.ends.iter().flat_map(|end| end.points.iter().map(|(_, _, p)| *p));
+        self.sample.iter().copied().chain(at_ends)
+    }
+
     /// The box around most points.
     fn core(&self) -> Aabb {
         let skipped = ((self.sample.len() as f64 * MAX_SHARE) as usize).max(1);
@@ -191,6 +253,21 @@ impl StrayFinder {
         let [x, y, z] = [0, 1, 2].map(ends);
         Aabb { min: DVec3::new(x[0], y[0], z[0]), max: DVec3::new(x[1], y[1], z[1]) }
     }
+}
+
+/// A part of a cloud, few points or many, that lies apart from the others.
+#[derive(Clone, Copy, Debug)]
+pub struct Apart {
+    /// Number of points.
+    pub count: u64,
+    /// True if the number is estimated from a sample.
+    pub is_estimated: bool,
+    /// Width of the gap between them and the others, m.
+    pub gap_m: f64,
+    /// Box around them, m.
+    pub bounds: Aabb,
+    /// Box around the others, m.
+    pub others: Aabb,
 }
 
 /// The points of a cloud that lie far from all others.
@@ -283,6 +360,31 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("1414.13 km") || text.contains("1414.14 km"), "{text}");
+    }
+
+    #[test]
+    fn points_that_lie_apart_are_described_however_many_they_are() {
+        let size = DVec3::new(60.0, 60.0, 10.0);
+        for count in [1, 40, 64, 100, 2000] {
+            let far = cloud(count, size, &[]).into_iter().map(|p| p + DVec3::new(0.0, -20_000.0, 0.0));
+            let finder = &mut StrayFinder::default();
+            cloud(3000, size, &far.collect::<Vec<DVec3>>()).into_iter().for_each(|p| finder.add(p));
+            let apart = finder.apart().unwrap();
+            assert_eq!((apart.count, apart.is_estimated), (count, false));
+            assert!((apart.gap_m - 19_970.0).abs() < 40.0 && apart.others.min.y >= 0.0, "{apart:?}");
+            let text = finder.described_extent();
+            assert!(text.contains(&format!("; {count} of {} lie", 3000 + count)), "{text}");
+            assert!(text.contains(" 20 km from the others, around x "), "{text}");
+        }
+        // Points beyond the sample are estimated.
+        let far = cloud(5000, size, &[]).into_iter().map(|p| p + DVec3::X * 20_000.0);
+        let mut finder = StrayFinder::default();
+        cloud(100_000, size, &far.collect::<Vec<DVec3>>()).into_iter().for_each(|p| finder.add(p));
+        let apart = finder.apart().unwrap();
+        assert!(apart.is_estimated && (4900..5100).contains(&apart.count), "{apart:?}");
+        let mut even = StrayFinder::default();
+        cloud(1000, size, &[]).into_iter().for_each(|p| even.add(p));
+        assert!(even.apart().is_none() && even.described_extent().ends_with(" m"));
     }
 
     #[test]

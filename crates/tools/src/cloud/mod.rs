@@ -11,8 +11,10 @@
 //! | `facts`, `facts_text` | what a cloud is, in bounded memory; as text and as JSON |
 //! | `occupancy` | the area that points cover |
 //! | `classes` | names of point classes |
+//! | `extent` | the error about a cloud that has too many cells |
 
 mod classes;
+mod extent;
 mod facts;
 mod facts_text;
 mod occupancy;
@@ -26,6 +28,7 @@ mod wave;
 
 pub(crate) use classes::NOISE;
 pub use classes::class_name;
+pub(crate) use extent::too_many_cells;
 pub use facts::{CloudSummary, LineFacts, Span, cloud_facts};
 pub use points::Points;
 pub use read::{points_of_table, read_points};

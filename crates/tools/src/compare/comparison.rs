@@ -120,8 +120,8 @@ pub fn compare(
         observer.warnings(found)?;
     }
     let (low, high) = common_box(first.1, second.1).map_err(Error::input)?;
-    let grid = CellGrid::new(low, high, options.cell).map_err(Error::input)?;
-    let wide_grid = CellGrid::new(low, high, GROUND_CELL.max(options.cell)).map_err(Error::input)?;
+    let grid = CellGrid::new((low, high), options.cell, first)?;
+    let wide_grid = CellGrid::new((low, high), GROUND_CELL.max(options.cell), first)?;
     let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
     let cuts = [&a, &b];
     if cuts.iter().any(|cut| cut.len() == 0) {
@@ -140,7 +140,7 @@ pub fn compare(
         Some(path) => Some(Terrain::load(path, low, observer)?),
         None => Planes::of(&a, own_lines.as_deref()).map(Terrain::Planes),
     };
-    let (kind, count, blocks) = blocks_of(&a, own_lines, low, high).map_err(Error::input)?;
+    let (kind, count, blocks) = blocks_of(&a, own_lines, (low, high), wide_grid.side, first)?;
     let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| &cut.offsets));
     let lowest: Vec<f64> = extremes.into_iter().map(|[low, _]| low).collect();
     let setting = Setting {
@@ -250,20 +250,21 @@ pub(super) fn common_box(first: &Points, second: &Points) -> Result<(DVec3, DVec
     Ok((low, high))
 }
 
-/// The blocks of neighbouring points: scan lines, or square cells.
+/// The blocks of neighbouring points: scan lines, or square cells of at most a side.
 fn blocks_of(
     cut: &Cut,
     lines: Option<Vec<u32>>,
-    low: DVec3,
-    high: DVec3,
-) -> Result<(BlockKind, u32, Vec<u32>), String> {
+    (low, high): (DVec3, DVec3),
+    max_side: f64,
+    cloud: (&str, &Points),
+) -> Result<(BlockKind, u32, Vec<u32>)> {
     if let Some(lines) = lines {
         let count = lines.iter().max().map_or(0, |line| line + 1);
         return Ok((BlockKind::ScanLines, count, lines));
     }
     let extent = high - low;
-    let side = (extent.x * extent.y / BLOCK_CELLS).sqrt().clamp(1e-3, GROUND_CELL);
-    let grid = CellGrid::new(low, high, side)?;
+    let side = (extent.x * extent.y / BLOCK_CELLS).sqrt().clamp(1e-3, max_side);
+    let grid = CellGrid::new((low, high), side, cloud)?;
     let cells = cut.offsets.iter().map(|offset| grid.cell(offset) as u32).collect();
     Ok((BlockKind::Cells { side_m: side }, grid.len() as u32, cells))
 }

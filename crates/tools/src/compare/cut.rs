@@ -1,6 +1,8 @@
 //! The points of a cloud within the box that both clouds share, and cells over that box.
 
-use crate::cloud::Points;
+use crate::cloud::{Points, too_many_cells};
+use vlscan_base::error::Result;
+use vlscan_formats::StrayFinder;
 use vlscan_geom::DVec3;
 
 /// Most cells of a raster.
@@ -69,17 +71,17 @@ pub(super) struct CellGrid {
 }
 
 impl CellGrid {
-    /// Cells of a side over a box.
+    /// Cells of a side over the common box of clouds, of which one is `points` with a name for messages.
     ///
     /// # Errors
-    /// A sentence: too many cells.
-    pub fn new(low: DVec3, high: DVec3, side: f64) -> Result<CellGrid, String> {
+    /// [`Error::Input`](vlscan_base::error::Error::Input): too many cells.
+    pub fn new((low, high): (DVec3, DVec3), side: f64, (name, points): (&str, &Points)) -> Result<CellGrid> {
         let count = |extent: f64| (extent / side).floor() + 1.0;
         let (columns, rows) = (count(high.x - low.x), count(high.y - low.y));
         if columns * rows > MAX_CELLS {
-            return Err(format!(
-                "{columns:.0} by {rows:.0} cells of {side} m, expected at most {MAX_CELLS}; --cell"
-            ));
+            let mut finder = StrayFinder::default();
+            points.positions().iter().for_each(|p| finder.add(*p));
+            return Err(too_many_cells(name, [columns, rows], side, MAX_CELLS, &finder));
         }
         Ok(CellGrid { side, columns: columns as usize, rows: rows as usize })
     }

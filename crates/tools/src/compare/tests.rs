@@ -503,4 +503,8 @@ fn clouds_apart_are_refused_with_their_distance() {
     assert!(refused(&a, &b).contains("490.0 m"));
     let wide = cloud([[0.0; 3], [1e6, 1e6, 0.0]]);
     assert!(refused(&wide, &wide).contains("--cell"));
+    let places = square(0.5, 0.0).into_iter();
+    let apart = cloud(places.clone().chain(places.take(100).map(|[x, y, z]| [x + 2e4, y + 2e4, z])));
+    let said = refused(&apart, &apart);
+    assert!(said.contains("100 of 1700 lie 20 km from the others, around x 451010 and y 54320"), "{said}");
 }

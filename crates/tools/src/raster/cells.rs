@@ -207,15 +207,6 @@ impl Cells {
         })
     }
 
-    /// Extent of the cells with points, as text; there must be points.
-    pub fn described_extent(&self) -> String {
-        let (low, high) = self.extent();
-        let at = |cell: i64, end: i64| (cell + end) as f64 * self.side;
-        let [west, south] = low.map(|cell| at(cell, 0));
-        let [east, north] = high.map(|cell| at(cell, 1));
-        format!("the points lie from x {west} to {east} and from y {south} to {north} m")
-    }
-
     /// The first and the last column with points in each of `count` rows, counted from the cell `first`.
     pub fn row_ends(&self, first: [i64; 2], count: usize) -> Vec<Option<[i64; 2]>> {
         let mut ends: Vec<Option<[i64; 2]>> = vec![None; count];

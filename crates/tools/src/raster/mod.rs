@@ -16,7 +16,7 @@ mod options;
 
 pub use options::{RasterFiles, RasterKind, RasterOptions};
 
-use crate::cloud::{CloudSource, NOISE};
+use crate::cloud::{CloudSource, NOISE, too_many_cells};
 use crate::geotiff::{Raster, geotiff};
 use crate::neighbours::{Neighbours, plane_at};
 use cells::Cells;
@@ -169,7 +169,7 @@ impl CloudRasters {
             let what = if is_read_again { "left out" } else { "in the raster, since a stream is read once" };
             strays.warn(Path::new(&name), what, &mut all);
         }
-        let Sink { cells, points, noise, misses, ground, .. } = sink;
+        let Sink { cells, points, noise, misses, ground, strays: finder, .. } = sink;
         if points == 0 {
             return Err(Error::input(format!("{name}: no points to make a raster of")));
         }
@@ -188,15 +188,8 @@ impl CloudRasters {
         let (first, last) = cells.extent();
         let [columns, rows] = [0, 1].map(|axis| last[axis] - first[axis] + 1);
         if columns as f64 * rows as f64 > MAX_CELLS {
-            let far = match strays.described() {
-                Some(strays) => strays,
-                None => cells.described_extent(),
-            };
-            let side = options.cell;
-            return Err(Error::input_with_help(
-                format!("{name}: {columns} by {rows} cells of {side} m, expected at most {MAX_CELLS}; {far}"),
-                "remove points that are far from the others, or take larger cells: --cell",
-            ));
+            let counts = [columns as f64, rows as f64];
+            return Err(too_many_cells(&name, counts, options.cell, MAX_CELLS, &finder));
         }
         let rasters = CloudRasters {
             cells,
