@@ -257,6 +257,15 @@ impl Recording {
                 "programs that convert clouds often lose them; fit the cloud as it was delivered",
             ));
         }
+        if let Some(channels) = recording.fixed_channels() {
+            return Err(Error::input_with_help(
+                format!(
+                    "{name}: each of its {channels} channels has one scan angle, as those of a sensor that \
+                     spins: no flight is fitted"
+                ),
+                "a flight and its scanner are estimated from scan angles that change across the track",
+            ));
+        }
         Ok(Recording { origin, start, source: rows[0].source, ..recording })
     }
 
@@ -320,6 +329,18 @@ impl Recording {
         let count = self.pulses.len() as f64;
         let mean = self.pulses.iter().map(|pulse| pulse.angle).sum::<f64>() / count;
         (self.pulses.iter().map(|pulse| (pulse.angle - mean).powi(2)).sum::<f64>() / count).sqrt()
+    }
+
+    /// Number of channels of the file if it has several and each has one scan angle.
+    fn fixed_channels(&self) -> Option<usize> {
+        let is_fixed = |channel: &&[Pulse]| {
+            let angles = channel.iter().map(|pulse| pulse.angle);
+            let ends = (f64::INFINITY, f64::NEG_INFINITY);
+            let (low, high) = angles.fold(ends, |(low, high), angle| (low.min(angle), high.max(angle)));
+            high - low < 0.5 * self.angle_step
+        };
+        let channels: Vec<&[Pulse]> = self.pulses.chunk_by(|a, b| a.file_channel == b.file_channel).collect();
+        (channels.len() > 1 && channels.iter().all(is_fixed)).then_some(channels.len())
     }
 
     /// True if the scan angles are rounded to degrees.
@@ -409,6 +430,34 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn several_channels_with_one_scan_angle_each_are_those_of_a_sensor_that_spins() {
+        let recorded = |channels: u16, angle: &dyn Fn(u16, u16) -> f64| {
+            let pulse = |channel: u16, k: u16| {
+                let turn = 0.1 * f64::from(k);
+                Pulse {
+                    time: 1e-4 * f64::from(k) + 1e-6 * f64::from(channel),
+                    position: DVec3::new(20.0 * libm::cos(turn), 20.0 * libm::sin(turn), 0.0),
+                    angle: radians(angle(channel, k)),
+                    returns: 1,
+                    class: 1,
+                    last: None,
+                    file_channel: channel,
+                    channel: 0,
+                }
+            };
+            let pulses = (0..channels).flat_map(|channel| (0..600).map(move |k| pulse(channel, k)));
+            Recording::new(pulses.collect()).unwrap().fixed_channels()
+        };
+        let of_channel = |channel: u16, _: u16| 75.0 + 2.0 * f64::from(channel);
+        assert_eq!(recorded(8, &of_channel), Some(8));
+        assert_eq!(recorded(1, &of_channel), None);
+        // Steps of LAS across the track of one channel, and whole degrees.
+        let changing = |channel: u16, k: u16| if channel == 1 { 0.006 * f64::from(k % 2) } else { 5.0 };
+        assert_eq!(recorded(2, &changing), None);
+        assert_eq!(recorded(2, &|_, k| f64::from(k % 2)), None);
+    }
 
     #[test]
     fn points_far_from_those_around_them_are_noise() {
