@@ -863,6 +863,16 @@ fn instruments() -> Vec<Mistake> {
             "`scan_angle_max_deg` must be a number of at least 0",
         ),
         of_scanner(
+            "a cone of more than half a turn",
+            "optics = \"conic\", scan_angle_max_deg = 200",
+            "`scan_angle_max_deg` is 200; half angles of these optics are at most 180 degrees",
+        ),
+        of_scanner(
+            "a mirror that swings by more than half a turn",
+            "optics = \"oscillating\", scan_angle_max_deg = 200",
+            "half angles of these optics are at most 180 degrees",
+        ),
+        of_scanner(
             "no limit of the frequency above a minimum",
             &and("scan_freq_min_hz = 5, scan_freq_max_hz = 0"),
             "`scan_freq_max_hz` is 0, which means no limit",
@@ -893,6 +903,13 @@ fn instruments() -> Vec<Mistake> {
             "channels of one id",
             &and("channel = [{ id = \"a\" }, { id = \"a\" }]"),
             "`id` of \"a\" occurs twice",
+        ),
+        made(
+            "a mirror that swings too far in a leg",
+            "optics = \"oscillating\"",
+            "scan_freq_hz = 20, scan_angle_deg = 200",
+            SPEED,
+            "`scan_angle_deg` of 200 degrees is more than 180",
         ),
         made(
             "a scan angle of 0",
