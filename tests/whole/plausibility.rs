@@ -263,6 +263,17 @@ fn plausible_numbers() -> Vec<Mistake> {
             poses([x, y, 2297.0], TO_EAST),
             "if its heights are in feet, 2298 ft are 700 m",
         ),
+        recording(
+            "heights in centimetres",
+            poses([x, y, 70_000.0], TO_EAST),
+            "if its heights are in centimetres, 70000 cm are 700 m",
+        ),
+        flown(
+            "the same in a stream of them",
+            OVER_UTM,
+            poses([x, y, 70_000.0], TO_EAST),
+            "if its heights are in centimetres, 70000 cm are 700 m",
+        ),
         recording("a file of a flight below the terrain", poses([x, y, 255.0], TO_EAST), "ellipsoid"),
         recording(
             "a file of a flight upside down",
