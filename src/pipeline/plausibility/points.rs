@@ -8,7 +8,7 @@ use crate::pipeline::settings::Settings;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::Result;
-use vlscan_base::quantity::{amount, metres};
+use vlscan_base::quantity::{amount, amount_of, metres};
 use vlscan_geom::{DVec3, Rotation};
 use vlscan_scene::Scene;
 use vlscan_survey::PlatformKind;
@@ -85,9 +85,9 @@ impl YieldCheck<'_> {
             let is_unchecked = self.is_live() && share < view::MIN_SHARE;
             let help = is_unchecked.then(|| fits(view::FITTING_SHARE)).flatten()?;
             let message = format!(
-                "{} points for {} pulses: the swath is wider than the scene",
-                amount(echoes as f64),
-                amount(fired)
+                "{} for {}: the swath is wider than the scene",
+                amount_of(echoes as f64, "point"),
+                amount_of(fired, "pulse")
             );
             return Some(Finding::new(message, help));
         }
@@ -101,10 +101,10 @@ impl YieldCheck<'_> {
         let origins: Vec<DVec3> = log.beams.items().iter().map(|beam| beam.origin).collect();
         let below = ground::check("the flight", scene, self.tree, &origins, mount.offset.z);
         let message = format!(
-            "{} points for {} pulses: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
+            "{} for {}: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
              scanner's range; the scene is at {}, the scanner was at {}",
-            amount(echoes as f64),
-            amount(fired),
+            amount_of(echoes as f64, "point"),
+            amount_of(fired, "pulse"),
             100.0 * towards,
             100.0 * within,
             boxes::extent(&bounds),
@@ -165,11 +165,11 @@ impl YieldCheck<'_> {
             false => ", as --physics helios has it (receivedEnergyMin_W compared with nanowatts)",
         };
         let message = format!(
-            "{} points for {} pulses: {} beams met the scene and returned less than the detector needs: strongest {:.2e} W, \
+            "{} for {}: {} met the scene and returned less than the detector needs: strongest {:.2e} W, \
              threshold {:.2e} W{unit}{}; {} met nothing within the scanner's range",
-            amount(echoes as f64),
-            amount(pulses as f64),
-            amount(weak.count as f64),
+            amount_of(echoes as f64, "point"),
+            amount_of(pulses as f64, "pulse"),
+            amount_of(weak.count as f64, "beam"),
             weak.strongest * WATTS_PER_NANOWATT,
             weak.threshold * WATTS_PER_NANOWATT,
             lacking(weak.threshold / weak.strongest),
