@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::listed;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
-use vlscan_base::quantity::{amount, duration};
+use vlscan_base::quantity::{amount_of, counted, duration};
 
 pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
     let campaign = Campaign::read(&args.file)?;
@@ -63,7 +63,7 @@ fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
             console.say(format!("{cell}  is computed again: {damage}"));
         }
         CampaignEvent::Completed { cell, points, seconds } => {
-            console.say(format!("{cell}  {} points, {}", amount(points as f64), duration(seconds)));
+            console.say(format!("{cell}  {}, {}", amount_of(points as f64, "point"), duration(seconds)));
         }
         CampaignEvent::Failed { cell, error } => {
             let reason = error.lines().next().unwrap_or_default();
@@ -82,7 +82,7 @@ fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
 fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Result<()> {
     let CampaignReport { computed, cells, left, failed, reported, .. } = report;
     if *computed > 0 {
-        console.say(format!("{computed} cells in {}", duration(report.seconds)));
+        console.say(format!("{} in {}", counted(*computed, "cell"), duration(report.seconds)));
     }
     match &report.manifest {
         None => console.say(format!("{left} of {cells} cells are left; run the same command to continue")),
@@ -90,8 +90,8 @@ fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Resu
             if report.is_manifest_replaced {
                 console.say(format!("{} did not match the cells and was rewritten", path.display()));
             }
-            let points = amount(report.points as f64);
-            console.say(format!("{}  {cells} cells, {points} points", path.display()));
+            let points = amount_of(report.points as f64, "point");
+            console.say(format!("{}  {}, {points}", path.display(), counted(*cells, "cell")));
         }
     }
     let Some(first) = failed.first() else { return Ok(()) };

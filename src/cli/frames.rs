@@ -7,7 +7,7 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
-use vlscan_base::quantity::amount;
+use vlscan_base::quantity::{amount_of, counted};
 use vlscan_tools::frames::write_frames;
 
 pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
@@ -23,7 +23,7 @@ pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
     let observer = console.listener();
     let write = || write_frames(&mut source, name, &args.out, &args.options, &observer);
     let counts = during(console, "writing frames", write)?;
-    let (frames, points) = (counts.frames, amount(counts.points as f64));
-    console.say(format!("{}: {frames} frames, {points} points", args.out.display()));
+    let (frames, points) = (counted(counts.frames, "frame"), amount_of(counts.points as f64, "point"));
+    console.say(format!("{}: {frames}, {points}", args.out.display()));
     Ok(())
 }

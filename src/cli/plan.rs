@@ -14,12 +14,12 @@ pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     for path in &args.request.common().lines {
         console.say(format!("{}: lines of the plan", path.display()));
     }
-    let Some(path) = &args.request.common().out else { return write_stdout(&plan.text(&command)) };
+    let Some(path) = args.request.common().file() else { return write_stdout(&plan.text(&command)) };
     for comment in &plan.comments {
         console.say(comment);
     }
     // What went to a pipe has no name to be flown by.
-    if path.as_os_str() != "-" && !is_stdout(path) {
+    if !is_stdout(path) {
         console.say(format!("{}; fly it with: vlscan run {0} -o points.laz", path.display()));
     }
     Ok(())

@@ -11,7 +11,7 @@ use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing};
-use vlscan_base::quantity::amount;
+use vlscan_base::quantity::{amount, amount_of};
 use vlscan_tools::cloud::{Points, Wave, read_packet, read_points, read_wave};
 use vlscan_tools::preview::{Chart, ColourBy, PreviewOptions, draw, write_octree, write_page};
 
@@ -24,7 +24,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     if is_octree(&args.out) {
         let write = || write_octree(&args.points, &args.out, args.force, &console.listener());
         let count = during(console, "dividing the points", write)?;
-        console.say(format!("{}: {} points", args.out.display(), amount(count as f64)));
+        console.say(format!("{}: {}", args.out.display(), amount_of(count as f64, "point")));
         return Ok(());
     }
     let points = match is_survey {
@@ -35,7 +35,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     };
     let colour = args.colour.unwrap_or(if is_survey { ColourBy::Leg } else { ColourBy::Height });
     console.warnings(&colour.doubts(&points, &args.points))?;
-    let count = amount(points.total() as f64);
+    let count = amount_of(points.total() as f64, "point");
     let options = PreviewOptions {
         colour,
         width: args.width,
@@ -48,14 +48,14 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     if !is_page(&args.out) {
         let picture = draw(&points, &options).png()?;
         write(args, |out| out.write_all(&picture))?;
-        console.say(format!("{}: {count} points", args.out.display()));
+        console.say(format!("{}: {count}", args.out.display()));
         return Ok(());
     }
     let page = write(args, |out| write_page(&points, &options, out))?;
     let sampled = if page.shown < page.total {
-        format!("{} of {count} points, evenly chosen (--most-points)", amount(page.shown as f64))
+        format!("{} of {count}, evenly chosen (--most-points)", amount(page.shown as f64))
     } else {
-        format!("{count} points")
+        count
     };
     console.say(format!("{}: {sampled}; open it in a browser", args.out.display()));
     Ok(())

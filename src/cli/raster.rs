@@ -10,7 +10,7 @@ use vlscan_base::crs;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, FileWriter, Patched, reads, refuse_existing};
 use vlscan_base::machine;
-use vlscan_base::quantity::{amount, number};
+use vlscan_base::quantity::{amount, amount_of, number};
 use vlscan_tools::cloud::CloudSource;
 use vlscan_tools::raster::{CloudRasters, RasterKind};
 
@@ -31,11 +31,11 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     };
     let noise = match rasters.noise {
         0 => String::new(),
-        count => format!(", without {} points of noise (classes 7 and 18)", amount(count as f64)),
+        count => format!(", without {} of noise (classes 7 and 18)", amount_of(count as f64, "point")),
     };
     let misses = match rasters.misses {
         0 => String::new(),
-        count => format!(", without {} pulses that returned nothing", amount(count as f64)),
+        count => format!(", without {} that returned nothing", amount_of(count as f64, "pulse")),
     };
     let mut group = FileGroup::default();
     for (kind, path) in wanted.iter().filter(|(_, path)| !is_stdout(path)) {

@@ -10,7 +10,7 @@ use std::io::Write;
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::quantity::{amount, duration};
+use vlscan_base::quantity::{amount, amount_of, counted, duration};
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     if args.dry.dry_run {
@@ -65,7 +65,7 @@ pub fn warn_of_few_points(console: &Console, report: &Report) -> Result<()> {
     {
         let mut found = Diagnostics::default();
         found
-            .warn(None, format!("{} pulses gave only {} points", amount(pulses), amount(points)))
+            .warn(None, format!("{} gave only {}", amount_of(pulses, "pulse"), amount_of(points, "point")))
             .help("run without --shard to see the likely cause");
         console.warnings(&found)?;
     }
@@ -81,26 +81,26 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
     for file in &summary.files {
         let name = file.path.as_ref().map_or_else(|| "stdout".into(), |p| p.display().to_string());
         let has_points = matches!(file.kind, FileKind::Points | FileKind::Shard);
-        let unit = if has_points { "points" } else { "records" };
-        console.say(format!("{name}  {} {unit}, {} bytes", file.records, file.bytes));
+        let records = counted(file.records, if has_points { "point" } else { "record" });
+        console.say(format!("{name}  {records}, {} bytes", file.bytes));
         if file.left_out > 0 {
-            console
-                .say(format!("  warning: {} points do not fit the format and were left out", file.left_out));
+            let points = counted(file.left_out, "point");
+            console.say(format!("  warning: {points} left out, which the format cannot hold"));
         }
     }
     if summary.left_out > 0 {
         console.say(format!(
-            "  warning: {} points lie far outside all tiles or belong to no part, and were left out",
-            summary.left_out
+            "  warning: {} left out, far outside all tiles or of no part",
+            counted(summary.left_out, "point")
         ));
     }
     let pulses = *pulses as f64;
     console.took(
         Verbosity::Normal,
         format!(
-            "{} pulses, {} points ({:.2} per pulse) in {} ({} pulses/s; {} with loading)",
-            amount(pulses),
-            amount(summary.points as f64),
+            "{}, {} ({:.2} per pulse) in {} ({} pulses/s; {} with loading)",
+            amount_of(pulses, "pulse"),
+            amount_of(summary.points as f64, "point"),
             summary.points as f64 / pulses.max(1.0),
             duration(*seconds),
             amount(pulses / seconds.max(1e-9)),

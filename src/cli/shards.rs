@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_taken, reads};
-use vlscan_base::quantity::amount;
+use vlscan_base::quantity::{amount, amount_of, counted};
 
 /// Runs `vlscan run --shard K/N`.
 pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> {
@@ -77,9 +77,9 @@ pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
         session.shards(&folder, &output, options.output.force.is_on(), &interrupt::STOP)
     })?;
     console.say(format!(
-        "{}  {} pulses, for any number of shards",
+        "{}  {}, for any number of shards",
         crate::shards::Borders::path(&folder).display(),
-        amount(shards.pulses() as f64)
+        amount_of(shards.pulses() as f64, "pulse")
     ));
     Ok(())
 }
@@ -97,10 +97,10 @@ pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
             return Err(Error::Interrupted);
         }
         console.say(format!(
-            "{}  {} shards, {} pulses, {} echoes: complete",
+            "{}  {}, {}, {} echoes: complete",
             args.folder.display(),
-            shards.head.of,
-            amount(shards.head.total as f64),
+            counted(shards.head.of, "shard"),
+            amount_of(shards.head.total as f64, "pulse"),
             amount(shards.echoes as f64)
         ));
         return Ok(());

@@ -6,7 +6,7 @@ use super::{extent_of, shown};
 use crate::options::{InputOptions, Options, ProfileOptions};
 use crate::output::OutputRequest;
 use crate::pipeline::{DryRunReport, LoadedScene, Progress, ResolvedRun, RunContext, Session, Settings};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use vlscan_base::Observer;
@@ -89,7 +89,7 @@ impl Check<'_> {
 
     /// The plan as `vlscan run` reads it, over flat ground.
     fn settings(&self) -> Result<Settings> {
-        let name = self.setup.out.clone().unwrap_or_else(|| PathBuf::from("plan.toml"));
+        let name = self.setup.file().map_or_else(|| PathBuf::from("plan.toml"), Path::to_path_buf);
         let input = InputOptions { assets: self.setup.assets.clone(), ..InputOptions::default() };
         let profile = ProfileOptions { profile: Some(PhysicsProfile::Refined), ..ProfileOptions::default() };
         let options =

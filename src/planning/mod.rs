@@ -290,7 +290,7 @@ impl Planner<'_> {
             (false, Some((path, id))) => (PathBuf::from(path), Some(id)),
             (false, None) => (PathBuf::from(name), None),
         };
-        let folder = self.setup.out.as_deref().and_then(Path::parent);
+        let folder = self.setup.file().and_then(Path::parent);
         let beside = folder.is_none_or(|folder| folder.as_os_str().is_empty());
         let path = match beside || !path.exists() {
             true => path,
@@ -316,7 +316,7 @@ impl Planner<'_> {
         plan.scene = self.reference()?;
         plan.crs = self.crs.as_ref().map(|(_, name)| name.clone());
         self.check_ground(&plan)?;
-        setup.out.as_ref().map_or(Ok(()), |path| refuse_existing(path, setup.overwrite))?;
+        setup.file().map_or(Ok(()), |path| refuse_existing(path, setup.overwrite))?;
         let height = |x: f64, y: f64| self.site.as_ref().and_then(|site| site.ground.height(x, y));
         plan.lines = plan::lines_of(&plan.waypoints, &height);
         plan.wkt = self.crs().map(str::to_owned);
@@ -327,7 +327,7 @@ impl Planner<'_> {
         warn(&found, observer)?;
         plan.warnings.extend(found);
         let mut group = FileGroup::default();
-        if let Some(path) = &setup.out {
+        if let Some(path) = setup.file() {
             group.write(path, setup.overwrite, plan.text(command).as_bytes())?;
         }
         for (path, text) in lines {
@@ -344,7 +344,7 @@ impl Planner<'_> {
         let mut all: Vec<(&Path, String)> = Vec::new();
         for path in &setup.lines {
             let format = LineFormat::of(path)?;
-            if all.iter().any(|(other, _)| other == path) || setup.out.as_ref() == Some(path) {
+            if all.iter().any(|(other, _)| other == path) || setup.file() == Some(path.as_path()) {
                 return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
             }
             refuse_existing(path, setup.overwrite)?;

@@ -256,7 +256,7 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
     let pcd = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\nDATA ascii\n";
     for (name, head) in [("more.ply", ply), ("more.pcd", pcd)] {
         let content = format!("{head}1 2 3\n4 5 6\n").into_bytes();
-        cases.push((name.into(), content, "the file continues after the 1 points that its header states"));
+        cases.push((name.into(), content, "the file continues after the 1 point that its header states"));
     }
     for (name, content, expected) in cases {
         fs::write(dir.path().join(&name), content).unwrap();

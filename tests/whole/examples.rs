@@ -342,7 +342,7 @@ const FLY: &str = r#"fly() {
 
 /// The mistakes of the table in docs/own-data.md: what makes them, and what is said, in the order of the
 /// table.
-const MISTAKES: [(&str, &str); 39] = [
+const MISTAKES: [(&str, &str); 41] = [
     ("fly '$2 -= 476000; $3 -= 5429000'", "coordinates of a grid such as UTM, the flight has local ones"),
     ("fly '$2 = 8.67176; $3 = 49.0121 + NR / 1e5'", "look like longitude and latitude"),
     ("fly '$2 -= 434000'", "as between neighbouring UTM zones"),
@@ -354,6 +354,12 @@ const MISTAKES: [(&str, &str); 39] = [
          timeout 20 vlscan run site.toml --trajectory slow.csv -o slow.laz",
         "0.010 m/s on average",
     ),
+    (
+        "awk -F, -v OFS=, 'NR > 1 { $1 = sprintf(\"%.6f\", $1 / 60) } 1' flight.csv > fast.csv; \
+         vlscan run site.toml --trajectory fast.csv -o wrong.laz --force",
+        "600 m/s on average",
+    ),
+    ("fly 'if (NR == 20) $2 += 1000'", "remove the pose if its place or time is wrong"),
     ("fly '$4 -= 148'", "below the lowest point of the scene"),
     ("fly '$4 -= 105'", "below the terrain"),
     (

@@ -51,7 +51,8 @@ fn terrain(folder: &Path) {
             sources += &format!(
                 "<ComplexSource>\n<SourceFilename relativeToVRT=\"1\">{name}</SourceFilename>\n<SourceBand>1</SourceBand>\n\
                  <SrcRect xOff=\"0\" yOff=\"0\" xSize=\"{width}\" ySize=\"{height}\"/>\n\
-                 <DstRect xOff=\"{left}\" yOff=\"{top}\" xSize=\"{width}\" ySize=\"{height}\"/>\n<NODATA>-77.5</NODATA>\n\
+                 <DstRect xOff=\"{left}\" yOff=\"{top}\" xSize=\"{width}\" ySize=\"{height}\"/>\n<NODATA>-77.5</NODATA>\
+                 <OpenOptions><OOI key=\"OVERVIEW_LEVEL\">NONE</OOI></OpenOptions>\n\
                  </ComplexSource>\n"
             );
         }
@@ -292,6 +293,11 @@ fn what_is_not_one_grid_is_refused() {
         &replaced("<NODATA>", "<LUT>0:1</LUT><NODATA>"),
         "marked/all.vrt",
         &["<LUT> is not supported", "all.vrt:11"],
+    );
+    refused(
+        &replaced(">NONE<", ">0<"),
+        "marked/all.vrt",
+        &["<OOI> is not supported: it sets `OVERVIEW_LEVEL`", "all.vrt:"],
     );
     refused(&replaced("xSize=\"20\"", "xSize=\"10\""), "marked/all.vrt", &["resampled", "all.vrt:"]);
     refused(&replaced("Float32", "Int16"), "marked/all.vrt", &["does not hold every number of"]);

@@ -519,6 +519,33 @@ fn files_are_read_and_warned_of_once() {
     }
 }
 
+#[test]
+fn a_dash_is_stdout_for_a_file_and_refused_for_several() {
+    let dir = folder();
+    flat_ground(dir.path());
+    let plan =
+        ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--height", "50", "--speed", "5", "--area"];
+    let rest = ["POLYGON ((-30 -30, 30 -30, 30 30, -30 30))", "--scene", "flat.obj", "-o", "-"];
+    let out = succeed(dir.path(), &[&plan[..], &rest].concat());
+    assert!(text(&out.stdout).contains("[[leg]]"), "{out:?}");
+    fs::write(dir.path().join("cloud.xyz"), "0 0 0\n1 1 1\n").unwrap();
+    let several = "stdout cannot hold";
+    for (command, reason) in [
+        (&["scene", "make", "room", "-o", "-"][..], several),
+        (&["scene", "stand", "trees.csv", "--trees", ".", "-o", "-"], several),
+        (&["scene", "reconstruct", "cloud.xyz", "-o", "-"], several),
+        (&["scene", "map", "flat.obj", "-o", "-"], several),
+        (&["frames", "points.mcap", "--layout", "kitti", "-o", "-"], several),
+        (&["fit", "cloud.xyz", "-o", "-"], several),
+        (&["compare", "cloud.xyz", "cloud.xyz", "--change", "-"], "stdout holds the report"),
+        (&["catalogue", "show", "riegl_vux-1uav", "--picture", "-"], "stdout holds the report"),
+    ] {
+        let said = refused(dir.path(), command);
+        assert!(said.contains(reason), "{command:?}: {said}");
+    }
+    assert!(!dir.path().join("-").exists());
+}
+
 /// Compares lines.geojson, lines.kml and lines.csv with the plan, by pyproj.
 const LINES: &str = r#"
 import csv, json, tomllib

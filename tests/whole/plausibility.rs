@@ -63,13 +63,27 @@ fn scanner_with_high_threshold() -> String {
 
 /// Poses whose times are milliseconds, without a word of it.
 fn in_milliseconds(poses: &str) -> String {
+    with_times(poses, 1000.0)
+}
+
+/// Poses whose times are multiplied by `factor`.
+fn with_times(poses: &str, factor: f64) -> String {
     let line = |line: &str| match line.split_once(',') {
         Some((time, rest)) if line != HEADER.trim_end() => {
-            format!("{},{rest}\n", 1000.0 * time.parse::<f64>().unwrap())
+            format!("{:.7},{rest}\n", factor * time.parse::<f64>().unwrap())
         }
         _ => format!("{line}\n"),
     };
     poses.lines().map(line).collect()
+}
+
+/// A second of flight with a single pose a kilometre aside.
+fn with_jump() -> String {
+    let [x, y, z] = UTM;
+    let (right, wrong) = (format!(",{},{y},", x + 6.0), format!(",{},{},", x + 6.0, y + 1000.0));
+    let poses = poses([x, y, z], TO_EAST);
+    assert!(poses.contains(&right), "{poses}");
+    poses.replacen(&right, &wrong, 1)
 }
 
 /// A pipeline over the terrain with an airborne scanner and its mount; `rest` follows.
@@ -225,6 +239,18 @@ fn plausible_numbers() -> Vec<Mistake> {
             is_note: true,
             ..flown("times in milliseconds", OVER_UTM, in_milliseconds(&poses(UTM, TO_EAST)), "m/s on average")
         },
+        recording("times in minutes in a file", with_times(&poses(UTM, TO_EAST), 1.0 / 60.0), "minutes by 60"),
+        recording("times in hours in a file", with_times(&poses(UTM, TO_EAST), 1.0 / 3600.0), "hours by 3600"),
+        flown("times in minutes", OVER_UTM, with_times(&poses(UTM, TO_EAST), 1.0 / 60.0), "minutes by 60"),
+        recording("a pose aside in a file", with_jump(), "remove the pose if its place or time is wrong"),
+        flown("a pose aside", OVER_UTM, with_jump(), "remove the pose if its place or time is wrong"),
+        Mistake {
+            files: vec![
+                ("flown.csv", with_times(&poses([0.0, 0.0, 400.0], TO_EAST), 1.0 / 60.0).into_bytes()),
+                ("m.xml", recorded("toRadians=\"true\"").into_bytes()),
+            ],
+            ..typed("times in minutes of a survey", "run m.xml -o a.xyz", "minutes by 60")
+        },
         recording("times in milliseconds in a file", in_milliseconds(&poses(UTM, TO_EAST)), "m/s on average"),
         recording(
             "heights in feet that a part of the swath survives",
@@ -236,6 +262,17 @@ fn plausible_numbers() -> Vec<Mistake> {
             OVER_UTM,
             poses([x, y, 2297.0], TO_EAST),
             "if its heights are in feet, 2298 ft are 700 m",
+        ),
+        recording(
+            "heights in centimetres",
+            poses([x, y, 70_000.0], TO_EAST),
+            "if its heights are in centimetres, 70000 cm are 700 m",
+        ),
+        flown(
+            "the same in a stream of them",
+            OVER_UTM,
+            poses([x, y, 70_000.0], TO_EAST),
+            "if its heights are in centimetres, 70000 cm are 700 m",
         ),
         recording("a file of a flight below the terrain", poses([x, y, 255.0], TO_EAST), "ellipsoid"),
         recording(
@@ -802,6 +839,16 @@ fn own(scanner: &str, settings: &str, leg: &str) -> String {
     )
 }
 
+/// A flight to the terrain with an instrument of the user's, until the end of its poses.
+fn approach(name: &'static str, poses: String) -> Mistake {
+    let run = "scene = \"scene.xml#terrain\"\n\
+               platform = { kind = \"linear_path\", mount = { rotate_deg = [{ x = -90 }, { z = 90 }] } }\n\
+               trajectory = { path = \"-\" }\n\
+               settings = { pulse_freq_hz = 4000, scan_freq_hz = 20, scan_angle_deg = 20 }\n\
+               scanner = { id = \"own\", pulse_freqs_hz = [4000], optics = \"rotating\", scan_angle_max_deg = 45 }\n";
+    Mistake { stdin: poses, ..written(name, "late.toml", run, "run late.toml -o a.xyz", "") }
+}
+
 const ROTATING: &str = "optics = \"rotating\", scan_angle_max_deg = 45";
 const SWATH: &str = "scan_freq_hz = 20, scan_angle_deg = 20";
 const SPEED: &str = "speed_m_per_s = 60";
@@ -825,6 +872,16 @@ fn instruments() -> Vec<Mistake> {
             "a negative limit",
             "optics = \"conic\", scan_angle_max_deg = -20",
             "`scan_angle_max_deg` must be a number of at least 0",
+        ),
+        of_scanner(
+            "a cone of more than half a turn",
+            "optics = \"conic\", scan_angle_max_deg = 200",
+            "`scan_angle_max_deg` is 200; half angles of these optics are at most 180 degrees",
+        ),
+        of_scanner(
+            "a mirror that swings by more than half a turn",
+            "optics = \"oscillating\", scan_angle_max_deg = 200",
+            "half angles of these optics are at most 180 degrees",
         ),
         of_scanner(
             "no limit of the frequency above a minimum",
@@ -857,6 +914,13 @@ fn instruments() -> Vec<Mistake> {
             "channels of one id",
             &and("channel = [{ id = \"a\" }, { id = \"a\" }]"),
             "`id` of \"a\" occurs twice",
+        ),
+        made(
+            "a mirror that swings too far in a leg",
+            "optics = \"oscillating\"",
+            "scan_freq_hz = 20, scan_angle_deg = 200",
+            SPEED,
+            "`scan_angle_deg` of 200 degrees is more than 180",
         ),
         made(
             "a scan angle of 0",
@@ -995,18 +1059,14 @@ fn what_is_right_runs_without_a_word() {
     let right = [
         flown("a flight", STREAM, poses([0.0, 0.0, 400.0], TO_EAST), ""),
         flown("a flight in UTM", OVER_UTM, poses(UTM, TO_EAST), ""),
-        // The first second is flown beside the scene, and nothing is measured in it.
-        flown(
+        // The first seconds are flown beside the scene, and nothing is measured in them.
+        approach(
             "a flight that reaches the scene late",
-            STREAM,
-            along([-60.0, 0.0, 400.0], [8.0, 0.0, 0.0], TO_EAST),
-            "",
+            with_times(&along([-60.0, 0.0, 400.0], [8.0, 0.0, 0.0], TO_EAST), 4.0),
         ),
-        flown(
-            "an approach from 20 km away",
-            STREAM,
-            along([-10_000.0, 0.0, 400.0], [210.0, 0.0, 0.0], TO_EAST),
-            "",
+        approach(
+            "an approach from 4 km away",
+            with_times(&along([-1900.0, 0.0, 400.0], [42.0, 0.0, 0.0], TO_EAST), 20.0),
         ),
         flown("a level flight to the north", STREAM, along([0.0, 0.0, 400.0], [0.0, 0.6, 0.0], [0.0; 3]), ""),
         flown(

@@ -288,6 +288,18 @@ pub fn amount(n: f64) -> String {
     fixed(n, 0)
 }
 
+/// Formats a count with its noun: 1 point, 2000 points.
+pub fn counted<T: std::fmt::Display + PartialEq + From<u8>>(count: T, noun: &str) -> String {
+    let ending = if count == T::from(1) { "" } else { "s" };
+    format!("{count} {noun}{ending}")
+}
+
+/// Formats a count as [`amount`] does, with its noun: 1 point, 2.00 k points.
+pub fn amount_of(count: f64, noun: &str) -> String {
+    let ending = if count == 1.0 { "" } else { "s" };
+    format!("{} {noun}{ending}", amount(count))
+}
+
 /// Formats a number of bytes with a unit prefix and three digits: 1.23 MB.
 pub fn bytes(n: u64) -> String {
     let separator = if n < 1000 { " " } else { "" };
@@ -322,6 +334,13 @@ pub fn metres(length: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nouns_follow_their_counts() {
+        assert_eq!([0u64, 1, 2000].map(|n| counted(n, "point")), ["0 points", "1 point", "2000 points"]);
+        assert_eq!(counted(1usize, "pulse"), "1 pulse");
+        assert_eq!([1.0, 2000.0].map(|n| amount_of(n, "point")), ["1 point", "2.00 k points"]);
+    }
 
     #[test]
     fn numbers_in_messages_have_no_left_over_digits() {

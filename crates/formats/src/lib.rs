@@ -89,6 +89,7 @@ struct Readme;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::quantity::counted;
 use vlscan_geom::DVec3;
 
 /// A point as stored in its file. Attributes that the file lacks are 0; an intensity that it marks as missing
@@ -187,8 +188,9 @@ impl<'a> Reading<'a> {
 
     /// Warns of what follows the points that the header of the file counts.
     fn warn_of_rest(&mut self, points: usize) {
+        let points = counted(points, "point");
         self.warn(format!(
-            "the file continues after the {points} points that its header states; the rest is not read"
+            "the file continues after the {points} that its header states; the rest is not read"
         ));
     }
 

@@ -311,13 +311,25 @@ mod tests {
             ("d 1\nTr 0.4", ("Tr 0.4", 3)),
             ("illum 7", ("illum 7", 2)),
             ("map_d leaf 1.png", ("map_d leaf 1.png", 2)),
+            ("Kd 1 1 1\nTf 0.2 0.2 0.2", ("Tf 0.2 0.2 0.2", 3)),
+            ("d 0.4\nTf 0.2 0.2 0.2", ("d 0.4, Tf 0.2 0.2 0.2", 2)),
         ] {
             assert_eq!(optics(lines), Some((expected.0.to_owned(), expected.1)), "{lines}");
         }
         // Some programs write Tr as the opposite of what it means.
-        for opaque in
-            ["d 1.0\nTr 0\nillum 2", "d 1\nTr 1", "Tr 1\nd 1", "illum 3", "d 0.5\nd 1", "d", "Ni 1.5"]
-        {
+        for opaque in [
+            "d 1.0\nTr 0\nillum 2",
+            "d 1\nTr 1",
+            "Tr 1\nd 1",
+            "illum 3",
+            "d 0.5\nd 1",
+            "d",
+            "Ni 1.5",
+            "Tf 1 1 1",
+            "Tf 0 0 0",
+            "Tf xyz",
+            "d 1\nTf 0.2 0.2 0.2",
+        ] {
             assert_eq!(optics(opaque), None, "{opaque}");
         }
     }

@@ -11,8 +11,9 @@ const OPAQUE_MODELS: std::ops::RangeInclusive<f64> = 0.0..=3.0;
 /// Transparency of one material as its file states it.
 #[derive(Default)]
 pub(super) struct Optics {
-    /// Opacity `d`, transparency `Tr`, illumination model and texture of the opacity, if they are given.
-    statements: [Option<Statement>; 4],
+    /// Opacity `d`, transparency `Tr`, illumination model, texture of the opacity, and share `Tf` of the light
+    /// that passes, if they are given.
+    statements: [Option<Statement>; 5],
 }
 
 struct Statement {
@@ -32,6 +33,7 @@ impl Optics {
             b"Tr" | b"tr" => 1,
             b"illum" => 2,
             b"map_d" | b"map_D" | b"map_Tr" => 3,
+            b"Tf" => 4,
             _ => return false,
         };
         let Some(last) = operand.split(u8::is_ascii_whitespace).rfind(|word| !word.is_empty()) else {
@@ -41,6 +43,8 @@ impl Optics {
         let is_opaque = match (kind, value) {
             (0, Some(opacity)) => opacity >= 1.0,
             (1, Some(transparency)) => transparency <= 0.0,
+            // Programs write 0 or 1 for opaque materials.
+            (4, passing) => passing.is_none_or(|_| is_black_or_white(operand)),
             // Words instead of a number mean nothing.
             (2, model) => model.is_none_or(|model| OPAQUE_MODELS.contains(&model)),
             _ => false,
@@ -57,6 +61,10 @@ impl Optics {
             // Some programs write the opacity as `Tr`, too.
             self.statements[1] = None;
         }
+        if self.statements[..2].iter().flatten().any(|statement| statement.is_opaque) {
+            // Nothing passes that could be filtered.
+            self.statements[4] = None;
+        }
         let mut found: Vec<Statement> = self.statements.into_iter().flatten().collect();
         found.retain(|statement| !statement.is_opaque);
         let properties: Vec<&str> = found.iter().map(|statement| statement.text.as_str()).collect();
@@ -66,4 +74,10 @@ impl Optics {
             material.unused_optics = Some(UnusedOptics { properties, place: Some(place) });
         }
     }
+}
+
+/// True if the numbers of a colour are all 0 or all 1.
+fn is_black_or_white(operand: &[u8]) -> bool {
+    let numbers = || operand.split(u8::is_ascii_whitespace).filter_map(float);
+    numbers().all(|number| number == 0.0) || numbers().all(|number| number == 1.0)
 }

@@ -235,9 +235,28 @@ fn can_deflect(device: &Device) -> bool {
 pub(super) const DEFLECTING: [Key; 4] =
     [K.optics, K.prisms, K.scan_angle_max_deg, K.scan_angle_effective_max_deg];
 
+/// Warns of half angles above half a turn. Only polygons, which fire within a part of their revolution, have
+/// larger ones.
+fn check_half_angles(fields: &Fields, device: &Device) {
+    let along = match device.deflector {
+        Deflector::EllipticConic { along_max } => along_max,
+        Deflector::Conic | Deflector::Oscillating { .. } | Deflector::Fibres { .. } => 0.0,
+        Deflector::Polygon { .. } | Deflector::Risley { .. } | Deflector::Custom(_) => return,
+    };
+    let angles = [(K.scan_angle_max_deg, device.scan_angle_max), (K.scan_angle_along_max_deg, along)];
+    for (key, angle) in angles {
+        // Rounding of the conversion to radians.
+        if fields.has(key) && angle > std::f64::consts::PI * (1.0 + 1e-9) {
+            let angle = number(angle.to_degrees());
+            fields.warn(key, &format!("is {angle}; half angles of these optics are at most 180 degrees"));
+        }
+    }
+}
+
 /// Warns of a mirror or of prisms whose settings prevent all pulses or leave the beam as it is, and refuses a
 /// cone that XML describes incompletely.
 pub(super) fn check_deflector(fields: &Fields, device: &Device, in_channel: bool) {
+    check_half_angles(fields, device);
     match &device.deflector {
         Deflector::EllipticConic { .. } if !fields.is_toml() => check_cone(fields, device),
         Deflector::Polygon { effective_max, .. } => {

@@ -155,6 +155,12 @@ impl LegCheck<'_> {
             self.warn(K.scan_angle_deg, "is below 0 and ignored: that of the scanner is used");
         }
         let only = |optics: &str| self.devices().iter().all(|d| d.deflector.optics() == optics);
+        // Rounding of the conversion to radians.
+        if s.scan_angle > std::f64::consts::PI * (1.0 + 1e-9) && only("oscillating") {
+            let angle = number(degrees(s.scan_angle));
+            let message = format!("of {angle} degrees is more than 180, half a turn to each side");
+            self.warn(K.scan_angle_deg, message);
+        }
         if s.scan_freq > 0.0 && (only("line") || only("risley")) {
             let reason = if only("risley") { "its prisms turn by themselves" } else { "it has no mirror" };
             self.warn(K.scan_freq_hz, format!("has no effect with this scanner: {reason}"));

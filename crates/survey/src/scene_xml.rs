@@ -10,7 +10,7 @@ use super::xml::Element;
 use super::{Loader, MeshReading, PartRecipe, SceneRecipe, Swap, Transform};
 use std::collections::HashSet;
 use vlscan_base::diag::{Place, nearest};
-use vlscan_base::quantity::COUNT_ABOVE_0;
+use vlscan_base::quantity::{COUNT_ABOVE_0, number};
 use vlscan_geom::DVec3;
 
 pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option<SceneRecipe> {
@@ -229,6 +229,12 @@ impl Chain {
         match params.optional("scale") {
             Some(0.0) => params.context.warn(params.own_place(), "a scale of 0 is ignored"),
             Some(scale) => {
+                if scale < 0.0 {
+                    let message =
+                        format!("a scale of {} mirrors the part along all three axes", number(scale));
+                    let help = "a scale above 0 keeps it upright; `rotate` turns it";
+                    params.context.warn_help(params.own_place(), message, help);
+                }
                 self.scale = Some(scale);
                 self.transform.scale = scale;
             }

@@ -43,7 +43,7 @@ const OF_BAND: [&str; 15] = [
     COMPLEX,
 ];
 /// Elements of a source that are read or have no effect on heights.
-const OF_SOURCE: [&str; 10] = [
+const OF_SOURCE: [&str; 11] = [
     "SourceFilename",
     "SourceBand",
     "SourceProperties",
@@ -54,7 +54,11 @@ const OF_SOURCE: [&str; 10] = [
     "UseMaskBand",
     "ScaleOffset",
     "ScaleRatio",
+    OPEN_OPTIONS,
 ];
+const OPEN_OPTIONS: &str = "OpenOptions";
+/// Open options of a source without effect on heights: they concern speed, or how damage is treated.
+const NEUTRAL_OPTIONS: [&str; 3] = ["NUM_THREADS", "IGNORE_COG_LAYOUT_BREAK", "WARN_ABOUT_COG_LAYOUT_BREAK"];
 const SIMPLE: &str = "SimpleSource";
 const COMPLEX: &str = "ComplexSource";
 
@@ -166,6 +170,7 @@ impl Reader<'_> {
 
     fn source(&mut self, source: &Element) -> Option<VirtualSource> {
         self.refuse_others(source, &OF_SOURCE)?;
+        self.refuse_options(source)?;
         for (name, neutral) in [("ScaleOffset", 0.0), ("ScaleRatio", 1.0)] {
             if let Some(element) = source.child(name)
                 && self.number::<f64>(&element)? != neutral
@@ -315,6 +320,23 @@ impl Reader<'_> {
         let unknown: Vec<_> = element.children().filter(|child| !known.contains(&child.name())).collect();
         unknown.iter().for_each(|child| self.unsupported(child, "may change heights or where they are"));
         unknown.is_empty().then_some(())
+    }
+
+    /// Refuses open options of a source that may change its pixels.
+    fn refuse_options(&self, source: &Element) -> Option<()> {
+        let Some(options) = source.child(OPEN_OPTIONS) else { return Some(()) };
+        for option in options.children() {
+            let key = option.value("key").unwrap_or_default().trim().to_uppercase();
+            let is_default = key == "OVERVIEW_LEVEL" && option.content().trim().eq_ignore_ascii_case("NONE");
+            if !is_default && !NEUTRAL_OPTIONS.contains(&key.as_str()) {
+                self.unsupported(
+                    &option,
+                    &format!("sets `{key}`, which may change heights or where they are"),
+                );
+                return None;
+            }
+        }
+        Some(())
     }
 
     fn unsupported(&self, element: &Element, why: &str) {

@@ -45,7 +45,7 @@ pub struct FramesArgs {
     /// MCAP that vlscan run has written, - for stdin.
     pub points: PathBuf,
     /// The folder of the data set; its sequence or tables must not exist.
-    #[arg(short = 'o', long, value_name = "DIR")]
+    #[arg(short = 'o', long, value_name = "DIR", value_parser = super::files())]
     pub out: PathBuf,
     /// Rasters to write.
     #[command(flatten)]

@@ -16,15 +16,15 @@ pub struct CompareArgs {
     #[arg(long)]
     pub json: bool,
     /// Also write a page with tables, charts and pictures.
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = super::besides_report())]
     pub page: Option<PathBuf>,
     /// Also write the change from the first to the second cloud as GeoTIFF: the difference of the ground in
     /// each cell, m.
-    #[arg(long, value_name = "FILE.tif")]
+    #[arg(long, value_name = "FILE.tif", value_parser = super::besides_report())]
     pub change: Option<PathBuf>,
     /// Also write the points that are new (class 64) or gone (class 65) in the second cloud, for example as
     /// LAZ.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = super::besides_report())]
     pub changed: Option<PathBuf>,
     /// How the clouds are compared.
     #[command(flatten)]

@@ -12,7 +12,7 @@ pub struct FitArgs {
     pub cloud: PathBuf,
     /// The pipeline file to write; the trajectory gets its name with .trajectory.csv, the mirror's wander
     /// with .wander.txt, pulse times with .pulses.txt.
-    #[arg(short, long = "output", value_name = "FILE.toml")]
+    #[arg(short, long = "output", value_name = "FILE.toml", value_parser = super::files())]
     pub out: PathBuf,
     /// Fit noise and detection of the spinning sensor with this calibration file (Ouster, JSON) instead of a
     /// flight.
@@ -22,7 +22,7 @@ pub struct FitArgs {
     #[arg(long, value_name = "HALF", default_value = "even", requires = "calibration")]
     pub half: FittedHalf,
     /// Write the planes of the revolution, which the fit is based on, as a mesh and scene of the pipeline.
-    #[arg(long, value_name = "FILE.obj", requires = "calibration")]
+    #[arg(long, value_name = "FILE.obj", value_parser = super::files(), requires = "calibration")]
     pub planes: Option<PathBuf>,
     /// Fit the flight line of this point source; the one with the most points if it is not given.
     #[arg(long, value_name = "N", conflicts_with = "calibration")]

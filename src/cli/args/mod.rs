@@ -42,7 +42,24 @@ pub use tools::{
 
 use super::{LogTo, Verbosity};
 use crate::options::Switch;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{ArgAction, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Returns a parser of the names of folders and of groups of files, which do not fit into one stream.
+fn files() -> impl TypedValueParser<Value = PathBuf> {
+    except_stdout("several files are written, which stdout cannot hold; name a place on disk")
+}
+
+/// Returns a parser of the names of files that are written besides a report on stdout.
+fn besides_report() -> impl TypedValueParser<Value = PathBuf> {
+    except_stdout("stdout holds the report; name a file")
+}
+
+fn except_stdout(reason: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new()
+        .try_map(move |path| if path.as_os_str() == "-" { Err(reason) } else { Ok(path) })
+}
 
 /// Virtual laser scanning for Unix pipes.
 ///

@@ -52,7 +52,7 @@ pub enum SceneCommand {
 #[derive(Debug, Args)]
 pub struct StandArgs {
     /// Output folder.
-    #[arg(short = 'o', long, value_name = "DIR")]
+    #[arg(short = 'o', long, value_name = "DIR", value_parser = super::files())]
     pub out: PathBuf,
     /// Inputs and choices of the stand.
     #[command(flatten)]
@@ -63,7 +63,7 @@ pub struct StandArgs {
 #[derive(Debug, Args)]
 pub struct ReconstructArgs {
     /// Output folder.
-    #[arg(short = 'o', long, value_name = "DIR")]
+    #[arg(short = 'o', long, value_name = "DIR", value_parser = super::files())]
     pub out: PathBuf,
     /// Source and settings of the reconstruction.
     #[command(flatten)]
@@ -132,7 +132,7 @@ pub struct MapArgs {
     pub scene: String,
     /// The picture (.png), coloured by height, north at the top; its world file, which GIS read, is beside it
     /// (.pgw).
-    #[arg(short = 'o', long, value_name = "PATH")]
+    #[arg(short = 'o', long, value_name = "PATH", value_parser = super::files())]
     pub out: PathBuf,
     /// Pixels along the longer side, 64 to 16384.
     #[arg(long, value_name = "PIXELS", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(64..=16_384))]
@@ -149,7 +149,7 @@ pub struct MapArgs {
 #[derive(Debug, Args)]
 pub struct MakeArgs {
     /// Output folder.
-    #[arg(short = 'o', long, value_name = "DIR")]
+    #[arg(short = 'o', long, value_name = "DIR", value_parser = super::files())]
     pub out: PathBuf,
     /// Scene to make.
     #[command(flatten)]

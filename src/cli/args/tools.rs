@@ -75,7 +75,7 @@ pub struct ShowArgs {
     /// A scanner: an id of the catalogue, or file.xml#id.
     pub name: String,
     /// Draw the directions of its beams as SVG: one revolution of the head, or 0.1 s if it does not turn.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg", value_parser = super::besides_report())]
     pub picture: Option<PathBuf>,
     /// Replace an existing picture.
     #[arg(long)]

@@ -10,7 +10,7 @@ use std::io::{IsTerminal, Write};
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched};
-use vlscan_base::quantity::{amount, duration};
+use vlscan_base::quantity::{amount_of, duration};
 
 pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
     let interval = args.interval.map(|seconds| seconds.0);
@@ -68,7 +68,7 @@ fn fly(
         return Err(Error::Interrupted);
     }
     let seconds = started.elapsed().as_secs_f64();
-    let pulses = amount(progress.snapshot().pulses as f64);
-    console.took(Verbosity::Verbose, format!("{pulses} pulses flown in {}", duration(seconds)));
+    let pulses = amount_of(progress.snapshot().pulses as f64, "pulse");
+    console.took(Verbosity::Verbose, format!("{pulses} flown in {}", duration(seconds)));
     Ok(())
 }

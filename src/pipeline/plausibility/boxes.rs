@@ -6,6 +6,9 @@ use vlscan_geom::{Aabb, DVec3, UtmZone};
 
 /// Upper bound of the range assumed of a scanner, whatever its settings, m.
 pub(super) const MAX_REACH: f64 = 20_000.0;
+/// Usual heights of a flight above the highest point of its scene, m.
+const MIN_CLEARANCE: f64 = 10.0;
+const MAX_CLEARANCE: f64 = 1500.0;
 /// Depth below the scene up to which a platform is accepted, m.
 const MIN_DEPTH: f64 = 2.0;
 /// Plausible magnitudes of the geoid undulation (geoid over ellipsoid), m.
@@ -31,7 +34,11 @@ pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Opt
             false => String::new(),
         };
         let message = format!("{who} is {} {what} the scene{range}: {places}", metres(gap.length()));
-        let help = if across >= gap.z { away(scene, flight, gap) } else { heights(flight, depth) };
+        let help = if across >= gap.z {
+            away(scene, flight, gap)
+        } else {
+            in_centimetres(scene, flight.centre().z).unwrap_or_else(|| heights(flight, depth))
+        };
         return Some(Finding::new(message, help));
     }
     // Beside a hill a tripod may be lower than the scene.
@@ -101,6 +108,16 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
         }
     }
     "give the flight in the scene's coordinates; `vlscan scene info` shows where a scene is".to_owned()
+}
+
+/// A hint at a height in centimetres or millimetres, where a flight in metres would be a usual distance above
+/// the scene.
+pub(super) fn in_centimetres(scene: &Aabb, height: f64) -> Option<String> {
+    let usual = scene.max.z + MIN_CLEARANCE..=scene.max.z + MAX_CLEARANCE;
+    let units = [("centimetres", "cm", 0.01), ("millimetres", "mm", 0.001)];
+    let (unit, symbol, factor) = units.into_iter().find(|(.., unit)| usual.contains(&(height * unit)))?;
+    let hint = format!("if its heights are in {unit}, {height:.0} {symbol} are {:.0} m", height * factor);
+    Some(hint + "; `z[cm]` and `z[mm]` in the heading of a trajectory convert them")
 }
 
 /// Returns the likely cause of a wrong height of a flight, `depth` metres below the ground or the scene.
@@ -210,6 +227,8 @@ mod tests {
         assert!(help(100.0, 1e9).unwrap().contains("same level"));
         assert!(help(2000.0, 1500.0).unwrap().contains("same level"));
         assert_eq!((help(2000.0, 1800.0), help(290.5, 1e9), help(289.0, 1e9)), (None, None, None));
+        assert!(help(70_000.0, 1500.0).unwrap().contains("70000 cm are 700 m"));
+        assert!(help(700_000.0, 1500.0).unwrap().contains("700000 mm are 700 m"));
     }
 
     #[test]

@@ -1,16 +1,17 @@
 //! Check of the points per pulse: detects runs that hit nothing or almost nothing.
 
 use super::finding::Finding;
-use super::{boxes, flight_place, ground, target, view};
+use super::{boxes, flight_place, ground, is_recording, target, view};
 use crate::pipeline::aim::{Aim, AimLog, SampledBeam};
 use crate::pipeline::progress::Progress;
 use crate::pipeline::settings::Settings;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::Result;
-use vlscan_base::quantity::{amount, metres};
+use vlscan_base::quantity::{amount, amount_of, metres};
 use vlscan_geom::{DVec3, Rotation};
 use vlscan_scene::Scene;
+use vlscan_survey::PlatformKind;
 use vlscan_trace::Tree;
 
 /// Points per pulse below which a run is reported.
@@ -23,8 +24,8 @@ const MIN_SHARE_UPWARDS: f64 = 0.95;
 const WATTS_PER_NANOWATT: f64 = 1e-9;
 /// Share of surfaces beyond a limit of the scanner's ranges from which that limit is taken as the cause.
 const MIN_SHARE_MISSED: f64 = 0.5;
-/// Points per pulse below which the height of a flight is compared with one in feet.
-const MIN_YIELD_OF_METRES: f64 = 0.5;
+/// Height above the scene from which the heights of a flight are the cause of few points, m.
+const MAX_HEIGHT: f64 = 10_000.0;
 
 /// Checks whether a run finds too few points for its pulses. The cause is reported once, unless another check
 /// has reported it.
@@ -70,32 +71,40 @@ impl YieldCheck<'_> {
         let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
         let (towards, within) = (of_sampled(aim.towards), of_sampled(aim.within));
         let share = echoes as f64 / fired;
-        let feet = || view::in_feet(&scene.bounds, scene.shift.z, log.beams.items(), target.ranges);
+        let fits =
+            |share: f64| view::in_feet(&scene.bounds, scene.shift.z, log.beams.items(), target.ranges, share);
+        let bounds = scene.bounds.translated(scene.shift);
+        let flight = aim.origins.translated(scene.shift);
+        let above = flight.min.z - bounds.max.z;
+        let unit = || match above > MAX_HEIGHT {
+            true => boxes::in_centimetres(&bounds, flight.centre().z).or_else(|| fits(0.0)),
+            false => fits(0.0),
+        };
         if share >= MIN_YIELD && share >= MIN_YIELD_WITHIN * within {
-            let help = if share < MIN_YIELD_OF_METRES { feet()? } else { return None };
+            // The height of other flights has been checked before the run.
+            let is_unchecked = self.is_live() && share < view::MIN_SHARE;
+            let help = is_unchecked.then(|| fits(view::FITTING_SHARE)).flatten()?;
             let message = format!(
-                "{} points for {} pulses: the swath is wider than the scene",
-                amount(echoes as f64),
-                amount(fired)
+                "{} for {}: the swath is wider than the scene",
+                amount_of(echoes as f64, "point"),
+                amount_of(fired, "pulse")
             );
             return Some(Finding::new(message, help));
         }
         let seen_if_stronger = (echoes + aim.weak.count) as f64 / fired;
         let is_weak = echoes == 0 && aim.weak.count > 0;
         if is_weak || seen_if_stronger >= MIN_YIELD && seen_if_stronger >= MIN_YIELD_WITHIN * within {
-            return Some(self.too_weak(pulses, echoes, aim, feet()));
+            return Some(self.too_weak(pulses, echoes, aim, unit()));
         }
-        let bounds = scene.bounds.translated(scene.shift);
-        let flight = aim.origins.translated(scene.shift);
         let gap = (bounds.min - flight.max).max(flight.min - bounds.max).max(DVec3::ZERO);
         let across = gap.x.hypot(gap.y);
         let origins: Vec<DVec3> = log.beams.items().iter().map(|beam| beam.origin).collect();
         let below = ground::check("the flight", scene, self.tree, &origins, mount.offset.z);
         let message = format!(
-            "{} points for {} pulses: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
+            "{} for {}: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
              scanner's range; the scene is at {}, the scanner was at {}",
-            amount(echoes as f64),
-            amount(fired),
+            amount_of(echoes as f64, "point"),
+            amount_of(fired, "pulse"),
             100.0 * towards,
             100.0 * within,
             boxes::extent(&bounds),
@@ -117,6 +126,8 @@ impl YieldCheck<'_> {
                 metres(depth),
                 boxes::heights(&flight.translated(DVec3::Z * -mount.offset.z), depth)
             )
+        } else if above > MAX_HEIGHT {
+            format!("the flight is {} above the scene; heights of both must be in metres", metres(above))
         } else if towards < 0.5 && mount.rotation == Rotation::IDENTITY {
             "no mount turns the scanner towards the scene: name the platform it is mounted on ([platform] catalogue = \
              \"data/platforms.xml#sr22\"), or give it a mount of its own"
@@ -133,14 +144,20 @@ impl YieldCheck<'_> {
             "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene info` shows what it contains"
                 .to_owned()
         };
-        let help = feet().map_or(help.clone(), |hint| format!("{help}; {hint}"));
+        let help = unit().map_or(help.clone(), |hint| format!("{help}; {hint}"));
         Some(Finding::new(message, help))
     }
 }
 
 impl YieldCheck<'_> {
+    /// True if the flight was not read before the run.
+    fn is_live(&self) -> bool {
+        let kind = &self.settings.survey.platform.kind;
+        matches!(kind, PlatformKind::Stream(stream) if !is_recording(stream))
+    }
+
     /// The finding of a run whose pulses hit, and whose detector needs more light than comes back.
-    fn too_weak(&self, pulses: u64, echoes: u64, aim: &Aim, feet: Option<String>) -> Finding {
+    fn too_weak(&self, pulses: u64, echoes: u64, aim: &Aim, height: Option<String>) -> Finding {
         let weak = &aim.weak;
         let corrections = &self.settings.physics.corrections;
         let unit = match corrections.threshold_in_watts {
@@ -148,11 +165,11 @@ impl YieldCheck<'_> {
             false => ", as --physics helios has it (receivedEnergyMin_W compared with nanowatts)",
         };
         let message = format!(
-            "{} points for {} pulses: {} beams met the scene and returned less than the detector needs: strongest {:.2e} W, \
+            "{} for {}: {} met the scene and returned less than the detector needs: strongest {:.2e} W, \
              threshold {:.2e} W{unit}{}; {} met nothing within the scanner's range",
-            amount(echoes as f64),
-            amount(pulses as f64),
-            amount(weak.count as f64),
+            amount_of(echoes as f64, "point"),
+            amount_of(pulses as f64, "pulse"),
+            amount_of(weak.count as f64, "beam"),
             weak.strongest * WATTS_PER_NANOWATT,
             weak.threshold * WATTS_PER_NANOWATT,
             lacking(weak.threshold / weak.strongest),
@@ -166,7 +183,7 @@ impl YieldCheck<'_> {
             "--physics refined computes received power in watts; in --physics helios it falls with the fourth power of the range, so \
              fly lower, or give reflectances (`vlscan scene info` lists them) and the threshold in its units"
         };
-        Finding::new(message, feet.map_or(help.to_owned(), |feet| format!("{feet}; {help}")))
+        Finding::new(message, height.map_or(help.to_owned(), |hint| format!("{hint}; {help}")))
     }
 
     /// Advice where most of the surfaces that beams meet are nearer, or most are farther, than the scanner
@@ -277,6 +294,9 @@ mod tests {
             ([0.0, 0.0, 50.0], [0, 0, 100], "point upwards"),
             ([0.0, 0.0, 50.0], [0, 0, 0], "miss the scene"),
             ([0.0, 0.0, 900.0], [100, 0, 0], "farther: fly lower"),
+            ([0.0, 0.0, 20_000.0], [0, 0, 0], "20000 cm are 200 m"),
+            ([0.0, 0.0, 300_000.0], [0, 0, 0], "300000 mm are 300 m"),
+            ([0.0, 0.0, 5e6], [0, 0, 0], "heights of both must be in metres"),
             ([0.0, 0.0, 0.5], [100, 0, 0], "nearer: fly higher"),
             ([0.0, 0.0, -50.0], [0, 0, 0], "below the terrain"),
             ([300.0, 0.0, 50.0], [0, 0, 0], "290 m beside the scene"),

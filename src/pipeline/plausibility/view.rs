@@ -1,5 +1,5 @@
-//! Checks of a flight by its beams, before it is flown: heights in feet or beyond the range, scanners that
-//! look up. The ground below a place is taken to be level, and the scene to fill its box.
+//! Checks of a flight by its beams, before it is flown: heights in feet, in centimetres or beyond the range,
+//! scanners that look up. The ground below a place is taken to be level, and the scene to fill its box.
 
 use super::boxes;
 use super::finding::Finding;
@@ -15,10 +15,15 @@ const FOOT: f64 = 0.3048;
 /// Height above the scene from which heights are compared with ones in feet, m.
 const MIN_SUSPECT_HEIGHT: f64 = 100.0;
 /// Share of the downward beams that meet the scene, below which a height is doubted.
-const MIN_SHARE: f64 = 0.3;
+pub(super) const MIN_SHARE: f64 = 0.34;
 /// Factor by which more of them meet it where the heights are read as feet; a swath is at most 3.28 times as
 /// wide.
 const MIN_GAIN: f64 = 2.5;
+/// Share of the downward beams that meet a scene which a flight fits. High flights over small scenes miss
+/// much of it from a third of their height, too.
+pub(super) const FITTING_SHARE: f64 = 0.7;
+/// Height above the ground from which heights are compared with ones in centimetres, m.
+const MIN_SUSPECT_CENTIMETRES: f64 = 10_000.0;
 /// Vertical component of beams that count as downward: within 60° of straight down.
 const DOWNWARD: f64 = -0.5;
 /// Share of the downward beams whose ground is out of range, above which a height is reported.
@@ -100,9 +105,15 @@ pub(super) fn check(
         })
         .collect();
     let beams: Vec<SampledBeam> = all.iter().map(|(_, beam)| *beam).collect();
-    upwards(who, &beams, height)
-        .or_else(|| too_high(who, scene, &beams, height, sight.ranges))
-        .or_else(|| out_of_range(who, &all, height, sight.ranges))
+    upwards(who, &beams, height).or_else(|| too_high(who, scene, &beams, height, sight.ranges)).or_else(
+        || {
+            let finding = out_of_range(who, &all, height, sight.ranges)?;
+            let feet = in_feet(bounds, scene.shift.z, &beams, sight.ranges, 0.0);
+            let help =
+                feet.map_or(finding.help.clone(), |feet| format!("{feet}; otherwise {}", finding.help));
+            Some(Finding { help, ..finding })
+        },
+    )
 }
 
 /// A scanner in the air of which much points above the horizon and nothing down.
@@ -122,7 +133,7 @@ fn upwards(who: &str, beams: &[SampledBeam], height: f64) -> Option<Finding> {
     })
 }
 
-/// A flight whose swath is several times as wide as the scene, because its heights are in feet.
+/// A flight whose swath is several times as wide as the scene, because its heights are in another unit.
 fn too_high(
     who: &str,
     scene: &Scene,
@@ -130,14 +141,16 @@ fn too_high(
     height: f64,
     ranges: [f64; 2],
 ) -> Option<Finding> {
-    let feet = in_feet(&scene.bounds, scene.shift.z, beams, ranges)?;
     let down: Vec<SampledBeam> = beams.iter().copied().filter(is_downward).collect();
-    let share = 100.0 * share_of(&down, |beam| meets(&scene.bounds, beam, 0.0, ranges));
+    let share = share_of(&down, |beam| meets(&scene.bounds, beam, 0.0, ranges));
+    let unit = in_feet(&scene.bounds, scene.shift.z, beams, ranges, FITTING_SHARE)
+        .or_else(|| in_centimetres(scene, beams, height).filter(|_| !down.is_empty() && share < MIN_SHARE))?;
+    let share = 100.0 * share;
     let message = format!(
         "{who} is {} above the ground, from where only {share:.0} % of the downward beams meet the scene within the scanner's range",
         metres(height)
     );
-    let help = format!("{feet}; otherwise fly lower, or with a narrower scan angle, or extend the scene");
+    let help = format!("{unit}; otherwise fly lower, or with a narrower scan angle, or extend the scene");
     Some(Finding::new(message, help))
 }
 
@@ -169,8 +182,15 @@ fn out_of_range(
 }
 
 /// A hint where few of the beams that point down meet the scene within the ranges of the scanner, and many
-/// more would if heights were in feet. `level` is the height of the origin of the scene's frame, m.
-pub(super) fn in_feet(scene: &Aabb, level: f64, beams: &[SampledBeam], ranges: [f64; 2]) -> Option<String> {
+/// more, at least a share of `fitting`, would if heights were in feet. `level` is the height of the origin of
+/// the scene's frame, m.
+pub(super) fn in_feet(
+    scene: &Aabb,
+    level: f64,
+    beams: &[SampledBeam],
+    ranges: [f64; 2],
+    fitting: f64,
+) -> Option<String> {
     let down: Vec<SampledBeam> = beams.iter().copied().filter(is_downward).collect();
     let mut heights: Vec<f64> = down.iter().map(|beam| beam.origin.z + level).collect();
     heights.sort_by(f64::total_cmp);
@@ -185,8 +205,17 @@ pub(super) fn in_feet(scene: &Aabb, level: f64, beams: &[SampledBeam], ranges: [
     }
     let share = |lower: f64| share_of(&down, |beam| meets(scene, beam, lower, ranges));
     let (now, then) = (share(0.0), share(height - as_feet));
-    (now < MIN_SHARE && then > MIN_GAIN * now)
+    (now < MIN_SHARE && then > MIN_GAIN * now && then >= fitting)
         .then(|| format!("if its heights are in feet, {height:.0} ft are {as_feet:.0} m"))
+}
+
+/// A hint at heights in centimetres or millimetres of beams that start `height` metres above the ground.
+fn in_centimetres(scene: &Scene, beams: &[SampledBeam], height: f64) -> Option<String> {
+    let mut heights: Vec<f64> = beams.iter().map(|beam| beam.origin.z + scene.shift.z).collect();
+    heights.sort_by(f64::total_cmp);
+    let typical = *heights.get(heights.len() / 2)?;
+    let bounds = scene.bounds.translated(scene.shift);
+    (height > MIN_SUSPECT_CENTIMETRES).then(|| boxes::in_centimetres(&bounds, typical)).flatten()
 }
 
 fn is_downward(beam: &SampledBeam) -> bool {
@@ -263,6 +292,27 @@ mod tests {
         assert_eq!(fly(1017.0, 202.0, &fan(0.0, 8.0), 1e9), None);
         // In feet the flight would be below the ground.
         assert_eq!(fly(1017.0, 400.0, &beams, 1e9), None);
+    }
+
+    #[test]
+    fn flights_that_fit_in_feet_or_centimetres_are_told_from_high_ones() {
+        let beams = fan(0.0, 20.0);
+        for (z, hint) in [
+            (1500.0, "1500 ft are 457 m"),
+            (31_000.0, "31000 cm are 310 m"),
+            (310_000.0, "310000 mm are 310 m"),
+        ] {
+            let found = fly(z, 0.0, &beams, f64::MAX).unwrap();
+            assert!(found.contains(hint) && found.contains("of the downward beams meet"), "{z}: {found}");
+        }
+        // The swath is wider than the scene in feet, too.
+        for z in [600.0, 900.0, 3000.0, 6000.0] {
+            assert_eq!(fly(z, 0.0, &beams, f64::MAX), None, "{z}");
+        }
+        let far = fly(31_000.0, 0.0, &beams, 1500.0).unwrap();
+        assert!(far.contains("31000 cm are 310 m"), "{far}");
+        let far = fly(3000.0, 0.0, &beams, 1500.0).unwrap();
+        assert!(far.contains("3000 ft are 914 m; otherwise fly lower"), "{far}");
     }
 
     #[test]

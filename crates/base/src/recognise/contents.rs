@@ -181,6 +181,8 @@ fn of_xml(text: &[u8]) -> &'static Kind {
         b"featurecollection" if holds(b"citygml") => &kinds::CITYGML,
         b"featurecollection" | b"feature" => &kinds::GML,
         b"osm" => &kinds::OSM,
+        b"opendrive" => &kinds::OPENDRIVE,
+        b"trainingcenterdatabase" => &kinds::TCX,
         b"vrtdataset" => &kinds::VRT,
         b"vtkfile" => &kinds::VTK_XML,
         b"html" => &kinds::HTML,
@@ -282,6 +284,9 @@ fn of_text(text: &[u8]) -> &'static Kind {
     if is_wkt(&upper) {
         return &kinds::WKT;
     }
+    if let Some(kind) = of_receiver(text) {
+        return kind;
+    }
     let mut lines = text.split(|b| matches!(b, b'\n' | b'\r')).map(<[u8]>::trim_ascii);
     let first = lines.clone().find(|line| !(line.is_empty() || line.starts_with(b"#"))).unwrap_or_default();
     let word = first.split(u8::is_ascii_whitespace).next().unwrap_or_default();
@@ -304,6 +309,26 @@ fn of_text(text: &[u8]) -> &'static Kind {
         return &kinds::PIPELINE;
     }
     if is_table(text) { &kinds::TABLE } else { &kinds::TEXT }
+}
+
+/// Logs of satellite receivers, by their first line: NMEA 0183 (`$GPGGA,`), IGC (a record `A`, and the date),
+/// RINEX.
+fn of_receiver(text: &[u8]) -> Option<&'static Kind> {
+    let first = text.split(|b| matches!(b, b'\n' | b'\r')).next().unwrap_or_default();
+    let is_sentence = first.len() > 6
+        && first[0] == b'$'
+        && first[1..6].iter().all(u8::is_ascii_uppercase)
+        && first[6] == b',';
+    let is_igc = first.len() >= 4
+        && first[0] == b'A'
+        && first[1..4].iter().all(u8::is_ascii_alphanumeric)
+        && find(text, b"\nHFDTE").is_some();
+    match () {
+        () if is_sentence => Some(&kinds::NMEA),
+        () if is_igc => Some(&kinds::IGC),
+        () if find(first, b"RINEX VERSION / TYPE").is_some() => Some(&kinds::RINEX),
+        () => None,
+    }
 }
 
 /// True for well-known text of a geometry (OGC 06-103r4, section 7), in capitals: `POLYGON Z ((`, `POINT

@@ -232,6 +232,47 @@ pub(super) const MTL: Kind = kind("an MTL material library", Materials, "", &[],
 /// A drawing of AutoCAD.
 pub(super) const DXF: Kind = kind("a DXF drawing", Mesh, CAD, &[b"AutoCAD Binary DXF"], &["dxf"]);
 
+/// Roads of a driving simulator.
+pub(super) const OPENDRIVE: Kind = kind(
+    "an OpenDRIVE road network",
+    Mesh,
+    "export its surfaces as OBJ or glTF, for example with libOpenDRIVE or RoadRunner",
+    &[],
+    &["xodr"],
+);
+/// Tracks of Garmin's devices.
+pub(super) const TCX: Kind = kind(
+    "a TCX track",
+    Area,
+    "convert it to GPX: gpsbabel -i gtrnctr -f {f} -o gpx -F out.gpx",
+    &[],
+    &["tcx"],
+);
+/// Messages of a receiver.
+pub(super) const NMEA: Kind = kind(
+    "a log of a GNSS receiver (NMEA 0183)",
+    Area,
+    "convert it to GPX: gpsbabel -i nmea -f {f} -o gpx -F out.gpx",
+    &[],
+    &["nmea"],
+);
+/// Tracks of gliders.
+pub(super) const IGC: Kind = kind(
+    "an IGC flight log",
+    Area,
+    "convert it to GPX: gpsbabel -i igc -f {f} -o gpx -F out.gpx",
+    &[],
+    &["igc"],
+);
+/// Observations of a receiver.
+pub(super) const RINEX: Kind = kind(
+    "raw observations of a GNSS receiver (RINEX)",
+    Other,
+    "compute positions first, for example with RTKLIB",
+    &[],
+    &["rnx"],
+);
+
 /// Kinds that are archives of ZIP.
 pub(super) const IN_ZIP: &[Kind] = &[KMZ, NPZ, EXCEL, ODS, OFFICE, USDZ, PRINT, IFC_MODEL];
 
@@ -282,6 +323,11 @@ pub(super) const BY_CONTENTS: &[Kind] = &[
     TOPOJSON,
     SVG,
     ROBOT,
+    OPENDRIVE,
+    TCX,
+    NMEA,
+    IGC,
+    RINEX,
 ];
 
 /// Kinds that are recognised by what they begin with.

@@ -103,6 +103,16 @@ fn text_is_recognised_by_its_statements() {
         ("# a flight\n[[leg]]\nx = 1\n", "a pipeline file (TOML)"),
         ("time,x,y,z\n1,2,3,4\n", "a table of text"),
         ("1 2 3\n4 5 6\n", "a table of text"),
+        ("<?xml version='1.0'?><OpenDRIVE><road/></OpenDRIVE>", "an OpenDRIVE road network"),
+        ("<TrainingCenterDatabase xmlns='a'><Activities/>", "a TCX track"),
+        ("$GPGGA,100000.00,4900.7,N,00840.2,E,1\n", "a log of a GNSS receiver (NMEA 0183)"),
+        ("AXXXABC FLIGHT:1\r\nHFDTE010321\r\nB1000004900740N", "an IGC flight log"),
+        (
+            "     3.04           OBSERVATION DATA    M (MIXED)           RINEX VERSION / TYPE\n",
+            "raw observations of a GNSS receiver (RINEX)",
+        ),
+        ("AXXX height age\n1 2 3\n", "a table of text"),
+        ("$time,x,y\n1,2,3\n", "a table of text"),
         ("Name;Höhe\nBuche;12,5\n", "text of an unknown format"),
         ("x;y;h\n1,5;2,5;3,5\n", "a table of text"),
         ("[time],x,y\n1,2,3\n", "a table of text"),
@@ -146,6 +156,16 @@ fn readers_refuse_what_they_do_not_read_with_what_to_do() {
         ("a.las", b"LASF\0\0", &Expected::MESH, ["a LAS point cloud", "xyzloader"]),
         ("a.csv", b"x,y,z\n1,2,3\n", &Expected::SURVEY, ["a table of text", "--trajectory a.csv"]),
         ("a.parquet", b"PAR1\x15", &Expected::POSES, ["a Parquet table", "as CSV"]),
+        ("a.xodr", b"<OpenDRIVE/>", &Expected::DOCUMENT, ["an OpenDRIVE road network", "as OBJ or glTF"]),
+        (
+            "a.tcx",
+            b"<TrainingCenterDatabase/>",
+            &Expected::AREA,
+            ["a TCX track", "gpsbabel -i gtrnctr -f a.tcx"],
+        ),
+        ("a.txt", b"$GNRMC,1,A,4900.7,N", &Expected::POSES, ["NMEA 0183", "time,x,y,z,roll,pitch,yaw"]),
+        ("a.igc", b"AXXX\nHFDTE010321\n", &Expected::POSES, ["an IGC flight log", "gpsbabel -i igc"]),
+        ("a.21o", b"3.04  RINEX VERSION / TYPE\n", &Expected::MESH, ["RINEX", "RTKLIB"]),
         ("a.gz", b"\x1f\x8b\x08", &Expected::MESH, ["a gzip file", "gunzip a.gz"]),
     ] {
         let said = refused(path, bytes, expected);

@@ -72,6 +72,9 @@ fn transforms_accumulate_as_the_format_says() {
     let (scene, text) = warned(&format!("<part>{}{}{}</part>", scale("7"), obj(), scale("0")));
     assert_eq!(scene.parts[0].transform.scale, 1.0);
     contains(&text, &["filters before the loader have no effect", "a scale of 0 is ignored"]);
+    let (scene, text) = warned(&format!("<part>{}{}</part>", obj(), scale("-1")));
+    assert_eq!(scene.parts[0].transform.scale, -1.0);
+    contains(&text, &["a scale of -1 mirrors the part"]);
     let (scene, text) = warned(&format!("<part>{}{}{}</part>", obj(), scale("7"), obj()));
     assert_eq!(scene.parts[0].transform, Transform::IDENTITY);
     contains(&text, &["a second loader replaces the first"]);

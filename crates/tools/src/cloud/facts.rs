@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
+use vlscan_base::quantity::counted;
 use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, StrayFinder};
 use vlscan_geom::{Aabb, MAX_COORDINATE};
 
@@ -139,8 +140,8 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
         facts.time = [times_before, facts.time].into_iter().flatten().reduce(Span::union);
         let left_out = facts.skipped - skipped;
         if left_out > 0 {
-            let message =
-                format!("{left_out} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
+            let points = counted(left_out, "point");
+            let message = format!("left out: {points} without coordinates within ±{MAX_COORDINATE:e} m");
             found.warn(Some(Place::of_file(path)), message);
         }
         let without_number = facts.without_number - without_number;

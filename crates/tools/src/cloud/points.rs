@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::quantity::counted;
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
@@ -317,13 +318,13 @@ impl Points {
     pub fn doubts(&self, path: &Path) -> Diagnostics {
         let mut found = Diagnostics::default();
         if self.skipped > 0 {
-            let count = self.skipped;
-            let message =
-                format!("{count} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
+            let points = counted(self.skipped, "point");
+            let message = format!("left out: {points} without coordinates within ±{MAX_COORDINATE:e} m");
             found.warn(Some(Place::of_file(path)), message);
         }
         if self.misses > 0 {
-            let message = format!("{} pulses without a return are left out", self.misses);
+            let pulses = counted(self.misses, "pulse");
+            let message = format!("left out: {pulses} without a return");
             found.note(Some(Place::of_file(path)), message);
         }
         found
@@ -385,7 +386,7 @@ mod tests {
         points.push(&PointRow { position: DVec3::NAN, ..PointRow::default() }, None);
         assert_eq!((points.len(), points.skipped()), (2, 1));
         let doubts = points.doubts(Path::new("a.xyz")).render(false);
-        assert!(doubts.contains("1 points without coordinates") && doubts.contains("a.xyz"), "{doubts}");
+        assert!(doubts.contains("1 point without coordinates") && doubts.contains("a.xyz"), "{doubts}");
         assert_eq!(points.position(1), DVec3::new(478_001.456, 5_474_500.5, 110.25));
         assert!((f64::from(points.offset(1)[0]) + points.origin().x - 478_001.456).abs() < 1e-6);
         assert_eq!(points.bounds().max.x, 478_001.456);

@@ -151,7 +151,7 @@ mod tests {
                    property float label\nend_header\n1 2 3 0.5\n4 5 6 7\n";
         assert!(said(ply.as_bytes(), "a.ply").contains("1 point has a class"));
         let skipped = said(b"inf 0 0\n1 2 3\n", "a.xyz");
-        assert!(skipped.contains("1 points without coordinates"), "{skipped}");
+        assert!(skipped.contains("1 point without coordinates"), "{skipped}");
     }
 
     #[test]

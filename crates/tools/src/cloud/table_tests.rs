@@ -115,7 +115,7 @@ fn what_is_not_used_as_it_stands_in_a_table_is_said() {
         "columns 3 (\"z\") and 4 (\"Z\")",
         "not read: omnivariance",
         "1 point has a class",
-        "1 points without coordinates",
+        "1 point without coordinates",
     ] {
         assert!(said.contains(part), "{part} is missing from {said}");
     }

@@ -399,11 +399,17 @@ fn missing(wanted: Expected, format: Format, others: &BTreeMap<String, usize>) -
     };
     let help = match wanted {
         Expected::Polygon if others.contains_key("LineString") || others.contains_key(OPEN_TRACK) => {
-            "; --buffer makes an area of a line"
+            "--buffer makes an area of a line"
         }
-        _ => "",
+        Expected::Polygon => "draw the area as a polygon",
+        Expected::Line if others.contains_key("Polygon") => {
+            "draw the line itself; `vlscan plan airborne --area` takes polygons"
+        }
+        Expected::Line => "draw the way as a line",
     };
-    format!("no {kind} in the {}{help}", format.name())
+    let found: Vec<String> = others.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
+    let found = if found.is_empty() { "no geometry".to_owned() } else { found.join(", ") };
+    format!("no {kind} in the {}, which has {found}; {help}", format.name())
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::{AirborneOptions, Area, MobileOptions, TerrestrialOptions};
 use crate::args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A survey that is to be planned.
 #[derive(Clone, Debug, clap::Subcommand)]
@@ -113,6 +113,11 @@ impl PlanSetup {
     /// Height of the ground where no scene tells it, m.
     pub fn level(&self) -> f64 {
         self.ground.unwrap_or(0.0)
+    }
+
+    /// The pipeline file; `None` for standard output.
+    pub fn file(&self) -> Option<&Path> {
+        self.out.as_deref().filter(|path| path.as_os_str() != "-")
     }
 }
 

@@ -26,6 +26,7 @@ use std::path::Path;
 use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::counted;
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, Strays};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
@@ -333,8 +334,8 @@ fn read_into(
         )));
     }
     if sink.skipped > skipped {
-        let count = sink.skipped - skipped;
-        let message = format!("{count} points without coordinates within ±{MAX_COORDINATE:e} m are left out");
+        let points = counted(sink.skipped - skipped, "point");
+        let message = format!("left out: {points} without coordinates within ±{MAX_COORDINATE:e} m");
         found.warn(Some(Place::of_file(cloud.name())), message);
     }
     all.extend(found.finish(false)?);

@@ -16,8 +16,13 @@ const MIN_TALL: f64 = 400.0;
 const MIN_STEEP: f64 = 0.25;
 /// Heights that a mesh in another unit may have, m.
 const PLAUSIBLE_HEIGHTS: std::ops::RangeInclusive<f64> = 0.2..=150.0;
-/// Width and depth from which a thin sheet is doubted, m.
+/// Width and depth from which a thin sheet is doubted, m: a flat one, and one with relief.
 const MIN_SHEET: f64 = 100.0;
+const MIN_ROUGH_SHEET: f64 = 50.0;
+/// Share of a sheet's width from which its thickness is relief.
+const MIN_RELIEF: f64 = 0.01;
+/// Width of a solid mesh relative to its length; thinner ones are beams, logs or cables.
+const MIN_SOLID: f64 = 0.1;
 /// Distance from 0 of coordinates that no height is, m.
 const MIN_FAR: f64 = 20_000.0;
 
@@ -114,7 +119,7 @@ fn axis_doubt(bounds: Aabb) -> Option<String> {
     let (size, centre) = (bounds.size(), bounds.centre());
     let is_centred = |centre: f64, size: f64| centre.abs() <= 0.1 * size;
     let stands_on_y = (-0.2 * size.y..=0.05 * size.y).contains(&bounds.min.y) && centre.y >= 0.3 * size.y;
-    let is_solid = size.x >= 0.1 * size.y && size.z >= 0.2 * size.y;
+    let is_solid = size.x.min(size.z) >= MIN_SOLID * size.y;
     if stands_on_y && is_solid && is_centred(centre.x, size.x) && is_centred(centre.z, size.z) {
         return Some(
             "the mesh lies on its side: it stands on y = 0 and extends equally to both sides in x and z, so \
@@ -135,7 +140,8 @@ fn axis_doubt(bounds: Aabb) -> Option<String> {
 /// True if a mesh of this size is a landscape on its side.
 fn is_sheet(size: DVec3) -> bool {
     let smallest = size.x.min(size.z);
-    smallest >= MIN_SHEET && size.y <= 0.2 * smallest
+    let is_wide = smallest >= MIN_SHEET || smallest >= MIN_ROUGH_SHEET && size.y >= MIN_RELIEF * smallest;
+    is_wide && size.y <= 0.2 * smallest
 }
 
 /// Returns doubts about the axes of a glTF mesh whose box is this after y of the file has become up: if z of
@@ -145,7 +151,7 @@ fn turned_doubt(bounds: Aabb) -> Option<String> {
     let is_on_both_sides =
         |axis: usize| bounds.min[axis] <= -0.1 * size[axis] && bounds.max[axis] >= 0.1 * size[axis];
     let stands_on_z = (-0.05 * size.y..=0.2 * size.y).contains(&top) && centre.y <= -0.3 * size.y;
-    let is_solid = size.x >= 0.1 * size.y && size.z >= 0.2 * size.y;
+    let is_solid = size.x.min(size.z) >= MIN_SOLID * size.y;
     let message = match () {
         () if stands_on_z && is_solid && is_on_both_sides(0) && is_on_both_sides(2) => {
             "it stands on z = 0 of the file and extends to both sides in x and y".to_owned()
@@ -213,8 +219,13 @@ mod tests {
         let tree = solid([-2.0, 0.0, -2.1], [2.1, 12.0, 2.0]);
         let terrain = solid([0.0, 200.0, 0.0], [500.0, 230.0, -400.0]);
         let about_z = |part: &mut PartRecipe| part.transform.rotation = vlscan_geom::Rotation::about_z(0.5);
+        // A tile of 100 m whose outermost points are 99 m apart.
+        let tile = solid([0.0, 197.0, -99.0], [99.0, 203.0, 0.0]);
+        let tower = solid([-5.0, 0.0, -5.0], [5.0, 60.0, 5.0]);
         for lying in [
             warnings(&tree, |_| {}),
+            warnings(&tile, |_| {}),
+            warnings(&tower, |_| {}),
             warnings(&tree, |part| part.transform.offset = DVec3::new(476_000.0, 5_429_000.0, 210.0)),
             warnings(&tree, about_z),
             warnings(&terrain, |_| {}),
@@ -233,6 +244,10 @@ mod tests {
             }),
             warnings(&solid([-2.0, -2.0, 0.0], [2.0, 2.0, 12.0]), |_| {}),
             warnings(&solid([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]), |_| {}),
+            // A wall, the front of a house, and a log.
+            warnings(&solid([0.0, 0.0, 0.0], [60.0, 0.1, 60.0]), |_| {}),
+            warnings(&solid([0.0, 0.0, 0.0], [40.0, 2.0, 20.0]), |_| {}),
+            warnings(&solid([-0.3, 0.0, -0.3], [0.3, 12.0, 0.3]), |_| {}),
             warnings(&solid([0.0, 0.0, 0.0], [3.0, 5.0, 2.0]), |_| {}),
             warnings(&solid([-5.0, 0.0, -0.1], [5.0, 80.0, 0.1]), |_| {}),
         ] {
@@ -274,6 +289,8 @@ mod tests {
             town(has_motions_or_id[0]),
             town(has_motions_or_id[1]),
             warnings_of_gltf([-2.0, -2.0, 0.0], [2.0, 2.0, 15.0], |_| {}),
+            warnings_of_gltf([-5.0, -5.0, 0.0], [5.0, 5.0, 60.0], |_| {}),
+            warnings_of_gltf([0.0, 0.0, 197.0], [99.0, 99.0, 203.0], |_| {}),
             warnings_of_gltf([0.0, 0.0, 200.0], [500.0, 400.0, 230.0], |_| {}),
             warnings_of_gltf([476_000.0, 5_429_000.0, 110.0], [476_050.0, 5_429_050.0, 120.0], |_| {}),
         ] {

@@ -15,6 +15,8 @@ pub(super) struct MaterialJson {
     alpha_mode: Value,
     #[serde(default, rename = "alphaCutoff")]
     alpha_cutoff: Value,
+    #[serde(default, rename = "pbrMetallicRoughness")]
+    pbr: Value,
     #[serde(default)]
     extensions: Value,
 }
@@ -81,26 +83,40 @@ fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, 
 /// Properties of a material that mean transparency.
 fn unused_optics(json: &MaterialJson) -> Option<String> {
     let mut found = Vec::new();
-    if let Some(mode) = json.alpha_mode.as_str().filter(|mode| ["BLEND", "MASK"].contains(mode)) {
+    let mode = json.alpha_mode.as_str().filter(|mode| ["BLEND", "MASK"].contains(mode));
+    if let Some(mode) = mode.filter(|_| has_alpha(json)) {
         let cutoff = json.alpha_cutoff.as_f64().filter(|_| mode == "MASK");
         found.push(format!("alphaMode {mode}") + &cutoff.map_or(String::new(), |c| format!(" {c}")));
     }
     let number = |extension: &str, key: &str| json.extensions.get(extension)?.get(key)?.as_f64();
     // A texture with a factor of 0 has no effect.
-    for (extension, key, none) in [
-        ("KHR_materials_transmission", "transmissionFactor", 0.0),
-        ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor", 0.0),
-        ("KHR_materials_volume", "thicknessFactor", 0.0),
-    ] {
-        if let Some(value) = number(extension, key).filter(|value| *value != none) {
-            found.push(format!("{extension} {value}"));
-        }
+    let mut transmit = |extension: &str, key: &str| {
+        let value = number(extension, key).filter(|value| *value != 0.0);
+        found.extend(value.map(|value| format!("{extension} {value}")));
+        value.is_some()
+    };
+    let is_glass = transmit("KHR_materials_transmission", "transmissionFactor");
+    let is_thin = transmit("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor");
+    // Only light that passes the surface meets the volume.
+    if is_glass || is_thin {
+        transmit("KHR_materials_volume", "thicknessFactor");
     }
     // An index of refraction by itself only changes the gloss.
     if let Some(ior) = number("KHR_materials_ior", "ior").filter(|_| !found.is_empty()) {
         found.push(format!("KHR_materials_ior {ior}"));
     }
     (!found.is_empty()).then(|| found.join(", "))
+}
+
+/// True if the opacity of a material differs from 1, or comes from a texture.
+fn has_alpha(json: &MaterialJson) -> bool {
+    let of = |material: &Value, texture: &str, factor: &str| {
+        let alpha = material.get(factor).and_then(|factor| factor.get(3)).and_then(Value::as_f64);
+        material.get(texture).is_some() || alpha.is_some_and(|alpha| alpha != 1.0)
+    };
+    let older = json.extensions.get("KHR_materials_pbrSpecularGlossiness");
+    of(&json.pbr, "baseColorTexture", "baseColorFactor")
+        || older.is_some_and(|older| of(older, "diffuseTexture", "diffuseFactor"))
 }
 
 #[cfg(test)]
@@ -121,16 +137,29 @@ mod tests {
             definitions(&materials).unwrap()[0].unused_optics.clone().map(|optics| optics.properties)
         };
         for (json, expected) in [
-            (r#""alphaMode":"BLEND""#, Some("alphaMode BLEND")),
-            (r#""alphaMode":"MASK","alphaCutoff":0.3"#, Some("alphaMode MASK 0.3")),
+            (
+                r#""alphaMode":"BLEND","pbrMetallicRoughness":{"baseColorFactor":[1,1,1,0.2]}"#,
+                Some("alphaMode BLEND"),
+            ),
+            (
+                r#""alphaMode":"MASK","alphaCutoff":0.3,"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}"#,
+                Some("alphaMode MASK 0.3"),
+            ),
+            (
+                r#""alphaMode":"BLEND","extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseTexture":{"index":0}}}"#,
+                Some("alphaMode BLEND"),
+            ),
+            (r#""alphaMode":"BLEND""#, None),
+            (r#""alphaMode":"MASK","pbrMetallicRoughness":{"baseColorFactor":[0.2,0.3,0.4,1.0]}"#, None),
             (
                 r#""extensions":{"KHR_materials_transmission":{"transmissionFactor":0.9},"KHR_materials_ior":{"ior":1.33}}"#,
                 Some("KHR_materials_transmission 0.9, KHR_materials_ior 1.33"),
             ),
             (
-                r#""extensions":{"KHR_materials_volume":{"thicknessFactor":0.1}}"#,
-                Some("KHR_materials_volume 0.1"),
+                r#""extensions":{"KHR_materials_diffuse_transmission":{"diffuseTransmissionFactor":0.5},"KHR_materials_volume":{"thicknessFactor":0.1}}"#,
+                Some("KHR_materials_diffuse_transmission 0.5, KHR_materials_volume 0.1"),
             ),
+            (r#""extensions":{"KHR_materials_volume":{"thicknessFactor":0.1}}"#, None),
             (r#""alphaMode":"OPAQUE""#, None),
             (r#""extensions":{"KHR_materials_transmission":{},"KHR_materials_ior":{"ior":1.45}}"#, None),
         ] {

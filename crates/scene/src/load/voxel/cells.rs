@@ -21,6 +21,13 @@ pub(super) struct CellCheck {
     dense: (u64, f64),
     /// Highest number of a cell if the last, and if the first index changes fastest.
     highest: [u64; 2],
+    /// Sums of the first of these numbers and of their squares, modulo 2^64.
+    sums: [u64; 2],
+    /// True if a cell is outside of the grid.
+    has_outside: bool,
+    /// Rows with the cell of the row before.
+    repeated: u64,
+    last: Option<[u32; 3]>,
 }
 
 impl CellCheck {
@@ -39,6 +46,11 @@ impl CellCheck {
         };
         let numbers = [number(i, (j, y), (k, z)), number(k, (j, y), (i, x))];
         self.highest = [0, 1].map(|order| self.highest[order].max(numbers[order]));
+        let [sum, squares] = self.sums;
+        let square = numbers[0].wrapping_mul(numbers[0]);
+        self.sums = [sum.wrapping_add(numbers[0]), squares.wrapping_add(square)];
+        self.has_outside |= i >= x || j >= y || k >= z;
+        self.repeated += u64::from(self.last.replace(index) == Some(index));
     }
 
     /// Counts a row with more or fewer values than the first one.
@@ -54,6 +66,16 @@ impl CellCheck {
         self.unknown += later.unknown;
         self.dense = (self.dense.0 + later.dense.0, self.dense.1.max(later.dense.1));
         self.highest = [0, 1].map(|order| self.highest[order].max(later.highest[order]));
+        self.sums = [0, 1].map(|power| self.sums[power].wrapping_add(later.sums[power]));
+        self.has_outside |= later.has_outside;
+        self.repeated += later.repeated;
+    }
+
+    /// True if as many rows as there are cells do not have each cell once, as sums show.
+    fn is_incomplete(&self, cells: u64) -> bool {
+        let count = u128::from(self.rows);
+        let expected = [count * count.saturating_sub(1) / 2, squares_below(count)];
+        self.rows == cells && !self.has_outside && expected.map(|sum| sum as u64) != self.sums
     }
 
     /// A note about cells without a density, which voxels of measurements have where no beam was.
@@ -81,6 +103,13 @@ impl CellCheck {
                 format!("the file has {} of the {cells} cells of #split{rest}", self.rows)
             });
         }
+        if self.repeated > 0 || self.is_incomplete(cells) {
+            problems.warn(line, at.clone(), || match self.repeated {
+                0 => "some cells occur twice, and others are missing".to_owned(),
+                1 => "1 row has the cell of the row before".to_owned(),
+                count => format!("{count} rows have the cell of the row before"),
+            });
+        }
         if self.other_widths > 0 {
             problems.warn(line, at.clone(), || {
                 let rows = if self.other_widths == 1 { "row has" } else { "rows have" };
@@ -98,4 +127,10 @@ impl CellCheck {
             });
         }
     }
+}
+
+/// Sum of the squares of the numbers below `count`.
+fn squares_below(count: u128) -> u128 {
+    // As many rows as a file can have do not overflow.
+    count.saturating_mul(count.saturating_sub(1)).saturating_mul((2 * count).saturating_sub(1)) / 6
 }

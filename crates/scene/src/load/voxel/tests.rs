@@ -65,7 +65,7 @@ fn empty_voxels_are_dropped_only_when_the_mode_is_not_spelled_out() {
 
 #[test]
 fn fixed_voxels_stop_rays_unless_they_transmit_all() {
-    let rows: String = ["1", "NaN", "0.99", "0"].iter().map(|t| row([0, 0, 1], "1", t)).collect();
+    let rows: String = (0..).zip(["1", "NaN", "0.99", "0"]).map(|(i, t)| row([i, 0, 1], "1", t)).collect();
     let (mut f, loader) = fixture(&format!("{HEADER}{rows}"), VoxelMode::Fixed);
     let kinds: Vec<VoxelKind> = load(&mut f, loader).voxels.iter().map(|v| v.kind()).collect();
     use VoxelKind::{Opaque, Transparent};
@@ -250,6 +250,8 @@ fn headers_that_contradict_themselves_or_the_cells_are_reported() {
         ("0 1 1 1.5\n", "0 1 1 1.5 7\n", "1 row has more or fewer values"),
         ("1 1 0 1.5\n1 1 1 1.5\n", "", "the file has 6 of the 8 cells of #split; the others are empty"),
         ("1 1 1 1.5\n", "1 1 1 1.5\n1 1 1 1.5\n", "the file has 9 of the 8 cells"),
+        ("1 1 1 1.5\n", "1 1 0 1.5\n", "1 row has the cell of the row before"),
+        ("1 1 1 1.5\n", "0 0 0 1.5\n", "some cells occur twice, and others are missing"),
         ("k PadBVTotal", "k PadBVTotaq", "\"padbvtotaq\" is read as plant area density"),
     ] {
         assert!(file.contains(from), "{from}");
