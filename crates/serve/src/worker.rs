@@ -202,11 +202,7 @@ impl Workshop {
                 )
             }
         };
-        if let Err(error) =
-            self.tidy_folder(job, &outcome).and_then(|()| self.store.finish(&job.id, holder, &outcome))
-        {
-            eprintln!("vlscan serve: job {}: {error}", job.id);
-        }
+        self.conclude(job, holder, &outcome);
         let prepared: Prepared = serde_json::from_str(&job.prepared).unwrap_or_default();
         for used in &prepared.uses {
             let (kind, id) = used.files();
@@ -214,26 +210,39 @@ impl Workshop {
         }
     }
 
-    /// Removes what a finished job does not need, and records what stays on the disk.
-    fn tidy_folder(&self, job: &Job, outcome: &Outcome) -> Result<()> {
+    /// Finishes a job if its holder still has the lease. After another worker has taken the job, its folder
+    /// belongs to that worker.
+    fn conclude(&self, job: &Job, holder: &str, outcome: &Outcome) {
+        let report = |error: StoreError| eprintln!("vlscan serve: job {}: {error}", job.id);
+        // Large folders are moved at once and removed after the lease.
+        let removed = self.store.root().join("incoming").join(random_name(8));
+        if self.store.renew(&job.id, holder, 0, "").unwrap_or(false) {
+            self.tidy_folder(job, outcome, &removed).unwrap_or_else(report);
+        }
+        self.store.finish(&job.id, holder, outcome).map(drop).unwrap_or_else(report);
+        remove_folder(&removed).map_err(StoreError::from).unwrap_or_else(report);
+    }
+
+    /// Moves what a finished job does not need to the folder `removed`, and records the disk space of the
+    /// rest.
+    fn tidy_folder(&self, job: &Job, outcome: &Outcome, removed: &Path) -> Result<()> {
         let folder = self.store.job_folder(&job.id);
         if !folder.is_dir() {
             return Ok(());
         }
         if matches!(outcome, Outcome::Same(_)) {
-            return Ok(remove_folder(&folder)?);
+            return Ok(fs::rename(&folder, removed)?);
         }
+        fs::create_dir_all(removed)?;
         let unused: &[&str] = match outcome {
             Outcome::Successful(..) => &["tmp", "tasks", "stdout", "price.json"],
-            // Nobody can fetch anything of it.
+            // Failed jobs have no results.
             Outcome::Same(_) | Outcome::Failed(_) => {
                 &["in", "out", "view", "tmp", "stdout", "price.json", "complete"]
             }
         };
         for name in unused {
-            let path = folder.join(name);
-            let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
-            if let Err(error) = removed.or_else(is_absent) {
+            if let Err(error) = fs::rename(folder.join(name), removed.join(name)).or_else(is_absent) {
                 eprintln!("vlscan serve: job {}: {name} cannot be removed: {error}", job.id);
             }
         }
@@ -533,3 +542,6 @@ impl Workshop {
 fn is_absent(error: std::io::Error) -> std::io::Result<()> {
     if error.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(error) }
 }
+
+#[cfg(test)]
+mod tests;
