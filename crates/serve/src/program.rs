@@ -12,6 +12,9 @@ use std::sync::OnceLock;
 /// Name of the program.
 const NAME: &str = if cfg!(windows) { "vlscan.exe" } else { "vlscan" };
 
+/// Prefix of references that vlscan resolves in its catalogue, whatever files exist.
+pub const CATALOGUE: &str = "catalogue:";
+
 /// Why vlscan cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ProgramError {
@@ -75,17 +78,27 @@ impl Program {
         entries.filter_map(|entry| Some((entry["reference"].as_str()?, entry)))
     }
 
+    /// The full references of all scanners and platforms of the catalogue.
+    fn references(&self) -> impl Iterator<Item = &str> {
+        let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
+        lists.flatten().filter_map(|entry| entry["reference"].as_str())
+    }
+
     /// True if a text is the full reference of a scanner or platform of the catalogue.
     pub fn is_reference(&self, text: &str) -> bool {
-        let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
-        lists.flatten().any(|entry| entry["reference"] == text)
+        self.references().any(|reference| reference == text)
+    }
+
+    /// The reference that no file of an upload replaces, for an id or full reference of the catalogue.
+    pub fn in_catalogue(&self, text: &str) -> Option<String> {
+        let is_id = |reference: &str| reference.split_once('#').is_some_and(|(_, id)| id == text);
+        let is_named = self.references().any(|reference| reference == text || is_id(reference));
+        is_named.then(|| format!("{CATALOGUE}{text}"))
     }
 
     /// True if the catalogue has a file of this name.
     pub fn has_file(&self, name: &str) -> bool {
-        let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
-        let mut references = lists.flatten().filter_map(|entry| entry["reference"].as_str());
-        references.any(|reference| reference.split('#').next() == Some(name))
+        self.references().any(|reference| reference.split('#').next() == Some(name))
     }
 
     /// The pattern of a scanner of the catalogue as SVG, made at its first call.

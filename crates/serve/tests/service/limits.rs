@@ -313,10 +313,36 @@ fn uploads_take_the_place_of_no_instrument() {
     // Words of a request that are names of uploads are no files of them.
     assert_eq!(service.upload("airborne", &[("data/scanners_als.xml", hostile.clone())]).status, 201);
     assert_eq!(service.upload("riegl_vux-1uav", &[("data/scanners_als.xml", hostile)]).status, 201);
+    // The scene and files of the catalogue's names in one upload, whose folders are searched.
+    let (scanners, platforms) = (
+        b"<document><scanner id='riegl_vux-1uav'/></document>".to_vec(),
+        b"<document><platform id='copter_linearpath'/></document>".to_vec(),
+    );
+    let files = [
+        ("a/field.obj", b"v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3 4\n".to_vec()),
+        ("data/scanners_als.xml", scanners.clone()),
+        ("data/platforms.xml", platforms.clone()),
+        ("a/data/scanners_als.xml", scanners.clone()),
+        ("scanners_als.xml", scanners.clone()),
+        ("riegl_vux-1uav", scanners),
+        ("a/copter_linearpath", platforms),
+    ];
+    let (media, body) = crate::client::form("wood", &files);
+    assert_eq!(service.ask("POST", "/uploads", &[("Content-Type", &media)], &body).status, 201);
     for scanner in ["riegl_vux-1uav", "data/scanners_als.xml#riegl_vux-1uav"] {
-        let plan = json!({ "kind": "airborne", "scene": "field/field.obj", "scanner": scanner, "height": 60, "density": 5 });
-        let job = service.run("plan", &plan);
-        assert_eq!(job["status"], "successful", "{scanner}: {job}");
+        for scene in ["field/field.obj", "wood/a/field.obj"] {
+            let plan = json!({ "kind": "airborne", "scene": scene, "scanner": scanner, "height": 60, "density": 5 });
+            let job = service.run("plan", &plan);
+            assert_eq!(job["status"], "successful", "{scanner}: {job}");
+            let plan = format!("jobs/{}/plan.toml", job["jobID"].as_str().unwrap());
+            let job = service.run("dry-run", &json!({ "pipeline": plan }));
+            assert_eq!(job["status"], "successful", "{scanner}: {job}");
+            let mut run = flight(1, 1);
+            run["scene"] = json!(scene);
+            run["scanner"] = json!({ "catalogue": scanner });
+            let job = service.run("dry-run", &run);
+            assert_eq!(job["status"], "successful", "{scanner}: {job}");
+        }
     }
 }
 
