@@ -18,6 +18,8 @@ const POLL: Duration = Duration::from_millis(20);
 const CHECK: Duration = Duration::from_secs(1);
 /// Most files and folders in the folder of a job.
 const MAX_ENTRIES: usize = 200_000;
+/// Maximum size of the messages that are kept of a job, and read, bytes.
+pub(crate) const MAX_LOG: u64 = 1 << 20;
 /// Longest message of a failed job, bytes.
 const MAX_MESSAGE: u64 = 8 << 10;
 /// How often a process that somebody kills is started again: the system may have wanted the memory for
@@ -282,10 +284,11 @@ fn tail(log: &Path, most: u64) -> String {
     String::from_utf8_lossy(&read().unwrap_or_default()).into_owned()
 }
 
-/// The lines of a log without progress and the names of outputs, at most [`MAX_MESSAGE`] bytes from its
-/// start: warnings come first, and the progress of hours may follow them.
+/// The lines of a log without progress and the names of outputs, at most [`MAX_MESSAGE`] bytes of the first
+/// [`MAX_LOG`] bytes: warnings come first, and the progress of hours may follow them.
 fn said_in(log: impl Read) -> String {
-    let lines = BufReader::new(log).split(b'\n').map_while(std::io::Result::ok);
+    let mut log = BufReader::new(log.take(MAX_LOG));
+    let lines = log.by_ref().split(b'\n').map_while(std::io::Result::ok);
     let lines = lines.map(|line| String::from_utf8_lossy(&line).into_owned());
     let mut said = String::new();
     let mut omitted = 0;
@@ -299,6 +302,9 @@ fn said_in(log: impl Read) -> String {
     }
     if omitted > 0 {
         said += &format!("… and {omitted} more lines");
+    }
+    if log.get_ref().limit() == 0 {
+        said += &format!("\n… (only the first {MAX_LOG} bytes of the messages are read)");
     }
     said.trim().to_owned()
 }
@@ -336,5 +342,12 @@ mod tests {
         assert!(long.starts_with(warning) && long.ends_with(" more lines"), "{long}");
         assert!(long.len() < MAX_MESSAGE as usize + 40);
         assert_eq!(said_in(&b"a \xff b\nc"[..]), "a \u{fffd} b\nc");
+    }
+
+    #[test]
+    fn a_line_without_end_is_not_read_to_its_end() {
+        let said = said_in((&b"warning: w\n"[..]).chain(std::io::repeat(b'x')));
+        assert!(said.starts_with("warning: w\n… and 1 more lines"), "{said}");
+        assert!(said.ends_with("the first 1048576 bytes of the messages are read)"), "{said}");
     }
 }

@@ -8,7 +8,7 @@
 use crate::beneath::{BLOCK, Beneath};
 use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
-use crate::execution::{End, Setting, bytes_in, progress_of};
+use crate::execution::{End, MAX_LOG, Setting, bytes_in, progress_of};
 use crate::files::Fetched;
 use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results};
 use crate::processes::Process;
@@ -37,8 +37,6 @@ const BUCKET: Duration = Duration::from_secs(5);
 const QUICK_WORKERS: usize = 2;
 /// How often jobs are looked for that are kept no longer.
 const EXPIRY: Duration = Duration::from_secs(60);
-/// Most bytes of messages that are kept of a job.
-const MAX_LOG: u64 = 1 << 20;
 /// Largest forecast that is read, bytes.
 const MAX_REPORT: u64 = 1 << 20;
 /// Who holds jobs that were dismissed while an engine has them.
