@@ -6,6 +6,8 @@ use crate::config::ConfineArgs;
 use crate::program::confined;
 use crate::store::Result;
 use serde::{Deserialize, Serialize};
+#[cfg(target_os = "linux")]
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read, Seek as _, SeekFrom};
@@ -147,7 +149,7 @@ impl Setting {
                     let message = format!("it took more than {} s, the limit of this service", self.max_time);
                     return Ok(Ended::By(End::Failure(message)));
                 }
-                match bytes_in(&self.folder) {
+                match bytes_in(&self.folder).map(|bytes| bytes.saturating_add(deleted_bytes(child.id()))) {
                     Ok(bytes) if bytes <= self.max_disk => {}
                     Ok(_) => {
                         let most = self.max_disk;
@@ -271,6 +273,23 @@ pub(crate) fn bytes_in(folder: &Path) -> std::io::Result<u64> {
     Ok(entries.iter().map(|entry| of(if entry.kind == EntryKind::File { entry.bytes } else { 0 })).sum())
 }
 
+/// Bytes of the regular files that a process has open and whose names are gone.
+#[cfg(target_os = "linux")]
+fn deleted_bytes(process: u32) -> u64 {
+    use std::os::unix::fs::MetadataExt as _;
+    let open = fs::read_dir(format!("/proc/{process}/fd")).into_iter().flatten().flatten();
+    let files = open.filter_map(|entry| fs::metadata(entry.path()).ok());
+    let deleted = files.filter(|about| about.is_file() && about.nlink() == 0);
+    let sizes: BTreeMap<(u64, u64), u64> =
+        deleted.map(|about| ((about.dev(), about.ino()), about.len())).collect();
+    sizes.values().fold(0, |sum, bytes| sum.saturating_add(*bytes))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn deleted_bytes(_: u32) -> u64 {
+    0
+}
+
 /// The last lines of a log, at most `most` bytes.
 fn tail(log: &Path, most: u64) -> String {
     let read = || -> std::io::Result<Vec<u8>> {
@@ -342,6 +361,19 @@ mod tests {
         assert!(long.starts_with(warning) && long.ends_with(" more lines"), "{long}");
         assert!(long.len() < MAX_MESSAGE as usize + 40);
         assert_eq!(said_in(&b"a \xff b\nc"[..]), "a \u{fffd} b\nc");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn open_files_without_a_name_count() {
+        let own = std::process::id();
+        let before = deleted_bytes(own);
+        let file = tempfile::tempfile().unwrap();
+        file.set_len(1 << 40).unwrap();
+        let again = file.try_clone().unwrap();
+        assert!((1 << 40..2 << 40).contains(&deleted_bytes(own)), "once, however often it is open");
+        drop((file, again));
+        assert!(deleted_bytes(own) <= before.max(1 << 30));
     }
 
     #[test]
