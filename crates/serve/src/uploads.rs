@@ -3,9 +3,8 @@
 
 use crate::beneath::{BLOCK, Beneath, EntryKind};
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
-use crate::execution::alone;
+use crate::execution::{End, Setting};
 use crate::names;
-use crate::program::confined;
 use crate::records::Kind;
 use crate::store::{FileKind, Store, StoreError, Upload, UploadFile, now};
 use crate::tokens::{hex, random_name};
@@ -29,6 +28,8 @@ const MAX_TEXT: usize = 4096;
 /// Memory and processor time of the process that expands an archive.
 const EXPAND_MEMORY: u64 = 1 << 30;
 const EXPAND_SECONDS: u64 = 300;
+/// Name of an archive for the process that expands it.
+const ARCHIVE: &str = "archive.zip";
 /// First bytes of a zip archive.
 const ZIP: &[u8] = b"PK\x03\x04";
 
@@ -169,7 +170,7 @@ impl Received {
     ///
     /// # Errors
     /// [`UploadError`].
-    pub fn list(mut self, owner: &str, store: &Store, limits: &ServeArgs) -> Result<Upload, UploadError> {
+    pub fn list(self, owner: &str, store: &Store, limits: &ServeArgs) -> Result<Upload, UploadError> {
         let name = match &self.name {
             Some(name) if names::is_upload_name(name) => name.clone(),
             Some(name) => {
@@ -184,10 +185,11 @@ impl Received {
         };
         // The folder that a browser sends a folder's files with is the upload itself.
         let mut root = self.folder.path().to_owned();
+        let work = tempfile::tempdir_in(store.root().join("incoming"))?;
         if let [path] = self.files.iter().collect::<Vec<_>>().as_slice() {
             let archive = root.join(path);
             if is_archive(&archive)? {
-                root = self.expand(&archive, limits)?;
+                root = expand_confined(&archive, work.path(), limits)?;
             }
         }
         let root = inner_folder(&root)?;
@@ -221,32 +223,50 @@ impl Received {
         store.discard(Kind::Upload, &upload.id)?;
         Err(UploadError::Taken(name))
     }
+}
 
-    /// Has a zip archive expanded by a process that can reach nothing else.
-    fn expand(&mut self, archive: &Path, limits: &ServeArgs) -> Result<PathBuf, UploadError> {
-        let expanded = self.folder.path().join("expanded-archive");
-        fs::create_dir(&expanded)?;
-        let args = ConfineArgs {
-            read: vec![archive.to_owned()],
-            write: vec![expanded.clone()],
+/// Has a zip archive expanded by a process that can reach nothing else. Moves the archive to the empty folder
+/// `work`; returns the folder of its files.
+fn expand_confined(archive: &Path, work: &Path, limits: &ServeArgs) -> Result<PathBuf, UploadError> {
+    let [inputs, out, tmp] = ["in", "out", "tmp"].map(|name| work.join(name));
+    for folder in [&inputs, &out, &tmp] {
+        fs::create_dir(folder)?;
+    }
+    fs::rename(archive, inputs.join(ARCHIVE))?;
+    let folders = (limits.max_files as u64).saturating_mul(names::MAX_DEPTH as u64 + 1);
+    let setting = Setting {
+        root: work.to_owned(),
+        folder: work.to_owned(),
+        restrictions: ConfineArgs {
+            read: vec![inputs],
+            write: vec![out.clone(), tmp],
             memory: Some(EXPAND_MEMORY),
             time: Some(EXPAND_SECONDS),
             file_size: Some(limits.max_upload),
             no_sandbox: limits.no_sandbox,
             program: vec![crate::program::own_program()?.into_os_string()],
-        };
-        let mut words: Vec<OsString> = ["expand"].map(OsString::from).to_vec();
-        words.push(format!("--max-bytes={}", limits.max_upload).into());
-        words.push(format!("--max-files={}", limits.max_files).into());
-        words.extend(["--".into(), archive.as_os_str().to_owned(), expanded.as_os_str().to_owned()]);
-        let done = alone(confined(&args, &words)?).output()?;
-        if done.status.success() {
-            return Ok(expanded);
+        },
+        within_inputs: true,
+        max_time: EXPAND_SECONDS,
+        // The archive and its files, which the process counts itself.
+        max_disk: limits.max_upload.saturating_mul(2).saturating_add(folders.saturating_mul(BLOCK)),
+    };
+    let words = [
+        "expand".to_owned(),
+        format!("--max-bytes={}", limits.max_upload),
+        format!("--max-files={}", limits.max_files),
+        "--".to_owned(),
+        ARCHIVE.to_owned(),
+        "../out".to_owned(),
+    ];
+    let words = words.map(OsString::from);
+    match setting.execute(&words, &work.join("log"), None, &mut || Ok(()), &mut || Ok(true))? {
+        End::Success => Ok(out),
+        End::Failure(message) | End::NotDivisible(message) => {
+            let message = message.trim_start_matches("error: ");
+            Err(UploadError::Wrong(format!("the archive cannot be expanded: {message}")))
         }
-        let message = String::from_utf8_lossy(&done.stderr);
-        let message = message.trim().trim_start_matches("error: ");
-        let message = if message.is_empty() { "it takes too much time or memory" } else { message };
-        Err(UploadError::Wrong(format!("the archive cannot be expanded: {message}")))
+        End::GivenUp => Err(UploadError::Wrong("the archive was not expanded".to_owned())),
     }
 }
 
