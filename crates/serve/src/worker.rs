@@ -139,6 +139,11 @@ impl Workshop {
         self.store.forget_before(time)
     }
 
+    /// True if the service ends.
+    pub(crate) fn is_ending(&self) -> bool {
+        self.is_ending.load(Ordering::SeqCst)
+    }
+
     /// Ends all workers; their jobs return to the queue.
     pub fn end(&self) {
         self.is_ending.store(true, Ordering::SeqCst);

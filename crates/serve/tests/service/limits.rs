@@ -120,19 +120,55 @@ fn finished_jobs_expire_where_the_operator_says_so() {
     assert_eq!(service.get("/uploads/field").status, 200);
 }
 
+/// A service whose program is a shell script for all but what a start asks.
+fn scripted(folder: &Path, script: &str) -> Service {
+    let program = folder.join("program");
+    let vlscan = vlscan();
+    let script =
+        format!("#!/bin/sh\ncase $1 in man|catalogue) exec {} \"$@\";; esac\n{script}\n", vlscan.display());
+    std::fs::write(&program, script).unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    Service::start(&[&format!("--program={}", program.display()), "--no-sandbox"])
+}
+
+#[test]
+fn a_drawing_keeps_its_turn_although_its_connection_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log");
+    let name = log.display();
+    let service = scripted(folder.path(), &format!("echo start >>{name}\nsleep 1\necho end >>{name}\nexit 1"));
+    with_field(&service);
+    let path = "/map.png?scene=field/field.obj";
+    let mut stream = std::net::TcpStream::connect(&service.address).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {}\r\n\r\n", service.address).unwrap();
+    wait_until("the drawing starts", || log.exists());
+    drop(stream);
+    assert_eq!(service.get(path).status, 404);
+    assert_eq!(std::fs::read_to_string(log).unwrap(), "start\nend\nstart\nend\n");
+}
+
+#[test]
+fn owners_draw_the_same_scene_at_the_same_time() {
+    let owners = Owners::new();
+    let draw = |token: &str| ask(&owners.service, token, "GET", "/map.png?scene=field/field.obj", &json!({}));
+    std::thread::scope(|scope| {
+        let tokens = [&owners.anna, &owners.ben, &owners.anna, &owners.ben];
+        let drawn = tokens.map(|token| scope.spawn(|| draw(token)));
+        for drawn in drawn {
+            let drawn = drawn.join().unwrap();
+            assert!(drawn.status == 200 && drawn.body.starts_with(b"\x89PNG"), "{}", drawn.text());
+        }
+    });
+    let data = &owners.service.data;
+    assert_eq!(std::fs::read_dir(data.join("maps")).unwrap().count(), 2, "a picture for each");
+    assert_eq!(std::fs::read_dir(data.join("incoming")).unwrap().count(), 0, "drawings leave nothing");
+}
+
 #[test]
 fn a_process_that_is_always_killed_is_started_three_times() {
     let folder = tempfile::tempdir().unwrap();
-    let (program, starts) = (folder.path().join("program"), folder.path().join("starts"));
-    let vlscan = vlscan();
-    let script = format!(
-        "#!/bin/sh\ncase $1 in man|catalogue) exec {} \"$@\";; esac\necho x >>{}\nkill -9 $$\n",
-        vlscan.display(),
-        starts.display()
-    );
-    std::fs::write(&program, script).unwrap();
-    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
-    let service = Service::start(&[&format!("--program={}", program.display()), "--no-sandbox"]);
+    let starts = folder.path().join("starts");
+    let service = scripted(folder.path(), &format!("echo x >>{}\nkill -9 $$", starts.display()));
     with_field(&service);
     let job = service.run("dry-run", &flight(1, 1));
     assert!(job["message"].as_str().unwrap().contains("memory"), "{job}");
