@@ -6,7 +6,7 @@ use crate::confine::Held;
 use serde_json::Value;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 
 /// Name of the program.
@@ -218,11 +218,31 @@ pub fn own_program() -> std::io::Result<PathBuf> {
     }
 }
 
-/// What of the sandbox this system allows.
+/// Sandbox features that this system allows. A program is started in the sandbox only if it is found to be
+/// complete.
 ///
 /// # Errors
-/// When it cannot be asked.
-pub fn sandbox() -> std::io::Result<Held> {
+/// If the sandbox fails, or the program does not start in it.
+pub fn sandbox(program: &Path) -> std::io::Result<Held> {
+    let failed = |done: &Output| {
+        let message = String::from_utf8_lossy(&done.stderr).trim().to_owned();
+        std::io::Error::other(format!("the sandbox of jobs fails ({}): {message}", done.status))
+    };
     let done = confined(&ConfineArgs::default(), &[])?.output()?;
-    serde_json::from_slice(&done.stdout).map_err(std::io::Error::other)
+    if !done.status.success() {
+        return Err(failed(&done));
+    }
+    let held: Held = serde_json::from_slice(&done.stdout).map_err(std::io::Error::other)?;
+    if held.files && held.calls {
+        let args = ConfineArgs { program: vec![program.into()], ..ConfineArgs::default() };
+        let done = confined(&args, &["--version".into()])?.output()?;
+        if matches!(done.status.code(), Some(NOT_CONFINED | NOT_LOADED)) {
+            return Err(failed(&done));
+        }
+    }
+    Ok(held)
 }
+
+/// Exit statuses of a program that was not started: those of `confine` and of the system's loader.
+const NOT_CONFINED: i32 = 2;
+const NOT_LOADED: i32 = 127;
