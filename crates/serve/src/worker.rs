@@ -317,8 +317,10 @@ impl Workshop {
 
     /// Charges the owner of a campaign for the cells that are complete.
     fn charge_cells(&self, job: &Job, folder: &Path) -> Result<()> {
-        if Process::named(&job.process) == Some(Process::Campaign) && self.quota(&job.owner).is_some() {
-            let pulses = campaign_pulses(&folder.join("out")).max(1);
+        let Some(quota) = self.quota(&job.owner) else { return Ok(()) };
+        if Process::named(&job.process) == Some(Process::Campaign) {
+            // A data set whose cells cannot be counted costs the whole quota.
+            let pulses = campaign_pulses(&folder.join("out")).unwrap_or(quota).max(1);
             self.store.charge(job, pulses, None)?.unwrap_or_default();
         }
         Ok(())

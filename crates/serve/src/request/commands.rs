@@ -2,6 +2,7 @@
 
 use super::named::named_pipeline;
 use super::prepared::{Prepared, RequestError, wrong};
+use crate::job_folder::DATASET;
 use crate::names;
 use crate::processes::Process;
 use crate::program::{CATALOGUE, Program};
@@ -63,7 +64,7 @@ pub(super) fn pipeline(
 pub(super) fn campaign(inputs: Value) -> Result<Prepared, RequestError> {
     let Value::Object(inputs) = inputs else { return Err(wrong("inputs", "expected an object")) };
     let mut table = toml::Table::new();
-    table.insert("out".to_owned(), "../out/dataset".into());
+    table.insert("out".to_owned(), format!("../out/{DATASET}").into());
     for (key, value) in inputs {
         let value = toml_value(&key, value)?;
         table.insert(key, value);

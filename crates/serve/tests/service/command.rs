@@ -66,7 +66,7 @@ fn a_start_tells_why_a_program_cannot_be_executed_in_the_sandbox() {
     let told = serve(&[&options[..], &[data.to_str().unwrap()]].concat());
     let message = text(&told.stderr);
     assert_eq!(told.status.code(), Some(2), "{message}");
-    assert!(message.contains("the sandbox of jobs fails") && message.contains("No such file"), "{message}");
+    assert!(message.contains("the sandbox of jobs fails"), "{message}");
 }
 
 #[test]
