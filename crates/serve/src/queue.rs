@@ -245,7 +245,9 @@ impl Store {
             let database = self.database();
             let mut update = database.prepare_cached(
                 "UPDATE jobs SET status = ?1, message = ?2, progress = CASE ?1 WHEN 'successful' THEN 100 ELSE progress END, results = ?3,
-                 texts = octet_length(inputs) + octet_length(prepared) + octet_length(?3) + octet_length(?2),
+                 prepared = CASE ?1 WHEN 'failed' THEN '{}' ELSE prepared END,
+                 texts = octet_length(inputs) + CASE ?1 WHEN 'failed' THEN 2 ELSE octet_length(prepared) END
+                    + octet_length(?3) + octet_length(?2),
                  bytes = ?4, finished = ?5, updated = ?5, holder = NULL, held_until = NULL
                  WHERE id = ?6 AND holder = ?7 AND status = 'running'",
             )?;

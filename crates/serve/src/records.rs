@@ -32,6 +32,9 @@ pub struct Upload {
     pub name: String,
     /// Number of files.
     pub files: u64,
+    /// Number of folders, its own included.
+    #[serde(skip)]
+    pub folders: u64,
     /// Their bytes.
     pub bytes: u64,
     /// Hash over the names and contents of all files.

@@ -193,8 +193,9 @@ impl Received {
             }
         }
         let root = inner_folder(&root)?;
-        let (files, sha256) = hash_files(&root, limits)?;
-        let taken: u64 = files.iter().map(|file| file.bytes.saturating_add(BLOCK)).sum();
+        let Contents { files, folders, sha256 } = hash_files(&root, limits)?;
+        let blocks = folders.saturating_add(files.len() as u64).saturating_mul(BLOCK);
+        let taken = files.iter().map(|file| file.bytes).fold(blocks, u64::saturating_add);
         if store.stored_bytes(owner)?.saturating_add(taken) > limits.max_stored {
             return Err(UploadError::TooLarge(format!(
                 "your uploads and jobs would take more than {} bytes; remove some first",
@@ -205,6 +206,7 @@ impl Received {
             id: random_name(16),
             name: name.clone(),
             files: files.len() as u64,
+            folders,
             bytes: files.iter().map(|file| file.bytes).sum(),
             sha256,
             created: now(),
@@ -286,15 +288,28 @@ fn inner_folder(folder: &Path) -> io::Result<PathBuf> {
     }
 }
 
-/// All files of an upload, sorted, and a hash over their names and contents. The files are written to the
-/// disk.
-fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, String), UploadError> {
+/// Contents of an upload.
+struct Contents {
+    /// All files, sorted.
+    files: Vec<UploadFile>,
+    /// Number of folders, its own included.
+    folders: u64,
+    /// Hash over the names and contents of all files.
+    sha256: String,
+}
+
+/// Lists and hashes the files of an upload, and writes them to the disk.
+fn hash_files(root: &Path, limits: &ServeArgs) -> Result<Contents, UploadError> {
     let folder = Beneath::of(root)?;
     let mut paths = BTreeSet::new();
+    let mut folders = 1;
     // Each path has at most so many folders.
     for entry in folder.entries(limits.max_files.saturating_mul(names::MAX_DEPTH))? {
         match entry.kind {
-            EntryKind::Folder => sync_folder(&root.join(entry.path))?,
+            EntryKind::Folder => {
+                folders += 1;
+                sync_folder(&root.join(entry.path))?;
+            }
             EntryKind::File => {
                 paths.insert(entry.path);
             }
@@ -336,7 +351,7 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, Strin
         all.update(hash.finalize());
         files.push(UploadFile { path: text, bytes, kind });
     }
-    Ok((files, hex(&all.finalize())))
+    Ok(Contents { files, folders, sha256: hex(&all.finalize()) })
 }
 
 /// What an XML document that begins like this holds.
@@ -429,7 +444,7 @@ mod tests {
         };
         expand(&args)?;
         let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
-        Ok(hash_files(folder.path(), &limits).unwrap().0.into_iter().map(|file| file.path).collect())
+        Ok(hash_files(folder.path(), &limits).unwrap().files.into_iter().map(|file| file.path).collect())
     }
 
     #[test]
@@ -460,12 +475,22 @@ mod tests {
     }
 
     #[test]
+    fn folders_count() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir_all(folder.path().join("a/b")).unwrap();
+        fs::write(folder.path().join("a/b/c"), "").unwrap();
+        let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
+        let found = hash_files(folder.path(), &limits).unwrap();
+        assert_eq!((found.files.len(), found.folders), (1, 3));
+    }
+
+    #[test]
     fn the_hash_depends_on_names_and_contents() {
         let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
         let hash = |files: &[(&str, &str)]| {
             let folder = tempfile::tempdir().unwrap();
             files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
-            hash_files(folder.path(), &limits).unwrap().1
+            hash_files(folder.path(), &limits).unwrap().sha256
         };
         let first = hash(&[("a", "1"), ("b", "2")]);
         assert_eq!(first, hash(&[("b", "2"), ("a", "1")]));

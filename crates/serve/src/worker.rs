@@ -35,11 +35,13 @@ const RENEWAL: Duration = Duration::from_secs(1);
 const BUCKET: Duration = Duration::from_secs(5);
 /// Workers of jobs that answer requests, besides those of --workers.
 const QUICK_WORKERS: usize = 2;
-/// How often jobs are looked for that are kept no longer.
+/// A day, ms.
+const DAY: i64 = 86_400_000;
+/// Period of the search for jobs that are kept no longer.
 const EXPIRY: Duration = Duration::from_secs(60);
 /// Largest forecast that is read, bytes.
 const MAX_REPORT: u64 = 1 << 20;
-/// Who holds jobs that were dismissed while an engine has them.
+/// Lease owner of cancelled jobs still queued in an engine.
 const WITHDRAWAL: &str = "withdrawal";
 
 /// What all workers share.
@@ -102,11 +104,8 @@ impl Workshop {
             })
         });
         let mut all = any.chain(quick).collect::<std::io::Result<Vec<_>>>()?;
-        if let Some(days) = self.limits.keep {
-            let workshop = Arc::clone(self);
-            let expire = move || workshop.expire(days);
-            all.push(std::thread::Builder::new().name("expiry".to_owned()).spawn(expire)?);
-        }
+        let workshop = Arc::clone(self);
+        all.push(std::thread::Builder::new().name("expiry".to_owned()).spawn(move || workshop.expire())?);
         Ok(all)
     }
 
@@ -116,14 +115,16 @@ impl Workshop {
         self.wake.notify_all();
     }
 
-    /// Removes jobs that were finished so many days ago, until the service ends.
-    fn expire(self: &Arc<Workshop>, days: f64) {
+    /// Removes finished jobs after --keep days, and forgets dismissed ones after a day, until the service
+    /// ends.
+    fn expire(self: &Arc<Workshop>) {
+        let keep = self.limits.keep.map(|days| (days * DAY as f64) as i64);
+        let period = keep.map_or(EXPIRY, |keep| EXPIRY.min(Duration::from_millis(keep.unsigned_abs())));
         let mut checked: Option<Instant> = None;
-        while !self.is_ending.load(Ordering::SeqCst) {
-            let period = EXPIRY.min(Duration::from_secs_f64(days * 86_400.0));
+        while !self.is_ending() {
             if checked.is_none_or(|checked| checked.elapsed() > period) {
                 checked = Some(Instant::now());
-                if let Err(error) = self.remove_before(now() - (days * 86_400_000.0) as i64) {
+                if let Err(error) = self.remove_old(keep) {
                     eprintln!("vlscan serve: {error}");
                 }
             }
@@ -131,12 +132,14 @@ impl Workshop {
         }
     }
 
-    /// Removes jobs that were finished before a time.
-    fn remove_before(self: &Arc<Workshop>, time: i64) -> Result<()> {
-        for (owner, id) in self.store.finished_before(time)? {
-            self.dismiss(&owner, &id)?;
+    /// Removes jobs that were finished longer ago than `keep`, ms.
+    fn remove_old(self: &Arc<Workshop>, keep: Option<i64>) -> Result<()> {
+        if let Some(keep) = keep {
+            for (owner, id) in self.store.finished_before(now() - keep)? {
+                self.dismiss(&owner, &id)?;
+            }
         }
-        self.store.forget_before(time)
+        self.store.forget_before(now() - DAY)
     }
 
     /// True if the service ends.
@@ -158,7 +161,7 @@ impl Workshop {
 
     fn work(&self, lane: Lane) {
         let holder = random_name(8);
-        while !self.is_ending.load(Ordering::SeqCst) {
+        while !self.is_ending() {
             match self.store.take_job(&holder, lane) {
                 Ok(Some(job)) => self.compute(&job, &holder),
                 Ok(None) => self.wait(IDLE),
@@ -184,7 +187,7 @@ impl Workshop {
         let outcome = match self.try_compute(job, holder) {
             Ok(Some(outcome)) => outcome,
             // The service ends: the job is released, not finished.
-            Ok(None) if self.is_ending.load(Ordering::SeqCst) => return,
+            Ok(None) if self.is_ending() => return,
             Ok(None) => Outcome::Failed(String::new()),
             Err(StoreError::Bucket(error)) => {
                 eprintln!(
@@ -236,19 +239,11 @@ impl Workshop {
         if matches!(outcome, Outcome::Same(_)) {
             return Ok(fs::rename(&folder, removed)?);
         }
-        fs::create_dir_all(removed)?;
-        let unused: &[&str] = match outcome {
-            Outcome::Successful(..) => &["tmp", "tasks", "stdout", "price.json"],
-            // Failed jobs have no results.
-            Outcome::Same(_) | Outcome::Failed(_) => {
-                &["in", "out", "view", "tmp", "stdout", "price.json", "complete"]
-            }
+        let unused = match outcome {
+            Outcome::Successful(..) => &UNUSED[..4],
+            Outcome::Same(_) | Outcome::Failed(_) => &UNUSED[..],
         };
-        for name in unused {
-            if let Err(error) = fs::rename(folder.join(name), removed.join(name)).or_else(is_absent) {
-                eprintln!("vlscan serve: job {}: {name} cannot be removed: {error}", job.id);
-            }
-        }
+        let moved = move_away(&folder, unused, removed);
         if fs::metadata(folder.join("log")).is_ok_and(|log| log.len() > MAX_LOG) {
             fs::File::options().write(true).open(folder.join("log"))?.set_len(MAX_LOG)?;
         }
@@ -259,7 +254,8 @@ impl Workshop {
             _ => 0,
         };
         let on_disk = bytes_in(&folder).unwrap_or(self.limits.max_disk);
-        self.store.set_disk(&job.id, on_disk.saturating_add(in_bucket))
+        self.store.set_disk(&job.id, on_disk.saturating_add(in_bucket))?;
+        moved.map(drop)
     }
 
     /// Returns `None` if the job was given up.
@@ -411,7 +407,7 @@ impl Workshop {
     ) -> impl FnMut() -> Result<bool> + 'a {
         let mut renewed: Option<Instant> = None;
         move || {
-            if self.is_ending.load(Ordering::SeqCst) {
+            if self.is_ending() {
                 return Ok(false);
             }
             if renewed.is_some_and(|renewed| renewed.elapsed() < RENEWAL) {
@@ -513,7 +509,21 @@ impl Workshop {
         if let Some(message) = self.store.tidy()?.message(self.store.root()) {
             eprintln!("vlscan serve: warning: {message}");
         }
+        self.tidy_failed()?;
         Ok(None)
+    }
+
+    /// Removes what earlier versions have left of failed jobs.
+    fn tidy_failed(&self) -> Result<()> {
+        for id in self.store.ids(&[Status::Failed])? {
+            let folder = self.store.job_folder(&id);
+            let removed = self.store.root().join("incoming").join(random_name(8));
+            if move_away(&folder, &UNUSED, &removed)? {
+                remove_folder(&removed)?;
+                self.store.set_disk(&id, bytes_in(&folder)?)?;
+            }
+        }
+        Ok(())
     }
 
     /// Where and under which limits the processes of a job are executed.
@@ -541,6 +551,22 @@ impl Workshop {
             max_disk: self.limits.max_disk,
         }
     }
+}
+
+/// Files and folders of a job that a finished one does not need: of a successful job the first four, of a
+/// failed one all. Failed jobs keep their messages.
+const UNUSED: [&str; 9] =
+    ["tmp", "tasks", "stdout", "price.json", "in", "out", "view", "complete", "prepared.json"];
+
+/// Moves files and folders of a job to the folder `removed`. Returns true if there were any.
+fn move_away(folder: &Path, names: &[&str], removed: &Path) -> Result<bool> {
+    let mut is_moved = false;
+    for name in names.iter().filter(|name| folder.join(name).symlink_metadata().is_ok()) {
+        fs::create_dir_all(removed)?;
+        fs::rename(folder.join(name), removed.join(name)).or_else(is_absent)?;
+        is_moved = true;
+    }
+    Ok(is_moved)
 }
 
 /// Success for what does not exist.

@@ -73,6 +73,27 @@ fn a_worker_without_its_lease_leaves_the_files_of_the_new_holder() {
 }
 
 #[test]
+fn failed_jobs_keep_their_messages_only_those_of_earlier_versions_too() {
+    let (_folder, workshop, job) = workshop();
+    let store = &workshop.store;
+    let folder = store.job_folder("a");
+    let is_tidy = || {
+        let names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names == ["log"] && fs::read_dir(store.root().join("incoming")).unwrap().count() == 0
+    };
+    fill(&folder);
+    fs::write(folder.join("log"), "error: no").unwrap();
+    store.take_job("w", Lane::Any).unwrap().unwrap();
+    workshop.conclude(&job, "w", &Outcome::Failed("no".to_owned()));
+    assert!(is_tidy());
+    // As earlier versions have left it.
+    fill(&folder);
+    store.set_disk("a", 0).unwrap();
+    assert_eq!(workshop.resume().unwrap(), None);
+    assert!(is_tidy() && store.stored_bytes("anna").unwrap() > 4096);
+}
+
+#[test]
 fn a_job_is_finished_although_its_folder_cannot_be_tidied() {
     let (_folder, workshop, job) = workshop();
     let store = &workshop.store;

@@ -43,8 +43,11 @@ fn failed_jobs_keep_no_files() {
     let job = service.run("run", &inputs);
     assert_eq!(job["status"], "failed", "{job}");
     let folder = service.data.join("jobs").join(job["jobID"].as_str().unwrap());
+    let names: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names, ["log"]);
     assert!(bytes_in(&folder) < 20_000, "{}", bytes_in(&folder));
-    assert!(!folder.join("out").exists() && !folder.join("tmp").exists());
+    let page = service.ask("GET", &format!("/jobs/{}", job["jobID"].as_str().unwrap()), &[("Accept", "text/html")], b"");
+    assert!(page.status == 200 && page.text().contains("limit of this service"), "{}", page.text());
 }
 
 #[test]
