@@ -225,7 +225,7 @@ mod denied {
         Ok(rules)
     }
 
-    /// The same calls by the numbers of the x32 interface, which some kernels have and which counts as the
+    /// Adds the calls by the numbers of the x32 interface, which some kernels have and which counts as the
     /// same processor.
     #[cfg(target_arch = "x86_64")]
     fn add_x32(rules: &mut BTreeMap<i64, Vec<SeccompRule>>) {

@@ -16,7 +16,7 @@ use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 const POLL: Duration = Duration::from_millis(20);
-/// How often time and disk are checked.
+/// Period in which time and disk are checked.
 const CHECK: Duration = Duration::from_secs(1);
 /// Most files and folders in the folder of a job.
 const MAX_ENTRIES: usize = 200_000;
@@ -24,7 +24,7 @@ const MAX_ENTRIES: usize = 200_000;
 pub(crate) const MAX_LOG: u64 = 1 << 20;
 /// Longest message of a failed job, bytes.
 const MAX_MESSAGE: u64 = 8 << 10;
-/// How often a process that somebody kills is started again: the system may have wanted the memory for
+/// Maximum number of restarts of a process that somebody kills: the system may have needed the memory for
 /// something else.
 const MAX_KILLS: usize = 2;
 /// Wait for a process that works in the same folder: one that an earlier service has started and that is
@@ -39,7 +39,7 @@ const FOLDER_IN_USE: i32 = 5;
 /// The message of a job whose process is always killed.
 const KILLED: &str = "the system has ended the process of the job; it may need more memory than there is";
 
-/// How a process ended.
+/// End of a process.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum End {
     /// It has done its work.
@@ -52,14 +52,14 @@ pub enum End {
     GivenUp,
 }
 
-/// Where and under which limits the processes of a job are executed.
+/// Folder and limits of the processes of a job.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Setting {
     /// The folder of the service, which messages do not tell.
     pub root: PathBuf,
     /// The folder of the job.
     pub folder: PathBuf,
-    /// What the processes may do.
+    /// Restrictions of the processes.
     pub restrictions: ConfineArgs,
     /// True if they work in the folder of inputs, else in that of results.
     pub within_inputs: bool,
@@ -75,7 +75,7 @@ impl Setting {
     /// whether the results are still wanted.
     ///
     /// # Errors
-    /// Those of files, of `prepare` and of `goes_on`.
+    /// Errors of files, of `prepare` and of `goes_on`.
     pub fn execute(
         &self,
         words: &[OsString],
@@ -188,15 +188,14 @@ impl Setting {
         }
     }
 
-    /// What vlscan said of its failure, without the folders of the service.
+    /// Message of vlscan on its failure, without the folders of the service.
     fn message_of(&self, log: &Path) -> String {
         let text = tail(log, MAX_MESSAGE);
         let start = text.find("error:").unwrap_or(0);
         self.without_folders(text[start..].trim())
     }
 
-    /// What vlscan said in the last of these logs that there is, without progress and the names of its
-    /// outputs.
+    /// Messages of vlscan in the last existing log, without progress and the names of outputs.
     pub(crate) fn said(&self, logs: &[PathBuf]) -> String {
         let log = logs.iter().rev().find_map(|log| File::open(log).ok());
         log.map_or_else(String::new, |log| self.without_folders(&said_in(log)))
@@ -213,7 +212,7 @@ impl Setting {
     }
 }
 
-/// How a process ended that may be started again.
+/// End of a process that may be started again.
 enum Ended {
     By(End),
     /// Somebody else killed it: the system, for want of memory, or an operator.

@@ -55,7 +55,7 @@ const NOTES: &str = ".campaign";
 /// The files of results, sorted, or the name of one that cannot be served.
 ///
 /// # Errors
-/// Those of files, and for very many files.
+/// Errors of files, and very many files.
 pub(crate) fn results(folder: &Path) -> Result<std::result::Result<Vec<ResultFile>, String>> {
     let mut found = Vec::new();
     for entry in Beneath::of(folder)?.entries(MAX_RESULTS)? {

@@ -7,8 +7,8 @@ use crate::records::Kind;
 use crate::store::{FileKind, Result, Store, UploadFile};
 use std::collections::BTreeSet;
 
-/// Maximum size of an XML file that is looked into, bytes, and maximum number of files and of attributes of an
-/// element.
+/// Maximum size of an XML file that is looked into, bytes, and maximum number of files and of attributes of
+/// an element.
 const MAX_BYTES: u64 = 1 << 20;
 const MAX_DOCUMENTS: usize = 50;
 const MAX_ATTRIBUTES: usize = 250;

@@ -30,7 +30,7 @@ pub enum ProgramError {
         program: PathBuf,
         /// Its arguments.
         words: String,
-        /// What went wrong.
+        /// Problem.
         message: String,
     },
 }
@@ -38,7 +38,7 @@ pub enum ProgramError {
 /// The program and what it says of itself.
 #[derive(Debug)]
 pub struct Program {
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
     /// Its version.
     pub version: String,

@@ -12,10 +12,10 @@ use std::collections::BTreeSet;
 use std::sync::PoisonError;
 use std::time::Duration;
 
-/// How long a job is held without a renewal.
+/// Time for which a job is held without a renewal.
 pub const LEASE: Duration = Duration::from_secs(10);
 
-/// What a job reads besides its own document.
+/// Upload or results that a job reads besides its own document.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Use {
@@ -36,7 +36,7 @@ pub enum Use {
 }
 
 impl Use {
-    /// Whose files they are, and under which id they are kept.
+    /// Kind of the files, and the id under which they are kept.
     pub fn files(&self) -> (Kind, &str) {
         match self {
             Use::Upload { id, .. } => (Kind::Upload, id),
@@ -45,7 +45,7 @@ impl Use {
     }
 }
 
-/// What came of a computation.
+/// Outcome of a computation.
 #[derive(Clone, Debug)]
 pub enum Outcome {
     /// Results, and what vlscan said.
@@ -291,7 +291,7 @@ impl Store {
         )
     }
 
-    /// Jobs of a state that somebody holds.
+    /// Leased jobs in a state.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].

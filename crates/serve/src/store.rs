@@ -1,4 +1,4 @@
-//! What the service knows, in SQLite, and the folders beside it.
+//! State of the service in SQLite, and the folders beside it.
 //!
 //! ```text
 //! DATA/service.db            uploads, jobs, queue (write-ahead log)

@@ -354,7 +354,7 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<Contents, UploadError> 
     Ok(Contents { files, folders, sha256: hex(&all.finalize()) })
 }
 
-/// What an XML document that begins like this holds.
+/// Kind of an XML document by its beginning.
 fn kind_of(start: &[u8]) -> FileKind {
     let has = |tag: &[u8]| start.windows(tag.len()).any(|window| window == tag);
     match (has(b"<survey"), has(b"<scene")) {

@@ -84,8 +84,8 @@ impl Workshop {
         Ok(self.has_view(job, name))
     }
 
-    /// Executes vlscan in the folder of inputs of a new folder, for a limited time, whatever comes of it. What
-    /// it has drawn is in the folder [`VIEW`]; all goes with the folder that is returned.
+    /// Executes vlscan in the folder of inputs of a new folder, for a limited time, whatever comes of it.
+    /// What it has drawn is in the folder [`VIEW`]; all goes with the folder that is returned.
     pub(crate) fn draw(&self, prepared: &Prepared, words: &[OsString]) -> Result<tempfile::TempDir> {
         let folder = tempfile::tempdir_in(self.store.root().join("incoming"))?;
         job_folder::make(&self.store, folder.path(), prepared)?;

@@ -28,7 +28,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often an idle worker looks for jobs that nobody has told it of.
+/// Period in which an idle worker looks for jobs that nobody has told it of.
 const IDLE: Duration = Duration::from_secs(1);
 const RENEWAL: Duration = Duration::from_secs(1);
 /// Wait before a job is taken again whose files a bucket did not give or take.
@@ -44,7 +44,7 @@ const MAX_REPORT: u64 = 1 << 20;
 /// Lease owner of cancelled jobs still queued in an engine.
 const WITHDRAWAL: &str = "withdrawal";
 
-/// What all workers share.
+/// State that all workers share.
 #[derive(Debug)]
 pub struct Workshop {
     /// Uploads, jobs and queue.
@@ -55,7 +55,7 @@ pub struct Workshop {
     pub limits: ServeArgs,
     /// The owners with quotas of their own.
     pub owners: Vec<Owner>,
-    /// What computes runs and campaigns in place of this machine.
+    /// Engine that computes runs and campaigns in place of this machine.
     engine: Option<Engine>,
     wake: Condvar,
     is_ending: AtomicBool,
@@ -526,7 +526,7 @@ impl Workshop {
         Ok(())
     }
 
-    /// Where and under which limits the processes of a job are executed.
+    /// Folder and limits of the processes of a job.
     pub(crate) fn setting(&self, folder: &Path, prepared: &Prepared) -> Setting {
         let used = prepared.uses.iter().map(|used| {
             let (kind, id) = used.files();

@@ -43,7 +43,7 @@ pub fn run_fields() -> Markup {
     }
 }
 
-/// What the page shows of files.
+/// Contents of files that the page shows.
 #[derive(Debug, Default)]
 struct Shown {
     has_picture: bool,

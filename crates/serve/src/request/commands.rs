@@ -151,7 +151,7 @@ fn texts(value: &Value) -> Vec<&str> {
     }
 }
 
-/// The same as options of a command.
+/// The folders of [`asset_folders`] as options of a command.
 pub(super) fn assets(inputs: &Map<String, Value>, uses: &BTreeSet<Use>) -> Vec<String> {
     let folders = asset_folders(&Value::Object(inputs.clone()), uses);
     let all = std::iter::once(".".to_owned()).chain(folders);
