@@ -31,8 +31,12 @@ pub(crate) fn make(store: &Store, folder: &Path, prepared: &Prepared) -> Result<
     write_whole(&folder.join("prepared.json"), text.as_bytes())
 }
 
+/// Links a file or folder; does nothing if the name exists.
+///
+/// # Errors
+/// Errors of files.
 #[cfg(unix)]
-fn link(target: &Path, name: &Path) -> std::io::Result<()> {
+pub(crate) fn link(target: &Path, name: &Path) -> std::io::Result<()> {
     match std::os::unix::fs::symlink(target, name) {
         Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => Err(error),
         _ => Ok(()),
@@ -40,7 +44,7 @@ fn link(target: &Path, name: &Path) -> std::io::Result<()> {
 }
 
 #[cfg(windows)]
-fn link(target: &Path, name: &Path) -> std::io::Result<()> {
+pub(crate) fn link(target: &Path, name: &Path) -> std::io::Result<()> {
     match std::os::windows::fs::symlink_dir(target, name) {
         Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => Err(error),
         _ => Ok(()),

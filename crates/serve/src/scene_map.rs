@@ -56,7 +56,9 @@ impl SceneMap {
 
     /// The picture in a folder, if it is complete.
     fn of(folder: PathBuf) -> Option<SceneMap> {
-        let text = Beneath::of(&folder).and_then(|folder| folder.read(FRAME, MAX_FRAME)).ok()?;
+        let files = Beneath::of(&folder).ok()?;
+        files.file(PICTURE).ok()?;
+        let text = files.read(FRAME, MAX_FRAME).ok()?;
         let frame = Frame::of(std::str::from_utf8(&text).ok()?)?;
         Some(SceneMap { folder, frame })
     }
@@ -108,7 +110,7 @@ impl Workshop {
         let assets = prepared.words.iter().filter(|word| word.starts_with("--assets=")).cloned();
         let words = words.into_iter().chain([format!("--side={SIDE}")]).chain(assets);
         let words = words.chain(["--".to_owned(), scene.to_owned()]).map(OsString::from);
-        let drawn = self.draw(&prepared, &words.collect::<Vec<_>>())?;
+        let drawn = self.draw(&prepared, &words.collect::<Vec<_>>(), None)?;
         let view = drawn.path().join(VIEW);
         if SceneMap::of(view.clone()).is_some() {
             let place = || {

@@ -11,6 +11,7 @@ use crate::store::{Job, Result, ResultFile};
 use crate::worker::Workshop;
 use std::ffi::OsString;
 use std::fs;
+use std::path::Path;
 
 /// The picture from above and from the side.
 pub const PICTURE: &str = "view.png";
@@ -70,9 +71,13 @@ impl Workshop {
         let mut words: Vec<OsString> = vec!["preview".into(), format!("--out=../{VIEW}/{PICTURE}").into()];
         words.extend(["--width=1200", "--height=800"].map(OsString::from));
         words.extend(asset_words(&prepared));
-        words.extend(["--".into(), format!("{}/{}", name_of(&results), file.path).into()]);
+        // The picture has the name of the file as its title.
+        let path = format!("{}/{}", name_of(&results), file.path);
+        let own = file.path.rsplit('/').next().unwrap_or(&file.path);
+        let title = if prepared.uses.iter().any(|used| name_of(used) == own) { path.as_str() } else { own };
+        words.extend(["--".into(), title.into()]);
         prepared.uses.insert(results);
-        let drawn = self.draw(&prepared, &words)?;
+        let drawn = self.draw(&prepared, &words, Some((&path, title)))?;
         let view = drawn.path().join(VIEW);
         if Beneath::of(&view)?.file(PICTURE).is_ok() {
             fs::create_dir_all(folder.join(VIEW))?;
@@ -84,11 +89,20 @@ impl Workshop {
         Ok(self.has_view(job, name))
     }
 
-    /// Executes vlscan in the folder of inputs of a new folder, for a limited time, whatever comes of it.
-    /// What it has drawn is in the folder [`VIEW`]; all goes with the folder that is returned.
-    pub(crate) fn draw(&self, prepared: &Prepared, words: &[OsString]) -> Result<tempfile::TempDir> {
+    /// Executes vlscan in the folder of inputs of a new folder, for a limited time, whatever comes of it. An
+    /// input can have a second name. The pictures are in the folder [`VIEW`]; all goes with the folder that is
+    /// returned.
+    pub(crate) fn draw(
+        &self,
+        prepared: &Prepared,
+        words: &[OsString],
+        renamed: Option<(&str, &str)>,
+    ) -> Result<tempfile::TempDir> {
         let folder = tempfile::tempdir_in(self.store.root().join("incoming"))?;
         job_folder::make(&self.store, folder.path(), prepared)?;
+        if let Some((path, name)) = renamed.filter(|(path, name)| path != name) {
+            job_folder::link(Path::new(path), &folder.path().join("in").join(name))?;
+        }
         let _inputs = self.fetch(prepared)?;
         let mut setting = self.setting(folder.path(), prepared);
         setting.restrictions.write = [VIEW, "tmp"].map(|name| folder.path().join(name)).to_vec();
