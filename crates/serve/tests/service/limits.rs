@@ -46,8 +46,13 @@ fn failed_jobs_keep_no_files() {
     let names: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(names, ["log"]);
     assert!(bytes_in(&folder) < 20_000, "{}", bytes_in(&folder));
-    let page = service.ask("GET", &format!("/jobs/{}", job["jobID"].as_str().unwrap()), &[("Accept", "text/html")], b"");
-    assert!(page.status == 200 && page.text().contains("limit of this service"), "{}", page.text());
+    let page = service.ask(
+        "GET",
+        &format!("/jobs/{}", job["jobID"].as_str().unwrap()),
+        &[("Accept", "text/html")],
+        b"",
+    );
+    assert!(page.status == 200 && page.text().contains("state failed"), "{}", page.text());
 }
 
 #[test]
@@ -124,14 +129,26 @@ fn finished_jobs_expire_where_the_operator_says_so() {
 }
 
 /// A service whose program is a shell script for all but what a start asks.
-fn scripted(folder: &Path, script: &str) -> Service {
+fn scripted(folder: &Path, script: &str, options: &[&str]) -> Service {
     let program = folder.join("program");
     let vlscan = vlscan();
     let script =
         format!("#!/bin/sh\ncase $1 in man|catalogue) exec {} \"$@\";; esac\n{script}\n", vlscan.display());
     std::fs::write(&program, script).unwrap();
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
-    Service::start(&[&format!("--program={}", program.display()), "--no-sandbox"])
+    Service::start(
+        &[&[format!("--program={}", program.display()).as_str(), "--no-sandbox"], options].concat(),
+    )
+}
+
+#[test]
+fn deleted_files_that_a_job_writes_are_limited() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = "exec 3>../tmp/f; rm ../tmp/f; while :; do head -c 1000000 /dev/zero >&3; sleep 0.05; done";
+    let service = scripted(folder.path(), script, &["--max-disk", "3M"]);
+    with_field(&service);
+    let job = service.run("dry-run", &flight(1, 1));
+    assert!(job["message"].as_str().unwrap().contains("more than 3000000 bytes"), "{job}");
 }
 
 #[test]
@@ -139,7 +156,8 @@ fn a_drawing_keeps_its_turn_although_its_connection_ends() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");
     let name = log.display();
-    let service = scripted(folder.path(), &format!("echo start >>{name}\nsleep 1\necho end >>{name}\nexit 1"));
+    let service =
+        scripted(folder.path(), &format!("echo start >>{name}\nsleep 1\necho end >>{name}\nexit 1"), &[]);
     with_field(&service);
     let path = "/map.png?scene=field/field.obj";
     let mut stream = std::net::TcpStream::connect(&service.address).unwrap();
@@ -171,7 +189,7 @@ fn owners_draw_the_same_scene_at_the_same_time() {
 fn a_process_that_is_always_killed_is_started_three_times() {
     let folder = tempfile::tempdir().unwrap();
     let starts = folder.path().join("starts");
-    let service = scripted(folder.path(), &format!("echo x >>{}\nkill -9 $$", starts.display()));
+    let service = scripted(folder.path(), &format!("echo x >>{}\nkill -9 $$", starts.display()), &[]);
     with_field(&service);
     let job = service.run("dry-run", &flight(1, 1));
     assert!(job["message"].as_str().unwrap().contains("memory"), "{job}");
@@ -370,7 +388,8 @@ fn uploads_take_the_place_of_no_instrument() {
     assert_eq!(service.ask("POST", "/uploads", &[("Content-Type", &media)], &body).status, 201);
     for scanner in ["riegl_vux-1uav", "data/scanners_als.xml#riegl_vux-1uav"] {
         for scene in ["field/field.obj", "wood/a/field.obj"] {
-            let plan = json!({ "kind": "airborne", "scene": scene, "scanner": scanner, "height": 60, "density": 5 });
+            let plan =
+                json!({ "kind": "airborne", "scene": scene, "scanner": scanner, "height": 60, "density": 5 });
             let job = service.run("plan", &plan);
             assert_eq!(job["status"], "successful", "{scanner}: {job}");
             let plan = format!("jobs/{}/plan.toml", job["jobID"].as_str().unwrap());
