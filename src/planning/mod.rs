@@ -19,7 +19,7 @@ use vlscan_base::{Observer, machine};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_scene::{Fallback, GroundModel, LoadOptions};
-use vlscan_survey::{Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner};
+use vlscan_survey::{CATALOGUE, Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner};
 use vlscan_tools::plan::{
     self, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanGround, PlanRequest,
     PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
@@ -194,7 +194,10 @@ impl Planner<'_> {
     /// The platform of the request, or the one that suits, with its reference, and all warnings that have
     /// been shown.
     fn platform(&self, suiting: &str) -> Result<(String, Platform, Diagnostics)> {
-        let name = self.setup.platform.as_deref().unwrap_or(suiting);
+        // The default is that of the catalogue if the scanner is.
+        let prefix = if self.setup.scanner.starts_with(CATALOGUE) { CATALOGUE } else { "" };
+        let default = format!("{prefix}{suiting}");
+        let name = self.setup.platform.as_deref().unwrap_or(&default);
         let (platform, warnings) = find_platform(name, &reading(self.setup))?;
         self.observer.warnings(warnings.clone())?;
         let mut told = self.told.clone();
@@ -384,10 +387,11 @@ fn reading(setup: &PlanSetup) -> ReadOptions {
     ReadOptions { assets: setup.assets.clone(), ..ReadOptions::default() }
 }
 
-/// The full reference of an id in the catalogue; other names as they are.
+/// The full reference of an id in the catalogue; other names as they are. A prefix `catalogue:` stays.
 fn in_catalogue<'n>(name: &str, mut references: impl Iterator<Item = &'n String>) -> String {
-    let is_named = |reference: &&String| reference.split_once('#').is_some_and(|(_, id)| id == name);
-    references.find(is_named).cloned().unwrap_or_else(|| name.to_owned())
+    let (prefix, own) = name.split_at(if name.starts_with(CATALOGUE) { CATALOGUE.len() } else { 0 });
+    let is_named = |reference: &&String| reference.split_once('#').is_some_and(|(_, id)| id == own);
+    references.find(is_named).map_or_else(|| name.to_owned(), |reference| format!("{prefix}{reference}"))
 }
 
 fn warn(texts: &[String], observer: &Observer) -> Result<()> {

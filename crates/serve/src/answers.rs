@@ -13,7 +13,7 @@ pub struct Failure {
     /// The status.
     pub status: StatusCode,
     kind: &'static str,
-    /// What went wrong, and what to do instead.
+    /// Problem, and what to do instead.
     pub detail: String,
 }
 
@@ -101,7 +101,7 @@ impl From<UploadError> for Failure {
     }
 }
 
-/// Whether a page is wanted, by `?f=html` or by what the browser accepts; programs get JSON.
+/// True if a page is wanted, by `?f=html` or by what the browser accepts; programs get JSON.
 pub fn wants_page(headers: &HeaderMap, query: Option<&str>) -> bool {
     let asked = query.unwrap_or_default().split('&').find_map(|pair| pair.strip_prefix("f="));
     match asked {

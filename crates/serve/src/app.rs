@@ -1,4 +1,4 @@
-//! What all requests share, and who asks.
+//! State that all requests share, and identity of who asks.
 
 use crate::answers::Failure;
 use crate::sessions::Sessions;
@@ -12,26 +12,26 @@ use std::sync::Arc;
 use std::time::Duration;
 use subtle::ConstantTimeEq as _;
 
-/// Who asks.
+/// Identity of who asks.
 #[derive(Clone, Debug)]
 pub struct Identity {
-    /// Whose uploads and jobs they are.
+    /// Owner of uploads and jobs.
     pub owner: String,
     /// True if a browser vouches for it, which sends a cookie or nothing along with requests of other pages,
     /// too.
     pub is_ambient: bool,
 }
 
-/// What all requests share.
+/// State that all requests share.
 #[derive(Debug)]
 pub struct App {
     /// Store, program, limits and queue.
     pub workshop: Arc<Workshop>,
-    /// Who may use the service.
+    /// Tokens of who may use the service.
     pub tokens: Tokens,
     /// Browsers that are logged in.
     pub sessions: Sessions,
-    /// What forms are recognised by.
+    /// Secret by which forms are recognised.
     pub(crate) secret: String,
     /// Names of the service.
     pub(crate) hosts: Vec<String>,
@@ -61,7 +61,7 @@ impl App {
         })
     }
 
-    /// What the hidden field of forms contains for this owner.
+    /// Text of the hidden field of forms for this owner.
     pub fn form_token(&self, owner: &str) -> String {
         let mut hash = Sha256::new();
         hash.update(self.secret.as_bytes());
@@ -74,7 +74,7 @@ impl App {
         self.form_token(owner).as_bytes().ct_eq(token.as_bytes()).into()
     }
 
-    /// Who asks with these headers.
+    /// Identity of who asks with these headers.
     pub fn identity(&self, headers: &HeaderMap) -> Option<Identity> {
         if self.tokens.is_empty() {
             return Some(Identity { owner: LOCAL.to_owned(), is_ambient: true });
@@ -106,7 +106,7 @@ impl App {
 /// Does work with the store or files beside the threads that answer.
 ///
 /// # Errors
-/// Those of the work.
+/// Errors of the work.
 pub async fn blocking<T, E>(
     app: &Arc<App>,
     work: impl FnOnce(&Workshop) -> Result<T, E> + Send + 'static,

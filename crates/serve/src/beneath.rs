@@ -48,6 +48,14 @@ impl Beneath {
         Ok(Beneath { folder: system::Folder::open(folder)? })
     }
 
+    /// A folder below this one.
+    ///
+    /// # Errors
+    /// For anything but a folder, and for names that lead through a link or out of the folder.
+    pub fn folder(&self, path: impl AsRef<Path>) -> io::Result<Beneath> {
+        Ok(Beneath { folder: self.folder.inner(path.as_ref())? })
+    }
+
     /// Opens a regular file for reading.
     ///
     /// # Errors
@@ -129,6 +137,10 @@ mod system {
             Ok(openat2(&self.0, path, flags, Mode::empty(), WITHIN)?)
         }
 
+        pub fn inner(&self, path: &Path) -> io::Result<Folder> {
+            Ok(Folder(self.within(path, OFlags::PATH | OFlags::DIRECTORY)?))
+        }
+
         pub fn file(&self, path: &Path) -> io::Result<File> {
             // Pipes are not waited for.
             Ok(File::from(self.within(path, OFlags::NONBLOCK | OFlags::NOCTTY)?))
@@ -178,6 +190,10 @@ mod system {
         pub fn open(folder: &Path) -> io::Result<Folder> {
             std::fs::read_dir(folder)?;
             Ok(Folder(folder.canonicalize()?))
+        }
+
+        pub fn inner(&self, path: &Path) -> io::Result<Folder> {
+            Folder::open(&self.0.join(path))
         }
 
         pub fn file(&self, path: &Path) -> io::Result<File> {

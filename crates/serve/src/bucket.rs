@@ -62,7 +62,7 @@ impl Bucket {
     /// Stores files of a folder.
     ///
     /// # Errors
-    /// Those of files and of the store.
+    /// Errors of files and of the store.
     pub(crate) fn put(&self, kind: Kind, id: &str, folder: &Path, paths: &[String]) -> io::Result<()> {
         let folder = Beneath::of(folder)?;
         self.runtime.block_on(async {
@@ -88,7 +88,7 @@ impl Bucket {
     /// Fetches files into a folder.
     ///
     /// # Errors
-    /// Those of files and of the store.
+    /// Errors of files and of the store.
     pub(crate) fn get(&self, kind: Kind, id: &str, folder: &Path, paths: &[String]) -> io::Result<()> {
         self.runtime.block_on(async {
             for path in paths {

@@ -1,12 +1,12 @@
-//! Calls of the system that the processes of a job are denied, by seccomp: what Landlock does not cover, or
-//! not on older kernels.
+//! System calls denied to job processes, by seccomp: those that Landlock does not cover, or not on older
+//! kernels.
 //!
 //! | denied | why |
 //! |---|---|
 //! | processes: fork, clone without a thread, ptrace, signals to others, prctl(PR_SET_PDEATHSIG) | a job is one process, which ends with the service |
 //! | sockets of every kind, message queues, shared memory, io_uring | sockets of the file system, which Landlock does not cover; TCP before Linux 6.7 |
 //! | modes, owners, times, attributes and flags of files | Landlock does not cover them |
-//! | truncate(2), links, pipes and devices | truncation before Linux 6.2; names that lead elsewhere |
+//! | truncate(2), symbolic links, pipes and devices | truncation before Linux 6.2; names that lead elsewhere |
 //! | namespaces, mounts, credentials, limits and priorities of others, modules, clocks, keys, tracing | nothing of it belongs to a job |
 
 use std::io;
@@ -59,7 +59,7 @@ mod denied {
         libc::SYS_io_uring_setup,
         libc::SYS_io_uring_enter,
         libc::SYS_io_uring_register,
-        // Files: what is not reading, writing, making, renaming and removing.
+        // Files: all but reading, writing, making, hard links, renaming and removing.
         libc::SYS_truncate,
         libc::SYS_fchmod,
         libc::SYS_fchmodat,
@@ -225,7 +225,7 @@ mod denied {
         Ok(rules)
     }
 
-    /// The same calls by the numbers of the x32 interface, which some kernels have and which counts as the
+    /// Adds the calls by the numbers of the x32 interface, which some kernels have and which counts as the
     /// same processor.
     #[cfg(target_arch = "x86_64")]
     fn add_x32(rules: &mut BTreeMap<i64, Vec<SeccompRule>>) {

@@ -17,10 +17,10 @@ use std::path::PathBuf;
 #[command(name = "vlscan serve", bin_name = "vlscan serve", version, max_term_width = 110)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Cli {
-    /// What to do instead of serving.
+    /// Command instead of serving.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// How to serve.
+    /// Options of the service.
     #[command(flatten)]
     pub serve: ServeArgs,
 }
@@ -30,7 +30,7 @@ pub struct Cli {
 pub enum Command {
     /// Make a token: prints it to stderr, once, and the line for the token file to stdout.
     Token {
-        /// Whose token it is: letters, digits, - and _.
+        /// Owner of the token: letters, digits, - and _.
         owner: String,
         /// Pulses that the owner may have computed within 24 hours; 10M and 2G are understood. [default:
         /// --quota]
@@ -87,7 +87,7 @@ pub struct ExpandArgs {
     pub max_files: usize,
 }
 
-/// How to serve.
+/// Options of the service.
 #[derive(Clone, Debug, Args)]
 pub struct ServeArgs {
     /// Folder of uploads, jobs and their database; made if it does not exist.

@@ -1,4 +1,4 @@
-//! How a job's process is restricted before it becomes vlscan: it gives up rights of its own, in a program
+//! Restrictions of a job's process before it becomes vlscan: it gives up rights of its own, in a program
 //! that has one thread and that then executes vlscan in its place. So nothing runs between fork and exec, and
 //! the restrictions can be tested by themselves.
 //!
@@ -21,7 +21,7 @@ use std::process::Command;
 #[cfg(target_os = "linux")]
 const MAX_THREADS: u64 = 2048;
 
-/// What of the sandbox is in force.
+/// Sandbox features in force.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Held {
     /// Only the named files can be opened.
@@ -82,12 +82,14 @@ fn restrict(args: &ConfineArgs) -> io::Result<Held> {
             return Ok(Held::default());
         }
         let namespaces = crate::own_root::Namespaces::new();
-        let root = namespaces.root(&linux::paths(args))?;
+        // Found before the root changes, in which /proc has no maps of this process.
+        let paths = linux::all_paths(args);
+        let root = namespaces.root(paths.iter().map(|(path, _)| path.as_path()))?;
         if namespaces.counts_anew() {
             limit_one(nix::sys::resource::Resource::RLIMIT_NPROC, MAX_THREADS)?;
         }
         linux::die_with_parent()?;
-        let (files, tcp) = linux::close_files(args)?;
+        let (files, tcp) = linux::close_files(&paths)?;
         linux::drop_capabilities()?;
         // Last: it denies calls that the rest needs.
         let calls = crate::calls::close()?;
@@ -176,9 +178,16 @@ mod linux {
         folders.iter().cloned().chain(other).collect()
     }
 
+    /// The loaders of programs: their names in programs are links in /lib on most processors.
+    fn loaders() -> impl Iterator<Item = PathBuf> {
+        let entries = std::fs::read_dir("/lib").into_iter().flatten().flatten();
+        let is_loader = |name: &str| name.starts_with("ld-linux") || name.starts_with("ld-musl");
+        entries.filter(move |entry| is_loader(&entry.file_name().to_string_lossy())).map(|entry| entry.path())
+    }
+
     /// Paths that a job can access.
-    fn all_paths(args: &ConfineArgs) -> Vec<(PathBuf, Access)> {
-        let libraries = libraries().into_iter().map(|path| (path, Access::Program));
+    pub fn all_paths(args: &ConfineArgs) -> Vec<(PathBuf, Access)> {
+        let libraries = libraries().into_iter().chain(loaders()).map(|path| (path, Access::Program));
         let system = SYSTEM.iter().map(|path| (PathBuf::from(path), Access::Program));
         let groups = std::iter::once((PathBuf::from(GROUPS), Access::Read));
         let devices = DEVICES.iter().map(|path| (PathBuf::from(path), Access::Device));
@@ -189,14 +198,9 @@ mod linux {
         all.chain(program).chain(read).chain(written).collect()
     }
 
-    /// The names that a job sees.
-    pub fn paths(args: &ConfineArgs) -> Vec<PathBuf> {
-        all_paths(args).into_iter().map(|(path, _)| path).collect()
-    }
-
     /// Access of a job to a file or folder.
-    #[derive(Clone, Copy)]
-    enum Access {
+    #[derive(Clone, Copy, Debug)]
+    pub enum Access {
         Read,
         Write,
         Program,
@@ -220,8 +224,9 @@ mod linux {
         Ok(())
     }
 
-    /// Closes all files but those of the job. Returns whether files and TCP are closed.
-    pub fn close_files(args: &ConfineArgs) -> io::Result<(bool, bool)> {
+    /// Closes all files but those at these paths. Returns two flags: true if files are closed, and true if
+    /// TCP is.
+    pub fn close_files(paths: &[(PathBuf, Access)]) -> io::Result<(bool, bool)> {
         let newest = ABI::V6;
         let all = AccessFs::from_all(newest);
         let read = AccessFs::ReadFile | AccessFs::ReadDir;
@@ -233,7 +238,7 @@ mod linux {
             .and_then(Ruleset::create)
             .map_err(io::Error::other)?;
         let mut created = ruleset;
-        for (path, access) in all_paths(args) {
+        for (path, access) in paths {
             let access = match access {
                 Access::Read => read,
                 Access::Write => all & !AccessFs::Execute,
@@ -241,7 +246,7 @@ mod linux {
                 Access::Device => AccessFs::ReadFile | AccessFs::WriteFile,
             };
             // What a system does not have needs no rule.
-            let Ok(opened) = PathFd::new(&path) else { continue };
+            let Ok(opened) = PathFd::new(path) else { continue };
             let access = if path.is_dir() { access } else { access & AccessFs::from_file(newest) };
             created = created.add_rule(PathBeneath::new(opened, access)).map_err(io::Error::other)?;
         }

@@ -1,6 +1,6 @@
-//! An existing engine, such as a scheduler of a cluster, that computes jobs in place of this machine: three commands that hand a job in, ask
-//! for it and cancel it by a name that the service chooses. The name is on disk before the job is handed in; so a service that was killed
-//! finds its jobs again.
+//! An existing engine, such as a scheduler of a cluster, that computes jobs in place of this machine: three
+//! commands that hand a job in, ask for it and cancel it by a name that the service chooses. The name is on
+//! disk before the job is handed in; so a service that was killed finds its jobs again.
 
 use crate::config::ServeArgs;
 use crate::execution::End;
@@ -11,15 +11,16 @@ use crate::template::{Ended, Template, Value};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// How often the engine is asked for a job.
+/// Period of polling the engine for a job.
 const ASK: Duration = Duration::from_secs(2);
-/// How often the job's folder is looked into.
+/// Period of looking into the job's folder.
 const LOOK: Duration = Duration::from_millis(200);
-/// How long an engine may not know a job that was handed in, and results may take to be seen by another machine.
+/// Time for which an engine may not know a job that was handed in, and for which results may not be seen by
+/// another machine.
 const GRACE: Duration = Duration::from_secs(5);
 /// Longest wait for the end of a job that was cancelled.
 const MAX_WAIT: Duration = Duration::from_secs(60);
-/// How often a job is handed in again whose tasks have ended without a result.
+/// Maximum number of submissions of a job whose tasks end without a result.
 const MAX_SUBMISSIONS: u32 = 20;
 
 const OF_SUBMISSION: [&str; 7] = ["name", "tasks", "last", "folder", "command", "minutes", "megabytes"];
@@ -40,7 +41,7 @@ impl Engine {
     /// The engine that the command line names, if it does.
     ///
     /// # Errors
-    /// What is wrong with its commands.
+    /// A message on its commands.
     pub fn of(args: &ServeArgs) -> std::result::Result<Option<Engine>, String> {
         let template = |option: &str, line: &Option<String>, known: &[&str]| {
             let line = line.as_deref().unwrap_or_default();
@@ -72,10 +73,11 @@ impl Engine {
         Ok(())
     }
 
-    /// Has a job computed, or goes on waiting for one that was handed in. Returns when it has ended or `goes_on` says not to wait.
+    /// Has a job computed, or goes on waiting for one that was handed in. Returns when the job has ended or
+    /// `goes_on` returns false.
     ///
     /// # Errors
-    /// Those of files and of `goes_on`.
+    /// Errors of files and of `goes_on`.
     pub fn compute(
         &self,
         job: &str,
@@ -136,10 +138,11 @@ impl Engine {
         }
     }
 
-    /// Cancels what the engine has of a job that was dismissed, and waits for its end. Returns whether it has ended.
+    /// Cancels what the engine has of a job that was dismissed, and waits for its end. Returns true if it has
+    /// ended.
     ///
     /// # Errors
-    /// Those of files.
+    /// Errors of files.
     pub fn withdraw(&self, job: &str, folder: &Path) -> Result<bool> {
         let tasks = Tasks::of(folder);
         let Some(number) = tasks.last_submission()? else { return Ok(true) };
@@ -177,7 +180,7 @@ impl Engine {
         }
     }
 
-    /// Whether a job waits or runs; an engine that cannot be asked is taken to have it.
+    /// True if a job waits or runs; an engine that cannot be asked is taken to have it.
     fn is_known(&self, name: &str, goes_on: &mut dyn FnMut() -> Result<bool>) -> Result<bool> {
         match self.poll.execute(&[("name", Value::Text(name.to_owned()))], goes_on)? {
             Ended::Success(output) => Ok(!output.trim().is_empty()),

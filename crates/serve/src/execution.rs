@@ -6,6 +6,8 @@ use crate::config::ConfineArgs;
 use crate::program::confined;
 use crate::store::Result;
 use serde::{Deserialize, Serialize};
+#[cfg(target_os = "linux")]
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read, Seek as _, SeekFrom};
@@ -14,13 +16,15 @@ use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 const POLL: Duration = Duration::from_millis(20);
-/// How often time and disk are checked.
+/// Period in which time and disk are checked.
 const CHECK: Duration = Duration::from_secs(1);
 /// Most files and folders in the folder of a job.
 const MAX_ENTRIES: usize = 200_000;
+/// Maximum size of the messages that are kept of a job, and read, bytes.
+pub(crate) const MAX_LOG: u64 = 1 << 20;
 /// Longest message of a failed job, bytes.
 const MAX_MESSAGE: u64 = 8 << 10;
-/// How often a process that somebody kills is started again: the system may have wanted the memory for
+/// Maximum number of restarts of a process that somebody kills: the system may have needed the memory for
 /// something else.
 const MAX_KILLS: usize = 2;
 /// Wait for a process that works in the same folder: one that an earlier service has started and that is
@@ -35,7 +39,7 @@ const FOLDER_IN_USE: i32 = 5;
 /// The message of a job whose process is always killed.
 const KILLED: &str = "the system has ended the process of the job; it may need more memory than there is";
 
-/// How a process ended.
+/// End of a process.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum End {
     /// It has done its work.
@@ -48,14 +52,14 @@ pub enum End {
     GivenUp,
 }
 
-/// Where and under which limits the processes of a job are executed.
+/// Folder and limits of the processes of a job.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Setting {
     /// The folder of the service, which messages do not tell.
     pub root: PathBuf,
     /// The folder of the job.
     pub folder: PathBuf,
-    /// What the processes may do.
+    /// Restrictions of the processes.
     pub restrictions: ConfineArgs,
     /// True if they work in the folder of inputs, else in that of results.
     pub within_inputs: bool,
@@ -71,7 +75,7 @@ impl Setting {
     /// whether the results are still wanted.
     ///
     /// # Errors
-    /// Those of files, of `prepare` and of `goes_on`.
+    /// Errors of files, of `prepare` and of `goes_on`.
     pub fn execute(
         &self,
         words: &[OsString],
@@ -145,7 +149,7 @@ impl Setting {
                     let message = format!("it took more than {} s, the limit of this service", self.max_time);
                     return Ok(Ended::By(End::Failure(message)));
                 }
-                match bytes_in(&self.folder) {
+                match bytes_in(&self.folder).map(|bytes| bytes.saturating_add(deleted_bytes(child.id()))) {
                     Ok(bytes) if bytes <= self.max_disk => {}
                     Ok(_) => {
                         let most = self.max_disk;
@@ -184,15 +188,14 @@ impl Setting {
         }
     }
 
-    /// What vlscan said of its failure, without the folders of the service.
+    /// Message of vlscan on its failure, without the folders of the service.
     fn message_of(&self, log: &Path) -> String {
         let text = tail(log, MAX_MESSAGE);
         let start = text.find("error:").unwrap_or(0);
         self.without_folders(text[start..].trim())
     }
 
-    /// What vlscan said in the last of these logs that there is, without progress and the names of its
-    /// outputs.
+    /// Messages of vlscan in the last existing log, without progress and the names of outputs.
     pub(crate) fn said(&self, logs: &[PathBuf]) -> String {
         let log = logs.iter().rev().find_map(|log| File::open(log).ok());
         log.map_or_else(String::new, |log| self.without_folders(&said_in(log)))
@@ -209,7 +212,7 @@ impl Setting {
     }
 }
 
-/// How a process ended that may be started again.
+/// End of a process that may be started again.
 enum Ended {
     By(End),
     /// Somebody else killed it: the system, for want of memory, or an operator.
@@ -269,6 +272,23 @@ pub(crate) fn bytes_in(folder: &Path) -> std::io::Result<u64> {
     Ok(entries.iter().map(|entry| of(if entry.kind == EntryKind::File { entry.bytes } else { 0 })).sum())
 }
 
+/// Bytes of the regular files that a process has open and whose names are gone.
+#[cfg(target_os = "linux")]
+fn deleted_bytes(process: u32) -> u64 {
+    use std::os::unix::fs::MetadataExt as _;
+    let open = fs::read_dir(format!("/proc/{process}/fd")).into_iter().flatten().flatten();
+    let files = open.filter_map(|entry| fs::metadata(entry.path()).ok());
+    let deleted = files.filter(|about| about.is_file() && about.nlink() == 0);
+    let sizes: BTreeMap<(u64, u64), u64> =
+        deleted.map(|about| ((about.dev(), about.ino()), about.len())).collect();
+    sizes.values().fold(0, |sum, bytes| sum.saturating_add(*bytes))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn deleted_bytes(_: u32) -> u64 {
+    0
+}
+
 /// The last lines of a log, at most `most` bytes.
 fn tail(log: &Path, most: u64) -> String {
     let read = || -> std::io::Result<Vec<u8>> {
@@ -282,10 +302,11 @@ fn tail(log: &Path, most: u64) -> String {
     String::from_utf8_lossy(&read().unwrap_or_default()).into_owned()
 }
 
-/// The lines of a log without progress and the names of outputs, at most [`MAX_MESSAGE`] bytes from its
-/// start: warnings come first, and the progress of hours may follow them.
+/// The lines of a log without progress and the names of outputs, at most [`MAX_MESSAGE`] bytes of the first
+/// [`MAX_LOG`] bytes: warnings come first, and the progress of hours may follow them.
 fn said_in(log: impl Read) -> String {
-    let lines = BufReader::new(log).split(b'\n').map_while(std::io::Result::ok);
+    let mut log = BufReader::new(log.take(MAX_LOG));
+    let lines = log.by_ref().split(b'\n').map_while(std::io::Result::ok);
     let lines = lines.map(|line| String::from_utf8_lossy(&line).into_owned());
     let mut said = String::new();
     let mut omitted = 0;
@@ -299,6 +320,9 @@ fn said_in(log: impl Read) -> String {
     }
     if omitted > 0 {
         said += &format!("… and {omitted} more lines");
+    }
+    if log.get_ref().limit() == 0 {
+        said += &format!("\n… (only the first {MAX_LOG} bytes of the messages are read)");
     }
     said.trim().to_owned()
 }
@@ -336,5 +360,25 @@ mod tests {
         assert!(long.starts_with(warning) && long.ends_with(" more lines"), "{long}");
         assert!(long.len() < MAX_MESSAGE as usize + 40);
         assert_eq!(said_in(&b"a \xff b\nc"[..]), "a \u{fffd} b\nc");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn open_files_without_a_name_count() {
+        let own = std::process::id();
+        let before = deleted_bytes(own);
+        let file = tempfile::tempfile().unwrap();
+        file.set_len(1 << 40).unwrap();
+        let again = file.try_clone().unwrap();
+        assert!((1 << 40..2 << 40).contains(&deleted_bytes(own)), "once, however often it is open");
+        drop((file, again));
+        assert!(deleted_bytes(own) <= before.max(1 << 30));
+    }
+
+    #[test]
+    fn a_line_without_end_is_not_read_to_its_end() {
+        let said = said_in((&b"warning: w\n"[..]).chain(std::io::repeat(b'x')));
+        assert!(said.starts_with("warning: w\n… and 1 more lines"), "{said}");
+        assert!(said.ends_with("the first 1048576 bytes of the messages are read)"), "{said}");
     }
 }

@@ -1,5 +1,5 @@
-//! Where the files of uploads and results are kept: in the folder of the service, or in a bucket. From a
-//! bucket they are fetched into the folder when a job or a picture needs them, and removed there afterwards.
+//! Storage of the files of uploads and results: the folder of the service, or a bucket. From a bucket they
+//! are fetched into the folder when a job or a picture needs them, and removed there afterwards.
 
 use crate::beneath::Beneath;
 use crate::bucket::Bucket;
@@ -11,7 +11,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Where files are kept.
+/// Place of files.
 #[derive(Debug, Default)]
 pub enum Files {
     /// In the folder of the service.
@@ -71,7 +71,7 @@ impl Files {
     }
 }
 
-/// How many need the local copy of an upload or of results.
+/// Number of users of the local copy of an upload or of results.
 pub(crate) type Fetches = Mutex<HashMap<(Kind, String), Arc<Mutex<usize>>>>;
 
 /// Files that are in the folder of the service at least until this is dropped.
@@ -133,7 +133,7 @@ impl Store {
     /// Makes sure that files are in their folder.
     ///
     /// # Errors
-    /// Those of files and of the bucket.
+    /// Errors of files and of the bucket.
     pub fn fetch(&self, kind: Kind, id: &str) -> Result<Option<Fetched<'_>>> {
         match &self.kept {
             Files::Folder => Ok(None),
@@ -175,7 +175,7 @@ impl Store {
     /// A small file; `None` if there is none of that name, or it has more bytes.
     ///
     /// # Errors
-    /// Those of files and of the bucket.
+    /// Errors of files and of the bucket.
     pub fn read(&self, kind: Kind, id: &str, path: &str, max_bytes: u64) -> Result<Option<Vec<u8>>> {
         match &self.kept {
             Files::Folder => {

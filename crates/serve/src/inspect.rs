@@ -114,7 +114,7 @@ fn id_text(id: Option<&str>) -> String {
 
 /// A sound database, its version and its id.
 fn database(path: &Path) -> Result<Option<(Connection, i64, Option<String>)>> {
-    if !schema::exists(path) {
+    if !schema::exists(path)? {
         return Ok(None);
     }
     let database = Connection::open(path)?;
@@ -138,8 +138,12 @@ fn contents(store: &Store, report: &mut Report) -> Result<()> {
             |id: &String| if store.has_bucket() { in_bucket.contains(id) } else { in_folder.contains(id) };
         let absent: Vec<String> = listed.into_iter().filter(|id| !has(id)).collect();
         report.names("", &absent, "have no files");
+        let removed = store.removed(kind)?;
+        if !removed.is_empty() {
+            report.line("", &format!("a start completes {} interrupted removals", removed.len()));
+        }
         let mut unknown = Vec::new();
-        for id in in_folder.union(&in_bucket) {
+        for id in in_folder.union(&in_bucket).filter(|id| !removed.contains(*id)) {
             if !store.is_known(kind, id)? {
                 unknown.push(id.clone());
             }

@@ -1,6 +1,6 @@
 //! The folder of a job: what it reads, and the files of its results.
 
-use crate::beneath::{Beneath, EntryKind};
+use crate::beneath::{Beneath, Entry, EntryKind};
 use crate::names::relative_path;
 use crate::request::{Prepared, name_of};
 use crate::store::{Result, ResultFile, Store};
@@ -31,8 +31,12 @@ pub(crate) fn make(store: &Store, folder: &Path, prepared: &Prepared) -> Result<
     write_whole(&folder.join("prepared.json"), text.as_bytes())
 }
 
+/// Links a file or folder; does nothing if the name exists.
+///
+/// # Errors
+/// Errors of files.
 #[cfg(unix)]
-fn link(target: &Path, name: &Path) -> std::io::Result<()> {
+pub(crate) fn link(target: &Path, name: &Path) -> std::io::Result<()> {
     match std::os::unix::fs::symlink(target, name) {
         Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => Err(error),
         _ => Ok(()),
@@ -40,20 +44,22 @@ fn link(target: &Path, name: &Path) -> std::io::Result<()> {
 }
 
 #[cfg(windows)]
-fn link(target: &Path, name: &Path) -> std::io::Result<()> {
+pub(crate) fn link(target: &Path, name: &Path) -> std::io::Result<()> {
     match std::os::windows::fs::symlink_dir(target, name) {
         Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => Err(error),
         _ => Ok(()),
     }
 }
 
+/// Folder of the data set of a campaign, among its results.
+pub(crate) const DATASET: &str = "dataset";
 /// Folder of the records of campaigns.
 const NOTES: &str = ".campaign";
 
 /// The files of results, sorted, or the name of one that cannot be served.
 ///
 /// # Errors
-/// Those of files, and for very many files.
+/// Errors of files, and very many files.
 pub(crate) fn results(folder: &Path) -> Result<std::result::Result<Vec<ResultFile>, String>> {
     let mut found = Vec::new();
     for entry in Beneath::of(folder)?.entries(MAX_RESULTS)? {
@@ -115,23 +121,26 @@ const MAX_RECORD: u64 = 16 << 20;
 
 /// Pulses of all cells of a data set that are complete, of a campaign that has ended in any way. `out` is the
 /// folder of its results.
-pub(crate) fn campaign_pulses(out: &Path) -> u64 {
-    let sum = || -> std::io::Result<u64> {
-        let out = Beneath::of(out)?;
-        let entries = out.entries(MAX_RESULTS)?;
-        let made = |entry: &&crate::beneath::Entry| {
-            let is_note = entry.path.parent().is_some_and(|folder| folder.ends_with(NOTES));
-            is_note && entry.path.extension().is_some_and(|ending| ending == "made")
-        };
-        // Its first line is the record of the cell.
-        let pulses = |entry: &crate::beneath::Entry| {
-            let bytes = out.read(&entry.path, MAX_RECORD).ok()?;
-            let line = bytes.split(|byte| *byte == b'\n').next()?;
-            serde_json::from_slice::<serde_json::Value>(line).ok()?["pulses"].as_u64()
-        };
-        Ok(entries.iter().filter(made).filter_map(pulses).fold(0, u64::saturating_add))
+///
+/// # Errors
+/// Errors of files, and very many cells.
+pub(crate) fn campaign_pulses(out: &Path) -> std::io::Result<u64> {
+    let notes = match Beneath::of(out).and_then(|out| out.folder(Path::new(DATASET).join(NOTES))) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(0),
+        notes => notes?,
     };
-    sum().unwrap_or(0)
+    let made = |entry: &&Entry| {
+        let is_inner = entry.path.parent() == Some(Path::new(""));
+        is_inner && entry.path.extension().is_some_and(|ending| ending == "made")
+    };
+    // Its first line is the record of the cell.
+    let pulses = |entry: &Entry| {
+        let bytes = notes.read(&entry.path, MAX_RECORD).ok()?;
+        let line = bytes.split(|byte| *byte == b'\n').next()?;
+        serde_json::from_slice::<serde_json::Value>(line).ok()?["pulses"].as_u64()
+    };
+    let entries = notes.entries(MAX_RESULTS)?;
+    Ok(entries.iter().filter(made).filter_map(pulses).fold(0, u64::saturating_add))
 }
 
 #[cfg(test)]
@@ -139,10 +148,24 @@ mod tests {
     use super::*;
 
     #[test]
+    fn cells_count_however_many_files_they_have() {
+        let folder = tempfile::tempdir().unwrap();
+        let (notes, other) = (folder.path().join("dataset/.campaign"), folder.path().join("dataset/cells"));
+        fs::create_dir_all(&notes).unwrap();
+        fs::create_dir_all(&other).unwrap();
+        fs::write(notes.join("a.made"), "{\"pulses\": 40}\n").unwrap();
+        (0..=MAX_RESULTS).for_each(|number| fs::write(other.join(number.to_string()), "").unwrap());
+        assert_eq!(campaign_pulses(folder.path()).unwrap(), 40);
+        fs::remove_dir_all(&notes).unwrap();
+        fs::write(&notes, "not a folder").unwrap();
+        assert!(campaign_pulses(folder.path()).is_err());
+    }
+
+    #[test]
     fn cells_that_are_complete_count_and_notes_are_no_results() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
-        assert_eq!(campaign_pulses(out), 0);
+        assert_eq!(campaign_pulses(out).unwrap(), 0);
         let write = |name: &str, text: &str| {
             fs::create_dir_all(out.join(name).parent().unwrap()).unwrap();
             fs::write(out.join(name), text).unwrap();
@@ -153,7 +176,7 @@ mod tests {
         write("dataset/.campaign/d.lock", "{\"pulses\": 5}");
         write("dataset/cells/a/record.json", "{\"pulses\": 40}");
         write("points.laz", "");
-        assert_eq!(campaign_pulses(out), 42);
+        assert_eq!(campaign_pulses(out).unwrap(), 42);
         let names =
             || results(out).unwrap().map(|files| files.into_iter().map(|file| file.path).collect::<Vec<_>>());
         assert_eq!(names(), Ok(vec!["dataset/cells/a/record.json".to_owned(), "points.laz".to_owned()]));

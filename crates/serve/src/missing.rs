@@ -7,19 +7,31 @@ use crate::records::Kind;
 use crate::store::{FileKind, Result, Store, UploadFile};
 use std::collections::BTreeSet;
 
-/// Largest XML file that is looked into, bytes, and most of them.
+/// Maximum size of an XML file that is looked into, bytes, and maximum number of files and of attributes of
+/// an element.
 const MAX_BYTES: u64 = 1 << 20;
 const MAX_DOCUMENTS: usize = 50;
+const MAX_ATTRIBUTES: usize = 250;
 /// Most names that are listed.
 const MAX_LISTED: usize = 100;
 /// Attributes that name files, before the `#` of an id.
 const ATTRIBUTES: [&str; 5] = ["scene", "scanner", "platform", "trajectory", "value"];
 
-/// The files that surveys and scenes of an upload name and that are not there, at most some.
+/// The files that surveys and scenes of an upload name and that are not there, at most some. Looks for them
+/// once, since uploads do not change.
 ///
 /// # Errors
 /// Errors of the store.
 pub fn missing(store: &Store, program: &Program, id: &str, files: &[UploadFile]) -> Result<Vec<String>> {
+    if let Some(known) = store.missing(id)? {
+        return Ok(known);
+    }
+    let found = look(store, program, id, files)?;
+    store.set_missing(id, &found)?;
+    Ok(found)
+}
+
+fn look(store: &Store, program: &Program, id: &str, files: &[UploadFile]) -> Result<Vec<String>> {
     let known: BTreeSet<&str> = files.iter().map(|file| file.path.as_str()).collect();
     let is_document = |file: &&UploadFile| file.kind != FileKind::Other && file.bytes <= MAX_BYTES;
     let mut found = BTreeSet::new();
@@ -57,45 +69,27 @@ fn is_there(name: &str, folder: &str, known: &BTreeSet<&str>) -> bool {
     }
 }
 
-/// The names of files in the attributes of an XML document, without comments.
+/// The names of files in the attributes of an XML document; none of one that is malformed or has entities of
+/// its own, which vlscan reports.
 fn named_files(text: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    for element in without_comments(text).split('<') {
-        let element = element.split('>').next().unwrap_or_default();
-        let attributes = attributes(element);
+    // The parser compares each attribute of an element with all others.
+    if text.split('<').any(|element| element.matches('=').count() > MAX_ATTRIBUTES) {
+        return found;
+    }
+    let Ok(document) = roxmltree::Document::parse(text) else { return found };
+    for element in document.descendants().filter(roxmltree::Node::is_element) {
         // Parameters of filters have other values, too; `efilepath` is an expression for several files.
-        let is_path = attributes.iter().any(|(name, value)| *name == "key" && *value == "filepath");
-        for (name, value) in attributes.iter().filter(|(name, _)| ATTRIBUTES.contains(name)) {
-            let path = value.split('#').next().unwrap_or_default().trim();
+        let is_path = element.attribute("key") == Some("filepath");
+        for attribute in element.attributes().filter(|attribute| ATTRIBUTES.contains(&attribute.name())) {
+            let path = attribute.value().split('#').next().unwrap_or_default().trim();
             let is_file = path.rsplit_once('.').is_some_and(|(stem, ending)| {
                 !stem.is_empty() && ending.len() <= 8 && ending.chars().all(char::is_alphanumeric)
             });
-            if is_file && (*name != "value" || is_path) && !path.contains(['*', '|', '(']) {
-                let path = path.replace('\\', "/").replace("&amp;", "&");
-                found.insert(path.trim_start_matches("./").to_owned());
+            if is_file && (attribute.name() != "value" || is_path) && !path.contains(['*', '|', '(']) {
+                found.insert(path.replace('\\', "/").trim_start_matches("./").to_owned());
             }
         }
-    }
-    found
-}
-
-fn without_comments(text: &str) -> String {
-    let mut parts = text.split("<!--");
-    let first = parts.next().unwrap_or_default().to_owned();
-    parts.fold(first, |text, part| text + part.split_once("-->").map_or("", |(_, rest)| rest))
-}
-
-/// The attributes of an element: names and values.
-fn attributes(element: &str) -> Vec<(&str, &str)> {
-    let mut found = Vec::new();
-    let mut rest = element;
-    while let Some((before, after)) = rest.split_once('=') {
-        let name = before.trim_end().rsplit(|c: char| c.is_whitespace()).next().unwrap_or_default();
-        let after = after.trim_start();
-        let Some(quote) = after.chars().next().filter(|c| matches!(c, '"' | '\'')) else { break };
-        let Some((value, behind)) = after[1..].split_once(quote) else { break };
-        found.push((name, value));
-        rest = behind;
     }
     found
 }
@@ -109,13 +103,24 @@ mod tests {
         let text = r#"<document><!-- <part scene="old.xml"/> -->
             <survey name="v1.2" scene="data/scenes/a.xml#a" scanner = 'data/scanners_als.xml#x' platform="p.xml#y">
             <param type="string" key="filepath" value="data\sceneparts\a&amp;b.obj" /><param key="efilepath" value="b.*\.obj"/>
-            <param type="double" key="scale" value="1.25"/><leg trajectory='./t.csv'/></survey"#;
-        let expected =
-            ["data/scanners_als.xml", "data/sceneparts/a&b.obj", "data/scenes/a.xml", "p.xml", "t.csv"];
+            <param type="double" key="scale" value="1.25"/><leg trajectory='./t.csv'/>
+            <part name="a > b" scene='b&#46;xml'/><![CDATA[<part scene="text.xml"/>]]></survey></document>"#;
+        let expected = [
+            "b.xml",
+            "data/scanners_als.xml",
+            "data/sceneparts/a&b.obj",
+            "data/scenes/a.xml",
+            "p.xml",
+            "t.csv",
+        ];
         assert_eq!(named_files(text).into_iter().collect::<Vec<_>>(), expected);
-        for damaged in ["", "<", "<a b", "<a b=", "<a b='", "<a =''", "<!--", "=\"", "<a b=\"ä"] {
-            named_files(damaged);
+        let many: String = (0..100_000).map(|number| format!(" a{number}='x'")).collect();
+        let deep = "<a scene='x.xml'>".repeat(50_000);
+        let entities = "<!DOCTYPE a [<!ENTITY b 'x.xml'>]><a scene='&b;'/>";
+        for damaged in ["", "<", "<a b", "<a scene='x.xml'", "<!--", "=\"", entities, &deep] {
+            assert!(named_files(damaged).is_empty());
         }
+        assert!(named_files(&format!("<a scene='x.xml'{many}/>")).is_empty());
     }
 
     #[test]

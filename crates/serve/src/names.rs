@@ -13,8 +13,7 @@ pub const JOBS: &str = "jobs";
 /// The folder by whose name files of HELIOS++ name others, and references of the catalogue begin.
 pub const DATA: &str = "data";
 
-/// Names in the folder of a job's inputs that are not those of uploads, and that of the catalogue, whose
-/// instruments an upload would replace.
+/// Names in the folder of a job's inputs that are not those of uploads, and that of the catalogue's folder.
 const RESERVED: [&str; 8] =
     [JOBS, DATA, "job.toml", "campaign.toml", "area.geojson", "along.geojson", "area.wkt", "along.wkt"];
 

@@ -69,22 +69,27 @@ impl Store {
         let path = root.join(DATABASE);
         let of_folder = read_id(&root)?;
         let has_files = has_files(&root)?;
-        let state = schema::state(&path)?;
-        if state == State::Empty && (of_folder.is_some() || has_files) {
+        let found = schema::look(&path)?;
+        if found.state == State::Empty && (of_folder.is_some() || has_files) {
             return Err(StoreError::NoDatabase(path));
         }
-        let of_bucket = kept.id()?;
-        if state == State::Empty && (of_bucket.is_some() || kept.has_objects()?) {
-            return Err(StoreError::Foreign("the bucket"));
-        }
-        let new = of_folder.clone().unwrap_or_else(|| random_name(16));
-        let (database, id) = schema::open(&path, state, &new)?;
-        if of_folder.as_ref().is_some_and(|known| *known != id) {
+        let known = found.id.or_else(|| of_folder.clone());
+        if of_folder.is_some() && of_folder != known {
             return Err(StoreError::Foreign("the folder"));
         }
-        if of_bucket.as_ref().is_some_and(|known| *known != id) {
+        let of_bucket = kept.id()?;
+        if of_bucket.is_some() && of_bucket != known {
             return Err(StoreError::Foreign("the bucket"));
         }
+        if !matches!(kept, Files::Folder) && of_bucket.is_none() {
+            // Its objects are those of this service, which has had no id yet, or there are none.
+            match (found.lists_files, kept.has_objects()?) {
+                (true, false) => return Err(StoreError::NoObjects),
+                (false, true) => return Err(StoreError::Foreign("the bucket")),
+                _ => {}
+            }
+        }
+        let (database, id) = schema::open(&path, found.state, &known.unwrap_or_else(|| random_name(16)))?;
         // The database comes first: an interrupted start is completed by the next one.
         if of_folder.is_none() {
             crate::job_folder::write_whole(&root.join(ID), format!("{id}\n").as_bytes())?;
@@ -117,18 +122,18 @@ impl Store {
         self.finish_removals()?;
         let mut lost = Lost::default();
         for kind in [Kind::Upload, Kind::Results] {
-            let mut names = self.in_bucket(kind)?;
-            names.extend(names_in(&self.root().join(folder_of(kind)))?);
-            for name in names {
-                if !self.is_known(kind, &name)? {
-                    self.set_aside(kind, &name)?;
+            let in_bucket = self.in_bucket(kind)?;
+            let in_folder = names_in(&self.root().join(folder_of(kind)))?;
+            for name in in_bucket.union(&in_folder) {
+                if !self.is_known(kind, name)? {
+                    self.set_aside(kind, name)?;
                     lost.names.push(format!("{}/{name}", folder_of(kind)));
-                } else if self.has_bucket()
-                    && !self.listed(kind, &name)?.is_empty()
-                    && !self.is_used(&name)?
+                } else if in_bucket.contains(name)
+                    && !self.listed(kind, name)?.is_empty()
+                    && !self.is_used(name)?
                 {
                     // A copy that was fetched.
-                    remove_folder(&self.local(kind, &name))?;
+                    remove_folder(&self.local(kind, name))?;
                 }
             }
         }
@@ -164,18 +169,20 @@ impl Store {
 
     /// Removes the files of what was removed before an interruption.
     fn finish_removals(&self) -> Result<()> {
-        let removed: Vec<(String, String)> = {
-            let database = self.database();
-            let mut query = database.prepare("SELECT kind, id FROM removed")?;
-            let rows = query.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
-            rows.collect::<rusqlite::Result<_>>()?
-        };
-        for (name, id) in removed {
-            for kind in [Kind::Upload, Kind::Results].into_iter().filter(|kind| kind.name() == name) {
+        for kind in [Kind::Upload, Kind::Results] {
+            for id in self.removed(kind)? {
                 self.discard(kind, &id)?;
             }
         }
         Ok(())
+    }
+
+    /// Uploads or results whose removal has been noted and not completed.
+    pub(crate) fn removed(&self, kind: Kind) -> Result<BTreeSet<String>> {
+        let database = self.database();
+        let mut query = database.prepare("SELECT id FROM removed WHERE kind = ?")?;
+        let rows = query.query_map([kind.name()], |row| row.get(0))?;
+        Ok(rows.collect::<rusqlite::Result<_>>()?)
     }
 }
 

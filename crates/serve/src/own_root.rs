@@ -55,22 +55,21 @@ impl Namespaces {
     }
 
     /// Gives this process a root that has only these files and folders, by the names that they have now.
-    /// Returns whether the system lets it.
+    /// Returns false, and changes nothing that the process sees, if the system does not allow it.
     ///
     /// # Errors
     /// If the system fails halfway.
-    pub fn root(&self, paths: &[PathBuf]) -> io::Result<bool> {
+    pub fn root<'p>(&self, paths: impl Iterator<Item = &'p Path>) -> io::Result<bool> {
         if !self.mounts {
             return Ok(false);
         }
         let here = std::env::current_dir()?;
         let private = MsFlags::MS_REC | MsFlags::MS_PRIVATE;
-        let none: Option<&str> = None;
-        if mount(none, "/", none, private, none).is_err() {
+        if mount(NONE, "/", NONE, private, NONE).is_err() {
             return Ok(false);
         }
         // Opened before anything is hidden.
-        let mut opened: Vec<(PathBuf, OwnedFd, bool)> = Vec::new();
+        let mut opened: Vec<Opened> = Vec::new();
         for path in paths {
             let path = std::path::absolute(path)?;
             // What a system does not have is not shown.
@@ -78,9 +77,9 @@ impl Namespaces {
                 continue;
             };
             let is_folder = path.is_dir();
-            opened.push((path, file, is_folder));
+            opened.push(Opened { path, file, is_folder });
         }
-        opened.sort_by(|a, b| a.0.cmp(&b.0));
+        opened.sort_by(|a, b| a.path.cmp(&b.path));
         let Some(new) =
             ["/tmp", "/var", "/usr", "/proc"].map(Path::new).into_iter().find(|path| path.is_dir())
         else {
@@ -90,25 +89,13 @@ impl Namespaces {
         if mount(Some("vlscan"), new, Some("tmpfs"), flags, Some("size=1m,mode=0755")).is_err() {
             return Ok(false);
         }
-        for (path, file, is_folder) in &opened {
-            let target = new.join(path.strip_prefix("/").unwrap_or(path));
-            if target.symlink_metadata().is_ok() {
-                // It is within a folder that is shown already.
-                continue;
-            }
-            match (*is_folder, target.parent()) {
-                (true, _) => fs::create_dir_all(&target)?,
-                (false, Some(parent)) => {
-                    fs::create_dir_all(parent)?;
-                    fs::write(&target, "")?;
-                }
-                (false, None) => continue,
-            }
-            let source = PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()));
-            mount(Some(&source), &target, none, MsFlags::MS_BIND | MsFlags::MS_REC, none)?;
+        if show(&opened, new).and_then(|()| enter(new)).is_err() {
+            // Systems that let processes mount, but not bind or change the root.
+            std::env::set_current_dir("/")?;
+            umount2(new, MntFlags::MNT_DETACH)?;
+            std::env::set_current_dir(here)?;
+            return Ok(false);
         }
-        std::env::set_current_dir(new)?;
-        pivot_root(".", ".")?;
         umount2(".", MntFlags::MNT_DETACH)?;
         std::env::set_current_dir("/")?;
         // The folder of the job has the name that it had; a folder that the job does not see is no place to
@@ -116,4 +103,41 @@ impl Namespaces {
         let _ = std::env::set_current_dir(here);
         Ok(true)
     }
+}
+
+const NONE: Option<&str> = None;
+
+/// A file or folder that the new root shows.
+struct Opened {
+    path: PathBuf,
+    file: OwnedFd,
+    is_folder: bool,
+}
+
+/// Shows files and folders below the new root.
+fn show(opened: &[Opened], new: &Path) -> io::Result<()> {
+    for Opened { path, file, is_folder } in opened {
+        let target = new.join(path.strip_prefix("/").unwrap_or(path));
+        if target.symlink_metadata().is_ok() {
+            // It is within a folder that is shown already.
+            continue;
+        }
+        match (*is_folder, target.parent()) {
+            (true, _) => fs::create_dir_all(&target)?,
+            (false, Some(parent)) => {
+                fs::create_dir_all(parent)?;
+                fs::write(&target, "")?;
+            }
+            (false, None) => continue,
+        }
+        let source = PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()));
+        mount(Some(&source), &target, NONE, MsFlags::MS_BIND | MsFlags::MS_REC, NONE)?;
+    }
+    Ok(())
+}
+
+/// Makes a folder the root; the old one lies on it, and is the working directory.
+fn enter(new: &Path) -> io::Result<()> {
+    std::env::set_current_dir(new)?;
+    Ok(pivot_root(".", ".")?)
 }

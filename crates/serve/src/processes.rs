@@ -1,4 +1,5 @@
-//! The processes that are offered, and how each is described to programs: by the options of its command or the keys of its file.
+//! Processes on offer, and their descriptions for programs: by the options of the command or the keys of the
+//! file.
 
 use crate::program::Program;
 use serde_json::{Map, Value, json};
@@ -27,7 +28,7 @@ pub enum Process {
 pub struct Output {
     /// Its name.
     pub name: &'static str,
-    /// What it is.
+    /// Description.
     pub about: &'static str,
     /// Its media type, and whether it is given as a value in results.
     pub media: &'static str,
@@ -106,12 +107,12 @@ impl Process {
         }
     }
 
-    /// Whether a request is answered with results if it does not prefer a job.
+    /// True if a request is answered with results unless it prefers a job.
     pub fn is_quick(self) -> bool {
         !matches!(self, Process::Run | Process::Campaign)
     }
 
-    /// What it yields. Runs and campaigns have files of other names, too.
+    /// Outputs. Runs and campaigns have files of other names, too.
     pub fn outputs(self) -> &'static [Output] {
         match self {
             Process::Run => &[Output {

@@ -6,11 +6,14 @@ use crate::confine::Held;
 use serde_json::Value;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 
 /// Name of the program.
 const NAME: &str = if cfg!(windows) { "vlscan.exe" } else { "vlscan" };
+
+/// Prefix of references that vlscan resolves in its catalogue, whatever files exist.
+pub const CATALOGUE: &str = "catalogue:";
 
 /// Why vlscan cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -27,7 +30,7 @@ pub enum ProgramError {
         program: PathBuf,
         /// Its arguments.
         words: String,
-        /// What went wrong.
+        /// Problem.
         message: String,
     },
 }
@@ -35,7 +38,7 @@ pub enum ProgramError {
 /// The program and what it says of itself.
 #[derive(Debug)]
 pub struct Program {
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
     /// Its version.
     pub version: String,
@@ -75,17 +78,27 @@ impl Program {
         entries.filter_map(|entry| Some((entry["reference"].as_str()?, entry)))
     }
 
+    /// The full references of all scanners and platforms of the catalogue.
+    fn references(&self) -> impl Iterator<Item = &str> {
+        let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
+        lists.flatten().filter_map(|entry| entry["reference"].as_str())
+    }
+
     /// True if a text is the full reference of a scanner or platform of the catalogue.
     pub fn is_reference(&self, text: &str) -> bool {
-        let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
-        lists.flatten().any(|entry| entry["reference"] == text)
+        self.references().any(|reference| reference == text)
+    }
+
+    /// The reference that no file of an upload replaces, for an id or full reference of the catalogue.
+    pub fn in_catalogue(&self, text: &str) -> Option<String> {
+        let is_id = |reference: &str| reference.split_once('#').is_some_and(|(_, id)| id == text);
+        let is_named = self.references().any(|reference| reference == text || is_id(reference));
+        is_named.then(|| format!("{CATALOGUE}{text}"))
     }
 
     /// True if the catalogue has a file of this name.
     pub fn has_file(&self, name: &str) -> bool {
-        let lists = self.catalogue.as_object().into_iter().flatten().filter_map(|(_, list)| list.as_array());
-        let mut references = lists.flatten().filter_map(|entry| entry["reference"].as_str());
-        references.any(|reference| reference.split('#').next() == Some(name))
+        self.references().any(|reference| reference.split('#').next() == Some(name))
     }
 
     /// The pattern of a scanner of the catalogue as SVG, made at its first call.
@@ -205,11 +218,31 @@ pub fn own_program() -> std::io::Result<PathBuf> {
     }
 }
 
-/// What of the sandbox this system allows.
+/// Sandbox features that this system allows. A program is started in the sandbox only if it is found to be
+/// complete.
 ///
 /// # Errors
-/// When it cannot be asked.
-pub fn sandbox() -> std::io::Result<Held> {
+/// If the sandbox fails, or the program does not start in it.
+pub fn sandbox(program: &Path) -> std::io::Result<Held> {
+    let failed = |done: &Output| {
+        let message = String::from_utf8_lossy(&done.stderr).trim().to_owned();
+        std::io::Error::other(format!("the sandbox of jobs fails ({}): {message}", done.status))
+    };
     let done = confined(&ConfineArgs::default(), &[])?.output()?;
-    serde_json::from_slice(&done.stdout).map_err(std::io::Error::other)
+    if !done.status.success() {
+        return Err(failed(&done));
+    }
+    let held: Held = serde_json::from_slice(&done.stdout).map_err(std::io::Error::other)?;
+    if held.files && held.calls {
+        let args = ConfineArgs { program: vec![program.into()], ..ConfineArgs::default() };
+        let done = confined(&args, &["--version".into()])?.output()?;
+        if matches!(done.status.code(), Some(NOT_CONFINED | NOT_LOADED)) {
+            return Err(failed(&done));
+        }
+    }
+    Ok(held)
 }
+
+/// Exit statuses of a program that was not started: those of `confine` and of the system's loader.
+const NOT_CONFINED: i32 = 2;
+const NOT_LOADED: i32 = 127;

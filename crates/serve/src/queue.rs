@@ -12,10 +12,10 @@ use std::collections::BTreeSet;
 use std::sync::PoisonError;
 use std::time::Duration;
 
-/// How long a job is held without a renewal.
+/// Time for which a job is held without a renewal.
 pub const LEASE: Duration = Duration::from_secs(10);
 
-/// What a job reads besides its own document.
+/// Upload or results that a job reads besides its own document.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Use {
@@ -36,7 +36,7 @@ pub enum Use {
 }
 
 impl Use {
-    /// Whose files they are, and under which id they are kept.
+    /// Kind of the files, and the id under which they are kept.
     pub fn files(&self) -> (Kind, &str) {
         match self {
             Use::Upload { id, .. } => (Kind::Upload, id),
@@ -45,7 +45,7 @@ impl Use {
     }
 }
 
-/// What came of a computation.
+/// Outcome of a computation.
 #[derive(Clone, Debug)]
 pub enum Outcome {
     /// Results, and what vlscan said.
@@ -245,7 +245,9 @@ impl Store {
             let database = self.database();
             let mut update = database.prepare_cached(
                 "UPDATE jobs SET status = ?1, message = ?2, progress = CASE ?1 WHEN 'successful' THEN 100 ELSE progress END, results = ?3,
-                 texts = octet_length(inputs) + octet_length(prepared) + octet_length(?3) + octet_length(?2),
+                 prepared = CASE ?1 WHEN 'failed' THEN '{}' ELSE prepared END,
+                 texts = octet_length(inputs) + CASE ?1 WHEN 'failed' THEN 2 ELSE octet_length(prepared) END
+                    + octet_length(?3) + octet_length(?2),
                  bytes = ?4, finished = ?5, updated = ?5, holder = NULL, held_until = NULL
                  WHERE id = ?6 AND holder = ?7 AND status = 'running'",
             )?;
@@ -289,7 +291,7 @@ impl Store {
         )
     }
 
-    /// Jobs of a state that somebody holds.
+    /// Leased jobs in a state.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].

@@ -1,12 +1,12 @@
-//! What the service knows of uploads and jobs.
+//! Records of uploads and jobs.
 
 use serde::Serialize;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Whose files they are.
+/// Kind of stored files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// Those of an upload.
+    /// Files of an upload.
     Upload,
     /// The results of a job.
     Results,
@@ -28,10 +28,13 @@ pub struct Upload {
     /// The folder of its files.
     #[serde(skip)]
     pub id: String,
-    /// What its owner calls it.
+    /// Name that its owner gives it.
     pub name: String,
     /// Number of files.
     pub files: u64,
+    /// Number of folders, its own included.
+    #[serde(skip)]
+    pub folders: u64,
     /// Their bytes.
     pub bytes: u64,
     /// Hash over the names and contents of all files.
@@ -48,11 +51,11 @@ pub struct UploadFile {
     pub path: String,
     /// Its bytes.
     pub bytes: u64,
-    /// What an XML file holds.
+    /// Content of an XML file.
     pub kind: FileKind,
 }
 
-/// What an XML file holds, as far as pages offer it.
+/// Content of an XML file, as far as pages offer it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FileKind {
@@ -120,7 +123,7 @@ impl Status {
         Status::ALL.into_iter().find(|status| status.name() == name)
     }
 
-    /// Whether nothing follows.
+    /// True if nothing follows.
     pub fn is_final(self) -> bool {
         !matches!(self, Status::Accepted | Status::Running)
     }
@@ -131,21 +134,22 @@ impl Status {
 pub struct Job {
     /// Its name.
     pub id: String,
-    /// Whose it is.
+    /// Its owner.
     pub owner: String,
     /// The process.
     pub process: String,
     /// The inputs as requested, JSON.
     pub inputs: String,
-    /// What is executed: a [`crate::request::Prepared`] as JSON.
+    /// Command: a [`crate::request::Prepared`] as JSON.
     pub prepared: String,
-    /// Hash of version, process, inputs and the contents of all files; empty if results may not be given again.
+    /// Hash of version, process, inputs and the contents of all files; empty if results may not be given
+    /// again.
     pub fingerprint: String,
     /// The folder, that of the job which computed the results.
     pub folder: String,
-    /// How far it is.
+    /// State.
     pub status: Status,
-    /// What there is to say, mostly about failures.
+    /// Message, mostly of a failure.
     pub message: String,
     /// Percent.
     pub progress: u8,

@@ -2,16 +2,19 @@
 //! they are drawn from.
 
 use crate::beneath::Beneath;
-use crate::job_folder;
 use crate::processes::Process;
-use crate::request::{RequestError, check};
-use crate::store::StoreError;
+use crate::request::{Prepared, RequestError, check};
+use crate::store::{StoreError, remove_folder};
+use crate::view::VIEW;
 use crate::worker::Workshop;
 use serde::Serialize;
 use serde_json::json;
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// The folder of all pictures of scenes.
+const MAPS: &str = "maps";
 
 /// Pixels along the longer side.
 const SIDE: u32 = 800;
@@ -27,13 +30,13 @@ const MAX_FRAME: u64 = 4 << 10;
 /// A picture of a scene from above.
 #[derive(Clone, Debug)]
 pub struct SceneMap {
-    /// The folder of the picture, which jobs can write.
+    /// The folder of the picture, in which hostile files may have had other things drawn.
     folder: PathBuf,
-    /// Where it lies.
+    /// Coordinates of its pixels.
     pub frame: Frame,
 }
 
-/// Where the pixels of a picture lie.
+/// Coordinates of the pixels of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Frame {
     /// Coordinates of the centre of the upper left pixel, m.
@@ -53,7 +56,9 @@ impl SceneMap {
 
     /// The picture in a folder, if it is complete.
     fn of(folder: PathBuf) -> Option<SceneMap> {
-        let text = Beneath::of(&folder).and_then(|folder| folder.read(FRAME, MAX_FRAME)).ok()?;
+        let files = Beneath::of(&folder).ok()?;
+        files.file(PICTURE).ok()?;
+        let text = files.read(FRAME, MAX_FRAME).ok()?;
         let frame = Frame::of(std::str::from_utf8(&text).ok()?)?;
         Some(SceneMap { folder, frame })
     }
@@ -83,34 +88,49 @@ impl Frame {
 }
 
 impl Workshop {
+    /// The picture of a scene of an owner, if it has been drawn.
+    ///
+    /// # Errors
+    /// [`RequestError`] for names that are none of the owner's.
+    pub fn drawn_map(&self, owner: &str, scene: &str) -> Result<Option<SceneMap>, RequestError> {
+        Ok(SceneMap::of(self.map_folder(owner, scene)?.0))
+    }
+
     /// The picture of a scene of an owner, which is drawn if there is none; `None` if it cannot be drawn.
     ///
     /// # Errors
     /// [`RequestError`] for names that are none of the owner's.
     pub fn scene_map(&self, owner: &str, scene: &str) -> Result<Option<SceneMap>, RequestError> {
+        let (folder, prepared) = self.map_folder(owner, scene)?;
+        let known = SceneMap::of(folder.clone());
+        if known.is_some() || prepared.uses.is_empty() {
+            return Ok(known);
+        }
+        let words = ["scene".to_owned(), "map".to_owned(), format!("--out=../{VIEW}/{PICTURE}")];
+        let assets = prepared.words.iter().filter(|word| word.starts_with("--assets=")).cloned();
+        let words = words.into_iter().chain([format!("--side={SIDE}")]).chain(assets);
+        let words = words.chain(["--".to_owned(), scene.to_owned()]).map(OsString::from);
+        let drawn = self.draw(&prepared, &words.collect::<Vec<_>>(), None)?;
+        let view = drawn.path().join(VIEW);
+        if SceneMap::of(view.clone()).is_some() {
+            let place = || {
+                make_room(&self.store.root().join(MAPS))?;
+                // What is there is damaged.
+                remove_folder(&folder)?;
+                fs::rename(&view, &folder)
+            };
+            place().map_err(StoreError::from)?;
+        }
+        Ok(SceneMap::of(folder))
+    }
+
+    /// The folder of the picture of a scene, and what it is drawn of. Owners share no pictures.
+    fn map_folder(&self, owner: &str, scene: &str) -> Result<(PathBuf, Prepared), RequestError> {
         let inputs = json!({ "points": scene });
         let inputs = inputs.as_object().cloned().unwrap_or_default();
         let checked = check(Process::Preview, &inputs, owner, &self.store, &self.program)?;
-        if checked.prepared.uses.is_empty() {
-            return Ok(None);
-        }
-        let all = self.store.root().join("maps");
-        let folder = all.join(&checked.fingerprint);
-        let view = folder.join("view");
-        if SceneMap::of(view.clone()).is_none() {
-            make_room(&all).map_err(StoreError::from)?;
-            job_folder::make(&self.store, &folder, &checked.prepared)?;
-            let words = ["scene", "map", "--force"].map(OsString::from).into_iter();
-            let options = [format!("--out=../view/{PICTURE}"), format!("--side={SIDE}")];
-            let assets = checked.prepared.words.iter().filter(|word| word.starts_with("--assets="));
-            let words = words.chain(options.map(OsString::from)).chain(assets.map(OsString::from));
-            let words: Vec<OsString> = words.chain(["--".into(), scene.into()]).collect();
-            self.draw(&folder, "in", &checked.prepared, &words)?;
-            for part in ["in", "out"] {
-                fs::remove_dir_all(folder.join(part)).map_err(StoreError::from)?;
-            }
-        }
-        Ok(SceneMap::of(view))
+        let folder = self.store.root().join(MAPS).join(format!("{owner}-{}", checked.fingerprint));
+        Ok((folder, checked.prepared))
     }
 }
 
@@ -120,11 +140,13 @@ fn make_room(all: &Path) -> std::io::Result<()> {
     let mut kept = Vec::new();
     for entry in fs::read_dir(all)? {
         let entry = entry?;
-        kept.push((entry.metadata()?.modified()?, entry.path()));
+        // Another drawing may remove pictures, too.
+        let Ok(about) = entry.metadata() else { continue };
+        kept.push((about.modified()?, entry.path()));
     }
     kept.sort();
     let surplus = kept.len().saturating_sub(MAX_KEPT - 1);
-    kept.into_iter().take(surplus).try_for_each(|(_, path)| fs::remove_dir_all(path))
+    kept.into_iter().take(surplus).try_for_each(|(_, path)| remove_folder(&path))
 }
 
 #[cfg(test)]

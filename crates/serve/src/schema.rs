@@ -22,7 +22,7 @@ PRAGMA cache_size = -4000;
 ";
 
 /// Changes of each version of the schema. Databases before version 1 have some of its tables.
-const STEPS: [&str; 2] = ["
+const STEPS: [&str; 3] = ["
 CREATE TABLE IF NOT EXISTS uploads (
     id TEXT PRIMARY KEY, owner TEXT NOT NULL, name TEXT, files INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 TEXT NOT NULL,
     created INTEGER NOT NULL, UNIQUE (owner, name)
@@ -61,6 +61,12 @@ UPDATE jobs SET inputs = '{}', prepared = '{}', fingerprint = '', message = '', 
 DROP INDEX jobs_stored;
 CREATE INDEX jobs_stored ON jobs (owner, disk, texts) WHERE bytes >= 0;
 CREATE INDEX jobs_finished ON jobs (finished) WHERE status IN ('successful', 'failed');
+", "
+ALTER TABLE uploads ADD COLUMN folders INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE uploads ADD COLUMN missing TEXT;
+UPDATE jobs SET prepared = '{}', texts = octet_length(inputs) + octet_length(results) + octet_length(message) + 2
+WHERE status = 'failed';
+CREATE INDEX jobs_dismissed ON jobs (owner, updated) WHERE bytes < 0;
 "];
 
 /// The version of the tables.
@@ -75,27 +81,53 @@ pub(crate) enum State {
     Version(i64),
 }
 
-/// True if there is a database that has something.
-pub(crate) fn exists(path: &Path) -> bool {
-    let has_bytes = |path: &Path| std::fs::metadata(path).is_ok_and(|about| about.len() > 0);
-    has_bytes(path) || has_bytes(&path.with_extension("db-wal"))
+/// Contents of a database that a start needs before it changes anything.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Found {
+    /// Its tables.
+    pub state: State,
+    /// Its id, since version 1.
+    pub id: Option<String>,
+    /// True if it lists uploads or results that have files.
+    pub lists_files: bool,
 }
 
-/// The state of the database at a path, which is not changed: what its log has is not moved to it, either.
+/// True if there is a database that has something.
 ///
 /// # Errors
-/// As for [`check`].
-pub(crate) fn state(path: &Path) -> Result<State> {
-    if !exists(path) {
-        return Ok(State::Empty);
+/// [`StoreError::NoDatabase`] for a log without its database: SQLite would remove the log.
+pub(crate) fn exists(path: &Path) -> Result<bool> {
+    let has_bytes = |path: &Path| std::fs::metadata(path).is_ok_and(|about| about.len() > 0);
+    match has_bytes(path) {
+        false if has_bytes(&path.with_extension("db-wal")) => Err(StoreError::NoDatabase(path.to_owned())),
+        exists => Ok(exists),
+    }
+}
+
+/// Looks into the database at a path without changing it: its log is not written back.
+///
+/// # Errors
+/// The errors of [`exists`] and [`check`].
+pub(crate) fn look(path: &Path) -> Result<Found> {
+    let nothing = Found { state: State::Empty, id: None, lists_files: false };
+    if !exists(path)? {
+        return Ok(nothing);
     }
     let database = Connection::open(path)?;
     database.set_db_config(rusqlite::config::DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)?;
     database.execute_batch("PRAGMA locking_mode = EXCLUSIVE")?;
-    check(&database, path)
+    let state = check(&database, path)?;
+    if state == State::Empty {
+        return Ok(nothing);
+    }
+    let query = "SELECT EXISTS (SELECT 1 FROM uploads WHERE files > 0)
+        OR EXISTS (SELECT 1 FROM jobs WHERE status = 'successful' AND results <> '[]')";
+    // The oldest databases lack tables.
+    let lists_files = database.query_row(query, [], |row| row.get(0)).unwrap_or(false);
+    Ok(Found { state, id: id_of(&database)?, lists_files })
 }
 
-/// Checks all pages of a database, and its version.
+/// Checks all pages of a database, its version, and the columns of this version.
 ///
 /// # Errors
 /// [`StoreError::Damaged`] and [`StoreError::Version`].
@@ -116,7 +148,12 @@ pub(crate) fn check(database: &Connection, path: &Path) -> Result<State> {
         _ if !(0..=VERSION).contains(&version) => {
             Err(StoreError::Version { path: path.to_owned(), found: version })
         }
-        true => Ok(State::Version(version)),
+        true => {
+            if version == VERSION {
+                compare(database, path)?;
+            }
+            Ok(State::Version(version))
+        }
         false if version == 0 => Ok(State::Empty),
         false => Err(damaged("it has no tables".to_owned())),
     }
@@ -145,9 +182,10 @@ pub(crate) fn open(path: &Path, state: State, id: &str) -> Result<(Connection, S
         transaction
             .execute("INSERT INTO service (id) SELECT ? WHERE NOT EXISTS (SELECT 1 FROM service)", [id])?;
         transaction.pragma_update(None, "user_version", VERSION)?;
+        // A database of other columns stays as it is.
+        compare(&transaction, path)?;
         transaction.commit()?;
     }
-    compare(&database, path)?;
     let shrinks: i64 = database.query_row("PRAGMA auto_vacuum", [], |row| row.get(0))?;
     if shrinks == 0 {
         database.execute_batch("VACUUM")?;

@@ -1,4 +1,5 @@
-//! Who asks, whether a request that changes something comes from a page of the service, and the headers of answers.
+//! Admission of requests: who asks, and whether a request that changes something comes from a page of the
+//! service. Headers of answers.
 
 use crate::answers::{Failure, wants_page};
 use crate::app::{App, Identity};
@@ -10,15 +11,15 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse as _, Redirect, Response};
 use std::sync::Arc;
 
-/// What pages may load: only what the service has, and nobody shows them in frames.
+/// Policy of pages: they load only what the service has, and nobody shows them in frames.
 const PAGE_POLICY: &str =
     "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'";
-/// What pages that vlscan has written may do: run their own scripts, in an origin of their own and without a network, in frames of
-/// ours.
+/// Policy of pages that vlscan has written: they run their own scripts, in an origin of their own and
+/// without a network, in frames of ours.
 pub const VIEWER_POLICY: &str = "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
                                  img-src data: blob:; frame-ancestors 'self'";
 
-/// Whether the browser says that a request comes from a page of another site.
+/// True if the browser says that a request comes from a page of another site.
 fn is_foreign(headers: &HeaderMap) -> bool {
     let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
     if let Some(site) = text(HeaderName::from_static("sec-fetch-site")) {

@@ -14,6 +14,7 @@ use crate::store::{Store, StoreError, make_private};
 use crate::tokens::{TokenError, Tokens, random_name};
 use crate::worker::Workshop;
 use axum::Router;
+use std::env::VarError;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -54,6 +55,9 @@ pub enum ServeError {
     /// Tokens and --open.
     #[error("--open is for a service without tokens, but VLSCAN_TOKEN is set")]
     OpenWithTokens,
+    /// A token that is not text.
+    #[error("VLSCAN_TOKEN is not valid UTF-8\nhelp: make a token with `vlscan serve token OWNER`")]
+    TokenNotText,
     /// The commands of an engine.
     #[error("{0}")]
     Engine(String),
@@ -70,7 +74,11 @@ pub enum ServeError {
 /// # Errors
 /// [`ServeError`].
 pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
-    let environment = std::env::var("VLSCAN_TOKEN").ok();
+    let environment = match std::env::var("VLSCAN_TOKEN") {
+        Ok(token) => Some(token),
+        Err(VarError::NotPresent) => None,
+        Err(VarError::NotUnicode(_)) => return Err(ServeError::TokenNotText),
+    };
     let tokens = Tokens::read(args.token_file.as_deref(), environment.as_deref())?;
     let is_local = args.listen.ip().is_loopback();
     if !is_local && tokens.is_empty() {
@@ -83,8 +91,8 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     if let Some(name) = foreign.filter(|_| tokens.is_empty() && !args.open) {
         return Err(ServeError::OpenHost(name.clone()));
     }
-    check_sandbox(args, is_local && tokens.is_empty() && foreign.is_none())?;
     let program = Arc::new(Program::find(args.program.as_deref())?);
+    check_sandbox(args, &program.path, is_local && tokens.is_empty() && foreign.is_none())?;
     let engine = Engine::of(args).map_err(ServeError::Engine)?;
     if let Some(engine) = &engine {
         engine.check().map_err(|e| ServeError::Engine(format!("--poll: {e}")))?;
@@ -140,7 +148,7 @@ fn hold(folder: &Path) -> Result<std::fs::File, ServeError> {
     Ok(file)
 }
 
-fn check_sandbox(args: &ServeArgs, is_private: bool) -> Result<(), ServeError> {
+fn check_sandbox(args: &ServeArgs, program: &Path, is_private: bool) -> Result<(), ServeError> {
     if args.no_sandbox && !is_private {
         return Err(ServeError::Sandbox(
             "--no-sandbox is for the loopback address without tokens".to_owned(),
@@ -149,7 +157,7 @@ fn check_sandbox(args: &ServeArgs, is_private: bool) -> Result<(), ServeError> {
     if args.no_sandbox {
         return Ok(());
     }
-    let held = sandbox()?;
+    let held = sandbox(program).map_err(|e| ServeError::Sandbox(e.to_string()))?;
     if !held.files {
         return Err(ServeError::Sandbox(
             "this system has no Landlock (Linux 5.13), which keeps jobs to their own files; --no-sandbox does without, on the loopback \

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long a browser stays logged in.
+/// Time for which a browser stays logged in.
 const SESSION: Duration = Duration::from_secs(12 * 3600);
 /// Most sessions; the oldest ones end earlier.
 const MAX_SESSIONS: usize = 10_000;

@@ -50,7 +50,7 @@ impl Shares {
     pub async fn take(&self, owner: &str, time: Duration) -> Option<Share> {
         let count = self.count(owner);
         let taken = async {
-            // Those who wait for their own turn keep no place from others.
+            // Take the owner's place first, so that a waiting owner holds no shared place.
             let of_owner = count.acquire_owned().await.ok()?;
             let of_all = Arc::clone(&self.all).acquire_owned().await.ok()?;
             Some((of_owner, of_all))

@@ -1,4 +1,4 @@
-//! What is executed for the results of a job: one step, or parts that any number of processes compute and a
+//! Steps that compute the results of a job: one step, or parts that any number of processes compute and a
 //! last step.
 
 use crate::execution::{End, Setting};
@@ -31,7 +31,7 @@ struct Part {
     after: Vec<String>,
 }
 
-/// What the last step does with results that an earlier process has left.
+/// Treatment of results that an earlier process has left, by the last step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Earlier {
     /// They are removed.

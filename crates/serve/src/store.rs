@@ -1,4 +1,4 @@
-//! What the service knows, in SQLite, and the folders beside it.
+//! State of the service in SQLite, and the folders beside it.
 //!
 //! ```text
 //! DATA/service.db            uploads, jobs, queue (write-ahead log)
@@ -41,7 +41,8 @@ pub enum StoreError {
     Bucket(std::io::Error),
     /// The database cannot be used.
     #[error(
-        "the database {0} is damaged: {1}\nhelp: restore it from a backup; nothing was changed, and `vlscan serve check` shows the state"
+        "the database {0} is damaged: {1}\nhelp: restore it from a backup, after you have moved service.db-wal away, \
+         which belongs to the damaged one; nothing was changed, and `vlscan serve check` shows the state"
     )]
     Damaged(PathBuf, String),
     /// The database is of another version.
@@ -57,8 +58,9 @@ pub enum StoreError {
     },
     /// The database is missing or empty, but its folder is in use.
     #[error(
-        "the database {0} is missing or empty, but its folder has been used by a service\nhelp: restore it from a backup, or move `id`, \
-         `uploads` and `jobs` elsewhere to begin anew; nothing was changed"
+        "the database {0} is missing or empty, but its folder has been used by a service\nhelp: restore it from a \
+         backup, after you have moved service.db-wal away, or move `id`, `uploads`, `jobs` and `service.db-wal` \
+         elsewhere to begin anew; nothing was changed"
     )]
     NoDatabase(PathBuf),
     /// Folder or bucket belong to another service than the database.
@@ -67,6 +69,12 @@ pub enum StoreError {
          was changed"
     )]
     Foreign(&'static str),
+    /// The bucket is empty, but the database lists files.
+    #[error(
+        "the bucket is empty, but the database lists uploads or results\nhelp: start the service with the --store that \
+         has their files, or without --store if they are in the folder --data; nothing was changed"
+    )]
+    NoObjects,
 }
 
 /// A result of the store.
@@ -111,9 +119,21 @@ impl Store {
     pub fn add_upload(&self, owner: &str, upload: &Upload, files: &[UploadFile]) -> Result<bool> {
         let mut database = self.database();
         let transaction = database.transaction()?;
-        let added = transaction.prepare_cached(
-            "INSERT OR IGNORE INTO uploads (id, owner, name, files, bytes, sha256, created) VALUES (?, ?, ?, ?, ?, ?, ?)",
-        )?.execute(params![upload.id, owner, upload.name, upload.files, upload.bytes, upload.sha256, upload.created])?;
+        let added = transaction
+            .prepare_cached(
+                "INSERT OR IGNORE INTO uploads (id, owner, name, files, folders, bytes, sha256, created)
+                 VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            )?
+            .execute(params![
+                upload.id,
+                owner,
+                upload.name,
+                upload.files,
+                upload.folders,
+                upload.bytes,
+                upload.sha256,
+                upload.created
+            ])?;
         if added == 0 {
             return Ok(false);
         }
@@ -133,7 +153,8 @@ impl Store {
     pub fn uploads(&self, owner: &str) -> Result<Vec<Upload>> {
         let database = self.database();
         let mut query = database.prepare_cached(
-            "SELECT id, name, files, bytes, sha256, created FROM uploads WHERE owner = ? AND name IS NOT NULL ORDER BY created DESC, id",
+            "SELECT id, name, files, folders, bytes, sha256, created FROM uploads
+             WHERE owner = ? AND name IS NOT NULL ORDER BY created DESC, id",
         )?;
         let rows = query.query_map([owner], upload_of)?;
         Ok(rows.collect::<rusqlite::Result<_>>()?)
@@ -146,7 +167,7 @@ impl Store {
     pub fn upload(&self, owner: &str, name: &str) -> Result<Option<Upload>> {
         let database = self.database();
         let mut query = database.prepare_cached(
-            "SELECT id, name, files, bytes, sha256, created FROM uploads WHERE owner = ? AND name = ?",
+            "SELECT id, name, files, folders, bytes, sha256, created FROM uploads WHERE owner = ? AND name = ?",
         )?;
         Ok(query.query_row([owner, name], upload_of).optional()?)
     }
@@ -166,6 +187,27 @@ impl Store {
         Ok(rows.collect::<rusqlite::Result<_>>()?)
     }
 
+    /// Names of files that an upload lacks, if they have been looked for.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn missing(&self, upload: &str) -> Result<Option<Vec<String>>> {
+        let query = "SELECT missing FROM uploads WHERE id = ?";
+        let text: Option<Option<String>> =
+            self.database().query_row(query, [upload], |row| row.get(0)).optional()?;
+        Ok(text.flatten().and_then(|text| serde_json::from_str(&text).ok()))
+    }
+
+    /// Records the names of files that an upload lacks.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn set_missing(&self, upload: &str, names: &[String]) -> Result<()> {
+        let text = serde_json::json!(names).to_string();
+        self.database().execute("UPDATE uploads SET missing = ? WHERE id = ?", [text.as_str(), upload])?;
+        Ok(())
+    }
+
     /// Removes an upload from the list; its files stay while jobs use them. Returns whether there was one.
     ///
     /// # Errors
@@ -179,15 +221,16 @@ impl Store {
     }
 
     /// Disk space of an owner, bytes: files of uploads and jobs in any state, a block for each file and
-    /// folder, and the rows of the database.
+    /// folder, and the rows of the database, those of dismissed jobs until they are forgotten.
     ///
     /// # Errors
     /// [`StoreError`].
     pub fn stored_bytes(&self, owner: &str) -> Result<u64> {
         let database = self.database();
         let mut query = database.prepare_cached(
-            "SELECT (SELECT coalesce(sum(bytes + files * ?2), 0) FROM uploads WHERE owner = ?1)
-                  + (SELECT coalesce(sum(disk + texts + ?3), 0) FROM jobs WHERE owner = ?1 AND bytes >= 0)",
+            "SELECT (SELECT coalesce(sum(bytes + (files + folders) * ?2), 0) FROM uploads WHERE owner = ?1)
+                  + (SELECT coalesce(sum(disk + texts + ?3), 0) FROM jobs WHERE owner = ?1 AND bytes >= 0)
+                  + (SELECT count(*) * ?3 FROM jobs WHERE owner = ?1 AND bytes < 0)",
         )?;
         Ok(query.query_row(params![owner, BLOCK, ROW], |row| row.get(0))?)
     }
@@ -215,7 +258,8 @@ impl Store {
         Ok(rows.collect::<rusqlite::Result<_>>()?)
     }
 
-    /// Forgets jobs that were dismissed before a time.
+    /// Forgets jobs that were dismissed before a time. Quotas count the pulses of the last 24 hours, of
+    /// dismissed jobs, too.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -419,9 +463,10 @@ fn upload_of(row: &Row<'_>) -> rusqlite::Result<Upload> {
         id: row.get(0)?,
         name: row.get(1)?,
         files: row.get(2)?,
-        bytes: row.get(3)?,
-        sha256: row.get(4)?,
-        created: row.get(5)?,
+        folders: row.get(3)?,
+        bytes: row.get(4)?,
+        sha256: row.get(5)?,
+        created: row.get(6)?,
     })
 }
 

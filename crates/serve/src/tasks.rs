@@ -1,5 +1,5 @@
-//! A job in the hands of an engine: what its tasks are given, what each of them does on its node, and what comes of it. All of it is in the
-//! folder `tasks` of the job, which nodes and service share.
+//! A job in the hands of an engine: what its tasks are given, what each of them does on its node, and what
+//! comes of it. All of it is in the folder `tasks` of the job, which nodes and service share.
 //!
 //! ```text
 //! N.json                     the N-th submission; tasks end when it is withdrawn
@@ -10,8 +10,9 @@
 //! log-K, log-last            messages of vlscan
 //! ```
 //!
-//! A task computes its part. The task that completes the last missing part computes the last step, which writes the results. So it does not
-//! matter in which order tasks run, how often, or how many are lost: what is complete is not computed again.
+//! A task computes its part. The task that completes the last missing part computes the last step, which
+//! writes the results. So it does not matter in which order tasks run, how often, or how many are lost: what
+//! is complete is not computed again.
 
 use crate::config::TaskArgs;
 use crate::execution::{End, Setting, progress_of};
@@ -25,24 +26,24 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How often a task looks whether it is still wanted.
+/// Period in which a task checks that it is still wanted.
 const CHECK: Duration = Duration::from_secs(1);
-/// How often it looks whether a lock is free.
+/// Period in which a task tries a lock.
 const LOCK: Duration = Duration::from_millis(500);
 /// Variables in which engines tell a task its number.
 const NUMBERS: [&str; 4] =
     ["SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX", "PBS_ARRAY_INDEX", "AWS_BATCH_JOB_ARRAY_INDEX"];
 
-/// What an engine is given.
+/// Submission to an engine.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Submission {
-    /// Where and under which limits.
+    /// Folder and limits.
     pub setting: Setting,
-    /// What.
+    /// Steps.
     pub steps: Steps,
 }
 
-/// What came of a job.
+/// Outcome of a job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
@@ -59,7 +60,7 @@ pub struct Tasks {
 }
 
 impl Tasks {
-    /// That of the job in this folder.
+    /// Tasks of the job in this folder.
     pub fn of(job: &Path) -> Tasks {
         Tasks { folder: job.join("tasks") }
     }
@@ -69,10 +70,11 @@ impl Tasks {
         self.folder.join(format!("{number}.json"))
     }
 
-    /// The number of the last submission, if any, also of one that was withdrawn: its name is not given again.
+    /// The number of the last submission, if any, also of one that was withdrawn: its name is not given
+    /// again.
     ///
     /// # Errors
-    /// Those of files.
+    /// Errors of files.
     pub fn last_submission(&self) -> Result<Option<u32>> {
         let entries = match fs::read_dir(&self.folder) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -91,7 +93,7 @@ impl Tasks {
     /// Records a submission before it is given to the engine.
     ///
     /// # Errors
-    /// Those of files.
+    /// Errors of files.
     pub fn record(&self, number: u32, submission: &Submission) -> Result<()> {
         fs::create_dir_all(&self.folder)?;
         write_json(&self.submission(number), submission)
@@ -100,7 +102,7 @@ impl Tasks {
     /// Has the tasks of a submission end, those that have not begun, too.
     ///
     /// # Errors
-    /// Those of files.
+    /// Errors of files.
     pub fn withdraw(&self, number: u32) -> Result<()> {
         let withdrawn = self.folder.join(format!("{number}.withdrawn"));
         match fs::rename(self.submission(number), withdrawn) {
@@ -109,15 +111,15 @@ impl Tasks {
         }
     }
 
-    /// What came of the job, if it has ended.
+    /// Outcome of the job, if it has ended.
     ///
     /// # Errors
-    /// Those of files.
+    /// Errors of files.
     pub fn outcome(&self) -> Result<Option<Outcome>> {
         read_json(&self.folder.join("outcome.json"))
     }
 
-    /// How far the parts are, in percent, and in words.
+    /// Progress of the parts, in percent, and in words.
     pub fn progress(&self, parts: u32) -> (u8, String) {
         if parts < 2 {
             return progress_of(&self.log("last"));
@@ -148,8 +150,8 @@ impl Tasks {
         self.mark(part, parts).exists()
     }
 
-    /// Waits for a lock; `None` if the task is not wanted any more. File systems without locks have none, and there parts that are computed
-    /// twice give the same bytes.
+    /// Waits for a lock; `None` if the task is not wanted any more. File systems without locks have none, and
+    /// there parts that are computed twice give the same bytes.
     fn lock(&self, name: &str, goes_on: &mut dyn FnMut() -> Result<bool>) -> Result<Option<File>> {
         let path = self.folder.join(format!("lock-{name}"));
         let file = File::options().create(true).truncate(false).write(true).open(path)?;

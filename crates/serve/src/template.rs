@@ -17,7 +17,7 @@ pub struct Template {
     words: Vec<String>,
 }
 
-/// What stands for a placeholder.
+/// Value of a placeholder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Value {
     /// A text.
@@ -26,7 +26,7 @@ pub enum Value {
     Words(Vec<String>),
 }
 
-/// How a command ended.
+/// End of a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
     /// With success, and this output.
@@ -38,10 +38,11 @@ pub enum Ended {
 }
 
 impl Template {
-    /// Divides a command line into words, as a shell does, and checks its placeholders against those that are known.
+    /// Divides a command line into words, as a shell does, and checks its placeholders against those that
+    /// are known.
     ///
     /// # Errors
-    /// What is wrong.
+    /// A message.
     pub fn new(line: &str, known: &[&str]) -> Result<Template, String> {
         let words = shlex::split(line).ok_or_else(|| format!("`{line}`: a quote is not closed"))?;
         if words.is_empty() {

@@ -3,9 +3,8 @@
 
 use crate::beneath::{BLOCK, Beneath, EntryKind};
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
-use crate::execution::alone;
+use crate::execution::{End, Setting};
 use crate::names;
-use crate::program::confined;
 use crate::records::Kind;
 use crate::store::{FileKind, Store, StoreError, Upload, UploadFile, now};
 use crate::tokens::{hex, random_name};
@@ -29,6 +28,8 @@ const MAX_TEXT: usize = 4096;
 /// Memory and processor time of the process that expands an archive.
 const EXPAND_MEMORY: u64 = 1 << 30;
 const EXPAND_SECONDS: u64 = 300;
+/// Name of an archive for the process that expands it.
+const ARCHIVE: &str = "archive.zip";
 /// First bytes of a zip archive.
 const ZIP: &[u8] = b"PK\x03\x04";
 
@@ -169,7 +170,7 @@ impl Received {
     ///
     /// # Errors
     /// [`UploadError`].
-    pub fn list(mut self, owner: &str, store: &Store, limits: &ServeArgs) -> Result<Upload, UploadError> {
+    pub fn list(self, owner: &str, store: &Store, limits: &ServeArgs) -> Result<Upload, UploadError> {
         let name = match &self.name {
             Some(name) if names::is_upload_name(name) => name.clone(),
             Some(name) => {
@@ -184,15 +185,17 @@ impl Received {
         };
         // The folder that a browser sends a folder's files with is the upload itself.
         let mut root = self.folder.path().to_owned();
+        let work = tempfile::tempdir_in(store.root().join("incoming"))?;
         if let [path] = self.files.iter().collect::<Vec<_>>().as_slice() {
             let archive = root.join(path);
             if is_archive(&archive)? {
-                root = self.expand(&archive, limits)?;
+                root = expand_confined(&archive, work.path(), limits)?;
             }
         }
         let root = inner_folder(&root)?;
-        let (files, sha256) = hash_files(&root, limits)?;
-        let taken: u64 = files.iter().map(|file| file.bytes.saturating_add(BLOCK)).sum();
+        let Contents { files, folders, sha256 } = hash_files(&root, limits)?;
+        let blocks = folders.saturating_add(files.len() as u64).saturating_mul(BLOCK);
+        let taken = files.iter().map(|file| file.bytes).fold(blocks, u64::saturating_add);
         if store.stored_bytes(owner)?.saturating_add(taken) > limits.max_stored {
             return Err(UploadError::TooLarge(format!(
                 "your uploads and jobs would take more than {} bytes; remove some first",
@@ -203,6 +206,7 @@ impl Received {
             id: random_name(16),
             name: name.clone(),
             files: files.len() as u64,
+            folders,
             bytes: files.iter().map(|file| file.bytes).sum(),
             sha256,
             created: now(),
@@ -221,32 +225,50 @@ impl Received {
         store.discard(Kind::Upload, &upload.id)?;
         Err(UploadError::Taken(name))
     }
+}
 
-    /// Has a zip archive expanded by a process that can reach nothing else.
-    fn expand(&mut self, archive: &Path, limits: &ServeArgs) -> Result<PathBuf, UploadError> {
-        let expanded = self.folder.path().join("expanded-archive");
-        fs::create_dir(&expanded)?;
-        let args = ConfineArgs {
-            read: vec![archive.to_owned()],
-            write: vec![expanded.clone()],
+/// Has a zip archive expanded by a process that can reach nothing else. Moves the archive to the empty folder
+/// `work`; returns the folder of its files.
+fn expand_confined(archive: &Path, work: &Path, limits: &ServeArgs) -> Result<PathBuf, UploadError> {
+    let [inputs, out, tmp] = ["in", "out", "tmp"].map(|name| work.join(name));
+    for folder in [&inputs, &out, &tmp] {
+        fs::create_dir(folder)?;
+    }
+    fs::rename(archive, inputs.join(ARCHIVE))?;
+    let folders = (limits.max_files as u64).saturating_mul(names::MAX_DEPTH as u64 + 1);
+    let setting = Setting {
+        root: work.to_owned(),
+        folder: work.to_owned(),
+        restrictions: ConfineArgs {
+            read: vec![inputs],
+            write: vec![out.clone(), tmp],
             memory: Some(EXPAND_MEMORY),
             time: Some(EXPAND_SECONDS),
             file_size: Some(limits.max_upload),
             no_sandbox: limits.no_sandbox,
             program: vec![crate::program::own_program()?.into_os_string()],
-        };
-        let mut words: Vec<OsString> = ["expand"].map(OsString::from).to_vec();
-        words.push(format!("--max-bytes={}", limits.max_upload).into());
-        words.push(format!("--max-files={}", limits.max_files).into());
-        words.extend(["--".into(), archive.as_os_str().to_owned(), expanded.as_os_str().to_owned()]);
-        let done = alone(confined(&args, &words)?).output()?;
-        if done.status.success() {
-            return Ok(expanded);
+        },
+        within_inputs: true,
+        max_time: EXPAND_SECONDS,
+        // The archive and its files, which the process counts itself.
+        max_disk: limits.max_upload.saturating_mul(2).saturating_add(folders.saturating_mul(BLOCK)),
+    };
+    let words = [
+        "expand".to_owned(),
+        format!("--max-bytes={}", limits.max_upload),
+        format!("--max-files={}", limits.max_files),
+        "--".to_owned(),
+        ARCHIVE.to_owned(),
+        "../out".to_owned(),
+    ];
+    let words = words.map(OsString::from);
+    match setting.execute(&words, &work.join("log"), None, &mut || Ok(()), &mut || Ok(true))? {
+        End::Success => Ok(out),
+        End::Failure(message) | End::NotDivisible(message) => {
+            let message = message.trim_start_matches("error: ");
+            Err(UploadError::Wrong(format!("the archive cannot be expanded: {message}")))
         }
-        let message = String::from_utf8_lossy(&done.stderr);
-        let message = message.trim().trim_start_matches("error: ");
-        let message = if message.is_empty() { "it takes too much time or memory" } else { message };
-        Err(UploadError::Wrong(format!("the archive cannot be expanded: {message}")))
+        End::GivenUp => Err(UploadError::Wrong("the archive was not expanded".to_owned())),
     }
 }
 
@@ -266,15 +288,28 @@ fn inner_folder(folder: &Path) -> io::Result<PathBuf> {
     }
 }
 
-/// All files of an upload, sorted, and a hash over their names and contents. The files are written to the
-/// disk.
-fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, String), UploadError> {
+/// Contents of an upload.
+struct Contents {
+    /// All files, sorted.
+    files: Vec<UploadFile>,
+    /// Number of folders, its own included.
+    folders: u64,
+    /// Hash over the names and contents of all files.
+    sha256: String,
+}
+
+/// Lists and hashes the files of an upload, and writes them to the disk.
+fn hash_files(root: &Path, limits: &ServeArgs) -> Result<Contents, UploadError> {
     let folder = Beneath::of(root)?;
     let mut paths = BTreeSet::new();
+    let mut folders = 1;
     // Each path has at most so many folders.
     for entry in folder.entries(limits.max_files.saturating_mul(names::MAX_DEPTH))? {
         match entry.kind {
-            EntryKind::Folder => sync_folder(&root.join(entry.path))?,
+            EntryKind::Folder => {
+                folders += 1;
+                sync_folder(&root.join(entry.path))?;
+            }
             EntryKind::File => {
                 paths.insert(entry.path);
             }
@@ -316,10 +351,10 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<(Vec<UploadFile>, Strin
         all.update(hash.finalize());
         files.push(UploadFile { path: text, bytes, kind });
     }
-    Ok((files, hex(&all.finalize())))
+    Ok(Contents { files, folders, sha256: hex(&all.finalize()) })
 }
 
-/// What an XML document that begins like this holds.
+/// Kind of an XML document by its beginning.
 fn kind_of(start: &[u8]) -> FileKind {
     let has = |tag: &[u8]| start.windows(tag.len()).any(|window| window == tag);
     match (has(b"<survey"), has(b"<scene")) {
@@ -409,7 +444,7 @@ mod tests {
         };
         expand(&args)?;
         let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
-        Ok(hash_files(folder.path(), &limits).unwrap().0.into_iter().map(|file| file.path).collect())
+        Ok(hash_files(folder.path(), &limits).unwrap().files.into_iter().map(|file| file.path).collect())
     }
 
     #[test]
@@ -440,12 +475,22 @@ mod tests {
     }
 
     #[test]
+    fn folders_count() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir_all(folder.path().join("a/b")).unwrap();
+        fs::write(folder.path().join("a/b/c"), "").unwrap();
+        let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
+        let found = hash_files(folder.path(), &limits).unwrap();
+        assert_eq!((found.files.len(), found.folders), (1, 3));
+    }
+
+    #[test]
     fn the_hash_depends_on_names_and_contents() {
         let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
         let hash = |files: &[(&str, &str)]| {
             let folder = tempfile::tempdir().unwrap();
             files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
-            hash_files(folder.path(), &limits).unwrap().1
+            hash_files(folder.path(), &limits).unwrap().sha256
         };
         let first = hash(&[("a", "1"), ("b", "2")]);
         assert_eq!(first, hash(&[("b", "2"), ("a", "1")]));

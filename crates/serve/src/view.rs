@@ -1,27 +1,25 @@
 //! Pictures of results, drawn when a page asks for them and kept beside the results.
 
 use crate::beneath::Beneath;
-use crate::execution::{alone, bytes_in, end};
+use crate::execution::bytes_in;
+use crate::job_folder;
 use crate::names::relative_path;
 use crate::processes::Process;
-use crate::program::confined;
 use crate::queue::Use;
-use crate::records::Kind;
-use crate::request::Prepared;
+use crate::request::{Prepared, name_of};
 use crate::store::{Job, Result, ResultFile};
 use crate::worker::Workshop;
 use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
-use std::process::Stdio;
-use std::time::{Duration, Instant};
 
 /// The picture from above and from the side.
 pub const PICTURE: &str = "view.png";
-/// Longest time of drawing, and most bytes of what is drawn.
-const MAX_TIME: Duration = Duration::from_secs(120);
+/// The folder of pictures, in that of a job.
+pub(crate) const VIEW: &str = "view";
+/// Maximum time of drawing, seconds, and maximum size of what is drawn, bytes.
+const MAX_TIME: u64 = 120;
 const MAX_DRAWN: u64 = 32 << 20;
-const POLL: Duration = Duration::from_millis(10);
 
 /// The result that a picture is made of, if there is one.
 pub fn drawn_file(process: Option<Process>, files: &[ResultFile]) -> Option<&ResultFile> {
@@ -33,7 +31,7 @@ pub fn drawn_file(process: Option<Process>, files: &[ResultFile]) -> Option<&Res
     files.iter().find(|file| endings.iter().any(|end| file.path.ends_with(end)))
 }
 
-/// The folders in which the job has looked for files, as seen from its results.
+/// The folders in which the job has looked for files, as seen from its inputs.
 fn asset_words(prepared: &Prepared) -> Vec<OsString> {
     let of_words = prepared.words.iter().filter_map(|word| word.strip_prefix("--assets=").map(str::to_owned));
     let table: Option<toml::Table> = prepared.document.as_ref().and_then(|(_, text)| text.parse().ok());
@@ -44,73 +42,82 @@ fn asset_words(prepared: &Prepared) -> Vec<OsString> {
         Use::Job { .. } => None,
     });
     let all = of_words.chain(of_file).chain([".".to_owned()]).chain(uploads);
-    all.map(|folder| format!("--assets=../in/{folder}").into()).collect()
+    all.map(|folder| format!("--assets={folder}").into()).collect()
 }
 
 impl Workshop {
-    /// Draws a picture if there is none. Returns whether there is one in the folder `view` of the job.
+    /// True if the picture of a job's results has been drawn.
+    pub fn has_view(&self, job: &Job, name: &str) -> bool {
+        let Some(path) = relative_path(name) else { return false };
+        let view = Beneath::of(&self.store.job_folder(&job.folder).join(VIEW));
+        view.and_then(|view| view.file(path)).is_ok()
+    }
+
+    /// Draws a picture if there is none. Returns true if there is one in the folder `view` of the job.
     ///
     /// # Errors
     /// Errors of files.
     pub fn view(&self, job: &Job, name: &str) -> Result<bool> {
+        if self.has_view(job, name) || name != PICTURE {
+            return Ok(self.has_view(job, name));
+        }
         let folder = self.store.job_folder(&job.folder);
-        let is_there = || {
-            let path = relative_path(name)?;
-            Beneath::of(&folder.join("view")).and_then(|view| view.file(path)).ok()
-        };
-        if is_there().is_some() {
-            return Ok(true);
-        }
-        if name != PICTURE {
-            return Ok(false);
-        }
         let files = job.result_files();
         let Some(file) = drawn_file(Process::named(&job.process), &files) else { return Ok(false) };
         // That of the job which computed the results.
         let prepared = fs::read(folder.join("prepared.json"))?;
-        let prepared: Prepared = serde_json::from_slice(&prepared).map_err(std::io::Error::other)?;
-        let mut words: Vec<OsString> = vec!["preview".into(), "--force".into()];
-        words.push(format!("--out=../view/{name}").into());
+        let mut prepared: Prepared = serde_json::from_slice(&prepared).map_err(std::io::Error::other)?;
+        let results = Use::Job { id: job.folder.clone(), folder: job.folder.clone() };
+        let mut words: Vec<OsString> = vec!["preview".into(), format!("--out=../{VIEW}/{PICTURE}").into()];
         words.extend(["--width=1200", "--height=800"].map(OsString::from));
         words.extend(asset_words(&prepared));
-        words.extend(["--".into(), file.path.clone().into()]);
-        let _results = self.store.fetch(Kind::Results, &job.folder)?;
-        self.draw(&folder, "out", &prepared, &words)?;
+        // The picture has the name of the file as its title.
+        let path = format!("{}/{}", name_of(&results), file.path);
+        let own = file.path.rsplit('/').next().unwrap_or(&file.path);
+        let title = if prepared.uses.iter().any(|used| name_of(used) == own) { path.as_str() } else { own };
+        words.extend(["--".into(), title.into()]);
+        prepared.uses.insert(results);
+        let drawn = self.draw(&prepared, &words, Some((&path, title)))?;
+        let view = drawn.path().join(VIEW);
+        if Beneath::of(&view)?.file(PICTURE).is_ok() {
+            fs::create_dir_all(folder.join(VIEW))?;
+            fs::rename(view.join(PICTURE), folder.join(VIEW).join(PICTURE))?;
+        }
         if !self.store.has_bucket() {
             self.store.set_disk(&job.folder, bytes_in(&folder)?)?;
         }
-        Ok(is_there().is_some())
+        Ok(self.has_view(job, name))
     }
 
-    /// Executes vlscan in a folder of a job, for a limited time, whatever comes of it.
+    /// Executes vlscan in the folder of inputs of a new folder, for a limited time, whatever comes of it. An
+    /// input can have a second name. The pictures are in the folder [`VIEW`]; all goes with the folder that is
+    /// returned.
     pub(crate) fn draw(
         &self,
-        folder: &Path,
-        within: &str,
         prepared: &Prepared,
         words: &[OsString],
-    ) -> Result<()> {
-        fs::create_dir_all(folder.join("tmp"))?;
-        let _inputs = self.fetch(prepared)?;
-        let mut restrictions = self.setting(folder, prepared).restrictions;
-        restrictions.file_size = Some(MAX_DRAWN);
-        let mut command = alone(confined(&restrictions, words)?);
-        command.current_dir(folder.join(within)).env("TMPDIR", folder.join("tmp"));
-        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
-        let start = Instant::now();
-        while child.try_wait()?.is_none() {
-            if start.elapsed() > MAX_TIME {
-                end(&mut child, !self.limits.no_sandbox);
-            }
-            std::thread::sleep(POLL);
+        renamed: Option<(&str, &str)>,
+    ) -> Result<tempfile::TempDir> {
+        let folder = tempfile::tempdir_in(self.store.root().join("incoming"))?;
+        job_folder::make(&self.store, folder.path(), prepared)?;
+        if let Some((path, name)) = renamed.filter(|(path, name)| path != name) {
+            job_folder::link(Path::new(path), &folder.path().join("in").join(name))?;
         }
-        fs::remove_dir_all(folder.join("tmp"))?;
+        let _inputs = self.fetch(prepared)?;
+        let mut setting = self.setting(folder.path(), prepared);
+        setting.restrictions.write = [VIEW, "tmp"].map(|name| folder.path().join(name)).to_vec();
+        setting.restrictions.file_size = Some(MAX_DRAWN);
+        setting.within_inputs = true;
+        setting.max_time = setting.max_time.min(MAX_TIME);
+        let log = folder.path().join("log");
+        setting.execute(words, &log, None, &mut || Ok(()), &mut || Ok(!self.is_ending()))?;
         // A picture is small; what else a hostile file has had drawn goes.
-        let view = folder.join("view");
+        let view = folder.path().join(VIEW);
         if bytes_in(&view).is_ok_and(|bytes| bytes <= MAX_DRAWN) {
-            return Ok(());
+            return Ok(folder);
         }
         fs::remove_dir_all(&view)?;
-        Ok(fs::create_dir(&view)?)
+        fs::create_dir(&view)?;
+        Ok(folder)
     }
 }

@@ -8,7 +8,7 @@
 use crate::beneath::{BLOCK, Beneath};
 use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
-use crate::execution::{End, Setting, bytes_in, progress_of};
+use crate::execution::{End, MAX_LOG, Setting, bytes_in, progress_of};
 use crate::files::Fetched;
 use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results};
 use crate::processes::Process;
@@ -28,23 +28,23 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often an idle worker looks for jobs that nobody has told it of.
+/// Period in which an idle worker looks for jobs that nobody has told it of.
 const IDLE: Duration = Duration::from_secs(1);
 const RENEWAL: Duration = Duration::from_secs(1);
 /// Wait before a job is taken again whose files a bucket did not give or take.
 const BUCKET: Duration = Duration::from_secs(5);
 /// Workers of jobs that answer requests, besides those of --workers.
 const QUICK_WORKERS: usize = 2;
-/// How often jobs are looked for that are kept no longer.
+/// A day, ms.
+const DAY: i64 = 86_400_000;
+/// Period of the search for jobs that are kept no longer.
 const EXPIRY: Duration = Duration::from_secs(60);
-/// Most bytes of messages that are kept of a job.
-const MAX_LOG: u64 = 1 << 20;
 /// Largest forecast that is read, bytes.
 const MAX_REPORT: u64 = 1 << 20;
-/// Who holds jobs that were dismissed while an engine has them.
+/// Lease owner of cancelled jobs still queued in an engine.
 const WITHDRAWAL: &str = "withdrawal";
 
-/// What all workers share.
+/// State that all workers share.
 #[derive(Debug)]
 pub struct Workshop {
     /// Uploads, jobs and queue.
@@ -55,7 +55,7 @@ pub struct Workshop {
     pub limits: ServeArgs,
     /// The owners with quotas of their own.
     pub owners: Vec<Owner>,
-    /// What computes runs and campaigns in place of this machine.
+    /// Engine that computes runs and campaigns in place of this machine.
     engine: Option<Engine>,
     wake: Condvar,
     is_ending: AtomicBool,
@@ -104,11 +104,8 @@ impl Workshop {
             })
         });
         let mut all = any.chain(quick).collect::<std::io::Result<Vec<_>>>()?;
-        if let Some(days) = self.limits.keep {
-            let workshop = Arc::clone(self);
-            let expire = move || workshop.expire(days);
-            all.push(std::thread::Builder::new().name("expiry".to_owned()).spawn(expire)?);
-        }
+        let workshop = Arc::clone(self);
+        all.push(std::thread::Builder::new().name("expiry".to_owned()).spawn(move || workshop.expire())?);
         Ok(all)
     }
 
@@ -118,14 +115,16 @@ impl Workshop {
         self.wake.notify_all();
     }
 
-    /// Removes jobs that were finished so many days ago, until the service ends.
-    fn expire(self: &Arc<Workshop>, days: f64) {
+    /// Removes finished jobs after --keep days, and forgets dismissed ones after a day, until the service
+    /// ends.
+    fn expire(self: &Arc<Workshop>) {
+        let keep = self.limits.keep.map(|days| (days * DAY as f64) as i64);
+        let period = keep.map_or(EXPIRY, |keep| EXPIRY.min(Duration::from_millis(keep.unsigned_abs())));
         let mut checked: Option<Instant> = None;
-        while !self.is_ending.load(Ordering::SeqCst) {
-            let period = EXPIRY.min(Duration::from_secs_f64(days * 86_400.0));
+        while !self.is_ending() {
             if checked.is_none_or(|checked| checked.elapsed() > period) {
                 checked = Some(Instant::now());
-                if let Err(error) = self.remove_before(now() - (days * 86_400_000.0) as i64) {
+                if let Err(error) = self.remove_old(keep) {
                     eprintln!("vlscan serve: {error}");
                 }
             }
@@ -133,12 +132,19 @@ impl Workshop {
         }
     }
 
-    /// Removes jobs that were finished before a time.
-    fn remove_before(self: &Arc<Workshop>, time: i64) -> Result<()> {
-        for (owner, id) in self.store.finished_before(time)? {
-            self.dismiss(&owner, &id)?;
+    /// Removes jobs that were finished longer ago than `keep`, ms.
+    fn remove_old(self: &Arc<Workshop>, keep: Option<i64>) -> Result<()> {
+        if let Some(keep) = keep {
+            for (owner, id) in self.store.finished_before(now() - keep)? {
+                self.dismiss(&owner, &id)?;
+            }
         }
-        self.store.forget_before(time)
+        self.store.forget_before(now() - DAY)
+    }
+
+    /// True if the service ends.
+    pub(crate) fn is_ending(&self) -> bool {
+        self.is_ending.load(Ordering::SeqCst)
     }
 
     /// Ends all workers; their jobs return to the queue.
@@ -155,7 +161,7 @@ impl Workshop {
 
     fn work(&self, lane: Lane) {
         let holder = random_name(8);
-        while !self.is_ending.load(Ordering::SeqCst) {
+        while !self.is_ending() {
             match self.store.take_job(&holder, lane) {
                 Ok(Some(job)) => self.compute(&job, &holder),
                 Ok(None) => self.wait(IDLE),
@@ -181,7 +187,7 @@ impl Workshop {
         let outcome = match self.try_compute(job, holder) {
             Ok(Some(outcome)) => outcome,
             // The service ends: the job is released, not finished.
-            Ok(None) if self.is_ending.load(Ordering::SeqCst) => return,
+            Ok(None) if self.is_ending() => return,
             Ok(None) => Outcome::Failed(String::new()),
             Err(StoreError::Bucket(error)) => {
                 eprintln!(
@@ -202,11 +208,7 @@ impl Workshop {
                 )
             }
         };
-        if let Err(error) =
-            self.tidy_folder(job, &outcome).and_then(|()| self.store.finish(&job.id, holder, &outcome))
-        {
-            eprintln!("vlscan serve: job {}: {error}", job.id);
-        }
+        self.conclude(job, holder, &outcome);
         let prepared: Prepared = serde_json::from_str(&job.prepared).unwrap_or_default();
         for used in &prepared.uses {
             let (kind, id) = used.files();
@@ -214,29 +216,34 @@ impl Workshop {
         }
     }
 
-    /// Removes what a finished job does not need, and records what stays on the disk.
-    fn tidy_folder(&self, job: &Job, outcome: &Outcome) -> Result<()> {
+    /// Finishes a job if its holder still has the lease. After another worker has taken the job, its folder
+    /// belongs to that worker.
+    fn conclude(&self, job: &Job, holder: &str, outcome: &Outcome) {
+        let report = |error: StoreError| eprintln!("vlscan serve: job {}: {error}", job.id);
+        // Large folders are moved at once and removed after the lease.
+        let removed = self.store.root().join("incoming").join(random_name(8));
+        if self.store.renew(&job.id, holder, 0, "").unwrap_or(false) {
+            self.tidy_folder(job, outcome, &removed).unwrap_or_else(report);
+        }
+        self.store.finish(&job.id, holder, outcome).map(drop).unwrap_or_else(report);
+        remove_folder(&removed).map_err(StoreError::from).unwrap_or_else(report);
+    }
+
+    /// Moves what a finished job does not need to the folder `removed`, and records the disk space of the
+    /// rest.
+    fn tidy_folder(&self, job: &Job, outcome: &Outcome, removed: &Path) -> Result<()> {
         let folder = self.store.job_folder(&job.id);
         if !folder.is_dir() {
             return Ok(());
         }
         if matches!(outcome, Outcome::Same(_)) {
-            return Ok(remove_folder(&folder)?);
+            return Ok(fs::rename(&folder, removed)?);
         }
-        let unused: &[&str] = match outcome {
-            Outcome::Successful(..) => &["tmp", "tasks", "stdout", "price.json"],
-            // Nobody can fetch anything of it.
-            Outcome::Same(_) | Outcome::Failed(_) => {
-                &["in", "out", "view", "tmp", "stdout", "price.json", "complete"]
-            }
+        let unused = match outcome {
+            Outcome::Successful(..) => &UNUSED[..4],
+            Outcome::Same(_) | Outcome::Failed(_) => &UNUSED[..],
         };
-        for name in unused {
-            let path = folder.join(name);
-            let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
-            if let Err(error) = removed.or_else(is_absent) {
-                eprintln!("vlscan serve: job {}: {name} cannot be removed: {error}", job.id);
-            }
-        }
+        let moved = move_away(&folder, unused, removed);
         if fs::metadata(folder.join("log")).is_ok_and(|log| log.len() > MAX_LOG) {
             fs::File::options().write(true).open(folder.join("log"))?.set_len(MAX_LOG)?;
         }
@@ -247,7 +254,8 @@ impl Workshop {
             _ => 0,
         };
         let on_disk = bytes_in(&folder).unwrap_or(self.limits.max_disk);
-        self.store.set_disk(&job.id, on_disk.saturating_add(in_bucket))
+        self.store.set_disk(&job.id, on_disk.saturating_add(in_bucket))?;
+        moved.map(drop)
     }
 
     /// Returns `None` if the job was given up.
@@ -305,8 +313,10 @@ impl Workshop {
 
     /// Charges the owner of a campaign for the cells that are complete.
     fn charge_cells(&self, job: &Job, folder: &Path) -> Result<()> {
-        if Process::named(&job.process) == Some(Process::Campaign) && self.quota(&job.owner).is_some() {
-            let pulses = campaign_pulses(&folder.join("out")).max(1);
+        let Some(quota) = self.quota(&job.owner) else { return Ok(()) };
+        if Process::named(&job.process) == Some(Process::Campaign) {
+            // A data set whose cells cannot be counted costs the whole quota.
+            let pulses = campaign_pulses(&folder.join("out")).unwrap_or(quota).max(1);
             self.store.charge(job, pulses, None)?.unwrap_or_default();
         }
         Ok(())
@@ -397,7 +407,7 @@ impl Workshop {
     ) -> impl FnMut() -> Result<bool> + 'a {
         let mut renewed: Option<Instant> = None;
         move || {
-            if self.is_ending.load(Ordering::SeqCst) {
+            if self.is_ending() {
                 return Ok(false);
             }
             if renewed.is_some_and(|renewed| renewed.elapsed() < RENEWAL) {
@@ -499,10 +509,24 @@ impl Workshop {
         if let Some(message) = self.store.tidy()?.message(self.store.root()) {
             eprintln!("vlscan serve: warning: {message}");
         }
+        self.tidy_failed()?;
         Ok(None)
     }
 
-    /// Where and under which limits the processes of a job are executed.
+    /// Removes what earlier versions have left of failed jobs.
+    fn tidy_failed(&self) -> Result<()> {
+        for id in self.store.ids(&[Status::Failed])? {
+            let folder = self.store.job_folder(&id);
+            let removed = self.store.root().join("incoming").join(random_name(8));
+            if move_away(&folder, &UNUSED, &removed)? {
+                remove_folder(&removed)?;
+                self.store.set_disk(&id, bytes_in(&folder)?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Folder and limits of the processes of a job.
     pub(crate) fn setting(&self, folder: &Path, prepared: &Prepared) -> Setting {
         let used = prepared.uses.iter().map(|used| {
             let (kind, id) = used.files();
@@ -529,7 +553,26 @@ impl Workshop {
     }
 }
 
+/// Files and folders of a job that a finished one does not need: of a successful job the first four, of a
+/// failed one all. Failed jobs keep their messages.
+const UNUSED: [&str; 9] =
+    ["tmp", "tasks", "stdout", "price.json", "in", "out", "view", "complete", "prepared.json"];
+
+/// Moves files and folders of a job to the folder `removed`. Returns true if there were any.
+fn move_away(folder: &Path, names: &[&str], removed: &Path) -> Result<bool> {
+    let mut is_moved = false;
+    for name in names.iter().filter(|name| folder.join(name).symlink_metadata().is_ok()) {
+        fs::create_dir_all(removed)?;
+        fs::rename(folder.join(name), removed.join(name)).or_else(is_absent)?;
+        is_moved = true;
+    }
+    Ok(is_moved)
+}
+
 /// Success for what does not exist.
 fn is_absent(error: std::io::Error) -> std::io::Result<()> {
     if error.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(error) }
 }
+
+#[cfg(test)]
+mod tests;

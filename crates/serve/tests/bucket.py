@@ -94,6 +94,7 @@ def use(program: str, vlscan: str, folder: pathlib.Path, s3: object, expected: b
     with started(program, vlscan, folder, ["--store", "s3://scans/a/b"], os.environ):
         assert keys(s3) == ["a/b/lost/uploads/orphan/x.obj"], keys(s3)
     assert "another service" in refused(program, vlscan, folder.with_name("other"), "a/b")
+    of_folder(program, vlscan, folder.with_name("of-folder"), s3)
     check = [program, "check", "--data", str(folder), "--store", "s3://scans/a/b"]
     report = subprocess.run(check, capture_output=True, text=True)
     assert report.returncode == 0 and "bucket" in report.stdout, report
@@ -141,6 +142,24 @@ def use(program: str, vlscan: str, folder: pathlib.Path, s3: object, expected: b
             requests.delete(f"{url}/jobs/{job['jobID']}").raise_for_status()
         requests.delete(f"{url}/uploads/field").raise_for_status()
         assert keys(s3) == [], keys(s3)
+
+
+def of_folder(program: str, vlscan: str, folder: pathlib.Path, s3: object) -> None:
+    """A service that keeps its files in its folder does not start with a bucket that lacks them, and loses nothing."""
+    with started(program, vlscan, folder, [], os.environ) as url:
+        upload(url)
+        job = wait(url, submit(url, SHORT))["jobID"]
+    before = files(folder)
+    assert len(before) > 2, before
+    assert "bucket is empty" in refused(program, vlscan, folder, "empty")
+    s3.put_object(Bucket="scans", Key="empty/service-id", Body=(folder / "id").read_bytes())
+    # Even where its id is in the bucket.
+    with started(program, vlscan, folder, ["--store", "s3://scans/empty"], os.environ):
+        pass
+    assert files(folder) == before, files(folder)
+    s3.delete_object(Bucket="scans", Key="empty/service-id")
+    with started(program, vlscan, folder, [], os.environ) as url:
+        assert requests.get(f"{url}/jobs/{job}/results/points.laz").status_code == 200
 
 
 def interrupted(program: str, vlscan: str, folder: pathlib.Path, s3: object, expected: bytes) -> None:

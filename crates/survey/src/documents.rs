@@ -4,7 +4,7 @@ use super::assets::{Found, Located, SPELLING_HELP, spelling_message};
 use super::context::Context;
 use super::fields::Fields;
 use super::keys::Key;
-use super::shipped::{BuiltIn, FILES};
+use super::shipped::{self, BuiltIn, FILES};
 use super::xml::{BUILT_IN, Element, XmlDocument};
 use super::xml_limits::MAX_DOCUMENT_BYTES;
 use std::collections::HashSet;
@@ -253,8 +253,12 @@ fn shortened(ids: &[String]) -> String {
     list
 }
 
+/// Prefix of references that are resolved in the built-in catalogue, whatever files exist.
+pub const CATALOGUE: &str = "catalogue:";
+
 /// The element of a scanner or a platform: `file.xml#id`, `file.xml` for its first one, or the id of a
-/// built-in one. Files are searched from `folder`; `place` is the place of the reference.
+/// built-in one; `catalogue:` before a reference skips all files but the built-in ones. Files are searched
+/// from `folder`; `place` is the place of the reference.
 pub(super) fn find_asset(
     context: &Context,
     kind: &str,
@@ -262,6 +266,9 @@ pub(super) fn find_asset(
     folder: &Path,
     place: Option<Place>,
 ) -> Option<Element> {
+    if let Some(reference) = reference.strip_prefix(CATALOGUE) {
+        return in_catalogue(context, kind, reference, place);
+    }
     let is_file = looks_like_file(reference);
     let (file, id) = match reference.split_once('#') {
         Some((file, id)) => (file, Some(id)),
@@ -270,6 +277,22 @@ pub(super) fn find_asset(
     };
     let root = context.referred_document(file, folder, place.clone())?;
     context.pick(&root, kind, id, place)
+}
+
+/// The built-in scanner or platform of a reference: an id, or `file.xml#id`.
+fn in_catalogue(context: &Context, kind: &str, reference: &str, place: Option<Place>) -> Option<Element> {
+    let Some((name, id)) = reference.split_once('#') else {
+        return built_in(context, kind, reference, place);
+    };
+    match shipped::find(name) {
+        Some(file) => context.pick(&context.open(&Found::BuiltIn(file))?, kind, Some(id), place),
+        None => {
+            let names: Vec<&str> = FILES.iter().map(|file| file.path).collect();
+            let message = format!("the catalogue has no file `{name}`");
+            context.error_help(place, message, format!("it has {}", names.join(", ")));
+            None
+        }
+    }
 }
 
 /// The built-in scanner or platform with that id, which must not be in two files of the catalogue.

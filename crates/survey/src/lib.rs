@@ -85,6 +85,7 @@ mod xml_limits;
 pub use self::toml::{PipelineSurvey, Source, Tables, field_names, read_pipeline_survey};
 pub use catalogue::{Catalogue, catalogue};
 pub use context::{ReadOptions, SceneChoice};
+pub use documents::CATALOGUE;
 pub use formula::{Formula, FormulaError};
 pub use keys::{
     INSTRUMENT_KEYS, Key, KeyTable, KeyUse, SURVEY_TABLES, WrittenKey, key_named, named_as_in,

@@ -53,7 +53,7 @@ pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe
 
 /// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, the calibration file of an Ouster sensor
 /// (.json), or the id of a built-in scanner. An id that two built-in scanners have is an error that tells
-/// their full references.
+/// their full references. `catalogue:` before an id or reference skips all files but the built-in ones.
 ///
 /// # Errors
 /// The errors of [`read_survey`].

@@ -1,4 +1,4 @@
-//! What the service offers: landing page, conformance, processes.
+//! Description of the service: landing page, conformance, processes.
 
 use crate::answers::{Failure, document, link, wants_page};
 use crate::app::{App, Identity};

@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a request waits for results before it is answered with the job.
+/// Time for which a request waits for results before it is answered with the job.
 const MAX_WAIT: Duration = Duration::from_secs(30);
 const POLL: Duration = Duration::from_millis(20);
 
@@ -27,7 +27,7 @@ const POLL: Duration = Duration::from_millis(20);
 struct Execute {
     #[serde(default)]
     inputs: Map<String, Value>,
-    /// Which outputs are wanted; results list all.
+    /// Outputs that are wanted; results list all.
     #[serde(default)]
     #[serde(rename = "outputs")]
     _outputs: Map<String, Value>,

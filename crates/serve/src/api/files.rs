@@ -10,6 +10,7 @@ use crate::names::relative_path;
 use crate::records::Kind;
 use crate::security::VIEWER_POLICY;
 use crate::store::StoreError;
+use crate::worker::Workshop;
 use axum::Extension;
 use axum::body::Body;
 use axum::extract::{Path, State};
@@ -81,12 +82,20 @@ pub async fn view(
     let job = find_successful(&app, &identity, &id).await?;
     let folder = app.workshop.store.job_folder(&job.folder).join("view");
     let absent = || Failure::new(StatusCode::NOT_FOUND, "there is no picture of these results");
-    let turn = app.turn_to_draw(&identity.owner).await?;
-    let wanted = name.clone();
-    let drawn = blocking(&app, move |workshop| workshop.view(&job, &wanted)).await?;
-    drop(turn);
-    if !drawn {
-        return Err(absent());
+    let (known, wanted) = (job.clone(), name.clone());
+    let is_there = blocking(&app, move |workshop| Ok::<_, StoreError>(workshop.has_view(&known, &wanted)));
+    if !is_there.await? {
+        let turn = app.turn_to_draw(&identity.owner).await?;
+        let wanted = name.clone();
+        // The turn ends with the drawing, not with the connection.
+        let draw = move |workshop: &Workshop| {
+            let drawn = workshop.view(&job, &wanted);
+            drop(turn);
+            drawn
+        };
+        if !blocking(&app, draw).await? {
+            return Err(absent());
+        }
     }
     send(&folder, &name, media_type(&name), &headers).await
 }

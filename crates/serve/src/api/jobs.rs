@@ -63,7 +63,7 @@ pub fn status_info(job: &Job) -> Value {
 /// The results of a job: JSON as values, other files as links. With the job's id.
 ///
 /// # Errors
-/// Those of reading.
+/// Errors of reading.
 pub fn results_document(job: &Job, store: &Store) -> StoreResult<(String, Value)> {
     let mut results = Map::new();
     for file in job.result_files() {
@@ -83,7 +83,7 @@ pub fn results_document(job: &Job, store: &Store) -> StoreResult<(String, Value)
     Ok((job.id.clone(), Value::Object(results)))
 }
 
-/// What a query asks for.
+/// Parameters of a query.
 #[derive(Debug, Default)]
 struct Filter {
     statuses: Vec<Status>,

@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 /// Largest request without files, bytes.
 const MAX_REQUEST: usize = 1 << 20;
-/// What forms add to the files of an upload, bytes.
+/// Bytes that forms add to the files of an upload.
 const FORM_OVERHEAD: u64 = 8 << 20;
 
 /// The addresses of the interface.

@@ -105,7 +105,7 @@ async fn received(
     let form = form.map_err(|_| {
         Failure::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "expected a form of the type multipart/form-data")
     })?;
-    let Some(_share) = app.uploads.try_take(&identity.owner) else {
+    let Some(share) = app.uploads.try_take(&identity.owner) else {
         return Err(Failure::new(
             StatusCode::TOO_MANY_REQUESTS,
             "too many uploads at the same time; try again in a minute",
@@ -121,5 +121,11 @@ async fn received(
         Failure::new(StatusCode::REQUEST_TIMEOUT, message)
     })??;
     let owner = identity.owner.clone();
-    blocking(app, move |workshop| received.list(&owner, &workshop.store, &workshop.limits)).await
+    // The share ends with the upload, not with the connection.
+    let list = move |workshop: &Workshop| {
+        let listed = received.list(&owner, &workshop.store, &workshop.limits);
+        drop(share);
+        listed
+    };
+    blocking(app, list).await
 }

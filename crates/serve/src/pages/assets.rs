@@ -5,8 +5,8 @@ use axum::extract::Path;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
 
-/// What the worker that decompresses points may do: run its own scripts and the decoder that the page hands it. It loads nothing and
-/// sends nothing.
+/// Policy of the worker that decompresses points: it runs its own scripts and the decoder that the page hands
+/// it. It loads nothing and sends nothing.
 const DECODER_POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'";
 
 const SCRIPT: &str = "text/javascript; charset=utf-8";

@@ -1,4 +1,5 @@
-//! The points of a result, to turn around: the page names the file, of which a script reads what the picture needs.
+//! The points of a result, to turn around: the page names the file, of which a script reads what the picture
+//! needs.
 
 use super::layout::form_token;
 use crate::answers::encoded;
@@ -12,18 +13,19 @@ const OCTREE: &str = ".copc.laz";
 const CLOUDS: [&str; 11] =
     [".laz", ".las", ".ply", ".xyz", ".pcd", ".e57", ".pts", ".ptx", ".csv", ".arrow", ".parquet"];
 
-/// Whether points of the file can be shown, if need be by a copy.
+/// True if points of the file can be shown, if need be by a copy.
 pub fn is_cloud(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     CLOUDS.iter().any(|ending| name.ends_with(ending))
 }
 
-/// Whether a file is read in ranges.
+/// True if a file is read in ranges.
 pub fn is_octree(name: &str) -> bool {
     name.to_ascii_lowercase().ends_with(OCTREE)
 }
 
-/// The points of a result: those of the COPC `wanted` or of the first one, else a form that has a copy made of another file.
+/// The points of a result: those of the COPC `wanted` or of the first one, else a form that has a copy made
+/// of another file.
 pub fn cloud(
     app: &App,
     identity: &Identity,

@@ -1,4 +1,4 @@
-//! What forms do: each is checked to come from a page of ours, and leads to another page.
+//! Actions of forms: each form is checked to come from a page of the service, and leads to another page.
 
 use super::form_body::{Fields, FormBody, genuine};
 use super::layout::{bad, page};

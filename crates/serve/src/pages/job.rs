@@ -43,7 +43,7 @@ pub fn run_fields() -> Markup {
     }
 }
 
-/// What the page shows of files.
+/// Contents of files that the page shows.
 #[derive(Debug, Default)]
 struct Shown {
     has_picture: bool,
@@ -295,8 +295,11 @@ fn command(job: &Job, shown: &Shown) -> Markup {
     html! {
         details {
             summary { "Show the command" }
-            p { "In a folder that has the uploads as folders:" }
-            pre { code { (prepared.shown) } }
+            // Failed jobs keep their inputs only.
+            @if !prepared.shown.is_empty() {
+                p { "In a folder that has the uploads as folders:" }
+                pre { code { (prepared.shown) } }
+            }
             @if let Some((name, _)) = prepared.document.as_ref().or(prepared.geometries.first()) { p { code { (name) } ":" } }
             @if !shown.document.is_empty() { pre { code { (shown.document) } } }
             p { "As a request to this service, " code { "POST /processes/" (job.process) "/execution" } ":" }

@@ -1,4 +1,4 @@
-//! What all pages have, and pages without data of their own.
+//! Parts of all pages, and pages without data of their own.
 
 use crate::answers::Failure;
 use crate::app::{App, Identity};

@@ -1,11 +1,12 @@
 //! Pictures of scenes from above, and the coordinates of their pixels.
 
 use crate::answers::{Failure, document};
-use crate::app::{App, Identity};
+use crate::app::{App, Identity, blocking};
 use crate::request::RequestError;
 use crate::scene_map::SceneMap;
 use crate::store::StoreError;
 use crate::submit::SubmitError;
+use crate::worker::Workshop;
 use axum::Extension;
 use axum::extract::{Query, State};
 use axum::http::{StatusCode, header};
@@ -20,7 +21,7 @@ impl From<RequestError> for Failure {
     }
 }
 
-/// The picture of a scene of an owner, one of whose is drawn at a time.
+/// The picture of a scene. Each owner draws one picture at a time.
 pub async fn scene_map(app: &Arc<App>, owner: String, scene: String) -> Result<SceneMap, Failure> {
     let absent = || {
         Failure::new(
@@ -28,11 +29,19 @@ pub async fn scene_map(app: &Arc<App>, owner: String, scene: String) -> Result<S
             format!("there is no picture of `{scene}`; a forecast tells what is wrong with a scene"),
         )
     };
+    let (of, wanted) = (owner.clone(), scene.clone());
+    if let Some(known) = blocking(app, move |workshop| workshop.drawn_map(&of, &wanted)).await? {
+        return Ok(known);
+    }
     let turn = app.turn_to_draw(&owner).await?;
     let wanted = scene.clone();
-    let drawn = crate::app::blocking(app, move |workshop| workshop.scene_map(&owner, &wanted)).await?;
-    drop(turn);
-    drawn.ok_or_else(absent)
+    // The turn ends with the drawing, not with the connection.
+    let draw = move |workshop: &Workshop| {
+        let drawn = workshop.scene_map(&owner, &wanted);
+        drop(turn);
+        drawn
+    };
+    blocking(app, draw).await?.ok_or_else(absent)
 }
 
 fn wanted(query: &BTreeMap<String, String>) -> Result<String, Failure> {

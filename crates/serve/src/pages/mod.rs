@@ -1,5 +1,5 @@
-//! Pages, written here and sent whole: they work without scripts, but for the turning of clouds. Everything that others chose is escaped,
-//! because it only gets into a page through `html!`.
+//! Pages, written here and sent whole: they work without scripts, but for the turning of clouds. Everything
+//! that others chose is escaped, because it only gets into a page through `html!`.
 //!
 //! | file | pages |
 //! |---|---|

@@ -16,7 +16,7 @@ use maud::{Markup, html};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// How references of airborne scanners begin.
+/// Prefix of references of airborne scanners.
 const AIRBORNE: &str = "data/scanners_als.xml#";
 /// Most files in a list to choose from.
 const MAX_CHOICES: usize = 500;
@@ -117,7 +117,7 @@ impl Files {
         folders
     }
 
-    /// What lists call a file or folder.
+    /// Name of a file or folder in lists.
     fn label<'f>(&'f self, name: &'f str) -> &'f str {
         self.0.iter().find(|file| file.name == name).map_or(name, |file| &file.label)
     }
@@ -172,7 +172,7 @@ fn scanners(app: &App, wanted: &str) -> Markup {
     }
 }
 
-/// What a new scan begins with: the kind in addresses, and its name.
+/// Kinds of new scans: the kind in addresses, and its name.
 const KINDS: [(&str, &str); 6] = [
     ("airborne", "Flight"),
     ("terrestrial", "Tripod"),
@@ -187,7 +187,7 @@ struct Values {
     given: BTreeMap<String, String>,
     /// True if fields without a value are empty.
     is_again: bool,
-    /// What is wrong with one of them.
+    /// A problem of one of them.
     wrong: String,
 }
 

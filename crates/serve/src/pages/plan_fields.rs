@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 struct Number {
     /// The option of `vlscan plan` with underscores, also the name of the field.
     name: &'static str,
-    /// What the page calls it.
+    /// Label.
     label: &'static str,
     /// Least and largest value; the least itself is allowed if `from` is set.
     range: [f64; 2],
@@ -59,7 +59,8 @@ impl Number {
     }
 }
 
-/// Inputs of the process of the fields of a form that are not empty, or what is wrong with one of them, by its label.
+/// Inputs of the process of the fields of a form that are not empty, or what is wrong with one of them, by
+/// its label.
 pub fn inputs(fields: &Fields) -> Result<Map<String, Value>, String> {
     let has = |key: &str| fields.contains_key(key);
     for (key, label) in [("scene", "Scene"), ("scanner", "Instrument")] {
@@ -142,8 +143,8 @@ fn check_shape(fields: &Fields, [text, file]: [&str; 2], label: &str, is_needed:
     Ok(())
 }
 
-/// A place as `vlscan plan` reads it, `x,y`, of two numbers that a comma, a semicolon or blanks separate; with semicolon or blanks they may
-/// have decimal commas.
+/// A place as `vlscan plan` reads it, `x,y`, of two numbers that a comma, a semicolon or blanks separate;
+/// with semicolon or blanks they may have decimal commas.
 fn place(text: &str) -> Result<String, String> {
     let wrong = || format!("Centre: expected x and y, for example `500000 5400000`, found `{text}`");
     let separators: &[char] = if text.contains(';') { &[';'] } else { &[' ', '\t'] };

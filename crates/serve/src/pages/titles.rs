@@ -1,4 +1,4 @@
-//! What jobs are called: what they compute, of what, and with what.
+//! Titles of jobs: what they compute, of what, and with what.
 
 use super::layout::short_time;
 use crate::processes::Process;
@@ -18,15 +18,15 @@ pub struct Titled {
 /// Jobs with what they are called.
 ///
 /// # Errors
-/// Those of the store.
+/// Errors of the store.
 pub fn titled(store: &Store, jobs: Vec<Job>) -> Result<Vec<Titled>> {
     jobs.into_iter().map(|job| Ok(Titled { title: title(store, &job)?, job })).collect()
 }
 
-/// What a job does, in words.
+/// Title of a job, in words.
 ///
 /// # Errors
-/// Those of the store.
+/// Errors of the store.
 pub fn title(store: &Store, job: &Job) -> Result<String> {
     let inputs: Value = serde_json::from_str(&job.inputs).unwrap_or_default();
     let process = match Process::named(&job.process) {
@@ -42,12 +42,12 @@ pub fn title(store: &Store, job: &Job) -> Result<String> {
 /// A file of results, with what it was made of and when.
 ///
 /// # Errors
-/// Those of the store.
+/// Errors of the store.
 pub fn file_title(store: &Store, job: &Job, path: &str) -> Result<String> {
     Ok(format!("{path} of {} ({})", subject(store, job, MAX_STEPS)?, short_time(job.created)))
 }
 
-/// What a job is of: scene, instrument, seed.
+/// Subject of a job: scene, instrument, seed.
 fn subject(store: &Store, job: &Job, steps: usize) -> Result<String> {
     let inputs: Map<String, Value> = serde_json::from_str(&job.inputs).unwrap_or_default();
     let mut parts = Vec::new();
@@ -69,7 +69,7 @@ fn subject(store: &Store, job: &Job, steps: usize) -> Result<String> {
     Ok(parts.join(", "))
 }
 
-/// What a file is called: that of an upload by its name, that of results by what these are of.
+/// Title of a file: that of an upload is its name, that of results their subject.
 fn origin(store: &Store, owner: &str, name: &str, steps: usize) -> Result<String> {
     let Some((id, file)) = name.strip_prefix("jobs/").and_then(|rest| rest.split_once('/')) else {
         return Ok(name.to_owned());

@@ -80,8 +80,15 @@ fn results_are_given_again_and_kept_while_a_job_names_them() {
 #[test]
 fn uploads_stay_while_unfinished_jobs_use_them() {
     let (_folder, store) = store();
-    let upload =
-        Upload { id: "u".into(), name: "forest".into(), files: 1, bytes: 5, sha256: "x".into(), created: 1 };
+    let upload = Upload {
+        id: "u".into(),
+        name: "forest".into(),
+        files: 1,
+        folders: 1,
+        bytes: 5,
+        sha256: "x".into(),
+        created: 1,
+    };
     let files = [UploadFile { path: "a.obj".into(), bytes: 5, kind: FileKind::Other }];
     std::fs::create_dir_all(store.upload_folder("u")).unwrap();
     assert!(store.add_upload("anna", &upload, &files).unwrap());
@@ -177,11 +184,29 @@ fn dismissed_jobs_leave_nothing_but_their_state() {
     for number in 0..200 {
         assert!(store.dismiss("anna", &format!("j{number}"), None).unwrap());
     }
-    assert_eq!(store.stored_bytes("anna").unwrap(), 0);
+    assert_eq!(store.stored_bytes("anna").unwrap(), 200 * 1024, "rows that are left count");
     assert_eq!(store.job("anna", "j7").unwrap().unwrap().inputs, "{}");
     store.database().query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(())).unwrap();
     let bytes = std::fs::metadata(folder.path().join("service.db")).unwrap().len();
     assert!(bytes < 4 << 20, "{bytes}");
+    store.forget_before(now() - 60_000).unwrap();
+    assert!(store.job("anna", "j7").unwrap().is_some());
+    store.forget_before(now() + 1).unwrap();
+    assert!(store.job("anna", "j7").unwrap().is_none());
+    assert_eq!(store.stored_bytes("anna").unwrap(), 0);
+}
+
+#[test]
+fn failed_jobs_keep_their_inputs_and_nothing_that_was_made_of_them() {
+    let (_folder, store) = store();
+    let long = format!("{{\"shown\": \"{}\"}}", "x".repeat(100_000));
+    let failed = Job { inputs: "{\"seed\": 1}".to_owned(), prepared: long, ..job("anna", "a") };
+    store.add_job(&failed, &BTreeSet::new(), None, 9).unwrap();
+    store.take_job("w", Lane::Any).unwrap();
+    store.finish("a", "w", &Outcome::Failed("no".to_owned())).unwrap();
+    let found = store.job("anna", "a").unwrap().unwrap();
+    assert_eq!((found.inputs.as_str(), found.prepared.as_str()), ("{\"seed\": 1}", "{}"));
+    assert!(store.stored_bytes("anna").unwrap() < 2000);
 }
 
 #[test]

@@ -2,9 +2,10 @@
 
 use super::named::named_pipeline;
 use super::prepared::{Prepared, RequestError, wrong};
+use crate::job_folder::DATASET;
 use crate::names;
 use crate::processes::Process;
-use crate::program::Program;
+use crate::program::{CATALOGUE, Program};
 use crate::queue::Use;
 use crate::store::Store;
 use serde_json::{Map, Value};
@@ -40,6 +41,7 @@ pub(super) fn pipeline(
         table.insert("assets".to_owned(), toml::Value::Array(assets));
     }
     check_outputs(&table)?;
+    table.iter_mut().for_each(|(key, value)| prefer_catalogue(key, value, program));
     if process == Process::Run && !table.contains_key("output") {
         let output = toml::Table::from_iter([("path".to_owned(), toml::Value::from("points.laz"))]);
         table.insert("output".to_owned(), toml::Value::Array(vec![toml::Value::Table(output)]));
@@ -62,7 +64,7 @@ pub(super) fn pipeline(
 pub(super) fn campaign(inputs: Value) -> Result<Prepared, RequestError> {
     let Value::Object(inputs) = inputs else { return Err(wrong("inputs", "expected an object")) };
     let mut table = toml::Table::new();
-    table.insert("out".to_owned(), "../out/dataset".into());
+    table.insert("out".to_owned(), format!("../out/{DATASET}").into());
     for (key, value) in inputs {
         let value = toml_value(&key, value)?;
         table.insert(key, value);
@@ -73,6 +75,23 @@ pub(super) fn campaign(inputs: Value) -> Result<Prepared, RequestError> {
         words: ["campaign", "../in/campaign.toml"].map(str::to_owned).to_vec(),
         ..Prepared::default()
     })
+}
+
+/// Has instruments of the catalogue read from there: uploads whose folders are searched may have files of the
+/// same names.
+fn prefer_catalogue(key: &str, value: &mut toml::Value, program: &Program) {
+    match value {
+        toml::Value::String(text) if matches!(key, "catalogue" | "platform") => {
+            *text = program.in_catalogue(text).unwrap_or_else(|| text.clone());
+        }
+        toml::Value::Array(list) => {
+            list.iter_mut().for_each(|value| prefer_catalogue(key, value, program));
+        }
+        toml::Value::Table(table) => {
+            table.iter_mut().for_each(|(key, value)| prefer_catalogue(key, value, program));
+        }
+        _ => {}
+    }
 }
 
 /// Refuses outputs whose names results could not have: they would be computed, and nobody could fetch them.
@@ -132,7 +151,7 @@ fn texts(value: &Value) -> Vec<&str> {
     }
 }
 
-/// The same as options of a command.
+/// The folders of [`asset_folders`] as options of a command.
 pub(super) fn assets(inputs: &Map<String, Value>, uses: &BTreeSet<Use>) -> Vec<String> {
     let folders = asset_folders(&Value::Object(inputs.clone()), uses);
     let all = std::iter::once(".".to_owned()).chain(folders);
@@ -151,6 +170,10 @@ pub(super) fn plan(
         if schema["properties"].get(key).is_none() {
             return Err(wrong(key, format!("plans of the kind {kind} have no such input")));
         }
+    }
+    for key in ["scanner", "platform"] {
+        let Some(Value::String(text)) = inputs.get_mut(key) else { continue };
+        *text = program.in_catalogue(text).unwrap_or_else(|| text.clone());
     }
     let words = [vec!["plan".to_owned(), kind], assets.to_vec(), options(&inputs, schema)?].concat();
     Ok(Prepared { words, within_inputs: true, stdout: Some("plan.toml".to_owned()), ..Prepared::default() })
@@ -221,7 +244,7 @@ pub(super) fn shown(process: Process, prepared: &Prepared) -> String {
         |word: &&String| *word == "--" || word.starts_with("--assets=") || word.starts_with("--most-points");
     let words = prepared.words.iter().filter(|word| !is_ours(word));
     let words = words.map(|word| {
-        let word = word.replace("../in/", "").replace("../out/", "");
+        let word = word.replace("../in/", "").replace("../out/", "").replace(&format!("={CATALOGUE}"), "=");
         let is_plain = word.chars().all(|c| c.is_alphanumeric() || "-_./=,:#+%".contains(c));
         if is_plain && !word.is_empty() { word } else { format!("'{}'", word.replace('\'', r"'\''")) }
     });

@@ -39,7 +39,7 @@ pub const PAGE_POINTS: &str = "500k";
 /// the time.
 #[derive(Clone, Debug)]
 pub struct Checked {
-    /// What is executed.
+    /// Command.
     pub prepared: Prepared,
     /// The hash.
     pub fingerprint: String,

@@ -1,4 +1,4 @@
-//! What is executed for a request, and why one is refused.
+//! Prepared requests, and reasons to refuse one.
 
 use crate::queue::Use;
 use crate::store::StoreError;
@@ -13,7 +13,7 @@ pub enum RequestError {
     Input {
         /// The input.
         key: String,
-        /// What is wrong and what to give instead.
+        /// Problem, and what to give instead.
         message: String,
     },
     /// The store.
@@ -25,13 +25,13 @@ pub(super) fn wrong(key: &str, message: impl Into<String>) -> RequestError {
     RequestError::Input { key: key.to_owned(), message: message.into() }
 }
 
-/// What is executed for a job.
+/// Command of a job, and the files that it reads.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Prepared {
     /// Name and text of the pipeline or campaign, a file in the folder of inputs.
     pub document: Option<(String, String)>,
-    /// The same of areas and lines.
+    /// Names and texts of areas and lines.
     pub geometries: Vec<(String, String)>,
     /// The words behind `vlscan`.
     pub words: Vec<String>,
@@ -39,8 +39,8 @@ pub struct Prepared {
     pub within_inputs: bool,
     /// The file of results that standard output becomes.
     pub stdout: Option<String>,
-    /// The same command as a user would type it in the folder of the uploads.
+    /// Command as a user would type it in the folder of the uploads.
     pub shown: String,
-    /// What it reads.
+    /// Uploads and results that it reads.
     pub uses: BTreeSet<Use>,
 }

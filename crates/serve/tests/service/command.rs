@@ -53,6 +53,23 @@ fn confined(read: &Path, write: &Path, program: &[&str]) -> Output {
 }
 
 #[test]
+fn a_start_tells_why_a_program_cannot_be_executed_in_the_sandbox() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("program");
+    // The interpreter is not one of the libraries that a job can read.
+    let script = format!("#!/usr/bin/env sh\nexec {} \"$@\"\n", vlscan().display());
+    std::fs::write(&program, script).unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let data = folder.path().join("data");
+    let options = ["--listen", "127.0.0.1:0", "--program", program.to_str().unwrap(), "--data"];
+    let told = serve(&[&options[..], &[data.to_str().unwrap()]].concat());
+    let message = text(&told.stderr);
+    assert_eq!(told.status.code(), Some(2), "{message}");
+    assert!(message.contains("the sandbox of jobs fails"), "{message}");
+}
+
+#[test]
 fn restricted_processes_reach_their_own_files_only_and_no_network() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -122,6 +122,15 @@ fn an_address_that_others_reach_needs_tokens() {
         assert!(!done.status.success() && !folder.path().join("data").exists());
         String::from_utf8_lossy(&done.stderr).into_owned()
     };
+    // A token that is not text lets nobody in.
+    use std::os::unix::ffi::OsStrExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_vlscan-serve"));
+    command.args(["--listen", "127.0.0.1:0", "--data"]).arg(folder.path().join("data"));
+    command.env("VLSCAN_TOKEN", std::ffi::OsStr::from_bytes(b"secret\xff"));
+    let done = command.arg("--program").arg(crate::client::vlscan()).output().unwrap();
+    let told = String::from_utf8_lossy(&done.stderr);
+    assert!(!done.status.success() && told.contains("VLSCAN_TOKEN is not valid UTF-8"), "{told}");
     let told = start(&["--listen", "0.0.0.0:0"]);
     assert!(told.contains("needs tokens") && told.contains("vlscan serve token"), "{told}");
     let file = tempfile::NamedTempFile::new().unwrap();

@@ -89,6 +89,9 @@ fn a_plan_becomes_a_cloud_that_is_that_of_the_program() {
     let points = service.get(results["points.laz"]["href"].as_str().unwrap());
     assert_eq!((points.status, points.header("content-type")), (200, "application/vnd.laszip"));
 
+    let view = service.get(&format!("/jobs/{id}/view/view.png"));
+    assert!(view.status == 200 && view.body.starts_with(b"\x89PNG"), "{}", view.text());
+
     // The same by hand.
     let folder = tempfile::tempdir().unwrap();
     let terrain = folder.path().join("terrain");

@@ -43,8 +43,16 @@ fn failed_jobs_keep_no_files() {
     let job = service.run("run", &inputs);
     assert_eq!(job["status"], "failed", "{job}");
     let folder = service.data.join("jobs").join(job["jobID"].as_str().unwrap());
+    let names: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names, ["log"]);
     assert!(bytes_in(&folder) < 20_000, "{}", bytes_in(&folder));
-    assert!(!folder.join("out").exists() && !folder.join("tmp").exists());
+    let page = service.ask(
+        "GET",
+        &format!("/jobs/{}", job["jobID"].as_str().unwrap()),
+        &[("Accept", "text/html")],
+        b"",
+    );
+    assert!(page.status == 200 && page.text().contains("state failed"), "{}", page.text());
 }
 
 #[test]
@@ -120,19 +128,68 @@ fn finished_jobs_expire_where_the_operator_says_so() {
     assert_eq!(service.get("/uploads/field").status, 200);
 }
 
+/// A service whose program is a shell script for all but what a start asks.
+fn scripted(folder: &Path, script: &str, options: &[&str]) -> Service {
+    let program = folder.join("program");
+    let vlscan = vlscan();
+    let script =
+        format!("#!/bin/sh\ncase $1 in man|catalogue) exec {} \"$@\";; esac\n{script}\n", vlscan.display());
+    std::fs::write(&program, script).unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    Service::start(
+        &[&[format!("--program={}", program.display()).as_str(), "--no-sandbox"], options].concat(),
+    )
+}
+
+#[test]
+fn deleted_files_that_a_job_writes_are_limited() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = "exec 3>../tmp/f; rm ../tmp/f; while :; do head -c 1000000 /dev/zero >&3; sleep 0.05; done";
+    let service = scripted(folder.path(), script, &["--max-disk", "3M"]);
+    with_field(&service);
+    let job = service.run("dry-run", &flight(1, 1));
+    assert!(job["message"].as_str().unwrap().contains("more than 3000000 bytes"), "{job}");
+}
+
+#[test]
+fn a_drawing_keeps_its_turn_although_its_connection_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log");
+    let name = log.display();
+    let service =
+        scripted(folder.path(), &format!("echo start >>{name}\nsleep 1\necho end >>{name}\nexit 1"), &[]);
+    with_field(&service);
+    let path = "/map.png?scene=field/field.obj";
+    let mut stream = std::net::TcpStream::connect(&service.address).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {}\r\n\r\n", service.address).unwrap();
+    wait_until("the drawing starts", || log.exists());
+    drop(stream);
+    assert_eq!(service.get(path).status, 404);
+    assert_eq!(std::fs::read_to_string(log).unwrap(), "start\nend\nstart\nend\n");
+}
+
+#[test]
+fn owners_draw_the_same_scene_at_the_same_time() {
+    let owners = Owners::new();
+    let draw = |token: &str| ask(&owners.service, token, "GET", "/map.png?scene=field/field.obj", &json!({}));
+    std::thread::scope(|scope| {
+        let tokens = [&owners.anna, &owners.ben, &owners.anna, &owners.ben];
+        let drawn = tokens.map(|token| scope.spawn(|| draw(token)));
+        for drawn in drawn {
+            let drawn = drawn.join().unwrap();
+            assert!(drawn.status == 200 && drawn.body.starts_with(b"\x89PNG"), "{}", drawn.text());
+        }
+    });
+    let data = &owners.service.data;
+    assert_eq!(std::fs::read_dir(data.join("maps")).unwrap().count(), 2, "a picture for each");
+    assert_eq!(std::fs::read_dir(data.join("incoming")).unwrap().count(), 0, "drawings leave nothing");
+}
+
 #[test]
 fn a_process_that_is_always_killed_is_started_three_times() {
     let folder = tempfile::tempdir().unwrap();
-    let (program, starts) = (folder.path().join("program"), folder.path().join("starts"));
-    let vlscan = vlscan();
-    let script = format!(
-        "#!/bin/sh\ncase $1 in man|catalogue) exec {} \"$@\";; esac\necho x >>{}\nkill -9 $$\n",
-        vlscan.display(),
-        starts.display()
-    );
-    std::fs::write(&program, script).unwrap();
-    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
-    let service = Service::start(&[&format!("--program={}", program.display()), "--no-sandbox"]);
+    let starts = folder.path().join("starts");
+    let service = scripted(folder.path(), &format!("echo x >>{}\nkill -9 $$", starts.display()), &[]);
     with_field(&service);
     let job = service.run("dry-run", &flight(1, 1));
     assert!(job["message"].as_str().unwrap().contains("memory"), "{job}");
@@ -313,10 +370,37 @@ fn uploads_take_the_place_of_no_instrument() {
     // Words of a request that are names of uploads are no files of them.
     assert_eq!(service.upload("airborne", &[("data/scanners_als.xml", hostile.clone())]).status, 201);
     assert_eq!(service.upload("riegl_vux-1uav", &[("data/scanners_als.xml", hostile)]).status, 201);
+    // The scene and files of the catalogue's names in one upload, whose folders are searched.
+    let (scanners, platforms) = (
+        b"<document><scanner id='riegl_vux-1uav'/></document>".to_vec(),
+        b"<document><platform id='copter_linearpath'/></document>".to_vec(),
+    );
+    let files = [
+        ("a/field.obj", b"v -50 -50 0\nv 50 -50 0\nv 50 50 0\nv -50 50 0\nf 1 2 3 4\n".to_vec()),
+        ("data/scanners_als.xml", scanners.clone()),
+        ("data/platforms.xml", platforms.clone()),
+        ("a/data/scanners_als.xml", scanners.clone()),
+        ("scanners_als.xml", scanners.clone()),
+        ("riegl_vux-1uav", scanners),
+        ("a/copter_linearpath", platforms),
+    ];
+    let (media, body) = crate::client::form("wood", &files);
+    assert_eq!(service.ask("POST", "/uploads", &[("Content-Type", &media)], &body).status, 201);
     for scanner in ["riegl_vux-1uav", "data/scanners_als.xml#riegl_vux-1uav"] {
-        let plan = json!({ "kind": "airborne", "scene": "field/field.obj", "scanner": scanner, "height": 60, "density": 5 });
-        let job = service.run("plan", &plan);
-        assert_eq!(job["status"], "successful", "{scanner}: {job}");
+        for scene in ["field/field.obj", "wood/a/field.obj"] {
+            let plan =
+                json!({ "kind": "airborne", "scene": scene, "scanner": scanner, "height": 60, "density": 5 });
+            let job = service.run("plan", &plan);
+            assert_eq!(job["status"], "successful", "{scanner}: {job}");
+            let plan = format!("jobs/{}/plan.toml", job["jobID"].as_str().unwrap());
+            let job = service.run("dry-run", &json!({ "pipeline": plan }));
+            assert_eq!(job["status"], "successful", "{scanner}: {job}");
+            let mut run = flight(1, 1);
+            run["scene"] = json!(scene);
+            run["scanner"] = json!({ "catalogue": scanner });
+            let job = service.run("dry-run", &run);
+            assert_eq!(job["status"], "successful", "{scanner}: {job}");
+        }
     }
 }
 

@@ -184,7 +184,7 @@ fn links_in_the_folder_of_a_job_are_not_followed() {
     assert_eq!(map.status, 200, "{}", map.text());
     let maps = std::fs::read_dir(service.data.join("maps")).unwrap().flatten().next().unwrap().path();
     for name in ["map.png", "map.pgw"] {
-        let picture = maps.join("view").join(name);
+        let picture = maps.join(name);
         std::fs::remove_file(&picture).unwrap();
         std::os::unix::fs::symlink(&secret, &picture).unwrap();
         let map = service.get("/map.png?scene=room/scene.xml");

@@ -60,9 +60,31 @@ fn scanners_that_ship_state_their_pulse_widths() {
 }
 
 #[test]
+fn references_to_the_catalogue_skip_files_of_the_same_name() {
+    let other =
+        "<document><scanner id='vlp16' optics='conic' scanAngleMax_deg='30' pulseFreqs_Hz='5'/></document>";
+    let folder = Folder::new(&[("data/scanners_tls.xml", other), ("vlp16", other)]);
+    let options = ReadOptions { assets: vec![folder.path("")], ..ReadOptions::default() };
+    for name in ["vlp16", "data/scanners_tls.xml#vlp16"] {
+        let channels = |name: &str| find_scanner(name, &options).unwrap().0.devices.len();
+        assert_eq!((channels(name), channels(&format!("catalogue:{name}"))), (1, 16), "{name}");
+    }
+}
+
+#[test]
 fn scanners_and_platforms_that_ship_have_ids() {
     for name in ["vlp16", "data/scanners_tls.xml#vlp16", "scanners_tls.xml#vlp16"] {
         assert_eq!(fine(shipped(name, "")).len(), 16, "{name}");
+        assert_eq!(fine(shipped(&format!("catalogue:{name}"), "")).len(), 16, "{name}");
+    }
+    for (name, told) in [
+        ("catalogue:mine.xml#vlp16", "has no file `mine.xml`"),
+        ("catalogue:data/scanners_als.xml#vlp16", "no <scanner> with the id `vlp16`"),
+        ("catalogue:nosuch", "no scanner with the id `nosuch`"),
+        ("catalogue:", "no scanner with the id ``"),
+    ] {
+        let said = report(&shipped(name, "").unwrap_err());
+        assert!(said.contains(told), "{said}");
     }
     for (name, near) in
         [("VUX-1UAV", "`riegl_vux-1uav`"), ("data/scanners_als.xml#VUX-1UAV", "`riegl_vux-1uav`")]

@@ -1,0 +1,106 @@
+//! Leases and folders.
+
+use super::*;
+use crate::files::Files;
+use crate::queue::LEASE;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// A workshop without workers, and a job of `anna` in its queue.
+fn workshop() -> (tempfile::TempDir, Workshop, Job) {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(folder.path(), Files::Folder).unwrap();
+    let program = Program {
+        path: PathBuf::from("vlscan"),
+        version: String::new(),
+        pipeline: serde_json::Value::Null,
+        commands: serde_json::Value::Null,
+        catalogue: serde_json::Value::Null,
+    };
+    let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
+    let job = Job {
+        id: "a".to_owned(),
+        owner: "anna".to_owned(),
+        process: "run".to_owned(),
+        inputs: "{}".to_owned(),
+        prepared: "{}".to_owned(),
+        fingerprint: String::new(),
+        folder: "a".to_owned(),
+        status: Status::Accepted,
+        message: String::new(),
+        progress: 0,
+        results: String::new(),
+        created: now(),
+        started: None,
+        finished: None,
+        updated: now(),
+    };
+    assert!(store.add_job(&job, &BTreeSet::new(), None, 9).unwrap());
+    (folder, Workshop::new(Arc::new(store), Arc::new(program), limits, Vec::new(), None), job)
+}
+
+fn fill(folder: &Path) {
+    for name in ["in", "out", "view", "tmp", "tasks"] {
+        fs::create_dir_all(folder.join(name)).unwrap();
+        fs::write(folder.join(name).join("file"), "text").unwrap();
+    }
+    fs::write(folder.join("complete"), "[]").unwrap();
+    fs::write(folder.join("prepared.json"), "{}").unwrap();
+}
+
+#[test]
+fn a_worker_without_its_lease_leaves_the_files_of_the_new_holder() {
+    let (_folder, workshop, job) = workshop();
+    let store = &workshop.store;
+    let folder = store.job_folder("a");
+    fill(&folder);
+    let late = now() - LEASE.as_millis() as i64;
+    store.take_job("first", Lane::Any).unwrap().unwrap();
+    store.database().execute("UPDATE jobs SET held_until = ?", [late]).unwrap();
+    store.take_job("second", Lane::Any).unwrap().unwrap();
+    let results = || Outcome::Successful(Vec::new(), String::new());
+    for outcome in [Outcome::Failed(String::new()), Outcome::Same("b".to_owned()), results()] {
+        workshop.conclude(&job, "first", &outcome);
+        assert_eq!(store.status("a").unwrap(), Some(Status::Running), "{outcome:?}");
+        for name in ["in/file", "out/file", "view/file", "tmp/file", "tasks/file", "complete"] {
+            assert!(folder.join(name).is_file(), "{outcome:?}: {name}");
+        }
+    }
+    workshop.conclude(&job, "second", &results());
+    assert_eq!(store.status("a").unwrap(), Some(Status::Successful));
+    assert!(folder.join("out/file").is_file() && !folder.join("tmp").exists());
+    assert_eq!(fs::read_dir(store.root().join("incoming")).unwrap().count(), 0, "removed files stay");
+}
+
+#[test]
+fn failed_jobs_keep_their_messages_only_those_of_earlier_versions_too() {
+    let (_folder, workshop, job) = workshop();
+    let store = &workshop.store;
+    let folder = store.job_folder("a");
+    let is_tidy = || {
+        let names: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names == ["log"] && fs::read_dir(store.root().join("incoming")).unwrap().count() == 0
+    };
+    fill(&folder);
+    fs::write(folder.join("log"), "error: no").unwrap();
+    store.take_job("w", Lane::Any).unwrap().unwrap();
+    workshop.conclude(&job, "w", &Outcome::Failed("no".to_owned()));
+    assert!(is_tidy());
+    // As earlier versions have left it.
+    fill(&folder);
+    store.set_disk("a", 0).unwrap();
+    assert_eq!(workshop.resume().unwrap(), None);
+    assert!(is_tidy() && store.stored_bytes("anna").unwrap() > 4096);
+}
+
+#[test]
+fn a_job_is_finished_although_its_folder_cannot_be_tidied() {
+    let (_folder, workshop, job) = workshop();
+    let store = &workshop.store;
+    fill(&store.job_folder("a"));
+    fs::remove_dir_all(store.root().join("incoming")).unwrap();
+    fs::write(store.root().join("incoming"), "not a folder").unwrap();
+    store.take_job("w", Lane::Any).unwrap().unwrap();
+    workshop.conclude(&job, "w", &Outcome::Failed("no".to_owned()));
+    assert_eq!(store.job("anna", "a").unwrap().unwrap().message, "no");
+}
