@@ -185,11 +185,13 @@ pub fn is_blank(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r' | 0x0b | 0x0c)
 }
 
-/// True if the commas of a line are those of at least three numbers and other words between blanks.
+/// True if the commas of a line are those of at least three numbers and other words between blanks, or of two
+/// between tabs.
 fn has_decimal_commas(line: &[u8]) -> bool {
     let words = || Separator::Blanks.split(line).map(|at| &line[at]);
     let fits = |word: &[u8]| !word.contains(&b',') || std::str::from_utf8(word).is_ok_and(has_decimal_comma);
-    words().count() >= 3 && words().all(fits)
+    let least = if line.trim_ascii().contains(&b'\t') { 2 } else { 3 };
+    words().count() >= least && words().all(fits)
 }
 
 /// Text in UTF-8, or else in Latin-1, as spreadsheets write it.

@@ -12,7 +12,7 @@
 //! | `program` | the program vlscan: its options as JSON Schema, its catalogue, how it is started |
 //! | `processes` | the processes, as they are described to programs |
 //! | `request` | from inputs to a command, the files it reads and the hash of all that determines its result |
-//! | `records`, `schema`, `store`, `queue` | uploads, jobs and leases, in SQLite |
+//! | `records`, `error`, `schema`, `store`, `queue` | uploads, jobs and leases, in SQLite |
 //! | `opening`, `inspect` | whether folder, database and bucket belong together, and what the database does not list |
 //! | `uploads`, `missing` | files that are received, archives that are expanded, and files that are named and not there |
 //! | `submit` | from a request to a job in the queue |
@@ -44,6 +44,7 @@ pub mod calls;
 pub mod config;
 pub mod confine;
 pub mod engine;
+pub mod error;
 pub mod execution;
 pub mod files;
 pub mod inspect;

@@ -3,7 +3,7 @@
 //! A database states its version (`PRAGMA user_version`). Older ones are migrated in one transaction, after a
 //! copy beside them; newer ones and damaged ones are refused before anything is written.
 
-use crate::store::{Result, StoreError};
+use crate::error::{Result, StoreError};
 use rusqlite::{Connection, OptionalExtension as _};
 use std::collections::BTreeMap;
 use std::path::Path;
