@@ -246,7 +246,7 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
         .into();
     cases.push(("unit.csv".into(), b"x [furlong],y [m],z [m]\n1,2,3\n".to_vec(), "unit \"furlong\""));
     cases.push(("two.csv".into(), b"x,y,z,class,label\n1,2,3,4,5\n".to_vec(), "both name a point class"));
-    cases.push(("nan.csv".into(), b"x,y,z\n1,2,nan\n1,2,3\n".to_vec(), "are left out"));
+    cases.push(("nan.csv".into(), b"x,y,z\n1,2,nan\n1,2,3\n".to_vec(), "left out: 1 point without"));
     cases.push((
         "long.csv".into(),
         b"x,y,z\n1,2,3\n4,5,6,7\n".to_vec(),
@@ -478,6 +478,7 @@ fn seconds_that_no_week_has_and_classes_of_old_formats_are_described_as_such() {
         record[20..28].copy_from_slice(&306_234_561.96f64.to_le_bytes());
     }
     fs::write(dir.path().join("b.las"), &las).unwrap();
+    fs::write(dir.path().join("d.las"), &las).unwrap();
     for record in las[start..].chunks_exact_mut(length) {
         record[20..28].copy_from_slice(&604_850f64.to_le_bytes());
     }
@@ -492,6 +493,6 @@ fn seconds_that_no_week_has_and_classes_of_old_formats_are_described_as_such() {
     assert!(shown.contains("15 ") && shown.contains("reserved") && !shown.contains("tower"), "{shown}");
     assert!(described(dir.path(), "b.las")["time_kind"].is_null());
     // Once for each file with such times.
-    let said = text(&common::succeed(dir.path(), &["info", "a.las", "b.las", "b.las"]).stderr);
+    let said = text(&common::succeed(dir.path(), &["info", "a.las", "b.las", "d.las"]).stderr);
     assert_eq!(said.matches("which are 0 to 604800").count(), 2, "{said}");
 }
