@@ -156,6 +156,9 @@ fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result
     if is_stdout(path) {
         return Ok((Target::Stdout, asked.unwrap_or(default)));
     }
+    if path.as_os_str().is_empty() {
+        return Err(Error::input("an output needs a path; \"-\" is standard output"));
+    }
     let told = if path.is_dir() { None } else { PointFormat::of_file(path) };
     let is_special_file = files::is_special(path);
     // A named pipe, or what the shell makes of >(...), has no extension.

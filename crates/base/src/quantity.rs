@@ -202,7 +202,7 @@ pub const COUNT_ABOVE_0: Bounds = Bounds::new(1.0, u32::MAX as f64, "a whole num
 /// Pulses per second.
 pub const PULSE_FREQ: Bounds = Bounds::new(1.0, i32::MAX as f64, "a whole number above 0");
 /// Rings of subrays of a pulse; a pulse of the largest number has about 3 million subrays.
-pub const QUALITY: Bounds = Bounds::new(1.0, 1000.0, "a whole number from 1 to 1000");
+pub const QUALITY: Bounds = Bounds::new(1.0, 512.0, "a whole number from 1 to 512");
 /// Standard deviation of noise of any quantity.
 pub const DEVIATION: Bounds = Bounds::new(0.0, 1e12, "a number of at least 0, at most 1e12");
 /// Reflectance of a material.

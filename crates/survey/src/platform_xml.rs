@@ -6,7 +6,7 @@ use super::keys::{Key, LegKeys};
 use super::xml::Element;
 use super::{Mount, Multicopter, Noise, NoiseKind, Platform, PlatformKind, PlatformNoise};
 use vlscan_base::diag::Place;
-use vlscan_base::quantity::{DEVIATION, NUMBER};
+use vlscan_base::quantity::{DEVIATION, NOT_NEGATIVE, NUMBER};
 use vlscan_geom::radians;
 
 /// Children of a platform that describe noise, in the order position x, y, z, attitude x, y, z.
@@ -74,7 +74,7 @@ pub(super) fn mount_of_other(
 fn read_kind(fields: &mut Fields) -> Option<PlatformKind> {
     fields.reading = Reading::Lenient;
     // Every attribute is read for every kind: built-in platforms list more than they need.
-    let drag = fields.number("drag", 1.0);
+    let drag = fields.number(Key::attribute("drag", &NOT_NEGATIVE), 1.0);
     let angle = |fields: &mut Fields, name, default| radians(fields.number(name, default));
     let multicopter = Multicopter {
         drag,

@@ -32,6 +32,8 @@ pub enum Effect {
 /// A changed text.
 pub struct Change {
     pub name: &'static str,
+    /// The value that stands in the changed text; empty if it was removed.
+    pub value: String,
     pub content: String,
     pub effect: Effect,
 }
@@ -100,11 +102,13 @@ pub fn changes(place: &Place, content: &str) -> Vec<Change> {
         .map(|(name, new, effect)| {
             let is_number = new.parse::<f64>().is_ok_and(f64::is_finite);
             let quote = if is_number { "" } else { place.quote };
-            Change { name, content: replaced(content, &place.value, &format!("{quote}{new}{quote}")), effect }
+            let content = replaced(content, &place.value, &format!("{quote}{new}{quote}"));
+            Change { name, value: new, content, effect }
         })
         .collect();
     let removed = replaced(content, &place.whole, place.instead);
-    all.push(Change { name: "removed", content: removed, effect: Effect::Message });
+    let value = String::new();
+    all.push(Change { name: "removed", value, content: removed, effect: Effect::Message });
     if !place.name.is_empty() {
         let name = &content[place.name.clone()];
         let other_case: String = name
@@ -119,6 +123,7 @@ pub fn changes(place: &Place, content: &str) -> Vec<Change> {
             all.push(Change {
                 name: change,
                 content: replaced(content, &place.name, &new),
+                value: new,
                 effect: Effect::Message,
             });
         }
