@@ -87,7 +87,7 @@ class Material:
         if not isinstance(value, SupportsFloat):
             hint = "; classes are numbers, as in LAS: 2 is ground, 5 high vegetation, 6 building" if name == "classification" else ""
             raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a number from 0 to {highest}{hint}")
-        if not 0 <= value <= highest:
+        if not 0 <= float(value) <= highest:
             raise ValueError(f"{name} of the material {self.name!r} is {value}, expected 0 to {highest}")
 
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from ._options import RunOptions
 
-#: The corners of a polygon, x and y in m; a geometry of shapely or GeoPandas; a file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage; or
-#: well-known text itself.
+#: The corners of a polygon, x and y in m; a geometry of shapely or GeoPandas; a file of GeoJSON, KML, KMZ, GPX
+#: or well-known text, a shapefile, a GeoPackage; or well-known text itself.
 Area: TypeAlias = PathLike | Sequence[Sequence[float]] | NDArray[np.floating[Any]] | Geometry
 
 

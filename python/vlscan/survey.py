@@ -671,7 +671,9 @@ def trace(
         except ValueError:
             fits = False
         if not fits:
-            shapes = " and ".join(f"{name} of shape {np.shape(array)}" for name, array in (("origins", origins), ("directions", directions)))
+            shapes = " and ".join(
+                f"{name} of shape {np.shape(array)}" for name, array in (("origins", origins), ("directions", directions))
+            )
             raise ValueError(f"expected origins and directions of n by 3 numbers each, or one of either for all; found {shapes}")
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}

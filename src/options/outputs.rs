@@ -157,7 +157,7 @@ fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result
         return Ok((Target::Stdout, asked.unwrap_or(default)));
     }
     if path.as_os_str().is_empty() {
-        return Err(Error::input("an output needs a path; \"-\" is standard output"));
+        return Err(Error::input("an output needs a path (`path`, -o, --output); \"-\" is standard output"));
     }
     let told = if path.is_dir() { None } else { PointFormat::of_file(path) };
     let is_special_file = files::is_special(path);

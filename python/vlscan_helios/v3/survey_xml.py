@@ -291,6 +291,10 @@ def _write_leg(element: Element, leg: Leg, as_read: Leg | None, has_prisms: bool
     ):
         if settings is not None:
             _write_settings(target, table, settings, old)
+    if "template" not in place.attrib and any(name in place.attrib for name in "xyz"):
+        # A place is written whole.
+        for name in "xyz":
+            place.attrib.setdefault(name, "0.0")
     if "maxDuration_s" in element.attrib and "maxDuration_s" in scanning.attrib:
         # That of the leg goes before that of the settings.
         element.set("maxDuration_s", scanning.attrib.pop("maxDuration_s"))

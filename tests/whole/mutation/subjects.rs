@@ -204,8 +204,9 @@ fn tables() -> Vec<Subject> {
     let rays = "time,x,y,z,dx,dy,dz\n1.5,2.25,3.5,40.25,0.125,0.25,-1\n2.5,3.25,4.5,41.25,0.1,0.2,-1\n3.5,3.25,4.5,41.25,0.1,0.2,-1\n";
     let pulses =
         Subject::run("trace", &trace).with("rays.csv", rays).beside("a.obj", PLANE).beside("p.mtl", MATERIAL);
-    let pack = ["scene", "pack", "t.csv", "-o", "out/t.vlscene", "-q"];
-    let instances = Subject::run("instances", &pack)
+    let trace = [&["trace", "rays.csv", "--scene", "t.csv", "--scanner", scanner][..], &OUT].concat();
+    let instances = Subject::run("instances", &trace)
+        .beside("rays.csv", rays)
         .with("t.csv", "file,x,y,z,yaw,scale\na.obj,1.5,2.5,3.5,30.5,1.25\na.obj,2.5,2.5,3.5,20.5,1.5\n")
         .beside("a.obj", PLANE)
         .beside("p.mtl", MATERIAL);
