@@ -62,6 +62,8 @@ pub struct Headings {
     pub columns: Vec<TableColumn>,
     /// Number of headings up to the last one that is not empty.
     pub width: usize,
+    /// Places of columns without a name, from 0, before the last one that has one.
+    unnamed: Vec<usize>,
     /// Headings with unknown names.
     pub unknown: Vec<String>,
     /// The help of columns with [`Use::Unread`], which are among the unknown ones.
@@ -84,10 +86,14 @@ impl Headings {
             let name = name.as_ref().trim();
             found.add(index, name, schema);
             // Separators at the end of a line are no columns.
-            if !name.is_empty() {
+            if name.is_empty() {
+                found.unnamed.push(index);
+            } else {
                 found.width = index + 1;
             }
         }
+        let width = found.width;
+        found.unnamed.retain(|index| *index < width);
         found
     }
 
@@ -166,6 +172,11 @@ impl Headings {
                     problems.warn(place.cloned(), message);
                 }
             }
+        }
+        if !self.unnamed.is_empty() {
+            let numbers: Vec<String> = self.unnamed.iter().map(|index| (index + 1).to_string()).collect();
+            let message = format!("columns without a name are not read: {}", numbers.join(", "));
+            problems.note(place.cloned(), message);
         }
         let missing = self.missing(schema);
         let question = self.suggestion(schema);
@@ -277,6 +288,7 @@ mod tests {
         ] {
             assert!(report(names, &SCHEMA).contains(part), "{names:?}: {}", report(names, &SCHEMA));
         }
+        assert!(report(&["x", "", "z", ""], &SCHEMA).contains("columns without a name are not read: 2"));
         let unread = Schema {
             columns: &[(Quantity::TreeHeight, Use::Unread("rename it to z")), (Quantity::Z, Use::Required)],
             ..SCHEMA

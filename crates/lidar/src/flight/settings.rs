@@ -236,6 +236,16 @@ pub(super) fn check_reference(
                 "leg {name}: a scan angle of {wanted} degrees is beyond the scanner's {used}, which is used"
             );
             problems.warn(leg.place.clone(), message);
+        } else if matches!(device.deflector, Deflector::Oscillating { .. })
+            && device.scan_angle_max > 0.0
+            && wanted > device.scan_angle_max
+        {
+            let (wanted, max) = (number(degrees(wanted)), number(degrees(device.scan_angle_max)));
+            let message = format!(
+                "leg {name}: a scan angle of {wanted} degrees is beyond the scanner's {max}, which limits no \
+                 oscillating mirror in HELIOS++"
+            );
+            problems.warn(leg.place.clone(), message).help("--physics refined limits it");
         }
     }
 }
