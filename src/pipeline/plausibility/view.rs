@@ -15,7 +15,7 @@ const FOOT: f64 = 0.3048;
 /// Height above the scene from which heights are compared with ones in feet, m.
 const MIN_SUSPECT_HEIGHT: f64 = 100.0;
 /// Share of the downward beams that meet the scene, below which a height is doubted.
-pub(super) const MIN_SHARE: f64 = 0.34;
+pub(super) const MIN_SHARE: f64 = 0.3;
 /// Factor by which more of them meet it where the heights are read as feet; a swath is at most 3.28 times as
 /// wide.
 const MIN_GAIN: f64 = 2.5;
