@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use subjects::Subject;
 
 /// A run that takes longer is ended: the change asked for more pulses.
-const LIMIT: Duration = Duration::from_secs(8);
+const LIMIT: Duration = Duration::from_secs(4);
 
 /// The result of one run.
 enum Outcome {
