@@ -1,5 +1,4 @@
-//! What surrounds the work of a command that writes points: its progress, the files beside the points, its
-//! summary.
+//! Surroundings of a command that writes points: its progress, the files beside the points, its summary.
 
 use super::console::Console;
 use super::interrupt;

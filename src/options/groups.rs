@@ -87,7 +87,7 @@ group! {
 #[command(next_help_heading = "Output")]
 #[serde(default)]
 pub struct OutputOptions with opposites {
-    /// Where the points go: a file, a folder (one file per leg), or - for stdout.
+    /// Output: a file, a folder (one file per leg), or - for stdout.
     ///
     /// The extension of a file determines its format; all legs and epochs go into one file. May be given more
     /// than once.
@@ -375,7 +375,7 @@ pub struct TreeOptions {
     /// Threads that build the tree; 0 = as --threads, the default.
     #[arg(long, value_name = "N")]
     pub tree_jobs: Option<usize>,
-    /// Whether parts of the same mesh file share its triangles; does not change the points. [default: auto]
+    /// Share triangles among parts of the same mesh file; does not change the points. [default: auto]
     #[arg(long, value_name = "WHEN")]
     pub instances: Option<Sharing>,
 }

@@ -1,4 +1,4 @@
-//! What is written: the outputs of a pipeline file, and the request that follows from all options.
+//! Outputs of a pipeline file, and the request for outputs that follows from all options.
 
 use super::groups::{Options, OutputOptions};
 use super::values::Crs;

@@ -1,4 +1,4 @@
-//! What a batch contributes to an output, and what takes it.
+//! Contribution of a batch to an output, and the writer that takes it.
 
 use super::plan::OutputPlan;
 use super::summary::FileSummary;

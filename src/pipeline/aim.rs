@@ -1,11 +1,11 @@
 //! Statistics of where beams point: a few pulses of every chunk are compared with the box around the scene,
 //! so that the cause can be reported when a run hits nothing.
 
-use super::spread::Spread;
 use vlscan_base::rng::GOLDEN;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_lidar::flight::Pulse;
 use vlscan_lidar::pulse::WeakPulses;
+use vlscan_warehouse::Series;
 
 /// Pulses per chunk that are compared.
 const SAMPLED_PULSES: usize = 8;
@@ -105,14 +105,14 @@ impl Aim {
 pub struct AimLog {
     pub sum: Aim,
     /// Beams, wherever they point.
-    pub beams: Spread<SampledBeam>,
+    pub beams: Series<SampledBeam>,
     /// Beams that point at the box around the scene.
-    pub aimed: Spread<SampledBeam>,
+    pub aimed: Series<SampledBeam>,
 }
 
 impl Default for AimLog {
     fn default() -> AimLog {
-        AimLog { sum: Aim::NONE, beams: Spread::new(MAX_BEAMS), aimed: Spread::new(MAX_BEAMS) }
+        AimLog { sum: Aim::NONE, beams: Series::new(MAX_BEAMS), aimed: Series::new(MAX_BEAMS) }
     }
 }
 
@@ -120,8 +120,8 @@ impl AimLog {
     /// Adds a piece.
     pub fn add(&mut self, piece: &Aim) {
         self.sum.add(piece);
-        piece.beam.into_iter().for_each(|beam| self.beams.add(beam));
-        piece.aimed.into_iter().for_each(|beam| self.aimed.add(beam));
+        piece.beam.into_iter().for_each(|beam| self.beams.push(beam));
+        piece.aimed.into_iter().for_each(|beam| self.aimed.push(beam));
     }
 }
 
@@ -195,7 +195,7 @@ mod tests {
             log.add(&piece);
         }
         assert_eq!((log.sum.sampled, log.sum.towards), (4000, 1000));
-        assert!(log.beams.items().iter().all(|beam| beam.direction == DVec3::X));
-        assert!(log.aimed.items().iter().all(|beam| beam.direction == -DVec3::Z));
+        assert!(log.beams.entries().iter().all(|beam| beam.direction == DVec3::X));
+        assert!(log.aimed.entries().iter().all(|beam| beam.direction == -DVec3::Z));
     }
 }

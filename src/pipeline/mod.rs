@@ -23,7 +23,6 @@
 //! | `stream` | the producer and worker of a stream of pulses |
 //! | `worker`, `moving` | the computing stage, and the moving parts of the scene |
 //! | `shard`, `merge`, `resume` | shares of a run as files, their merging to outputs, runs that go on where they were ended |
-//! | `spread` | a sample of a sequence: few items, evenly spread |
 //! | `resume_folder` | the folder with the shards of a run that can go on: its mark, its lock, its removal |
 //! | `segment` | merges that many processes share |
 //! | `collector` | the last stage: encoded results to the outputs, in order |
@@ -60,7 +59,6 @@ mod segment;
 mod session;
 mod settings;
 mod shard;
-mod spread;
 mod stream;
 mod worker;
 

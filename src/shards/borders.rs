@@ -1,4 +1,4 @@
-//! Where shards begin: the flight, stepped once, with its state at regular numbers of pulses. Any number of
+//! Borders of shards: the flight, stepped once, with its state at regular numbers of pulses. Any number of
 //! shards can use it: the state at a border is a few steps after the nearest one that is stored.
 
 use super::fingerprint::Fingerprint;

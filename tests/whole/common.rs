@@ -1,4 +1,4 @@
-//! What the whole-run tests share: the program, fixtures, temporary folders, readers of other makers.
+//! Helpers of the whole-run tests: the program, fixtures, temporary folders, readers of other makers.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

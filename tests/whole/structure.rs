@@ -488,3 +488,33 @@ fn imports_are_read() {
     assert_eq!(declared_module("pub(crate) mod a;"), Some("a"));
     assert_eq!(declared_module("model;"), None);
 }
+
+/// The first words with which no comment of an item begins: it names the item, says what it does, or when it
+/// is true.
+const RIDDLES: [&str; 7] = ["Whether", "What", "Those", "So", "Nobody", "Which", "Where"];
+
+/// The lines of `text` that begin the comment of an item or a module with one of [`RIDDLES`].
+fn riddles(text: &str) -> Vec<usize> {
+    let marker = |line: &str| ["///", "//!"].into_iter().find(|marker| line.trim_start().starts_with(marker));
+    let lines: Vec<&str> = text.lines().collect();
+    let begins = |i: &usize| {
+        let first =
+            marker(lines[*i]).filter(|marker| *i == 0 || !lines[i - 1].trim_start().starts_with(marker));
+        let word = |marker| lines[*i].trim_start().trim_start_matches(marker).split_whitespace().next();
+        first.and_then(word).is_some_and(|word| RIDDLES.contains(&word))
+    };
+    (0..lines.len()).filter(begins).map(|i| i + 1).collect()
+}
+
+#[test]
+fn comments_of_items_begin_with_what_the_item_is_or_does() {
+    assert_eq!(riddles("/// What it is.\n/// Where it lies.\n\n//! Places.\n    /// Which one.\n"), [1, 5]);
+    let found: Vec<String> = crates()
+        .iter()
+        .flat_map(|of| sources(of).into_iter().map(move |file| (of.clone(), file)))
+        .flat_map(|(of, file)| {
+            riddles(&file.text).into_iter().map(move |line| format!("{of}/{}:{line}", file.path))
+        })
+        .collect();
+    assert!(found.is_empty(), "begin with a noun, a verb or \"True if\": {found:#?}");
+}

@@ -1,7 +1,7 @@
 //! The departures from the reference's physics, materials and kinematics, each of which is optional: one row
 //! of one table.
 
-/// What a correction changes.
+/// Subject of a correction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Area {
     /// Beam, interaction and detection.
@@ -10,7 +10,7 @@ pub enum Area {
     Material,
     /// The motion of platform and optics.
     Motion,
-    /// What is recorded of a pulse besides its points.
+    /// Records of a pulse besides its points.
     Record,
 }
 

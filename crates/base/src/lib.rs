@@ -1,4 +1,4 @@
-//! What every stage of vlscan uses: errors with the place of each problem, files, bounded input, random
+//! Foundations of every stage of vlscan: errors with the place of each problem, files, bounded input, random
 //! numbers.
 //!
 //! | module | what it does |

@@ -1,4 +1,4 @@
-//! What a recorded point cloud says about its flight, its instrument and its scene.
+//! Estimates of flight, instrument and scene from a recorded point cloud.
 //!
 //! | module | what it does |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! Which columns of a table hold which attributes of a point.
+//! Assignment of the columns of a table to the attributes of a point.
 
 use super::PointRow;
 use vlscan_base::diag::listed;

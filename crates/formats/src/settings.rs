@@ -1,4 +1,4 @@
-//! What formats need to know of a cloud before its first point.
+//! Settings of a cloud that formats need before its first point.
 
 use crate::columnar::Column;
 use crate::las::LasSettings;

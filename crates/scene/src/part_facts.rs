@@ -1,4 +1,4 @@
-//! What the parts of a scene are and where: for tables beside labelled points.
+//! Facts of the parts of a scene, for tables beside labelled points.
 
 use super::{Material, Scene, Voxel, VoxelKind};
 use std::collections::{BTreeMap, HashMap};

@@ -16,13 +16,14 @@ pub enum StoreError {
     Bucket(std::io::Error),
     /// The database cannot be used.
     #[error(
-        "the database {0} is damaged: {1}\nhelp: restore it from a backup, after you have moved service.db-wal away, \
-         which belongs to the damaged one; nothing was changed, and `vlscan serve check` shows the state"
+        "the database {0} is damaged: {1}\nhelp: restore it from a backup, after you have moved \
+         service.db-wal away, which belongs to the damaged one; nothing was changed, and `vlscan serve check` shows the state"
     )]
     Damaged(PathBuf, String),
     /// The database is of another version.
     #[error(
-        "the database {path} has the version {found}, and this program has version {}\nhelp: use the version of vlscan-serve that made it",
+        "the database {path} has the version {found}, and this program has version {}\n\
+         help: use the version of vlscan-serve that made it",
         crate::schema::VERSION
     )]
     Version {
@@ -33,21 +34,21 @@ pub enum StoreError {
     },
     /// The database is missing or empty, but its folder is in use.
     #[error(
-        "the database {0} is missing or empty, but its folder has been used by a service\nhelp: restore it from a \
-         backup, after you have moved service.db-wal away, or move `id`, `uploads`, `jobs` and `service.db-wal` \
-         elsewhere to begin anew; nothing was changed"
+        "the database {0} is missing or empty, but its folder has been used by a service\n\
+         help: restore it from a backup, after you have moved service.db-wal away, or move `id`, `uploads`, \
+         `jobs` and `service.db-wal` elsewhere to begin anew; nothing was changed"
     )]
     NoDatabase(PathBuf),
     /// Folder or bucket belong to another service than the database.
     #[error(
-        "{0} belongs to another service than the database\nhelp: check --data and --store; `vlscan serve check` shows the ids; nothing \
-         was changed"
+        "{0} belongs to another service than the database\n\
+         help: check --data and --store; `vlscan serve check` shows the ids; nothing was changed"
     )]
     Foreign(&'static str),
     /// The bucket is empty, but the database lists files.
     #[error(
-        "the bucket is empty, but the database lists uploads or results\nhelp: start the service with the --store that \
-         has their files, or without --store if they are in the folder --data; nothing was changed"
+        "the bucket is empty, but the database lists uploads or results\n\
+         help: start the service with the --store that has their files, or without --store if they are in the folder --data; nothing was changed"
     )]
     NoObjects,
 }

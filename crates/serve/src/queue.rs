@@ -398,4 +398,4 @@ fn waiting(database: &Connection, lane: Lane, now: i64) -> rusqlite::Result<Vec<
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

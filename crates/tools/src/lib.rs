@@ -1,4 +1,4 @@
-//! What surrounds a run: scenes and surveys that are made, campaigns of many runs, clouds that are compared
+//! Tools around a run: scenes and surveys that are made, campaigns of many runs, clouds that are compared
 //! and drawn.
 //!
 //! | module | what it does |

@@ -1,4 +1,4 @@
-//! What a chunk costs besides its work, by schedule and number of threads.
+//! Cost of a chunk besides its work, by schedule and number of threads.
 //!
 //! ```text
 //! cargo bench -p vlscan-warehouse

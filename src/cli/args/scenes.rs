@@ -95,7 +95,7 @@ pub struct PackArgs {
     /// The tree to pack. [default: bvh]
     #[arg(long, value_name = "TREE")]
     pub tree: Option<Builder>,
-    /// Whether parts of the same mesh file share its triangles; does not change the points. [default: auto]
+    /// Share triangles among parts of the same mesh file; does not change the points. [default: auto]
     #[arg(long, value_name = "WHEN")]
     pub instances: Option<Sharing>,
     /// Divide the scene into tiles, which runs with this option load when rays come near, and pack it with no

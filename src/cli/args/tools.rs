@@ -113,8 +113,8 @@ pub struct PreviewArgs {
     /// column of point files.
     #[arg(long, value_name = "N")]
     pub pulse: Option<u64>,
-    /// What the colour shows. [default: height; for a survey the leg that covers the point, grey where none
-    /// does]
+    /// Attribute that sets the colour. [default: height; for a survey the leg that covers the point, grey
+    /// where none does]
     #[arg(long, value_enum)]
     pub colour: Option<ColourBy>,
     /// Dark on white, for print, instead of light on black.

@@ -1,4 +1,4 @@
-//! What a run will cost and give, before it runs: [`Session::dry_run`].
+//! Forecast of the cost and the points of a run: [`Session::dry_run`].
 //!
 //! | file | what it does |
 //! |---|---|

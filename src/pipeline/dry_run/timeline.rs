@@ -1,4 +1,4 @@
-//! What a flight consists of: duration and pulses of its legs, and states at equal distances along it, from
+//! Timeline of a flight: duration and pulses of its legs, and states at equal distances along it, from
 //! which a sample is measured.
 //!
 //! A short flight is stepped to its end. Of a long one the durations come from the same flight with a coarse

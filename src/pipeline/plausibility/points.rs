@@ -71,8 +71,9 @@ impl YieldCheck<'_> {
         let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
         let (towards, within) = (of_sampled(aim.towards), of_sampled(aim.within));
         let share = echoes as f64 / fired;
-        let fits =
-            |share: f64| view::in_feet(&scene.bounds, scene.shift.z, log.beams.items(), target.ranges, share);
+        let fits = |share: f64| {
+            view::in_feet(&scene.bounds, scene.shift.z, log.beams.entries(), target.ranges, share)
+        };
         let bounds = scene.bounds.translated(scene.shift);
         let flight = aim.origins.translated(scene.shift);
         let above = flight.min.z - bounds.max.z;
@@ -98,7 +99,7 @@ impl YieldCheck<'_> {
         }
         let gap = (bounds.min - flight.max).max(flight.min - bounds.max).max(DVec3::ZERO);
         let across = gap.x.hypot(gap.y);
-        let origins: Vec<DVec3> = log.beams.items().iter().map(|beam| beam.origin).collect();
+        let origins: Vec<DVec3> = log.beams.entries().iter().map(|beam| beam.origin).collect();
         let below = ground::check("the flight", scene, self.tree, &origins, mount.offset.z);
         let message = format!(
             "{} for {}: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
@@ -193,7 +194,7 @@ impl YieldCheck<'_> {
             let hit = self.scene.nearest_where(self.tree, beam.origin, beam.direction, |_, _| true);
             hit.map(|hit| hit.t)
         };
-        let aimed = log.aimed.items();
+        let aimed = log.aimed.entries();
         let mut ranges: Vec<f64> = aimed.iter().filter_map(cast).collect();
         // Surfaces that fill a small part of the box are missed by the sample; then the distance of the box
         // counts.

@@ -5,7 +5,6 @@ use super::finding::Finding;
 use super::pace::Pace;
 use super::view::{PLACES, ViewPoint};
 use super::{boxes, stream_place};
-use crate::pipeline::spread::Spread;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -13,6 +12,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_lidar::platform::{PollResult, Pose, PoseEvent, PoseReader};
 use vlscan_survey::{AngleConvention, PoseStream};
+use vlscan_warehouse::Series;
 
 /// Time for which a block of poses is waited for.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -21,7 +21,7 @@ const MAX_APPROACH: f64 = 50_000.0;
 
 #[derive(Debug)]
 pub struct PoseCheck {
-    /// Where the flight comes from.
+    /// Source of the flight.
     place: Option<Place>,
     scene: Aabb,
     /// Box around all poses. A flight past the scene is detected by its points per pulse instead.
@@ -116,12 +116,12 @@ pub(super) fn read_ahead(
     is_stopped: &dyn Fn() -> bool,
 ) -> Option<(Diagnostics, Vec<ViewPoint>)> {
     let check = PoseCheck { is_complete: true, ..PoseCheck::new(stream, scene, Arc::default()) };
-    let seen = Arc::new(Mutex::new((check, Diagnostics::default(), Spread::new(4 * PLACES))));
+    let seen = Arc::new(Mutex::new((check, Diagnostics::default(), Series::new(4 * PLACES))));
     let shared = seen.clone();
     let observe = move |event: PoseEvent| {
         let mut seen = shared.lock().unwrap_or_else(PoisonError::into_inner);
         if let PoseEvent::Pose(Pose { position, attitude, .. }, _) = event {
-            seen.2.add(ViewPoint { position: position - shift, attitude });
+            seen.2.push(ViewPoint { position: position - shift, attitude });
         }
         let found = seen.0.add(event);
         seen.1.extend(found);
@@ -135,5 +135,5 @@ pub(super) fn read_ahead(
     }
     drop(reader);
     let (_, found, poses) = Arc::into_inner(seen)?.into_inner().unwrap_or_else(PoisonError::into_inner);
-    Some((found, poses.items().to_vec()))
+    Some((found, poses.entries().to_vec()))
 }

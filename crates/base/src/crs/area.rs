@@ -1,4 +1,4 @@
-//! Where on Earth coordinates of a system lie, and the area in which its EPSG code is used.
+//! Places on Earth of the coordinates of a system, and the area in which its EPSG code is used.
 
 use super::{epsg, name, projected_epsg, unit_problem, wkt_of_epsg};
 use crate::quantity::metres;

@@ -1,6 +1,6 @@
 //! Rows of tables of numbers, as lines of text or as record batches of an Arrow stream, decoded while they
 //! arrive: [`RowDecoder`] takes bytes and returns blocks of complete rows, whose numbers any thread can read.
-//! What the columns mean is up to the caller, who finds the names in [`RowDecoder::fields`] or in the first
+//! The caller interprets the columns, and finds the names in [`RowDecoder::fields`] or in the first
 //! row of the text.
 
 use super::arrow::{ArrowDecoder, ArrowDetection, NumberBatch, TableField, detect_arrow};

@@ -1,4 +1,4 @@
-//! Where the beam of a flown scanner meets the ground.
+//! Model of the place where the beam of a flown scanner meets the ground.
 
 use super::mirror::{MIRROR_PARAMETERS, Mirror};
 use libm::{atan2, cos, hypot, sin};

@@ -293,7 +293,7 @@ fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
 
 /// The step of times that is too large to tell the intervals of pulses, s; `None` if the times tell them.
 ///
-/// Where it is nearly an interval, most intervals have one value, which differs from what the places of the
+/// If it is nearly an interval, most intervals have one value, which differs from what the places of the
 /// points say.
 fn coarse_step(recording: &Recording, step: f64, by_place: &[f64]) -> Option<f64> {
     const MAX_DIFFERENCE: f64 = 0.05;

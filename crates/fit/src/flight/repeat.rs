@@ -23,7 +23,7 @@ const ROUNDS: usize = 4;
 /// empty if they do not recur.
 ///
 /// Each series is a run of intervals between neighbouring pulses of a line, `None` where a pulse is missing.
-/// Where in the pattern a line begins is not known beforehand.
+/// The place in the pattern at which a line begins is not known beforehand.
 pub fn interval_pattern(series: &[Vec<Option<f64>>]) -> Vec<f64> {
     let covariance = |lag: usize| {
         let (mut sum, mut count) = (0.0, 0.0);

@@ -1,4 +1,4 @@
-//! What was estimated of a flight, with uncertainties.
+//! Report of an estimated flight, with uncertainties.
 
 use super::FlightFit;
 use super::mirror::Mirror;

@@ -1,4 +1,4 @@
-//! Where the instrument was when it emitted a pulse.
+//! Position of the instrument when it emitted a pulse.
 //!
 //! All returns of a pulse lie on its beam, so that the beams of pulses with several returns meet in the
 //! instrument (Gatziolis and McGaughey 2019, *Reconstructing aircraft trajectories from multi-return airborne

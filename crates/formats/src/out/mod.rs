@@ -1,4 +1,4 @@
-//! Where encoded points go: buffered streams of bytes to files and pipes, with jobs for idle threads.
+//! Destinations of encoded points: buffered streams of bytes to files and pipes, with jobs for idle threads.
 //!
 //! | file | contents |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! Which of the returns in a waveform a receiver reports: photon statistics, dropouts, dead time, number of
+//! Selection of the returns that a receiver reports: photon statistics, dropouts, dead time, number of
 //! returns.
 //!
 //! A receiver that counts photons detects an echo when at least N of its photoelectrons arrive. Their number

@@ -4,7 +4,8 @@ use super::*;
 use crate::files::Files;
 use crate::store::{FileKind, Listed, Upload, UploadFile};
 
-fn job(owner: &str, id: &str) -> Job {
+/// A job that nobody computes yet.
+pub(crate) fn job(owner: &str, id: &str) -> Job {
     Job {
         id: id.to_owned(),
         owner: owner.to_owned(),

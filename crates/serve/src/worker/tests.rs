@@ -3,6 +3,7 @@
 use super::*;
 use crate::files::Files;
 use crate::queue::LEASE;
+use crate::queue::tests::job;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -18,23 +19,7 @@ fn workshop() -> (tempfile::TempDir, Workshop, Job) {
         catalogue: serde_json::Value::Null,
     };
     let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
-    let job = Job {
-        id: "a".to_owned(),
-        owner: "anna".to_owned(),
-        process: "run".to_owned(),
-        inputs: "{}".to_owned(),
-        prepared: "{}".to_owned(),
-        fingerprint: String::new(),
-        folder: "a".to_owned(),
-        status: Status::Accepted,
-        message: String::new(),
-        progress: 0,
-        results: String::new(),
-        created: now(),
-        started: None,
-        finished: None,
-        updated: now(),
-    };
+    let job = job("anna", "a");
     assert!(store.add_job(&job, &BTreeSet::new(), None, 9).unwrap());
     (folder, Workshop::new(Arc::new(store), Arc::new(program), limits, Vec::new(), None), job)
 }

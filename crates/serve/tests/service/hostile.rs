@@ -1,4 +1,4 @@
-//! What others may send: requests of strangers and of pages of other sites, names and files that lead
+//! Hostile input: requests of strangers and of pages of other sites, names and files that lead
 //! elsewhere, damaged files. Nothing of it yields an error of the service (5xx), or a byte that is not the
 //! sender's.
 

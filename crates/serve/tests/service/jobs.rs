@@ -28,7 +28,7 @@ fn points(service: &Service, id: &str) -> Vec<u8> {
     answer.body
 }
 
-/// Whether a job has to be computed; a worker may have begun already.
+/// True if a job has to be computed; a worker may have begun already.
 fn is_computed(job: &Value) -> bool {
     ["accepted", "running"].iter().any(|status| job["status"] == *status)
 }

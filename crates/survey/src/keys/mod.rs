@@ -59,7 +59,7 @@ impl From<&'static str> for Key {
 pub struct KeyTable {
     /// Its header; empty for the keys at the top of the file.
     pub name: &'static str,
-    /// What it describes.
+    /// Its subject.
     pub about: &'static str,
     /// Names and meanings of its keys.
     pub keys: &'static [(&'static str, &'static str)],
@@ -173,7 +173,7 @@ pub struct WrittenKey {
     pub key: &'static Key,
     /// Its name as written.
     pub name: &'static str,
-    /// Where it was written.
+    /// Its place.
     pub place: Place,
     /// The channel that it belongs to; `None` if it belongs to all.
     pub channel: Option<usize>,

@@ -65,18 +65,18 @@ keys! {
     SurveyKeys = "" {
         /// Survey XML file to start from.
         survey;
-        /// What is scanned: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vrt,
+        /// The scene: `file.xml#id`, `file.xml` (its first scene), a geometry file (.obj, .tif, .vrt,
         /// .vox), a folder of tiles of a raster, a table of instances (.csv) or a packed scene (.vlscene).
         scene;
         /// Parts of the scene, instead of `scene`.
         part;
         /// Name of the run; it names the output folder. Default: the file's name without extension.
         name;
-        /// What carries the scanner.
+        /// The carrier of the scanner.
         platform;
         /// The instrument.
         scanner;
-        /// What the scanner does; with `[[leg]]` tables, what holds for all of them.
+        /// Settings of the scanner; with `[[leg]]` tables, those that hold for all of them.
         settings;
         /// Waypoints of a platform that does not follow a trajectory.
         leg;
@@ -94,7 +94,7 @@ keys! {
         /// Geometry file: a mesh (.obj, .ply, .stl, .off, .gltf, .glb), a terrain raster (.tif, .asc, .vrt)
         /// or vegetation voxels (.vox); or a folder or a pattern (`dem/*.tif`) of tiles of a raster.
         file;
-        /// What points report as the id of the object. Default: the number of the part, from 0.
+        /// Id of the object that points report. Default: the number of the part, from 0.
         id;
         /// Axis of a mesh that points up, `z` or `y`. Default: `y` for glTF, `z` for other meshes.
         up;
@@ -479,7 +479,7 @@ keys! {
         mount = "scannerMount";
         /// Legs with the same strip share their output. Default: none.
         strip = "stripId";
-        /// What differs from `[settings]`.
+        /// Settings that differ from `[settings]`.
         settings;
     }
 }

@@ -1,4 +1,4 @@
-//! What terrain rasters are read from: files that are tiles of one grid, and virtual rasters.
+//! Sources of terrain rasters: files that are tiles of one grid, and virtual rasters.
 
 use std::path::PathBuf;
 use std::sync::Arc;

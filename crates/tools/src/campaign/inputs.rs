@@ -1,4 +1,4 @@
-//! What the contents of cells depend on: files that were read, looked for or listed.
+//! Dependencies of the contents of cells: files that were read, looked for or listed.
 
 use super::record::Record;
 use std::collections::{BTreeMap, BTreeSet};

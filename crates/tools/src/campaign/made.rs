@@ -1,4 +1,4 @@
-//! What campaigns have written for a cell: the only files that they remove.
+//! Files that campaigns have written for a cell, the only ones that they remove.
 
 use super::record::Record;
 use super::store::RECORD;

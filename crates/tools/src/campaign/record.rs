@@ -1,4 +1,4 @@
-//! What is known of a cell that is complete: its line of the manifest.
+//! Record of a complete cell: its line of the manifest.
 
 use super::inputs::Inputs;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! Where the figures of an instrument come from.
+//! Sources of the figures of an instrument.
 
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;

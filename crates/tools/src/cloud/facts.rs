@@ -1,5 +1,5 @@
-//! What a point cloud is: counts, density, extent, system, classes, returns, times, flight lines, in one pass
-//! and in memory that does not grow with the number of points.
+//! Description of a point cloud: counts, density, extent, system, classes, returns, times, flight lines, in
+//! one pass and in memory that does not grow with the number of points.
 
 use super::facts_text::{ADJUSTED, likely_dates};
 use super::occupancy::Occupancy;

@@ -1,4 +1,4 @@
-//! Where a cloud comes from: a file, or a table in memory.
+//! Source of a cloud: a file, or a table in memory.
 
 use ::arrow_array::RecordBatch;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! What chance alone gives: differences between random halves of the first cloud.
+//! Differences by chance alone: those between random halves of the first cloud.
 //!
 //! Neighbouring points are alike, since they share terrain, attitude errors and atmosphere, so that single
 //! points must not be drawn: halves of single points would be alike beyond what another measurement is. The

@@ -1,4 +1,4 @@
-//! What cells and voxels of both clouds have in common: highest and lowest points, occupied voxels.
+//! Properties that cells and voxels of both clouds share: highest and lowest points, occupied voxels.
 
 use super::cut::{CellGrid, Cut};
 use serde::Serialize;

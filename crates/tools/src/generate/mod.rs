@@ -107,7 +107,7 @@ static TRAITS: [Traits; 3] = [
 /// Choices for [`write_scene`].
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct SceneOptions {
-    /// What to make.
+    /// Kind of scene to make.
     pub kind: SceneKind,
     /// Number of triangles, to within about one per cent; 250k and 10M are understood.
     #[arg(short = 'n', long, value_name = "N", default_value = "100k", value_parser = args::count)]

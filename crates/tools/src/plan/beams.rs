@@ -1,5 +1,5 @@
-//! Where the beams of an instrument meet flat ground, sampled from the optics that the simulator turns:
-//! whatever deflector, channels, facets and head an instrument has, no formula of its own is needed.
+//! Places where the beams of an instrument meet flat ground, sampled from the optics that the simulator
+//! turns: whatever deflector, channels, facets and head an instrument has, no formula of its own is needed.
 
 use super::reach::{Reach, Seen};
 use vlscan_base::corrections::Corrections;

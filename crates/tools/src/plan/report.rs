@@ -1,4 +1,4 @@
-//! What a plan of a flight promises, as comments, and what the user should know.
+//! Report of a planned flight as comments, with hints for the user.
 
 use super::airborne::{AirborneOptions, Choice};
 use super::area::Area;

@@ -1,4 +1,4 @@
-//! What a survey is planned from.
+//! Request for a planned survey.
 
 use super::{AirborneOptions, Area, MobileOptions, TerrestrialOptions};
 use crate::args;

@@ -1,4 +1,4 @@
-//! What an instrument does in a straight flight over flat ground.
+//! Swath of an instrument in a straight flight over flat ground.
 //!
 //! The strip is sampled from the instrument's own optics (`beams`): its width W across the flight, the pulses
 //! N per second that reach the ground within the instrument's ranges, and how they are spread. With the speed

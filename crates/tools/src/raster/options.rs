@@ -1,4 +1,4 @@
-//! Which rasters are made of a point cloud, and how.
+//! Options for the rasters of a point cloud.
 
 use crate::args;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,5 @@
-//! Which rays of a pulse pass within a triangle, decided in single precision wherever that suffices: sixteen
-//! pairs of a pulse and a triangle at a time, lanes being pairs.
+//! Selection of the rays of a pulse that pass within a triangle, decided in single precision wherever that
+//! suffices: sixteen pairs of a pulse and a triangle at a time, lanes being pairs.
 //!
 //! The reasoning is that of [`super::edges`]; only the corners come rounded from the block, relative to the
 //! packet's apex, so that the error is bounded by that rounding times the size of the triangle. What stays

@@ -1,4 +1,4 @@
-//! Where the cubes of a grid are.
+//! Places of the cubes of a grid.
 
 use crate::Cube;
 use vlscan_geom::{DVec3, Rotation};

@@ -1,5 +1,4 @@
-//! Which cells of a grid are occupied, one bit each, and the tables that this makes possible: one entry per
-//! occupied cell, in order.
+//! Occupied cells of a grid, one bit each, and tables with one entry per occupied cell, in order.
 
 use super::cells::{Cell, CloudGrid, SHARDS};
 use std::ops::Range;

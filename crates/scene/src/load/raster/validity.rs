@@ -1,4 +1,4 @@
-//! Which pixels of a raster have data: no-data values, masks within the file or beside it, alpha bands.
+//! Validity of the pixels of a raster: no-data values, masks within the file or beside it, alpha bands.
 
 use super::blocks::{Blocks, readable};
 use super::file::{Directory, RasterFile};

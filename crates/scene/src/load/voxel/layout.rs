@@ -1,4 +1,4 @@
-//! Which columns of a file hold which attributes of a voxel.
+//! Assignment of the columns of a file to the attributes of a voxel.
 
 use crate::text::{Line, Problems, Words, shown};
 use vlscan_base::diag::nearest;

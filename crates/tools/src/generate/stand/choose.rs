@@ -1,4 +1,4 @@
-//! Which model stands for a tree.
+//! Choice of the model of a tree.
 
 use super::inventory::Tree;
 use super::models::Model;

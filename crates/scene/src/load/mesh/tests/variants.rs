@@ -1,4 +1,4 @@
-//! What other programs write: variants of the formats, and formats that are not read.
+//! Files of other programs: variants of the formats, and formats that are not read.
 
 use super::*;
 
