@@ -184,7 +184,7 @@ class RunOptions(TypedDict, total=False):
     """Threads that build the tree; 0 = as --threads, the default."""
 
     instances: Literal["auto", "always", "never"] | None
-    """Whether parts of the same mesh file share its triangles; does not change the points. [default: auto]"""
+    """Share triangles among parts of the same mesh file; does not change the points. [default: auto]"""
 
     trajectory_out: PathLike | None
     """Write the platform's poses as often as the survey's trajectoryTimeInterval_s asks for (CSV, as --trajectory reads it)."""
