@@ -10,7 +10,7 @@ use crate::sketch::survey_points;
 use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, reads, refuse_existing};
+use vlscan_base::files::{FileWriter, Patched, means_stdout, reads, refuse_existing};
 use vlscan_base::quantity::{amount, amount_of};
 use vlscan_tools::cloud::{Points, Wave, read_packet, read_points, read_wave};
 use vlscan_tools::preview::{Chart, ColourBy, PreviewOptions, draw, write_octree, write_page};
@@ -78,7 +78,7 @@ fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
 }
 
 fn waveform(path: &Path, pulse: u64) -> Result<Wave> {
-    if is_stdout(path) {
+    if means_stdout(path) {
         return read_wave(std::io::stdin().lock(), Path::new("<stdin>"), pulse);
     }
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("las") || e.eq_ignore_ascii_case("laz")) {
@@ -107,7 +107,7 @@ fn check(args: &PreviewArgs) -> Result<()> {
             "name a file of points, a survey or a pipeline; `vlscan scene info` describes a scene",
         ));
     }
-    if is_stdout(out) {
+    if means_stdout(out) {
         if std::io::stdout().is_terminal() && !args.force {
             return Err(Error::input(
                 "a picture is not written to a terminal: use -o NAME.png, or insist with --force",
@@ -133,10 +133,6 @@ fn check(args: &PreviewArgs) -> Result<()> {
     Err(Error::input(format!("{}: expected a name that ends in .png, .html or .copc.laz", out.display())))
 }
 
-fn is_stdout(path: &Path) -> bool {
-    path.as_os_str() == "-"
-}
-
 fn is_page(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html") || e.eq_ignore_ascii_case("htm"))
 }
@@ -146,12 +142,12 @@ fn is_octree(path: &Path) -> bool {
 }
 
 fn title(points: &Path) -> String {
-    if is_stdout(points) { String::new() } else { points.display().to_string() }
+    if means_stdout(points) { String::new() } else { points.display().to_string() }
 }
 
 /// Writes the picture or page.
 fn write<T>(args: &PreviewArgs, content: impl FnOnce(&mut dyn Write) -> std::io::Result<T>) -> Result<T> {
-    let file = match is_stdout(&args.out) {
+    let file = match means_stdout(&args.out) {
         true => FileWriter::stdout(Patched::Never)?,
         false => FileWriter::create(&args.out, args.force, Patched::Never)?,
     };

@@ -8,7 +8,7 @@ use std::io::IsTerminal as _;
 use std::path::Path;
 use vlscan_base::crs;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileGroup, FileWriter, Patched, reads, refuse_existing};
+use vlscan_base::files::{FileGroup, FileWriter, Patched, means_stdout, reads, refuse_existing};
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, amount_of, number};
 use vlscan_tools::cloud::CloudSource;
@@ -38,27 +38,23 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
         count => format!(", without {} that returned nothing", amount_of(count as f64, "pulse")),
     };
     let mut group = FileGroup::default();
-    for (kind, path) in wanted.iter().filter(|(_, path)| !is_stdout(path)) {
+    for (kind, path) in wanted.iter().filter(|(_, path)| !means_stdout(path)) {
         group.write(path, args.force, &rasters.geotiff(*kind)?)?;
     }
-    for (kind, _) in wanted.iter().filter(|(_, path)| is_stdout(path)) {
+    for (kind, _) in wanted.iter().filter(|(_, path)| means_stdout(path)) {
         FileWriter::stdout(Patched::Never)?.append(&rasters.geotiff(*kind)?)?;
     }
     group.commit()?;
     for (kind, path) in &wanted {
         console.say(format!(
             "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}",
-            if is_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
+            if means_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
             kind.name(),
             amount(rasters.points as f64),
             number(rasters.side()),
         ));
     }
     Ok(())
-}
-
-fn is_stdout(path: &Path) -> bool {
-    path.as_os_str() == "-"
 }
 
 /// Refuses files that would replace others, and what is no point cloud, before anything is read.
@@ -73,7 +69,7 @@ fn check(args: &RasterArgs, wanted: &[(RasterKind, &Path)]) -> Result<()> {
             let (one, other, path) = (other.name(), kind.name(), path.display());
             return Err(Error::input(format!("--{one} and --{other} are both {path}")));
         }
-        if is_stdout(path) {
+        if means_stdout(path) {
             if std::io::stdout().is_terminal() && !args.force {
                 let name = kind.name();
                 return Err(Error::input(format!(

@@ -147,7 +147,7 @@ fn with_file_per_leg(target: Target) -> Target {
 }
 
 fn is_stdout(path: &Path) -> bool {
-    ["-", "STDOUT"].iter().any(|name| path.as_os_str() == *name) || files::is_stdout(path)
+    path.as_os_str() == "STDOUT" || files::means_stdout(path)
 }
 
 /// Target of a path, and its format: the one that its extension tells, else the one asked for, else

@@ -312,7 +312,11 @@ impl Writer {
                 file.content,
                 Content::Points(_) | Content::Shard | Content::Table(TableContent::Points)
             );
-            if is_points && file.sink == 0 {
+            // Points are counted in the first sink whose reader has not gone away.
+            let is_closed = |sink: usize| {
+                self.closed_pipes.iter().any(|&slot| plan.layout.files[slot as usize].sink == sink)
+            };
+            if is_points && (0..).find(|&sink| !is_closed(sink)) == Some(file.sink) {
                 self.summary.points += done.iter().map(|file| file.records).sum::<u64>();
             }
             self.summary.files.extend(done);

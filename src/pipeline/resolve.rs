@@ -6,6 +6,7 @@ use crate::output::OutputRequest;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::means_stdout;
 use vlscan_base::machine;
 use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
 use vlscan_scene::TileOptions;
@@ -111,6 +112,10 @@ impl ResolvedRun {
         }
         settings.physics = settings.physics_for(&output);
         let speed = &options.schedule;
+        if let Some(path) = speed.schedule_log.as_deref().filter(|path| means_stdout(path)) {
+            let message = format!("--schedule-log {}: stdout is for points; name a file", path.display());
+            return Err(Error::input(message));
+        }
         Ok(ResolvedRun {
             settings,
             output,

@@ -538,7 +538,10 @@ fn a_dash_is_stdout_for_a_file_and_refused_for_several() {
         (&["frames", "points.mcap", "--layout", "kitti", "-o", "-"], several),
         (&["fit", "cloud.xyz", "-o", "-"], several),
         (&["compare", "cloud.xyz", "cloud.xyz", "--change", "-"], "stdout holds the report"),
+        (&["compare", "cloud.xyz", "cloud.xyz", "--page", "/dev/stdout"], "stdout holds the report"),
         (&["catalogue", "show", "riegl_vux-1uav", "--picture", "-"], "stdout holds the report"),
+        (&["scene", "pack", "flat.obj", "-o", "-"], "name a file"),
+        (&["run", &common::forest(), "-o", "a.xyz", "--schedule-log", "-"], "name a file"),
     ] {
         let said = refused(dir.path(), command);
         assert!(said.contains(reason), "{command:?}: {said}");

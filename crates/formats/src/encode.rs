@@ -19,7 +19,7 @@ pub trait PointEncoder: Debug + Send + Sync {
     /// Encodes points and counts them.
     fn encode(&self, batch: &PointBatch, out: &mut EncodedPoints);
 
-    /// True if bytes of a file are replaced at its end.
+    /// When bytes of a file are replaced at its end, if they are.
     fn patched(&self) -> Patched {
         Patched::Never
     }

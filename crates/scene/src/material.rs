@@ -63,10 +63,12 @@ pub enum Reflection {
 const LEAF_WORDS: [&str; 10] =
     ["leaf", "leaves", "needle", "foliage", "laub", "blatt", "blätt", "bla\u{308}tt", "blaett", "nadel"];
 /// Words in the names of wood and bare crowns that may contain a leaf word: `Laubbaum_Stamm`.
-const WOOD_WORDS: [&str; 15] = [
-    "bark", "trunk", "stamm", "rinde", "borke", "holz", "stem", "wood", "branch", "twig", "zweig",
-    "leafless", "leaf-off", "laublos", "blattlos",
+const WOOD_WORDS: [&str; 13] = [
+    "bark", "trunk", "stamm", "rinde", "borke", "holz", "branch", "twig", "zweig", "leafless", "leaf-off",
+    "laublos", "blattlos",
 ];
+/// The same, but only as words by themselves: names of trees and others contain them (`dogwood_leaf`).
+const WHOLE_WOOD_WORDS: [&str; 4] = ["wood", "woods", "stem", "stems"];
 
 /// Mean of cos θ over uniformly distributed leaf normals, weighted by projected area: 1/3 over 1/2.
 pub const SPHERICAL_MEAN_COSINE: f64 = 2.0 / 3.0;
@@ -92,7 +94,9 @@ impl Material {
         self.leaf.or_else(|| {
             let name = self.name.to_lowercase();
             let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
-            (has(&LEAF_WORDS) && !has(&WOOD_WORDS)).then_some(true)
+            let is_whole = |word: &str| WHOLE_WOOD_WORDS.contains(&word);
+            let is_wood = has(&WOOD_WORDS) || name.split(|c: char| !c.is_alphanumeric()).any(is_whole);
+            (has(&LEAF_WORDS) && !is_wood).then_some(true)
         })
     }
 
@@ -204,10 +208,23 @@ mod tests {
             "Bla\u{308}tter",
             "BLAETTER",
             "Nadeln",
+            "cottonwood_leaf",
+            "Dogwood leaves",
+            "leaf_system",
         ] {
             assert_eq!(named(leaf), Some(true), "{leaf}");
         }
-        for other in ["bark", "wall", "m_7", "Laubbaum_Stamm", "Nadelholz", "leafless crown", "Rinde"] {
+        for other in [
+            "bark",
+            "wall",
+            "m_7",
+            "Laubbaum_Stamm",
+            "Nadelholz",
+            "leafless crown",
+            "Rinde",
+            "Leaf_Stem",
+            "leaf wood",
+        ] {
             assert_eq!(named(other), None, "{other}");
         }
         let stated =

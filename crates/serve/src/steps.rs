@@ -156,7 +156,7 @@ fn words(texts: &[String]) -> Vec<OsString> {
 }
 
 /// Removes everything in a folder.
-fn empty(folder: &Path) -> Result<()> {
+pub(crate) fn empty(folder: &Path) -> Result<()> {
     fs::remove_dir_all(folder)?;
     Ok(fs::create_dir(folder)?)
 }

@@ -262,7 +262,9 @@ fn expand_confined(archive: &Path, work: &Path, limits: &ServeArgs) -> Result<Pa
         "../out".to_owned(),
     ];
     let words = words.map(OsString::from);
-    match setting.execute(&words, &work.join("log"), None, &mut || Ok(()), &mut || Ok(true))? {
+    match setting
+        .execute(&words, &work.join("log"), None, &mut || crate::steps::empty(&out), &mut || Ok(true))?
+    {
         End::Success => Ok(out),
         End::Failure(message) | End::NotDivisible(message) => {
             let message = message.trim_start_matches("error: ");

@@ -80,7 +80,12 @@ impl Workshop {
         let drawn = self.draw(&prepared, &words, Some((&path, title)))?;
         let view = drawn.path().join(VIEW);
         if Beneath::of(&view)?.file(PICTURE).is_ok() {
-            fs::create_dir_all(folder.join(VIEW))?;
+            // Not the folder of the job itself, which may have been dismissed meanwhile.
+            match fs::create_dir(folder.join(VIEW)) {
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+                Err(e) if e.kind() != std::io::ErrorKind::AlreadyExists => return Err(e.into()),
+                _ => {}
+            }
             fs::rename(view.join(PICTURE), folder.join(VIEW).join(PICTURE))?;
         }
         if !self.store.has_bucket() {

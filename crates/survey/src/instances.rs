@@ -51,7 +51,7 @@ const SCHEMA: Schema = Schema {
         (Quantity::X, Use::Required),
         (Quantity::Y, Use::Required),
         // `height` is that of a tree; instances are scaled by a factor.
-        (Quantity::TreeHeight, Use::Unread(HEIGHT)),
+        (Quantity::TreeHeight, Use::Unread(Some((Quantity::Z, HEIGHT)))),
         (Quantity::Z, Use::Required),
         (Quantity::Yaw, Use::Optional),
         (Quantity::Scale, Use::Optional),

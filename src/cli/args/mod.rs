@@ -45,6 +45,7 @@ use crate::options::Switch;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{ArgAction, Parser, Subcommand};
 use std::path::PathBuf;
+use vlscan_base::files::means_stdout;
 
 /// Returns a parser of the names of folders and of groups of files, which do not fit into one stream.
 fn files() -> impl TypedValueParser<Value = PathBuf> {
@@ -56,9 +57,13 @@ fn besides_report() -> impl TypedValueParser<Value = PathBuf> {
     except_stdout("stdout holds the report; name a file")
 }
 
+/// Returns a parser of the names of files that are written at any place, which a stream cannot be.
+fn on_disk() -> impl TypedValueParser<Value = PathBuf> {
+    except_stdout("the file is not written from its beginning to its end, as stdout is; name a file")
+}
+
 fn except_stdout(reason: &'static str) -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new()
-        .try_map(move |path| if path.as_os_str() == "-" { Err(reason) } else { Ok(path) })
+    PathBufValueParser::new().try_map(move |path| if means_stdout(&path) { Err(reason) } else { Ok(path) })
 }
 
 /// Virtual laser scanning for Unix pipes.

@@ -77,7 +77,7 @@ pub struct PackArgs {
     /// wavelength is used.
     pub scene: String,
     /// The packed scene. [default: the scene's file with the extension .vlscene]
-    #[arg(short = 'o', long, value_name = "PATH")]
+    #[arg(short = 'o', long, value_name = "PATH", value_parser = super::on_disk())]
     pub out: Option<PathBuf>,
     /// Folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]

@@ -110,7 +110,8 @@ impl Pace {
         self.find_slow().or_else(|| self.find_fast())
     }
 
-    fn find_slow(&self) -> Option<Finding> {
+    /// Finds a flight that hardly moves, or lasts for days.
+    pub fn find_slow(&self) -> Option<Finding> {
         let (Some(first), Some((last, _))) = (self.first, self.last) else { return None };
         Pace::judge(last - first, self.length)
     }

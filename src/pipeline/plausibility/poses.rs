@@ -102,6 +102,10 @@ impl PoseCheck {
     }
 
     fn misplaced(&self) -> Option<Finding> {
+        // The reader reports flights without poses.
+        if self.flight.is_empty() {
+            return None;
+        }
         boxes::compare("the flight", &self.scene, &self.flight, MAX_APPROACH)
     }
 }

@@ -108,7 +108,7 @@ pub fn changes(place: &Place, content: &str) -> Vec<Change> {
         .collect();
     let removed = replaced(content, &place.whole, place.instead);
     let value = String::new();
-    all.push(Change { name: "removed", value, content: removed, effect: Effect::Message });
+    all.push(Change { name: "removed", value, content: removed, effect: Effect::Value });
     if !place.name.is_empty() {
         let name = &content[place.name.clone()];
         let other_case: String = name

@@ -39,7 +39,7 @@ mod undo;
 mod writer;
 
 pub use group::FileGroup;
-pub use paths::{free_name, identity, is_special, is_stdout, with_suffix};
+pub use paths::{free_name, identity, is_special, is_stdout, means_stdout, with_suffix};
 pub use positioned::{PositionedFile, read_exact_at};
 pub use reads::{FileSet, ReadGuard, Reads, Recording, Stamp};
 pub use stream::limit_waiting;

@@ -8,6 +8,11 @@ use std::path::{Path, PathBuf};
 /// Maximum number of links that lead to a file, as in Linux.
 const MAX_LINKS: usize = 40;
 
+/// True if an option of the command line means standard output: `-`, or a name of it.
+pub fn means_stdout(path: &Path) -> bool {
+    path.as_os_str() == "-" || is_stdout(path)
+}
+
 /// True if the path denotes standard output.
 pub fn is_stdout(path: &Path) -> bool {
     ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|name| path == Path::new(name))

@@ -87,8 +87,8 @@ impl FileWriter {
         Ok(FileWriter { name: path.to_path_buf(), kind, file: Some(file), seekable: true })
     }
 
-    /// True if a file of the same name that is not to be replaced is no error if it holds the same bytes: it
-    /// stays, and this one is removed.
+    /// With `keeps`, a file of the same name that is not to be replaced is no error if it holds the same
+    /// bytes: it stays, and this one is removed.
     pub fn keeping_equal(mut self, keeps: bool) -> FileWriter {
         if let Kind::Named { keeps_equal, .. } = &mut self.kind {
             *keeps_equal = keeps;

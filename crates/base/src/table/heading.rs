@@ -86,8 +86,8 @@ pub fn split_suffix(name: &str, is_known: impl Fn(&str) -> bool) -> Option<(&str
     let mut parts = separators.map(|(at, _)| (&name[..at], &name[at + 1..]));
     parts.find(|(stem, unit)| {
         let unit = unit.to_lowercase();
-        // A single letter is a unit in brackets only: `crown_d` is a diameter.
-        is_unit(&unit) && !matches!(unit.as_str(), "d" | "dd") && is_known(stem)
+        // Degrees by one letter are a unit in brackets only: `crown_d` is a diameter.
+        is_unit(&unit) && unit != "d" && is_known(stem)
     })
 }
 
@@ -118,6 +118,7 @@ mod tests {
             ("\"ELLIPSOID HEIGHT\"", Quantity::Z, None),
             ("Roll(d)", Quantity::Roll, Some(std::f64::consts::PI / 180.0)),
             ("roll rad", Quantity::Roll, Some(1.0)),
+            ("roll_dd", Quantity::Roll, Some(std::f64::consts::PI / 180.0)),
         ] {
             assert_eq!(parse(text), Ok((quantity, factor)), "{text}");
         }

@@ -14,9 +14,9 @@ pub enum Use {
     Optional,
     /// The column is an error, with this help.
     Refused(&'static str),
-    /// The column is not read, with a warning; its name has another meaning in other tables. The help, which
-    /// may be empty, is for tables without a required column.
-    Unread(&'static str),
+    /// The column is not read, with a warning; its name has another meaning in other tables. The help, if
+    /// any, is for tables without this required column.
+    Unread(Option<(Quantity, &'static str)>),
 }
 
 /// The columns of a kind of table. A name that several quantities have means the first of them.
@@ -67,7 +67,7 @@ pub struct Headings {
     /// Headings with unknown names.
     pub unknown: Vec<String>,
     /// The help of columns with [`Use::Unread`], which are among the unknown ones.
-    hints: Vec<&'static str>,
+    hints: Vec<(Quantity, &'static str)>,
     /// Headings that tables often have and that are not read.
     pub unused: Vec<String>,
     /// Headings of quantities that another column has, and the heading of that column.
@@ -117,7 +117,7 @@ impl Headings {
         match schema.usage(heading.quantity) {
             Use::Refused(help) => return self.refused.push((name.to_owned(), help)),
             Use::Unread(help) => {
-                self.hints.extend(Some(help).filter(|help| !help.is_empty()));
+                self.hints.extend(help);
                 return self.unknown.push(name.to_owned());
             }
             Use::Required | Use::Optional => {}
@@ -182,7 +182,8 @@ impl Headings {
         let question = self.suggestion(schema);
         if !missing.is_empty() {
             let all: Vec<String> = [&self.unknown[..], &self.unused].concat();
-            let hint = self.hints.first().map(|hint| (*hint).to_owned());
+            let hint = self.hints.iter().find(|(quantity, _)| !self.has(*quantity));
+            let hint = hint.map(|(_, hint)| (*hint).to_owned());
             let help = hint.or(question).unwrap_or_else(|| schema.help.to_owned());
             let among = if all.is_empty() { String::new() } else { format!("; not read: {}", quoted(&all)) };
             problems.error(place.cloned(), format!("no column {}{among}", missing.join(", "))).help(help);
@@ -290,7 +291,10 @@ mod tests {
         }
         assert!(report(&["x", "", "z", ""], &SCHEMA).contains("columns without a name are not read: 2"));
         let unread = Schema {
-            columns: &[(Quantity::TreeHeight, Use::Unread("rename it to z")), (Quantity::Z, Use::Required)],
+            columns: &[
+                (Quantity::TreeHeight, Use::Unread(Some((Quantity::Z, "rename it to z")))),
+                (Quantity::Z, Use::Required),
+            ],
             ..SCHEMA
         };
         let said = report(&["height"], &unread);
@@ -299,6 +303,16 @@ mod tests {
             "{said}"
         );
         assert!(!report(&["height", "z"], &unread).contains("rename it"));
+        let without_x = Schema {
+            columns: &[
+                (Quantity::TreeHeight, Use::Unread(Some((Quantity::Z, "rename it to z")))),
+                (Quantity::Z, Use::Required),
+                (Quantity::X, Use::Required),
+            ],
+            ..SCHEMA
+        };
+        let said = report(&["height", "z"], &without_x);
+        assert!(said.contains("no column x") && !said.contains("rename it"), "{said}");
         let lenient = Schema { is_unique: false, ..SCHEMA };
         let found = Headings::of(["easting", "x", "z"], &lenient);
         assert_eq!(found.get(Quantity::X).unwrap().index, 1, "the first name in the vocabulary counts");

@@ -34,7 +34,7 @@ use std::time::Instant;
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice, Place, listed};
 use vlscan_base::error::Result;
-use vlscan_base::quantity::{amount, duration};
+use vlscan_base::quantity::{amount, counted, duration};
 use vlscan_geom::DVec3;
 
 /// Voxels per distance between pulses, and their least and largest edge, m.
@@ -129,11 +129,6 @@ impl Stages<'_> {
     }
 }
 
-/// A number of flight lines, for messages.
-fn flight_lines(count: usize) -> String {
-    format!("{count} flight line{}", if count == 1 { "" } else { "s" })
-}
-
 /// Estimates a scene from a classified point cloud. What is doubtful is told to `observer`.
 ///
 /// # Errors
@@ -145,10 +140,13 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     observer.step("reading the cloud");
     let recording = recording::read(&options.cloud, &mut found)?;
     let (returns, pulses) = (amount(recording.returns.len() as f64), amount(recording.pulses.len() as f64));
-    stages.done(format!("{returns} points of {pulses} pulses in {}", flight_lines(recording.lines.len())));
+    stages.done(format!(
+        "{returns} points of {pulses} pulses in {}",
+        counted(recording.lines.len() as u64, "flight line")
+    ));
     observer.step("looking for the instrument");
     let paths = sensor::paths(&recording);
-    stages.done(format!("paths of {}", flight_lines(paths.len())));
+    stages.done(format!("paths of {}", counted(paths.len() as u64, "flight line")));
     let unknown = paths.iter().filter(|p| p.found_by == PathSource::Nadir);
     let unknown: Vec<String> = unknown.map(|path| path.source.to_string()).collect();
     if !unknown.is_empty() {

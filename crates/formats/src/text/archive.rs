@@ -361,11 +361,7 @@ mod tests {
             (with(&|c| c.extend([1, 0, 0])), "record ends too early"),
         ] {
             let message = expanded(&bytes).unwrap_err().to_string();
-            assert!(
-                message.contains(reason)
-                    && (message.starts_with("a.bin: ") || reason == "expected compressed text"),
-                "{message}"
-            );
+            assert!(message.contains(reason) && message.contains("a.bin"), "{message}");
         }
     }
 

@@ -83,7 +83,7 @@ impl StatedColumns {
             _ => match find_heading(rows.leading(), texts.len(), separator) {
                 Some((layout, heading)) => {
                     let lines = rows.leading();
-                    check_below(&lines[heading + 1..], texts.len())?;
+                    check_below(&lines[heading + 1..], texts.len(), separator)?;
                     Some((layout, Some(lines[heading].place.clone())))
                 }
                 None => None,
@@ -111,18 +111,17 @@ impl StatedColumns {
     }
 }
 
-/// Checks the lines between the heading and the first pose: units, and rules without letters and digits.
+/// Checks the lines between the heading and the first pose: words, units, rules.
 ///
 /// # Errors
-/// Another line, such as a damaged pose.
-fn check_below(lines: &[LeadingLine], width: usize) -> Result<(), RowError> {
-    let is_pose = |(i, line): &(usize, &LeadingLine)| {
-        let is_units = *i == 0
-            && (line.text.starts_with(['(', '[']) || !matches!(units_of(&line.text, width), Ok(None)));
-        !line.is_comment && !is_units && line.text.contains(char::is_alphanumeric)
+/// A line with a number, which is a damaged pose.
+fn check_below(lines: &[LeadingLine], width: usize, separator: Separator) -> Result<(), RowError> {
+    let is_pose = |line: &&LeadingLine| {
+        let has_number = || names_of(&line.text, width, separator).iter().any(|name| is_finite_number(name));
+        !line.is_comment && !line.text.starts_with(['(', '[']) && has_number()
     };
-    match lines.iter().enumerate().find(is_pose) {
-        Some((_, line)) => {
+    match lines.iter().find(is_pose) {
+        Some(line) => {
             let message = format!("expected a pose below the heading, found `{}`", line.text);
             Err(RowError { place: line.place.clone(), message })
         }

@@ -284,7 +284,7 @@ fn a_log_without_its_database_is_kept() {
 }
 
 #[test]
-fn an_older_database_beside_a_newer_log_is_restored_as_the_message_says() {
+fn an_older_database_beside_a_newer_log_loses_no_files() {
     let used = Used::new();
     let yesterday = std::fs::read(used.database()).unwrap();
     // The database takes the first uploads at the end of the service, and the log has the others.

@@ -1,14 +1,23 @@
 //! The error about a cloud that has too many cells: where its points are, and what to type.
 
+use std::path::Path;
 use vlscan_base::error::Error;
 use vlscan_base::quantity::number;
 use vlscan_formats::StrayFinder;
 use vlscan_geom::Aabb;
 
+/// The name of a cloud in a command to type: its quoted file, or a word for others.
+pub(crate) fn in_command(clouds: &[&Path]) -> String {
+    match clouds {
+        [file] if file.is_file() => format!("'{}'", file.display()),
+        _ => "CLOUD".to_owned(),
+    }
+}
+
 /// The error about points that need too many square cells, as set by `--cell`. The help leaves out points
-/// that lie apart, or states cells that are large enough.
+/// that lie apart from the file `input`, or states cells that are large enough.
 pub(crate) fn too_many_cells(
-    name: &str,
+    (name, input): (&str, &str),
     [columns, rows]: [f64; 2],
     side: f64,
     max_cells: f64,
@@ -24,7 +33,7 @@ pub(crate) fn too_many_cells(
         Some(apart) => {
             let Aabb { min, max } = apart.others;
             format!(
-                "leave out the points that lie apart, for example: pdal translate {name} near.laz crop \
+                "leave out the points that lie apart, for example: pdal translate {input} near.laz crop \
                  --filters.crop.bounds=\"([{:.0}, {:.0}], [{:.0}, {:.0}])\", or take larger cells: --cell \
                  {larger}",
                 min.x.floor(),

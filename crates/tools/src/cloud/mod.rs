@@ -28,7 +28,7 @@ mod wave;
 
 pub(crate) use classes::NOISE;
 pub use classes::class_name;
-pub(crate) use extent::too_many_cells;
+pub(crate) use extent::{in_command, too_many_cells};
 pub use facts::{CloudSummary, LineFacts, Span, cloud_facts};
 pub use points::Points;
 pub use read::{points_of_table, read_points};

@@ -1,6 +1,7 @@
 //! The points of a cloud within the box that both clouds share, and cells over that box.
 
-use crate::cloud::{Points, too_many_cells};
+use crate::cloud::{Points, in_command, too_many_cells};
+use std::path::Path;
 use vlscan_base::error::Result;
 use vlscan_formats::StrayFinder;
 use vlscan_geom::DVec3;
@@ -81,7 +82,8 @@ impl CellGrid {
         if columns * rows > MAX_CELLS {
             let mut finder = StrayFinder::default();
             points.positions().iter().for_each(|p| finder.add(*p));
-            return Err(too_many_cells(name, [columns, rows], side, MAX_CELLS, &finder));
+            let input = in_command(&[Path::new(name)]);
+            return Err(too_many_cells((name, &input), [columns, rows], side, MAX_CELLS, &finder));
         }
         Ok(CellGrid { side, columns: columns as usize, rows: rows as usize })
     }

@@ -257,6 +257,7 @@ fn change(change: &Change) -> Section {
             row("net, all cells, m³", with_uncertainty(signed(change.net_m3, 1), change.net_uncertainty_m3)),
             row("cells filled from cells around them", change.cells_interpolated.to_string()),
             row("cells left out as extrapolated", of_each(change.cells_extrapolated)),
+            row("cells left out, with those that have no points", change.cells_unmeasured.to_string()),
             row("cells with one surface alone", of_each(change.cells_of_one)),
         ],
         quantity: None,

@@ -16,7 +16,7 @@ mod options;
 
 pub use options::{RasterFiles, RasterKind, RasterOptions};
 
-use crate::cloud::{CloudSource, NOISE, too_many_cells};
+use crate::cloud::{CloudSource, NOISE, in_command, too_many_cells};
 use crate::geotiff::{Raster, geotiff};
 use crate::neighbours::{Neighbours, plane_at};
 use cells::Cells;
@@ -159,6 +159,7 @@ impl CloudRasters {
         let named = read_all(&mut sink, (clouds, options), crs.as_deref(), &mut all)?;
         let names: Vec<String> = clouds.iter().map(|cloud| cloud.name().display().to_string()).collect();
         let name = names.join(", ");
+        let input = in_command(&clouds.iter().map(CloudSource::name).collect::<Vec<_>>());
         let strays = sink.strays.strays();
         if strays.count > 0 {
             // A raster of one point far away would be mostly empty, or too large.
@@ -177,7 +178,7 @@ impl CloudRasters {
         if needs_ground && ground == 0 {
             return Err(Error::input_with_help(
                 format!("{name}: no points of class 2 (ground), of which terrain and canopy height are made"),
-                format!("classify the ground first, for example: pdal translate {name} classified.laz smrf"),
+                format!("classify the ground first, for example: pdal translate {input} classified.laz smrf"),
             ));
         }
         if !sink.has_returns && kinds.contains(&RasterKind::PulseDensity) {
@@ -190,7 +191,7 @@ impl CloudRasters {
         let [columns, rows] = [0, 1].map(|axis| last[axis] - first[axis] + 1);
         if columns as f64 * rows as f64 > MAX_CELLS {
             let counts = [columns as f64, rows as f64];
-            return Err(too_many_cells(&name, counts, options.cell, MAX_CELLS, &finder));
+            return Err(too_many_cells((&name, &input), counts, options.cell, MAX_CELLS, &finder));
         }
         let rasters = CloudRasters {
             cells,

@@ -20,8 +20,8 @@ const SCHEMA: Schema = Schema {
         (Quantity::CrownRadius, Use::Optional),
         (Quantity::Z, Use::Optional),
         (Quantity::Ground, Use::Optional),
-        (Quantity::Longitude, Use::Unread("")),
-        (Quantity::Latitude, Use::Unread("")),
+        (Quantity::Longitude, Use::Unread(None)),
+        (Quantity::Latitude, Use::Unread(None)),
     ],
     is_unique: false,
     help: "an inventory has the columns x, y, height (Rechtswert, Hochwert, Höhe), and optionally crown, \

@@ -20,6 +20,8 @@ const MAX_PROBLEMS: usize = 5;
 const SIZE: Bounds = Bounds::new(0.01, 200.0, "metres from 0.01 to 200");
 /// Crown radii, m.
 const RADIUS: Bounds = Bounds::new(0.005, 100.0, "metres from 0.005 to 100");
+/// Difference between a crown and twice its radius that is rounding, as a share.
+const CROWN_TOLERANCE: f64 = 0.05;
 /// Maximum crown diameter that causes no warning, as a multiple of the height.
 const MAX_LIKELY_CROWN: f64 = 2.5;
 /// Stem diameters in a column that has a unit, m.
@@ -292,7 +294,14 @@ impl Row<'_> {
                 _ => {}
             }
         }
-        tree.crown = tree.crown.or(radius.map(|radius| 2.0 * radius));
+        let of_radius = radius.map(|radius| 2.0 * radius);
+        if let (Some(crown), Some(other)) = (tree.crown, of_radius)
+            && (crown - other).abs() > CROWN_TOLERANCE * crown.max(other)
+        {
+            self.problems
+                .push(format!("the crown of {crown} m and the crown radius of {} m differ", 0.5 * other));
+        }
+        tree.crown = tree.crown.or(of_radius);
         tree
     }
 
@@ -374,7 +383,7 @@ mod tests {
             "x,y,height,crown_radius\n1,2,20,3\n",
             "x,y,height,Crown radius [cm]\n1,2,20,300\n",
             "x,y,height,CW_m\n1,2,20,6\n",
-            "x,y,height,crown_radius,crown\n1,2,20,1,6\n",
+            "x,y,height,crown_radius,crown\n1,2,20,3,6\n",
         ] {
             assert_eq!((crown(table), warned(table).as_str()), (Some(6.0), ""), "{table}");
         }
