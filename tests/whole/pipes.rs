@@ -93,3 +93,31 @@ fn a_written_trajectory_can_be_flown_again() {
     let echoes = |name: &str| fs::read_to_string(dir.path().join(name)).unwrap().lines().count();
     assert!(echoes("b.xyz") > 0, "the recorded flight sees nothing");
 }
+
+#[test]
+fn points_are_counted_in_the_output_whose_reader_stays() {
+    let dir = folder();
+    let run = format!(
+        "{} run {} -o - --format xyz -o also.laz --strict | head -1 >/dev/null",
+        env!("CARGO_BIN_EXE_vlscan"),
+        fixture("forest/survey.xml").display()
+    );
+    let out = Command::new("bash").args(["-c", &run]).current_dir(dir.path()).output().unwrap();
+    let said = text(&out.stderr);
+    assert!(said.contains("also.laz") && said.contains("41.05 k points (0.69 per pulse)"), "{said}");
+}
+
+#[test]
+fn a_flight_without_poses_is_called_empty_and_not_misplaced() {
+    let dir = folder();
+    let pipeline = fixture("../pipelines/als.toml");
+    for (poses, told) in [("", "is empty"), ("time,x,y,z,roll,pitch,yaw\n", "holds 0 poses")] {
+        let out = feed(
+            dir.path(),
+            &["run", pipeline.to_str().unwrap(), "-o", "a.xyz", "--force"],
+            poses.as_bytes(),
+        );
+        let said = text(&out.stderr);
+        assert!(said.contains(told) && !said.contains("away from the scene"), "{said}");
+    }
+}
