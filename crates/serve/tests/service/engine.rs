@@ -16,7 +16,10 @@ case $verb in
     tasks=$1
     shift
     for task in $(seq 0 $((tasks - 1))); do
-      JOB_COMPLETION_INDEX=$task setsid "$@" >>"$folder/log" 2>&1 &
+      JOB_COMPLETION_INDEX=$task setsid sh -c '
+        while [ -e "$0.held-$JOB_COMPLETION_INDEX" ]; do sleep 0.02; done
+        exec "$@"
+      ' "$folder/tasks" "$@" >>"$folder/log" 2>&1 &
       echo $! >>"$folder/$name"
     done
     echo "$name" >>"$folder/submitted"
@@ -69,11 +72,23 @@ impl Engine {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// Kills a task with the process that it has started.
-    fn kill_task(&self, name: &str, task: usize) {
+    /// Lets a task wait before it begins, however fast the others are.
+    fn hold(&self, task: usize) {
+        std::fs::write(self.held(task), "").unwrap();
+    }
+
+    /// Kills a held task with the process that it has started.
+    fn kill_held(&self, name: &str, task: usize) {
         let tasks = std::fs::read_to_string(self.folder.path().join(name)).unwrap();
         let group = format!("-{}", tasks.lines().nth(task).unwrap());
-        std::process::Command::new("kill").args(["-9", "--", &group]).status().unwrap();
+        wait_until("the task has a group of its own", || {
+            std::process::Command::new("kill").args(["-9", "--", &group]).status().unwrap().success()
+        });
+        std::fs::remove_file(self.held(task)).unwrap();
+    }
+
+    fn held(&self, task: usize) -> PathBuf {
+        self.folder.path().join(format!("tasks.held-{task}"))
     }
 }
 
@@ -132,11 +147,12 @@ fn an_engine_gives_the_bytes_of_one_process_whoever_is_killed() {
     assert_eq!(expected.len(), 2);
 
     let engine = Engine::new();
+    engine.hold(1);
     let mut service = engine.service(3);
     with_field(&service);
     let id = service.submit("run", &inputs());
     wait_until("the job is handed in", || engine.submitted().len() == 1);
-    engine.kill_task(&engine.submitted()[0], 1);
+    engine.kill_held(&engine.submitted()[0], 1);
     service.kill();
     // The tasks go on without the service.
     let tasks = tasks_of(&service, &id);
