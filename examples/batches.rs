@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use vlscan::arrow_array::RecordBatch;
 use vlscan::arrow_array::cast::AsArray;
 use vlscan::arrow_array::types::Float64Type;
+use vlscan::render::Render as _;
 use vlscan::survey::{Mesh, ReadOptions, find_platform, find_scanner};
 use vlscan::{Column, DVec3, Notice, Scan};
 

@@ -4,6 +4,7 @@
 //!     cargo run --example session
 
 use vlscan::output::{LasSettings, LasVersion};
+use vlscan::render::Render as _;
 use vlscan::{
     LoadedScene, Notice, OutputRequest, PointFormat, Progress, ReadOptions, RunContext, Session, Settings,
     Stop, Target, read_survey,

@@ -56,6 +56,9 @@
 //!
 //! * [`geom`]: vectors, rotations, boxes, map projection
 //! * [`base`]: errors with the place of each problem, files that are named when complete, random numbers
+//! * [`crs`]: coordinate reference systems as well-known text
+//! * [`tables`]: tables read while they arrive, as text and as Arrow streams
+//! * [`render`]: reports of problems for people
 //! * [`trace`]: a watertight ray tracer in double precision for packets of rays; nothing of LiDAR
 //! * [`warehouse`]: producer, bounded queue, workers, ordered collector; nothing of LiDAR
 //! * [`survey`]: surveys, scenes and instruments as their files describe them, the catalogue
@@ -66,8 +69,9 @@
 //! * [`fit`]: flights, instruments and scenes estimated from recorded point clouds
 //!
 //! ```text
-//! geom ◄─ base ◄─ survey, formats, warehouse
-//! geom ◄─ trace
+//! base ◄─ render, warehouse
+//! geom, base ◄─ crs ◄─ tables ◄─ survey, formats
+//! geom, base ◄─ trace
 //! survey, formats, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ fit ◄─ vlscan
 //! ```
 //!
@@ -129,12 +133,15 @@ mod streams;
 /// The arrays of the record batches in which points arrive.
 pub use arrow_array;
 pub use vlscan_base as base;
+pub use vlscan_crs as crs;
 pub use vlscan_fit as fit;
 pub use vlscan_formats as formats;
 pub use vlscan_geom as geom;
 pub use vlscan_lidar as lidar;
+pub use vlscan_render as render;
 pub use vlscan_scene as scene;
 pub use vlscan_survey as survey;
+pub use vlscan_tables as tables;
 pub use vlscan_tools as tools;
 pub use vlscan_trace as trace;
 pub use vlscan_warehouse as warehouse;

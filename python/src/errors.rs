@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::diag::{Diagnostic, Severity};
+use vlscan::render::Render as _;
 use vlscan::{Diagnostics, Error, Notice};
 
 /// The exception for an error of the engine.

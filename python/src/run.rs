@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
-use vlscan::base::input::arrow::encode_stream;
+use vlscan::tables::input::arrow::encode_stream;
 use vlscan::{
     Batches, CloudFacts, Column, LegRule, OutputRequest, Progress, PulseReader, Report, ResolvedRun,
     RunContext, Session, TableContent, TableRequest, TableSink,

@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict};
 use std::path::PathBuf;
 use std::sync::Arc;
-use vlscan::base::input::arrow::encode_stream;
+use vlscan::tables::input::arrow::encode_stream;
 use vlscan::{CloudFacts, Column as PointColumn};
 
 /// Columns of numbers in memory; of points also what files of them need beside their columns.

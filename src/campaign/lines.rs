@@ -355,7 +355,7 @@ mod tests {
             [[variant]]\nname = \"v\"\nplan = \"airborne --scanner x\"\nrun = \"'x\"\n";
         let file = File::parse(std::path::Path::new("c.toml"), text.to_owned()).unwrap();
         let Err(Error::Input(found)) = Requests::of(&file) else { panic!() };
-        let report = found.render(false);
+        let report = found.text();
         for part in
             ["c.toml:2", "--nonsense", "c.toml:5", "`seeds`", "c.toml:8", "--height", "c.toml:9", "quote"]
         {

@@ -2,6 +2,7 @@
 
 use std::path::{MAIN_SEPARATOR, Path};
 use vlscan_base::error::Error;
+use vlscan_render::Render as _;
 
 /// True if an error says something about the machine and nothing about the cell: a full disk, a file that
 /// cannot be written.

@@ -27,7 +27,7 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     if let Some(path) = &args.change {
         let raster = comparison.change.map.geotiff(comparison.crs.as_deref())?;
         group.write(path, args.force, &raster)?;
-        let system = match comparison.crs.as_deref().and_then(vlscan_base::crs::projected_epsg) {
+        let system = match comparison.crs.as_deref().and_then(vlscan_crs::projected_epsg) {
             Some(code) => format!("EPSG:{code}"),
             None => "no coordinate system: the clouds name none with an EPSG code".to_owned(),
         };

@@ -10,6 +10,7 @@ use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stderr;
+use vlscan_render::Render as _;
 
 /// Amount of messages shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Default)]

@@ -9,11 +9,11 @@ use crate::pipeline::{LoadedScene, check_raster_memory};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::time::Instant;
-use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_base::quantity::{bytes, fixed, number};
+use vlscan_crs as crs;
 use vlscan_scene::{
     Inventory, LoadOptions, Material, MaterialArea, Pack, Part, PartFacts, Scene, TileOptions, material_areas,
 };

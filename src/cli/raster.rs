@@ -6,11 +6,11 @@ use super::cloud_info::check_cloud;
 use super::watch::during;
 use std::io::IsTerminal as _;
 use std::path::Path;
-use vlscan_base::crs;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, FileWriter, Patched, means_stdout, reads, refuse_existing};
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, amount_of, number};
+use vlscan_crs as crs;
 use vlscan_tools::cloud::CloudSource;
 use vlscan_tools::raster::{CloudRasters, RasterKind};
 

@@ -9,13 +9,13 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::{is_stdin, read_file};
 use vlscan_base::quantity;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_survey::{
     MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ProjectionGrid, ReadOptions, SceneChoice, Source,
     Survey, Tables,
 };
+use vlscan_tables::input::{is_stdin, read_file};
 
 /// Reads a survey (.xml) or a pipeline (.toml). The options returned are those typed over those of the file;
 /// the last value holds warnings to be shown.

@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 use toml::Value;
-use vlscan_base::crs;
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
 use vlscan_base::quantity;
 use vlscan_base::recognise::{Expected, foreign};
+use vlscan_crs as crs;
 use vlscan_geom::UtmZone;
 use vlscan_lidar::flight::{calendar_day, gps_start};
 use vlscan_survey::{NavigationErrors, parse_seed};
+use vlscan_tables::input::read_file;
 
 /// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with
 /// commas.

@@ -10,10 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
-use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, NewFolder, identity, is_special, is_taken, reads, remove_litter};
+use vlscan_crs as crs;
 use vlscan_formats::{
     CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
     PointFormat,

@@ -316,7 +316,7 @@ fn files_are_not_overwritten_without_force() {
     request.sinks.push((Target::File(dir.path().join("missing/c.xyz")), PointFormat::Xyz));
     let context = OutputContext::new(&survey, &scene());
     let Err(Error::Input(problems)) = OutputPlan::new(request.clone(), &context) else { panic!("accepted") };
-    assert_eq!(problems.items().len(), 3, "{}", problems.render(false));
+    assert_eq!(problems.items().len(), 3, "{}", problems.text());
     request.sinks.pop();
     request.force = true;
     write(request, &survey, &[batch(0, 0, 5)]).unwrap();

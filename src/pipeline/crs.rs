@@ -2,8 +2,8 @@
 
 use super::settings::Settings;
 use crate::output::{OutputContext, OutputRequest};
-use vlscan_base::crs;
 use vlscan_base::diag::Diagnostics;
+use vlscan_crs as crs;
 use vlscan_geom::{DVec3, UtmZone};
 use vlscan_lidar::flight::FlightPlan;
 use vlscan_lidar::platform::{PoseReader, adjusted_time_origin};

@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::arrow::encode_stream;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
 use vlscan_survey::{
     Leg, Mount, Platform, PlatformKind, PlatformNoise, PlatformSettings, PoseStream, Scanner,
     ScannerSettings, SceneRecipe, Survey,
 };
+use vlscan_tables::input::arrow::encode_stream;
 use vlscan_warehouse::Stop;
 
 /// A scan of a scene with an instrument: where the instrument stands or moves, how it is set, what is

@@ -293,7 +293,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let refused = || ShardSet::open(dir.path()).unwrap_err();
         let shown = |error: Error| match error {
-            Error::Input(found) => found.render(false),
+            Error::Input(found) => found.text(),
             other => other.to_string(),
         };
         assert!(shown(refused()).contains("contains no shards"));

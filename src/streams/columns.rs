@@ -1,8 +1,6 @@
 //! The columns of a stream of pulses: names, dimensions and meanings.
 
-use vlscan_base::table::{
-    Dimension, HeadingError, ParsedHeading, Quantity, parse_heading, plain, similar_name,
-};
+use vlscan_tables::{Dimension, HeadingError, ParsedHeading, Quantity, parse_heading, plain, similar_name};
 
 macro_rules! columns {
     ($($column:ident $quantity:ident, $meaning:literal;)*) => {

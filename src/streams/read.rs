@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::rows::{self, RowDecoder};
-use vlscan_base::input::{InputStream, ReadEvent, is_stdin};
 use vlscan_geom::DVec3;
+use vlscan_tables::input::rows::{self, RowDecoder};
+use vlscan_tables::input::{InputStream, ReadEvent, is_stdin};
 use vlscan_warehouse::Stop;
 
 /// Interval at which the stop flag is polled while no bytes arrive.

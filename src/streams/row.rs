@@ -2,9 +2,9 @@
 
 use super::columns::{COLUMNS, ColumnEntry, ENTRIES, PulseColumn};
 use vlscan_base::quantity::{self, Bounds};
-use vlscan_base::table::Dimension;
 use vlscan_geom::{DVec3, Rotation, rescaled};
 use vlscan_lidar::flight::Pulse;
+use vlscan_tables::Dimension;
 
 /// A pulse with its metadata in a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,9 +7,9 @@ use std::path::Path;
 use vlscan_base::columns::is_number;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
-use vlscan_base::input::arrow::TableField;
-use vlscan_base::input::rows::{Row, RowError};
 use vlscan_geom::DVec3;
+use vlscan_tables::input::arrow::TableField;
+use vlscan_tables::input::rows::{Row, RowError};
 
 #[derive(Debug)]
 pub(super) struct StreamSchema {
@@ -154,7 +154,7 @@ fn check_complete(present: ColumnSet, place: Place, problems: &mut Diagnostics) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_base::input::rows::RowDecoder;
+    use vlscan_tables::input::rows::RowDecoder;
 
     #[test]
     fn spreadsheets_quote_fields_and_write_decimal_commas() {

@@ -9,9 +9,9 @@ use ::arrow_schema::{DataType, Field, Schema, SchemaRef};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
-use vlscan_base::table::Dimension;
 use vlscan_geom::{DVec3, degrees};
 use vlscan_lidar::flight::PoseSample;
+use vlscan_tables::Dimension;
 
 /// Rows of a batch, independent of the chunks so that the bytes are, too.
 const BATCH_ROWS: usize = 16_384;

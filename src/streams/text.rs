@@ -4,9 +4,9 @@
 use super::columns::{ENTRIES, PulseColumn};
 use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, ORIGIN_ERROR, PulseRow, REPORTED};
 use super::table::pose_values;
-use vlscan_base::table::Dimension;
 use vlscan_geom::DVec3;
 use vlscan_lidar::flight::PoseSample;
+use vlscan_tables::Dimension;
 
 /// Header line of a stream of poses.
 pub const POSE_HEADER: &str = "time[s],x[m],y[m],z[m],roll[deg],pitch[deg],yaw[deg]\n";

@@ -407,7 +407,7 @@ fn grid_and_twin(columns: [usize; 2], rows: [usize; 2]) -> [Vec<u8>; 2] {
 fn grids_of_text_are_the_rasters_of_the_same_heights() {
     let dir = folder();
     let at = |name: &str| dir.path().join(name);
-    let prj = vlscan::base::crs::wkt_of_epsg(25832).unwrap();
+    let prj = vlscan::crs::wkt_of_epsg(25832).unwrap();
     let [raster, grid] = grid_and_twin([0, SIZE[0]], [0, SIZE[1]]);
     fs::write(at("single.tif"), raster).unwrap();
     fs::write(at("single.asc"), &grid).unwrap();

@@ -243,7 +243,7 @@ fn a_tile_that_is_damaged_during_the_flight_ends_it_with_its_name() {
         let (progress, stop) = (Progress::default(), Stop::new());
         let error = session.run(outputs, RunContext::new(&progress, &stop)).unwrap_err();
         let Error::Input(found) = error else { panic!("{error}") };
-        let found = found.render(false);
+        let found = found.text();
         assert!(found.contains("t08.obj") && found.contains(expected), "{found}");
         let left = files(dir.path());
         assert!(!left.contains(&"out.las".into()), "{left:?}");

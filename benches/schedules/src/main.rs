@@ -34,6 +34,7 @@ use report::Report;
 use std::process::ExitCode;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_special, write_file, write_stdout};
+use vlscan_render::Render as _;
 use vlscan_warehouse::Schedule;
 use workload::Workload;
 

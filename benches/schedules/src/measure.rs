@@ -16,6 +16,7 @@ use vlscan::{
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
+use vlscan_render::Render as _;
 use vlscan_survey::PlatformKind;
 use vlscan_trace::{BuildOptions, Statistics};
 use vlscan_warehouse::{Log, Policy, Schedule, SizeChange, Stop, thread_cpu_s};

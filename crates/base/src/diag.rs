@@ -80,10 +80,6 @@ const MAX_MESSAGE_BYTES: usize = 600;
 const MAX_MESSAGE_LINES: usize = 6;
 /// Maximum length of a word, bytes: longer ones are cut where a message is.
 const MAX_WORD_BYTES: usize = 60;
-/// Maximum number of lines of a report.
-const MAX_REPORT_LINES: usize = 20;
-/// Maximum number of lines of a report that are reserved for problems with a line each.
-const MAX_RESERVED_LINES: usize = 10;
 /// Maximum number of different problems of a severity that are stored; further ones are counted.
 const MAX_PROBLEMS: usize = 1000;
 /// The message that stands for the problems that are not stored.
@@ -289,36 +285,10 @@ impl Diagnostics {
         line
     }
 
-    /// The report of at most [`MAX_REPORT_LINES`] lines, errors first: file, line, column and the underlined
-    /// text of the first problems, one line for each of the following ones, and the number of those that have
-    /// no line.
-    pub fn render(&self, coloured: bool) -> String {
-        self.render_where(coloured, |_| true)
-    }
-
-    /// [`Diagnostics::render`] of the warnings alone.
-    pub fn render_warnings(&self, coloured: bool) -> String {
-        self.render_where(coloured, |severity| severity == Severity::Warning)
-    }
-
-    fn render_where(&self, coloured: bool, is_shown: impl Fn(Severity) -> bool) -> String {
-        let mut shown: Vec<&Diagnostic> = self.items.iter().filter(|d| is_shown(d.severity)).collect();
-        shown.sort_by_key(|d| d.severity);
-        let (mut text, mut lines) = (String::new(), 0);
-        for (i, problem) in shown.iter().enumerate() {
-            let left = shown.len() - i - 1;
-            let blank = if i > 0 { "\n" } else { "" };
-            let complete = format!("{blank}{}", problem.render(coloured));
-            let needed = complete.lines().count() + left.min(MAX_RESERVED_LINES);
-            let added = if i == 0 || lines + needed <= MAX_REPORT_LINES { complete } else { problem.line() };
-            if lines + 1 == MAX_REPORT_LINES && left > 0 {
-                text.push_str(&format!("... and {} more problems\n", left + 1));
-                break;
-            }
-            lines += added.lines().count();
-            text.push_str(&added);
-        }
-        text
+    /// All problems, one per line, each with its place and hint. Programs show their users the reports of
+    /// `vlscan-render`, which quote the lines of the files.
+    pub fn text(&self) -> String {
+        self.items.iter().map(Diagnostic::line).collect()
     }
 }
 
@@ -368,7 +338,7 @@ impl Diagnostic {
     }
 
     /// The text "also in line 4, 5", if there are further occurrences.
-    fn repeated(&self) -> Option<String> {
+    pub fn repeated(&self) -> Option<String> {
         if self.repeats == 0 {
             return None;
         }
@@ -379,44 +349,6 @@ impl Diagnostic {
             (_, 0) => format!("also in line {}", lines.join(", ")),
             (_, n) => format!("also in line {} and {n} more", lines.join(", ")),
         })
-    }
-
-    /// The problem as a report of a few lines that ends with a line break.
-    pub fn render(&self, coloured: bool) -> String {
-        use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
-        let level = match self.severity {
-            Severity::Error => Level::ERROR,
-            Severity::Warning => Level::WARNING,
-            Severity::Note => Level::NOTE,
-        };
-        let title = level.primary_title(self.message.as_str());
-        let path = self.place.as_ref().map(|p| p.path.display().to_string());
-        let mut group = match (&self.place, path) {
-            (Some(place), Some(path)) if place.line == 0 => title.element(Origin::path(path)),
-            (Some(place), Some(path)) => {
-                let annotation = AnnotationKind::Primary.span(place.marked.clone());
-                let snippet =
-                    Snippet::source(place.excerpt.as_str()).line_start(place.line).annotation(annotation);
-                // the renderer counts columns within the excerpt, which is wrong for a cut excerpt
-                if place.excerpt[..place.marked.start].chars().count() + 1 == place.column {
-                    title.element(snippet.path(path))
-                } else {
-                    let origin = Origin::path(path).line(place.line).char_column(place.column);
-                    title.element(origin).element(snippet)
-                }
-            }
-            _ => Group::with_title(title),
-        };
-        if let Some(help) = &self.help {
-            group = group.element(Level::HELP.message(help.as_str()));
-        }
-        if let Some(repeated) = self.repeated() {
-            group = group.element(Level::NOTE.message(repeated));
-        }
-        let renderer = if coloured { Renderer::styled() } else { Renderer::plain() };
-        let mut text = renderer.render(&[group]).to_string();
-        text.push('\n');
-        text
     }
 }
 
@@ -499,17 +431,6 @@ mod tests {
     }
 
     #[test]
-    fn a_report_shows_file_line_and_caret() {
-        let mut d = Diagnostics::default();
-        let place = Place::in_text(Path::new("s.xml"), "<leg z='abc'/>", 8..11);
-        d.error(Some(place), "expected a number of metres, found \"abc\"").help("write z=\"0\"");
-        let report = d.render(false);
-        for part in ["error: expected a number of metres", "s.xml:1:9", "^^^", "help: write z=\"0\""] {
-            assert!(report.contains(part), "{part:?} is missing from\n{report}");
-        }
-    }
-
-    #[test]
     fn strict_turns_warnings_into_errors() {
         let mut d = Diagnostics::default();
         d.note(None, "taken for G");
@@ -529,7 +450,7 @@ mod tests {
         d.warn(Some(Place::in_text(Path::new("t.xml"), text, 3..4)), "unknown attribute `f`");
         assert_eq!(d.items().len(), 2);
         assert_eq!((d.items()[0].repeats, d.items()[0].also_in_lines.as_slice()), (2, &[2, 3][..]));
-        assert!(d.render(false).contains("also in line 2, 3"), "{}", d.render(false));
+        assert_eq!(d.items()[0].repeated().as_deref(), Some("also in line 2, 3"));
     }
 
     #[test]
@@ -538,28 +459,6 @@ mod tests {
         let p = Place::in_text(Path::new("s.xml"), &text, 10_000..10_001);
         assert_eq!((p.column, &p.excerpt[p.marked.clone()]), (5001, "X"));
         assert!(p.excerpt.len() <= MAX_EXCERPT);
-        let mut d = Diagnostics::default();
-        d.error(Some(p), "wrong");
-        assert!(d.render(false).contains("s.xml:1:5001"), "{}", d.render(false));
-    }
-
-    #[test]
-    fn reports_have_at_most_twenty_lines_and_name_errors_first() {
-        let mut d = Diagnostics::default();
-        let text = "<a f='1'/>\n".repeat(50);
-        for i in 0..50 {
-            let place = Place::in_text(Path::new("s.xml"), &text, i * 11 + 3..i * 11 + 4);
-            d.warn(Some(place), format!("unknown attribute `f{i}`")).help("leave it out");
-        }
-        d.error(None, "the last problem is an error");
-        let report = d.render(false);
-        assert_eq!(report.lines().count(), MAX_REPORT_LINES, "{report}");
-        assert!(report.starts_with("error: the last problem is an error"), "{report}");
-        assert!(report.contains("`f0`") && report.contains("help: leave it out"), "{report}");
-        assert!(report.contains("\nwarning: s.xml:4:4: unknown attribute `f3`; leave it out\n"), "{report}");
-        let listed = report.matches("unknown attribute").count();
-        assert!(report.ends_with(&format!("... and {} more problems\n", 50 - listed)), "{report}");
-        assert!(!d.render_warnings(false).contains("error"));
     }
 
     #[test]
@@ -567,7 +466,6 @@ mod tests {
         let mut d = Diagnostics::default();
         d.error(None, "material \"\u{1b}[31m\nred\"");
         assert_eq!(d.items()[0].line(), "error: material \" [31m red\"\n");
-        assert!(!d.render(false).contains('\u{1b}'));
     }
 
     #[test]
@@ -588,7 +486,7 @@ mod tests {
         assert_eq!((d.items().len(), last.repeats), (2 + MAX_PROBLEMS + 1, MAX_PROBLEMS * 2 - 1));
         assert_eq!((last.message.as_str(), &last.help), (FURTHER_PROBLEMS, &None));
         d.error(None, "an error after many warnings");
-        assert!(d.render(false).contains("an error after many warnings"));
+        assert!(d.text().contains("an error after many warnings"));
     }
 
     #[test]

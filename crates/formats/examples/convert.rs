@@ -75,7 +75,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err(failure.into());
     }
     let tally = copy.writer.finish()?;
-    eprint!("{}", found.render(false));
+    eprint!("{}", found.text());
     println!("{} points in {to}", tally.records);
     Ok(())
 }

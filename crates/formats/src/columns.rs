@@ -2,10 +2,10 @@
 
 use super::PointRow;
 use vlscan_base::diag::listed;
-use vlscan_base::table::{
+use vlscan_geom::{DVec3, degrees};
+use vlscan_tables::{
     Dimension, ParsedHeading, Quantity, is_usually_unused, parse_heading, plain, split_suffix, split_unit,
 };
-use vlscan_geom::{DVec3, degrees};
 
 macro_rules! attributes {
     ($($attribute:ident $quantity:ident, $noun:literal, $described:literal, $whole:expr;)*) => {

@@ -3,8 +3,8 @@
 use super::leica;
 use super::point_format::build_with;
 use std::path::Path;
-use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
 use vlscan_base::recognise::{Expected, Family, Foreign, Kind, foreign};
+use vlscan_tables::input::arrow::{ArrowDetection, detect_arrow};
 
 /// Number of bytes by which a format is recognised, if the file has them.
 pub(super) const DETECTED_BYTES: usize = 4096;

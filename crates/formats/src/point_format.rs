@@ -267,7 +267,7 @@ mod tests {
             assert_eq!(PointFormat::names().split(", ").any(|name| name == format.name()), is_built);
             match format.encoder(&CloudSettings::default(), &mut Diagnostics::default()) {
                 Err(Error::Input(problems)) => {
-                    let said = problems.render(false);
+                    let said = problems.text();
                     assert!(!is_built && said.contains(&build_with(feature)), "{said}");
                 }
                 encoder => assert!(is_built && encoder.is_ok()),

@@ -165,7 +165,7 @@ mod tests {
         let mut warnings = |changes: Vec<MaterialChange>| {
             f.parts[0].changes = changes.into();
             f.parts[1].changes = f.parts[0].changes.clone();
-            f.load().unwrap().1.render(false)
+            f.load().unwrap().1.text()
         };
         let found = warnings(vec![named("leaf")]);
         assert!(!found.contains("replaced"), "{found}");
@@ -187,7 +187,7 @@ mod tests {
             let change = |replaced| MaterialChange { replaced, material: new.clone() };
             f.parts[0].changes = vec![change(of_first)].into();
             f.parts[1].changes = vec![change(of_second)].into();
-            let said = f.load().unwrap().1.render(false);
+            let said = f.load().unwrap().1.text();
             said.lines().find(|line| line.contains("are in two units")).map(str::to_owned)
         };
         let leaf = || Replaced::Named("leaf".to_owned());

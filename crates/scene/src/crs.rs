@@ -4,12 +4,12 @@
 use crate::load::raster;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use vlscan_base::crs;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
+use vlscan_crs as crs;
 use vlscan_geom::DVec3;
 use vlscan_survey::{Loader, PartRecipe, SceneRecipe, Transform};
+use vlscan_tables::input::read_file;
 
 /// Maximum size of a `.prj` file, bytes.
 const MAX_PRJ_BYTES: u64 = 1 << 16;

@@ -77,7 +77,7 @@ impl Fixture {
     /// Loads the scene, which must not cause a warning.
     pub fn scene(&self) -> Scene {
         let (scene, diagnostics) = self.load().unwrap_or_else(|e| panic!("{}", report(&e)));
-        assert!(diagnostics.items().is_empty(), "{}", diagnostics.render(false));
+        assert!(diagnostics.items().is_empty(), "{}", diagnostics.text());
         scene
     }
 
@@ -90,7 +90,7 @@ impl Fixture {
 /// The text of an error as shown to the user.
 pub(super) fn report(e: &Error) -> String {
     match e {
-        Error::Input(d) => d.render(false),
+        Error::Input(d) => d.text(),
         other => other.to_string(),
     }
 }

@@ -249,7 +249,7 @@ mod tests {
             b"# fields\r\nnewmtl meadow wide\r\n\tKd 0.2 0.6 0.2\r\nhelios_spectra tall grass # dry\r\nhelios_classification 2\r\n\
               helios_isGround TRUE\r\nillum 2\r\nnewmtl b\xe4r\nKs .5 # grey\nNs 20\nvlscan_roughness_deg 18\nvlscan_element_size_m 0.25\nhelios_reflectance 0.4\nvlscan_leaf true\n",
         );
-        assert!(d.items().is_empty(), "{}", d.render(false));
+        assert!(d.items().is_empty(), "{}", d.text());
         assert_eq!(
             (m[0].name.as_str(), m[0].kd, m[0].spectrum.as_deref()),
             ("meadow wide", [0.2, 0.6, 0.2], Some("tall grass"))
@@ -268,7 +268,7 @@ mod tests {
             b"Kd 1 1 1\nnewmtl a\nKd spectral f.rfl\nhelios_useVertexColors true\nhelios_reflectance much\n\
               helios_classification 2.5\nhelios_isGround perhaps\nNs -1\nvlscan_roughness_deg 91\nKs 1 nan 1\nnewmtl\nnewmtl a\nnewmtl b\nKd 1 1 1\n",
         );
-        assert_eq!(d.items().len(), 10, "{}", d.render(false));
+        assert_eq!(d.items().len(), 10, "{}", d.text());
         assert_eq!(m.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["a", "", "a", "b"]);
         assert_eq!((m[0].kd, m[0].ns, m[3].kd), ([0.0; 3], 10.0, [1.0; 3]));
         let place = d.items()[2].place.as_ref().unwrap();
@@ -290,7 +290,7 @@ mod tests {
             ("Kd 0.1 0.2 0.3 1", "\"1\" after Kd 0.3"),
         ] {
             let (_, d) = read_text(format!("newmtl a\n{line} # note\n").as_bytes());
-            let [told] = d.items() else { panic!("{line}: {}", d.render(false)) };
+            let [told] = d.items() else { panic!("{line}: {}", d.text()) };
             assert!(told.message.contains(expected), "{line}: {}", told.message);
             assert!(told.severity == Severity::Warning && told.place.as_ref().unwrap().line == 2);
         }
@@ -300,7 +300,7 @@ mod tests {
     fn transparency_and_mirrors_are_remembered_for_a_message() {
         let optics = |lines: &str| {
             let (m, d) = read_text(format!("newmtl a\n{lines}\nnewmtl b\n").as_bytes());
-            assert!(d.is_empty() && m[1].unused_optics.is_none(), "{lines}: {}", d.render(false));
+            assert!(d.is_empty() && m[1].unused_optics.is_none(), "{lines}: {}", d.text());
             m[0].unused_optics.clone().map(|found| (found.properties, found.place.unwrap().line))
         };
         for (lines, expected) in [

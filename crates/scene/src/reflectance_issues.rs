@@ -130,7 +130,7 @@ mod tests {
         issues.add(ReflectanceIssue::PerCent, "wall", place("a.mtl", 30));
         let mut d = Diagnostics::default();
         issues.report(Corrections { reflectance_fraction: true, ..Corrections::NONE }, &mut d);
-        let [of_a, of_b, glare, wall] = d.items() else { panic!("{}", d.render(false)) };
+        let [of_a, of_b, glare, wall] = d.items() else { panic!("{}", d.text()) };
         assert!(of_a.message.contains("10 materials") && of_a.message.contains("\"m7\" and 2 more"));
         assert_eq!(of_b.message, "material \"m1\" has no reflectance; it reflects 0.5");
         assert!(glare.message.contains("\"glare\""));
@@ -145,7 +145,7 @@ mod tests {
         }
         let mut d = Diagnostics::default();
         issues.report(Corrections::NONE, &mut d);
-        let [told] = d.items() else { panic!("{}", d.render(false)) };
+        let [told] = d.items() else { panic!("{}", d.text()) };
         assert!(told.message.contains("material \"wall\" has no"), "{}", told.message);
         assert_eq!(told.place.as_ref().map(|place| place.line), Some(2));
     }

@@ -101,7 +101,7 @@ mod tests {
         }
         let mut d = Diagnostics::default();
         units.report(is_fraction, || vec![true; all.len() + 1], &mut d);
-        d.render(false)
+        d.text()
     }
 
     #[test]

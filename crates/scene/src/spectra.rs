@@ -349,7 +349,7 @@ mod tests {
             let (value, found) = read(rows);
             assert!((value.unwrap() - expected).abs() < 1e-3, "{rows}: {value:?}");
             let told: Vec<_> = found.items().iter().filter(|item| item.message.contains(message)).collect();
-            assert_eq!(told.len(), 1, "{rows}:\n{}", found.render(false));
+            assert_eq!(told.len(), 1, "{rows}:\n{}", found.text());
             assert_eq!(told[0].place.as_ref().unwrap().line, line, "{rows}");
             assert!(found.is_fatal(true) && !found.is_fatal(false), "{rows}");
             let used = format!("it reflects {} per cent", number(value.unwrap().max(0.0)));
@@ -363,7 +363,7 @@ mod tests {
             ["0.4 20\t\n1 40\n1 40\n1.6 30 # dry\n", "0.4 0\n2 0\n", "0.3 0.5\n\n1.064 98\n", "1.064 20\n"];
         for rows in fine {
             let found = read(rows).1;
-            assert!(found.is_empty(), "{rows}:\n{}", found.render(false));
+            assert!(found.is_empty(), "{rows}:\n{}", found.text());
         }
         let (_, found) = read("0,4 20\n");
         assert!(found.items()[0].message.contains("found \"0,4 20\", which has a decimal comma"));
@@ -381,7 +381,7 @@ mod tests {
         .unwrap();
         let mut d = Diagnostics::default();
         Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", &mut d);
-        let [told] = d.items() else { panic!("{}", d.render(false)) };
+        let [told] = d.items() else { panic!("{}", d.text()) };
         assert!(told.message.contains("the first 26 lines"), "{}", told.message);
         assert_eq!(told.place.as_ref().unwrap().line, 25);
     }
@@ -401,7 +401,7 @@ mod tests {
             let mut spectra = Spectra::new(&folders, [1064.0]);
             assert_eq!(spectra.reflectances("moss.green", &mut d), Some(vec![20.0]));
             assert_eq!(spectra.reflectances("moss", &mut d), None);
-            assert_eq!(d.items().len(), warnings, "{}", d.render(false));
+            assert_eq!(d.items().len(), warnings, "{}", d.text());
             assert!(d.items().iter().all(|item| item.place.is_some()));
         }
     }
@@ -418,6 +418,6 @@ mod tests {
         assert_eq!(spectra.reflectances("a", &mut d), None);
         assert_eq!(d.items().iter().flat_map(|i| i.lines()).collect::<Vec<_>>(), [28, 29]);
         assert_eq!(spectra.reflectances("b", &mut d), None);
-        assert!(d.render(false).contains("holds no values"), "{}", d.render(false));
+        assert!(d.text().contains("holds no values"), "{}", d.text());
     }
 }

@@ -13,8 +13,8 @@ use std::rc::Rc;
 use vlscan_base::diag::{Place, nearest};
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
 use vlscan_base::recognise::{Expected, foreign};
+use vlscan_tables::input::read_file;
 
 /// Minimum memory that one byte of a scene's description takes, bytes, as XML or as a table of instances.
 const MIN_MEMORY_PER_BYTE: u64 = 8;

@@ -26,8 +26,8 @@ use vlscan_base::columns::{comma_note, is_number};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity;
 use vlscan_base::recognise::{Expected, foreign};
-use vlscan_base::table::{Headings, Line, Quantity, Schema, TextTable, Use};
 use vlscan_geom::{DVec3, Rotation, radians};
+use vlscan_tables::{Headings, Line, Quantity, Schema, TextTable, Use};
 
 pub(super) struct Row {
     pub loader: Loader,
@@ -397,9 +397,9 @@ mod tests {
             fs::write(folder.path().join("t.csv"), format!("{heading}\n{row}\n")).unwrap();
             let path = folder.path().join("t.csv");
             read_scene(&path.to_string_lossy(), &ReadOptions::default())
-                .map(|(scene, found)| (scene.parts[0].transform, found.render(false)))
+                .map(|(scene, found)| (scene.parts[0].transform, found.text()))
                 .map_err(|e| match e {
-                    vlscan_base::Error::Input(problems) => problems.render(false),
+                    vlscan_base::Error::Input(problems) => problems.text(),
                     other => panic!("{other}"),
                 })
         };

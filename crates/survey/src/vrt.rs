@@ -377,7 +377,7 @@ mod tests {
         let context = Context::new(&ReadOptions::default());
         let raster = read_virtual_raster(&context, &path);
         context.finish(raster).map(|found| found.0).map_err(|e| match e {
-            Error::Input(problems) => problems.render(false),
+            Error::Input(problems) => problems.text(),
             other => other.to_string(),
         })
     }

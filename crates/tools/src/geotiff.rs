@@ -5,8 +5,8 @@ use std::io::Cursor;
 use tiff::encoder::compression::DeflateLevel;
 use tiff::encoder::{Compression, TiffEncoder, colortype::Gray32Float};
 use tiff::tags::Tag;
-use vlscan_base::crs::projected_epsg;
 use vlscan_base::error::{Error, Result};
+use vlscan_crs::projected_epsg;
 
 /// GeoKeys and their values.
 const MODEL_TYPE: u16 = 1024;
@@ -74,7 +74,7 @@ fn encoded(raster: &Raster) -> tiff::TiffResult<Vec<u8>> {
 mod tests {
     use super::*;
     use tiff::decoder::{Decoder, DecodingResult};
-    use vlscan_base::crs::wkt_of_epsg;
+    use vlscan_crs::wkt_of_epsg;
 
     #[test]
     fn a_raster_has_its_values_place_and_system() {

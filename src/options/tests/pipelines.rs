@@ -98,7 +98,7 @@ fn read(text: &str) -> crate::Result<(Pipeline, Diagnostics)> {
 
 fn fine(text: &str) -> Pipeline {
     let (pipeline, warnings) = read(text).unwrap_or_else(|e| panic!("{}", report(&e)));
-    assert!(warnings.is_empty(), "{}", warnings.render(false));
+    assert!(warnings.is_empty(), "{}", warnings.text());
     pipeline
 }
 
@@ -322,7 +322,7 @@ fn shipped_pipelines_are_read_without_a_warning() {
         shipped.read_dir().unwrap().flatten().filter(|f| f.path().extension().is_some_and(|e| e == "toml"))
     {
         match read_pipeline(&file.path()) {
-            Ok((_, warnings)) => assert!(warnings.is_empty(), "{}", warnings.render(false)),
+            Ok((_, warnings)) => assert!(warnings.is_empty(), "{}", warnings.text()),
             Err(e) => panic!("{}\n{}", file.path().display(), report(&e)),
         }
         count += 1;
@@ -453,7 +453,7 @@ fn unusual_values_of_pipelines_are_warned_of() {
         folder.write("p.toml", &text);
         let (_, warnings) =
             read_pipeline(&folder.path("p.toml")).unwrap_or_else(|e| panic!("{}", report(&e)));
-        warnings.render(false)
+        warnings.text()
     };
     for (scanner, settings, text) in [
         ("beam_divergence_rad = 0.5", "", "0.5 mrad are 0.0005 rad"),
@@ -478,8 +478,5 @@ fn unusual_values_of_pipelines_are_warned_of() {
     let risley = "scene = \"a.obj\"\n[scanner]\noptics = \"risley\"\npulse_freqs_hz = [1000]\n[[leg]]\nposition_m = [0, 0, 9]\n\
                   settings = { max_duration_s = 1 }\n";
     folder.write("p.toml", risley);
-    contains(
-        &read_pipeline(&folder.path("p.toml")).unwrap().1.render(false),
-        &["risley optics without `prisms`"],
-    );
+    contains(&read_pipeline(&folder.path("p.toml")).unwrap().1.text(), &["risley optics without `prisms`"]);
 }

@@ -234,10 +234,10 @@ pub fn follow(flight: &FlightPlan, poses: &mut PoseReader, max_gap: f64, stop: &
 mod tests {
     use super::*;
     use std::io::Read;
-    use vlscan_base::input::InputStream;
     use vlscan_geom::DVec3;
     use vlscan_lidar::flight::FlightOptions;
     use vlscan_survey::{PlatformKind, PoseStream, testkit};
+    use vlscan_tables::input::InputStream;
 
     /// Lines of poses without end.
     struct Endless(u64);
@@ -255,7 +255,7 @@ mod tests {
     fn endless_streams_are_refused_and_can_be_interrupted() {
         let mut poses = PoseReader::new(InputStream::from_reader(Endless(0)), &PoseStream::at("-"));
         match read_track(&mut poses, 1000, &Stop::new()) {
-            Err(Error::Input(problems)) => assert!(problems.render(false).contains("more than 1000 poses")),
+            Err(Error::Input(problems)) => assert!(problems.text().contains("more than 1000 poses")),
             other => panic!("{other:?}"),
         }
         let stop = Stop::new();

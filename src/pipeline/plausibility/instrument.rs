@@ -146,7 +146,7 @@ mod tests {
     fn report(corrections: Corrections, change: impl Fn(&mut Device)) -> String {
         let mut device = tls_device(4.0);
         change(&mut device);
-        check_instrument(&survey(vec![device]), &corrections).render(false)
+        check_instrument(&survey(vec![device]), &corrections).text()
     }
 
     #[test]
@@ -189,7 +189,7 @@ mod tests {
         let wavelengths = |all: &[f64]| {
             let mut devices = vec![tls_device(4.0); all.len()];
             devices.iter_mut().zip(all).for_each(|(device, nm)| device.beam.wavelength = *nm);
-            check_wavelengths(&survey(devices)).render(false)
+            check_wavelengths(&survey(devices)).text()
         };
         assert_eq!((wavelengths(&[532.0]), wavelengths(&[905.0, 905.0])), (String::new(), String::new()));
         let told = wavelengths(&[1064.0, 1064.0, 532.0]);

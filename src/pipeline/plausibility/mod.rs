@@ -37,11 +37,11 @@ pub use points::YieldCheck;
 pub use poses::PoseCheck;
 use view::{Sight, ViewPoint};
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::input::is_stdin;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_lidar::flight::FlightPlan;
 use vlscan_scene::Scene;
 use vlscan_survey::{AngleConvention, Interpolated, PlatformKind, PoseStream, RotationSpec, Survey};
+use vlscan_tables::input::is_stdin;
 use vlscan_trace::Tree;
 
 /// Positions per leg that are checked.

@@ -6,10 +6,10 @@ use super::recording::median;
 use super::{Figure, FlightFit};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use vlscan_base::crs::{epsg, short_name, unit_problem};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads::refuse_input_of;
 use vlscan_base::files::{FileGroup, free_name, refuse_existing};
+use vlscan_crs::{epsg, short_name, unit_problem};
 use vlscan_geom::{DVec3, degrees};
 
 /// More pulse times than this are not written: the file would be larger than what it is worth.

@@ -23,7 +23,7 @@ fn scanner() -> Scanner {
     file.write_all(text.as_bytes()).unwrap();
     let path = file.path().to_string_lossy().into_owned();
     let (mut scanner, warnings) = find_scanner(&path, &ReadOptions::default()).unwrap();
-    assert!(warnings.is_empty(), "{}", warnings.render(false));
+    assert!(warnings.is_empty(), "{}", warnings.text());
     scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
     scanner
 }

@@ -22,9 +22,9 @@ use ::parquet::schema::types::Type;
 use bytes::Bytes;
 use serde_json::{Value, json};
 use std::sync::Arc;
-use vlscan_base::crs;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
+use vlscan_crs as crs;
 use vlscan_geom::Aabb;
 
 const GEOMETRY: &str = "geometry";

@@ -316,7 +316,7 @@ fn projected(element: &Element) -> Option<Value> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use vlscan_base::crs;
+    use vlscan_crs as crs;
 
     #[test]
     fn systems_keep_their_definitions_and_codes() {

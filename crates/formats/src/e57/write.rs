@@ -9,10 +9,10 @@ use crate::settings::CloudSettings;
 use ::e57::{E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation};
 use std::io::{BufReader, Cursor, Read, Seek};
 use std::sync::Arc;
-use vlscan_base::crs;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, scratch_failed};
+use vlscan_crs as crs;
 use vlscan_geom::DVec3;
 
 /// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number.

@@ -6,10 +6,10 @@ use crate::out::OutputStream;
 use crate::record::{EncodedPoints, PointBatch, PointRecord};
 use crate::settings::{CloudSettings, SOFTWARE};
 use std::sync::Arc;
-use vlscan_base::crs;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
 use vlscan_base::files::Patched;
+use vlscan_crs as crs;
 use vlscan_geom::{DVec3, degrees};
 
 /// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees.

@@ -27,7 +27,7 @@ use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::arrow::{ArrowDecoder, TableField, numbers};
+use vlscan_tables::input::arrow::{ArrowDecoder, TableField, numbers};
 
 /// Key of the metadata of tables in memory in which return 0 of 0 marks a pulse without a return, whatever
 /// their columns.

@@ -190,7 +190,7 @@ mod tests {
         let path = folder.path().join("t.parquet");
         std::fs::write(&path, bytes).unwrap();
         read_number_columns(&path, &["X", "Z"]).map_err(|e| match e {
-            Error::Input(problems) => problems.render(false),
+            Error::Input(problems) => problems.text(),
             other => other.to_string(),
         })
     }

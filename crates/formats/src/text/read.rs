@@ -7,7 +7,7 @@ use crate::{Attribute, Reading};
 use std::io::BufRead;
 use std::ops::ControlFlow;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::rows::line_place;
+use vlscan_tables::input::rows::line_place;
 
 /// Number of problems after which reading stops.
 const MAX_PROBLEMS: usize = 10;
@@ -93,7 +93,7 @@ mod tests {
         let (mut sink, mut found) = (Count(0), Diagnostics::default());
         let mut reading = Reading::new(Path::new("a.csv"), Selection::All, &mut sink, &mut found);
         read(text.as_bytes(), &mut reading).unwrap();
-        let said = found.render(false);
+        let said = found.text();
         assert!(said.contains("2 lines have more values than line 2, which has 4"), "{said}");
         assert!(said.contains("a.csv:3:9") && said.contains("a decimal comma divides"), "{said}");
         // An empty time is a value, a missing one is not.
@@ -107,7 +107,7 @@ mod tests {
             let (mut sink, mut found) = (Count(0), Diagnostics::default());
             let mut reading = Reading::new(Path::new("a.csv"), Selection::All, &mut sink, &mut found);
             read(text.as_bytes(), &mut reading).unwrap();
-            found.render(false)
+            found.text()
         };
         assert_eq!(said("x,y,z\n\"1\",\"2\",\"3\"\n\"4\",\"5\",\"6\"\n"), "");
         let short = said("x,y,z,time\n1,2,3,4\n\"1\",\"2\",\"3\"\n");

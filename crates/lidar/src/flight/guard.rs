@@ -107,7 +107,7 @@ mod tests {
             match state.step(plan, &mut Count::default()) {
                 Ok(Step::Ended) => return Ok(steps),
                 Ok(_) => steps += 1,
-                Err(Error::Input(d)) => return Err(d.render(false)),
+                Err(Error::Input(d)) => return Err(d.text()),
                 Err(e) => panic!("{e}"),
             }
         }

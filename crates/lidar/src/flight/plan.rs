@@ -307,7 +307,7 @@ mod tests {
         let at = |p: &FlightPlan, i: usize| p.platform.legs[i].position;
         assert_eq!(at(&quiet, 0), DVec3::new(10.0, 0.0, 1.0));
         assert_eq!(at(&quiet, 2), DVec3::new(899.0, 0.0, 0.0));
-        assert!(warnings.render(false).contains("leg 2: no ground at x 999"));
+        assert!(warnings.text().contains("leg 2: no ground at x 999"));
         let (noisy, _) = plan(true, 1);
         assert_ne!(at(&noisy, 0), at(&quiet, 0));
         assert_eq!(at(&noisy, 1), at(&plan(true, 1).0, 1));
@@ -318,7 +318,7 @@ mod tests {
     fn a_waypoint_straight_above_keeps_the_heading_with_a_warning() {
         let s = flight(&[[0.0, 0.0, 0.0], [10.0, 10.0, 0.0], [10.0, 10.0, 50.0], [20.0, 10.0, 50.0]]);
         let (_, warnings) = plan_of(&s).unwrap();
-        assert!(warnings.render(false).contains("leg 1: the next waypoint is straight above"));
+        assert!(warnings.text().contains("leg 1: the next waypoint is straight above"));
         let stacked = flight(&[[0.0, 0.0, 0.0], [0.0, 0.0, 50.0], [20.0, 10.0, 50.0]]);
         for pulse in fly(&stacked).iter().flat_map(|l| &l.pulses) {
             assert!(pulse.attitude.forward().is_finite() && pulse.origin.is_finite());
@@ -329,7 +329,7 @@ mod tests {
     fn a_single_moving_leg_heads_for_the_centre_with_a_warning() {
         let s = flight(&[[30.0, 0.0, 0.0]]);
         let (_, warnings) = plan_of(&s).unwrap();
-        assert!(warnings.render(false).contains("single leg"));
+        assert!(warnings.text().contains("single leg"));
         let flown = fly(&s);
         let last = flown[0].pulses.last().unwrap();
         assert!(last.origin.length() < 1.0 && (last.attitude.forward() - unit(-DVec3::X)).length() < 1e-6);

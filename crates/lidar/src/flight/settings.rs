@@ -460,7 +460,7 @@ mod tests {
             (device.scan_angle_max, device.scan_freq) = (radians(half_angle), (0.0, 0.0));
             let degrees = times.iter().map(|_| 0.1).collect();
             device.scan_motion.wander = Some(Wander::Table(Arc::new(AngleTable { times, degrees })));
-            plan_of(&s).unwrap().1.render(false)
+            plan_of(&s).unwrap().1.text()
         };
         // The leg takes 50 m at 30 m/s.
         let long = vec![0.0, 1.7];
@@ -484,7 +484,7 @@ mod tests {
             s
         };
         let (_, warnings) = plan_of(&with_window(0.0, 0.0)).unwrap();
-        assert!(warnings.render(false).contains("no pulse fires"));
+        assert!(warnings.text().contains("no pulse fires"));
         assert!(plan_of(&with_window(-50.0, 50.0)).unwrap().1.items().is_empty());
     }
 }

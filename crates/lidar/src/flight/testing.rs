@@ -92,7 +92,7 @@ pub fn plan_with(survey: &Survey, options: FlightOptions) -> FlightPlan {
 
 pub fn refusal(survey: &Survey) -> String {
     match plan_of(survey) {
-        Err(Error::Input(d) | Error::Limits(d)) => d.render(false),
+        Err(Error::Input(d) | Error::Limits(d)) => d.text(),
         Err(e) => e.to_string(),
         Ok(_) => panic!("the survey was accepted"),
     }

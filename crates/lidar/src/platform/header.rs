@@ -4,8 +4,8 @@
 use super::layout::{MAX_COLUMNS, PoseLayout, SCHEMA};
 use vlscan_base::columns::{Separator, has_decimal_comma};
 use vlscan_base::diag::Place;
-use vlscan_base::input::rows::{LeadingLine, Row, RowDecoder, RowError};
-use vlscan_base::table::{Dimension, Headings, Quantity, join_units, split_unit};
+use vlscan_tables::input::rows::{LeadingLine, Row, RowDecoder, RowError};
+use vlscan_tables::{Dimension, Headings, Quantity, join_units, split_unit};
 
 /// Maximum number of lines before the first pose among which a heading is looked for.
 const MAX_LOOKED_AT: usize = 100;

@@ -2,11 +2,11 @@
 
 use super::attitude::{MATRIX_HELP, of_matrix, of_quaternion};
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::input::arrow::TableField;
-use vlscan_base::input::rows::{Row, RowError};
 use vlscan_base::quantity;
-use vlscan_base::table::{Dimension, Headings, Quantity, Schema, Use, join_units, plain, split_unit};
 use vlscan_geom::{Rotation, radians};
+use vlscan_tables::input::arrow::TableField;
+use vlscan_tables::input::rows::{Row, RowError};
+use vlscan_tables::{Dimension, Headings, Quantity, Schema, Use, join_units, plain, split_unit};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PoseColumn {
@@ -421,7 +421,7 @@ const CHOICES: &str = "time, x, y, z, roll, pitch, yaw, lat, lon, qx, qy, qz, qw
 mod tests {
     use super::*;
     use vlscan_base::columns::Separator;
-    use vlscan_base::input::rows::RowDecoder;
+    use vlscan_tables::input::rows::RowDecoder;
 
     fn names(line: &str) -> Vec<String> {
         Separator::guess(line).split(line).map(|at| line[at].to_owned()).collect()
@@ -459,7 +459,7 @@ mod tests {
             assert_eq!(l.columns, [0, 4, 5, 6, 1, 2, 3].map(Some), "{line}");
             let mut found = Diagnostics::default();
             l.report_unread(None, &mut found);
-            assert!(!found.render(false).contains("warning"), "{line}");
+            assert!(!found.text().contains("warning"), "{line}");
         }
     }
 
@@ -535,7 +535,7 @@ mod tests {
         assert_eq!(l.columns, [0, 8, 9, 10, 2, 3, 4].map(Some));
         let mut found = Diagnostics::default();
         l.report_unread(None, &mut found);
-        let said = found.render(false);
+        let said = found.text();
         assert!(said.contains("note") && said.contains("`LATITUDE`") && !said.contains("warning"), "{said}");
         let explorer = layout(
             "Week GPSTime(sec) Latitude(deg) Longitude(deg) H-Ell(m) Azimuth(deg) Pitch(deg) Roll(deg) Q",
@@ -545,6 +545,6 @@ mod tests {
         assert!(layout("time,x,y,H-Ell,H-MSL,roll,pitch,yaw").unwrap_err().contains("have the same meaning"));
         let mut found = Diagnostics::default();
         layout("time,x,y,z,roll,pitch,hedaing").unwrap().report_unread(None, &mut found);
-        assert!(found.render(false).contains("did you mean `heading` by `hedaing`?"));
+        assert!(found.text().contains("did you mean `heading` by `hedaing`?"));
     }
 }

@@ -12,11 +12,11 @@ use super::table::{PoseValues, TrajectoryTable, filter_slopes, unwrap_angles};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input;
-use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
-use vlscan_base::input::rows::{Row, RowDecoder};
 use vlscan_base::quantity;
 use vlscan_survey::{AngleConvention, Interpolated, RotationSpec, TrajectoryFile};
+use vlscan_tables::input;
+use vlscan_tables::input::arrow::{ArrowDetection, detect_arrow};
+use vlscan_tables::input::rows::{Row, RowDecoder};
 
 /// Maximum size of a file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 33;
@@ -350,7 +350,7 @@ mod tests {
     fn rows(file: &TrajectoryFile, text: &str) -> Result<Vec<(f64, PoseValues)>, String> {
         let mut d = Diagnostics::default();
         let found = read_rows(file, text.as_bytes(), Some(RotationSpec::Arinc705), &mut d);
-        if d.is_fatal(false) { Err(d.render(false)) } else { Ok(found.unwrap().0) }
+        if d.is_fatal(false) { Err(d.text()) } else { Ok(found.unwrap().0) }
     }
 
     const POSE: PoseValues = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];

@@ -86,7 +86,7 @@ fn reflectances_are_fractions_and_missing_ones_are_reported() {
     let mut reported = Diagnostics::default();
     let rules = Corrections { reflectance_fraction: true, ..Corrections::NONE };
     library.issues.report(rules, &mut reported);
-    let [above, missing] = reported.items() else { panic!("{}", reported.render(false)) };
+    let [above, missing] = reported.items() else { panic!("{}", reported.text()) };
     assert!(above.message.contains("\"matte\"") && missing.message.contains("\"plain\", \"mirror\""));
     let place = missing.place.as_ref().unwrap();
     assert!(place.path.ends_with("m.mtl") && place.excerpt == "newmtl plain", "{place:?}");
@@ -189,7 +189,7 @@ fn names_are_whole_lines_and_a_first_word_is_warned_of() {
     assert_eq!([class("Material #25"), class("fir")], [(6, Known::Whole), (7, Known::Whole)]);
     assert_eq!(class("Oak twig"), (4, Known::FirstWord("Oak bark".to_owned())));
     assert_eq!(class("beech").1, Known::Nowhere);
-    assert!(f.diagnostics.items().is_empty(), "{}", f.diagnostics.render(false));
+    assert!(f.diagnostics.items().is_empty(), "{}", f.diagnostics.text());
     let mut choose = |name: &str| {
         let choice =
             MaterialChoice { file: Some(path.clone()), name: Some(name.to_owned()), ..Default::default() };
@@ -209,7 +209,7 @@ fn a_transparent_material_is_warned_of_where_it_is_used_and_once() {
     let mut library = f.library(SHARES);
     f.material(&mut library, "pane");
     f.material(&mut library, "pane");
-    let [told] = f.diagnostics.items() else { panic!("{}", f.diagnostics.render(false)) };
+    let [told] = f.diagnostics.items() else { panic!("{}", f.diagnostics.text()) };
     assert!(
         told.message.contains("material \"pane\" is opaque") && told.message.contains("(d 0.05, illum 4)")
     );

@@ -87,7 +87,7 @@ fn cloud(f: &mut Fixture, has_normals: bool, class: &str) -> usize {
 fn load(f: &mut Fixture, are_grids: bool) -> (Scene, String) {
     f.options.min_grid_voxels = if are_grids { 1 } else { usize::MAX };
     let (scene, warnings) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
-    (scene, warnings.render(false))
+    (scene, warnings.text())
 }
 
 /// Compares the scene with `grids` grids to the one with stored cubes.

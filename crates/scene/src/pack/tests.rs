@@ -95,7 +95,7 @@ fn parts_without_primitives_are_left_out_of_packs_too() {
     f.obj("c.obj", MESH);
     empty(&mut f, "last.vox");
     let (scene, warnings) = f.load().unwrap();
-    assert_eq!(warnings.render(false).matches("is left out").count(), 2);
+    assert_eq!(warnings.text().matches("is left out").count(), 2);
     assert!(scene.surfaces.iter().all(|surface| (surface.part as usize) < scene.parts.len()));
     let pack = Pack::open(&packed(&f, &f.recipe())).unwrap();
     assert_eq!(seen(&pack.scene(&f.options, 0).unwrap()), seen(&scene));

@@ -300,7 +300,7 @@ fn too_little_memory_for_one_place_is_told_with_what_it_needs() {
 fn parts_that_stay_in_memory_are_told_where_they_are_large() {
     let mut f = site();
     f.options.tiles = options(1 << 30);
-    let told = |f: &Fixture| f.load().unwrap().1.render(false);
+    let told = |f: &Fixture| f.load().unwrap().1.text();
     assert!(!told(&f).contains("--scene-memory"));
     // The part that moves.
     f.options.tiles = options(100);

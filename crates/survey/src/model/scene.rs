@@ -3,8 +3,8 @@
 use super::{MaterialChanges, Mesh, RasterFiles};
 use std::path::PathBuf;
 use std::sync::Arc;
-use vlscan_base::crs::LengthUnit;
 use vlscan_base::diag::Place;
+use vlscan_crs::LengthUnit;
 use vlscan_geom::{DVec3, Rotation};
 
 /// A scene as its file describes it; geometry is not loaded yet.

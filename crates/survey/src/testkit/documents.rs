@@ -52,7 +52,7 @@ pub fn document(extra: &str, attributes: &str, content: &str) -> String {
 /// The report of an input error.
 pub fn report(error: &Error) -> String {
     match error {
-        Error::Input(problems) | Error::Limits(problems) => problems.render(false),
+        Error::Input(problems) | Error::Limits(problems) => problems.text(),
         other => other.to_string(),
     }
 }
@@ -60,7 +60,7 @@ pub fn report(error: &Error) -> String {
 /// The report of the input error that `result` must be.
 pub fn refused<T>(result: vlscan_base::Result<(T, Diagnostics)>) -> String {
     match result {
-        Ok((_, warnings)) => panic!("should have been refused; warnings:\n{}", warnings.render(false)),
+        Ok((_, warnings)) => panic!("should have been refused; warnings:\n{}", warnings.text()),
         Err(e) => report(&e),
     }
 }

@@ -28,7 +28,7 @@ fn survey_of(extra: &str, attributes: &str, content: &str) -> vlscan_base::Resul
 fn clean(extra: &str, content: &str) -> Survey {
     let (survey, warnings) =
         survey_of(extra, "platform='plane'", content).unwrap_or_else(|e| panic!("{}", report(&e)));
-    assert!(warnings.is_empty(), "{}", warnings.render(false));
+    assert!(warnings.is_empty(), "{}", warnings.text());
     survey
 }
 

@@ -14,8 +14,8 @@ use toml::de::{DeString, DeTable, DeValue, Deserializer, ValueDeserializer};
 use vlscan_base::diag::{Diagnostic, Diagnostics, Place, nearest};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
 use vlscan_base::recognise::{Expected, foreign};
+use vlscan_tables::input::read_file;
 
 /// A pipeline file: its path and its TOML text.
 #[derive(Debug)]

@@ -208,7 +208,7 @@ mod tests {
             [[variant]]\nname = \"v\"\nplan = \"p\"\n";
         let file = toml::from_str(text).unwrap();
         let told = Cells::of(&file).unwrap().warnings(&file);
-        assert!(told.is_fatal(true) && told.render(false).contains("holes of the polygon (1)"));
+        assert!(told.is_fatal(true) && told.text().contains("holes of the polygon (1)"));
     }
 
     #[test]

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use toml::Spanned;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::read_text;
 use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_survey::Source;
+use vlscan_tables::input::read_text;
 
 /// Maximum size of the file, bytes.
 const MAX_BYTES: u64 = 16 << 20;

@@ -648,7 +648,7 @@ mod tests {
         let attempt = || Err(TryLockError::Error(std::io::Error::from_raw_os_error(95)));
         let shared = open(dir.path()).unwrap();
         match shared.is_locked(attempt()) {
-            Err(Error::Input(problems)) => assert!(problems.render(false).contains("use --task K/N")),
+            Err(Error::Input(problems)) => assert!(problems.text().contains("use --task K/N")),
             other => panic!("{other:?}"),
         }
         assert!(!shared.is_locked(Err(TryLockError::WouldBlock)).unwrap());

@@ -8,10 +8,10 @@ use std::collections::{BTreeMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::counted;
+use vlscan_crs as crs;
 use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, StrayFinder};
 use vlscan_geom::{Aabb, MAX_COORDINATE};
 

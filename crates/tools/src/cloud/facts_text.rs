@@ -4,8 +4,8 @@ use super::classes::{class_name, class_name_in_old_formats};
 use super::facts::{CloudSummary, Span, WEEK_S};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use vlscan_base::crs;
 use vlscan_base::quantity::{fixed, number};
+use vlscan_crs as crs;
 use vlscan_formats::{Attribute, FileFacts};
 
 /// Maximum number of flight lines and of files that are listed as text; JSON has all.

@@ -385,7 +385,7 @@ mod tests {
         }
         points.push(&PointRow { position: DVec3::NAN, ..PointRow::default() }, None);
         assert_eq!((points.len(), points.skipped()), (2, 1));
-        let doubts = points.doubts(Path::new("a.xyz")).render(false);
+        let doubts = points.doubts(Path::new("a.xyz")).text();
         assert!(doubts.contains("1 point without coordinates") && doubts.contains("a.xyz"), "{doubts}");
         assert_eq!(points.position(1), DVec3::new(478_001.456, 5_474_500.5, 110.25));
         assert!((f64::from(points.offset(1)[0]) + points.origin().x - 478_001.456).abs() < 1e-6);

@@ -74,7 +74,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        read_points(&path).unwrap().1.render(false)
+        read_points(&path).unwrap().1.text()
     }
 
     #[test]
@@ -99,7 +99,7 @@ mod tests {
             assert_eq!(read_bytes(ply.as_bytes(), "a.ply").unwrap().len(), 100, "{end:?}");
         }
         let Err(Error::Input(report)) = read("1 2 3\r4 5 6\r7 two 9\r") else { panic!("read") };
-        assert!(report.render(false).contains("cloud.xyz:3:3"), "{}", report.render(false));
+        assert!(report.text().contains("cloud.xyz:3:3"), "{}", report.text());
     }
 
     #[test]
@@ -122,7 +122,7 @@ mod tests {
             let Err(Error::Input(report)) = read_ply(format!("{header}{rows}").as_bytes()) else {
                 panic!("read {rows:?}")
             };
-            let report = report.render(false);
+            let report = report.text();
             assert!(report.contains(expected) && report.contains("truncated") == is_cut, "{report}");
         }
     }
@@ -170,7 +170,7 @@ mod tests {
         }
         for text in ["1.5 2 3\n4.5 5,5 6\n", "\"1,5\",\"2,5\",\"3,5\"\n", "2\n1 2 3 100\n4.5 5,5 6,5 100\n"] {
             let Err(Error::Input(report)) = read(text) else { panic!("read {text:?}") };
-            let report = report.render(false);
+            let report = report.text();
             assert!(
                 report.contains("decimal comma") && report.contains("decimal point"),
                 "{text:?}: {report}"
@@ -220,7 +220,7 @@ mod tests {
         let Err(Error::Input(report)) = read("Z,X,Y,T,ReturnNumber\n1,2,3,4,5\n1,2,three,4,5\n") else {
             panic!("read")
         };
-        let report = report.render(false);
+        let report = report.text();
         assert!(report.contains("cloud.xyz:3:5") && report.contains("\"three\""), "{report}");
     }
 
@@ -228,7 +228,7 @@ mod tests {
     fn wrong_lines_are_reported_together_with_their_places() {
         let Err(Error::Input(report)) = read("1 2 3\n  1 two 3\n4 5\n7 8 9\n") else { panic!("accepted") };
         assert_eq!(report.items().len(), 2);
-        let report = report.render(false);
+        let report = report.text();
         assert!(
             report.contains("cloud.xyz:2:5") && report.contains("expected y") && report.contains("\"two\"")
         );

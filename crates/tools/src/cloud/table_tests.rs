@@ -109,7 +109,7 @@ fn what_is_not_used_as_it_stands_in_a_table_is_said() {
     ];
     let table = RecordBatch::try_from_iter(columns).unwrap();
     let (points, found) = points_of_table(&table).unwrap();
-    let said = found.render_warnings(false);
+    let said = found.text();
     for part in [
         "the table",
         "columns 3 (\"z\") and 4 (\"Z\")",
@@ -133,14 +133,14 @@ fn units_in_the_metadata_of_a_field_count() {
     let table = RecordBatch::try_new(Arc::new(schema), vec![column(), column(), column()]).unwrap();
     let (points, found) = points_of_table(&table).unwrap();
     assert!((points.position(0) - DVec3::new(30.48, 91.44, 100.0)).length() < 1e-9);
-    let said = found.render(false);
+    let said = found.text();
     assert!(said.contains("unit \"furlong\" of column 3") && said.contains("metres are assumed"), "{said}");
 }
 
 #[test]
 fn what_is_missing_or_damaged_is_said() {
     let said = |result: Result<Points>| match result {
-        Err(Error::Input(problems)) => problems.render(false),
+        Err(Error::Input(problems)) => problems.text(),
         other => panic!("{other:?}"),
     };
     let bytes = stream();

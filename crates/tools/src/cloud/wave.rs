@@ -209,7 +209,7 @@ mod tests {
             let Err(Error::Input(report)) = read(text.as_bytes(), number) else {
                 panic!("{text:?} is accepted")
             };
-            assert!(report.render(false).contains(expected), "{}", report.render(false));
+            assert!(report.text().contains(expected), "{}", report.text());
         }
         assert!(matches!(read(&[0x1f, 0x8b, 8, 0, 1, 2], 1), Err(Error::Input(_))));
         assert!(matches!(read(&[0xff; 1000], 1), Err(Error::Input(_))));

@@ -13,9 +13,9 @@ use super::terrain::{Planes, Terrain};
 use crate::cloud::Points;
 use serde::Serialize;
 use vlscan_base::Observer;
-use vlscan_base::crs::{differ, short_name};
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
+use vlscan_crs::{differ, short_name};
 use vlscan_geom::DVec3;
 
 /// Side of the squares whose lowest point counts as ground without a terrain, m.

@@ -212,7 +212,7 @@ mod tests {
             let mut all = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
             let points: Vec<PlacedPoint> = values.iter().map(|value| point(*value)).collect();
             all.add(&points, layout.intensities().1);
-            all.doubts(Path::new("a.mcap"), &options).render(false)
+            all.doubts(Path::new("a.mcap"), &options).text()
         };
         let (kitti, nuscenes) = (FrameLayout::Kitti, FrameLayout::Nuscenes);
         let found = said(kitti, &[890.0, 0.5, 617_421.0], 1.0);

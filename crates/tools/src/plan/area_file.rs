@@ -6,13 +6,13 @@ use super::geometries::{Format, Geometry, Line, Shape, System, is_well_known_tex
 use super::vector::{MAX_FILE_BYTES, read_file_geometries};
 use std::collections::BTreeMap;
 use std::path::Path;
-use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::read_file;
 use vlscan_base::quantity::number;
 use vlscan_base::recognise::{self, foreign};
+use vlscan_crs as crs;
 use vlscan_geom::{UtmZone, radians};
+use vlscan_tables::input::read_file;
 
 /// Extent below which coordinates without a system are degrees in every format: as metres such an area is too
 /// small to be scanned.
@@ -431,12 +431,12 @@ mod tests {
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
         let found = read_area(path.to_str().unwrap(), scene, buffer);
-        found.map(|(area, found)| (area, found.render(false)))
+        found.map(|(area, found)| (area, found.text()))
     }
 
     fn refused<T: std::fmt::Debug>(found: Result<T>) -> String {
         match found {
-            Err(Error::Input(problems)) => problems.render(false),
+            Err(Error::Input(problems)) => problems.text(),
             other => panic!("{other:?}"),
         }
     }
@@ -450,7 +450,7 @@ mod tests {
 
     #[test]
     fn polygons_are_read_in_all_notations() {
-        let told = |found: (Area, Diagnostics)| (found.0, found.1.render(false));
+        let told = |found: (Area, Diagnostics)| (found.0, found.1.text());
         let wkt = "POLYGON ((0 0, 40 0, 40 10, 10 10, 10 30, 0 30, 0 0))";
         assert_eq!(told(read_area(wkt, None, None).unwrap()), (l_shape(), String::new()));
         let polygon = format!(r#"{{"type":"Polygon","coordinates":[{RING}]}}"#);
@@ -484,11 +484,7 @@ mod tests {
         // Text of the command line has no file.
         let hole = "POLYGON ((0 0, 40 0, 40 40, 0 0), (1 1, 2 1, 2 2, 1 1))";
         let (_, found) = read_area(hole, None, None).unwrap();
-        assert!(
-            found.render(false).contains("POLYGON ((0 0, 40 0, 40 40, 0 0), (1 1"),
-            "{}",
-            found.render(false)
-        );
+        assert!(found.text().contains("POLYGON ((0 0, 40 0, 40 40, 0 0), (1 1"), "{}", found.text());
     }
 
     #[test]
@@ -606,9 +602,7 @@ mod tests {
         let (line, found) = read_line(wkt, Some(&zone("32N"))).unwrap();
         assert!((line[0][0] - 5e5).abs() < 1e-6);
         assert!(
-            found
-                .render(false)
-                .contains("note: LINESTRING (9 49, 9.01 49): its coordinates are read as longitude")
+            found.text().contains("note: LINESTRING (9 49, 9.01 49): its coordinates are read as longitude")
         );
     }
 }

@@ -1,7 +1,7 @@
 //! Geometries in GeoJSON, KML, GPX and well-known text, in the order of the text.
 
 use serde_json::Value;
-use vlscan_base::crs;
+use vlscan_crs as crs;
 
 /// Maximum depth of collections within collections.
 const MAX_DEPTH: u32 = 64;

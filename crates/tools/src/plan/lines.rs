@@ -9,8 +9,9 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::Path;
 use vlscan_base::columns::quoted;
-use vlscan_base::crs::{self, Place, Wgs84};
 use vlscan_base::error::{Error, Result};
+use vlscan_crs as crs;
+use vlscan_crs::{Place, Wgs84};
 use vlscan_geom::DVec3;
 
 /// A format of lines.
@@ -223,7 +224,7 @@ fn csv(lines: &[PlanLine], places: &[Vec<Option<Place>>], wkt: Option<&str>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_base::crs::wkt_of_epsg;
+    use vlscan_crs::wkt_of_epsg;
 
     fn waypoint(x: f64, active: bool, strip: &str) -> Waypoint {
         Waypoint {
@@ -268,7 +269,7 @@ mod tests {
             let Err(Error::Input(problem)) = plan_lines(&found, carriers, format, None) else {
                 panic!("no system")
             };
-            assert!(problem.render(false).contains("--crs"));
+            assert!(problem.text().contains("--crs"));
         }
         // Positions on the ground.
         waypoints.truncate(2);

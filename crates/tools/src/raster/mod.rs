@@ -23,10 +23,10 @@ use cells::Cells;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::path::Path;
-use vlscan_base::crs;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::counted;
+use vlscan_crs as crs;
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, Strays};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 

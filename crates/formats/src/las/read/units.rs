@@ -1,7 +1,7 @@
 //! Units of positions, by the coordinate reference system that a file names: WKT, or GeoTIFF keys.
 
 use super::header::{Fields, Header};
-use vlscan_base::crs::{LengthUnit, Unit, Units, length_unit_in, wkt_of_epsg};
+use vlscan_crs::{LengthUnit, Unit, Units, length_unit_in, wkt_of_epsg};
 use vlscan_geom::DVec3;
 
 const USER: &str = "LASF_Projection";

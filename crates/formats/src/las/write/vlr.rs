@@ -4,8 +4,8 @@ use crate::las::{ExtraDimensions, LasSettings, LasVersion};
 use crate::settings::SOFTWARE;
 use las::raw::Vlr;
 use las::raw::vlr::RecordLength;
-use vlscan_base::crs::{EpsgKind, epsg};
 use vlscan_base::diag::Diagnostics;
+use vlscan_crs::{EpsgKind, epsg};
 
 /// Data types of extra bytes, as numbered by LAS.
 const U16: u8 = 3;

@@ -191,7 +191,7 @@ fn all_channels_fire_at_once_where_the_period_is_too_short() {
         let (plan, warnings) = plan(frequency);
         let pulses = fly_plan(&plan).remove(0).pulses;
         assert!((pulses[1].time_ns - pulses[0].time_ns - apart_ns).abs() < 1e-3, "{frequency}");
-        let told = warnings.render(false).contains("leg 0: all channels fire at once");
+        let told = warnings.text().contains("leg 0: all channels fire at once");
         assert_eq!(told, apart_ns == 0.0, "{frequency}");
     }
 }

@@ -383,7 +383,7 @@ fn a_first_leg_with_teleport_starts_one_step_late() {
 fn a_leg_beyond_the_table_is_extrapolated_with_a_warning() {
     let (s, _dir) = recorded(0.0, false, vec![recorded_leg(103.0, 106.0, false)]);
     let (_, warnings) = plan_of(&s).unwrap();
-    assert!(warnings.render(false).contains("the first and last poses are extrapolated"));
+    assert!(warnings.text().contains("the first and last poses are extrapolated"));
     let last = fly(&s)[0].pulses.last().unwrap().origin.x;
     assert!((last - 59.0).abs() < 1e-9, "{last}");
 }

@@ -138,7 +138,7 @@ fn channels_fire_after_each_time() {
     s.scanner.devices[1].firing_offset = 0.006;
     let options = FlightOptions { kinematics: Corrections::MOTION, ..options() };
     let (_, warnings) = crate::flight::FlightPlan::new(&s, DVec3::ZERO, &|_, _| None, &options).unwrap();
-    assert!(warnings.render(false).contains("all channels fire at once"));
+    assert!(warnings.text().contains("all channels fire at once"));
 }
 
 #[test]
@@ -151,6 +151,6 @@ fn what_cannot_have_pulse_times_says_so() {
         let report = refusal(&of(kind));
         assert!(report.contains("steps of a constant pulse rate"), "{report}");
     }
-    let warnings = plan_of(&of(PlatformKind::LinearPath)).unwrap().1.render(false);
+    let warnings = plan_of(&of(PlatformKind::LinearPath)).unwrap().1.text();
     assert!(warnings.contains("it ends after 2 s, before the last 1 of its 7 pulse times"), "{warnings}");
 }

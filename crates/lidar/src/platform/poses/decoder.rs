@@ -8,10 +8,10 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
-use vlscan_base::input::arrow::{ArrowDetection, detect_arrow};
-use vlscan_base::input::rows::RowError;
 use vlscan_base::recognise::{Expected, Family, foreign, is_sbet};
 use vlscan_survey::{PoseFormat, PoseStream};
+use vlscan_tables::input::arrow::{ArrowDetection, detect_arrow};
+use vlscan_tables::input::rows::RowError;
 
 /// Takes the fixes that are decoded, with the name of their format; breaks after an error.
 pub type TakeFix<'t> = dyn FnMut(&str, Fix, RecordPlace) -> ControlFlow<()> + 't;

@@ -4,8 +4,8 @@
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Error;
-use vlscan_base::input::rows::{Row, RowError};
 use vlscan_geom::{DVec3, Rotation};
+use vlscan_tables::input::rows::{Row, RowError};
 
 /// Position and attitude at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,10 +13,10 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::{InputStream, ReadEvent, is_stdin};
 use vlscan_base::quantity::number;
 use vlscan_geom::UtmZone;
 use vlscan_survey::{PoseStream, ProjectionGrid};
+use vlscan_tables::input::{InputStream, ReadEvent, is_stdin};
 
 /// Outcome of polling a reader of poses.
 #[derive(Clone, Debug, PartialEq)]

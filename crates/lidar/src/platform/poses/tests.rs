@@ -6,9 +6,9 @@ use std::io::{Cursor, Read};
 use std::time::Duration;
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::InputStream;
 use vlscan_geom::{DVec3, Rotation};
 use vlscan_survey::{AngleConvention, PoseStream};
+use vlscan_tables::input::InputStream;
 
 pub fn settings() -> PoseStream {
     PoseStream::at("-")
@@ -41,7 +41,7 @@ fn next_block(reader: &mut PoseReader) -> Result<Option<Vec<Pose>>, String> {
             Ok(PollResult::Poses(block)) => return Ok(Some(block)),
             Ok(PollResult::End) => return Ok(None),
             Ok(PollResult::TimedOut) => {}
-            Err(Error::Input(d)) => return Err(d.render(false)),
+            Err(Error::Input(d)) => return Err(d.text()),
             Err(e) => return Err(e.to_string()),
         }
     }
@@ -132,7 +132,7 @@ fn notices_of(bytes: &[u8], strict: bool) -> (Vec<Notice>, Result<usize, String>
 
 fn warnings(told: &[Notice]) -> String {
     let of = |t: &Notice| match t {
-        Notice::Warnings(found) => Some(found.render(false)),
+        Notice::Warnings(found) => Some(found.text()),
         _ => None,
     };
     told.iter().filter_map(of).collect()

@@ -16,10 +16,10 @@ use vlscan_base::columns::{Separator, is_number};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
-use vlscan_base::input::read_text;
-use vlscan_base::input::rows::{Row, RowDecoder, RowError};
 use vlscan_geom::Rotation;
 use vlscan_survey::{AngleConvention, PoseFormat, PoseStream, RotationSpec};
+use vlscan_tables::input::read_text;
+use vlscan_tables::input::rows::{Row, RowDecoder, RowError};
 
 /// Maximum number of rows that are decoded together.
 const BLOCK_ROWS: usize = 1024;
@@ -500,7 +500,7 @@ mod tests {
             let mut rows = PoseRows::new(Path::new("-"), defaults());
             rows.feed(text.as_bytes());
             rows.decode(true, &mut |_, _, _| ControlFlow::Continue(())).unwrap();
-            rows.take_remarks().render(false)
+            rows.take_remarks().text()
         };
         for text in ["1 0 0 0 1 0 0 0\n", "1403636580838555648 0 0 0 0 0 0 1\n"] {
             let said = remarks(text);

@@ -127,7 +127,7 @@ fn warnings(name: &str, bytes: &[u8], change: impl FnOnce(&mut XyzLoader)) -> St
     let mut settings = loader(vec![f.file(name, bytes)], " ", 0.5);
     change(&mut settings);
     f.part(Loader::Xyz(Box::new(settings)));
-    f.load().unwrap().1.render(false)
+    f.load().unwrap().1.text()
 }
 
 #[test]
@@ -491,7 +491,7 @@ fn lines_of_other_lengths_than_the_first_are_reported() {
         let mut f = Fixture::new();
         let settings = loader(vec![f.file("a.xyz", text)], separator, 1.0);
         f.part(Loader::Xyz(Box::new(settings)));
-        f.load().map_or_else(|e| e.to_string(), |(_, warnings)| warnings.render(false))
+        f.load().map_or_else(|e| e.to_string(), |(_, warnings)| warnings.text())
     };
     // Many lines, so that the file is read in pieces.
     let points = "1,2,3\n".repeat(1000);

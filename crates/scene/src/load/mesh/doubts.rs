@@ -187,7 +187,7 @@ mod tests {
     fn warnings(obj: &str, change: impl Fn(&mut PartRecipe)) -> String {
         let mut f = Fixture::new();
         change(f.obj("house.obj", obj));
-        f.load().unwrap().1.render(false)
+        f.load().unwrap().1.text()
     }
 
     #[test]
@@ -277,7 +277,7 @@ mod tests {
         let path = f.file("town.gltf", document.to_string());
         let reading = vlscan_survey::MeshReading::default();
         change(f.part(Loader::MeshFiles { files: vec![path], reading }));
-        f.load().unwrap().1.render(false)
+        f.load().unwrap().1.text()
     }
 
     #[test]

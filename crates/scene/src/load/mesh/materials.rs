@@ -17,9 +17,9 @@ use std::path::{Path, PathBuf};
 use vlscan_base::columns::{Separator, comma_note, unquoted};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
 use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_survey::{MaterialDefinition, MeshReading};
+use vlscan_tables::input::read_file;
 
 /// Name of the table that is looked for beside a mesh file.
 const FILE_NAME: &str = "materials.csv";

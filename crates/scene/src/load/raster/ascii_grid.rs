@@ -8,9 +8,9 @@ use tiff::encoder::TiffEncoder;
 use tiff::encoder::colortype::Gray32Float;
 use tiff::tags::Tag;
 use vlscan_base::columns::comma_note;
-use vlscan_base::crs;
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
+use vlscan_crs as crs;
+use vlscan_tables::input::read_file;
 
 /// Maximum size of a `.prj` file, bytes.
 const MAX_PRJ_BYTES: u64 = 1 << 16;

@@ -64,7 +64,7 @@ fn add(f: &mut Fixture, name: &str, bytes: Vec<u8>) -> usize {
 fn load(f: &mut Fixture, triangulate: bool) -> (Scene, String) {
     f.options.triangulate_rasters = triangulate;
     let (scene, warnings) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
-    (scene, warnings.render(false))
+    (scene, warnings.text())
 }
 
 /// Compares the scene with `fields` height fields to the one with stored triangles.

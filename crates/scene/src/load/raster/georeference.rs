@@ -146,7 +146,7 @@ pub(super) fn world_file_of(path: &Path) -> Option<PathBuf> {
 /// The six lines of an ESRI world file, which refer to pixel centres.
 fn world_file(path: &Path) -> Result<Option<[f64; 6]>, String> {
     let Some(file) = world_file_of(path) else { return Ok(None) };
-    let bytes = vlscan_base::input::read_file(&file, MAX_WORLD_FILE_BYTES);
+    let bytes = vlscan_tables::input::read_file(&file, MAX_WORLD_FILE_BYTES);
     let bytes = bytes.map_err(|e| format!("its world file {} cannot be read: {e}", file.display()))?;
     let text = String::from_utf8_lossy(&bytes);
     let mut numbers = [0.0; 6];

@@ -6,10 +6,10 @@ use super::file::Directory;
 use super::georeference::doubles;
 use std::path::Path;
 use tiff::tags::Tag;
-use vlscan_base::crs;
-pub(super) use vlscan_base::crs::LengthUnit;
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
+use vlscan_crs as crs;
+pub(super) use vlscan_crs::LengthUnit;
+use vlscan_tables::input::read_file;
 
 /// The unit of what states none.
 pub(super) const METRES: &str = "metres";

@@ -503,8 +503,8 @@ fn virtual_units(
 ) -> [Option<LengthUnit>; 2] {
     let [horizontal, vertical] = first.units.clone();
     let horizontal = horizontal.or_else(|| match System::of_wkt(raster.crs.as_deref()?) {
-        System::Epsg(code) => vlscan_base::crs::length_unit(code.into()),
-        System::Defined(text, _) => vlscan_base::crs::length_unit_in(&text),
+        System::Epsg(code) => vlscan_crs::length_unit(code.into()),
+        System::Defined(text, _) => vlscan_crs::length_unit_in(&text),
         System::Unknown => None,
     });
     let Some(name) = &raster.unit else { return [horizontal, vertical] };

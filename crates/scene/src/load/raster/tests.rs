@@ -145,7 +145,7 @@ fn transformations_may_turn_rasters_and_have_south_above() {
 /// Loads a file with warnings, which must contain these texts.
 fn warned(file: TiffFile, expected: &[&str]) -> Scene {
     let (scene, warnings) = fixture(file.bytes()).load().unwrap_or_else(|e| panic!("{}", report(&e)));
-    let text = warnings.render(false);
+    let text = warnings.text();
     assert_eq!(warnings.items().len(), expected.len(), "{text}");
     expected.iter().for_each(|part| assert!(text.contains(part), "{part} is missing from {text}"));
     scene

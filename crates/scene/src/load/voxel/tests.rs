@@ -37,7 +37,7 @@ fn load(f: &mut Fixture, loader: VoxelLoader) -> Scene {
     let (scene, found) = f.load().unwrap();
     // Cells without a density are usual in voxels of measurements.
     let is_note = |d: &Diagnostic| d.severity == Severity::Note;
-    assert!(found.items().iter().all(is_note), "{}", found.render(false));
+    assert!(found.items().iter().all(is_note), "{}", found.text());
     scene
 }
 
@@ -218,8 +218,8 @@ fn said(text: &str) -> String {
     let (mut f, loader) = fixture(text, VoxelMode::Transmittive);
     f.part(Loader::DetailedVoxels(Box::new(loader)));
     match f.load() {
-        Ok((_, warnings)) => warnings.render(false),
-        Err(vlscan_base::Error::Input(problems)) => problems.render(false),
+        Ok((_, warnings)) => warnings.text(),
+        Err(vlscan_base::Error::Input(problems)) => problems.text(),
         Err(e) => panic!("{e}"),
     }
 }

@@ -1,7 +1,7 @@
 //! Headings of inventories, in English and German.
 
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::table::{Headings, Line, Quantity, Schema, Use};
+use vlscan_tables::{Headings, Line, Quantity, Schema, Use};
 
 /// Advice for longitudes and latitudes.
 pub(super) const PROJECT: &str =
@@ -38,7 +38,7 @@ pub(super) fn read_headings(line: &Line, place: &Place, problems: &mut Diagnosti
         headings.unknown.push(ground.name);
     }
     let is_degrees = |name: &&String| {
-        let plain = vlscan_base::table::plain(vlscan_base::table::split_unit(name).0);
+        let plain = vlscan_tables::plain(vlscan_tables::split_unit(name).0);
         let axes = [Quantity::Longitude, Quantity::Latitude];
         axes.iter().any(|axis| axis.rank(&plain).is_some())
     };

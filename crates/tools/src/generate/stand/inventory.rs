@@ -6,11 +6,11 @@ use std::hash::Hash;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::input::read_file;
 use vlscan_base::quantity::{self, Bounds};
 use vlscan_base::recognise::{Expected, foreign};
-use vlscan_base::table::{Headings, Line, Quantity, TableColumn, TextTable};
 use vlscan_survey::decode_table;
+use vlscan_tables::input::read_file;
+use vlscan_tables::{Headings, Line, Quantity, TableColumn, TextTable};
 
 /// Maximum size of an inventory, bytes.
 const MAX_BYTES: u64 = 256 << 20;
@@ -346,12 +346,12 @@ mod tests {
     }
 
     fn warned(text: &str) -> String {
-        read_bytes(text.as_bytes()).unwrap().1.render(false)
+        read_bytes(text.as_bytes()).unwrap().1.text()
     }
 
     fn refused(text: &str) -> String {
         match read(text) {
-            Err(Error::Input(problems)) => problems.render(false),
+            Err(Error::Input(problems)) => problems.text(),
             other => panic!("{text}: {other:?}"),
         }
     }
@@ -420,7 +420,7 @@ mod tests {
         assert_eq!(read(&with_separator).unwrap().trees[0], expected);
         let latin: Vec<u8> = text.chars().skip(1).map(|c| c as u32 as u8).collect();
         let (inventory, warnings) = read_bytes(&latin).unwrap();
-        assert!(inventory.trees[0] == expected && warnings.render(false).contains("Latin-1"));
+        assert!(inventory.trees[0] == expected && warnings.text().contains("Latin-1"));
         let tabs = text.replace(';', "\t");
         assert_eq!(read(&tabs).unwrap().trees[0], expected);
         let quoted = "x,y,height\n\"1,5\",\"2,5\",\"10,5\"\n";
@@ -532,7 +532,7 @@ mod tests {
     #[test]
     fn mistakes_are_told_with_their_lines() {
         let said = |text: &str| match read(text) {
-            Err(Error::Input(problems)) => problems.render(false),
+            Err(Error::Input(problems)) => problems.text(),
             other => panic!("{other:?}"),
         };
         assert!(said("x,y\n1,2\n").contains("no column height"));

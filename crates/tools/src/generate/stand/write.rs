@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 use vlscan_base::columns::quoted;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
 use vlscan_base::markup::escaped;
 use vlscan_base::rng::Stream;
+use vlscan_tables::input::read_file;
 
 /// Output files of a stand, and its terrain.
 pub(super) struct StandSite<'o> {

@@ -5,7 +5,7 @@ use super::super::geometries::{Geometry, Line, Shape, System};
 use super::sqlite::{Database, Row, Value};
 use std::collections::HashMap;
 use std::path::Path;
-use vlscan_base::crs;
+use vlscan_crs as crs;
 
 /// Maximum depth of collections within collections.
 const MAX_DEPTH: u32 = 64;

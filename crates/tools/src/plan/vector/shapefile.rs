@@ -8,10 +8,10 @@ use shapefile::record::traits::HasXY;
 use shapefile::{Shape, ShapeReader};
 use std::io::Cursor;
 use std::path::Path;
-use vlscan_base::crs;
 use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::files::reads;
-use vlscan_base::input::read_file;
+use vlscan_crs as crs;
+use vlscan_tables::input::read_file;
 
 /// Maximum size of a `.prj` file, bytes.
 const MAX_PRJ_BYTES: u64 = 1 << 16;

@@ -124,7 +124,7 @@ fn wrong_numbers_are_named() {
     let Err(vlscan_base::Error::Input(d)) = f.load() else { panic!("a broken file loads") };
     let mut lines: Vec<usize> = d.items().iter().flat_map(|i| i.lines()).collect();
     lines.sort_unstable();
-    assert_eq!(lines, [4, 5, 6, 8, 10], "{}", d.render(false));
+    assert_eq!(lines, [4, 5, 6, 8, 10], "{}", d.text());
     assert!(d.items().iter().all(|i| i.place.as_ref().is_some_and(|p| p.path.ends_with("x.obj"))));
 }
 
@@ -185,7 +185,7 @@ fn materials_are_looked_up_at_the_faces() {
         lines,
         [5, 15, 1],
         "two names that nothing defines, materials without reflectance: {}",
-        d.render(false)
+        d.text()
     );
     assert_eq!(scene.surfaces.len(), 5);
 }
@@ -207,7 +207,7 @@ fn names_with_blanks_are_whole() {
         (0..3).map(|i| scene.material_of(i)).map(|m| (m.name.as_str(), m.classification)).collect();
     assert_eq!(found, [("Oak leaf", 5), ("Oak bark", 4), ("Oak bark", 4)]);
     let first_word = "no material file defines \"Oak\"; \"Oak bark\" is used";
-    assert!(d.items()[0].message.contains(first_word), "{}", d.render(false));
+    assert!(d.items()[0].message.contains(first_word), "{}", d.text());
     assert_eq!(d.items()[0].place.as_ref().unwrap().line, 9);
 }
 
@@ -219,7 +219,7 @@ fn libraries_in_other_spellings() {
         f.file("materials/Site.mtl", "newmtl a\nhelios_reflectance 0.5\n");
         f.file("Plot.MTL", "newmtl a\nhelios_reflectance 0.5\n");
         f.obj("x.obj", text(name));
-        f.load().unwrap().1.render(false)
+        f.load().unwrap().1.text()
     };
     assert_eq!(load("materials/Site.mtl"), "");
     let respelled = load("materials\\Site.mtl");

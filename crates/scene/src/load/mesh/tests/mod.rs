@@ -228,10 +228,10 @@ fn warnings_about_materials_name_the_file_and_the_row_that_define_them() {
         f.part(Loader::MeshFiles { files: vec![f.path().join(mesh)], reading });
         let (_, found) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
         let told = found.items();
-        assert_eq!(told.len(), expected.len(), "{mesh}:\n{}", found.render(false));
+        assert_eq!(told.len(), expected.len(), "{mesh}:\n{}", found.text());
         for (message, file, line) in expected {
             let one = told.iter().find(|one| one.message.contains(message));
-            let one = one.unwrap_or_else(|| panic!("{message} is not in\n{}", found.render(false)));
+            let one = one.unwrap_or_else(|| panic!("{message} is not in\n{}", found.text()));
             let place = one.place.as_ref().unwrap_or_else(|| panic!("{mesh}: {} has no place", one.message));
             assert!(place.path.ends_with(file) && place.line == *line, "{mesh}: {} {place:?}", one.message);
         }
@@ -338,7 +338,7 @@ fn parts_on_the_ground_and_with_numbered_primitives_stay_whole() {
         f.parts[0].changes = vec![MaterialChange { replaced, material }].into();
         let (scene, warnings) = f.load().unwrap();
         let classes: Vec<i32> = (0..2).map(|i| scene.material_of(i).classification).collect();
-        (scene.parts.len(), classes, warnings.render(false))
+        (scene.parts.len(), classes, warnings.text())
     };
     let (parts, classes, _) = class_of(Replaced::Faces(vec![1]));
     assert_eq!((parts, classes), (1, vec![5, 9]));
@@ -374,7 +374,7 @@ fn meshes_of_a_document_share_its_table_and_one_warning() {
     let (scene, warnings) = f.load().unwrap();
     assert_eq!((scene.parts.len(), scene.materials.len()), (count, count));
     assert_eq!(scene.materials[7].name, "m7_");
-    assert_eq!(warnings.items().len(), 1, "{}", warnings.render(false));
+    assert_eq!(warnings.items().len(), 1, "{}", warnings.text());
     assert!(warnings.items()[0].message.contains("and 292 more"));
     f.file("materials.csv", "name,reflectance\nm0_,5\n");
     let found = f.error();

@@ -84,7 +84,7 @@ fn polygons_that_cross_themselves_are_warned_of() {
     let mut f = Fixture::new();
     f.obj("a.obj", "v 0 0 0\nv 4 4 0\nv 4 0 0\nv 0 3 0\nv -1 1 0\n# the face\nf 1 2 3 4 5\n");
     let warnings = f.load().unwrap().1;
-    assert!(warnings.items()[0].message.contains("crosses itself"), "{}", warnings.render(false));
+    assert!(warnings.items()[0].message.contains("crosses itself"), "{}", warnings.text());
     assert_eq!(warnings.items()[0].place.as_ref().unwrap().line, 7);
 }
 
@@ -104,8 +104,8 @@ fn values_beyond_those_of_a_line_are_reported() {
         let files: Vec<PathBuf> = vec![f.path().join(name)];
         f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
         match f.load() {
-            Ok((_, warnings)) => warnings.render(false),
-            Err(vlscan_base::Error::Input(problems)) => problems.render(false),
+            Ok((_, warnings)) => warnings.text(),
+            Err(vlscan_base::Error::Input(problems)) => problems.text(),
             Err(e) => panic!("{e}"),
         }
     };
@@ -133,7 +133,7 @@ fn what_is_left_out_is_warned_of() {
         let mut f = fixture(name, bytes);
         let files: Vec<PathBuf> = vec![f.path().join(name)];
         f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
-        f.load().unwrap().1.render(false)
+        f.load().unwrap().1.text()
     };
     let ply = SQUARE_PLY.replace("face 1", "face 2") + "2 0 1\n";
     assert!(warnings("a.ply", ply.as_bytes()).contains("1 faces with fewer than three corners"));
@@ -188,7 +188,7 @@ fn buffers_of_gltf_in_folders_written_with_backslashes_are_warned_of() {
     f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
     let (scene, warnings) = f.load().unwrap();
     assert_eq!(scene.geometry.triangles.len(), 1);
-    assert!(warnings.items()[0].message.contains("`parts/a b.bin` is read"), "{}", warnings.render(false));
+    assert!(warnings.items()[0].message.contains("`parts/a b.bin` is read"), "{}", warnings.text());
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! Tables of text in memory, with headings and quoted fields.
 
 use super::schema::{WidthError, check_width};
-use crate::columns::{Separator, stated_separator, unquoted};
-use crate::diag::Place;
 use std::borrow::Cow;
 use std::path::Path;
+use vlscan_base::columns::{Separator, stated_separator, unquoted};
+use vlscan_base::diag::Place;
 
 /// A table of text. Blank lines and comments (`#`) are skipped; a first line such as `sep=;` states the
 /// separator.

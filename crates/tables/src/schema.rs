@@ -2,8 +2,8 @@
 
 use super::heading::{HeadingError, parse_heading, split_suffix, split_unit};
 use super::vocabulary::{Quantity, is_usually_unused, plain, similar_name};
-use crate::columns::Separator;
-use crate::diag::{Diagnostics, Place};
+use vlscan_base::columns::Separator;
+use vlscan_base::diag::{Diagnostics, Place};
 
 /// How a table uses a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -272,7 +272,7 @@ mod tests {
     fn report(names: &[&str], schema: &Schema) -> String {
         let mut problems = Diagnostics::default();
         Headings::of(names, schema).report(schema, None, &mut problems);
-        problems.render(false)
+        problems.text()
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Coordinate reference systems as well-known text (WKT): by EPSG code, by UTM zone, and what a text names.
 
+#![deny(unsafe_code)]
+
 mod area;
 mod units;
 

@@ -4,14 +4,14 @@
 //! row of the text.
 
 use super::arrow::{ArrowDecoder, ArrowDetection, NumberBatch, TableField, detect_arrow};
-use crate::columns::{Separator, comma_note, has_decimal_comma, stated_separator};
-use crate::diag::{Diagnostics, Place};
-use crate::error::{Error, Result};
-use crate::recognise::{Expected, FIRST_BYTES, Family, foreign};
-use crate::table::check_width;
+use crate::check_width;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vlscan_base::columns::{Separator, comma_note, has_decimal_comma, stated_separator};
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_base::recognise::{Expected, FIRST_BYTES, Family, foreign};
 
 /// Maximum length of a line, bytes.
 const MAX_LINE_BYTES: usize = 1 << 16;
@@ -622,7 +622,7 @@ mod tests {
     #[test]
     fn errors_are_placed() {
         let said = |text: &[u8]| match read(text, 100_000, 10) {
-            Err(Error::Input(problems)) => problems.render(false),
+            Err(Error::Input(problems)) => problems.text(),
             other => panic!("{other:?}"),
         };
         assert!(said(b"1,2\n\n3,a\n").contains("a.txt:3:3"));

@@ -1,9 +1,9 @@
 //! Places on Earth of the coordinates of a system, and the area in which its EPSG code is used.
 
-use super::{epsg, name, projected_epsg, unit_problem, wkt_of_epsg};
-use crate::quantity::metres;
+use crate::{epsg, name, projected_epsg, unit_problem, wkt_of_epsg};
 use proj4rs::proj::Proj;
 use proj4rs::transform::transform;
+use vlscan_base::quantity::metres;
 use vlscan_geom::UtmZone;
 
 /// Areas by code; its head describes the format.

@@ -306,7 +306,7 @@ impl<'t> Element<'t> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::crs::wkt_of_epsg;
+    use crate::wkt_of_epsg;
 
     fn metres(wkt: &str) -> [Option<f64>; 2] {
         let units = Units::of_wkt(wkt);

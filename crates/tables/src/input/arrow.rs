@@ -6,9 +6,6 @@
 //! and validates it. Its `StreamDecoder` is not used because it withholds a schema until the bytes of the
 //! next message arrive. Only columns of numbers are decoded; one batch is in memory at a time.
 
-use crate::damage::catch_decoder_panic;
-use crate::diag::{Diagnostics, Place};
-use crate::error::{Error, Result};
 use ::arrow_array::cast::AsArray;
 use ::arrow_array::types::{
     Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type,
@@ -25,6 +22,9 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use vlscan_base::damage::catch_decoder_panic;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
 
 /// First bytes of a message of a stream.
 const CONTINUATION: [u8; 4] = [0xff; 4];
@@ -446,7 +446,7 @@ mod tests {
             take(&mut decoder)
         });
         match done.and_then(|()| decoder.end()) {
-            Err(Error::Input(problems)) => Err(problems.render(false)),
+            Err(Error::Input(problems)) => Err(problems.text()),
             Err(other) => panic!("{other}"),
             Ok(()) => Ok(rows),
         }

@@ -1,6 +1,6 @@
 //! Dimensions of columns, and their units.
 
-use crate::crs::LengthUnit;
+use vlscan_crs::LengthUnit;
 
 /// Dimension of the values of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

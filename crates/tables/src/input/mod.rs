@@ -5,11 +5,11 @@
 pub mod arrow;
 pub mod rows;
 
-use crate::error::{Error, Result};
-use crate::files::reads;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::time::Duration;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::files::reads;
 
 /// Maximum number of bytes of one read.
 const MAX_READ_BYTES: usize = 1 << 16;

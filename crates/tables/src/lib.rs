@@ -1,5 +1,5 @@
-//! Tables with headings: one vocabulary of column names and one way to read headings for trajectories,
-//! pulses, instances, inventories and point clouds.
+//! Tables of numbers: one vocabulary of column names and one way to read headings for trajectories, pulses,
+//! instances, inventories and point clouds; rows read while they arrive, as text and as Arrow streams.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -8,6 +8,11 @@
 //! | `heading` | a heading as a name and a unit |
 //! | `schema` | which quantities a table has; headings compared with it |
 //! | `lines` | tables of text in memory: separator, headings, rows with quoted fields |
+//! | `input` | byte streams and Arrow tables read while they arrive |
+
+#![deny(unsafe_code)]
+
+pub mod input;
 
 mod dimension;
 mod heading;
