@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::input::arrow::encode_stream;
 use vlscan::{
-    Batches, CloudFacts, Column, LegRule, OutputRequest, Progress, PulseReader, Report, ResolvedRun,
+    Batches, CloudFacts, Column, LegRule, Progress, PulseReader, Report, ResolvedRun,
     RunContext, Session, TableContent, TableRequest, TableSink,
 };
 
@@ -78,10 +78,10 @@ impl Request {
             // Points stay in memory.
             job.output.sinks.clear();
             let has_width = job.settings.physics.echo_width;
-            let columns = job
-                .output
+            let cloud = &mut job.output.cloud;
+            let columns = cloud
                 .columns
-                .get_or_insert_with(|| columns_in_memory(job.output.misses, job.output.heights, has_width));
+                .get_or_insert_with(|| columns_in_memory(cloud.misses, cloud.heights, has_width));
             if columns.contains(&Column::ScannerX) {
                 // MCAP is written of them.
                 columns.extend(Column::OF_FRAMES);
@@ -109,7 +109,8 @@ impl Request {
     ) -> vlscan::Result<Report> {
         let mut job = self.job(notices)?;
         interruption.watch(&mut job.settings);
-        let outputs = OutputRequest { tables, ..job.output.clone() };
+        let mut outputs = job.output.clone();
+        outputs.tables = tables;
         let control = RunContext::new(progress, &interruption.stop);
         let Some(pulses) = &self.pulses else {
             return self.session(job, notices)?.run(outputs, control);
