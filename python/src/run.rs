@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::input::arrow::encode_stream;
 use vlscan::{
-    Batches, CloudFacts, Column, LegRule, Progress, PulseReader, Report, ResolvedRun,
-    RunContext, Session, TableContent, TableRequest, TableSink,
+    Batches, CloudFacts, Column, LegRule, Progress, PulseReader, Report, ResolvedRun, RunContext, Session,
+    TableContent, TableRequest, TableSink,
 };
 
 /// Rows of pulses that are traced together.
@@ -297,13 +297,7 @@ pub fn collected(names: Vec<String>) -> PyResult<(Vec<TableRequest>, CollectedTa
     let mut tables = Vec::new();
     for name in names {
         let sink = Arc::new(Collected::default());
-        requests.push(TableRequest {
-            content: content(&name)?,
-            batch_rows: usize::MAX,
-            batch_per_leg: false,
-            batch_seconds: None,
-            sink: sink.clone(),
-        });
+        requests.push(TableRequest::new(content(&name)?, sink.clone()));
         tables.push((name, sink));
     }
     Ok((requests, tables))
@@ -364,16 +358,9 @@ pub fn run_batches(
     let (own_notices, own) = (notices.clone(), interruption.clone());
     let end = move || interruption.request();
     let batches = Batches::spawn(waiting, end, move |sink| {
-        requests.insert(
-            0,
-            TableRequest {
-                content: TableContent::Points,
-                batch_rows: rows.max(1),
-                batch_per_leg: per_leg,
-                batch_seconds: seconds,
-                sink,
-            },
-        );
+        let mut points = TableRequest::new(TableContent::Points, sink);
+        (points.batch_rows, points.batch_per_leg, points.batch_seconds) = (rows.max(1), per_leg, seconds);
+        requests.insert(0, points);
         request.get().execute(requests, &own_notices, &Progress::default(), &own)
     });
     Ok(BatchIterator::new(batches, notices, collected))

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 use vlscan::{
-    Error, FlightRows, LoadedScene, Notice, OneOf, Progress, RunContext, Session, ShardSet,
-    flight_table, merge, merge_warnings, schedule_of, shard_path,
+    Error, FlightRows, LoadedScene, Notice, OneOf, Progress, RunContext, Session, ShardSet, flight_table,
+    merge, merge_warnings, schedule_of, shard_path,
 };
 
 /// Estimates what a run will cost and give, without outputs. Returns the forecast as JSON.

@@ -86,7 +86,8 @@ impl CloudFacts {
     /// [`Error::Input`] for other bytes.
     pub fn from_bytes(bytes: &[u8]) -> Result<CloudFacts> {
         let other = |e: &str| Error::input(format!("the points are of another version of vlscan: {e}"));
-        let stored = bytes.strip_prefix(MARK).ok_or_else(|| other("their facts have another form"))?;
+        let stored =
+            bytes.strip_prefix(MARK).ok_or_else(|| other("their stored facts have another format"))?;
         postcard::from_bytes(stored).map_err(|e| other(&e.to_string()))
     }
 }

@@ -61,6 +61,7 @@ pub enum TableContent {
 
 /// A table that a run passes to its caller.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct TableRequest {
     /// Kind of its rows.
     pub content: TableContent,
@@ -72,6 +73,13 @@ pub struct TableRequest {
     pub batch_seconds: Option<f64>,
     /// Receiver of the batches.
     pub sink: Arc<dyn TableSink>,
+}
+
+impl TableRequest {
+    /// A table in a single batch.
+    pub fn new(content: TableContent, sink: Arc<dyn TableSink>) -> TableRequest {
+        TableRequest { content, batch_rows: usize::MAX, batch_per_leg: false, batch_seconds: None, sink }
+    }
 }
 
 /// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a

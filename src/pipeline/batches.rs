@@ -56,13 +56,8 @@ impl Session {
             true
         };
         Batches::spawn(MAX_WAITING, end, move |sink| {
-            outputs.tables.push(TableRequest {
-                content: TableContent::Points,
-                batch_rows: rows.max(1),
-                batch_per_leg: false,
-                batch_seconds: None,
-                sink,
-            });
+            let table = TableRequest::new(TableContent::Points, sink);
+            outputs.tables.push(TableRequest { batch_rows: rows.max(1), ..table });
             self.run(outputs, RunContext::new(&Progress::default(), &stop))
         })
     }

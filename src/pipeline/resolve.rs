@@ -21,6 +21,7 @@ const MAX_THREADS: usize = 1024;
 
 /// A run with every choice resolved.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct ResolvedRun {
     /// The settings of the session.
     pub settings: Settings,

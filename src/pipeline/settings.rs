@@ -25,6 +25,7 @@ pub const DEFAULT_LATENCY: Duration = Duration::from_millis(250);
 /// Settings of a [`Session`](super::Session). A session reads neither the command line nor the environment
 /// nor the clock.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Settings {
     /// Legs, platform, scanner and the description of the scene.
     pub survey: Survey,

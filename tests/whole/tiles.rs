@@ -7,9 +7,7 @@ use std::fs;
 use std::path::Path;
 use vlscan::scene::TileOptions;
 use vlscan::trace::BuildOptions;
-use vlscan::{
-    Error, Options, PointFormat, Progress, ResolvedRun, RunContext, Session, Stop, Target,
-};
+use vlscan::{Error, Options, PointFormat, Progress, ResolvedRun, RunContext, Session, Stop, Target};
 
 /// Metres, and cells, along a side of a tile.
 const SIDE: usize = 20;

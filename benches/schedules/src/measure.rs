@@ -160,7 +160,8 @@ impl Bench {
 
     /// A session over a loaded scene.
     fn session(&self, loaded: &LoadedScene, options: BuildOptions, schedule: Schedule) -> Result<Session> {
-        let settings = Settings { tree: with_jobs(&options, 1), schedule, ..self.settings.clone() };
+        let mut settings = self.settings.clone();
+        (settings.tree, settings.schedule) = (with_jobs(&options, 1), schedule);
         Session::new(settings, loaded.clone(), |_| ())
     }
 
