@@ -241,6 +241,25 @@ fn a_coordinate_system_without_code_is_a_warning_in_las_1_0() {
 }
 
 #[test]
+fn a_coordinate_system_that_is_known_after_the_check_reaches_the_formats() {
+    let survey = survey(1, &[None]);
+    let before = OutputContext { crs: None, ..OutputContext::new(&survey, &scene()) };
+    let dir = tempfile::tempdir().unwrap();
+    let mut request = request(&dir.path().join("a.las"), PointFormat::Las);
+    request.cloud.crs = None;
+    request.cloud.las.version = LasVersion::V10;
+    let checked = request.clone().check(&before).unwrap();
+    assert!(checked.warnings().items().is_empty());
+    let crs = Some("LOCAL_CS[\"mine\"]".to_owned());
+    let after = OutputContext { crs: crs.clone(), time_origin: 1e9, ..before };
+    let (plan, whole) = (checked.plan(&after).unwrap(), OutputPlan::new(request, &after).unwrap());
+    assert_eq!(plan.settings.crs, crs);
+    assert_eq!(plan.settings, whole.settings);
+    let warnings = plan.warnings().items().len();
+    assert!(warnings > 0 && warnings == whole.warnings().items().len());
+}
+
+#[test]
 fn laz_holds_the_records_of_las() {
     let dir = tempfile::tempdir().unwrap();
     let batches: Vec<Batch> = (0..3).map(|leg| batch(leg, leg as usize * 40_000, 40_000)).collect();

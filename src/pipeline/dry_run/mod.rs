@@ -315,12 +315,9 @@ impl Observations<'_> {
         // What has been measured completely is certain.
         let share_left = (1.0 - sampled_pulses / timeline.pulses().max(1.0)).max(0.0).sqrt();
         let uncertainty = |of: fn(&Stratum) -> f64| share_left * relative_error(&sample.strata, of);
+        let misses = self.outputs.cloud.misses;
         let points = Estimate {
-            value: sum(if self.outputs.cloud.misses {
-                |s| s.points + s.pulses - s.hits
-            } else {
-                |s| s.points
-            }) * scale,
+            value: sum(if misses { |s| s.points + s.pulses - s.hits } else { |s| s.points }) * scale,
             uncertainty: uncertainty(|s| s.points),
         };
         let quads = area::swaths(self.flight, &sample.strata);
