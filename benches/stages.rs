@@ -155,7 +155,8 @@ fn encode(plan: &Arc<OutputPlan>, batches: &[Batch]) -> Result<f64> {
 
 fn plan(survey: &Survey, scene: &Scene, format: PointFormat) -> Result<Arc<OutputPlan>> {
     let nowhere = Target::File(PathBuf::from("/dev/null"));
-    let request = OutputRequest { sinks: vec![(nowhere, format)], ..OutputRequest::default() };
+    let mut request = OutputRequest::default();
+    request.sinks = vec![(nowhere, format)];
     Ok(Arc::new(OutputPlan::new(request, &OutputContext::new(survey, scene))?))
 }
 

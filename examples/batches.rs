@@ -36,7 +36,9 @@ fn main() -> vlscan::Result<()> {
                 eprint!("{}", found.render(false));
             }
         })
-        .outputs(|outputs| outputs.columns = Some(vec![Column::X, Column::Y, Column::Z, Column::Intensity]))
+        .outputs(|outputs| {
+            outputs.cloud.columns = Some(vec![Column::X, Column::Y, Column::Z, Column::Intensity]);
+        })
         .output(&file)?
         .batches(10_000)?;
 

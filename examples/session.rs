@@ -3,7 +3,7 @@
 //!
 //!     cargo run --example session
 
-use vlscan::output::{LasSettings, LasVersion};
+use vlscan::output::LasVersion;
 use vlscan::render::Render as _;
 use vlscan::{
     LoadedScene, Notice, OutputRequest, PointFormat, Progress, ReadOptions, RunContext, Session, Settings,
@@ -30,11 +30,9 @@ fn main() -> vlscan::Result<()> {
             }
         };
         let path = folder.path().join(format!("room-{}.las", sums.len()));
-        let outputs = OutputRequest {
-            sinks: vec![(Target::File(path.clone()), PointFormat::Las)],
-            las: LasSettings { version: LasVersion::V10, ..LasSettings::default() },
-            ..OutputRequest::default()
-        };
+        let mut outputs = OutputRequest::default();
+        outputs.sinks = vec![(Target::File(path.clone()), PointFormat::Las)];
+        outputs.cloud.las.version = LasVersion::V10;
         // Another thread may read the progress and request the end meanwhile.
         let (progress, stop) = (Progress::default(), Stop::new());
         let mut session = Session::new(settings, scene.clone(), observer)?;

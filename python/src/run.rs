@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::tables::input::arrow::encode_stream;
 use vlscan::{
-    Batches, CloudFacts, Column, LegRule, OutputRequest, Progress, PulseReader, Report, ResolvedRun,
-    RunContext, Session, TableContent, TableRequest, TableSink,
+    Batches, CloudFacts, Column, LegRule, Progress, PulseReader, Report, ResolvedRun, RunContext, Session,
+    TableContent, TableRequest, TableSink,
 };
 
 /// Rows of pulses that are traced together.
@@ -78,10 +78,10 @@ impl Request {
             // Points stay in memory.
             job.output.sinks.clear();
             let has_width = job.settings.physics.echo_width;
-            let columns = job
-                .output
+            let cloud = &mut job.output.cloud;
+            let columns = cloud
                 .columns
-                .get_or_insert_with(|| columns_in_memory(job.output.misses, job.output.heights, has_width));
+                .get_or_insert_with(|| columns_in_memory(cloud.misses, cloud.heights, has_width));
             if columns.contains(&Column::ScannerX) {
                 // MCAP is written of them.
                 columns.extend(Column::OF_FRAMES);
@@ -109,7 +109,8 @@ impl Request {
     ) -> vlscan::Result<Report> {
         let mut job = self.job(notices)?;
         interruption.watch(&mut job.settings);
-        let outputs = OutputRequest { tables, ..job.output.clone() };
+        let mut outputs = job.output.clone();
+        outputs.tables = tables;
         let control = RunContext::new(progress, &interruption.stop);
         let Some(pulses) = &self.pulses else {
             return self.session(job, notices)?.run(outputs, control);
@@ -296,13 +297,7 @@ pub fn collected(names: Vec<String>) -> PyResult<(Vec<TableRequest>, CollectedTa
     let mut tables = Vec::new();
     for name in names {
         let sink = Arc::new(Collected::default());
-        requests.push(TableRequest {
-            content: content(&name)?,
-            batch_rows: usize::MAX,
-            batch_per_leg: false,
-            batch_seconds: None,
-            sink: sink.clone(),
-        });
+        requests.push(TableRequest::new(content(&name)?, sink.clone()));
         tables.push((name, sink));
     }
     Ok((requests, tables))
@@ -363,16 +358,9 @@ pub fn run_batches(
     let (own_notices, own) = (notices.clone(), interruption.clone());
     let end = move || interruption.request();
     let batches = Batches::spawn(waiting, end, move |sink| {
-        requests.insert(
-            0,
-            TableRequest {
-                content: TableContent::Points,
-                batch_rows: rows.max(1),
-                batch_per_leg: per_leg,
-                batch_seconds: seconds,
-                sink,
-            },
-        );
+        let mut points = TableRequest::new(TableContent::Points, sink);
+        (points.batch_rows, points.batch_per_leg, points.batch_seconds) = (rows.max(1), per_leg, seconds);
+        requests.insert(0, points);
         request.get().execute(requests, &own_notices, &Progress::default(), &own)
     });
     Ok(BatchIterator::new(batches, notices, collected))

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 use vlscan::{
-    Error, FlightRows, LoadedScene, Notice, OneOf, OutputRequest, Progress, RunContext, Session, ShardSet,
-    flight_table, merge, merge_warnings, schedule_of, shard_path,
+    Error, FlightRows, LoadedScene, Notice, OneOf, Progress, RunContext, Session, ShardSet, flight_table,
+    merge, merge_warnings, schedule_of, shard_path,
 };
 
 /// Estimates what a run will cost and give, without outputs. Returns the forecast as JSON.
@@ -27,7 +27,7 @@ pub fn dry_run(py: Python<'_>, request: Py<Request>) -> PyResult<String> {
         let mut outputs = job.output.clone();
         if outputs.sinks.is_empty() {
             // Those of points in memory.
-            outputs.columns = None;
+            outputs.cloud.columns = None;
         }
         let progress = Progress::default();
         let control = RunContext::new(&progress, &own.stop);
@@ -140,9 +140,11 @@ pub fn merge_shards(
             return if own.stop.is_requested() { Err(Error::Interrupted) } else { Ok(None) };
         }
         let options = vlscan::Options::parse(words)?;
-        let mut outputs = OutputRequest { tables: requests, ..options.output_request(shards.head.creation)? };
+        let mut outputs = options.output_request(shards.head.creation)?;
+        outputs.tables = requests;
         if outputs.sinks.is_empty() {
-            outputs.columns.get_or_insert_with(|| columns_in_memory(outputs.misses, outputs.heights, true));
+            let cloud = &mut outputs.cloud;
+            cloud.columns.get_or_insert_with(|| columns_in_memory(cloud.misses, cloud.heights, true));
         }
         own_notices.add(Notice::Warnings(merge_warnings(&shards, &outputs)?));
         let control = RunContext::new(&own_counters, &own.stop);

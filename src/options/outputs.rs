@@ -3,13 +3,12 @@
 use super::groups::{Options, OutputOptions};
 use super::values::Crs;
 use crate::output::{
-    Division, LasSettings, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat,
+    CloudSettings, Division, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat,
 };
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files;
-use vlscan_formats::FrameNames;
 
 vlscan_survey::key_table! {
 /// An output. Points go to HELIOS++'s layout in the folder `output` when none is named.
@@ -66,35 +65,18 @@ impl Options {
         });
         Ok(OutputRequest {
             sinks,
+            cloud: output.cloud_settings(creation)?,
             waveforms: output.waveforms.is_on(),
             pulses: output.pulses.is_on(),
             zip: output.zip_output.is_on(),
             split_by_channel: output.split_by_channel.is_on(),
             trajectory,
-            columns: output.columns.clone().map(|columns| columns.0),
-            misses: output.misses.is_on(),
-            labels: output.labels.is_on(),
-            true_positions: output.true_positions.is_on(),
-            heights: output.height_above_ground.is_on(),
             frame_s: output.frame_s.map(|seconds| seconds.0),
-            frame_names: FrameNames {
-                world: output.world_frame.clone().unwrap_or(FrameNames::default().world),
-                sensor: output.sensor_frame.clone().unwrap_or(FrameNames::default().sensor),
-            },
             division: match output.tile {
                 Some(size) => Some(Division::Tiles(size.0)),
                 None => output.per_object.is_on().then_some(Division::Objects),
             },
-            las: LasSettings {
-                version: if output.las10.is_on() { LasVersion::V10 } else { LasVersion::V14 },
-                scale: output.las_scale,
-                at_most: output.las_at_most.map(|count| count.0),
-                packets: output.wave_packets,
-                extra: output.las_extra.unwrap_or_default(),
-            },
             force: output.force.is_on(),
-            crs_wkt: output.crs.as_ref().map(Crs::wkt).transpose()?,
-            creation,
             ..OutputRequest::default()
         })
     }
@@ -129,6 +111,30 @@ impl Options {
 }
 
 impl OutputOptions {
+    /// Settings of the points. `creation` is the day for the headers of files.
+    fn cloud_settings(&self, creation: (u16, u16)) -> Result<CloudSettings> {
+        let mut cloud = CloudSettings::default();
+        cloud.creation = creation;
+        cloud.crs = self.crs.as_ref().map(Crs::wkt).transpose()?;
+        cloud.columns = self.columns.clone().map(|columns| columns.0);
+        cloud.misses = self.misses.is_on();
+        cloud.labels = self.labels.is_on();
+        cloud.true_positions = self.true_positions.is_on();
+        cloud.heights = self.height_above_ground.is_on();
+        if let Some(world) = &self.world_frame {
+            cloud.frame_names.world.clone_from(world);
+        }
+        if let Some(sensor) = &self.sensor_frame {
+            cloud.frame_names.sensor.clone_from(sensor);
+        }
+        cloud.las.version = if self.las10.is_on() { LasVersion::V10 } else { LasVersion::V14 };
+        cloud.las.scale = self.las_scale;
+        cloud.las.at_most = self.las_at_most.map(|count| count.0);
+        cloud.las.packets = self.wave_packets;
+        cloud.las.extra = self.las_extra.unwrap_or_default();
+        Ok(cloud)
+    }
+
     /// The format of points in HELIOS++'s layout, and of files whose names tell none.
     fn helios_format(&self) -> PointFormat {
         match (self.las_output.is_on() || self.las10.is_on(), self.zip_output.is_on()) {

@@ -90,7 +90,7 @@ impl OutputPlan {
     pub fn encode(&self, batch: &Batch, ground: Option<&Arc<dyn HeightModel>>) -> Encoded {
         let source = Source { batch, ground };
         let mut echoes =
-            if self.request.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
+            if self.request.cloud.misses { with_misses(batch) } else { Cow::Borrowed(&batch.echoes[..]) };
         if let Some(ring) = &self.request.clip {
             let keeps =
                 |p: DVec3| is_inside(ring, [p.x + self.settings.origin.x, p.y + self.settings.origin.y]);

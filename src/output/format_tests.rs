@@ -20,12 +20,9 @@ const WKT: &str =
     r#"PROJCS["ETRS89 / UTM 32N",GEOGCS["ETRS89",AUTHORITY["EPSG","4258"]],AUTHORITY["EPSG","25832"]]"#;
 
 fn request(path: &Path, format: PointFormat) -> OutputRequest {
-    OutputRequest {
-        sinks: vec![(Target::File(path.into()), format)],
-        crs_wkt: Some(WKT.to_owned()),
-        creation: (2026, 324),
-        ..OutputRequest::default()
-    }
+    let mut cloud = CloudSettings::default();
+    (cloud.crs, cloud.creation) = (Some(WKT.to_owned()), (2026, 324));
+    OutputRequest { sinks: vec![(Target::File(path.into()), format)], cloud, ..OutputRequest::default() }
 }
 
 /// Returns the bytes of a file with `batches`.
@@ -175,8 +172,8 @@ fn a_point_of_the_specification_in_the_layout_of_the_reference() {
     scene.shift = DVec3::new(20.0, 0.0, 10.889053);
     let echo = Echo { position: world - scene.shift, ..echo };
     let mut request = request(&dir.path().join("a.las"), PointFormat::Las);
-    request.las.extra = ExtraDimensions::Helios;
-    request.crs_wkt = None;
+    request.cloud.las.extra = ExtraDimensions::Helios;
+    request.cloud.crs = None;
     let survey = survey(1, &[None]);
     let plan = Arc::new(OutputPlan::new(request, &OutputContext::new(&survey, &scene)).unwrap());
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
@@ -201,7 +198,7 @@ fn a_point_of_the_specification_in_the_layout_of_the_reference() {
 fn las_1_0_reads_back() {
     let dir = tempfile::tempdir().unwrap();
     let mut request = request(&dir.path().join("a.las"), PointFormat::Las);
-    request.las.version = LasVersion::V10;
+    request.cloud.las.version = LasVersion::V10;
     for format in [PointFormat::Las, PointFormat::Laz] {
         request.sinks[0].1 = format;
         let raw = bytes(request.clone(), &[batch(0, 0, 2000)]);
@@ -232,15 +229,34 @@ fn a_coordinate_system_without_code_is_a_warning_in_las_1_0() {
     let context = OutputContext::new(&survey, &scene());
     let dir = tempfile::tempdir().unwrap();
     let mut request = request(&dir.path().join("a.las"), PointFormat::Las);
-    request.crs_wkt = Some("LOCAL_CS[\"mine\"]".to_owned());
+    request.cloud.crs = Some("LOCAL_CS[\"mine\"]".to_owned());
     assert!(OutputPlan::new(request.clone(), &context).unwrap().warnings().items().is_empty());
-    request.las.version = LasVersion::V10;
+    request.cloud.las.version = LasVersion::V10;
     assert_eq!(OutputPlan::new(request.clone(), &context).unwrap().warnings().items().len(), 1);
     request.sinks[0].1 = PointFormat::Xyz;
-    request.las.scale = Some(-1.0);
+    request.cloud.las.scale = Some(-1.0);
     assert!(OutputPlan::new(request.clone(), &context).is_ok(), "settings of LAS do not concern text");
     request.sinks[0].1 = PointFormat::Laz;
     assert!(matches!(OutputPlan::new(request, &context), Err(Error::Input(_))));
+}
+
+#[test]
+fn a_coordinate_system_that_is_known_after_the_check_reaches_the_formats() {
+    let survey = survey(1, &[None]);
+    let before = OutputContext { crs: None, ..OutputContext::new(&survey, &scene()) };
+    let dir = tempfile::tempdir().unwrap();
+    let mut request = request(&dir.path().join("a.las"), PointFormat::Las);
+    request.cloud.crs = None;
+    request.cloud.las.version = LasVersion::V10;
+    let checked = request.clone().check(&before).unwrap();
+    assert!(checked.warnings().items().is_empty());
+    let crs = Some("LOCAL_CS[\"mine\"]".to_owned());
+    let after = OutputContext { crs: crs.clone(), time_origin: 1e9, ..before };
+    let (plan, whole) = (checked.plan(&after).unwrap(), OutputPlan::new(request, &after).unwrap());
+    assert_eq!(plan.settings.crs, crs);
+    assert_eq!(plan.settings, whole.settings);
+    let warnings = plan.warnings().items().len();
+    assert!(warnings > 0 && warnings == whole.warnings().items().len());
 }
 
 #[test]
@@ -391,7 +407,7 @@ fn what_a_format_cannot_hold_is_left_out_and_counted() {
     };
     for version in [LasVersion::V14, LasVersion::V10] {
         let mut request = request(&dir.path().join("a.las"), PointFormat::Las);
-        request.las.version = version;
+        request.cloud.las.version = version;
         request.force = true;
         let summary = write(request, &survey(1, &[None]), std::slice::from_ref(&batch)).unwrap();
         assert_eq!((summary.points, summary.files[0].left_out), (8, 2));

@@ -53,7 +53,7 @@ pub use context::OutputContext;
 pub use division::{Division, Ring};
 pub use encode::Encoded;
 pub use join::{JOINED_POINTS, Segment, join};
-pub use plan::OutputPlan;
+pub use plan::{CheckedOutputs, OutputPlan};
 pub use points::{CloudFacts, write_points};
 pub use request::{
     OutputRequest, ShardOutput, TableContent, TableRequest, TableSink, Target, TrajectoryFormat,
@@ -61,6 +61,7 @@ pub use request::{
 pub use summary::{FileKind, FileSummary, OutputSummary};
 pub use vlscan_formats::text::{expand, unzip};
 pub use vlscan_formats::{
-    Column, ExtraDimensions, LasSettings, LasVersion, NoOffload, ObjectIds, Offload, PacketPlace, PointFormat,
+    CloudSettings, Column, ExtraDimensions, FrameNames, LasSettings, LasVersion, NoOffload, ObjectIds,
+    Offload, PacketPlace, PointFormat,
 };
 pub use writer::Writer;

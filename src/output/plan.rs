@@ -43,24 +43,97 @@ pub struct OutputPlan {
     pub(super) rescued: Mutex<Vec<FileSummary>>,
 }
 
-impl OutputPlan {
-    /// Plans every file and performs all checks that are possible before the run: existing files, duplicate
-    /// names, missing directories, binary formats on a terminal. All problems are reported together, and
-    /// nothing is written.
+/// Outputs in which no mistake was found before the run: their files and formats.
+#[derive(Debug)]
+pub struct CheckedOutputs {
+    request: OutputRequest,
+    layout: OutputLayout,
+    divider: Option<Divider>,
+    formats: Formats,
+    /// Warnings of formats; requests and files have errors alone.
+    warnings: Diagnostics,
+    /// Coordinate reference system and time origin of the context, on which formats depend.
+    place: (Option<String>, f64),
+}
+
+impl OutputRequest {
+    /// Performs all checks that are possible before the run: existing files, duplicate names, missing
+    /// directories, binary formats on a terminal. All problems are reported together, and nothing is written.
     ///
     /// # Errors
     /// [`Error::Input`].
-    pub fn new(mut request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
-        request.epochs = request.epochs.max(1);
+    pub fn check(mut self, context: &OutputContext) -> Result<CheckedOutputs> {
+        self.epochs = self.epochs.max(1);
         let mut problems = Diagnostics::default();
         let objects = ObjectIds::new(&context.parts);
-        let divider = divider(&request, context, &objects, &mut problems);
-        let layout = OutputLayout::new(&request, context, divider.as_ref().map(|d| &d.names[..]));
-        check_requests(&request, context, &mut problems);
-        let inputs = Inputs::of(&request);
-        check_files(&layout, &request, &inputs, &mut problems);
-        let wkt = request.crs_wkt.as_deref().or(context.crs.as_deref());
-        if let (Some(chosen), Some(named)) = (&request.crs_wkt, &context.crs)
+        let divider = divider(&self, context, &objects, &mut problems);
+        let layout = OutputLayout::new(&self, context, divider.as_ref().map(|d| &d.names[..]));
+        check_requests(&self, context, &mut problems);
+        let inputs = Inputs::of(&self);
+        check_files(&layout, &self, &inputs, &mut problems);
+        let formats = Formats::new(&self, context, objects, &mut problems)?;
+        if formats.encoders.values().any(|encoder| encoder.packets() == Some(PacketPlace::Beside)) {
+            check_packets(&layout, self.force || self.goes_on, &inputs, &mut problems);
+        }
+        let warnings = problems.finish(false)?;
+        let place = (context.crs.clone(), context.time_origin);
+        Ok(CheckedOutputs { request: self, layout, divider, formats, warnings, place })
+    }
+}
+
+impl CheckedOutputs {
+    /// Warnings about the request.
+    pub fn warnings(&self) -> &Diagnostics {
+        &self.warnings
+    }
+
+    /// Plans the outputs. `context` is that of the check, except for coordinate reference system and time
+    /// origin, which may be known only after the first pose of a flight.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for formats that cannot be written in this coordinate reference system.
+    pub fn plan(self, context: &OutputContext) -> Result<OutputPlan> {
+        let CheckedOutputs { request, layout, divider, mut formats, mut warnings, place } = self;
+        if place != (context.crs.clone(), context.time_origin) {
+            let mut problems = Diagnostics::default();
+            let objects = std::mem::take(&mut formats.settings.objects);
+            formats = Formats::new(&request, context, objects, &mut problems)?;
+            warnings = problems.finish(false)?;
+        }
+        let leg = |leg: &OutputLeg| {
+            let frame_ns = request.frame_s.or(leg.revolution_s).map_or(PointBatch::FRAME_NS, |s| s * 1e9);
+            (saturated(leg.number), frame_ns)
+        };
+        Ok(OutputPlan {
+            layout,
+            legs: context.legs.iter().map(leg).collect(),
+            time_origin: context.time_origin,
+            encoders: formats.encoders,
+            needs: request.needs(),
+            divider,
+            warnings,
+            rescued: Mutex::default(),
+            settings: formats.settings,
+            request,
+        })
+    }
+}
+
+/// The formats that points are written in, and the facts about the points for them.
+#[derive(Debug)]
+struct Formats {
+    settings: CloudSettings,
+    encoders: BTreeMap<PointFormat, Arc<dyn PointEncoder>>,
+}
+
+impl Formats {
+    fn new(
+        request: &OutputRequest,
+        context: &OutputContext,
+        objects: ObjectIds,
+        problems: &mut Diagnostics,
+    ) -> Result<Formats> {
+        if let (Some(chosen), Some(named)) = (&request.cloud.crs, &context.crs)
             && crs::differ(chosen, named)
         {
             let message = format!(
@@ -70,33 +143,24 @@ impl OutputPlan {
             );
             problems.warn(None, message).help("leave out --crs: points are not reprojected");
         }
-        let settings = cloud_settings(&request, context, wkt, objects);
+        let settings = cloud_settings(request, context, objects);
         let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
         let mut encoders = BTreeMap::new();
         let formats = request.sinks.iter().map(|(_, format)| *format);
         for format in formats.chain(has_table.then_some(PointFormat::Arrow)) {
-            encoders.insert(format, format.encoder(&settings, &mut problems)?);
+            encoders.insert(format, format.encoder(&settings, problems)?);
         }
-        if encoders.values().any(|encoder| encoder.packets() == Some(PacketPlace::Beside)) {
-            check_packets(&layout, request.force || request.goes_on, &inputs, &mut problems);
-        }
-        let warnings = problems.finish(false)?;
-        let leg = |leg: &OutputLeg| {
-            let frame_ns = request.frame_s.or(leg.revolution_s).map_or(PointBatch::FRAME_NS, |s| s * 1e9);
-            (saturated(leg.number), frame_ns)
-        };
-        Ok(OutputPlan {
-            layout,
-            legs: context.legs.iter().map(leg).collect(),
-            time_origin: context.time_origin,
-            encoders,
-            needs: request.needs(),
-            divider,
-            warnings,
-            rescued: Mutex::default(),
-            settings,
-            request,
-        })
+        Ok(Formats { settings, encoders })
+    }
+}
+
+impl OutputPlan {
+    /// Plans every file after all checks of [`OutputRequest::check`].
+    ///
+    /// # Errors
+    /// Those of [`OutputRequest::check`].
+    pub fn new(request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
+        request.check(context)?.plan(context)
     }
 
     /// Origin of the positions and times of records.
@@ -148,35 +212,22 @@ impl WorldFrame {
     }
 }
 
-/// Facts about the points for the formats.
-fn cloud_settings(
-    request: &OutputRequest,
-    context: &OutputContext,
-    wkt: Option<&str>,
-    objects: ObjectIds,
-) -> CloudSettings {
-    CloudSettings {
-        origin: context.shift,
-        bounds: context.bounds,
-        crs: wkt.map(str::to_owned),
-        scanner: context.scanner.clone(),
-        adjusted_times: context.time_origin != 0.0,
-        creation: request.creation,
-        parts: context.parts.clone(),
-        objects,
-        highest_class: context.highest_class,
-        columns: request.columns.clone(),
-        misses: request.misses,
-        labels: request.labels,
-        true_positions: request.true_positions,
-        heights: request.heights,
-        frame_names: request.frame_names.clone(),
-        las: request.las.clone(),
-        rings: context.devices.iter().map(|device| device.ring).collect(),
-        stands: context.stands,
-        bins_ns: context.devices.iter().map(|device| device.bin).collect(),
-        metres_per_ns: context.metres_per_ns,
-    }
+/// The settings of the request, with the facts about survey and scene.
+fn cloud_settings(request: &OutputRequest, context: &OutputContext, objects: ObjectIds) -> CloudSettings {
+    let mut settings = request.cloud.clone();
+    settings.origin = context.shift;
+    settings.bounds = context.bounds;
+    settings.crs = settings.crs.or_else(|| context.crs.clone());
+    settings.scanner.clone_from(&context.scanner);
+    settings.adjusted_times = context.time_origin != 0.0;
+    settings.parts.clone_from(&context.parts);
+    settings.objects = objects;
+    settings.highest_class = context.highest_class;
+    settings.rings = context.devices.iter().map(|device| device.ring).collect();
+    settings.stands = context.stands;
+    settings.bins_ns = context.devices.iter().map(|device| device.bin).collect();
+    settings.metres_per_ns = context.metres_per_ns;
+    settings
 }
 
 /// The number of a leg in records, saturated.
@@ -198,7 +249,7 @@ fn divider(
             .help("-o DIR, with --format");
         return None;
     }
-    if request.las.packets.is_some() || request.split_by_channel || request.misses {
+    if request.cloud.las.packets.is_some() || request.split_by_channel || request.cloud.misses {
         problems.error(
             None,
             "--tile and --per-object cannot be combined with --wave-packets, --split-by-channel or --misses",
@@ -231,7 +282,8 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             "--height-above-ground needs the scene, which `vlscan merge` and streams do not have",
         );
     }
-    let has_no_time = request.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
+    let has_no_time =
+        request.cloud.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
     for seconds in request.tables.iter().filter_map(|table| table.batch_seconds) {
         if has_no_time {
             problems.error(None, "batches by interval of time need the column GpsTime");
@@ -242,7 +294,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     }
     let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
     let has_columns = has_table || request.sinks.iter().any(|(_, format)| format.has_columns());
-    if request.columns.is_some() && !has_columns {
+    if request.cloud.columns.is_some() && !has_columns {
         problems
             .error(
                 None,
@@ -250,19 +302,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
-    let has_frames = request.sinks.iter().any(|(_, format)| format.has_frames());
-    if request.frame_s.is_some() && !has_frames && request.shard.is_none() {
-        problems.error(None, "--frame-s applies to MCAP output only").help("-o points.mcap");
-    }
-    if request.frame_names != FrameNames::default() && !has_frames && request.shard.is_none() {
-        problems
-            .error(None, "--world-frame and --sensor-frame apply to MCAP output only")
-            .help("-o points.mcap");
-    }
-    if request.frame_names.world == request.frame_names.sensor {
-        let message = format!("--world-frame and --sensor-frame are both \"{}\"", request.frame_names.world);
-        problems.error(None, message);
-    }
+    check_frames(request, problems);
     if request.split_by_channel
         && context.devices.len() > 1
         && request.sinks.iter().any(|(target, _)| streams(target))
@@ -274,6 +314,24 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
         problems
             .error(None, "binary points would go to the terminal")
             .help("redirect standard output, or insist with --force");
+    }
+}
+
+/// Reports problems of the frames of MCAP.
+fn check_frames(request: &OutputRequest, problems: &mut Diagnostics) {
+    let has_frames = request.sinks.iter().any(|(_, format)| format.has_frames());
+    if request.frame_s.is_some() && !has_frames && request.shard.is_none() {
+        problems.error(None, "--frame-s applies to MCAP output only").help("-o points.mcap");
+    }
+    let names = &request.cloud.frame_names;
+    if *names != FrameNames::default() && !has_frames && request.shard.is_none() {
+        problems
+            .error(None, "--world-frame and --sensor-frame apply to MCAP output only")
+            .help("-o points.mcap");
+    }
+    if names.world == names.sensor {
+        let message = format!("--world-frame and --sensor-frame are both \"{}\"", names.world);
+        problems.error(None, message);
     }
 }
 

@@ -11,40 +11,22 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::refuse_existing;
 use vlscan_formats::{
-    CloudSettings, Column, Destination, EncodedFile, EncodedPoints, ExtraDimensions, Job, LasSettings,
-    ObjectIds, Offload, OutputStream, PointBatch, PointEncoder, PointFormat, PointRecord, Tally,
+    CloudSettings, Column, Destination, EncodedFile, EncodedPoints, ExtraDimensions, Job, ObjectIds, Offload,
+    OutputStream, PointBatch, PointEncoder, PointFormat, PointRecord, Tally,
 };
 use vlscan_geom::{Aabb, DVec3};
 
 /// Points that a thread encodes at a time.
 const BLOCK_POINTS: usize = 1 << 15;
 
+/// First bytes of stored facts, with the version of their form.
+const MARK: &[u8] = b"VLFACTS 2\n";
+
 /// Facts about the points of a table beside their columns.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CloudFacts {
     settings: CloudSettings,
     /// Number of each leg in records, and duration of its frames, ns.
-    legs: Vec<(u16, f64)>,
-}
-
-/// The facts as they are stored.
-#[derive(Serialize, Deserialize)]
-struct Stored {
-    origin: DVec3,
-    bounds: Aabb,
-    crs: Option<String>,
-    scanner: String,
-    adjusted_times: bool,
-    creation: (u16, u16),
-    parts: Vec<String>,
-    highest_class: i32,
-    columns: Option<Vec<String>>,
-    misses: bool,
-    labels: bool,
-    true_positions: bool,
-    heights: bool,
-    rings: Vec<u16>,
-    stands: bool,
     legs: Vec<(u16, f64)>,
 }
 
@@ -80,14 +62,10 @@ impl CloudFacts {
         let origin = if bounds.is_empty() { DVec3::ZERO } else { bounds.centre().round() };
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
         let columns = Column::ALL.iter().copied().filter(|column| rows.has(*column)).collect();
-        let settings = CloudSettings {
-            origin,
-            bounds,
-            crs,
-            highest_class,
-            columns: Some(columns),
-            ..CloudSettings::default()
-        };
+        let mut settings = CloudSettings::default();
+        (settings.origin, settings.bounds) = (origin, bounds);
+        (settings.crs, settings.highest_class) = (crs, highest_class);
+        settings.columns = Some(columns);
         Ok(CloudFacts { settings, legs: Vec::new() })
     }
 
@@ -96,27 +74,10 @@ impl CloudFacts {
     /// # Errors
     /// [`Error::Internal`].
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let CloudFacts { settings, legs } = self.clone();
-        let names = |columns: Vec<Column>| columns.iter().map(|column| column.name().to_owned()).collect();
-        let stored = Stored {
-            origin: settings.origin,
-            bounds: settings.bounds,
-            crs: settings.crs,
-            scanner: settings.scanner,
-            adjusted_times: settings.adjusted_times,
-            creation: settings.creation,
-            parts: settings.parts,
-            highest_class: settings.highest_class,
-            columns: settings.columns.map(names),
-            misses: settings.misses,
-            labels: settings.labels,
-            true_positions: settings.true_positions,
-            heights: settings.heights,
-            rings: settings.rings,
-            stands: settings.stands,
-            legs,
-        };
-        postcard::to_stdvec(&stored).map_err(|e| Error::Internal(format!("facts about points: {e}")))
+        let mut bytes = MARK.to_vec();
+        let facts = postcard::to_stdvec(self);
+        bytes.extend(facts.map_err(|e| Error::Internal(format!("facts about points: {e}")))?);
+        Ok(bytes)
     }
 
     /// The facts that [`CloudFacts::to_bytes`] has made bytes of.
@@ -124,32 +85,10 @@ impl CloudFacts {
     /// # Errors
     /// [`Error::Input`] for other bytes.
     pub fn from_bytes(bytes: &[u8]) -> Result<CloudFacts> {
-        let stored: Stored = postcard::from_bytes(bytes)
-            .map_err(|e| Error::input(format!("the points are of another version of vlscan: {e}")))?;
-        let columns = stored.columns.map(|names| {
-            let known = |name: &String| Column::ALL.iter().copied().find(|column| column.name() == name);
-            names.iter().filter_map(known).collect()
-        });
-        let settings = CloudSettings {
-            origin: stored.origin,
-            bounds: stored.bounds,
-            crs: stored.crs,
-            scanner: stored.scanner,
-            adjusted_times: stored.adjusted_times,
-            creation: stored.creation,
-            objects: ObjectIds::new(&stored.parts),
-            parts: stored.parts,
-            highest_class: stored.highest_class,
-            columns,
-            misses: stored.misses,
-            labels: stored.labels,
-            true_positions: stored.true_positions,
-            heights: stored.heights,
-            rings: stored.rings,
-            stands: stored.stands,
-            ..CloudSettings::default()
-        };
-        Ok(CloudFacts { settings, legs: stored.legs })
+        let other = |e: &str| Error::input(format!("the points are of another version of vlscan: {e}"));
+        let stored =
+            bytes.strip_prefix(MARK).ok_or_else(|| other("their stored facts have another format"))?;
+        postcard::from_bytes(stored).map_err(|e| other(&e.to_string()))
     }
 }
 
@@ -254,15 +193,14 @@ impl Frames {
 
 /// Settings of the format.
 fn settings_of(facts: &CloudFacts, request: &OutputRequest) -> CloudSettings {
-    let own = facts.settings.clone();
-    CloudSettings {
-        crs: request.crs_wkt.clone().or(own.crs.clone()),
-        labels: own.labels || request.labels,
-        columns: request.columns.clone().or(own.columns.clone()),
-        las: request.las.clone(),
-        frame_names: request.frame_names.clone(),
-        ..own
-    }
+    let cloud = &request.cloud;
+    let mut settings = facts.settings.clone();
+    settings.crs = cloud.crs.clone().or(settings.crs);
+    settings.labels |= cloud.labels;
+    settings.columns = cloud.columns.clone().or(settings.columns);
+    settings.las = cloud.las.clone();
+    settings.frame_names = cloud.frame_names.clone();
+    settings
 }
 
 /// Warns of columns that no format knows.
@@ -314,7 +252,7 @@ fn check_columns(
     }
     let extra = [EchoWidth, PulseNumber, ObjectId, Amplitude, Device, Range, IncidenceAngle];
     if format.is_las() && settings.las.extra == ExtraDimensions::All && missing(&extra).is_some() {
-        settings.las = LasSettings { extra: ExtraDimensions::None, ..settings.las.clone() };
+        settings.las.extra = ExtraDimensions::None;
     }
     let usual = [ReturnNumber, NumberOfReturns, Classification, ScanAngle, PointSourceId, GpsTime];
     let mut absent: Vec<&str> = Vec::new();
@@ -345,5 +283,29 @@ impl Offload for IdleThreads {
 
     fn threads(&self) -> usize {
         rayon::current_num_threads()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_formats::PacketPlace;
+
+    #[test]
+    fn facts_are_stored_whole() {
+        let mut settings = CloudSettings::default();
+        settings.parts = vec!["north".to_owned(), "7".to_owned()];
+        settings.objects = ObjectIds::new(&settings.parts);
+        settings.columns = Some(vec![Column::X, Column::Subray]);
+        settings.las.packets = Some(PacketPlace::Beside);
+        settings.frame_names.world = "site".to_owned();
+        settings.bins_ns = vec![0.25];
+        let facts = CloudFacts { settings, legs: vec![(3, 1e8)] };
+        let bytes = facts.to_bytes().unwrap();
+        assert_eq!(CloudFacts::from_bytes(&bytes).unwrap(), facts);
+        for other in [&bytes[MARK.len()..], &bytes[..bytes.len() - 1], b""] {
+            let error = CloudFacts::from_bytes(other).unwrap_err().to_string();
+            assert!(error.contains("another version of vlscan"), "{error}");
+        }
     }
 }

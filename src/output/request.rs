@@ -7,7 +7,7 @@ use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::error::Result;
-use vlscan_formats::{Column, FrameNames, LasSettings, Needs, PointFormat};
+use vlscan_formats::{CloudSettings, Column, Needs, PointFormat};
 
 /// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,7 +47,7 @@ pub struct ShardOutput {
 /// Kind of the rows of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TableContent {
-    /// Points, with the columns of [`OutputRequest::columns`].
+    /// Points, with the columns of [`CloudSettings::columns`].
     Points,
     /// Poses of the platform: time (s), x, y, z (m), roll, pitch, yaw (deg, of a heading as `--trajectory`
     /// reads them), and the angles in the platform's own convention.
@@ -61,6 +61,7 @@ pub enum TableContent {
 
 /// A table that a run passes to its caller.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct TableRequest {
     /// Kind of its rows.
     pub content: TableContent,
@@ -72,6 +73,13 @@ pub struct TableRequest {
     pub batch_seconds: Option<f64>,
     /// Receiver of the batches.
     pub sink: Arc<dyn TableSink>,
+}
+
+impl TableRequest {
+    /// A table in a single batch.
+    pub fn new(content: TableContent, sink: Arc<dyn TableSink>) -> TableRequest {
+        TableRequest { content, batch_rows: usize::MAX, batch_per_leg: false, batch_seconds: None, sink }
+    }
 }
 
 /// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a
@@ -88,10 +96,28 @@ pub trait TableSink: Debug + Send + Sync {
 }
 
 /// Specification of all outputs of a run.
+///
+/// ```
+/// use vlscan::{OutputRequest, PointFormat, Target};
+///
+/// let mut outputs = OutputRequest::default();
+/// outputs.sinks = vec![(Target::File("points.laz".into()), PointFormat::Laz)];
+/// outputs.cloud.misses = true;
+/// assert!(outputs.records().pulses);
+/// ```
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct OutputRequest {
     /// Point clouds.
     pub sinks: Vec<(Target, PointFormat)>,
+    /// Choices for the points of all clouds and tables: columns, misses, labels, coordinate reference system,
+    /// settings of LAS. Facts about survey and scene, such as [`CloudSettings::origin`] and
+    /// [`CloudSettings::parts`], are replaced by those of the [`OutputContext`](super::OutputContext).
+    ///
+    /// With [`CloudSettings::misses`], pulses without echoes are written among the points in order of
+    /// emission: as records with 0 returns at the beam's origin. Without [`CloudSettings::crs`], the
+    /// coordinate reference system is that of the survey.
+    pub cloud: CloudSettings,
     /// If set, waveforms are written beside the first point cloud that is not a stream (spec outputs §6):
     /// `legNNN_fullwave.txt` in directories, `STEM_fullwave.txt` beside single files.
     pub waveforms: bool,
@@ -105,31 +131,14 @@ pub struct OutputRequest {
     /// True if each device of a scanner with several gets its own point file: `_dev<id>` before the
     /// extension.
     pub split_by_channel: bool,
-    /// Columns of Arrow, Parquet and CSV, and, if set, also of the text format, which has the columns of
-    /// HELIOS++ otherwise.
-    pub columns: Option<Vec<Column>>,
-    /// If set, pulses without echoes are written among the points in order of emission: as records with 0
-    /// returns at the beam's origin. LAS and PLY then contain the beam's direction as well.
-    pub misses: bool,
-    /// True if LAS, LAZ and PLY contain labels for machine learning: part, primitive, true range. Column
-    /// formats always can.
-    pub labels: bool,
-    /// True if LAS and LAZ contain positions without navigation errors. Column formats have them as columns.
-    pub true_positions: bool,
-    /// True if points have their height above the ground.
-    pub heights: bool,
     /// Duration of the frames of MCAP, s; a revolution of the scanner if `None`.
     pub frame_s: Option<f64>,
-    /// Names of the coordinate frames of MCAP.
-    pub frame_names: FrameNames,
     /// How the points of folders are divided among files, instead of by leg.
     pub division: Option<Division>,
     /// Area in which points are kept; everywhere if `None`.
     pub clip: Option<Ring>,
     /// True if poses arrive during the run, so that Arrow streams must not wait for full batches.
     pub live: bool,
-    /// Settings of LAS and LAZ.
-    pub las: LasSettings,
     /// If set, existing files are replaced, and binary data may go to a terminal.
     pub force: bool,
     /// If set, the run resumes an interrupted one: an existing output with the same bytes is kept.
@@ -140,10 +149,6 @@ pub struct OutputRequest {
     pub companions: Vec<PathBuf>,
     /// True if points are counted by part of the scene, see [`OutputSummary`](super::OutputSummary).
     pub counts_parts: bool,
-    /// Coordinate reference system as WKT; the one of the survey if `None`.
-    pub crs_wkt: Option<String>,
-    /// Year and day of the year (from 1) for LAS headers.
-    pub creation: (u16, u16),
     /// Name of run directories; `None` for the local time of their creation.
     pub run_stamp: Option<String>,
     /// A shard of a run, which is then the only output.
@@ -158,29 +163,21 @@ impl Default for OutputRequest {
     fn default() -> OutputRequest {
         OutputRequest {
             sinks: Vec::new(),
+            cloud: CloudSettings::default(),
             waveforms: false,
             pulses: false,
             zip: false,
             trajectory: None,
             split_by_channel: false,
-            columns: None,
-            misses: false,
-            labels: false,
-            true_positions: false,
-            heights: false,
             frame_s: None,
-            frame_names: FrameNames::default(),
             division: None,
             clip: None,
             live: false,
-            las: LasSettings::default(),
             force: false,
             goes_on: false,
             inputs: Vec::new(),
             companions: Vec::new(),
             counts_parts: false,
-            crs_wkt: None,
-            creation: (0, 0),
             run_stamp: None,
             shard: None,
             tables: Vec::new(),
@@ -192,7 +189,8 @@ impl Default for OutputRequest {
 impl OutputRequest {
     /// True if points need their height above the ground.
     pub fn wants_heights(&self) -> bool {
-        self.heights || self.columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
+        let columns = &self.cloud.columns;
+        self.cloud.heights || columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
     }
 
     /// Records beside echoes and poses that all outputs need: the one place where formats, columns and tables
@@ -200,8 +198,10 @@ impl OutputRequest {
     pub fn records(&self) -> Records {
         let has_table = |content| self.tables.iter().any(|table| table.content == content);
         let own = Records {
-            waveforms: self.waveforms || self.las.packets.is_some() || has_table(TableContent::Waveforms),
-            pulses: self.pulses || self.misses || has_table(TableContent::Pulses),
+            waveforms: self.waveforms
+                || self.cloud.las.packets.is_some()
+                || has_table(TableContent::Waveforms),
+            pulses: self.pulses || self.cloud.misses || has_table(TableContent::Pulses),
             ..Records::default()
         };
         let needs = self.needs();
@@ -210,9 +210,10 @@ impl OutputRequest {
 
     /// Needs of formats and columns.
     pub(super) fn needs(&self) -> Needs {
-        let own = Needs { true_position: self.true_positions, height: self.heights, ..Needs::default() };
+        let CloudSettings { true_positions, heights, columns, .. } = &self.cloud;
+        let own = Needs { true_position: *true_positions, height: *heights, ..Needs::default() };
         let formats = self.sinks.iter().map(|(_, format)| format.needs());
-        let columns = self.columns.iter().flatten().map(|column| column.needs());
+        let columns = columns.iter().flatten().map(|column| column.needs());
         formats.chain(columns).fold(own, Needs::union)
     }
 }

@@ -280,7 +280,7 @@ fn an_output_that_cannot_be_completed_leaves_no_packets_and_others_are_kept() {
     let dir = tempfile::tempdir().unwrap();
     let mut request = points(Target::File(dir.path().join("b.xyz")));
     request.sinks.push((Target::File(dir.path().join("a.las")), PointFormat::Las));
-    request.las.packets = Some(PacketPlace::Beside);
+    request.cloud.las.packets = Some(PacketPlace::Beside);
     let plan = plan(request, &survey(2, &[None, None]));
     let mut writer = plan.open(Arc::new(NoOffload)).unwrap();
     writer.append(plan.encode(&batch(0, 0, 10), None)).unwrap();

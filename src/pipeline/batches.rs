@@ -47,7 +47,7 @@ impl TableSink for Sender {
 impl Session {
     /// Runs the session on another thread and returns the points, `rows` at a time, beside what else
     /// `outputs` asks for. The run waits while its batches wait, so memory stays flat. The columns are
-    /// [`OutputRequest::columns`].
+    /// [`CloudSettings::columns`](crate::output::CloudSettings::columns).
     pub fn into_batches(mut self, mut outputs: OutputRequest, rows: usize) -> Batches {
         let stop = Arc::new(Stop::new());
         let requested = stop.clone();
@@ -56,13 +56,8 @@ impl Session {
             true
         };
         Batches::spawn(MAX_WAITING, end, move |sink| {
-            outputs.tables.push(TableRequest {
-                content: TableContent::Points,
-                batch_rows: rows.max(1),
-                batch_per_leg: false,
-                batch_seconds: None,
-                sink,
-            });
+            let table = TableRequest::new(TableContent::Points, sink);
+            outputs.tables.push(TableRequest { batch_rows: rows.max(1), ..table });
             self.run(outputs, RunContext::new(&Progress::default(), &stop))
         })
     }

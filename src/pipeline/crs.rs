@@ -96,7 +96,7 @@ pub(super) fn time_origin(settings: &Settings, poses: Option<&mut PoseReader>, s
 pub(super) fn without_crs(outputs: &OutputRequest, context: &OutputContext) -> Option<String> {
     let is_projected = [context.shift.x, context.shift.y].iter().any(|c| c.abs() >= MIN_PROJECTED_COORDINATE);
     let has_place = outputs.sinks.iter().any(|(_, format)| format.holds_crs());
-    let is_lacking = is_projected && has_place && outputs.crs_wkt.is_none() && context.crs.is_none();
+    let is_lacking = is_projected && has_place && outputs.cloud.crs.is_none() && context.crs.is_none();
     is_lacking.then(|| {
         "the coordinate reference system is unknown, so the outputs have none; add it with --crs EPSG:25832 \
          (the scene's code)"

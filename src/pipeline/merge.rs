@@ -158,13 +158,13 @@ pub fn output_context(shards: &ShardSet) -> Result<OutputContext> {
 /// reference system.
 ///
 /// # Errors
-/// Those of planning outputs, but for files that exist: they are asked for where they are written.
+/// Those of [`OutputRequest::check`], but for files that exist: they are asked for where they are written.
 pub fn merge_warnings(shards: &ShardSet, outputs: &OutputRequest) -> Result<Diagnostics> {
     let context = output_context(shards)?;
     let epochs = shards.head.epochs.max(1);
     let request = OutputRequest { epochs, force: true, ..outputs.clone() };
-    let mut found = OutputPlan::new(request, &context)?.warnings().clone();
-    if let Some(wkt) = outputs.crs_wkt.as_deref().filter(|_| !context.bounds.is_empty()) {
+    let mut found = request.check(&context)?.warnings().clone();
+    if let Some(wkt) = outputs.cloud.crs.as_deref().filter(|_| !context.bounds.is_empty()) {
         check_place(wkt, context.bounds.centre() + context.shift, &mut found);
     }
     Ok(found)
@@ -198,7 +198,8 @@ pub(super) fn merge_echoes(
     let context = output_context(shards)?;
     check_records(shards, &outputs)?;
     let epochs = shards.head.epochs.max(1);
-    let request = OutputRequest { epochs, creation: shards.head.creation, ..outputs };
+    let mut request = OutputRequest { epochs, ..outputs };
+    request.cloud.creation = shards.head.creation;
     let output = Arc::new(OutputPlan::new(request, &context)?);
     let is_damaged = AtomicBool::new(false);
     let started = Instant::now();
@@ -282,8 +283,8 @@ pub(super) fn check_records(shards: &ShardSet, outputs: &OutputRequest) -> Resul
     let mut problems = Diagnostics::default();
     let needs = [
         (needed.waveforms && !held.waveforms, "waveforms", "--waveforms"),
-        (outputs.misses && !held.pulses, "pulses without echoes", "--misses"),
-        (needed.pulses && !outputs.misses && !held.pulses, "pulses", "--pulses"),
+        (outputs.cloud.misses && !held.pulses, "pulses without echoes", "--misses"),
+        (needed.pulses && !outputs.cloud.misses && !held.pulses, "pulses", "--pulses"),
         (needed.truth && !held.truth, "true causes of echoes", "--columns"),
         (
             needed.scanner_axes && !held.scanner_axes,

@@ -21,6 +21,7 @@ const MAX_THREADS: usize = 1024;
 
 /// A run with every choice resolved.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct ResolvedRun {
     /// The settings of the session.
     pub settings: Settings,
@@ -76,6 +77,8 @@ impl ResolvedRun {
         settings.set_seed(seed);
         settings.set_threads(threads);
         settings.set_corrections(corrections(options, is_live)?);
+        let profile = options.profile.profile.unwrap_or(PhysicsProfile::OF_SURVEYS);
+        settings.set_flight_rules(options.has_own_flight, profile);
         settings.strict = options.input.strict.is_on();
         settings.load.max_memory = options.schedule.max_memory.map(|bytes| bytes.0).or_else(machine::memory);
         settings.load.sharing = options.tree.instances.unwrap_or_default();
@@ -93,8 +96,6 @@ impl ResolvedRun {
         flight.platform_noise = !options.noise.no_platform_noise.is_on();
         flight.leg_noise = !options.noise.no_leg_noise.is_on();
         flight.navigation = navigation(options)?;
-        flight.needs_ground =
-            options.has_own_flight || options.profile.profile == Some(PhysicsProfile::Refined);
         let (echoes, physics) = (&options.echoes, &mut settings.physics);
         physics.legacy_energy = echoes.legacy_energy.is_on();
         physics.fixed_incidence = echoes.fixed_incidence.is_on();
@@ -110,7 +111,6 @@ impl ResolvedRun {
                 "subrays have no waveforms: leave out either --subrays or the waveforms",
             ));
         }
-        settings.physics = settings.physics_for(&output);
         let speed = &options.schedule;
         if let Some(path) = speed.schedule_log.as_deref().filter(|path| means_stdout(path)) {
             let message = format!("--schedule-log {}: stdout is for points; name a file", path.display());

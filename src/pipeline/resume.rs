@@ -8,7 +8,7 @@ use super::resume_folder::{ResumeFolder, RunId, State};
 use super::run::Report;
 use super::session::Session;
 use super::shard::{Divisible, check_outputs};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary, Target};
+use crate::output::{OutputContext, OutputRequest, OutputSummary, Target};
 use crate::shards::{OneOf, ShardSet};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Notice;
@@ -80,8 +80,7 @@ impl Session {
         let request = OutputRequest { goes_on, ..outputs.clone() };
         // Outputs are merged from the shards, without the scene.
         let context = OutputContext { has_ground: false, ..self.output_context() };
-        let planned = OutputPlan::new(OutputRequest { epochs: self.epochs(), ..request.clone() }, &context)?;
-        self.notify(Notice::Warnings(planned.warnings().clone().finish(self.settings().strict)?));
+        self.check_output(OutputRequest { epochs: self.epochs(), ..request.clone() }, &context)?;
         let mut folder = ResumeFolder::open(path, known.as_ref())?;
         if folder.state().is_complete() && !goes_on {
             // Another run has completed its outputs, and was ended while it removed its shards.
@@ -157,7 +156,7 @@ impl Session {
     ) -> Result<f64> {
         let known = ShardSet::list(&how.folder)?;
         let mut runner =
-            self.shards_of(flight.clone(), &how.folder, outputs.creation, false, control.stop)?;
+            self.shards_of(flight.clone(), &how.folder, outputs.cloud.creation, false, control.stop)?;
         let wanted = runner.pulses().div_ceil(how.pulses_per_shard.max(1)).clamp(1, MAX_SHARDS) as u32;
         let of = known.keys().next().copied().unwrap_or(wanted);
         let mut seconds = 0.0;

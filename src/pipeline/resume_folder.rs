@@ -369,13 +369,15 @@ mod tests {
             ..OutputRequest::default()
         };
         let own = id(1, to("a.laz"));
+        let mut labelled = to("a.laz");
+        labelled.cloud.labels = true;
         let whole = std::path::absolute("a.laz").unwrap();
         assert_eq!(own, id(1, to(whole.to_str().unwrap())));
         assert_eq!(own, id(1, OutputRequest { force: true, inputs: vec!["s.xml".into()], ..to("a.laz") }));
         for other in [
             id(2, to("a.laz")),
             id(1, to("b.laz")),
-            id(1, OutputRequest { labels: true, ..to("a.laz") }),
+            id(1, labelled),
             id(1, OutputRequest { sinks: [to("a.laz").sinks, to("b.laz").sinks].concat(), ..to("a.laz") }),
         ] {
             assert_ne!(own, other);

@@ -11,7 +11,8 @@ use super::session::Session;
 use super::settings::Settings;
 use super::stream::{LegRule, PulseSource, Tracing};
 use crate::output::{
-    FileSummary, OutputContext, OutputPlan, OutputRequest, OutputSummary, TableContent, Target, Writer,
+    CheckedOutputs, FileSummary, OutputContext, OutputPlan, OutputRequest, OutputSummary, TableContent,
+    Target, Writer,
 };
 use crate::streams::PulseReader;
 use std::ops::RangeInclusive;
@@ -72,15 +73,14 @@ impl Session {
         let has_table = outputs.tables.iter().any(|table| table.content == TableContent::Points);
         let has_place = has_table || outputs.sinks.iter().any(|(_, format)| format.holds_crs());
         let has_crs = context.crs.is_none() && has_place;
-        if has_crs || poses.is_some() {
-            // Mistakes in the outputs are reported before the first pose is waited for.
-            OutputPlan::new(outputs.clone(), &context)?;
-        }
+        // Mistakes in the outputs are reported before the first pose is waited for.
+        let is_early = has_crs || poses.is_some();
+        let checked = is_early.then(|| outputs.clone().check(&context)).transpose()?;
         if has_crs {
             context.crs = crs::of_flight(&flight, poses.as_mut(), control.stop);
         }
         context.time_origin = crs::time_origin(self.settings(), poses.as_mut(), control.stop);
-        let (output, epochs) = self.plan_outputs(outputs, &context)?;
+        let (output, epochs) = self.plan_outputs(outputs, checked, &context)?;
         let mut state = FlightState::start(&flight);
         self.run_epochs(output, epochs, control, &is_reported, |_, pass, epoch, writer| {
             if epoch > 0 {
@@ -105,7 +105,7 @@ impl Session {
         let mut source = PulseSource::new(pulses);
         self.check_instrument()?;
         self.enter_epoch(0, control.stop)?;
-        let (output, epochs) = self.plan_outputs(self.complete(outputs), &self.output_context())?;
+        let (output, epochs) = self.plan_outputs(self.complete(outputs), None, &self.output_context())?;
         let options = epochs.options;
         let is_reported = AtomicBool::new(false);
         self.run_epochs(output, epochs, control, &is_reported, |session, pass, epoch, writer| {
@@ -165,10 +165,12 @@ impl Session {
         OutputRequest { epochs: self.epochs(), inputs, ..outputs }
     }
 
-    /// Plans complete outputs of all epochs over the scene of the first.
+    /// Plans complete outputs of all epochs over the scene of the first, and reports warnings of them. They
+    /// are checked unless they have been.
     fn plan_outputs(
         &self,
         outputs: OutputRequest,
+        checked: Option<CheckedOutputs>,
         context: &OutputContext,
     ) -> Result<(Arc<OutputPlan>, Epochs)> {
         let options = self.settings().physics_for(&outputs);
@@ -183,15 +185,20 @@ impl Session {
         if let Some(missing) = crs::without_crs(&outputs, context) {
             self.notify(Notice::Note(missing));
         }
-        let output = self.plan_output(outputs, context)?;
+        let checked = match checked {
+            Some(checked) => checked,
+            None => outputs.check(context)?,
+        };
+        let output = checked.plan(context)?;
+        self.notify(Notice::Warnings(output.warnings().clone().finish(self.settings().strict)?));
         Ok((Arc::new(output), Epochs { range: 0..=epochs - 1, options, is_checked: true }))
     }
 
-    /// Plans complete outputs and reports warnings of them.
-    pub(super) fn plan_output(&self, outputs: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
-        let output = OutputPlan::new(outputs, context)?;
-        self.notify(Notice::Warnings(output.warnings().clone().finish(self.settings().strict)?));
-        Ok(output)
+    /// Checks complete outputs and reports warnings of them.
+    pub(super) fn check_output(&self, outputs: OutputRequest, context: &OutputContext) -> Result<()> {
+        let checked = outputs.check(context)?;
+        self.notify(Notice::Warnings(checked.warnings().clone().finish(self.settings().strict)?));
+        Ok(())
     }
 
     /// Runs epochs; outputs continue from one to the next. `is_reported` records whether the cause of too few

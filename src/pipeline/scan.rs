@@ -254,12 +254,11 @@ impl Scan {
         let mut settings = Settings::new(self.survey()?);
         settings.set_seed(self.seed);
         settings.set_corrections(self.corrections);
-        settings.flight.needs_ground = true;
+        settings.set_flight_rules(true, PhysicsProfile::OF_PIPELINES);
         settings.strict = self.is_strict;
         if let Some(threads) = self.threads {
             settings.set_threads(threads);
         }
-        settings.physics = settings.physics_for(&self.outputs);
         Ok(settings)
     }
 
@@ -366,7 +365,9 @@ mod tests {
         let table = RecordBatch::try_from_iter(moving.into_iter().chain(still)).unwrap();
         let scan = scan().configure(|settings| settings.head_stop = 0.0).poses(&table).unwrap();
         let found = rows(
-            scan.outputs(|o| o.columns = Some(vec![crate::output::Column::X])).batches(1_000_000).unwrap(),
+            scan.outputs(|o| o.cloud.columns = Some(vec![crate::output::Column::X]))
+                .batches(1_000_000)
+                .unwrap(),
         );
         let x = found[0]["X"].as_primitive::<Float64Type>().values();
         let mean = x.iter().sum::<f64>() / x.len() as f64;

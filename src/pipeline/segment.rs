@@ -44,13 +44,13 @@ impl<'a> Segments<'a> {
             [(Target::File(path), format @ (PointFormat::Las | PointFormat::Laz))] => (path.clone(), *format),
             _ => return refuse("expected -o NAME.las or -o NAME.laz alone"),
         };
-        let las = &request.las;
+        let las = &request.cloud.las;
         let others = [
             (request.waveforms, "not waveforms"),
             (request.pulses, "not pulses"),
             (request.trajectory.is_some(), "not poses"),
             (request.split_by_channel, "not one per channel"),
-            (request.misses, "without pulses that have no echoes"),
+            (request.cloud.misses, "without pulses that have no echoes"),
             (las.packets.is_some(), "without waveform packets"),
             (las.at_most.is_some(), "not a stream"),
             (las.version != LasVersion::V14, "of version 1.4"),

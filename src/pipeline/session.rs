@@ -25,7 +25,7 @@ pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 /// The scene is a [`LoadedScene`], which several sessions can share.
 ///
 /// ```
-/// use vlscan::output::{LasSettings, LasVersion};
+/// use vlscan::output::LasVersion;
 /// use vlscan::{RunContext, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey};
 ///
 /// # fn main() -> vlscan::Result<()> {
@@ -33,11 +33,9 @@ pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 /// # let points = folder.path().join("room.laz");
 /// let (survey, _) = read_survey("fixtures/room/survey.xml".as_ref(), &ReadOptions::default())?;
 /// let mut session = Session::open(Settings::new(survey), |notice| eprintln!("{notice:?}"))?;
-/// let outputs = OutputRequest {
-///     sinks: vec![(Target::File(points), PointFormat::Laz)],
-///     las: LasSettings { version: LasVersion::V10, ..LasSettings::default() },
-///     ..OutputRequest::default()
-/// };
+/// let mut outputs = OutputRequest::default();
+/// outputs.sinks = vec![(Target::File(points), PointFormat::Laz)];
+/// outputs.cloud.las.version = LasVersion::V10;
 /// // Other threads may read the progress and request the end of the run.
 /// let (progress, stop) = (Progress::default(), Stop::new());
 /// let report = session.run(outputs, RunContext::new(&progress, &stop))?;
@@ -159,7 +157,7 @@ impl Session {
         (self.observer)(notice);
     }
 
-    /// Records everything that the outputs need.
+    /// Records what the outputs of a run in shards need, beside what the settings ask for.
     pub(super) fn record_for(&mut self, outputs: &OutputRequest) {
         self.settings.physics = self.settings.physics_for(outputs);
     }

@@ -6,7 +6,7 @@ use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Duration;
 use vlscan_lidar::flight::FlightOptions;
-use vlscan_lidar::pulse::{Corrections, PhysicsOptions};
+use vlscan_lidar::pulse::{Corrections, PhysicsOptions, PhysicsProfile};
 use vlscan_scene::LoadOptions;
 use vlscan_survey::Survey;
 use vlscan_trace::BuildOptions;
@@ -25,6 +25,7 @@ pub const DEFAULT_LATENCY: Duration = Duration::from_millis(250);
 /// Settings of a [`Session`](super::Session). A session reads neither the command line nor the environment
 /// nor the clock.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Settings {
     /// Legs, platform, scanner and the description of the scene.
     pub survey: Survey,
@@ -36,7 +37,7 @@ pub struct Settings {
     pub tree: BuildOptions,
     /// Clock, noise of the platform, navigation errors.
     pub flight: FlightOptions,
-    /// Options of the echo simulation.
+    /// Options of the echo simulation. A run also records what its outputs need.
     pub physics: PhysicsOptions,
     /// Number of threads, and the distribution of pulses to them.
     pub schedule: Schedule,
@@ -85,7 +86,15 @@ impl Settings {
         self.load = std::mem::take(&mut self.load).with_wavelengths_of(&self.survey.scanner);
     }
 
-    /// Returns the options of the physics, with everything recorded that the outputs need.
+    /// Sets what is an error in a flight. A leg on the ground needs ground below it, unless a survey of
+    /// HELIOS++ is flown with the physics of HELIOS++, which then takes the height of the scene's centre. A
+    /// pipeline or a program has a flight of its own.
+    pub fn set_flight_rules(&mut self, has_own_flight: bool, profile: PhysicsProfile) {
+        self.flight.needs_ground = has_own_flight || profile == PhysicsProfile::Refined;
+    }
+
+    /// Returns the options of the physics of a run, with everything recorded that its outputs need. The
+    /// settings themselves record only what is asked for beside them.
     pub(super) fn physics_for(&self, outputs: &OutputRequest) -> PhysicsOptions {
         Records::of(&self.physics).union(outputs.records()).recorded_by(self.physics)
     }

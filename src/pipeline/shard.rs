@@ -73,8 +73,9 @@ impl Session {
         stop: &Stop,
     ) -> Result<ShardRunner<'_>> {
         check_outputs(outputs)?;
+        self.record_for(outputs);
         let run = self.divisible()?;
-        self.shards_of(run, folder, outputs.creation, force, stop)
+        self.shards_of(run, folder, outputs.cloud.creation, force, stop)
     }
 
     /// [`Session::shards`] of a planned flight. `creation` is the day for the headers of files.

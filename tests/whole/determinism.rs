@@ -157,11 +157,12 @@ fn trees_leave_no_trace() {
             let dir = folder();
             let points = dir.path().join("all.xyz");
             let (survey, _) = read_survey(&fixture(survey), &ReadOptions::default()).unwrap();
-            let settings = Settings { tree, ..Settings::new(survey) };
+            let mut settings = Settings::new(survey);
+            settings.tree = tree;
             let mut session = Session::open(settings, |_| {}).unwrap();
-            let sinks = vec![(Target::File(points.clone()), PointFormat::Xyz)];
+            let mut outputs = OutputRequest::default();
+            outputs.sinks = vec![(Target::File(points.clone()), PointFormat::Xyz)];
             let (progress, stop) = (Progress::default(), Stop::new());
-            let outputs = OutputRequest { sinks, ..Default::default() };
             session.run(outputs, RunContext::new(&progress, &stop)).unwrap();
             std::fs::read(points).unwrap()
         });

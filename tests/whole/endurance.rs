@@ -111,12 +111,12 @@ fn fly(dir: &Path, run: u32) {
     if run % 5 == 4 {
         std::fs::write(&points, "another run's").unwrap();
     }
-    let sinks = vec![(Target::File(points.clone()), formats[run as usize % formats.len()])];
+    let mut outputs = OutputRequest::default();
+    outputs.sinks = vec![(Target::File(points.clone()), formats[run as usize % formats.len()])];
     let (progress, stop) = (Progress::default(), Stop::new());
     if run % 7 == 6 {
         stop.request();
     }
-    let outputs = OutputRequest { sinks, ..Default::default() };
     let outcome = session.run(outputs, RunContext::new(&progress, &stop));
     assert_eq!(outcome.is_err(), run % 5 == 4 || run % 7 == 6, "run {run}: {outcome:?}");
     for file in files(dir) {

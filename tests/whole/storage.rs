@@ -98,14 +98,9 @@ fn outputs(mut session: Session) -> BTreeMap<PathBuf, Vec<u8>> {
     let dir = folder();
     let formats = [("a.xyz", PointFormat::Xyz), ("a.las", PointFormat::Las), ("a.csv", PointFormat::Csv)];
     let sinks = formats.map(|(name, format)| (Target::File(dir.path().join(name)), format)).into();
-    let request = OutputRequest {
-        sinks,
-        waveforms: true,
-        pulses: true,
-        labels: true,
-        heights: true,
-        ..Default::default()
-    };
+    let mut request = OutputRequest::default();
+    (request.sinks, request.waveforms, request.pulses) = (sinks, true, true);
+    (request.cloud.labels, request.cloud.heights) = (true, true);
     let (progress, stop) = (Progress::default(), Stop::new());
     session.run(request, RunContext::new(&progress, &stop)).unwrap();
     files(dir.path()).into_iter().map(|f| (f.clone(), fs::read(dir.path().join(&f)).unwrap())).collect()

@@ -7,9 +7,7 @@ use std::fs;
 use std::path::Path;
 use vlscan::scene::TileOptions;
 use vlscan::trace::BuildOptions;
-use vlscan::{
-    Error, Options, OutputRequest, PointFormat, Progress, ResolvedRun, RunContext, Session, Stop, Target,
-};
+use vlscan::{Error, Options, PointFormat, Progress, ResolvedRun, RunContext, Session, Stop, Target};
 
 /// Metres, and cells, along a side of a tile.
 const SIDE: usize = 20;
@@ -234,10 +232,9 @@ fn a_tile_that_is_damaged_during_the_flight_ends_it_with_its_name() {
         fs::write(dir.path().join("tiles/t08.obj"), tile(8)).unwrap();
         let (resolved, _) =
             ResolvedRun::resolve(&dir.path().join("flight.toml"), &Options::default()).unwrap();
-        let ResolvedRun { mut settings, output, .. } = resolved;
+        let ResolvedRun { mut settings, output: mut outputs, .. } = resolved;
         settings.load.tiles = Some(TileOptions { memory: 250 << 10, trees: BuildOptions::default() });
-        let sinks = vec![(Target::File(dir.path().join("out.las")), PointFormat::Las)];
-        let outputs = OutputRequest { sinks, ..output };
+        outputs.sinks = vec![(Target::File(dir.path().join("out.las")), PointFormat::Las)];
         let mut session = Session::open(settings, |_| ()).unwrap();
         fs::write(dir.path().join("tiles/t08.obj"), damage).unwrap();
         let (progress, stop) = (Progress::default(), Stop::new());

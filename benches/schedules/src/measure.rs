@@ -161,7 +161,8 @@ impl Bench {
 
     /// A session over a loaded scene.
     fn session(&self, loaded: &LoadedScene, options: BuildOptions, schedule: Schedule) -> Result<Session> {
-        let settings = Settings { tree: with_jobs(&options, 1), schedule, ..self.settings.clone() };
+        let mut settings = self.settings.clone();
+        (settings.tree, settings.schedule) = (with_jobs(&options, 1), schedule);
         Session::new(settings, loaded.clone(), |_| ())
     }
 
@@ -233,14 +234,11 @@ impl Bench {
             other => return Err(Error::input(format!("--format: {other:?} is none of none, xyz, las, laz"))),
         };
         let file = self.folder.path().join(format!("points.{format}"));
-        Ok(OutputRequest {
-            sinks: points.map(|points| (Target::File(file), points)).into_iter().collect(),
-            waveforms: false,
-            pulses: false,
-            trajectory: None,
-            force: true,
-            ..self.output.clone()
-        })
+        let mut request = self.output.clone();
+        request.sinks = points.map(|points| (Target::File(file), points)).into_iter().collect();
+        (request.waveforms, request.pulses, request.trajectory) = (false, false, None);
+        request.force = true;
+        Ok(request)
     }
 
     /// Measures the task times in chunks of all possible sizes, on one thread while the other cores are busy,

@@ -64,8 +64,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut bounds = Bounds(Aabb::EMPTY);
     read_points(Path::new(&from), &mut bounds, &mut found)?;
     let origin = if bounds.0.is_empty() { Default::default() } else { bounds.0.centre().round() };
-    let bounds = bounds.0.translated(-origin);
-    let settings = CloudSettings { origin, bounds, ..CloudSettings::default() };
+    let mut settings = CloudSettings::default();
+    (settings.origin, settings.bounds) = (origin, bounds.0.translated(-origin));
 
     let writer = CloudWriter::create(Path::new(&to), false, format, &settings, &mut found)?;
     let mut copy = Copy { settings, writer, block: Vec::new(), failure: None };

@@ -1,9 +1,10 @@
 //! Integer ids of scene parts.
 
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// The integer id of every part, and the names of parts whose id is not that integer (spec outputs trap 2).
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ObjectIds {
     /// Integers by index of the part.
     ids: Vec<i32>,

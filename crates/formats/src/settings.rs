@@ -4,6 +4,7 @@ use crate::columnar::Column;
 use crate::las::LasSettings;
 use crate::objects::ObjectIds;
 use crate::record::PointRecord;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use vlscan_geom::{Aabb, DVec3, LIGHT_SPEED};
 
@@ -19,7 +20,8 @@ pub(crate) fn state(is_partial: bool) -> &'static str {
 pub(crate) const PARTIAL: &str = "partial: the run ended early";
 
 /// Names of the coordinate frames of messages.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct FrameNames {
     /// The frame in which the scanner moves.
     pub world: String,
@@ -46,7 +48,14 @@ impl Rings {
 }
 
 /// Facts about a cloud and the choices for its files.
-#[derive(Clone, Debug)]
+///
+/// ```
+/// let mut settings = vlscan_formats::CloudSettings::default();
+/// settings.labels = true;
+/// settings.las.scale = Some(0.001);
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct CloudSettings {
     /// World position that the positions of records are relative to, m.
     pub origin: DVec3,

@@ -185,17 +185,16 @@ impl Session {
     /// Checks the outputs of the run. Files that exist are noted and not refused, since a dry run does not
     /// write them.
     fn check_outputs(&self, outputs: &OutputRequest, context: &OutputContext) -> Result<()> {
-        let planned = match self.plan_output(outputs.clone(), context) {
+        match self.check_output(outputs.clone(), context) {
             Err(Error::Input(problems)) if problems.has(ProblemKind::Exists) => {
                 for problem in problems.items().iter().filter(|item| item.kind == ProblemKind::Exists) {
                     let help = problem.help.as_deref().map_or(String::new(), |help| format!("; {help}"));
                     self.notify(Notice::Note(format!("the run would be refused: {}{help}", problem.message)));
                 }
-                self.plan_output(OutputRequest { force: true, ..outputs.clone() }, context)
+                self.check_output(OutputRequest { force: true, ..outputs.clone() }, context)
             }
-            planned => planned,
-        };
-        planned.map(drop)
+            checked => checked,
+        }
     }
 
     /// Measures a sample of the flight over the first epoch, whose outputs are removed.
@@ -316,9 +315,9 @@ impl Observations<'_> {
         // What has been measured completely is certain.
         let share_left = (1.0 - sampled_pulses / timeline.pulses().max(1.0)).max(0.0).sqrt();
         let uncertainty = |of: fn(&Stratum) -> f64| share_left * relative_error(&sample.strata, of);
+        let misses = self.outputs.cloud.misses;
         let points = Estimate {
-            value: sum(if self.outputs.misses { |s| s.points + s.pulses - s.hits } else { |s| s.points })
-                * scale,
+            value: sum(if misses { |s| s.points + s.pulses - s.hits } else { |s| s.points }) * scale,
             uncertainty: uncertainty(|s| s.points),
         };
         let quads = area::swaths(self.flight, &sample.strata);

@@ -26,6 +26,7 @@ use crate::number::{push_fixed, push_integer};
 use crate::record::{EncodedPoints, Needs, PointRecord};
 use crate::settings::CloudSettings;
 use ::arrow_schema::DataType;
+use serde::{Deserialize, Serialize};
 use vlscan_base::diag::nearest;
 use vlscan_geom::{DVec3, degrees};
 
@@ -108,8 +109,9 @@ values! {
 /// every column.
 macro_rules! columns {
     ($($name:ident $of:ident $decimals:literal $unit:literal $value:expr, $meaning:literal;)*) => {
-        /// A column of points, named like the variant.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        /// A column of points, named like the variant. It is stored by its name.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+        #[serde(into = "String", try_from = "String")]
         pub enum Column {
             $(#[doc = $meaning] $name,)*
         }
@@ -285,6 +287,21 @@ impl Column {
     }
 }
 
+impl From<Column> for String {
+    fn from(column: Column) -> String {
+        column.name().to_owned()
+    }
+}
+
+impl TryFrom<String> for Column {
+    type Error = ColumnListError;
+
+    fn try_from(name: String) -> Result<Column, ColumnListError> {
+        let known = Column::EVERY.iter().copied().find(|column| column.name() == name);
+        known.ok_or(ColumnListError::Unknown(name))
+    }
+}
+
 /// Points as rows of columns.
 #[derive(Debug)]
 pub(crate) struct TableEncoder {
@@ -375,6 +392,15 @@ mod tests {
         assert!(unknown.contains("did you mean Intensity") && unknown.contains("GpsTime"), "{unknown}");
         assert_eq!(Column::list("X,Y,X"), Err(ColumnListError::Repeated(Column::X)));
         assert!(Column::list("").is_err());
+    }
+
+    #[test]
+    fn columns_are_stored_by_their_names() {
+        let columns = [Column::GpsTime, Column::ExactTime];
+        let text = serde_json::to_string(&columns).unwrap();
+        assert_eq!(text, r#"["GpsTime","ExactTime"]"#);
+        assert_eq!(serde_json::from_str::<[Column; 2]>(&text).unwrap(), columns);
+        assert!(serde_json::from_str::<Column>("\"Nothing\"").is_err());
     }
 
     #[test]

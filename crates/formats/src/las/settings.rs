@@ -1,9 +1,9 @@
 //! Choices for LAS, LAZ and COPC.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// LAS version.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LasVersion {
     /// 1.4 with point data record format 6.
     #[default]
@@ -13,7 +13,7 @@ pub enum LasVersion {
 }
 
 /// Dimensions in the extra bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum ExtraDimensions {
@@ -28,7 +28,8 @@ pub enum ExtraDimensions {
 }
 
 /// Settings of LAS and LAZ (spec outputs §4).
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct LasSettings {
     /// LAS version.
     pub version: LasVersion,
@@ -47,7 +48,7 @@ pub struct LasSettings {
 }
 
 /// Location of the waveform packets of LAS.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum PacketPlace {

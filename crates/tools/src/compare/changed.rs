@@ -83,13 +83,11 @@ pub fn write_changed(
     let format = format.map_err(|unknown| Error::input(format!("{}: {unknown}", path.display())))?;
     let bounds = clouds[0].bounds().union(clouds[1].bounds());
     let origin = bounds.centre();
-    let settings = CloudSettings {
-        origin,
-        bounds: Aabb { min: bounds.min - origin, max: bounds.max - origin },
-        crs: clouds.iter().find_map(|points| points.crs()).map(str::to_owned),
-        highest_class: CLASSES[0].into(),
-        ..CloudSettings::default()
-    };
+    let mut settings = CloudSettings::default();
+    settings.origin = origin;
+    settings.bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
+    settings.crs = clouds.iter().find_map(|points| points.crs()).map(str::to_owned);
+    settings.highest_class = CLASSES[0].into();
     let mut found = Diagnostics::default();
     let mut writer = CloudWriter::create(path, replace, format, &settings, &mut found)?;
     observer.warnings(found)?;

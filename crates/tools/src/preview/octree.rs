@@ -7,10 +7,9 @@ use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::{
-    AttributeSet, CloudSettings, CloudWriter, ExtraDimensions, LasSettings, PointFormat, PointRecord,
-    PointRow, PointSink, read_points,
+    AttributeSet, CloudSettings, CloudWriter, ExtraDimensions, PointFormat, PointRecord, PointRow, PointSink,
+    read_points,
 };
-use vlscan_geom::Aabb;
 
 /// Points that are written together.
 const BATCH_POINTS: usize = 4096;
@@ -74,13 +73,10 @@ struct Copy<'a> {
 
 impl Copy<'_> {
     fn begin(&mut self, first: &PointRow) -> Result<()> {
-        self.settings = CloudSettings {
-            origin: first.position.round(),
-            bounds: Aabb::EMPTY,
-            crs: self.crs.take(),
-            las: LasSettings { scale: Some(SCALE), extra: ExtraDimensions::Helios, ..LasSettings::default() },
-            ..CloudSettings::default()
-        };
+        self.settings.origin = first.position.round();
+        self.settings.crs = self.crs.take();
+        self.settings.las.scale = Some(SCALE);
+        self.settings.las.extra = ExtraDimensions::Helios;
         let format = PointFormat::Copc;
         let writer = CloudWriter::create(self.out, self.replace, format, &self.settings, &mut self.found)?;
         self.writer = Some(writer);
