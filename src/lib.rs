@@ -65,6 +65,7 @@
 //! * [`formats`]: readers of point clouds
 //! * [`scene`]: scenes that can be traced
 //! * [`lidar`]: the instrument: platform, scanner, flight, pulse
+//! * `vlscan-session`: sessions, outputs, shards and streams, all of which are re-exported here
 //! * [`tools`]: generated scenes, planning, campaigns, comparison, pictures
 //! * [`fit`]: flights, instruments and scenes estimated from recorded point clouds
 //!
@@ -72,7 +73,9 @@
 //! base ◄─ render, warehouse
 //! geom, base ◄─ crs ◄─ tables ◄─ survey, formats
 //! geom, base ◄─ trace
-//! survey, formats, trace ◄─ scene ◄─ lidar ◄─ tools ◄─ fit ◄─ vlscan
+//! survey, formats, trace ◄─ scene ◄─ lidar ◄─ session
+//! lidar ◄─ tools ◄─ fit
+//! session, fit ◄─ vlscan
 //! ```
 //!
 //! # How a run works
@@ -95,14 +98,10 @@
 //!
 //! | module | what it does | uses |
 //! |---|---|---|
-//! | `shards` | shares of a run that other processes compute: their files, their borders in the flight | lidar |
-//! | `output` | the files of a run: layout, records in the workers, bytes in order | shards, formats, lidar, scene, survey |
-//! | `streams` | pulses and poses between commands, as rows of text or of Arrow streams | lidar, warehouse |
-//! | `options` | the options of a run, for the command line and pipeline files alike | output, lidar, warehouse, survey, trace |
-//! | `pipeline` | the session that joins all of them | all above |
+//! | `options` | the options of a run, for the command line and pipeline files alike | session, lidar, warehouse, survey, trace |
 //! | `named_scene` | scenes as commands name them | options |
-//! | `planning`, `sketch` | surveys that are planned and checked; a survey as points | named_scene, pipeline, tools |
-//! | `campaign` | data sets of many runs | planning, pipeline, tools |
+//! | `planning`, `sketch` | surveys that are planned and checked; a survey as points | named_scene, session, tools |
+//! | `campaign` | data sets of many runs | planning, session, tools |
 //! | `cli` | the command line | all above |
 //!
 //! No module imports one from a row below its own; `tests/whole/structure.rs` holds it. What each crate is
@@ -123,12 +122,8 @@ mod campaign;
 mod cli;
 mod named_scene;
 pub mod options;
-pub mod output;
-mod pipeline;
 mod planning;
-mod shards;
 mod sketch;
-mod streams;
 
 /// The arrays of the record batches in which points arrive.
 pub use arrow_array;
@@ -149,24 +144,25 @@ pub use vlscan_warehouse as warehouse;
 pub use campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport, FailedCell};
 pub use cli::{command_line, main, scene_json};
 pub use options::{OneOf, OptionName, Options};
-pub use output::{
-    CloudFacts, Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target,
-    write_points,
-};
-pub use pipeline::{
-    Batches, DryRunReport, Emission, Emitted, Estimate, FileEstimate, FlightCoverage, FlightRows,
-    LegEstimate, LegRule, LoadedScene, Missed, Progress, Report, ResolvedRun, ResumeOptions, RunContext,
-    Scan, SceneFacts, Session, Settings, Snapshot, TimeEstimate, emit, flight_table, merge, merge_warnings,
-    schedule_of,
-};
+pub use options::{ResolvedRun, schedule_of};
 pub use planning::plan_survey;
-pub use shards::{Records, ShardSet, shard_path};
 pub use sketch::{session_points, survey_points};
-pub use streams::{PulseReader, RowBlock};
 pub use vlscan_base::Observer;
 pub use vlscan_base::diag::{Diagnostics, Notice};
 pub use vlscan_base::error::{Error, Result};
 pub use vlscan_geom::DVec3;
+pub use vlscan_session::output;
+pub use vlscan_session::output::{
+    CloudFacts, Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target,
+    write_points,
+};
+pub use vlscan_session::shards::{Records, ShardSet, shard_path};
+pub use vlscan_session::streams::{PulseReader, RowBlock};
+pub use vlscan_session::{
+    Batches, DryRunReport, Emission, Emitted, Estimate, FileEstimate, FlightCoverage, FlightRows,
+    LegEstimate, LegRule, LoadedScene, Missed, Progress, Report, ResumeOptions, RunContext, Scan, SceneFacts,
+    Session, Settings, Snapshot, TimeEstimate, emit, flight_table, merge, merge_warnings,
+};
 pub use vlscan_survey::{
     Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey,
 };

@@ -1,7 +1,7 @@
 //! A survey over its scene as points: surfaces with the leg that covers them, and the flight lines.
 
+use crate::options::ResolvedRun;
 use crate::options::{InputOptions, Options, Switch};
-use crate::pipeline::{FlightCoverage, LoadedScene, Progress, ResolvedRun, RunContext, Session};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
 use std::path::{Path, PathBuf};
@@ -11,6 +11,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::CLASSES;
 use vlscan_formats::{Attribute, AttributeSet, PointRow};
 use vlscan_geom::{DVec3, is_inside};
+use vlscan_session::{FlightCoverage, LoadedScene, Progress, RunContext, Session};
 use vlscan_tools::cloud::Points;
 use vlscan_warehouse::Stop;
 

@@ -4,9 +4,8 @@ use super::CampaignEvent;
 use super::labels::{Labels, objects};
 use super::lines::{Requests, SceneSource, SurveySource};
 use super::messages::{is_of_machine, near};
+use crate::options::ResolvedRun;
 use crate::options::{Options, Seed, Switch, read_survey};
-use crate::output::{FileKind, PointFormat};
-use crate::pipeline::{LoadedScene, PartTable, Progress, Report, ResolvedRun, RunContext, Session};
 use crate::planning::plan_survey;
 use std::any::Any;
 use std::collections::BTreeSet;
@@ -18,6 +17,8 @@ use vlscan_base::diag::{Diagnostics, Notice, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, Reads, Recording};
 use vlscan_geom::Aabb;
+use vlscan_session::output::{FileKind, PointFormat};
+use vlscan_session::{LoadedScene, PartTable, Progress, Report, RunContext, Session};
 use vlscan_tools::campaign::{Cell, FileRecord, Inputs, Record, checksum};
 use vlscan_tools::generate::{SceneOptions, StandOptions, make_stand, write_scene};
 use vlscan_warehouse::Stop;
@@ -335,7 +336,7 @@ fn text(path: &Path) -> Result<String> {
 
 /// Completes the counts of a record.
 fn describe(cell: &Cell, report: &Report, record: &mut Record) {
-    let is_points = |file: &&crate::output::FileSummary| file.kind == FileKind::Points;
+    let is_points = |file: &&vlscan_session::output::FileSummary| file.kind == FileKind::Points;
     let of_points = report.summary.files.iter().filter(is_points);
     let bounds = of_points.fold(Aabb::EMPTY, |all, file| all.union(file.bounds));
     record.pulses = report.pulses;

@@ -15,7 +15,6 @@ mod lines;
 mod messages;
 
 use crate::options::OneOf;
-use crate::output::PointFormat;
 use cell::{CellRunner, Failure};
 use clap::ValueEnum as _;
 use folder::WorkingFolder;
@@ -28,6 +27,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
+use vlscan_session::output::PointFormat;
 use vlscan_tools::campaign::{Cell, CellLock, Cells, File, Inputs, Outcome, Record, Store, text_of};
 use vlscan_warehouse::Stop;
 

@@ -5,8 +5,7 @@ use super::args::BenchArgs;
 use super::companions::open;
 use super::{Console, interrupt};
 use crate::options::{ChunkSize, Options, Switch};
-use crate::output::{OutputRequest, PointFormat, Target};
-use crate::pipeline::{LoadedScene, Progress, ResolvedRun, RunContext, Session, Settings, policy};
+use crate::options::{ResolvedRun, policy};
 use clap::ValueEnum as _;
 use serde::Serialize;
 use serde_json::json;
@@ -15,6 +14,8 @@ use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{reads, refuse_existing, write_file, write_stdout};
 use vlscan_base::quantity::amount;
+use vlscan_session::output::{OutputRequest, PointFormat, Target};
+use vlscan_session::{LoadedScene, Progress, RunContext, Session, Settings};
 use vlscan_survey::PlatformKind;
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{Log, Policy, Recorder, Schedule};
@@ -77,20 +78,17 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     let schedules = schedules(args, &job.settings)?;
     let folder = tempfile::tempdir().map_err(|e| Error::io("create", std::env::temp_dir(), e))?;
     let target = Target::File(folder.path().join(format!("points.{}", args.format)));
-    let request = OutputRequest {
-        // Of no format is `none`.
-        sinks: PointFormat::from_str(&args.format, true).map(|points| (target, points)).into_iter().collect(),
-        waveforms: false,
-        pulses: false,
-        trajectory: None,
-        force: true,
-        ..job.output
-    };
+    let mut request = job.output;
+    // Of no format is `none`.
+    request.sinks =
+        PointFormat::from_str(&args.format, true).map(|points| (target, points)).into_iter().collect();
+    (request.waveforms, request.pulses, request.trajectory, request.force) = (false, false, None, true);
     let (mut cells, mut scene) = (Vec::new(), String::new());
     for &builder in &args.tree {
         let BuildOptions { jobs, geometry_jobs, .. } = job.settings.tree;
         let tree = BuildOptions { jobs, geometry_jobs, ..BuildOptions::of(builder) };
-        let settings = Settings { tree, ..job.settings.clone() };
+        let mut settings = job.settings.clone();
+        settings.tree = tree;
         let started = Instant::now();
         let session = open(settings.clone(), console)?;
         let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
@@ -168,7 +166,8 @@ fn compare(
             n => format!("repetition {n}"),
         });
         for (schedule, best) in schedules.iter().zip(&mut cells) {
-            let settings = Settings { schedule: *schedule, ..settings.clone() };
+            let mut settings = settings.clone();
+            settings.schedule = *schedule;
             let tree = settings.tree.builder.name();
             let mut session = Session::new(settings, loaded.clone(), |_| ())?;
             let (progress, recorder) = (Progress::default(), Recorder::new());

@@ -4,12 +4,13 @@ use super::console::Console;
 use super::interrupt;
 use super::watch::{during, watched};
 use crate::options::Options;
-use crate::output::OutputRequest;
-use crate::pipeline::{PartTable, Progress, Report, ResolvedRun, RunContext, Session, Settings};
+use crate::options::ResolvedRun;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_file;
 use vlscan_scene::Scene;
+use vlscan_session::output::OutputRequest;
+use vlscan_session::{PartTable, Progress, Report, RunContext, Session, Settings};
 use vlscan_warehouse::Recorder;
 
 /// Reads the survey or pipeline with the options of the command line, and shows the warnings about them.

@@ -4,8 +4,6 @@ use super::Console;
 use super::args::InfoArgs;
 use super::watch::during;
 use crate::named_scene::{NamedScene, Scanning};
-use crate::output::ObjectIds;
-use crate::pipeline::{LoadedScene, check_raster_memory};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -17,6 +15,8 @@ use vlscan_crs as crs;
 use vlscan_scene::{
     Inventory, LoadOptions, Material, MaterialArea, Pack, Part, PartFacts, Scene, TileOptions, material_areas,
 };
+use vlscan_session::output::ObjectIds;
+use vlscan_session::{LoadedScene, check_raster_memory};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::{BuildOptions, Tree};
 

@@ -4,13 +4,14 @@ use super::args::RunArgs;
 use super::companions::{Companions, open, resolve};
 use super::shards::open_without_tree;
 use super::{Console, Verbosity};
-use crate::output::{FileKind, Target};
-use crate::pipeline::{Report, ResolvedRun, ResumeOptions};
+use crate::options::ResolvedRun;
 use std::io::Write;
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{amount, amount_of, counted, duration};
+use vlscan_session::output::{FileKind, Target};
+use vlscan_session::{Report, ResumeOptions};
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     if args.dry.dry_run {

@@ -13,7 +13,7 @@ pub fn run(args: &ServeArgs) -> Result<()> {
         return Err(Error::input_with_help(
             "vlscan serve needs the program vlscan-serve, which is neither beside vlscan nor in a folder of \
              PATH",
-            "install it with `cargo install --locked --path crates/serve`",
+            "install it with `cargo install --locked --path apps/serve`",
         ));
     };
     let mut command = Command::new(&program);

@@ -6,16 +6,17 @@ use super::run::{show_report, warn_of_few_points};
 use super::watch::during;
 use super::{Console, interrupt};
 use crate::options::{OneOf, Options};
-use crate::pipeline::{
-    LoadedScene, ResolvedRun, Session, Settings, join_segments, merge as merge_shards, merge_segment,
-    merge_warnings, output_context, schedule_of,
-};
-use crate::shards::{ShardSet, shard_path};
+use crate::options::{ResolvedRun, schedule_of};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_taken, reads};
 use vlscan_base::quantity::{amount, amount_of, counted};
+use vlscan_session::shards::{ShardSet, shard_path};
+use vlscan_session::{
+    LoadedScene, Session, Settings, join_segments, merge as merge_shards, merge_segment, merge_warnings,
+    output_context,
+};
 
 /// Runs `vlscan run --shard K/N`.
 pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> {
@@ -78,7 +79,7 @@ pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
     })?;
     console.say(format!(
         "{}  {}, for any number of shards",
-        crate::shards::Borders::path(&folder).display(),
+        vlscan_session::shards::Borders::path(&folder).display(),
         amount_of(shards.pulses() as f64, "pulse")
     ));
     Ok(())

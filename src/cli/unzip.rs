@@ -2,11 +2,11 @@
 
 use super::Console;
 use super::args::UnzipArgs;
-use crate::output::unzip;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
+use vlscan_session::output::unzip;
 
 pub fn run(args: &UnzipArgs, console: &Console) -> Result<()> {
     let file: Box<dyn BufRead> = if is_stream(&args.file) {

@@ -1,11 +1,11 @@
 //! Progress on stderr: a bar on a terminal, plain lines elsewhere on request.
 
 use super::{Console, Verbosity};
-use crate::pipeline::{Progress, Snapshot};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
 use vlscan_base::quantity::{amount, duration};
+use vlscan_session::{Progress, Snapshot};
 
 const BAR_PERIOD: Duration = Duration::from_millis(100);
 const LINE_PERIOD: Duration = Duration::from_secs(2);

@@ -7,7 +7,6 @@ use super::trajectory::TrajectoryOptions;
 use super::values::{
     Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Positive, Seed,
 };
-use crate::output::{ExtraDimensions, PacketPlace, PointFormat};
 use clap::ArgAction::SetTrue;
 use clap::Args;
 use serde::{Deserialize, Deserializer};
@@ -16,6 +15,7 @@ use std::sync::Arc;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
 use vlscan_scene::Sharing;
+use vlscan_session::output::{ExtraDimensions, PacketPlace, PointFormat};
 use vlscan_survey::SceneRecipe;
 use vlscan_trace::Builder;
 use vlscan_warehouse::PolicyKind;

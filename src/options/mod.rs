@@ -10,6 +10,7 @@
 //! | `trajectory` | options of recorded trajectories |
 //! | `outputs` | the outputs of a pipeline file; from options to what is written |
 //! | `file` | reads surveys and pipeline files together with the options that they hold |
+//! | `resolve` | from options to the settings of a session, with every choice resolved |
 //! | `words` | options from words, and their list, for programs |
 //! | `python` | options as a type of the Python package |
 //! | `keys` | the documentation of every key of a pipeline file |
@@ -26,6 +27,7 @@ mod keys;
 pub mod outputs;
 mod over;
 mod python;
+mod resolve;
 mod schema;
 mod switch;
 #[cfg(test)]
@@ -34,7 +36,6 @@ mod trajectory;
 pub mod values;
 mod words;
 
-pub use crate::shards::OneOf;
 pub use file::{holds_survey, read_pipeline_text, read_survey};
 pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,
@@ -43,8 +44,10 @@ pub use groups::{
 pub use keys::{PipelineKey, PipelineTable, pipeline_keys};
 pub use over::Over;
 pub use python::python_module;
+pub use resolve::{ResolvedRun, policy, schedule_of};
 pub use schema::{command_schema, pipeline_schema};
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
 pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed};
+pub use vlscan_session::shards::OneOf;
 pub use words::OptionName;

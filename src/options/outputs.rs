@@ -2,13 +2,13 @@
 
 use super::groups::{Options, OutputOptions};
 use super::values::Crs;
-use crate::output::{
-    CloudSettings, Division, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat,
-};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files;
+use vlscan_session::output::{
+    CloudSettings, Division, LasVersion, OutputRequest, PointFormat, Target, TrajectoryFormat,
+};
 
 vlscan_survey::key_table! {
 /// An output. Points go to HELIOS++'s layout in the folder `output` when none is named.
@@ -63,22 +63,21 @@ impl Options {
             let target = if is_stdout(path) { Target::Stdout } else { Target::File(path.clone()) };
             (if per_leg { with_file_per_leg(target) } else { target }, TrajectoryFormat::Csv)
         });
-        Ok(OutputRequest {
-            sinks,
-            cloud: output.cloud_settings(creation)?,
-            waveforms: output.waveforms.is_on(),
-            pulses: output.pulses.is_on(),
-            zip: output.zip_output.is_on(),
-            split_by_channel: output.split_by_channel.is_on(),
-            trajectory,
-            frame_s: output.frame_s.map(|seconds| seconds.0),
-            division: match output.tile {
-                Some(size) => Some(Division::Tiles(size.0)),
-                None => output.per_object.is_on().then_some(Division::Objects),
-            },
-            force: output.force.is_on(),
-            ..OutputRequest::default()
-        })
+        let mut request = OutputRequest::default();
+        request.sinks = sinks;
+        request.cloud = output.cloud_settings(creation)?;
+        request.waveforms = output.waveforms.is_on();
+        request.pulses = output.pulses.is_on();
+        request.zip = output.zip_output.is_on();
+        request.split_by_channel = output.split_by_channel.is_on();
+        request.trajectory = trajectory;
+        request.frame_s = output.frame_s.map(|seconds| seconds.0);
+        request.division = match output.tile {
+            Some(size) => Some(Division::Tiles(size.0)),
+            None => output.per_object.is_on().then_some(Division::Objects),
+        };
+        request.force = output.force.is_on();
+        Ok(request)
     }
 
     /// Targets and formats of the points.

@@ -1,7 +1,6 @@
 //! Values with a syntax of their own. Each is parsed by [`FromStr`], on the command line as in a pipeline
 //! file, where a number may stand for its text.
 
-use crate::output::Column;
 use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -14,6 +13,7 @@ use vlscan_base::recognise::{Expected, foreign};
 use vlscan_crs as crs;
 use vlscan_geom::UtmZone;
 use vlscan_lidar::flight::{calendar_day, gps_start};
+use vlscan_session::output::Column;
 use vlscan_survey::{NavigationErrors, parse_seed};
 use vlscan_tables::input::read_file;
 

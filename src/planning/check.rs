@@ -3,9 +3,8 @@
 //! whether the instrument measures what surrounds it.
 
 use super::{extent_of, shown};
+use crate::options::ResolvedRun;
 use crate::options::{InputOptions, Options, ProfileOptions};
-use crate::output::OutputRequest;
-use crate::pipeline::{DryRunReport, LoadedScene, Progress, ResolvedRun, RunContext, Session, Settings};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,6 +14,8 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::number;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_session::output::OutputRequest;
+use vlscan_session::{DryRunReport, LoadedScene, Progress, RunContext, Session, Settings};
 use vlscan_survey::{MaterialDefinition, Mesh, PlatformKind, SceneRecipe};
 use vlscan_tools::plan::{Area, PlanSetup, PlannedSurvey, Promise, fly_sample};
 use vlscan_warehouse::Stop;
@@ -243,7 +244,8 @@ impl Check<'_> {
     /// The share of the pulses that meet something which meet it nearer than the instrument measures.
     /// `echoes` is the share of all pulses that have an echo.
     fn share_too_near(&self, session: &Session, echoes: f64) -> Result<f64> {
-        let mut settings = Settings { strict: false, ..session.settings().clone() };
+        let mut settings = session.settings().clone();
+        settings.strict = false;
         for device in &mut settings.survey.scanner.devices {
             device.detector.range_min = 0.0;
         }

@@ -8,7 +8,6 @@ mod check;
 
 use crate::named_scene::NamedScene;
 use crate::options::{Crs, holds_survey};
-use crate::pipeline::LoadedScene;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -19,6 +18,7 @@ use vlscan_crs::{differ, name as name_of_system};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_scene::{Fallback, GroundModel, LoadOptions};
+use vlscan_session::LoadedScene;
 use vlscan_survey::{CATALOGUE, Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner};
 use vlscan_tools::plan::{
     self, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanGround, PlanRequest,

@@ -17,7 +17,7 @@ const PAGES: [(&str, &str); 5] = [
 const HOMES: [(&str, &str); 10] = [
     ("src/cli", "outputs"),
     ("crates/lidar/src/flight", "kinematics"),
-    ("src/output", "outputs"),
+    ("crates/session/src/output", "outputs"),
     ("crates/lidar/src/platform", "kinematics"),
     ("crates/lidar/src/pulse", "pulse-physics"),
     ("crates/lidar/src/scanner", "kinematics"),

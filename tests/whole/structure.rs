@@ -22,8 +22,10 @@ struct Source {
 /// The folders of the sources of all crates, relative to the repository: the program's first.
 fn crates() -> Vec<String> {
     let mut found = vec!["src".to_owned()];
-    for entry in fs::read_dir(root().join("crates")).unwrap() {
-        found.push(format!("crates/{}/src", entry.unwrap().file_name().to_str().unwrap()));
+    for folder in ["crates", "apps"] {
+        for entry in fs::read_dir(root().join(folder)).unwrap() {
+            found.push(format!("{folder}/{}/src", entry.unwrap().file_name().to_str().unwrap()));
+        }
     }
     assert!(found.len() > 5, "{found:?}");
     found
@@ -305,7 +307,7 @@ fn layers(of: &str) -> Vec<Vec<String>> {
 #[test]
 fn no_lower_module_imports_a_higher_one() {
     let mut wrong = BTreeSet::new();
-    for of in ["src", "crates/base/src", "crates/lidar/src", "crates/tools/src"] {
+    for of in ["src", "crates/base/src", "crates/lidar/src", "crates/session/src", "apps/tools/src"] {
         let layers = layers(of);
         let rank = |module: &String| layers.iter().position(|row| row.contains(module));
         for file in sources(of).iter().filter(|file| !file.module.is_empty()) {
@@ -421,15 +423,15 @@ fn every_input_is_opened_where_it_is_noted() {
     // The system's own files, and folders and state that the program writes itself.
     let own = [
         "crates/base/src/files/",
-        "crates/tools/src/campaign/",
+        "apps/tools/src/campaign/",
         // The service has a folder of its own.
-        "crates/serve/src/",
+        "apps/serve/src/",
         "crates/base/src/machine.rs",
         "src/cli/bench/measure.rs",
-        "src/output/plan.rs",
-        "src/shards/",
-        "src/pipeline/resume_folder.rs",
-        "src/pipeline/segment.rs",
+        "crates/session/src/output/plan.rs",
+        "crates/session/src/shards/",
+        "crates/session/src/pipeline/resume_folder.rs",
+        "crates/session/src/pipeline/segment.rs",
     ];
     let found = calls(&opening, &own);
     assert!(
@@ -446,8 +448,8 @@ fn warnings_about_files_have_a_place() {
         "crates/formats/src/las/write/",
         "src/planning/",
         "src/cli/run.rs",
-        "src/output/",
-        "src/pipeline/crs.rs",
+        "crates/session/src/output/",
+        "crates/session/src/pipeline/crs.rs",
     ];
     let found = calls(&["warn(None"], &of_options);
     assert!(found.is_empty(), "name the file and the line, or Place::of_file: {found:#?}");
@@ -460,18 +462,18 @@ fn files_are_removed_and_renamed_only_where_they_are_known_to_be_own() {
         "crates/base/src/files/group.rs",
         "crates/base/src/files/temporary.rs",
         "crates/base/src/files/undo.rs",
-        "crates/serve/src/",
-        "crates/tools/src/campaign/made.rs",
-        "crates/tools/src/campaign/store.rs",
-        "src/shards/private.rs",
-        "src/pipeline/resume_folder.rs",
+        "apps/serve/src/",
+        "apps/tools/src/campaign/made.rs",
+        "apps/tools/src/campaign/store.rs",
+        "crates/session/src/shards/private.rs",
+        "crates/session/src/pipeline/resume_folder.rs",
         // Names of segments hold checksums of their run and of their contents.
-        "src/pipeline/segment.rs",
+        "crates/session/src/pipeline/segment.rs",
     ];
     let found = calls(&removing, &own);
     assert!(found.is_empty(), "a file of the user may be lost: {found:#?}");
     let creating = [" File::create(", "(File::create(", "::File::create(", "fs::write(", ".truncate(true)"];
-    let found = calls(&creating, &["crates/serve/src/"]);
+    let found = calls(&creating, &["apps/serve/src/"]);
     assert!(
         found.is_empty(),
         "use vlscan_base::files::FileWriter, which replaces no file unasked: {found:#?}"

@@ -4,13 +4,14 @@ use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryA
 use crate::cli::companions::resolve;
 use crate::cli::watch::{during, watched};
 use crate::cli::{Console, Verbosity, interrupt};
-use crate::pipeline::{Emitted, Flight, FlightRows, Progress, ResolvedRun, RunContext, Session, emit};
-use crate::streams::TableWriter;
+use crate::options::ResolvedRun;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched};
 use vlscan_base::quantity::{amount_of, duration};
+use vlscan_session::streams::TableWriter;
+use vlscan_session::{Emitted, Flight, FlightRows, Progress, RunContext, Session, emit};
 
 pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
     let interval = args.interval.map(|seconds| seconds.0);

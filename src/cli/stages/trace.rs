@@ -4,15 +4,16 @@ use crate::cli::Console;
 use crate::cli::args::{InstrumentArgs, TraceArgs};
 use crate::cli::companions::{Companions, open};
 use crate::cli::run::show_report;
+use crate::options::ResolvedRun;
 use crate::options::{InputOptions, NotNegative, Options, Switch, holds_survey, read_survey};
-use crate::output::Target;
-use crate::pipeline::{LegRule, ResolvedRun};
-use crate::streams::PulseReader;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_session::LegRule;
+use vlscan_session::output::Target;
+use vlscan_session::streams::PulseReader;
 use vlscan_survey::{
     Mount, Platform, PlatformKind, PlatformNoise, ReadOptions, Scanner, SceneRecipe, Survey,
 };

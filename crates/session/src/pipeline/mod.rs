@@ -11,7 +11,6 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `settings`, `resolve` | everything that is chosen before the start; its resolution from options and files |
 //! | `scene` | a loaded scene with its tree; facts about it, points on its surfaces |
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
 //! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches while the run goes |
@@ -49,7 +48,6 @@ mod pass;
 mod plausibility;
 mod prefetch;
 mod progress;
-mod resolve;
 mod resume;
 mod resume_folder;
 mod run;
@@ -65,19 +63,18 @@ mod worker;
 pub use batches::Batches;
 pub use dry_run::{DryRunReport, Estimate, FileEstimate, FlightCoverage, LegEstimate, Missed, TimeEstimate};
 pub use emit::{Emission, Emitted, emit};
-pub(crate) use flight_rows::Flight;
+pub use flight_rows::Flight;
 pub use flight_rows::{FlightRows, flight_table};
 pub use load::check_raster_memory;
 pub use merge::{merge, merge_warnings, output_context};
 pub use part_table::PartTable;
 pub use pass::RunContext;
 pub use progress::{Progress, Snapshot};
-pub use resolve::{ResolvedRun, policy, schedule_of};
 pub use resume::ResumeOptions;
 pub use run::Report;
 pub use scan::Scan;
 pub use scene::{LoadedScene, SceneFacts};
 pub use segment::{join_segments, merge_segment};
 pub use session::Session;
-pub use settings::Settings;
+pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, Settings};
 pub use stream::LegRule;

@@ -98,7 +98,7 @@ pub trait TableSink: Debug + Send + Sync {
 /// Specification of all outputs of a run.
 ///
 /// ```
-/// use vlscan::{OutputRequest, PointFormat, Target};
+/// use vlscan_session::output::{OutputRequest, PointFormat, Target};
 ///
 /// let mut outputs = OutputRequest::default();
 /// outputs.sinks = vec![(Target::File("points.laz".into()), PointFormat::Laz)];

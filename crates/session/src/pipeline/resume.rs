@@ -227,7 +227,7 @@ mod tests {
     }
 
     fn session(seed: u64) -> Session {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/moving/survey.xml");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/moving/survey.xml");
         let (survey, _) = read_survey(&path, &ReadOptions::default()).unwrap();
         let mut settings = Settings::new(survey);
         (settings.flight.seed, settings.physics.seed) = (seed, seed);

@@ -4,6 +4,7 @@ use vlscan_tables::{Dimension, HeadingError, ParsedHeading, Quantity, parse_head
 
 macro_rules! columns {
     ($($column:ident $quantity:ident, $meaning:literal;)*) => {
+        /// A column of a stream of pulses.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(usize)]
         pub enum PulseColumn {
@@ -70,6 +71,7 @@ pub struct ColumnEntry {
 }
 
 impl PulseColumn {
+    /// Name, dimension and meaning of the column.
     pub fn entry(self) -> &'static ColumnEntry {
         &ENTRIES[self as usize]
     }

@@ -11,6 +11,7 @@ use vlscan_tables::Dimension;
 pub struct PulseRow {
     /// The pulse, in the scene frame.
     pub pulse: Pulse,
+    /// Index of the leg, from 0.
     pub leg: u32,
     /// Number of simulation steps since the beginning of the epoch.
     pub step: u64,
@@ -24,6 +25,7 @@ pub struct PulseRow {
 /// The numbers of a row by column, in ns, m and rad.
 pub type Values = [f64; COLUMNS];
 
+/// A set of columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ColumnSet(u64);
 
@@ -33,14 +35,17 @@ impl ColumnSet {
         ColumnSet(self.0 | 1 << column as u64)
     }
 
+    /// True if the set holds `column`.
     pub fn has(self, column: PulseColumn) -> bool {
         self.0 & 1 << column as u64 != 0
     }
 
+    /// True if the set holds all of `columns`.
     pub fn has_all(self, columns: &[PulseColumn]) -> bool {
         columns.iter().all(|c| self.has(*c))
     }
 
+    /// True if the set holds one of `columns`.
     pub fn has_any(self, columns: &[PulseColumn]) -> bool {
         columns.iter().any(|c| self.has(*c))
     }

@@ -30,10 +30,11 @@ use vlscan_warehouse::Stop;
 /// gives the same points.
 ///
 /// ```
-/// use vlscan::survey::{Mesh, ReadOptions, find_scanner};
-/// use vlscan::{DVec3, Scan};
+/// use vlscan_survey::{Mesh, ReadOptions, find_scanner};
+/// use vlscan_geom::DVec3;
+/// use vlscan_session::Scan;
 ///
-/// # fn main() -> vlscan::Result<()> {
+/// # fn main() -> vlscan_base::Result<()> {
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let points = folder.path().join("floor.laz");
 /// let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, y]| DVec3::new(x, y, 0.0));

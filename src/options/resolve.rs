@@ -1,8 +1,6 @@
 //! Conversion of options to the settings of a session, with every choice resolved.
 
-use super::settings::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, Settings};
-use crate::options::{Options, read_pipeline_text, read_survey};
-use crate::output::OutputRequest;
+use super::{Options, read_pipeline_text, read_survey};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -10,6 +8,8 @@ use vlscan_base::files::means_stdout;
 use vlscan_base::machine;
 use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
 use vlscan_scene::TileOptions;
+use vlscan_session::output::OutputRequest;
+use vlscan_session::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, Settings};
 use vlscan_survey::{NavigationErrors, PlatformKind, Survey};
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{Policy, PolicyKind, Schedule};
@@ -105,7 +105,8 @@ impl ResolvedRun {
         if let Some(latency) = options.trajectory.latency {
             settings.max_latency = latency.0;
         }
-        let output = OutputRequest { live: is_live, ..options.output_request(day)? };
+        let mut output = options.output_request(day)?;
+        output.live = is_live;
         if physics.record_subrays && output.records().waveforms {
             return Err(Error::input(
                 "subrays have no waveforms: leave out either --subrays or the waveforms",

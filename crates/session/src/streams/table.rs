@@ -17,6 +17,7 @@ use vlscan_tables::Dimension;
 const BATCH_ROWS: usize = 16_384;
 const VALUE_BYTES: usize = size_of::<f64>();
 
+/// A column of an Arrow stream of poses or pulses.
 #[derive(Clone, Debug)]
 pub struct TableColumn {
     name: &'static str,
@@ -38,6 +39,7 @@ pub fn pose_columns() -> Vec<TableColumn> {
     units.map(|(name, unit)| TableColumn { name, unit, is_count: false }).to_vec()
 }
 
+/// The columns of a stream of pulses, in the order of [`push_pulse_row`].
 pub fn pulse_columns(present: ColumnSet) -> Vec<TableColumn> {
     let entries = ENTRIES.iter().filter(|e| present.has(e.column));
     let column = entries.map(|e| TableColumn {

@@ -25,13 +25,15 @@ pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 /// The scene is a [`LoadedScene`], which several sessions can share.
 ///
 /// ```
-/// use vlscan::output::LasVersion;
-/// use vlscan::{RunContext, OutputRequest, PointFormat, Progress, ReadOptions, Session, Settings, Stop, Target, read_survey};
+/// use vlscan_session::output::{LasVersion, OutputRequest, PointFormat, Target};
+/// use vlscan_session::{Progress, RunContext, Session, Settings};
+/// use vlscan_survey::{ReadOptions, read_survey};
+/// use vlscan_warehouse::Stop;
 ///
-/// # fn main() -> vlscan::Result<()> {
+/// # fn main() -> vlscan_base::Result<()> {
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let points = folder.path().join("room.laz");
-/// let (survey, _) = read_survey("fixtures/room/survey.xml".as_ref(), &ReadOptions::default())?;
+/// let (survey, _) = read_survey("../../fixtures/room/survey.xml".as_ref(), &ReadOptions::default())?;
 /// let mut session = Session::open(Settings::new(survey), |notice| eprintln!("{notice:?}"))?;
 /// let mut outputs = OutputRequest::default();
 /// outputs.sinks = vec![(Target::File(points), PointFormat::Laz)];

@@ -29,7 +29,7 @@ pub enum FlightRows {
 impl FlightRows {
     /// Changes a survey so that it is flown for these rows: `interval` is the time from pose to pose, by
     /// default that of each leg or else 0.05 s; no poses are emitted beside pulses.
-    pub(crate) fn prepare(self, survey: &mut Survey, interval: Option<f64>) {
+    pub fn prepare(self, survey: &mut Survey, interval: Option<f64>) {
         for leg in &mut survey.legs {
             let own = leg.scanner.trajectory_interval;
             leg.scanner.trajectory_interval = match self {
@@ -40,7 +40,7 @@ impl FlightRows {
     }
 
     /// The line of names.
-    pub(crate) fn header(self, flight: &Flight) -> String {
+    pub fn header(self, flight: &Flight) -> String {
         match self {
             FlightRows::Poses => POSE_HEADER.to_owned(),
             FlightRows::Pulses => header(flight.columns),
@@ -48,7 +48,7 @@ impl FlightRows {
     }
 
     /// The columns of a table.
-    pub(crate) fn columns(self, flight: &Flight) -> Vec<TableColumn> {
+    pub fn columns(self, flight: &Flight) -> Vec<TableColumn> {
         match self {
             FlightRows::Poses => pose_columns(),
             FlightRows::Pulses => pulse_columns(flight.columns),
@@ -56,7 +56,7 @@ impl FlightRows {
     }
 
     /// Appends the emitted rows as lines of text, or as values for [`TableWriter`].
-    pub(crate) fn push(self, flight: &Flight, emitted: &Emitted, as_text: bool, out: &mut Vec<u8>) {
+    pub fn push(self, flight: &Flight, emitted: &Emitted, as_text: bool, out: &mut Vec<u8>) {
         match self {
             FlightRows::Poses => {
                 let push = if as_text { push_pose } else { push_pose_row };
@@ -83,7 +83,7 @@ impl FlightRows {
 }
 
 /// Properties of the flight that the rows depend on.
-pub(crate) struct Flight {
+pub struct Flight {
     shift: DVec3,
     columns: ColumnSet,
     /// True if poses are true poses, not reported ones.
@@ -93,6 +93,7 @@ pub(crate) struct Flight {
 }
 
 impl Flight {
+    /// The properties of `emission`; streams with navigation errors have columns for them.
     pub fn new(emission: &Emission, has_errors: bool, as_flown: bool) -> Flight {
         let (survey, shift) = (&emission.survey, emission.shift);
         let own = survey.scanner.devices[0].beam.divergence;

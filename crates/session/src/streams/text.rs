@@ -35,6 +35,7 @@ pub fn with_reported(present: ColumnSet) -> ColumnSet {
     REPORTED.iter().chain(&ORIGIN_ERROR).fold(present, |p, c| p.with(*c))
 }
 
+/// The line of names of a stream of pulses.
 pub fn header(present: ColumnSet) -> String {
     let headings: Vec<String> =
         ENTRIES.iter().filter(|e| present.has(e.column)).map(|e| e.heading()).collect();

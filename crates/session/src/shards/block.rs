@@ -50,11 +50,14 @@ fn convert_position(echo: Echo) -> Echo {
 /// The sizes of a block's records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BlockHead {
+    /// Index of the leg, from 0.
     pub leg: u32,
+    /// Index of the epoch, from 0.
     pub epoch: u32,
     leg_number: u32,
     /// Pulses emitted.
     pub pulses: u32,
+    /// Echoes recorded.
     pub echoes: u32,
     truths: u32,
     waveforms: u32,

@@ -266,7 +266,7 @@ mod tests {
         let weak = WeakPulses { count: weak, strongest: 3.0, threshold: 10.0 };
         let beam = Some(SampledBeam { origin: place, direction: -DVec3::Z });
         aim.add(&Aim { sampled: 100, towards, within, upwards, origins, beam, aimed: beam, weak });
-        let path = std::path::Path::new("fixtures/room/survey.xml");
+        let path = std::path::Path::new("../../fixtures/room/survey.xml");
         let mut settings = Settings::new(read_survey(path, &ReadOptions::default()).unwrap().0);
         let detector = &mut settings.survey.scanner.devices[0].detector;
         (detector.range_min, detector.range_max) = (1.0, 500.0);

@@ -36,7 +36,9 @@ pub struct Borders {
 /// The borders in a folder of shards.
 #[derive(Debug)]
 pub enum StoredBorders {
+    /// They are complete.
     Found(Borders),
+    /// The folder has none.
     Missing,
     /// The file does not match its checksum.
     Damaged,
@@ -54,7 +56,9 @@ struct StoredState {
 pub struct Border {
     /// Pulses before it.
     pub pulses: u64,
+    /// Index of the epoch, from 0.
     pub epoch: u32,
+    /// The state of the flight, from which it goes on.
     pub state: FlightState,
 }
 

@@ -157,6 +157,7 @@ impl BlockTable {
 pub struct ShardFile {
     path: PathBuf,
     file: File,
+    /// What the shard is a share of.
     pub head: ShardHead,
     /// Pulses emitted in this shard.
     pub pulses: u64,
@@ -211,6 +212,7 @@ impl ShardFile {
         Ok(ShardFile { path: path.to_path_buf(), file, head, pulses, echoes, blocks })
     }
 
+    /// The path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
