@@ -16,7 +16,6 @@ mod messages;
 
 use crate::options::OneOf;
 use cell::{CellRunner, Failure};
-use clap::ValueEnum as _;
 use folder::WorkingFolder;
 use lines::Requests;
 use messages::{is_of_machine, message_of, near};
@@ -27,6 +26,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
+use vlscan_choice::Choice as _;
 use vlscan_session::output::PointFormat;
 use vlscan_tools::campaign::{Cell, CellLock, Cells, File, Inputs, Outcome, Record, Store, text_of};
 use vlscan_warehouse::Stop;
@@ -175,7 +175,7 @@ impl Campaign {
         let folder = std::path::absolute(Path::new(".").join(folder)).map_err(|e| Error::open(folder, e))?;
         let _within = WorkingFolder::enter(&folder)?;
         let requests = Requests::of(&file)?;
-        let format = PointFormat::from_str(&file.format, true).map_err(|_| {
+        let format = PointFormat::named(&file.format).ok_or_else(|| {
             Error::input(format!("no format is called {}; choose {}", file.format, PointFormat::names()))
         })?;
         let cells = Cells::of(&file)?;

@@ -6,7 +6,6 @@ use super::companions::open;
 use super::{Console, interrupt};
 use crate::options::{ChunkSize, Options, Switch};
 use crate::options::{ResolvedRun, policy};
-use clap::ValueEnum as _;
 use serde::Serialize;
 use serde_json::json;
 use std::time::Instant;
@@ -14,6 +13,7 @@ use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{reads, refuse_existing, write_file, write_stdout};
 use vlscan_base::quantity::amount;
+use vlscan_choice::Choice as _;
 use vlscan_session::output::{OutputRequest, PointFormat, Target};
 use vlscan_session::{LoadedScene, Progress, RunContext, Session, Settings};
 use vlscan_survey::PlatformKind;
@@ -80,8 +80,7 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     let target = Target::File(folder.path().join(format!("points.{}", args.format)));
     let mut request = job.output;
     // Of no format is `none`.
-    request.sinks =
-        PointFormat::from_str(&args.format, true).map(|points| (target, points)).into_iter().collect();
+    request.sinks = PointFormat::named(&args.format).map(|points| (target, points)).into_iter().collect();
     (request.waveforms, request.pulses, request.trajectory, request.force) = (false, false, None, true);
     let (mut cells, mut scene) = (Vec::new(), String::new());
     for &builder in &args.tree {

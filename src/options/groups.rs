@@ -1,5 +1,6 @@
 //! The groups of options.
 
+use super::choice::choice;
 use super::outputs::OutputKeys;
 use super::over::group;
 use super::switch::Switch;
@@ -95,7 +96,7 @@ pub struct OutputOptions with opposites {
     #[serde(skip)]
     pub out: Vec<PathBuf>,
     /// Format of the points where the extension does not determine it.
-    #[arg(long, value_name = "FORMAT", help_heading = FILES)]
+    #[arg(long, value_name = "FORMAT", help_heading = FILES, value_parser = choice::<PointFormat>())]
     #[serde(skip)]
     pub format: Option<PointFormat>,
     /// Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]
@@ -160,7 +161,7 @@ pub struct OutputOptions with opposites {
     pub las_at_most: Option<Count<1>>,
     /// Write waveforms as packets that the points of LAS and LAZ refer to (LAS 1.4, point format 9), inside
     /// that file or beside it as .wdp.
-    #[arg(long, value_name = "WHERE", help_heading = FILES)]
+    #[arg(long, value_name = "WHERE", help_heading = FILES, value_parser = choice::<PacketPlace>())]
     pub wave_packets: Option<PacketPlace>,
     /// One point file per device of a multi-channel scanner.
     #[arg(long, action = SetTrue, help_heading = FILES)]
@@ -186,7 +187,7 @@ pub struct OutputOptions with opposites {
     pub las_scale: Option<f64>,
     /// Extra bytes of the points of LAS and LAZ: all, the four of HELIOS++, or none, for programs that reject
     /// them. [default: all]
-    #[arg(long, value_name = "WHICH", help_heading = FILES)]
+    #[arg(long, value_name = "WHICH", help_heading = FILES, value_parser = choice::<ExtraDimensions>())]
     pub las_extra: Option<ExtraDimensions>,
 }
 }
@@ -273,7 +274,12 @@ group! {
 pub struct ProfileOptions {
     /// Reproduce HELIOS++, or correct its known weaknesses. [default: helios for XML surveys, refined for
     /// pipeline files]
-    #[arg(id = "profile", long = "physics", value_name = "PROFILE")]
+    #[arg(
+        id = "profile",
+        long = "physics",
+        value_name = "PROFILE",
+        value_parser = choice::<PhysicsProfile>(),
+    )]
     #[serde(alias = "physics")]
     pub profile: Option<PhysicsProfile>,
     /// Switch single corrections on (sum-equal-ranges) or off (no-sum-equal-ranges). They are listed at the
@@ -335,7 +341,7 @@ pub struct ScheduleOptions with opposites {
     #[arg(long, value_name = "N")]
     pub warehouse_factor: Option<usize>,
     /// How pulses are handed out to the threads; the points are the same. [default: warehouse]
-    #[arg(id = "policy", long = "schedule", value_name = "SCHEDULE")]
+    #[arg(id = "policy", long = "schedule", value_name = "SCHEDULE", value_parser = choice::<PolicyKind>())]
     #[serde(alias = "schedule")]
     pub policy: Option<PolicyKind>,
     /// Dynamic chunks: idle times shorter than this are ignored, in milliseconds. [default: 0.1]
@@ -370,13 +376,13 @@ group! {
 #[serde(default)]
 pub struct TreeOptions {
     /// Acceleration structure for tracing; does not change the points. [default: bvh]
-    #[arg(long, value_name = "TREE")]
+    #[arg(long, value_name = "TREE", value_parser = choice::<Builder>())]
     pub tree: Option<Builder>,
     /// Threads that build the tree; 0 = as --threads, the default.
     #[arg(long, value_name = "N")]
     pub tree_jobs: Option<usize>,
     /// Share triangles among parts of the same mesh file; does not change the points. [default: auto]
-    #[arg(long, value_name = "WHEN")]
+    #[arg(long, value_name = "WHEN", value_parser = choice::<Sharing>())]
     pub instances: Option<Sharing>,
 }
 }

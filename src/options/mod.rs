@@ -4,6 +4,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `values` | types of values with a syntax of their own: counts, bytes, seeds, vectors |
+//! | `choice` | values with names on the command line |
 //! | `over` | the command line over the file over the default |
 //! | `switch` | options without a value, and their opposites |
 //! | `groups` | the groups of options, each a table of a pipeline file or a part of one |
@@ -21,6 +22,7 @@
     reason = "comments are shown as help, where units stand in brackets"
 )]
 
+mod choice;
 mod file;
 mod groups;
 mod keys;
@@ -36,6 +38,7 @@ mod trajectory;
 pub mod values;
 mod words;
 
+pub use choice::choice;
 pub use file::{holds_survey, read_pipeline_text, read_survey};
 pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,

@@ -2,6 +2,7 @@
 
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
+use vlscan::options::choice;
 use vlscan_base::error::{Error, Result};
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::{Policy, PolicyKind};
@@ -14,7 +15,7 @@ pub struct Args {
     /// The survey (.xml) or pipeline (.toml).
     pub survey: PathBuf,
     /// Trees to compare.
-    #[arg(long, value_name = "TREE,…", value_delimiter = ',', default_value = "median,sah,fsah,bvh")]
+    #[arg(long, value_name = "TREE,…", value_delimiter = ',', default_value = "median,sah,fsah,bvh", value_parser = choice::<Builder>())]
     pub tree: Vec<Builder>,
     /// Rules of the tree builders.
     #[command(flatten)]
@@ -25,7 +26,7 @@ pub struct Args {
         value_name = "SCHEDULE,…",
         value_delimiter = ',',
         default_value = "single,static,dynamic,warehouse"
-    )]
+    , value_parser = choice::<PolicyKind>())]
     pub schedule: Vec<PolicyKind>,
     /// Pulses per chunk; single pulses and sequential runs aside.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "32", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]

@@ -19,6 +19,7 @@ use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_choice::Choice;
 
 /// Prepares a format for the files of a cloud, and records problems.
 type NewEncoder = fn(&CloudSettings, &mut Diagnostics) -> Result<Arc<dyn PointEncoder>>;
@@ -111,17 +112,24 @@ pub(crate) fn build_with(feature: &str) -> String {
     format!("build vlscan with the feature {feature}")
 }
 
-#[cfg(feature = "clap")]
-impl clap::ValueEnum for PointFormat {
-    fn value_variants<'a>() -> &'a [PointFormat] {
-        PointFormat::ALL
+impl Choice for PointFormat {
+    const ALL: &'static [PointFormat] = PointFormat::ALL;
+
+    fn label(self) -> &'static str {
+        self.facts().name
     }
 
-    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
-        let Facts { name, aliases, help, encoder, .. } = self.facts();
-        let value = clap::builder::PossibleValue::new(name).aliases(aliases.iter().copied()).help(help);
-        // Still a value where it is not built, for the message of the encoder.
-        Some(value.hide(encoder.is_err()))
+    fn aliases(self) -> &'static [&'static str] {
+        self.facts().aliases
+    }
+
+    fn about(self) -> &'static str {
+        self.facts().help
+    }
+
+    /// A format that is not built is still a value, for the message of the encoder.
+    fn is_hidden(self) -> bool {
+        self.facts().encoder.is_err()
     }
 }
 

@@ -102,18 +102,17 @@ impl Default for LoadOptions {
     }
 }
 
-/// When parts share the mesh of a file that several of them name. Does not change the points of a survey.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum Sharing {
-    /// If it saves much memory; rays traverse stored triangles faster than instances.
-    #[default]
-    Auto,
-    /// Whenever a mesh can be shared, even by a single part.
-    Always,
-    /// Never: every part is stored.
-    Never,
+vlscan_choice::choices! {
+    /// When parts share the mesh of a file that several of them name. Does not change the points of a survey.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Sharing: default Sharing::Auto {
+        /// If it saves much memory; rays traverse stored triangles faster than instances.
+        Auto = "auto",
+        /// Whenever a mesh can be shared, even by a single part.
+        Always = "always",
+        /// Never: every part is stored.
+        Never = "never",
+    }
 }
 
 /// A mesh that several parts can share.

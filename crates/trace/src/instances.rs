@@ -20,8 +20,7 @@ const OUTLINE_CELLS: usize = 8;
 
 /// Transformation of a model into the scene: `scale · R · W · p + offset`, then up by `raise`. W multiplies x
 /// and y by `widening`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Placement {
     /// R.
     pub rotation: Rotation,

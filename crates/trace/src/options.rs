@@ -1,43 +1,34 @@
 //! Settings of a build, and statistics of its result.
 
-/// How a tree chooses its splits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
-pub enum Builder {
-    /// kd-tree by the object median, axes in turn; 1 in HELIOS++.
-    ///
-    /// Spec tree-and-schedule §1.8, "simple".
-    #[cfg_attr(feature = "clap", value(alias = "1"))]
-    Median,
-    /// kd-tree by the surface area heuristic between the medians, axes in turn; 2 in HELIOS++.
-    ///
-    /// Spec tree-and-schedule §1.10.
-    #[cfg_attr(feature = "clap", value(alias = "2"))]
-    Sah,
-    /// kd-tree by the surface area heuristic on the best of the three axes; 3 in HELIOS++.
-    #[cfg_attr(feature = "clap", value(alias = "3"))]
-    AxisSah,
-    /// kd-tree by the surface area heuristic over min/max histograms, axes in turn; 4 in HELIOS++.
-    ///
-    /// Spec tree-and-schedule §1.11.
-    #[cfg_attr(feature = "clap", value(alias = "4"))]
-    Fsah,
-    /// Hierarchy of bounding boxes with sixteen children per node: the fastest and smallest.
-    #[default]
-    Bvh,
+use vlscan_choice::Choice as _;
+
+vlscan_choice::choices! {
+    /// How a tree chooses its splits.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Builder: default Builder::Bvh {
+        /// kd-tree by the object median, axes in turn; 1 in HELIOS++.
+        ///
+        /// Spec tree-and-schedule §1.8, "simple".
+        Median = "median" | "1",
+        /// kd-tree by the surface area heuristic between the medians, axes in turn; 2 in HELIOS++.
+        ///
+        /// Spec tree-and-schedule §1.10.
+        Sah = "sah" | "2",
+        /// kd-tree by the surface area heuristic on the best of the three axes; 3 in HELIOS++.
+        AxisSah = "axis-sah" | "3",
+        /// kd-tree by the surface area heuristic over min/max histograms, axes in turn; 4 in HELIOS++.
+        ///
+        /// Spec tree-and-schedule §1.11.
+        Fsah = "fsah" | "4",
+        /// Hierarchy of bounding boxes with sixteen children per node: the fastest and smallest.
+        Bvh = "bvh",
+    }
 }
 
 impl Builder {
     /// The name on the command line and in pipeline files.
     pub fn name(self) -> &'static str {
-        match self {
-            Builder::Median => "median",
-            Builder::Sah => "sah",
-            Builder::AxisSah => "axis-sah",
-            Builder::Fsah => "fsah",
-            Builder::Bvh => "bvh",
-        }
+        self.label()
     }
 }
 
@@ -166,8 +157,7 @@ impl BuildOptions {
 }
 
 /// Size, depth and cost of a tree (spec tree-and-schedule §1.16).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Statistics {
     /// Primitives that can be hit; excludes those with a coordinate that is NaN or infinite.
     pub primitives: usize,

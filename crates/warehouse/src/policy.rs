@@ -28,21 +28,19 @@ pub enum Policy {
     },
 }
 
-/// The kinds of [`Policy`], without their parameters. They do not affect the points.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[derive(serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum PolicyKind {
-    /// Chunks wait in a bounded queue; while it is full the producer computes a chunk itself.
-    #[default]
-    Warehouse,
-    /// Chunks go to free workers, and grow or shrink with the workers' idle times.
-    Dynamic,
-    /// Chunks of one size go to free workers; while all are busy the producer computes single pulses.
-    Static,
-    /// Pulses go to free workers one by one; the producer computes none.
-    Single,
+vlscan_choice::choices! {
+    /// The kinds of [`Policy`], without their parameters. They do not affect the points.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum PolicyKind: default PolicyKind::Warehouse {
+        /// Chunks wait in a bounded queue; while it is full the producer computes a chunk itself.
+        Warehouse = "warehouse",
+        /// Chunks go to free workers, and grow or shrink with the workers' idle times.
+        Dynamic = "dynamic",
+        /// Chunks of one size go to free workers; while all are busy the producer computes single pulses.
+        Static = "static",
+        /// Pulses go to free workers one by one; the producer computes none.
+        Single = "single",
+    }
 }
 
 impl Policy {

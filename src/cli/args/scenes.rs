@@ -1,5 +1,6 @@
 //! The command line of `vlscan scene`.
 
+use crate::options::choice;
 use crate::options::{Bytes, Seed};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -90,13 +91,13 @@ pub struct PackArgs {
     pub seed: Option<Seed>,
     /// The physics it will be scanned with; determines how materials are read. [default: that of the survey
     /// or pipeline, refined for a scene by itself]
-    #[arg(long, value_name = "PROFILE")]
+    #[arg(long, value_name = "PROFILE", value_parser = choice::<PhysicsProfile>())]
     pub physics: Option<PhysicsProfile>,
     /// The tree to pack. [default: bvh]
-    #[arg(long, value_name = "TREE")]
+    #[arg(long, value_name = "TREE", value_parser = choice::<Builder>())]
     pub tree: Option<Builder>,
     /// Share triangles among parts of the same mesh file; does not change the points. [default: auto]
-    #[arg(long, value_name = "WHEN")]
+    #[arg(long, value_name = "WHEN", value_parser = choice::<Sharing>())]
     pub instances: Option<Sharing>,
     /// Divide the scene into tiles, which runs with this option load when rays come near, and pack it with no
     /// more memory than this for them, e.g. 2G. [default: the scene is packed whole]
@@ -135,7 +136,12 @@ pub struct MapArgs {
     #[arg(short = 'o', long, value_name = "PATH", value_parser = super::files())]
     pub out: PathBuf,
     /// Pixels along the longer side, 64 to 16384.
-    #[arg(long, value_name = "PIXELS", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(64..=16_384))]
+    #[arg(
+        long,
+        value_name = "PIXELS",
+        default_value_t = 1200,
+        value_parser = clap::value_parser!(u32).range(64..=16_384),
+    )]
     pub side: u32,
     /// Folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]

@@ -1,5 +1,6 @@
 //! The command line of `bench`, `catalogue`, `unzip`, `preview`, `serve`, `completions` and `man`.
 
+use crate::options::choice;
 use crate::options::{ChunkSize, Count};
 use clap::{Args, Subcommand};
 use std::ffi::OsString;
@@ -14,10 +15,22 @@ pub struct BenchArgs {
     /// The survey (.xml) or pipeline (.toml).
     pub survey: PathBuf,
     /// Trees to compare.
-    #[arg(long, value_name = "TREE,…", value_delimiter = ',', default_value = "bvh")]
+    #[arg(
+        long,
+        value_name = "TREE,…",
+        value_delimiter = ',',
+        default_value = "bvh",
+        value_parser = choice::<Builder>(),
+    )]
     pub tree: Vec<Builder>,
     /// Schedules to compare.
-    #[arg(long, value_name = "SCHEDULE,…", value_delimiter = ',', default_value = "warehouse")]
+    #[arg(
+        long,
+        value_name = "SCHEDULE,…",
+        value_delimiter = ',',
+        default_value = "warehouse",
+        value_parser = choice::<PolicyKind>(),
+    )]
     pub schedule: Vec<PolicyKind>,
     /// Pulses per chunk. [default: those of the run]
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
@@ -121,10 +134,20 @@ pub struct PreviewArgs {
     #[arg(long)]
     pub light: bool,
     /// Width of the picture in pixels, 320 to 16384.
-    #[arg(long, value_name = "PIXELS", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(320..=16_384))]
+    #[arg(
+        long,
+        value_name = "PIXELS",
+        default_value_t = 1600,
+        value_parser = clap::value_parser!(u32).range(320..=16_384),
+    )]
     pub width: u32,
     /// Height of the picture in pixels, 240 to 16384.
-    #[arg(long, value_name = "PIXELS", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(240..=16_384))]
+    #[arg(
+        long,
+        value_name = "PIXELS",
+        default_value_t = 1000,
+        value_parser = clap::value_parser!(u32).range(240..=16_384),
+    )]
     pub height: u32,
     /// Maximum number of points in a page, evenly sampled; 500k is understood.
     #[arg(long, value_name = "N", default_value = "5M")]

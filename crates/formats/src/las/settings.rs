@@ -12,19 +12,18 @@ pub enum LasVersion {
     V10,
 }
 
-/// Dimensions in the extra bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum ExtraDimensions {
-    /// `echo_width`, `fullwaveIndex`, `hitObjectId`, `heliosAmplitude`, and then `device`, `range`,
-    /// `incidence_angle`.
-    #[default]
-    All,
-    /// The first four, as HELIOS++.
-    Helios,
-    /// No extra bytes, for programs that reject them.
-    None,
+vlscan_choice::choices! {
+    /// Dimensions in the extra bytes.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum ExtraDimensions: default ExtraDimensions::All {
+        /// `echo_width`, `fullwaveIndex`, `hitObjectId`, `heliosAmplitude`, and then `device`, `range`,
+        /// `incidence_angle`.
+        All = "all",
+        /// The first four, as HELIOS++.
+        Helios = "helios",
+        /// No extra bytes, for programs that reject them.
+        None = "none",
+    }
 }
 
 /// Settings of LAS and LAZ (spec outputs §4).
@@ -47,13 +46,13 @@ pub struct LasSettings {
     pub packets: Option<PacketPlace>,
 }
 
-/// Location of the waveform packets of LAS.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum PacketPlace {
-    /// In the file of the points, as an extended variable length record after them.
-    Inside,
-    /// In a file of the same name with the extension .wdp.
-    Beside,
+vlscan_choice::choices! {
+    /// Location of the waveform packets of LAS.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum PacketPlace {
+        /// In the file of the points, as an extended variable length record after them.
+        Inside = "inside",
+        /// In a file of the same name with the extension .wdp.
+        Beside = "beside",
+    }
 }

@@ -2,15 +2,15 @@
 
 use vlscan_base::corrections::Corrections;
 
-/// Set of corrections to the reference's physics.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum PhysicsProfile {
-    /// Reproduce HELIOS++.
-    Helios,
-    /// Correct its known weaknesses.
-    Refined,
+vlscan_choice::choices! {
+    /// Set of corrections to the reference's physics.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum PhysicsProfile {
+        /// Reproduce HELIOS++.
+        Helios = "helios",
+        /// Correct its known weaknesses.
+        Refined = "refined",
+    }
 }
 
 impl PhysicsProfile {

@@ -58,51 +58,49 @@ impl PoseStream {
     }
 }
 
-/// The layout of a trajectory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
-pub enum PoseFormat {
-    /// Lines of numbers.
-    Text,
-    /// Lines of numbers; without names in the order in which HELIOS++ writes them: x, y, z, t, roll, pitch,
-    /// yaw.
-    Helios,
-    /// Applanix' smoothed best estimate of trajectory: records of 17 doubles.
-    Sbet,
-    /// TerraScan's binary trajectory (.trj).
-    #[cfg_attr(feature = "clap", value(name = "terrascan"))]
-    TerraScan,
+vlscan_choice::choices! {
+    /// The layout of a trajectory.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum PoseFormat {
+        /// Lines of numbers.
+        Text = "text",
+        /// Lines of numbers; without names in the order in which HELIOS++ writes them: x, y, z, t, roll,
+        /// pitch, yaw.
+        Helios = "helios",
+        /// Applanix' smoothed best estimate of trajectory: records of 17 doubles.
+        Sbet = "sbet",
+        /// TerraScan's binary trajectory (.trj).
+        TerraScan = "terrascan",
+    }
 }
 
-/// Meaning of the angles of a pose, or the axes of its quaternion or matrix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
-pub enum AngleConvention {
-    /// Yaw is the heading, clockwise from +y (north), pitch has the nose up, roll the right side down; roll
-    /// is the innermost rotation (ARINC 705).
-    ///
-    /// See [`vlscan_geom::Rotation::of_heading`].
-    #[cfg_attr(feature = "clap", value(alias = "arinc705"))]
-    #[serde(alias = "arinc705")]
-    Heading,
-    /// Yaw turns counter-clockwise from +x (east); pitch, roll and order as with headings.
-    Yaw,
-    /// Rz(yaw) Ry(pitch) Rx(roll) of the axes forward, left, up, as in ROS (REP 103): yaw turns
-    /// counter-clockwise from +x (east), pitch is positive with the nose down, roll with the right side down.
-    Ros,
-    /// The angles of headings in the order of HELIOS++, pitch innermost: Rz(−yaw) Ry(roll) Rx(pitch) of the
-    /// axes right, forward, up.
-    ///
-    /// Spec kinematics §2.6.
-    Helios,
-    /// Rotations about x, y and z in this order, as HELIOS++ writes them for platforms that fly from waypoint
-    /// to waypoint; quaternions of the axes right, forward, up.
-    Canonical,
-    /// Quaternions of a camera's axes right, down, forward; the world of matrices is the first camera, as in
-    /// KITTI.
-    Camera,
+vlscan_choice::choices! {
+    /// Meaning of the angles of a pose, or the axes of its quaternion or matrix.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum AngleConvention {
+        /// Yaw is the heading, clockwise from +y (north), pitch has the nose up, roll the right side down;
+        /// roll is the innermost rotation (ARINC 705).
+        ///
+        /// See [`vlscan_geom::Rotation::of_heading`].
+        Heading = "heading" | "arinc705",
+        /// Yaw turns counter-clockwise from +x (east); pitch, roll and order as with headings.
+        Yaw = "yaw",
+        /// Rz(yaw) Ry(pitch) Rx(roll) of the axes forward, left, up, as in ROS (REP 103): yaw turns
+        /// counter-clockwise from +x (east), pitch is positive with the nose down, roll with the right side
+        /// down.
+        Ros = "ros",
+        /// The angles of headings in the order of HELIOS++, pitch innermost: Rz(−yaw) Ry(roll) Rx(pitch) of
+        /// the axes right, forward, up.
+        ///
+        /// Spec kinematics §2.6.
+        Helios = "helios",
+        /// Rotations about x, y and z in this order, as HELIOS++ writes them for platforms that fly from
+        /// waypoint to waypoint; quaternions of the axes right, forward, up.
+        Canonical = "canonical",
+        /// Quaternions of a camera's axes right, down, forward; the world of matrices is the first camera, as
+        /// in KITTI.
+        Camera = "camera",
+    }
 }
 
 impl AngleConvention {
@@ -115,15 +113,15 @@ impl AngleConvention {
     }
 }
 
-/// The unit of angles in text.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
-pub enum AngleUnit {
-    /// Degrees.
-    Deg,
-    /// Radians.
-    Rad,
+vlscan_choice::choices! {
+    /// The unit of angles in text.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum AngleUnit {
+        /// Degrees.
+        Deg = "deg",
+        /// Radians.
+        Rad = "rad",
+    }
 }
 
 /// The rectangular grid on which latitudes and longitudes are projected.

@@ -7,8 +7,7 @@ use vlscan_geom::{DVec3, Rotation};
 ///
 /// A vertex is computed as a program that stores vertices would compute it, operation by operation: its place
 /// in the grid and `number · scale + offset`, the transform of the part, its raise, less the scene's shift.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct HeightGrid {
     /// Vertices per row.
     pub columns: usize,
@@ -125,8 +124,7 @@ impl HeightGrid {
 }
 
 /// A rotation, scaling and translation: `scale · R · p + offset`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Similarity {
     /// Applied first.
     pub rotation: Rotation,

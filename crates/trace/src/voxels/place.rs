@@ -7,8 +7,7 @@ use vlscan_geom::{DVec3, Rotation};
 ///
 /// A cube is computed as a program that stores cubes would compute it, operation by operation: the centre of
 /// its cell, the scale and the translation of the part, its raise, less the scene's shift.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct GridPlace {
     /// Lower corner of cell 0, m.
     pub corner: DVec3,
