@@ -7,7 +7,7 @@ use super::index::Nodes;
 use super::intersect::{cube, triangle};
 use super::node::{KdNode, WideChild, WideNode};
 use super::stack::insert_by_depth;
-use super::{CubeAt, Geometry, Hit, Hits, Tree};
+use super::{Geometry, Hit, Hits, Tree};
 use vlscan_geom::DVec3;
 
 impl Tree {
@@ -55,7 +55,7 @@ impl Tree {
         let mut test = |id: u32| {
             if !geometry.grids.is_empty()
                 && let Some(index) = (id as usize).checked_sub(first_cube)
-                && let CubeAt::Grid(grid, ..) = geometry.cube_at(index)
+                && let (Some(grid), _) = geometry.locate_cube(index)
             {
                 if !grids.contains(&grid) {
                     grids.push(grid);

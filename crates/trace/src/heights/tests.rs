@@ -3,7 +3,7 @@
 use super::*;
 use crate::intersect::triangle;
 use crate::simd::Level;
-use crate::{BuildOptions, Builder, Cube, Geometry, Hit, Hits, RayGroup, TraceScratch, Tree, TriangleAt};
+use crate::{BuildOptions, Builder, Cube, Geometry, Hit, Hits, PrimitiveRef, RayGroup, TraceScratch, Tree};
 use proptest::prelude::*;
 use vlscan_geom::{Rotation, unit};
 
@@ -233,7 +233,7 @@ fn nearest_of_all(geometry: &Geometry, origin: DVec3, direction: DVec3) -> Optio
         field.test_all(origin, direction, |number, t| add(number as usize, Some(t)));
     }
     for index in 0..geometry.triangles.len() {
-        add(geometry.number_of(index), triangle(origin, direction, geometry.stored_triangle(index)));
+        add(geometry.number_of_triangle(index), triangle(origin, direction, geometry.stored_triangle(index)));
     }
     for (index, cube) in geometry.cubes.iter().enumerate() {
         add(geometry.triangle_count() + index, crate::intersect::cube(origin, direction, *cube));
@@ -303,10 +303,12 @@ proptest! {
         for number in 0..own.triangle_count() {
             prop_assert_eq!(own.missing_before(number), number - seen);
             let corners = own.triangle(number);
-            match own.triangle_at(number) {
-                TriangleAt::Stored(index) => prop_assert_eq!(own.number_of(index), number),
-                TriangleAt::Field(0, _, i) => prop_assert_eq!(field.triangle(i), (!corners[0].is_nan()).then_some(corners)),
-                TriangleAt::Field(..) => prop_assert!(false),
+            match own.primitive(number) {
+                Some(PrimitiveRef::Triangle(index)) => prop_assert_eq!(own.number_of_triangle(index), number),
+                Some(PrimitiveRef::Field { field: 0, triangle }) => {
+                    prop_assert_eq!(field.triangle(triangle), (!corners[0].is_nan()).then_some(corners));
+                }
+                found => prop_assert!(false, "{:?}", found),
             }
             if !corners.iter().any(|p| p.is_nan()) {
                 prop_assert_eq!(corners, flat.triangle(seen));
