@@ -92,6 +92,7 @@ pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpd
 pub use mtl::read_materials;
 pub use pack::{Pack, pack};
 pub use part_facts::{MaterialArea, PartFacts, material_areas};
+pub use primitive::{PrimitiveFacts, PrimitiveShape};
 pub use surfaces::{Surface, SurfaceIds};
 pub use tiles::{PlaceInRaster, Tile, TileFacts, TileOptions, TileReader, Tiles};
 pub use triangle::SceneTriangle;

@@ -258,8 +258,8 @@ mod tests {
             };
             let in_field = |field: usize, triangle: usize| PrimitiveRef::Field { field, triangle };
             let in_grid = |grid: usize, voxel: usize| PrimitiveRef::Grid { grid, voxel };
-            let triangles = numbered((&fields, last), PrimitiveRef::Triangle, in_field);
-            let cubes = numbered((&grids, last), PrimitiveRef::Cube, in_grid);
+            let triangles = numbered((&fields[..], last), PrimitiveRef::Triangle, in_field);
+            let cubes = numbered((&grids[..], last), PrimitiveRef::Cube, in_grid);
             let all = [triangles, cubes].concat();
             prop_assert_eq!(all.len(), geometry.len());
             for (number, primitive) in all.iter().enumerate() {
