@@ -328,7 +328,7 @@ impl GridVoxels {
         if are_densities && are_surfaces && are_normals && voxels.kinds.bits.len() <= count.div_ceil(64) {
             return Ok(voxels);
         }
-        Err(file.refuse("its voxels are not those of its arrays"))
+        Err(file.refuse("voxel metadata does not match the stored arrays"))
     }
 }
 

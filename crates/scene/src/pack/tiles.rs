@@ -142,7 +142,7 @@ impl PackedTiles {
         let expected = [facts.triangles as usize, facts.cubes as usize, facts.materials.len(), 1];
         match numbers == expected && scene.instances.is_none() && scene.moving_parts.is_empty() {
             true => Ok(scene),
-            false => Err(self.file.refuse("its tiles are not those of its arrays")),
+            false => Err(self.file.refuse("tile metadata does not match the stored arrays")),
         }
     }
 
