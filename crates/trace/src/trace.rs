@@ -79,19 +79,24 @@ impl Tree {
                 test(id);
             }),
         }
-        for field in &geometry.fields {
-            match &frustum {
-                Some(frustum) => {
-                    let limit = frustum.limit(keep_nearest(Hits::MISS, None));
+        match &frustum {
+            Some(frustum) => {
+                let limit = frustum.limit(keep_nearest(Hits::MISS, None));
+                self.fields.walk(frustum, limit, |field, mut limit| {
+                    let Some(field) = geometry.fields.get(field) else { return limit };
                     field.walk(&self.frame, frustum, limit, |id, corners| {
                         let found = if accept(id) { triangle(origin, direction, corners) } else { None };
-                        frustum.limit(keep_nearest(id, found))
+                        limit = frustum.limit(keep_nearest(id, found));
+                        limit
                     });
-                }
-                None => field.test_all(origin, direction, |id, t| {
-                    keep_nearest(id, accept(id).then_some(t));
-                }),
+                    limit
+                });
             }
+            None => geometry.fields.iter().for_each(|field| {
+                field.test_all(origin, direction, |id, t| {
+                    keep_nearest(id, accept(id).then_some(t));
+                });
+            }),
         }
         let first_cube = first_cube as u32;
         for grid in grids.into_iter().map(|grid| &geometry.grids[grid]) {

@@ -149,7 +149,7 @@ pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Re
         return Err(file.refuse("the lengths of its arrays do not match"));
     }
     scene.grid_voxels = grid_voxels;
-    let mut tree = read_tree(&name("tree"), file)?;
+    let mut tree = read_tree(&name("tree"), &scene.geometry, file)?;
     if let Some(parts) = values.instance_parts {
         let parts = parts.into_owned();
         let instances = Arc::new(read_instances(prefix, file)?);

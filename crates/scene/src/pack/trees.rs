@@ -181,11 +181,11 @@ pub(super) fn write_tree(tree: &Tree, name: &str, out: &mut ArrayFileWriter) -> 
     out.array(format!("{name}.blocks"), &blocks)
 }
 
-/// Reads a tree of [`write_tree`].
+/// Reads a tree of [`write_tree`], which was built over `geometry`.
 ///
 /// # Errors
 /// As for [`ArrayFile::array`].
-pub(super) fn read_tree(name: &str, file: &ArrayFile) -> Result<Tree> {
+pub(super) fn read_tree(name: &str, geometry: &Geometry, file: &ArrayFile) -> Result<Tree> {
     let TreeValues { frame, bounds, statistics, is_wide } = file.value(&format!("{name}.values"))?;
     let nodes = format!("{name}.nodes");
     let nodes = match is_wide {
@@ -193,7 +193,7 @@ pub(super) fn read_tree(name: &str, file: &ArrayFile) -> Result<Tree> {
         false => NodeArray::Kd(file.array(&nodes)?.into()),
     };
     let blocks = file.array(&format!("{name}.blocks"))?.into();
-    Ok(Tree::from_parts(TreeParts { frame, bounds, statistics, nodes, blocks }))
+    Ok(Tree::from_parts(TreeParts { frame, bounds, statistics, nodes, blocks }, geometry))
 }
 
 /// Writes the trees of a tree's instances under names that begin with `prefix`.
@@ -213,8 +213,9 @@ pub(super) fn read_instance_trees(
     instances: &Arc<Instances>,
     file: &ArrayFile,
 ) -> Result<Tree> {
-    let top = read_tree(&format!("{prefix}top"), file)?;
-    let models = (0..instances.models.len()).map(|i| read_tree(&format!("{prefix}model {i}"), file));
+    let top = read_tree(&format!("{prefix}top"), &Geometry::default(), file)?;
+    let models = instances.models.iter().enumerate();
+    let models = models.map(|(i, model)| read_tree(&format!("{prefix}model {i}"), &model.geometry, file));
     let models = models.collect::<Result<_>>()?;
     Ok(tree.with_instance_trees(instances, top, models))
 }

@@ -260,7 +260,6 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     #[inline(always)]
     fn hit_cubes(&mut self, block: &Block, mask: u32, hi: &[f32; PACKET_SIZE]) {
         let (mut rest, mut touched) = (mask, 0);
-        let first_cube = self.geometry.triangle_count();
         while rest != 0 {
             let p = rest.trailing_zeros() as usize % PACKET_SIZE;
             let planes = &self.frustum.pulse_planes(p);
@@ -273,7 +272,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             touched |= u32::from(met != 0) << p;
             while met != 0 {
                 let id = block.id[met.trailing_zeros() as usize % BLOCK_SIZE];
-                match self.geometry.locate_cube(id as usize - first_cube) {
+                match self.geometry.locate_cube(id as usize - self.first_cube) {
                     (Some(grid), _) => self.record_grid(grid, p),
                     (None, cube) => self.hit_cube(self.first + p, id, self.geometry.cubes[cube]),
                 }

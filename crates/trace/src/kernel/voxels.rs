@@ -60,7 +60,7 @@ impl<S: Simd> PacketTraversal<'_, S> {
     #[inline(always)]
     fn hit_row(&mut self, view: &GridView, node: GridNode, mut pulses: u32) {
         let row = view.row(node);
-        let first = (self.geometry.triangle_count() + view.grid.first() as usize + row.first) as u32;
+        let first = (self.first_cube + view.grid.first() as usize + row.first) as u32;
         // The lanes of a row follow each other along an axis.
         let [above, below] = &self.frustum.hull[row.axis()];
         let is_ascending = above.inverse > 0.0 && below.inverse > 0.0;
