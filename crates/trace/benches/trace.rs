@@ -1,6 +1,6 @@
 //! Rays per second of every tree over a wavy surface with blades upon it, by packet size, on one thread; then
-//! those over the bare surface as triangles, as a height field and as a mosaic of a hundred, with the ratio of
-//! the last two.
+//! those over the bare surface as triangles, as a height field and as a mosaic of a hundred, with the ratio
+//! of the last two.
 //!
 //! ```text
 //! cargo bench -p vlscan-trace                    half a million triangles

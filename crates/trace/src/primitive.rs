@@ -158,9 +158,9 @@ impl Instances {
     }
 }
 
-/// Finds a number among items that are stored and the ranges of `inserted`, which are numbered as if they were
-/// stored among the items: the range that contains the number and the position there, or none and the index
-/// of the item. The ranges are ascending and do not overlap.
+/// Finds a number among items that are stored and the ranges of `inserted`, which are numbered as if they
+/// were stored among the items: the range that contains the number and the position there, or none and the
+/// index of the item. The ranges are ascending and do not overlap.
 #[inline(always)]
 fn locate<T>(inserted: &[T], range_of: impl Fn(&T) -> Range<usize>, number: usize) -> (Option<usize>, usize) {
     let before = inserted.partition_point(|item| range_of(item).start <= number);
@@ -202,8 +202,8 @@ mod tests {
         VoxelGrid::new(GridPlace::new(DVec3::ZERO, 1.0), cells, first).unwrap()
     }
 
-    /// Primitives in the order of their numbers: runs of stored ones, each with the length of what is inserted
-    /// after it, and the last stored ones.
+    /// Primitives in the order of their numbers: runs of stored ones, each with the length of what is
+    /// inserted after it, and the last stored ones.
     fn numbered(
         (runs, last): (&[(usize, usize)], usize),
         stored: impl Fn(usize) -> PrimitiveRef,

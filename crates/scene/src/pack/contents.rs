@@ -19,8 +19,8 @@ use vlscan_trace::{Builder, Geometry, HeightField, Tree, VoxelGrid};
 /// The name of the number of epochs.
 const EPOCHS: &str = "epochs";
 
-/// A scene without its arrays. Values are stored in the order of the fields: increment the version of the file
-/// after a change of them.
+/// A scene without its arrays. Values are stored in the order of the fields: increment the version of the
+/// file after a change of them.
 #[derive(Serialize, Deserialize)]
 struct SceneValues<'a> {
     shift: DVec3,
