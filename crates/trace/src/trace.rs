@@ -6,7 +6,7 @@ use super::frustum::{DEPTH_MARGIN, Frustum};
 use super::index::Nodes;
 use super::intersect::{cube, triangle};
 use super::node::{KdNode, WideChild, WideNode};
-use super::stack::insert_by_depth;
+use super::stack::{pop_within, push_children};
 use super::{Geometry, Hit, Hits, Tree};
 use vlscan_geom::DVec3;
 
@@ -182,23 +182,12 @@ impl Tree {
     ) {
         let mut stack = [(WideChild::ROOT, 0.0f32); MAX_WIDE_STACK];
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let (child, enter) = stack[height];
-            if enter > limit * DEPTH_MARGIN {
-                continue;
-            }
+        while let Some(child) = pop_within(&stack, &mut height, limit) {
             match child.number() {
                 Ok(number) => {
                     let node = &nodes[number];
-                    let (mut met, depths) = frustum.boxes(&node.lower, &node.upper, limit);
-                    let floor = height;
-                    while met != 0 {
-                        let lane = met.trailing_zeros() as usize;
-                        let visit = (node.child[lane], depths[lane]);
-                        height = insert_by_depth(&mut stack, (floor, height), visit, |visit| visit.1);
-                        met &= met - 1;
-                    }
+                    let (met, depths) = frustum.boxes(&node.lower, &node.upper, limit);
+                    push_children(&mut stack, &mut height, (met, &depths), |lane| node.child[lane]);
                 }
                 Err(number) => {
                     let block = &self.blocks[number];

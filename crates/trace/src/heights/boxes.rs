@@ -4,9 +4,9 @@
 use super::HeightField;
 use crate::block::BLOCK_SIZE;
 use crate::frame::Frame;
-use crate::frustum::{DEPTH_MARGIN, Frustum};
+use crate::frustum::Frustum;
 use crate::memory::vec_bytes;
-use crate::stack::insert_by_depth;
+use crate::stack::{pop_within, push_children};
 
 /// Maximum number of levels for any number of fields.
 const MAX_LEVELS: usize = (usize::BITS / BLOCK_SIZE.ilog2()) as usize;
@@ -110,25 +110,14 @@ impl FieldBoxes {
         let mut stack = [(BoxNode::NONE, 0.0f32); MAX_BOX_STACK];
         stack[0].0 = root;
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let (node, enter) = stack[height];
-            if enter > limit * DEPTH_MARGIN {
-                continue;
-            }
+        while let Some(node) = pop_within(&stack, &mut height, limit) {
             if let Some(field) = node.field() {
                 limit = visit(field, limit);
                 continue;
             }
             let children = self.children(node);
-            let (mut met, depths) = frustum.boxes(&children.lower, &children.upper, limit);
-            let floor = height;
-            while met != 0 {
-                let lane = met.trailing_zeros() as usize;
-                let visit = (node.child(lane), depths[lane]);
-                height = insert_by_depth(&mut stack, (floor, height), visit, |visit| visit.1);
-                met &= met - 1;
-            }
+            let (met, depths) = frustum.boxes(&children.lower, &children.upper, limit);
+            push_children(&mut stack, &mut height, (met, &depths), |lane| node.child(lane));
         }
     }
 
