@@ -8,8 +8,8 @@ use crate::frustum::Frustum;
 use crate::memory::vec_bytes;
 use crate::stack::{pop_within, push_children};
 
-/// Maximum number of levels for any number of fields.
-const MAX_LEVELS: usize = (usize::BITS / BLOCK_SIZE.ilog2()) as usize;
+/// Maximum number of levels: fields have different numbers of 32 bits.
+const MAX_LEVELS: usize = (u32::BITS / BLOCK_SIZE.ilog2()) as usize;
 
 /// Maximum number of pending visits: every level leaves up to fifteen.
 pub(crate) const MAX_BOX_STACK: usize = MAX_LEVELS * (BLOCK_SIZE - 1) + BLOCK_SIZE;
@@ -37,8 +37,8 @@ pub(crate) struct ChildBoxes {
 /// A node of the hierarchy: its level and its index there; at level 0 the index of a field.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BoxNode {
-    level: usize,
-    index: usize,
+    level: u32,
+    index: u32,
 }
 
 impl BoxNode {
@@ -47,13 +47,13 @@ impl BoxNode {
     /// Index of the field if the node is one.
     #[inline(always)]
     pub fn field(self) -> Option<usize> {
-        (self.level == 0).then_some(self.index)
+        (self.level == 0).then_some(self.index as usize)
     }
 
     /// The child in a lane of the node's boxes.
     #[inline(always)]
     pub fn child(self, lane: usize) -> BoxNode {
-        BoxNode { level: self.level - 1, index: self.index * BLOCK_SIZE + lane }
+        BoxNode { level: self.level - 1, index: self.index * BLOCK_SIZE as u32 + lane as u32 }
     }
 }
 
@@ -94,19 +94,23 @@ impl FieldBoxes {
     /// The root; `None` without fields.
     #[inline(always)]
     pub fn root(&self) -> Option<BoxNode> {
-        (self.count > 0).then_some(BoxNode { level: self.levels.len(), index: 0 })
+        (self.count > 0).then_some(BoxNode { level: self.levels.len() as u32, index: 0 })
     }
 
     /// The boxes of the children of a node above level 0.
     #[inline(always)]
     pub fn children(&self, node: BoxNode) -> &ChildBoxes {
-        &self.levels[node.level - 1][node.index]
+        &self.levels[node.level as usize - 1][node.index as usize]
     }
 
     /// Visits the fields whose boxes a ray of the frustum might hit, the nearest first, up to the depth
     /// `limit`. `visit` takes the index of a field and the limit, and returns the new limit.
     pub fn walk(&self, frustum: &Frustum, mut limit: f32, mut visit: impl FnMut(usize, f32) -> f32) {
         let Some(root) = self.root() else { return };
+        if let Some(field) = root.field() {
+            visit(field, limit);
+            return;
+        }
         let mut stack = [(BoxNode::NONE, 0.0f32); MAX_BOX_STACK];
         stack[0].0 = root;
         let mut height = 1;
