@@ -30,13 +30,8 @@ impl<S: Simd> PacketTraversal<'_, S> {
         let Some(root) = boxes.root() else { return };
         self.stacks.boxes[0] = Visit::root(root, pulses);
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let Visit { node, enter, pulses } = self.stacks.boxes[height];
-            let pulses = pulses & self.within_limit(enter);
-            if pulses == 0 {
-                continue;
-            }
+        while let Some(visit) = self.pop_visit(|stacks| &stacks.boxes, &mut height) {
+            let Visit { node, pulses, .. } = visit;
             if let Some(field) = node.field() {
                 if let Some(field) = self.geometry.fields.get(field) {
                     self.walk_field(field, frame, pulses);
@@ -61,13 +56,8 @@ impl<S: Simd> PacketTraversal<'_, S> {
         self.is_field = true;
         self.stacks.field[0] = Visit::root(node, pulses);
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let Visit { node, enter, pulses } = self.stacks.field[height];
-            let pulses = pulses & self.within_limit(enter);
-            if pulses == 0 {
-                continue;
-            }
+        while let Some(visit) = self.pop_visit(|stacks| &stacks.field, &mut height) {
+            let Visit { node, enter, pulses } = visit;
             if node.level > 0 {
                 let [lower, upper] = view.boxes(node);
                 height = self.push_children(

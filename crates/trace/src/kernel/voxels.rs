@@ -34,13 +34,8 @@ impl<S: Simd> PacketTraversal<'_, S> {
         let view = GridView::new(grid, frame);
         self.stacks.grid[0] = Visit::root(view.root(), pulses);
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let Visit { node, enter, pulses } = self.stacks.grid[height];
-            let pulses = pulses & self.within_limit(enter);
-            if pulses == 0 {
-                continue;
-            }
+        while let Some(visit) = self.pop_visit(|stacks| &stacks.grid, &mut height) {
+            let Visit { node, pulses, .. } = visit;
             if node.level == 0 {
                 self.hit_row(&view, node, pulses);
                 continue;
