@@ -241,9 +241,8 @@ impl Scene {
     }
 
     pub(crate) fn number_without_tiles(&self, i: u32) -> u32 {
-        let own = self.geometry.triangle_count();
         let Some(set) = &self.instances else { return i - self.missing_before(i) };
-        let (number, before) = set.instances.number_when_stored(i, own);
+        let (number, before) = set.instances.number_when_stored(i, self.geometry.triangle_count());
         number - self.missing_before(before)
     }
 
