@@ -28,6 +28,33 @@ struct NamedChange {
 /// Names of materials that a warning lists.
 const MAX_NAMES: usize = 5;
 
+impl AppliedChanges {
+    /// The change of materials called `name`, number `number` of the changes of this identity.
+    fn named(&mut self, key: (Identity, usize), name: &str, part: &PartSource) -> &mut NamedChange {
+        self.named.entry(key).or_insert_with(|| NamedChange {
+            name: name.to_owned(),
+            part: part.index,
+            place: part.place.cloned(),
+            has_replaced: false,
+            others: BTreeSet::new(),
+        })
+    }
+}
+
+impl NamedChange {
+    /// True if the change replaces a material of this name. Records it for [`report_unused`].
+    fn replaces(&mut self, name: &str) -> bool {
+        if name == self.name {
+            self.has_replaced = true;
+            return true;
+        }
+        if self.others.len() <= MAX_NAMES && !self.others.contains(name) {
+            self.others.insert(name.to_owned());
+        }
+        false
+    }
+}
+
 /// Warns of changes that replace nothing in any of their parts.
 pub(super) fn report_unused(scene: &mut SceneBuilder) {
     let changes = std::mem::take(&mut scene.changes).named.into_values();
@@ -48,12 +75,47 @@ pub(super) fn report_unused(scene: &mut SceneBuilder) {
     }
 }
 
+/// The material of each change.
+fn replacements(scene: &mut SceneBuilder, identity: Identity, changes: &MaterialChanges) -> Vec<u32> {
+    let definitions = || changes.iter().map(|change| change.material.clone()).collect();
+    scene.library.of(DefinedBy::Memory(identity), definitions, &mut scene.diagnostics)
+}
+
+/// The material of primitives of `part` that have `material` before its changes. Adds the surfaces that
+/// [`apply`] would add, so that a scene has the same surfaces if the primitives are not in memory. Changes of
+/// faces are not applied.
+pub(super) fn material_of(
+    scene: &mut SceneBuilder,
+    part: &PartSource,
+    changes: &MaterialChanges,
+    material: u32,
+) -> u32 {
+    scene.surface(part.index, material);
+    let Some(identity) = changes.identity() else { return material };
+    let mut current = material;
+    let materials = replacements(scene, identity, changes);
+    for (number, (change, replacement)) in changes.iter().zip(materials).enumerate() {
+        scene.surface(part.index, replacement);
+        let is_replaced = match &change.replaced {
+            Replaced::All => true,
+            Replaced::Named(name) => {
+                let found = &scene.library.materials[current as usize].name;
+                scene.changes.named((identity, number), name, part).replaces(found)
+            }
+            Replaced::Faces(_) => false,
+        };
+        if is_replaced {
+            current = replacement;
+        }
+    }
+    current
+}
+
 /// Applies the changes in their order to the primitives of `extent`, which are those of `part`. An index
 /// beyond them is an error.
 pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &MaterialChanges, extent: &Extent) {
     let Some(identity) = changes.identity() else { return };
-    let definitions = || changes.iter().map(|change| change.material.clone()).collect();
-    let materials = scene.library.of(DefinedBy::Memory(identity), definitions, &mut scene.diagnostics);
+    let materials = replacements(scene, identity, changes);
     let faces = &mut scene.faces;
     if faces.are_wanted && faces.count == 0 {
         // The triangles of rasters and voxels have no numbers.
@@ -76,25 +138,11 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
                 grids.iter_mut().for_each(|voxels| voxels.surfaces = GridSurfaces::InTurn(vec![surface]));
             }
             Replaced::Named(name) => {
-                let (surfaces, library) = (&scene.surfaces, &scene.library);
-                let applied = scene.changes.named.entry((identity, number)).or_insert_with(|| NamedChange {
-                    name: name.clone(),
-                    part: part.index,
-                    place: part.place.cloned(),
-                    has_replaced: false,
-                    others: BTreeSet::new(),
-                });
-                let name_of = |s: u32| &library.materials[surfaces[s as usize].material as usize].name;
+                let (surfaces, materials) = (&scene.surfaces, &scene.library.materials);
+                let applied = scene.changes.named((identity, number), name, part);
                 let mut replaced = |own: u32| {
-                    let found = name_of(own);
-                    if found == name {
-                        applied.has_replaced = true;
-                        return surface;
-                    }
-                    if applied.others.len() <= MAX_NAMES && !applied.others.contains(found) {
-                        applied.others.insert(found.clone());
-                    }
-                    own
+                    let found = &materials[surfaces[own as usize].material as usize].name;
+                    if applied.replaces(found) { surface } else { own }
                 };
                 let stored = triangle_surfaces.iter_mut().chain(field_surfaces).chain(cube_surfaces);
                 stored.for_each(|own| *own = replaced(*own));
@@ -134,6 +182,8 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
 mod tests {
     use super::*;
     use crate::fixture::Fixture;
+    use crate::library::Library;
+    use crate::spectra::Spectra;
     use vlscan_survey::{MaterialChange, MaterialDefinition};
 
     #[test]
@@ -173,6 +223,36 @@ mod tests {
         let expected =
             "the material \"nosuch\", so nothing is replaced; its materials are \"bark\", \"leaf\"\n";
         assert!(found.contains(expected) && found.matches("nosuch").count() == 1, "{found}");
+    }
+
+    #[test]
+    fn the_changed_material_is_known_without_primitives() {
+        let options = crate::LoadOptions::default();
+        let mut scene =
+            SceneBuilder::new(&options, Library::new(Spectra::new(&[], [1064.0]), options.rules, 0));
+        let part = PartSource { index: 0, place: None };
+        let change =
+            |replaced, name: &str| MaterialChange { replaced, material: MaterialDefinition::new(name) };
+        let named = |name: &str| Replaced::Named(name.to_owned());
+        let own = MaterialChanges::from(vec![change(Replaced::All, "own")]);
+        let own = material_of(&mut scene, &part, &own, 0);
+        let mut name_after = |changes: Vec<MaterialChange>| {
+            let material = material_of(&mut scene, &part, &changes.into(), own);
+            scene.library.materials[material as usize].name.clone()
+        };
+        assert_eq!(name_after(vec![]), "own");
+        assert_eq!(name_after(vec![change(named("own"), "a"), change(named("a"), "b")]), "b");
+        assert_eq!(
+            name_after(vec![change(named("other"), "a"), change(Replaced::Faces(vec![0]), "b")]),
+            "own"
+        );
+        assert_eq!(name_after(vec![change(named("own"), "a"), change(Replaced::All, "b")]), "b");
+        report_unused(&mut scene);
+        let warnings = scene.diagnostics.render(false);
+        assert!(
+            warnings.contains("\"other\", so nothing is replaced; its materials are \"own\""),
+            "{warnings}"
+        );
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub(crate) fn repeated_triangles(g: &Geometry, surface: impl Fn(u32) -> (u32, u3
     all.par_sort_unstable();
     let repeats = |group: &[(u64, usize)]| -> Vec<u32> {
         let mut first: HashSet<([u64; 9], u32, u32)> = HashSet::new();
-        let number = |index: usize| g.number_of(index) as u32;
+        let number = |index: usize| g.number_of_triangle(index) as u32;
         let is_repeated = |index: &usize| {
             let (part, material) = surface(number(*index));
             !first.insert((bits(g.stored_triangle(*index)), part, material))

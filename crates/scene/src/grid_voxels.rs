@@ -2,6 +2,8 @@
 
 use super::surfaces::SurfaceIds;
 use super::voxel::{Voxel, VoxelKind};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use vlscan_base::error::Result;
 use vlscan_base::store::{ArrayFile, ArrayFileWriter, Checksum, vec_bytes};
@@ -64,6 +66,19 @@ impl Default for GridSurfaces {
     fn default() -> GridSurfaces {
         GridSurfaces::InTurn(vec![0])
     }
+}
+
+/// Attributes of voxels without their arrays, as in a file. Values are stored in the order of the fields.
+#[derive(Serialize, Deserialize)]
+struct StoredValues<'a> {
+    count: usize,
+    /// Bits of the density of all voxels if they have the same one.
+    same_density: Option<u64>,
+    /// Digits after the point of decimal densities.
+    digits: Option<u32>,
+    /// The two kinds as numbers.
+    kinds: [u32; 2],
+    surfaces_in_turn: Option<Cow<'a, [u32]>>,
 }
 
 /// `whole` over a power of ten.
@@ -269,14 +284,18 @@ impl GridVoxels {
 
     /// Writes the values as arrays of a file, with names that begin with `name`.
     pub(super) fn pack(&self, name: &str, out: &mut ArrayFileWriter) -> Result<()> {
-        let (same, digits) = match &self.densities {
+        let (same_density, digits) = match &self.densities {
             Densities::Same(value) => (Some(value.to_bits()), None),
             Densities::Decimal(digits, _) => (None, Some(*digits)),
             Densities::Double(_) => (None, None),
         };
-        let in_turn = if let GridSurfaces::InTurn(all) = &self.surfaces { Some(all) } else { None };
+        let surfaces_in_turn = match &self.surfaces {
+            GridSurfaces::InTurn(all) => Some(Cow::Borrowed(&all[..])),
+            GridSurfaces::Each(_) => None,
+        };
         let kinds = self.kinds.of_bit.map(|kind| kind as u32);
-        out.value(format!("{name}.values"), &(self.count, same, digits, kinds, in_turn))?;
+        let values = StoredValues { count: self.count, same_density, digits, kinds, surfaces_in_turn };
+        out.value(format!("{name}.values"), &values)?;
         match &self.densities {
             Densities::Same(_) => {}
             Densities::Decimal(_, all) => out.array(format!("{name}.densities"), all)?,
@@ -295,9 +314,9 @@ impl GridVoxels {
     /// # Errors
     /// As for [`ArrayFile::array`].
     pub(super) fn unpack(name: &str, file: &ArrayFile) -> Result<GridVoxels> {
-        type Values = (usize, Option<u64>, Option<u32>, [u32; 2], Option<Vec<u32>>);
-        let (count, same, digits, kinds, in_turn): Values = file.value(&format!("{name}.values"))?;
-        let densities = match (same, digits) {
+        let values: StoredValues<'static> = file.value(&format!("{name}.values"))?;
+        let (count, kinds) = (values.count, values.kinds.map(VoxelKind::of_number));
+        let densities = match (values.same_density, values.digits) {
             (Some(bits), _) => Densities::Same(f64::from_bits(bits)),
             (None, Some(digits)) => Densities::Decimal(digits, file.array(&format!("{name}.densities"))?),
             (None, None) => Densities::Double(file.array(&format!("{name}.densities"))?),
@@ -306,12 +325,9 @@ impl GridVoxels {
             count,
             densities,
             normals: file.array(&format!("{name}.normals"))?,
-            kinds: Kinds {
-                of_bit: kinds.map(VoxelKind::of_number),
-                bits: file.array(&format!("{name}.kinds"))?,
-            },
-            surfaces: match in_turn {
-                Some(all) => GridSurfaces::InTurn(all),
+            kinds: Kinds { of_bit: kinds, bits: file.array(&format!("{name}.kinds"))? },
+            surfaces: match values.surfaces_in_turn {
+                Some(all) => GridSurfaces::InTurn(all.into_owned()),
                 None => GridSurfaces::Each(SurfaceIds::unpack(&format!("{name}.surfaces"), file)?),
             },
         };
@@ -325,10 +341,13 @@ impl GridVoxels {
             GridSurfaces::Each(all) => all.len() == count,
         };
         let are_normals = voxels.normals.is_empty() || voxels.normals.len() == count;
-        if are_densities && are_surfaces && are_normals && voxels.kinds.bits.len() <= count.div_ceil(64) {
+        // Numbers of no kind are read as another one.
+        let are_kinds =
+            kinds.map(|kind| kind as u32) == values.kinds && voxels.kinds.bits.len() <= count.div_ceil(64);
+        if are_densities && are_surfaces && are_normals && are_kinds {
             return Ok(voxels);
         }
-        Err(file.refuse("its voxels are not those of its arrays"))
+        Err(file.refuse("voxel metadata does not match the stored arrays"))
     }
 }
 

@@ -24,7 +24,7 @@
 //! | `instances`, `instance_set` | parts that share a mesh |
 //! | `tiles` | parts that are in memory only while rays need them |
 //! | `coincident` | triangles that repeat an earlier one |
-//! | `model`, `triangle`, `surfaces`, `material`, `voxel`, `grid_voxels`, `lad` | the loaded scene and its components |
+//! | `model`, `primitive`, `triangle`, `surfaces`, `material`, `voxel`, `grid_voxels`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
 //! | `conditions` | the settings that a scene depends on |
@@ -64,6 +64,7 @@ mod number;
 mod pack;
 mod part_facts;
 mod plane;
+mod primitive;
 mod reflectance_issues;
 mod reflectance_units;
 mod spectra;
@@ -91,6 +92,7 @@ pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpd
 pub use mtl::read_materials;
 pub use pack::{Pack, pack};
 pub use part_facts::{MaterialArea, PartFacts, material_areas};
+pub use primitive::{PrimitiveFacts, PrimitiveShape};
 pub use surfaces::{Surface, SurfaceIds};
 pub use tiles::{PlaceInRaster, Tile, TileFacts, TileOptions, TileReader, Tiles};
 pub use triangle::SceneTriangle;

@@ -15,9 +15,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::store::vec_bytes;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{MotionSequence, MotionTiming};
-use vlscan_trace::{
-    BuildOptions, Builder, Cube, CubeAt, Geometry, HeightField, Hit, Tree, TriangleAt, VoxelGrid,
-};
+use vlscan_trace::{BuildOptions, Builder, Cube, Geometry, HeightField, Hit, PrimitiveRef, Tree, VoxelGrid};
 
 /// A loaded scene. Its frame is the world frame minus [`Scene::shift`], the centre of the box around all
 /// primitives, so that large world coordinates lose no digits. Immutable once built.
@@ -205,21 +203,14 @@ impl Scene {
     /// Part and material of primitive `i`. Panics if the index is out of range.
     #[inline]
     pub fn surface(&self, i: u32) -> Surface {
-        if let Some(triangle) = self.find_triangle(i) {
-            return triangle.surface();
-        }
-        let g = &self.geometry;
-        let surface = match g.cube_at(i as usize - g.triangle_count()) {
-            CubeAt::Stored(cube) => self.surface_ids.get(g.triangles.len() + cube),
-            CubeAt::Grid(grid, _, voxel) => self.grid_voxels[grid].surfaces.get(voxel),
-        };
-        self.surfaces[surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives())) as usize]
+        let surface = self.primitive(i).and_then(|primitive| self.surface_of(primitive));
+        surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives()))
     }
 
     /// The corners of primitive `i` if it is a triangle that is there.
     #[inline]
     pub fn triangle(&self, i: u32) -> Option<[DVec3; 3]> {
-        self.find_triangle(i)?.corners()
+        self.corners_of(self.primitive(i)?)
     }
 
     /// The first hit of a ray on the scene, with its tiles, among the primitives that `accept` accepts, each
@@ -250,9 +241,8 @@ impl Scene {
     }
 
     pub(crate) fn number_without_tiles(&self, i: u32) -> u32 {
-        let own = self.geometry.triangle_count();
         let Some(set) = &self.instances else { return i - self.missing_before(i) };
-        let (number, before) = set.instances.number_when_stored(i, own);
+        let (number, before) = set.instances.number_when_stored(i, self.geometry.triangle_count());
         number - self.missing_before(before)
     }
 
@@ -273,20 +263,17 @@ impl Scene {
 
     /// The attributes of primitive `i` if it is a cube.
     pub fn voxel(&self, i: u32) -> Option<Voxel> {
-        match self.geometry.cube_at((i as usize).checked_sub(self.geometry.triangle_count())?) {
-            CubeAt::Stored(cube) => self.voxels.get(cube).copied(),
-            CubeAt::Grid(grid, _, i) => Some(self.grid_voxels[grid].get(i)),
+        match self.primitive(i)? {
+            PrimitiveRef::Cube(index) => self.voxels.get(index).copied(),
+            PrimitiveRef::Grid { grid, voxel } => Some(self.grid_voxels[grid].get(voxel)),
+            _ => None,
         }
     }
 
     /// The attributes of primitive `i` and the cube, if it is one.
     #[inline]
     pub fn voxel_and_cube(&self, i: u32) -> Option<(Voxel, Cube)> {
-        let g = &self.geometry;
-        match g.cube_at((i as usize).checked_sub(g.triangle_count())?) {
-            CubeAt::Stored(cube) => Some((*self.voxels.get(cube)?, *g.cubes.get(cube)?)),
-            CubeAt::Grid(grid, cells, i) => Some((self.grid_voxels[grid].get(i), cells.cube(i))),
-        }
+        self.voxel_of(self.primitive(i)?)
     }
 
     /// Converts a point from the local to the world frame.
@@ -301,14 +288,13 @@ impl Scene {
 
     /// True if primitive `i` is static.
     pub fn is_still(&self, i: u32) -> bool {
-        let (g, i) = (&self.geometry, i as usize);
-        !self.moving_parts.iter().any(|m| match i.checked_sub(g.triangle_count()) {
-            None => match g.triangle_at(i) {
-                TriangleAt::Stored(index) => m.triangles.contains(&index),
-                TriangleAt::Field(..) => false,
-            },
-            Some(cube) => matches!(g.cube_at(cube), CubeAt::Stored(cube) if m.cubes.contains(&cube)),
-        })
+        let moving = &self.moving_parts;
+        moving.is_empty()
+            || match self.geometry.primitive(i as usize) {
+                Some(PrimitiveRef::Triangle(index)) => !moving.iter().any(|m| m.triangles.contains(&index)),
+                Some(PrimitiveRef::Cube(index)) => !moving.iter().any(|m| m.cubes.contains(&index)),
+                _ => true,
+            }
     }
 
     /// Memory of the scene without its tree, bytes.
@@ -358,11 +344,10 @@ impl Scene {
             near.filter_map(|corners| height_in_triangle(corners, x, y))
         });
         let g = &self.geometry;
-        let is_ground_cube = |index: &usize| match g.cube_at(*index) {
-            CubeAt::Stored(cube) => ground(count + cube),
-            CubeAt::Grid(grid, _, i) => {
-                self.grid_voxels[grid].surfaces.get(i).is_some_and(|s| is_ground[s as usize])
-            }
+        let first_cube = g.triangle_count();
+        let is_ground_cube = |index: &usize| {
+            let surface = g.primitive(first_cube + *index).and_then(|cube| self.surface_of(cube));
+            surface.is_some_and(|surface| is_ground_material[surface.material as usize])
         };
         let cubes = g.cubes_in(0..g.cubes.len(), 0..g.grids.len()).enumerate().filter_map(|(index, c)| {
             let within = (c.centre.x - x).abs() <= c.half && (c.centre.y - y).abs() <= c.half;

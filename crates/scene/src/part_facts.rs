@@ -1,7 +1,9 @@
 //! Facts of the parts of a scene, for tables beside labelled points.
 
-use super::{Material, Scene, Voxel, VoxelKind};
+use super::primitive::area_of_triangle;
+use super::{InstanceSet, Material, PrimitiveFacts, Scene, Tiles};
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_trace::{Model, Placement};
 
@@ -82,104 +84,8 @@ impl PartFacts {
                 shares.into_iter().map(|(material, share)| (material, share.area)).unzip();
             PartFacts { bounds: bounds.translated(scene.shift), primitives, materials, areas }
         };
-        PartFacts::shares(scene, most).into_iter().map(facts).collect()
-    }
-
-    /// The shares of the materials, and the box, scene frame, of each part.
-    fn shares(scene: &Scene, most: u64) -> Vec<(Shares, Aabb)> {
-        let mut shares: Vec<Shares> = vec![Shares::new(); scene.parts.len()];
-        let mut bounds = vec![Aabb::EMPTY; scene.parts.len()];
-        let (triangles, cubes) = (scene.geometry.triangles.len(), &scene.geometry.cubes);
-        for (i, surface) in scene.surface_ids.iter().enumerate() {
-            let surface = scene.surfaces[surface as usize];
-            let part = surface.part as usize;
-            let share = shares[part].entry(surface.material).or_default();
-            share.primitives += 1;
-            bounds[part] = match i.checked_sub(triangles) {
-                None => {
-                    let corners = scene.geometry.stored_triangle(i);
-                    share.area.triangles += area(corners);
-                    bounds[part].union(Aabb::around(corners))
-                }
-                Some(cube) => {
-                    share.area.plants += plant_area(&scene.voxels[cube], cubes[cube].half);
-                    bounds[part].union(cubes[cube].bounds())
-                }
-            };
-        }
-        for (field, &surface) in scene.geometry.fields.iter().zip(&scene.field_surfaces) {
-            let surface = scene.surfaces[surface as usize];
-            let part = surface.part as usize;
-            let share = shares[part].entry(surface.material).or_default();
-            share.primitives += field.triangles() as u64;
-            (0..field.len()).filter_map(|i| field.triangle(i)).for_each(|t| share.area.triangles += area(t));
-            bounds[part] = bounds[part].union(field.bounds());
-        }
-        for (grid, voxels) in scene.geometry.grids.iter().zip(&scene.grid_voxels) {
-            for i in 0..grid.len() {
-                let Some(surface) = voxels.surfaces.get(i) else { continue };
-                let surface = scene.surfaces[surface as usize];
-                let share = shares[surface.part as usize].entry(surface.material).or_default();
-                share.primitives += 1;
-                share.area.plants += plant_area(&voxels.get(i), grid.cube(i).half);
-            }
-            if let Some(surface) = voxels.surfaces.get(0) {
-                // All voxels of a grid belong to one part.
-                let part = scene.surfaces[surface as usize].part as usize;
-                bounds[part] = bounds[part].union(grid.bounds());
-            }
-        }
-        if let Some(set) = &scene.instances {
-            let of_model = |model: &Model, materials: &[u32], widening: f64| {
-                let widened = |p: DVec3| DVec3::new(p.x * widening, p.y * widening, p.z);
-                let mut shares = Shares::new();
-                for (i, &material) in materials.iter().enumerate() {
-                    let share = shares.entry(material).or_default();
-                    share.primitives += 1;
-                    share.area.triangles += area(model.geometry.stored_triangle(i).map(widened));
-                }
-                shares
-            };
-            // By model and widening, which most instances have in common.
-            let mut of_models: HashMap<(u32, u64), Shares> = HashMap::new();
-            let vertices = |i| set.instances.model(i).geometry.vertices.len() as u64;
-            let is_exact = set.instances.all.iter().map(vertices).sum::<u64>() <= most;
-            for (instance, &part) in set.instances.all.iter().zip(&set.parts) {
-                let part = part as usize;
-                bounds[part] = bounds[part].union(match is_exact {
-                    true => set.instances.exact_bounds_of(instance),
-                    false => set.instances.bounds_of(instance),
-                });
-                let Placement { scale, widening, .. } = instance.placement;
-                let of_model = of_models.entry((instance.model, widening.to_bits())).or_insert_with(|| {
-                    of_model(set.instances.model(instance), &set.materials[instance.model as usize], widening)
-                });
-                for (&material, of_model) in &*of_model {
-                    let share = shares[part].entry(material).or_default();
-                    share.primitives += of_model.primitives;
-                    share.area.add(of_model.area, scale * scale);
-                }
-            }
-        }
-        if let Some(tiles) = &scene.tiles {
-            tiles.facts().iter().for_each(|tile| {
-                let part = tile.part as usize;
-                bounds[part] = bounds[part].union(tile.bounds);
-            });
-            tiles.for_each(
-                |_| true,
-                |facts, tile| {
-                    for (material, of) in PartFacts::shares(&tile.scene, most).into_iter().flat_map(|of| of.0)
-                    {
-                        let material = facts.materials[material as usize];
-                        let share = shares[facts.part as usize].entry(material).or_default();
-                        share.primitives += of.primitives;
-                        share.area.add(of.area, 1.0);
-                    }
-                },
-            );
-        }
-        shares.into_iter().zip(bounds).collect()
+        let all = PartShares::of_scene(scene, most);
+        all.shares.into_iter().zip(all.bounds).map(facts).collect()
     }
 
     /// Point class of most of its primitives; 0 for a part without primitives.
@@ -203,6 +109,98 @@ impl PartFacts {
     }
 }
 
+/// The shares of the materials, and the box, scene frame, of each part.
+struct PartShares {
+    shares: Vec<Shares>,
+    bounds: Vec<Aabb>,
+}
+
+impl PartShares {
+    /// Shares in a scene with its tiles; places up to `most` vertices of instances.
+    fn of_scene(scene: &Scene, most: u64) -> PartShares {
+        let parts = scene.parts.len();
+        let mut all = PartShares { shares: vec![Shares::new(); parts], bounds: vec![Aabb::EMPTY; parts] };
+        scene.for_each_own_primitive(|facts| all.add_primitive(facts));
+        if let Some(set) = &scene.instances {
+            all.add_instances(set, most);
+        }
+        if let Some(tiles) = &scene.tiles {
+            all.add_tiles(tiles, most);
+        }
+        all
+    }
+
+    /// The share of a material in a part.
+    fn share(&mut self, part: u32, material: u32) -> &mut Share {
+        self.shares[part as usize].entry(material).or_default()
+    }
+
+    fn extend_bounds(&mut self, part: u32, by: Aabb) {
+        let bounds = &mut self.bounds[part as usize];
+        *bounds = bounds.union(by);
+    }
+
+    fn add_primitive(&mut self, facts: &PrimitiveFacts) {
+        let share = self.share(facts.part, facts.material);
+        share.primitives += 1;
+        share.area.triangles += facts.triangle_area();
+        share.area.plants += facts.plant_area();
+        self.extend_bounds(facts.part, facts.bounds());
+    }
+
+    fn add_instances(&mut self, set: &InstanceSet, most: u64) {
+        // By model and widening, which most instances have in common.
+        let mut of_models: HashMap<(u32, u64), Shares> = HashMap::new();
+        let vertices = |i| set.instances.model(i).geometry.vertices.len() as u64;
+        let is_exact = set.instances.all.iter().map(vertices).sum::<u64>() <= most;
+        for (instance, &part) in set.instances.all.iter().zip(&set.parts) {
+            self.extend_bounds(
+                part,
+                match is_exact {
+                    true => set.instances.exact_bounds_of(instance),
+                    false => set.instances.bounds_of(instance),
+                },
+            );
+            let Placement { scale, widening, .. } = instance.placement;
+            let of_model = of_models.entry((instance.model, widening.to_bits())).or_insert_with(|| {
+                let materials = &set.materials[instance.model as usize];
+                shares_of_model(set.instances.model(instance), materials, widening)
+            });
+            for (&material, of_model) in &*of_model {
+                let share = self.share(part, material);
+                share.primitives += of_model.primitives;
+                share.area.add(of_model.area, scale * scale);
+            }
+        }
+    }
+
+    fn add_tiles(&mut self, tiles: &Arc<Tiles>, most: u64) {
+        tiles.facts().iter().for_each(|tile| self.extend_bounds(tile.part, tile.bounds));
+        tiles.for_each(
+            |_| true,
+            |facts, tile| {
+                for (material, of) in PartShares::of_scene(&tile.scene, most).shares.into_iter().flatten() {
+                    let share = self.share(facts.part, facts.materials[material as usize]);
+                    share.primitives += of.primitives;
+                    share.area.add(of.area, 1.0);
+                }
+            },
+        );
+    }
+}
+
+/// The shares of the materials in a model that is stretched by `widening` along x and y.
+fn shares_of_model(model: &Model, materials: &[u32], widening: f64) -> Shares {
+    let widened = |p: DVec3| DVec3::new(p.x * widening, p.y * widening, p.z);
+    let mut shares = Shares::new();
+    for (i, &material) in materials.iter().enumerate() {
+        let share = shares.entry(material).or_default();
+        share.primitives += 1;
+        share.area.triangles += area_of_triangle(model.geometry.stored_triangle(i).map(widened));
+    }
+    shares
+}
+
 /// The areas of all materials of a scene, summed over its parts.
 pub fn material_areas(scene: &Scene, parts: &[PartFacts]) -> Vec<MaterialArea> {
     let mut areas = vec![MaterialArea::default(); scene.materials.len()];
@@ -212,17 +210,6 @@ pub fn material_areas(scene: &Scene, parts: &[PartFacts]) -> Vec<MaterialArea> {
         }
     }
     areas
-}
-
-/// Area of a triangle, m².
-fn area([a, b, c]: [DVec3; 3]) -> f64 {
-    0.5 * (b - a).cross(c - a).length()
-}
-
-/// One-sided plant area of a voxel with half an edge of `half`, m².
-fn plant_area(voxel: &Voxel, half: f64) -> f64 {
-    let counts = voxel.kind() == VoxelKind::Transmittive && voxel.density.is_finite();
-    if counts { voxel.density * (2.0 * half).powi(3) } else { 0.0 }
 }
 
 #[cfg(test)]

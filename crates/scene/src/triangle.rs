@@ -1,42 +1,23 @@
 //! A triangle of a scene, found once for all that is asked of it.
 
-use super::{InstanceSet, Scene, Surface};
+use super::{Scene, Surface};
 use vlscan_geom::DVec3;
-use vlscan_trace::{HeightField, TriangleAt, prefetch};
+use vlscan_trace::{PrimitiveRef, prefetch};
 
 /// Location of a triangle of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneTriangle<'a> {
     scene: &'a Scene,
-    place: Place<'a>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Place<'a> {
-    /// Index among the stored triangles.
-    Stored(usize),
-    /// Index of its height field, the field, and the triangle's number there.
-    Field(usize, &'a HeightField, usize),
-    /// Index of its instance, and of the triangle in the instance's model.
-    Instance(&'a InstanceSet, usize, usize),
+    primitive: PrimitiveRef,
 }
 
 impl Scene {
     /// Finds triangle `i`; `None` for another primitive.
     #[inline]
     pub fn find_triangle(&self, i: u32) -> Option<SceneTriangle<'_>> {
-        let (g, number) = (&self.geometry, i as usize);
-        let place = if number < g.triangle_count() {
-            match g.triangle_at(number) {
-                TriangleAt::Stored(index) => Place::Stored(index),
-                TriangleAt::Field(n, field, i) => Place::Field(n, field, i),
-            }
-        } else {
-            let set = self.instances.as_ref()?;
-            let (instance, triangle) = set.instances.locate(i)?;
-            Place::Instance(set, instance, triangle)
-        };
-        Some(SceneTriangle { scene: self, place })
+        let primitive = self.primitive(i)?;
+        let is_cube = matches!(primitive, PrimitiveRef::Cube(_) | PrimitiveRef::Grid { .. });
+        (!is_cube).then_some(SceneTriangle { scene: self, primitive })
     }
 }
 
@@ -44,57 +25,43 @@ impl SceneTriangle<'_> {
     /// The corners in the scene's frame; `None` for a missing triangle of a height field.
     #[inline]
     pub fn corners(&self) -> Option<[DVec3; 3]> {
-        match self.place {
-            Place::Stored(index) => Some(self.scene.geometry.stored_triangle(index)),
-            Place::Field(_, field, i) => field.triangle(i),
-            Place::Instance(set, instance, triangle) => {
-                Some(set.instances.corners(&set.instances.all[instance], triangle))
-            }
-        }
+        self.scene.corners_of(self.primitive)
     }
 
     /// Part and material.
     #[inline]
     pub fn surface(&self) -> Surface {
-        let Scene { surfaces, surface_ids, field_surfaces, .. } = self.scene;
-        match self.place {
-            Place::Stored(index) => {
-                let surface =
-                    surface_ids.get(index).unwrap_or_else(|| panic!("triangle {index} has no surface"));
-                surfaces[surface as usize]
-            }
-            Place::Field(field, ..) => surfaces[field_surfaces[field] as usize],
-            Place::Instance(set, instance, triangle) => set.surface(instance, triangle),
-        }
+        let surface = self.scene.surface_of(self.primitive);
+        surface.unwrap_or_else(|| panic!("{:?} has no surface", self.primitive))
     }
 
-    /// Prefetches the numbers of its vertices, and what tells its surface.
+    /// Prefetches the numbers of its vertices, and the index of its surface.
     #[inline]
     pub fn prefetch(&self) {
-        match self.place {
-            Place::Stored(index) => {
+        match (self.primitive, &self.scene.instances) {
+            (PrimitiveRef::Triangle(index), _) => {
                 prefetch(self.scene.geometry.triangles.as_ptr().wrapping_add(index));
                 self.scene.surface_ids.prefetch(index);
             }
-            Place::Field(..) => {}
-            Place::Instance(set, instance, triangle) => {
+            (PrimitiveRef::Instance { instance, triangle }, Some(set)) => {
                 let instances = &set.instances;
                 let model = instances.all[instance].model as usize;
                 prefetch(instances.models[model].geometry.triangles.as_ptr().wrapping_add(triangle));
                 prefetch(set.materials[model].as_ptr().wrapping_add(triangle));
             }
+            _ => {}
         }
     }
 
     /// Prefetches its vertices.
     #[inline]
     pub fn prefetch_corners(&self) {
-        let (geometry, index) = match self.place {
-            Place::Stored(index) => (&self.scene.geometry, index),
-            Place::Field(..) => return,
-            Place::Instance(set, instance, triangle) => {
+        let (geometry, index) = match (self.primitive, &self.scene.instances) {
+            (PrimitiveRef::Triangle(index), _) => (&self.scene.geometry, index),
+            (PrimitiveRef::Instance { instance, triangle }, Some(set)) => {
                 (&set.instances.model(&set.instances.all[instance]).geometry, triangle)
             }
+            _ => return,
         };
         for vertex in geometry.triangles[index] {
             prefetch(geometry.vertices.as_ptr().wrapping_add(vertex as usize));

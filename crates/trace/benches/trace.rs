@@ -1,5 +1,6 @@
 //! Rays per second of every tree over a wavy surface with blades upon it, by packet size, on one thread; then
-//! those over the bare surface as triangles and as a height field.
+//! those over the bare surface as triangles, as a height field and as a mosaic of a hundred, with the ratio
+//! of the last two.
 //!
 //! ```text
 //! cargo bench -p vlscan-trace                    half a million triangles
@@ -35,21 +36,29 @@ fn main() {
     }
     println!("bare");
     measure("bvh", &surface(side, false), Builder::Bvh, &sets);
-    measure("field", &field(side), Builder::Bvh, &sets);
+    let one = measure("field", &mosaic(side, 1), Builder::Bvh, &sets);
+    let many = measure("mosaic", &mosaic(side, 10), Builder::Bvh, &sets);
+    print!("{:<32}", "mosaic / field");
+    for (many, one) in many.iter().zip(one) {
+        print!("{:>14.2}", many / one);
+    }
+    println!();
 }
 
-/// Prints time and memory of a tree, and the rates of its rays.
-fn measure(name: &str, surface: &Geometry, builder: Builder, sets: &[Vec<RayGroup>]) {
+/// Prints time and memory of a tree, and the rates of its rays, which it returns.
+fn measure(name: &str, surface: &Geometry, builder: Builder, sets: &[Vec<RayGroup>]) -> Vec<f64> {
     let started = Instant::now();
     let tree = Tree::build(surface, &BuildOptions::of(builder));
     let built = started.elapsed().as_secs_f64();
     let fields: usize = surface.fields.iter().map(HeightField::memory).sum();
     let bytes = (tree.memory() + fields) as f64 / surface.triangle_count() as f64;
     print!("{name:<10}{built:>10.2}{bytes:>12.1}");
-    for set in sets {
-        print!("{:>10.1} M/s", rays_per_s(surface, &tree, set) * 1e-6);
+    let rates: Vec<f64> = sets.iter().map(|set| rays_per_s(surface, &tree, set)).collect();
+    for rate in &rates {
+        print!("{:>10.1} M/s", rate * 1e-6);
     }
     println!();
+    rates
 }
 
 /// The rate of the quickest of several rounds.
@@ -71,16 +80,32 @@ fn height(x: f64, y: f64) -> f64 {
     (x * 0.07).sin() * (y * 0.05).cos() * 5.0
 }
 
-/// The waves as a height field.
-fn field(side: u32) -> Geometry {
-    let count = side as usize;
-    let mut heights = Heights::single(count * count).expect("enough memory");
-    for y in 0..count {
-        let row: Vec<f64> = (0..count).map(|x| f64::from(height(x as f64, y as f64) as f32)).collect();
-        heights.set(y * count, &row).expect("enough memory");
+/// The waves as `parts` height fields along either axis, side by side.
+fn mosaic(side: u32, parts: usize) -> Geometry {
+    let cells = side as usize - 1;
+    let ends: Vec<usize> = (0..=parts).map(|i| i * cells / parts).collect();
+    let mut surface = Geometry::default();
+    for rows in ends.windows(2) {
+        for columns in ends.windows(2) {
+            let first = surface.triangle_count();
+            surface.fields.push(field([columns[0], rows[0]], [columns[1], rows[1]], first));
+        }
     }
-    let field = HeightField::new(HeightGrid::new(count, count), heights, 0).expect("few triangles");
-    Geometry { fields: vec![field], ..Geometry::default() }
+    surface
+}
+
+/// The waves as a height field, from one vertex to another by column and row.
+fn field(from: [usize; 2], to: [usize; 2], first: usize) -> HeightField {
+    let [columns, rows] = [0, 1].map(|axis| to[axis] - from[axis] + 1);
+    let mut heights = Heights::single(columns * rows).expect("enough memory");
+    for row in 0..rows {
+        let y = (from[1] + row) as f64;
+        let height_at = |column: usize| f64::from(height((from[0] + column) as f64, y) as f32);
+        let numbers: Vec<f64> = (0..columns).map(height_at).collect();
+        heights.set(row * columns, &numbers).expect("enough memory");
+    }
+    let grid = HeightGrid { first: from, ..HeightGrid::new(columns, rows) };
+    HeightField::new(grid, heights, first).expect("few triangles")
 }
 
 /// Waves of 2 triangles per cell of 1 m, with an upright blade on every other cell or none.

@@ -21,24 +21,6 @@ pub struct Geometry {
     pub grids: Vec<VoxelGrid>,
 }
 
-/// Location of a triangle.
-#[derive(Clone, Copy, Debug)]
-pub enum TriangleAt<'a> {
-    /// Index among the stored triangles.
-    Stored(usize),
-    /// Index of its height field, the field, and the triangle's number there.
-    Field(usize, &'a HeightField, usize),
-}
-
-/// Location of a cube.
-#[derive(Clone, Copy, Debug)]
-pub enum CubeAt<'a> {
-    /// Index among the stored cubes.
-    Stored(usize),
-    /// Index of its grid, the grid, and the voxel's number there.
-    Grid(usize, &'a VoxelGrid, usize),
-}
-
 impl Geometry {
     /// Number of primitives, with the missing triangles of height fields.
     pub fn len(&self) -> usize {
@@ -57,38 +39,6 @@ impl Geometry {
         self.grids.iter().fold(self.cubes.len(), |sum, grid| sum + grid.len())
     }
 
-    /// Location of the cube with this index among all cubes.
-    #[inline(always)]
-    pub fn cube_at(&self, index: usize) -> CubeAt<'_> {
-        let mut stored = index;
-        for (i, grid) in self.grids.iter().enumerate() {
-            let indices = grid.indices();
-            if index < indices.start {
-                break;
-            }
-            if index < indices.end {
-                return CubeAt::Grid(i, grid, index - indices.start);
-            }
-            stored -= grid.len();
-        }
-        CubeAt::Stored(stored)
-    }
-
-    /// The cube with this index among all cubes, if there is one.
-    #[inline(always)]
-    pub fn cube(&self, index: usize) -> Option<Cube> {
-        match self.cube_at(index) {
-            CubeAt::Stored(index) => self.cubes.get(index).copied(),
-            CubeAt::Grid(_, grid, i) => Some(grid.cube(i)),
-        }
-    }
-
-    /// Primitive `number` if it is a cube.
-    #[inline(always)]
-    pub fn cube_of(&self, number: u32) -> Option<Cube> {
-        self.cube((number as usize).checked_sub(self.triangle_count())?)
-    }
-
     /// The stored cubes and the voxels of the grids in these ranges, in the order of their numbers.
     pub fn cubes_in(&self, stored: Range<usize>, grids: Range<usize>) -> impl Iterator<Item = Cube> {
         let mut in_grids = self.grids[..grids.start].iter().map(VoxelGrid::len).sum::<usize>();
@@ -105,16 +55,6 @@ impl Geometry {
         })
     }
 
-    /// The index among all cubes of the stored cube at `index`.
-    #[inline(always)]
-    pub fn index_of_stored_cube(&self, index: usize) -> usize {
-        let after = |index: usize, grid: &VoxelGrid| match index >= grid.first() as usize {
-            true => index + grid.len(),
-            false => index,
-        };
-        self.grids.iter().fold(index, after)
-    }
-
     /// How many triangles of height fields with numbers below `number` are missing.
     pub fn missing_before(&self, number: usize) -> usize {
         let before =
@@ -122,53 +62,9 @@ impl Geometry {
         self.fields.iter().map(before).sum()
     }
 
-    /// The number of the stored triangle at `index`.
-    #[inline(always)]
-    pub fn number_of(&self, index: usize) -> usize {
-        let after = |number: usize, field: &HeightField| match number >= field.first() as usize {
-            true => number + field.len(),
-            false => number,
-        };
-        self.fields.iter().fold(index, after)
-    }
-
-    /// Location of triangle `number`.
-    #[inline(always)]
-    pub fn triangle_at(&self, number: usize) -> TriangleAt<'_> {
-        let mut index = number;
-        for (i, field) in self.fields.iter().enumerate() {
-            let numbers = field.numbers();
-            if number < numbers.start {
-                break;
-            }
-            if number < numbers.end {
-                return TriangleAt::Field(i, field, number - numbers.start);
-            }
-            index -= field.len();
-        }
-        TriangleAt::Stored(index)
-    }
-
-    /// The index of stored triangle `number`.
-    pub(crate) fn index_of(&self, number: usize) -> usize {
-        match self.triangle_at(number) {
-            TriangleAt::Stored(index) => index,
-            TriangleAt::Field(..) => panic!("triangle {number} is part of a height field"),
-        }
-    }
-
     /// True if there are no primitives.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
-    }
-
-    /// The corners of triangle `i`; NaN for a missing one of a height field.
-    #[inline]
-    pub fn triangle(&self, i: usize) -> [DVec3; 3] {
-        match self.triangle_at(i) {
-            TriangleAt::Stored(index) => self.stored_triangle(index),
-            TriangleAt::Field(_, field, i) => field.triangle(i).unwrap_or([DVec3::NAN; 3]),
-        }
     }
 
     /// The corners of the stored triangle at `index`.
@@ -176,26 +72,6 @@ impl Geometry {
     pub fn stored_triangle(&self, index: usize) -> [DVec3; 3] {
         let [a, b, c] = self.triangles[index];
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
-    }
-
-    /// The box around primitive `i`.
-    pub fn bounds_of(&self, i: usize) -> Aabb {
-        match i.checked_sub(self.triangle_count()) {
-            None => Aabb::around(self.triangle(i)),
-            Some(cube) => self.bounds_of_cube(cube),
-        }
-    }
-
-    /// The box around primitive `i`, or for a voxel of a grid that around all of its grid.
-    pub(crate) fn outer_bounds_of(&self, i: usize) -> Aabb {
-        match i.checked_sub(self.triangle_count()).map(|cube| self.cube_at(cube)) {
-            Some(CubeAt::Grid(_, grid, _)) => grid.bounds(),
-            _ => self.bounds_of(i),
-        }
-    }
-
-    fn bounds_of_cube(&self, index: usize) -> Aabb {
-        self.cube(index).map_or(Aabb::EMPTY, |cube| cube.bounds())
     }
 
     /// The box around all primitives.

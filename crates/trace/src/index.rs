@@ -5,6 +5,7 @@ use super::block::{BLOCK_SIZE, Block};
 use super::build::{Prim, build_kd, build_wide, collect, frame_of};
 use super::frame::Frame;
 use super::geometry::Geometry;
+use super::heights::FieldBoxes;
 use super::node::{KdNode, WideNode};
 use super::options::{BuildOptions, Builder, Statistics};
 use crate::memory::vec_bytes;
@@ -23,6 +24,8 @@ pub struct Tree {
     pub(super) bounds: [[f32; 3]; 2],
     pub(super) nodes: Nodes,
     pub(super) blocks: Vec<Block>,
+    /// The hierarchy over the boxes of height fields.
+    pub(super) fields: FieldBoxes,
     statistics: Statistics,
     pub(super) instances: Option<Box<InstanceTree>>,
 }
@@ -47,8 +50,8 @@ pub(super) enum Nodes {
 }
 
 impl Tree {
-    /// Builds a tree over all primitives of `geometry` that are part of no height field, which rays find
-    /// without a tree, and over the boxes of grids of voxels. Primitives with a coordinate that is NaN or
+    /// Builds a tree over all primitives of `geometry` that are part of no height field, over the boxes of
+    /// height fields and over those of grids of voxels. Primitives with a coordinate that is NaN or
     /// infinite are left out; no ray hits them. The result does not depend on the number of threads.
     pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
         Tree::build_where(geometry, options, |_| true)
@@ -86,10 +89,10 @@ impl Tree {
         frame: Frame,
         bounds: [[f32; 3]; 2],
         nodes: Nodes,
-        blocks: Vec<Block>,
+        (blocks, fields): (Vec<Block>, FieldBoxes),
         statistics: Statistics,
     ) -> Tree {
-        Tree { frame, bounds, nodes, blocks, statistics, instances: None }
+        Tree { frame, bounds, nodes, blocks, fields, statistics, instances: None }
     }
 
     /// Estimates the peak memory of building a tree over `triangles` triangles, in bytes; the finished tree
@@ -118,7 +121,7 @@ impl Tree {
             Nodes::Wide(n) => vec_bytes(n),
         };
         let instances = self.instances.as_ref().map_or(0, |i| i.memory());
-        nodes + vec_bytes(&self.blocks) + size_of::<Tree>() + instances
+        nodes + vec_bytes(&self.blocks) + self.fields.memory() + size_of::<Tree>() + instances
     }
 }
 
@@ -150,7 +153,7 @@ fn over_boxes(boxes: &[Aabb], options: &BuildOptions) -> Tree {
     let block = |ids| Block::of_boxes(ids, |id| frame.local_box(&boxes[id as usize]));
     let blocks: Vec<Block> = arena.slots.chunks(BLOCK_SIZE).map(block).collect();
     let (lo, hi) = frame.local_box(&all);
-    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes), blocks, statistics)
+    Tree::of(frame, [lo, hi], Nodes::Wide(arena.nodes), (blocks, FieldBoxes::default()), statistics)
 }
 
 fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool + Sync) -> Tree {
@@ -174,7 +177,8 @@ fn build(geometry: &Geometry, options: &BuildOptions, keep: impl Fn(u32) -> bool
         .with_min_len(MIN_SHARED_PRIMITIVES / BLOCK_SIZE)
         .map(|ids| Block::of(geometry, &frame, ids))
         .collect();
-    Tree::of(frame, bounds, nodes, blocks, statistics)
+    let fields = FieldBoxes::over(&geometry.fields, &frame);
+    Tree::of(frame, bounds, nodes, (blocks, fields), statistics)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `geometry`, `cube`, `rays` | primitives; rays by pulse; hits |
+//! | `geometry`, `primitive`, `cube`, `rays` | primitives and their numbers; rays by pulse; hits |
 //! | `intersect` | the exact test: one ray, one primitive, double precision |
 //! | `options`, `build` | build options; the builders |
 //! | `index`, `frame`, `node`, `block` | the tree and its parts, in single precision around the scene's centre |
@@ -43,6 +43,7 @@ mod memory;
 mod node;
 mod options;
 mod parts;
+mod primitive;
 mod rays;
 mod residency;
 pub mod simd;
@@ -54,7 +55,7 @@ mod voxels;
 pub use block::Block;
 pub use cube::Cube;
 pub use frame::Frame;
-pub use geometry::{CubeAt, Geometry, Hit, TriangleAt};
+pub use geometry::{Geometry, Hit};
 pub use heights::{HeightField, HeightGrid, Heights, Similarity};
 pub use index::Tree;
 pub use instances::{Instance, Instances, Model, Placement};
@@ -62,6 +63,7 @@ pub use kernel::TraceScratch;
 pub use node::{KdNode, WideNode};
 pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
 pub use parts::{NodeArray, TreeParts};
+pub use primitive::PrimitiveRef;
 pub use rays::{Hits, RayGroup};
 pub use residency::{LoadError, Paged, PinError, Pins, Residency, ResidencyStatistics};
 pub use simd::prefetch;

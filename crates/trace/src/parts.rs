@@ -2,6 +2,7 @@
 
 use crate::block::Block;
 use crate::frame::Frame;
+use crate::heights::FieldBoxes;
 use crate::index::{InstanceTree, Nodes};
 use crate::node::{KdNode, WideChild, WideNode};
 use crate::options::Statistics;
@@ -49,14 +50,15 @@ impl Tree {
         }
     }
 
-    /// The tree of these parts, without instances. Parts of unknown origin must be checked by
-    /// [`Tree::is_sound`] before the tree is used.
-    pub fn from_parts(parts: TreeParts) -> Tree {
+    /// The tree of these parts, which was built over `geometry`, without instances. Parts of unknown origin
+    /// must be checked by [`Tree::is_sound`] before the tree is used.
+    pub fn from_parts(parts: TreeParts, geometry: &Geometry) -> Tree {
         let nodes = match parts.nodes {
             NodeArray::Kd(nodes) => Nodes::Kd(nodes.into_owned()),
             NodeArray::Wide(nodes) => Nodes::Wide(nodes.into_owned()),
         };
-        Tree::of(parts.frame, parts.bounds, nodes, parts.blocks.into_owned(), parts.statistics)
+        let fields = FieldBoxes::over(&geometry.fields, &parts.frame);
+        Tree::of(parts.frame, parts.bounds, nodes, (parts.blocks.into_owned(), fields), parts.statistics)
     }
 
     /// The tree over the boxes of the instances, and the tree of each model; `None` without instances.

@@ -6,8 +6,8 @@ use super::frustum::{DEPTH_MARGIN, Frustum};
 use super::index::Nodes;
 use super::intersect::{cube, triangle};
 use super::node::{KdNode, WideChild, WideNode};
-use super::stack::insert_by_depth;
-use super::{CubeAt, Geometry, Hit, Hits, Tree};
+use super::stack::{pop_within, push_children};
+use super::{Geometry, Hit, Hits, Tree};
 use vlscan_geom::DVec3;
 
 impl Tree {
@@ -55,7 +55,7 @@ impl Tree {
         let mut test = |id: u32| {
             if !geometry.grids.is_empty()
                 && let Some(index) = (id as usize).checked_sub(first_cube)
-                && let CubeAt::Grid(grid, ..) = geometry.cube_at(index)
+                && let (Some(grid), _) = geometry.locate_cube(index)
             {
                 if !grids.contains(&grid) {
                     grids.push(grid);
@@ -79,19 +79,24 @@ impl Tree {
                 test(id);
             }),
         }
-        for field in &geometry.fields {
-            match &frustum {
-                Some(frustum) => {
-                    let limit = frustum.limit(keep_nearest(Hits::MISS, None));
+        match &frustum {
+            Some(frustum) => {
+                let limit = frustum.limit(keep_nearest(Hits::MISS, None));
+                self.fields.walk(frustum, limit, |field, mut limit| {
+                    let Some(field) = geometry.fields.get(field) else { return limit };
                     field.walk(&self.frame, frustum, limit, |id, corners| {
                         let found = if accept(id) { triangle(origin, direction, corners) } else { None };
-                        frustum.limit(keep_nearest(id, found))
+                        limit = frustum.limit(keep_nearest(id, found));
+                        limit
                     });
-                }
-                None => field.test_all(origin, direction, |id, t| {
-                    keep_nearest(id, accept(id).then_some(t));
-                }),
+                    limit
+                });
             }
+            None => geometry.fields.iter().for_each(|field| {
+                field.test_all(origin, direction, |id, t| {
+                    keep_nearest(id, accept(id).then_some(t));
+                });
+            }),
         }
         let first_cube = first_cube as u32;
         for grid in grids.into_iter().map(|grid| &geometry.grids[grid]) {
@@ -177,23 +182,12 @@ impl Tree {
     ) {
         let mut stack = [(WideChild::ROOT, 0.0f32); MAX_WIDE_STACK];
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let (child, enter) = stack[height];
-            if enter > limit * DEPTH_MARGIN {
-                continue;
-            }
+        while let Some(child) = pop_within(&stack, &mut height, limit) {
             match child.number() {
                 Ok(number) => {
                     let node = &nodes[number];
-                    let (mut met, depths) = frustum.boxes(&node.lower, &node.upper, limit);
-                    let floor = height;
-                    while met != 0 {
-                        let lane = met.trailing_zeros() as usize;
-                        let visit = (node.child[lane], depths[lane]);
-                        height = insert_by_depth(&mut stack, (floor, height), visit, |visit| visit.1);
-                        met &= met - 1;
-                    }
+                    let (met, depths) = frustum.boxes(&node.lower, &node.upper, limit);
+                    push_children(&mut stack, &mut height, (met, &depths), |lane| node.child[lane]);
                 }
                 Err(number) => {
                     let block = &self.blocks[number];

@@ -297,7 +297,7 @@ fn load_pages(
         scene.leave_out_next_part();
         return Ok(());
     };
-    let material = raster::changed_material(scene, &target, &part.changes, materials[0]);
+    let material = change::material_of(scene, &target, &part.changes, materials[0]);
     let bounds = pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page.bounds));
     refuse_far(scene, &id, reach(bounds), part.place.as_ref());
     loaded.frames.add(&id, part.place.as_ref(), bounds);

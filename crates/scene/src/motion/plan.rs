@@ -149,7 +149,7 @@ fn transform_of(motion: &Motion, shift: DVec3) -> Affine {
 
 /// The numbers of some stored triangles of one part, which follow each other.
 fn numbers_of(scene: &Scene, stored: &Range<usize>) -> Range<usize> {
-    let first = scene.geometry.number_of(stored.start);
+    let first = scene.geometry.number_of_triangle(stored.start);
     first..first + stored.len()
 }
 

@@ -6,15 +6,56 @@ use super::trees::{
     write_geometry, write_grids, write_instance_trees, write_instances, write_tree,
 };
 use crate::grid_voxels::{GridSurfaces, GridVoxels};
-use crate::{InstanceSet, MovingPart, PackedTree, Scene, Surface, SurfaceIds};
+use crate::{InstanceSet, Material, MovingPart, PackedTree, Part, Scene, Sizes, Surface, SurfaceIds};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_base::store::{ArrayFile, ArrayFileWriter};
+use vlscan_geom::{Aabb, DVec3};
 use vlscan_trace::{Builder, Geometry, HeightField, Tree, VoxelGrid};
 
 /// The name of the number of epochs.
 const EPOCHS: &str = "epochs";
+
+/// A scene without its arrays. Values are stored in the order of the fields: increment the version of the
+/// file after a change of them.
+#[derive(Serialize, Deserialize)]
+struct SceneValues<'a> {
+    shift: DVec3,
+    bounds: Aabb,
+    surfaces: Cow<'a, [Surface]>,
+    parts: Cow<'a, [Part]>,
+    materials: Cow<'a, [Material]>,
+    dyn_step: u32,
+    dyn_time_step: Option<f64>,
+    crs: Option<Cow<'a, str>>,
+    moving_parts: Cow<'a, [MovingPart]>,
+    sizes: Sizes,
+    /// The part of each instance; `None` in a scene without instances.
+    instance_parts: Option<Cow<'a, [u32]>>,
+    field_surfaces: Cow<'a, [u32]>,
+}
+
+impl SceneValues<'_> {
+    fn of(scene: &Scene) -> SceneValues<'_> {
+        SceneValues {
+            shift: scene.shift,
+            bounds: scene.bounds,
+            surfaces: Cow::Borrowed(&scene.surfaces),
+            parts: Cow::Borrowed(&scene.parts),
+            materials: Cow::Borrowed(&scene.materials),
+            dyn_step: scene.dyn_step,
+            dyn_time_step: scene.dyn_time_step,
+            crs: scene.crs.as_deref().map(Cow::Borrowed),
+            moving_parts: Cow::Borrowed(&scene.moving_parts),
+            sizes: scene.sizes(),
+            instance_parts: scene.instances.as_ref().map(|set| Cow::Borrowed(&set.parts[..])),
+            field_surfaces: Cow::Borrowed(&scene.field_surfaces),
+        }
+    }
+}
 
 pub(super) fn write_epochs(epochs: u32, out: &mut ArrayFileWriter) -> Result<()> {
     out.value(EPOCHS, &epochs)
@@ -50,13 +91,7 @@ pub(super) fn write(scene: &Scene, tree: &Tree, epoch: u32, out: &mut ArrayFileW
 /// Appends a scene without its tiles, and its tree, under names that begin with `prefix`.
 pub(super) fn write_scene(scene: &Scene, tree: &Tree, prefix: &str, out: &mut ArrayFileWriter) -> Result<()> {
     let name = |what: &str| format!("{prefix}{what}");
-    let values = (
-        (scene.shift, scene.bounds, &scene.surfaces, &scene.parts, &scene.materials),
-        (scene.dyn_step, scene.dyn_time_step, &scene.crs, &scene.moving_parts, scene.sizes()),
-        scene.instances.as_ref().map(|set| &set.parts),
-        &scene.field_surfaces,
-    );
-    out.value(name("values"), &values)?;
+    out.value(name("values"), &SceneValues::of(scene))?;
     write_geometry(&scene.geometry, &name("own"), out)?;
     write_fields(&scene.geometry.fields, prefix, out)?;
     write_grids(&scene.geometry.grids, prefix, out)?;
@@ -82,29 +117,24 @@ pub(super) fn write_scene(scene: &Scene, tree: &Tree, prefix: &str, out: &mut Ar
 /// As for [`ArrayFile::array`].
 pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Result<Scene> {
     let name = |what: &str| format!("{prefix}{what}");
-    let (
-        (shift, bounds, surfaces, parts, materials),
-        (dyn_step, dyn_time_step, crs, moving_parts, sizes),
-        instance_parts,
-        field_surfaces,
-    ) = file.value(&name("values"))?;
+    let values: SceneValues<'static> = file.value(&name("values"))?;
     let mut scene = Scene {
-        shift,
-        bounds,
-        surfaces,
-        parts,
-        materials,
-        dyn_step,
-        dyn_time_step,
-        crs,
-        moving_parts,
-        packed_sizes: Some(sizes),
+        shift: values.shift,
+        bounds: values.bounds,
+        surfaces: values.surfaces.into_owned(),
+        parts: values.parts.into_owned(),
+        materials: values.materials.into_owned(),
+        dyn_step: values.dyn_step,
+        dyn_time_step: values.dyn_time_step,
+        crs: values.crs.map(Cow::into_owned),
+        moving_parts: values.moving_parts.into_owned(),
+        packed_sizes: Some(values.sizes),
         geometry: Geometry {
             fields: read_fields(prefix, file)?,
             grids: read_grids(prefix, file)?,
             ..read_geometry(&name("own"), file)?
         },
-        field_surfaces,
+        field_surfaces: values.field_surfaces.into_owned(),
         voxels: file.array(&name("voxels"))?,
         surface_ids: SurfaceIds::unpack(&name("surfaces"), file)?,
         ..Scene::default()
@@ -116,17 +146,17 @@ pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Re
     let grid_voxels = grids.collect::<Result<Vec<_>>>()?;
     let are_grids = grid_voxels.iter().map(GridVoxels::len).eq(g.grids.iter().map(VoxelGrid::len));
     if scene.surface_ids.len() != stored || scene.voxels.len() != cubes || !are_fields || !are_grids {
-        return Err(file.refuse("its arrays do not match"));
+        return Err(file.refuse("the lengths of its arrays do not match"));
     }
     scene.grid_voxels = grid_voxels;
-    let mut tree = read_tree(&name("tree"), file)?;
-    if let Some(parts) = instance_parts {
-        let parts: Vec<u32> = parts;
+    let mut tree = read_tree(&name("tree"), &scene.geometry, file)?;
+    if let Some(parts) = values.instance_parts {
+        let parts = parts.into_owned();
         let instances = Arc::new(read_instances(prefix, file)?);
         let materials = (0..instances.models.len()).map(|i| file.array(&name(&format!("materials {i}"))));
         let materials = materials.collect::<Result<Vec<_>>>()?;
         if parts.len() != instances.all.len() {
-            return Err(file.refuse("its instances do not match"));
+            return Err(file.refuse("instance metadata does not match the stored arrays"));
         }
         tree = read_instance_trees(tree, prefix, &instances, file)?;
         scene.instances = Some(InstanceSet { instances, materials, parts });

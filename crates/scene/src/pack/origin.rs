@@ -3,6 +3,7 @@
 use crate::conditions::Conditions;
 use crate::{LoadOptions, Scene};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
@@ -28,6 +29,14 @@ pub(super) struct Origin {
     pub conditions: Conditions,
     pub builder: Builder,
     files: BTreeSet<PathBuf>,
+    sources: Vec<Source>,
+}
+
+/// The origin as it is stored. Values are stored in the order of the fields.
+#[derive(Serialize, Deserialize)]
+struct StoredOrigin<'a> {
+    conditions: Cow<'a, Conditions>,
+    builder: Builder,
     sources: Vec<Source>,
 }
 
@@ -74,7 +83,8 @@ impl Origin {
                 sum: sum(&whole).map_err(|e| Error::io("read", &whole, e))?,
             });
         }
-        out.value(NAME, &(&self.conditions, self.builder, sources))
+        let conditions = Cow::Borrowed(&self.conditions);
+        out.value(NAME, &StoredOrigin { conditions, builder: self.builder, sources })
     }
 
     /// Reads the origin of a pack.
@@ -82,8 +92,8 @@ impl Origin {
     /// # Errors
     /// As for [`ArrayFile::value`].
     pub fn read(file: &ArrayFile) -> Result<Origin> {
-        let (conditions, builder, sources) = file.value(NAME)?;
-        Ok(Origin { conditions, builder, files: BTreeSet::new(), sources })
+        let StoredOrigin { conditions, builder, sources } = file.value::<StoredOrigin<'static>>(NAME)?;
+        Ok(Origin { conditions: conditions.into_owned(), builder, files: BTreeSet::new(), sources })
     }
 
     /// Checks that the files have not changed. A missing file counts as unchanged: packs can be moved without

@@ -42,6 +42,14 @@ struct StoredTile {
     place: Option<StoredPlace>,
 }
 
+/// Facts about all tiles of a scene. Values are stored in the order of the fields.
+#[derive(Serialize, Deserialize)]
+struct StoredTiles {
+    tiles: Vec<StoredTile>,
+    /// Number of triangles before each row of each raster.
+    rasters: Vec<Vec<u32>>,
+}
+
 /// [`PlaceInRaster`] with the number of the raster among those of the scene.
 #[derive(Serialize, Deserialize)]
 struct StoredPlace {
@@ -94,8 +102,8 @@ pub(super) fn write_tiles(scene: &Scene, prefix: &str, out: &mut ArrayFileWriter
             place,
         });
     }
-    let rasters: Vec<&[u32]> = rasters.iter().map(|rows| &**rows).collect();
-    out.value(format!("{prefix}{NAME}"), &(stored, rasters))
+    let rasters = rasters.iter().map(|rows| rows.to_vec()).collect();
+    out.value(format!("{prefix}{NAME}"), &StoredTiles { tiles: stored, rasters })
 }
 
 /// The tiles of a packed scene.
@@ -113,9 +121,9 @@ impl PackedTiles {
     /// # Errors
     /// As for [`ArrayFile::value`].
     pub fn read(file: &Arc<ArrayFile>, prefix: &str, scene: &Scene, builder: Builder) -> Result<PackedTiles> {
-        let (stored, rasters): (Vec<StoredTile>, Vec<Vec<u32>>) = file.value(&format!("{prefix}{NAME}"))?;
-        let rasters: Vec<Arc<[u32]>> = rasters.into_iter().map(Arc::from).collect();
-        let facts = stored.into_iter().map(|tile| tile.facts(scene, &rasters));
+        let stored: StoredTiles = file.value(&format!("{prefix}{NAME}"))?;
+        let rasters: Vec<Arc<[u32]>> = stored.rasters.into_iter().map(Arc::from).collect();
+        let facts = stored.tiles.into_iter().map(|tile| tile.facts(scene, &rasters));
         let facts = facts.collect::<Option<Vec<_>>>();
         let facts = facts.ok_or_else(|| file.refuse("its tiles refer to something that does not exist"))?;
         Ok(PackedTiles { file: file.clone(), prefix: prefix.to_owned(), builder, facts })
@@ -142,7 +150,7 @@ impl PackedTiles {
         let expected = [facts.triangles as usize, facts.cubes as usize, facts.materials.len(), 1];
         match numbers == expected && scene.instances.is_none() && scene.moving_parts.is_empty() {
             true => Ok(scene),
-            false => Err(self.file.refuse("its tiles are not those of its arrays")),
+            false => Err(self.file.refuse("tile metadata does not match the stored arrays")),
         }
     }
 

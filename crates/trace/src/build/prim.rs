@@ -32,7 +32,7 @@ fn stored(geometry: &Geometry) -> impl IndexedParallelIterator<Item = usize> {
     let count = triangles + geometry.cubes.len();
     (0..count + geometry.grids.len()).into_par_iter().with_min_len(4096).map(move |i| {
         match i.checked_sub(triangles) {
-            None => geometry.number_of(i),
+            None => geometry.number_of_triangle(i),
             Some(cube) if i < count => cubes + geometry.index_of_stored_cube(cube),
             Some(_) => cubes + geometry.grids[i - count].first() as usize,
         }

@@ -2,9 +2,9 @@
 
 use super::prim::Prim;
 use super::{fold_by, pieces};
+use crate::Geometry;
 use crate::frame::Frame;
 use crate::options::{Areas, BuildOptions, Builder};
-use crate::{CubeAt, Geometry};
 use rayon::prelude::*;
 
 const MAX_BINS: usize = 1024;
@@ -182,9 +182,9 @@ impl Search<'_> {
             let [a, b, c] = self.geometry.triangle(id).map(|p| self.frame.local(p)[axis]);
             return (a + b + c) / 3.0;
         }
-        let centre = match self.geometry.cube_at(id - self.geometry.triangle_count()) {
-            CubeAt::Stored(cube) => self.geometry.cubes[cube].centre,
-            CubeAt::Grid(_, grid, _) => grid.bounds().centre(),
+        let centre = match self.geometry.locate_cube(id - self.geometry.triangle_count()) {
+            (Some(grid), _) => self.geometry.grids[grid].bounds().centre(),
+            (None, cube) => self.geometry.cubes[cube].centre,
         };
         self.frame.local(centre)[axis]
     }

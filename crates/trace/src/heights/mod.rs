@@ -12,8 +12,10 @@
 //! | `pyramid` | the pyramid, and the boxes of its nodes |
 //! | `leaf` | the triangles of some cells as a block |
 //! | `turned` | fields that are rotated or scaled |
+//! | `boxes` | the hierarchy over the boxes of several fields |
 //! | `single` | tracing of single rays |
 
+mod boxes;
 mod grid;
 mod leaf;
 mod numbers;
@@ -23,6 +25,7 @@ mod single;
 mod tests;
 mod turned;
 
+pub(crate) use boxes::{BoxNode, FieldBoxes, MAX_BOX_STACK};
 pub use grid::{HeightGrid, Similarity};
 pub(crate) use leaf::LEAF_VERTICES;
 pub use numbers::Heights;

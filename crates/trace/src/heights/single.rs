@@ -4,9 +4,9 @@ use super::pyramid::MAX_FIELD_STACK;
 use super::{FieldNode, FieldView, HeightField, LEAF_VERTICES};
 use crate::block::Block;
 use crate::frame::Frame;
-use crate::frustum::{DEPTH_MARGIN, Frustum};
+use crate::frustum::Frustum;
 use crate::intersect::triangle;
-use crate::stack::insert_by_depth;
+use crate::stack::{pop_within, push_children};
 use vlscan_geom::DVec3;
 
 impl HeightField {
@@ -25,12 +25,7 @@ impl HeightField {
         stack[0].0 = root;
         let mut height = 1;
         let (mut block, mut vertices) = (Block::EMPTY, [DVec3::ZERO; LEAF_VERTICES]);
-        while height > 0 {
-            height -= 1;
-            let (node, enter) = stack[height];
-            if enter > limit * DEPTH_MARGIN {
-                continue;
-            }
+        while let Some(node) = pop_within(&stack, &mut height, limit) {
             if node.level == 0 {
                 if !view.fill(node, 0, &mut block, &mut vertices) {
                     continue;
@@ -45,14 +40,8 @@ impl HeightField {
                 continue;
             }
             let [lower, upper] = view.boxes(node);
-            let (mut met, depths) = frustum.boxes(&lower, &upper, limit);
-            let floor = height;
-            while met != 0 {
-                let lane = met.trailing_zeros() as usize;
-                let visit = (node.child(lane), depths[lane]);
-                height = insert_by_depth(&mut stack, (floor, height), visit, |visit| visit.1);
-                met &= met - 1;
-            }
+            let (met, depths) = frustum.boxes(&lower, &upper, limit);
+            push_children(&mut stack, &mut height, (met, &depths), |lane| node.child(lane));
         }
     }
 

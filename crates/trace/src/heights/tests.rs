@@ -3,7 +3,7 @@
 use super::*;
 use crate::intersect::triangle;
 use crate::simd::Level;
-use crate::{BuildOptions, Builder, Cube, Geometry, Hit, Hits, RayGroup, TraceScratch, Tree, TriangleAt};
+use crate::{BuildOptions, Builder, Cube, Geometry, Hit, Hits, PrimitiveRef, RayGroup, TraceScratch, Tree};
 use proptest::prelude::*;
 use vlscan_geom::{Rotation, unit};
 
@@ -233,7 +233,7 @@ fn nearest_of_all(geometry: &Geometry, origin: DVec3, direction: DVec3) -> Optio
         field.test_all(origin, direction, |number, t| add(number as usize, Some(t)));
     }
     for index in 0..geometry.triangles.len() {
-        add(geometry.number_of(index), triangle(origin, direction, geometry.stored_triangle(index)));
+        add(geometry.number_of_triangle(index), triangle(origin, direction, geometry.stored_triangle(index)));
     }
     for (index, cube) in geometry.cubes.iter().enumerate() {
         add(geometry.triangle_count() + index, crate::intersect::cube(origin, direction, *cube));
@@ -303,10 +303,12 @@ proptest! {
         for number in 0..own.triangle_count() {
             prop_assert_eq!(own.missing_before(number), number - seen);
             let corners = own.triangle(number);
-            match own.triangle_at(number) {
-                TriangleAt::Stored(index) => prop_assert_eq!(own.number_of(index), number),
-                TriangleAt::Field(0, _, i) => prop_assert_eq!(field.triangle(i), (!corners[0].is_nan()).then_some(corners)),
-                TriangleAt::Field(..) => prop_assert!(false),
+            match own.primitive(number) {
+                Some(PrimitiveRef::Triangle(index)) => prop_assert_eq!(own.number_of_triangle(index), number),
+                Some(PrimitiveRef::Field { field: 0, triangle }) => {
+                    prop_assert_eq!(field.triangle(triangle), (!corners[0].is_nan()).then_some(corners));
+                }
+                found => prop_assert!(false, "{:?}", found),
             }
             if !corners.iter().any(|p| p.is_nan()) {
                 prop_assert_eq!(corners, flat.triangle(seen));
@@ -326,6 +328,59 @@ proptest! {
             let box_of = Aabb::around(corners.map(|v| vertices[v as usize]));
             let is_over = (box_of.min.x..=box_of.max.x).contains(&place.x) && (box_of.min.y..=box_of.max.y).contains(&place.y);
             prop_assert!(!is_over || near.contains(&number), "{number} near {place}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn many_fields_are_hit_as_each_of_them(
+        fields in prop::collection::vec(field(), 1..40),
+        aimed in any::<prop::sample::Index>(),
+        draws in prop::collection::vec(prop::array::uniform8(0.0..1.0f64), 1..6),
+        rays in prop::sample::select(vec![1usize, 3, 19]),
+        builder in prop_oneof![Just(Builder::Bvh), Just(Builder::Fsah)],
+    ) {
+        // Side by side, some of them over each other, with numbers in their order.
+        let (mut fields, mut first) = (fields, 0);
+        for (i, field) in fields.iter_mut().enumerate() {
+            field.number_from(first);
+            first += field.len() as u32;
+            let shift = field.grid().shift - DVec3::new((i % 6) as f64, (i / 6) as f64, 0.0) * 9.0;
+            field.shift(shift);
+        }
+        let field = fields[aimed.index(fields.len())].clone();
+        let case = Case { field, stored: Vec::new(), before: 0, cubes: Vec::new() };
+        let pulses = pulses(&case, &draws, rays);
+        let geometry = Geometry { fields, ..Geometry::default() };
+        let tree = Tree::build(&geometry, &BuildOptions { jobs: 1, ..BuildOptions::of(builder) });
+        let group = group(&pulses, rays);
+        let nearest = |pulse: &(DVec3, Vec<DVec3>), ray: usize| {
+            nearest_of_all(&geometry, pulse.0, pulse.1[ray])
+        };
+        let expected: Vec<[Option<Hit>; 2]> =
+            pulses.iter().map(|pulse| [0, rays - 1].map(|ray| nearest(pulse, ray))).collect();
+        let (mut hits, mut scratch) = (Hits::default(), TraceScratch::default());
+        for level in Level::available() {
+            tree.trace_group_on(level, &geometry, &group, &mut hits, &mut scratch);
+            for (p, expected) in expected.iter().enumerate() {
+                for (ray, hit) in [0, rays - 1].into_iter().zip(expected) {
+                    let at = p * group.stride() + ray;
+                    let wanted = hit.map_or((f64::INFINITY, Hits::MISS), |hit| (hit.t, hit.primitive));
+                    prop_assert_eq!((hits.t[at], hits.primitive[at]), wanted, "{:?}", level);
+                }
+            }
+        }
+        for ((origin, directions), expected) in pulses.iter().zip(&expected) {
+            let found = tree.nearest_where(&geometry, *origin, directions[0], |_| true);
+            prop_assert_eq!(found, expected[0]);
+            if let Some(first) = found {
+                // Behind the first hit, as rays pass through what is filtered out.
+                let next = tree.nearest_where(&geometry, *origin, directions[0], |i| i != first.primitive);
+                prop_assert!(next.is_none_or(|next| (next.t, next.primitive) > (first.t, first.primitive)));
+            }
         }
     }
 }

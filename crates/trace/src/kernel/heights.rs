@@ -6,7 +6,7 @@ use super::lanes::PACKET_SIZE;
 use super::traversal::{PacketTraversal, Visit};
 use crate::block::Block;
 use crate::frame::Frame;
-use crate::heights::{FieldView, HeightField, LEAF_VERTICES};
+use crate::heights::{FieldBoxes, FieldView, HeightField, LEAF_VERTICES};
 use crate::simd::Simd;
 use vlscan_geom::DVec3;
 
@@ -24,21 +24,40 @@ impl FieldLeaves {
 }
 
 impl<S: Simd> PacketTraversal<'_, S> {
+    /// Traverses the height fields whose boxes the pulses in a mask hit, the nearest first.
+    #[inline(always)]
+    pub(super) fn walk_fields(&mut self, boxes: &FieldBoxes, frame: &Frame, pulses: u32) {
+        let Some(root) = boxes.root() else { return };
+        self.stacks.boxes[0] = Visit::root(root, pulses);
+        let mut height = 1;
+        while let Some(visit) = self.pop_visit(|stacks| &stacks.boxes, &mut height) {
+            let Visit { node, pulses, .. } = visit;
+            if let Some(field) = node.field() {
+                if let Some(field) = self.geometry.fields.get(field) {
+                    self.walk_field(field, frame, pulses);
+                }
+                continue;
+            }
+            let children = boxes.children(node);
+            height = self.push_children(
+                |stacks| &mut stacks.boxes,
+                (height, pulses),
+                (&children.lower, &children.upper, !0),
+                |lane| node.child(lane),
+            );
+        }
+    }
+
     /// Traverses a height field with the pulses in a mask, front to back.
     #[inline(always)]
-    pub(super) fn walk_field(&mut self, field: &HeightField, frame: &Frame, pulses: u32) {
+    fn walk_field(&mut self, field: &HeightField, frame: &Frame, pulses: u32) {
         let view = FieldView::new(field, frame);
         let Some(node) = view.root() else { return };
         self.is_field = true;
         self.stacks.field[0] = Visit::root(node, pulses);
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let Visit { node, enter, pulses } = self.stacks.field[height];
-            let pulses = pulses & self.within_limit(enter);
-            if pulses == 0 {
-                continue;
-            }
+        while let Some(visit) = self.pop_visit(|stacks| &stacks.field, &mut height) {
+            let Visit { node, enter, pulses } = visit;
             if node.level > 0 {
                 let [lower, upper] = view.boxes(node);
                 height = self.push_children(

@@ -11,9 +11,9 @@ use super::instance_frame::{InstanceFrame, hit_instance, record_instances};
 use super::lanes::PACKET_SIZE;
 use super::model_frame::set_deviations;
 use super::traversal::PacketTraversal;
+use crate::Cube;
 use crate::block::{BLOCK_SIZE, Block};
 use crate::simd::{F32Ops, F64Ops, MaskOps, Simd};
-use crate::{Cube, CubeAt};
 
 impl<'a, S: Simd> PacketTraversal<'a, S> {
     /// Tests the pulses in `mask`, each within its range of depths, against a block. Its hits may be found
@@ -260,7 +260,6 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     #[inline(always)]
     fn hit_cubes(&mut self, block: &Block, mask: u32, hi: &[f32; PACKET_SIZE]) {
         let (mut rest, mut touched) = (mask, 0);
-        let first_cube = self.geometry.triangle_count();
         while rest != 0 {
             let p = rest.trailing_zeros() as usize % PACKET_SIZE;
             let planes = &self.frustum.pulse_planes(p);
@@ -273,9 +272,9 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
             touched |= u32::from(met != 0) << p;
             while met != 0 {
                 let id = block.id[met.trailing_zeros() as usize % BLOCK_SIZE];
-                match self.geometry.cube_at(id as usize - first_cube) {
-                    CubeAt::Stored(cube) => self.hit_cube(self.first + p, id, self.geometry.cubes[cube]),
-                    CubeAt::Grid(grid, ..) => self.record_grid(grid, p),
+                match self.geometry.locate_cube(id as usize - self.first_cube) {
+                    (Some(grid), _) => self.record_grid(grid, p),
+                    (None, cube) => self.hit_cube(self.first + p, id, self.geometry.cubes[cube]),
                 }
                 met &= met - 1;
             }

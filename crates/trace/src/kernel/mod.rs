@@ -161,9 +161,7 @@ fn trace_packet<S: Simd>(
     packet.limit.0[..pulses.len()].fill(f32::INFINITY);
     let all = (1 << pulses.len()) - 1;
     packet.walk(tree, all);
-    for field in &geometry.fields {
-        packet.walk_field(field, &tree.frame, all);
-    }
+    packet.walk_fields(&tree.fields, &tree.frame, all);
     packet.walk_grids(&tree.frame);
     true
 }

@@ -7,7 +7,7 @@ use super::lanes::{PACKET_SIZE, PerPulse};
 use super::packet::PacketFrustum;
 use super::spread::{Deviations, OriginOffsets};
 use crate::build::MAX_DEPTH;
-use crate::heights::{FieldNode, MAX_FIELD_STACK};
+use crate::heights::{BoxNode, FieldNode, MAX_BOX_STACK, MAX_FIELD_STACK};
 use crate::node::WideChild;
 use crate::simd::Simd;
 use crate::trace::MAX_WIDE_STACK;
@@ -17,6 +17,8 @@ use crate::{Geometry, RayGroup};
 pub(super) struct PacketTraversal<'a, S: Simd> {
     pub simd: S,
     pub geometry: &'a Geometry,
+    /// Number of the first cube.
+    pub first_cube: usize,
     pub rays: &'a RayGroup,
     pub directions: [&'a [[f64; 8]]; 3],
     pub t: &'a mut [[f64; 8]],
@@ -65,6 +67,7 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         PacketTraversal {
             simd: frustum.simd,
             geometry,
+            first_cube: geometry.triangle_count(),
             rays,
             directions: [0, 1, 2].map(|a| rays.lanes(a)),
             t,
@@ -121,6 +124,8 @@ impl<N> Visit<N> {
 pub(super) struct Stacks {
     pub kd: [KdVisit; MAX_DEPTH as usize + 1],
     pub wide: [Visit<WideChild>; MAX_WIDE_STACK],
+    /// Nodes over the boxes of height fields.
+    pub boxes: [Visit<BoxNode>; MAX_BOX_STACK],
     pub field: [Visit<FieldNode>; MAX_FIELD_STACK],
     pub grid: [Visit<GridNode>; MAX_GRID_STACK],
 }
@@ -129,6 +134,7 @@ impl Stacks {
     const EMPTY: Stacks = Stacks {
         kd: [KdVisit::ROOT; MAX_DEPTH as usize + 1],
         wide: [Visit::root(WideChild::ROOT, 0); MAX_WIDE_STACK],
+        boxes: [Visit::root(BoxNode::NONE, 0); MAX_BOX_STACK],
         field: [Visit::root(FieldNode::NONE, 0); MAX_FIELD_STACK],
         grid: [Visit::root(GridNode::NONE, 0); MAX_GRID_STACK],
     };

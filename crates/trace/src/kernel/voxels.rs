@@ -34,13 +34,8 @@ impl<S: Simd> PacketTraversal<'_, S> {
         let view = GridView::new(grid, frame);
         self.stacks.grid[0] = Visit::root(view.root(), pulses);
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let Visit { node, enter, pulses } = self.stacks.grid[height];
-            let pulses = pulses & self.within_limit(enter);
-            if pulses == 0 {
-                continue;
-            }
+        while let Some(visit) = self.pop_visit(|stacks| &stacks.grid, &mut height) {
+            let Visit { node, pulses, .. } = visit;
             if node.level == 0 {
                 self.hit_row(&view, node, pulses);
                 continue;
@@ -60,7 +55,7 @@ impl<S: Simd> PacketTraversal<'_, S> {
     #[inline(always)]
     fn hit_row(&mut self, view: &GridView, node: GridNode, mut pulses: u32) {
         let row = view.row(node);
-        let first = (self.geometry.triangle_count() + view.grid.first() as usize + row.first) as u32;
+        let first = (self.first_cube + view.grid.first() as usize + row.first) as u32;
         // The lanes of a row follow each other along an axis.
         let [above, below] = &self.frustum.hull[row.axis()];
         let is_ascending = above.inverse > 0.0 && below.inverse > 0.0;

@@ -162,6 +162,25 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
         simd.splat(enter).le(simd.load(&self.limit.0) * simd.splat(DEPTH_MARGIN)).bits()
     }
 
+    /// Removes visits from a stack until one has pulses that may still hit something nearer than their hits.
+    /// Returns the visit with these pulses.
+    #[inline(always)]
+    pub(super) fn pop_visit<N: Copy>(
+        &self,
+        stack: impl Fn(&Stacks) -> &[Visit<N>],
+        height: &mut usize,
+    ) -> Option<Visit<N>> {
+        while *height > 0 {
+            *height -= 1;
+            let visit = stack(self.stacks)[*height];
+            let pulses = visit.pulses & self.within_limit(visit.enter);
+            if pulses != 0 {
+                return Some(Visit { pulses, ..visit });
+            }
+        }
+        None
+    }
+
     /// Pushes the children of a node that the pulses hit on a stack of height `floor`, the nearest on top.
     /// The children are given by the corners of their boxes and the mask of those that exist; `child` is
     /// called for those that are pushed. Returns the new height.

@@ -7,7 +7,7 @@ use crate::frame::Frame;
 use crate::frustum::{DEPTH_MARGIN, Frustum};
 use crate::intersect::cube;
 use crate::simd::{Level, Simd, dispatch};
-use crate::stack::insert_by_depth;
+use crate::stack::{pop_within, push_children};
 use vlscan_geom::DVec3;
 
 impl VoxelGrid {
@@ -44,12 +44,7 @@ impl VoxelGrid {
         let mut stack = [(GridNode::NONE, 0.0f32); STACK];
         stack[0].0 = view.root();
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let (node, enter) = stack[height];
-            if enter > limit * DEPTH_MARGIN {
-                continue;
-            }
+        while let Some(node) = pop_within(&stack, &mut height, limit) {
             if node.level == 0 {
                 let row = view.row(node);
                 let (met, depths) = frustum.boxes_on(simd, &row.lower, &row.upper, limit);
@@ -69,14 +64,8 @@ impl VoxelGrid {
             }
             let children = view.children(node);
             let (met, depths) = frustum.boxes_on(simd, &children.lower, &children.upper, limit);
-            let mut met = met & children.mask();
-            let floor = height;
-            while met != 0 {
-                let lane = met.trailing_zeros() as usize;
-                let visit = (children.child(lane), depths[lane]);
-                height = insert_by_depth(&mut stack, (floor, height), visit, |visit| visit.1);
-                met &= met - 1;
-            }
+            let met = met & children.mask();
+            push_children(&mut stack, &mut height, (met, &depths), |lane| children.child(lane));
         }
     }
 

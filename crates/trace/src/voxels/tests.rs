@@ -3,7 +3,7 @@
 use super::*;
 use crate::simd::Level;
 use crate::{
-    BuildOptions, Builder, Cube, CubeAt, Geometry, Hit, Hits, RayGroup, TraceScratch, Tree, intersect,
+    BuildOptions, Builder, Cube, Geometry, Hit, Hits, PrimitiveRef, RayGroup, TraceScratch, Tree, intersect,
 };
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -280,9 +280,12 @@ proptest! {
         prop_assert!(grid.cubes().eq(case.cells.iter().map(|cell| case.place.cube(*cell))));
         for index in 0..own.cube_count() {
             prop_assert_eq!(own.cube(index), flat.cube(index));
-            match own.cube_at(index) {
-                CubeAt::Stored(stored) => prop_assert_eq!(own.index_of_stored_cube(stored), index),
-                CubeAt::Grid(_, grid, i) => prop_assert_eq!(grid.cells().cell(i), case.cells[i]),
+            match own.primitive(own.triangle_count() + index) {
+                Some(PrimitiveRef::Cube(stored)) => prop_assert_eq!(own.index_of_stored_cube(stored), index),
+                Some(PrimitiveRef::Grid { grid: 0, voxel }) => {
+                    prop_assert_eq!(grid.cells().cell(voxel), case.cells[voxel]);
+                }
+                found => prop_assert!(false, "{:?}", found),
             }
         }
         prop_assert_eq!(own.cube(own.cube_count()), None);

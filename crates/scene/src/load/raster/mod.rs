@@ -34,7 +34,6 @@ mod unpack;
 mod validity;
 
 use crate::builder::{LoadOptions, PartSource, SceneBuilder, memory_of};
-use crate::change;
 use blocks::Window;
 use keys::System;
 use mosaic::{Mosaic, Tile, named};
@@ -48,7 +47,7 @@ use vlscan_base::diag::Place;
 use vlscan_base::error::Result;
 use vlscan_crs as crs;
 use vlscan_geom::DVec3;
-use vlscan_survey::{Loader, MaterialChanges, PartRecipe, RasterFiles, Replaced, SceneRecipe, Transform};
+use vlscan_survey::{Loader, PartRecipe, RasterFiles, Replaced, SceneRecipe, Transform};
 use vlscan_trace::{HeightField, HeightGrid, Heights};
 
 /// Parts or rows per thread that are read before they are appended; limits the memory held twice.
@@ -113,27 +112,6 @@ pub(crate) fn is_paged(options: &LoadOptions, part: &PartRecipe) -> bool {
     let is_raster = matches!(part.loader, Loader::GeoTiff { .. });
     let can_be_paged = keeps_grid(part) && part.transform.on_ground == 0 && part.swaps.is_empty();
     is_raster && options.tiles.is_some() && !options.triangulate_rasters && can_be_paged
-}
-
-/// The material of a raster of this one after the changes of its part.
-pub(crate) fn changed_material(
-    scene: &mut SceneBuilder,
-    part: &PartSource,
-    changes: &MaterialChanges,
-    material: u32,
-) -> u32 {
-    // A field in place of all pages.
-    let start = scene.end();
-    let heights = Heights::Single(vec![0.0; 4]);
-    let field = HeightField::new(HeightGrid::new(2, 2), heights, scene.geometry.triangle_count());
-    let surface = scene.surface(part.index, material);
-    scene.geometry.fields.extend(field);
-    scene.field_surfaces.push(surface);
-    let extent = scene.since(&start);
-    change::apply(scene, part, changes, &extent);
-    let changed = scene.field_surfaces.last().map_or(material, |s| scene.surfaces[*s as usize].material);
-    scene.truncate(&start);
-    changed
 }
 
 /// The system of a raster's coordinates as WKT, with the file that names it: if it has a code that is built
