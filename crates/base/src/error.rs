@@ -1,6 +1,6 @@
 //! Errors, and the exit status of the program.
 
-use crate::diag::{Diagnostics, ProblemKind};
+use crate::diag::{Diagnostics, Problem, ProblemKind};
 use std::path::{Path, PathBuf};
 
 /// Result type of the crate.
@@ -77,6 +77,13 @@ impl Error {
     pub fn input_of(kind: ProblemKind, message: impl Into<String>) -> Error {
         let mut d = Diagnostics::default();
         d.error(None, message).of_kind(kind);
+        Error::Input(Box::new(d))
+    }
+
+    /// [`Error::input`] with the error that caused it, and of its kind.
+    pub fn caused_by(message: impl Into<String>, cause: impl Problem) -> Error {
+        let mut d = Diagnostics::default();
+        d.error(None, message).because_of(cause);
         Error::Input(Box::new(d))
     }
 

@@ -36,7 +36,7 @@ pub const MISSES_KEY: &str = "misses";
 /// Finds the columns of the points by name, and starts the sink; columns without numbers have empty names.
 fn start(names: &[&str], reading: &mut Reading) -> Result<Columns> {
     let columns = Columns::find_positions(names)
-        .map_err(|problem| Error::input(format!("{}: {problem}", reading.path.display())))?;
+        .map_err(|problem| Error::caused_by(format!("{}: {problem}", reading.path.display()), problem))?;
     for remark in columns.remarks(names) {
         reading.warn(remark);
     }
