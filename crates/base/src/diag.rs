@@ -654,6 +654,25 @@ mod tests {
     }
 
     #[test]
+    fn causes_give_problems_their_kind_and_stay_with_them() {
+        #[derive(Debug, PartialEq, thiserror::Error)]
+        #[error("it ends early")]
+        struct Cut;
+        impl Problem for Cut {
+            fn kind(&self) -> ProblemKind {
+                ProblemKind::Truncated
+            }
+        }
+        let (mut found, mut all) = (Diagnostics::default(), Diagnostics::default());
+        found.error(None, "a.las: it ends early").because_of(Cut);
+        all.error(None, "b.las: it is empty");
+        all.extend(found);
+        assert!(all.has(ProblemKind::Truncated) && all.items()[0].cause::<Cut>().is_none());
+        assert_eq!(all.cause::<Cut>(), Some(&Cut));
+        assert_eq!(Cut.into_error().to_string(), "it ends early");
+    }
+
+    #[test]
     fn what_has_been_told_is_left_out() {
         let text = "<a>\n<b/>\n</a>";
         let place = |path: &str, at: usize| Some(Place::in_text(Path::new(path), text, at..at + 1));

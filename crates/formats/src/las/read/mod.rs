@@ -154,21 +154,33 @@ struct Shown {
     intensity: Option<ExtraDimension>,
     object: Option<ExtraDimension>,
     device: Option<ExtraDimension>,
+    /// Warnings about scales and offsets that are replaced.
+    warnings: Vec<String>,
 }
 
 impl Shown {
     fn of(reader: &LasReader, selection: Selection) -> Result<Shown, LasError> {
         if selection != Selection::All {
-            return Ok(Shown { intensity: None, object: None, device: None });
+            return Ok(Shown { intensity: None, object: None, device: None, warnings: Vec::new() });
         }
         let all = reader.extra_dimensions()?;
         let numbers: Vec<&(String, ExtraDimension)> = all.iter().filter(|(_, d)| d.is_number()).collect();
         let columns = Columns::find(numbers.iter().map(|(name, _)| name.as_str()));
-        let dimension = |attribute| columns.get(attribute).map(|column| numbers[column].1);
+        let dimension = |attribute| columns.get(attribute).map(|column| numbers[column]);
+        let intensity = numbers.iter().copied().find(|(name, _)| name == "heliosAmplitude");
+        let (object, device) = (dimension(Attribute::Object), dimension(Attribute::Channel));
+        let rescaled = [intensity, object, device].into_iter().flatten().filter(|(_, d)| d.is_rescaled());
+        let warning = |(name, _): &(String, ExtraDimension)| {
+            format!(
+                "its dimension {name} has a scale of 0, or a scale or an offset that is not finite; 1 and 0 \
+                 are used instead"
+            )
+        };
         Ok(Shown {
-            intensity: numbers.iter().find(|(name, _)| name == "heliosAmplitude").map(|(_, d)| *d),
-            object: dimension(Attribute::Object),
-            device: dimension(Attribute::Channel),
+            intensity: intensity.map(|(_, d)| *d),
+            object: object.map(|(_, d)| *d),
+            device: device.map(|(_, d)| *d),
+            warnings: rescaled.map(warning).collect(),
         })
     }
 }
@@ -177,6 +189,7 @@ impl Shown {
 pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> {
     let mut reader = LasReader::open(bytes, reading.selection)?;
     let shown = Shown::of(&reader, reading.selection)?;
+    shown.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     let units = units::position_units(reader.file, &reader.header)?;
     units.note.iter().for_each(|note| reading.note(note.as_str()));
     units.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));

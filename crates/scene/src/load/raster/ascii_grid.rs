@@ -56,10 +56,7 @@ fn keys(path: &Path) -> Result<Vec<[u16; 4]>, GridError> {
     let mut keys = Vec::new();
     let prj =
         ["prj", "PRJ"].map(|ending| path.with_extension(ending)).into_iter().find(|prj| reads::is_file(prj));
-    let bytes = match prj {
-        Some(file) => read_file(&file, MAX_PRJ_BYTES).map_err(|source| GridError::Prj { file, source })?,
-        None => Vec::new(),
-    };
+    let bytes = prj.as_ref().and_then(|prj| read_file(prj, MAX_PRJ_BYTES).ok()).unwrap_or_default();
     let wkt = String::from_utf8_lossy(&bytes);
     match crs::projected_epsg(&wkt) {
         _ if !crs::is_wkt(&wkt) => {}

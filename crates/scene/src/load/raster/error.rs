@@ -177,11 +177,9 @@ pub enum RasterError {
          the pixels by them"
     )]
     ControlPoints,
-    /// A file beside the raster that the system cannot read.
-    #[error("its {what} {} cannot be read: {source}", file.display())]
-    Beside {
-        /// Kind of the file.
-        what: &'static str,
+    /// A world file that the system cannot read.
+    #[error("its world file {} cannot be read: {source}", file.display())]
+    WorldFileUnread {
         /// The file.
         file: PathBuf,
         /// The reason.
@@ -393,14 +391,6 @@ pub enum GridError {
         problem: &'static str,
         /// Name of the grid's file.
         name: String,
-    },
-    /// A `.prj` file that the system cannot read.
-    #[error("its .prj file {} cannot be read: {source}", file.display())]
-    Prj {
-        /// The file.
-        file: PathBuf,
-        /// The reason.
-        source: io::Error,
     },
     /// Heights that cannot be stored.
     #[error("it cannot be used: {0}")]

@@ -145,7 +145,7 @@ fn world_file(path: &Path) -> Result<Option<[f64; 6]>, RasterError> {
     let bytes = vlscan_base::input::read_file(&file, MAX_WORLD_FILE_BYTES);
     let bytes = match bytes {
         Ok(bytes) => bytes,
-        Err(source) => return Err(RasterError::Beside { what: "world file", file, source }),
+        Err(source) => return Err(RasterError::WorldFileUnread { file, source }),
     };
     let text = String::from_utf8_lossy(&bytes);
     let mut numbers = [0.0; 6];

@@ -80,12 +80,8 @@ impl System {
             return Ok(System::Defined(citation(directory).unwrap_or_default(), numbers));
         }
         let prj = path.with_extension("prj");
-        if !reads::is_file(&prj) {
-            return Ok(System::Unknown);
-        }
-        let text = read_file(&prj, MAX_PRJ_BYTES);
-        let text = text.map_err(|source| RasterError::Beside { what: ".prj file", file: prj, source })?;
-        Ok(System::of_wkt(&String::from_utf8_lossy(&text)))
+        let text = reads::is_file(&prj).then(|| read_file(&prj, MAX_PRJ_BYTES).ok()).flatten();
+        Ok(text.map_or(System::Unknown, |text| System::of_wkt(&String::from_utf8_lossy(&text))))
     }
 
     /// The system of a text: WKT or a code such as `EPSG:25832`.
@@ -262,9 +258,14 @@ pub(super) fn band_metadata(directory: &mut Directory) -> Result<BandMetadata, R
     Ok(found)
 }
 
-/// The no-data value of pixels; `None` without its tag, an error if the tag is not a number.
+/// The no-data value of pixels; `None` without its tag, an error if the tag is not text or not a number.
 pub(super) fn no_data(directory: &mut Directory) -> Result<Option<f64>, RasterError> {
-    let Ok(text) = directory.get_tag_ascii_string(Tag::GdalNodata) else { return Ok(None) };
+    let tag = Tag::GdalNodata;
+    let unread = |source| RasterError::Tag { tag, source };
+    if directory.find_tag(tag).map_err(unread)?.is_none() {
+        return Ok(None);
+    }
+    let text = directory.get_tag_ascii_string(tag).map_err(unread)?;
     let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0');
     // As the libraries of other systems write numbers that are none.
     let is_nan = ["#qnan", "#ind", "#snan"].iter().any(|end| text.to_lowercase().ends_with(end));

@@ -206,7 +206,10 @@ fn describe(file: RasterFile, open: &OpenFile) -> Result<Raster, RasterError> {
         warnings.push(problem.to_string());
         None
     });
-    let alpha = validity::alpha_band(&mut directory, blocks.bands);
+    let alpha = validity::alpha_band(&mut directory, blocks.bands).unwrap_or_else(|problem| {
+        warnings.push(format!("{problem}; all its pixels are taken as opaque"));
+        None
+    });
     let photometric = directory.find_tag_unsigned::<u64>(Tag::PhotometricInterpretation).ok().flatten();
     if photometric == Some(PALETTE) {
         warnings.push("its pixels are numbers of colours, which are taken as heights".to_owned());

@@ -80,10 +80,13 @@ fn mask_file(path: &Path) -> PathBuf {
 }
 
 /// The band that says how opaque a pixel is, according to the kinds of the bands beyond those of the colour.
-pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Option<usize> {
-    let kinds = directory.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok().flatten()?;
-    let at = kinds.iter().position(|kind| [1, 2].contains(kind))?;
-    (bands - kinds.len().min(bands)).checked_add(at).filter(|band| (1..bands).contains(band))
+pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Result<Option<usize>, RasterError> {
+    let tag = Tag::ExtraSamples;
+    let kinds = directory.find_tag_unsigned_vec::<u16>(tag);
+    let kinds = kinds.map_err(|source| RasterError::Tag { tag, source })?.unwrap_or_default();
+    let at = kinds.iter().position(|kind| [1, 2].contains(kind));
+    let band = at.and_then(|at| (bands - kinds.len().min(bands)).checked_add(at));
+    Ok(band.filter(|band| (1..bands).contains(band)))
 }
 
 /// Rule that distinguishes heights from missing values.
