@@ -289,11 +289,11 @@ impl Diagnostics {
     /// # #[derive(Debug, PartialEq)]
     /// # struct Odd(u32);
     /// # impl std::fmt::Display for Odd {
-    /// #     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result { write!(f, "{} is odd", self.0) }
+    /// #     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result { f.write_str("it is odd") }
     /// # }
     /// # impl std::error::Error for Odd {}
     /// # impl Problem for Odd {}
-    /// let error = Error::caused_by("a.txt: 3 is odd", Odd(3));
+    /// let error = Error::caused_by("a.txt: it is odd", Odd(3));
     /// let Error::Input(problems) = error else { panic!() };
     /// assert_eq!(problems.cause::<Odd>(), Some(&Odd(3)));
     /// ```

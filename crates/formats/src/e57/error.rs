@@ -13,7 +13,7 @@ pub enum E57Error {
     #[error("its sections are damaged")]
     Damaged,
     /// A scan that cannot be read.
-    #[error("scan {number}{}: {source}", .name.as_ref().map(|name| format!(" ({name:?})")).unwrap_or_default())]
+    #[error("scan {number}{}: {source}", quoted(.name))]
     Scan {
         /// Number of the scan, from 1.
         number: usize,
@@ -37,6 +37,10 @@ pub enum ScanError {
     /// Points that the library cannot read.
     #[error(transparent)]
     Library(#[from] ::e57::Error),
+}
+
+fn quoted(name: &Option<String>) -> String {
+    name.as_ref().map_or_else(String::new, |name| format!(" ({name:?})"))
 }
 
 impl Problem for E57Error {

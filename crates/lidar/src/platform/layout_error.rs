@@ -1,6 +1,6 @@
 //! Errors of the columns of poses.
 
-use vlscan_base::diag::{Problem, ProblemKind};
+use vlscan_base::diag::Problem;
 
 /// Maximum number of columns.
 pub(super) const MAX_COLUMNS: usize = 1000;
@@ -106,8 +106,8 @@ pub enum PoseLayoutError {
     },
     /// An unknown number of columns without names.
     #[error(
-        "{0} columns without names, expected 7: time, x, y, z, roll, pitch, yaw; or 8: time, x, y, z, qx, qy, \
-         qz, qw with a quaternion of length 1"
+        "{0} columns without names, expected 7: time, x, y, z, roll, pitch, yaw; or 8: time, x, y, z, qx, \
+         qy, qz, qw with a quaternion of length 1"
     )]
     Count(usize),
     /// Positions and quaternions without times.
@@ -134,8 +134,4 @@ fn suggested(question: &Option<String>) -> String {
     question.as_ref().map_or_else(String::new, |question| format!("; {question}"))
 }
 
-impl Problem for PoseLayoutError {
-    fn kind(&self) -> ProblemKind {
-        ProblemKind::Invalid
-    }
-}
+impl Problem for PoseLayoutError {}

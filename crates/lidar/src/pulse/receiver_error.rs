@@ -14,8 +14,8 @@ pub enum ReceiverError {
     NoThreshold,
     /// Background light that makes too many returns.
     #[error(
-        "background light of {photons:.1e} photoelectrons a second makes about {returns:.0} returns per pulse, \
-         at most {max} are allowed; lower `background_w` or limit the range"
+        "background light of {photons:.1e} photoelectrons a second makes about {returns:.0} returns per \
+         pulse, at most {max} are allowed; lower `background_w` or limit the range"
     )]
     Background {
         /// Photoelectrons of the background per second.
@@ -38,8 +38,8 @@ pub enum ReceiverError {
     },
     /// Noise that causes too many echoes.
     #[error(
-        "a threshold of {threshold:.3e} W over noise of {noise:.3e} W makes about {alarms:.0} false alarms per \
-         pulse, at most {max} are allowed; raise the threshold or limit the range"
+        "a threshold of {threshold:.3e} W over noise of {noise:.3e} W makes about {alarms:.0} false alarms \
+         per pulse, at most {max} are allowed; raise the threshold or limit the range"
     )]
     FalseAlarms {
         /// Detection threshold, W.

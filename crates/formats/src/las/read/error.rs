@@ -21,8 +21,8 @@ pub enum LasError {
     HeaderEnds,
     /// A version or a point format that is not read.
     #[error(
-        "is LAS {major}.{minor} with points of format {format}; LAS 1.0 to 1.5 with formats 0 to 10 are read, \
-         convert it for example with PDAL"
+        "is LAS {major}.{minor} with points of format {format}; LAS 1.0 to 1.5 with formats 0 to 10 are \
+         read, convert it for example with PDAL"
     )]
     Version {
         /// Major version.

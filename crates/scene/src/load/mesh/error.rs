@@ -85,8 +85,8 @@ pub enum PlyMeshError {
     },
     /// Values behind the last element.
     #[error(
-        "values are left over after the last element: a line has more values than its element has properties, \
-         or the header states too few elements"
+        "values are left over after the last element: a line has more values than its element has \
+         properties, or the header states too few elements"
     )]
     Rest,
     /// A file without faces.

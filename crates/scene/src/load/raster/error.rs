@@ -173,8 +173,8 @@ pub enum RasterError {
     PixelSize(f64, f64),
     /// Ground control points instead of a georeference.
     #[error(
-        "expected a pixel size and one tie point, found ground control points; gdalwarp in.tif out.tif places \
-         the pixels by them"
+        "expected a pixel size and one tie point, found ground control points; gdalwarp in.tif out.tif \
+         places the pixels by them"
     )]
     ControlPoints,
     /// A world file that the system cannot read.
