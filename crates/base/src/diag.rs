@@ -32,7 +32,7 @@ pub enum ProblemKind {
     NotFound,
     /// An output that exists and is not to be replaced.
     Exists,
-    /// Input that needs more memory than the limit allows.
+    /// Input that needs more memory than the limit allows, or has more elements than can be numbered.
     TooLarge,
     /// A file that ends before its content does.
     Truncated,

@@ -46,7 +46,8 @@ impl Error {
             return Error::ClosedPipe;
         }
         if source.kind() == std::io::ErrorKind::FileTooLarge && action == "read" {
-            return Error::input(format!("cannot read {}: {source}", path.as_ref().display()));
+            let message = format!("cannot read {}: {source}", path.as_ref().display());
+            return Error::input_of(ProblemKind::TooLarge, message);
         }
         Error::Io { action, path: path.as_ref().to_path_buf(), source }
     }
@@ -91,6 +92,13 @@ impl Error {
     pub fn not_divisible(message: impl Into<String>, help: impl Into<String>) -> Error {
         let mut d = Diagnostics::default();
         d.error(None, message).of_kind(ProblemKind::NotDivisible).help(help);
+        Error::Input(Box::new(d))
+    }
+
+    /// The error for valid input that is not supported, with a hint what to do instead.
+    pub fn unsupported(message: impl Into<String>, help: impl Into<String>) -> Error {
+        let mut d = Diagnostics::default();
+        d.error(None, message).of_kind(ProblemKind::Unsupported).help(help);
         Error::Input(Box::new(d))
     }
 

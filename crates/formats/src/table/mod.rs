@@ -15,7 +15,7 @@ pub(crate) use parquet::read_parquet;
 #[cfg(not(feature = "parquet"))]
 pub fn read_number_columns(path: &Path, _names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
     let message = format!("{} cannot be read: this build does not read Parquet", path.display());
-    Err(Error::input_with_help(message, crate::point_format::build_with("parquet")))
+    Err(Error::unsupported(message, crate::point_format::build_with("parquet")))
 }
 
 use super::{Columns, PointSink, Reading};

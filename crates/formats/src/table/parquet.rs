@@ -13,6 +13,7 @@ use ::parquet::schema::types::ColumnDescriptor;
 use bytes::Bytes;
 use std::path::Path;
 use vlscan_base::damage::catch_decoder_panic;
+use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::store::FileBytes;
 
@@ -110,7 +111,12 @@ fn row_count(group: &RowGroupMetaData) -> ::parquet::errors::Result<usize> {
 
 /// The error for a file that the library cannot read.
 fn unreadable(path: &Path, error: &ParquetError) -> Error {
-    Error::input(format!("{} is not a Parquet file that can be read: {error}", path.display()))
+    let kind = match error {
+        ParquetError::EOF(_) => ProblemKind::Truncated,
+        ParquetError::NYI(_) => ProblemKind::Unsupported,
+        _ => ProblemKind::Invalid,
+    };
+    Error::input_of(kind, format!("{} is not a Parquet file that can be read: {error}", path.display()))
 }
 
 /// Checks that this build reads the compression of a column.
@@ -129,7 +135,7 @@ fn check_compression(group: &RowGroupMetaData, column: usize, path: &Path) -> Re
         path.display(),
         column.column_path().string()
     );
-    Err(Error::input_with_help(message, help))
+    Err(Error::unsupported(message, help))
 }
 
 /// True if a column holds one number per row; dates, times, decimals and members of nested columns are none.

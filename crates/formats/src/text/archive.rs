@@ -115,7 +115,7 @@ fn deflate(plain: &[u8], mut out: Vec<u8>) -> Result<Vec<u8>, BlockError> {
 pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) -> Result<u64> {
     let place = to.map_or(Destination::Stdout, |path| Destination::Path(path.to_path_buf()));
     if let Some(path) = to.filter(|path| !force && !is_special(path) && path.symlink_metadata().is_ok()) {
-        return Err(Error::input(format!("{} exists already; overwrite it with --force", path.display())));
+        return Err(Error::exists(path));
     }
     let mut archive = Archive::open(name, file)?;
     let mut out = OutputStream::open(&place, force, Patched::Never)?;
