@@ -315,10 +315,10 @@ fn hint(text: &str) -> String {
 pub struct Zone(pub UtmZone);
 
 impl FromStr for Zone {
-    type Err = <UtmZone as FromStr>::Err;
+    type Err = String;
 
-    fn from_str(text: &str) -> Result<Zone, Self::Err> {
-        text.parse().map(Zone)
+    fn from_str(text: &str) -> Result<Zone, String> {
+        text.parse::<UtmZone>().map(Zone).map_err(|e| e.to_string())
     }
 }
 

@@ -372,6 +372,32 @@ fn calls(patterns: &[&str], allowed: &[&str]) -> Vec<String> {
     found
 }
 
+/// Crates whose functions return errors that programs can match.
+const TYPED_ERRORS: [&str; 6] = ["base", "geom", "formats", "lidar", "scene", "survey"];
+
+#[test]
+fn functions_of_other_files_return_no_text_as_their_error() {
+    let (mut count, mut found) = (0, Vec::new());
+    for file in TYPED_ERRORS.iter().flat_map(|of| sources(&format!("crates/{of}/src"))) {
+        for (at, _) in file.code.match_indices("fn ") {
+            let before = file.code[..at].rsplit('\n').next().unwrap_or_default();
+            let signature = file.code[at..].split(['{', ';']).next().unwrap_or_default();
+            let Some((_, returned)) = signature.rsplit_once("-> ") else { continue };
+            let returned = returned.split("where").next().unwrap_or_default();
+            if !before.trim().starts_with("pub") || !returned.contains("Result<") {
+                continue;
+            }
+            count += 1;
+            let returned = returned.trim().trim_end_matches('>');
+            if [", String", ", &str", ", &'static str"].iter().any(|error| returned.ends_with(error)) {
+                found.push(format!("{}: {}", file.path, signature.lines().next().unwrap_or_default()));
+            }
+        }
+    }
+    assert!(count > 100, "{count} functions");
+    assert!(found.is_empty(), "give these a type of error, with variants: {found:#?}");
+}
+
 /// A correction is a row of the table, a use of the field of its name elsewhere, and a row in the
 /// documentation.
 #[test]

@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// How grave a problem is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -31,13 +32,30 @@ pub enum ProblemKind {
     NotFound,
     /// An output that exists and is not to be replaced.
     Exists,
-    /// Input that needs more memory than the limit allows.
+    /// Input that needs more memory than the limit allows, or has more elements than can be numbered.
     TooLarge,
+    /// A file that ends before its content does.
+    Truncated,
+    /// Valid input with a feature that is not supported.
+    Unsupported,
     /// A run that cannot be divided into shards, or not continued with the shards that exist; it can be
     /// computed as a whole.
     NotDivisible,
     /// A folder in which another process works; the same command succeeds when that one has ended.
     InUse,
+}
+
+/// An error of a reader that can be the cause of a [`Diagnostic`].
+pub trait Problem: std::error::Error + Send + Sync + Sized + 'static {
+    /// The kind of the diagnostics that it causes.
+    fn kind(&self) -> ProblemKind {
+        ProblemKind::Invalid
+    }
+
+    /// The error of the run, with the error itself as its message and its cause.
+    fn into_error(self) -> Error {
+        Error::caused_by(self.to_string(), self)
+    }
 }
 
 /// A message during a run.
@@ -144,6 +162,7 @@ pub struct Diagnostic {
     pub repeats: usize,
     /// Lines of the first further occurrences.
     pub also_in_lines: Vec<usize>,
+    cause: Option<Arc<dyn std::error::Error + Send + Sync>>,
 }
 
 /// Maximum number of stored lines of further occurrences.
@@ -200,6 +219,7 @@ impl Diagnostics {
                 help: None,
                 repeats: 0,
                 also_in_lines: Vec::new(),
+                cause: None,
             });
         } else if self.items[at].place != place {
             let lines = place.map_or(0, |p| p.line);
@@ -211,11 +231,12 @@ impl Diagnostics {
     /// Adds all problems of `other`.
     pub fn extend(&mut self, other: Diagnostics) {
         for item in other.items {
-            let Diagnostic { severity, kind, message, place, help, repeats, also_in_lines } = item;
+            let Diagnostic { severity, kind, message, place, help, repeats, also_in_lines, cause } = item;
             let mine = self.push(severity, place, message);
             mine.kind = kind;
             mine.repeat(repeats, &also_in_lines);
             mine.help = help.or(mine.help.take());
+            mine.cause = cause.or(mine.cause.take());
         }
     }
 
@@ -254,6 +275,26 @@ impl Diagnostics {
     /// ```
     pub fn has(&self, kind: ProblemKind) -> bool {
         self.items.iter().any(|problem| problem.kind == kind)
+    }
+
+    /// The first cause of that type among the problems.
+    ///
+    /// ```
+    /// use vlscan_base::Error;
+    /// # use vlscan_base::diag::Problem;
+    /// # #[derive(Debug, PartialEq)]
+    /// # struct Odd(u32);
+    /// # impl std::fmt::Display for Odd {
+    /// #     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result { f.write_str("it is odd") }
+    /// # }
+    /// # impl std::error::Error for Odd {}
+    /// # impl Problem for Odd {}
+    /// let error = Error::caused_by("a.txt: it is odd", Odd(3));
+    /// let Error::Input(problems) = error else { panic!() };
+    /// assert_eq!(problems.cause::<Odd>(), Some(&Odd(3)));
+    /// ```
+    pub fn cause<E: std::error::Error + 'static>(&self) -> Option<&E> {
+        self.items.iter().find_map(Diagnostic::cause)
     }
 
     /// True if the run must end; with `strict` warnings end it, too.
@@ -306,6 +347,18 @@ impl Diagnostic {
     pub fn of_kind(&mut self, kind: ProblemKind) -> &mut Diagnostic {
         self.kind = kind;
         self
+    }
+
+    /// Stores the error that caused the problem, which takes its kind.
+    pub fn because_of(&mut self, cause: impl Problem) -> &mut Diagnostic {
+        self.kind = cause.kind();
+        self.cause = Some(Arc::new(cause));
+        self
+    }
+
+    /// The error that caused the problem, if one of that type did.
+    pub fn cause<E: std::error::Error + 'static>(&self) -> Option<&E> {
+        self.cause.as_ref().and_then(|cause| cause.downcast_ref())
     }
 
     /// The problem with its hint in one line that ends with a line break.
@@ -496,6 +549,25 @@ mod tests {
         let words: Vec<&str> = cut.split(' ').skip(4).map(|word| word.trim_end_matches(',')).collect();
         assert!(words.len() > 15 && words.contains(&"…"), "{cut}");
         assert!(words.iter().all(|word| *word == "…" || names.iter().any(|name| name == word)), "{cut}");
+    }
+
+    #[test]
+    fn causes_give_problems_their_kind_and_stay_with_them() {
+        #[derive(Debug, PartialEq, thiserror::Error)]
+        #[error("it ends early")]
+        struct Cut;
+        impl Problem for Cut {
+            fn kind(&self) -> ProblemKind {
+                ProblemKind::Truncated
+            }
+        }
+        let (mut found, mut all) = (Diagnostics::default(), Diagnostics::default());
+        found.error(None, "a.las: it ends early").because_of(Cut);
+        all.error(None, "b.las: it is empty");
+        all.extend(found);
+        assert!(all.has(ProblemKind::Truncated) && all.items()[0].cause::<Cut>().is_none());
+        assert_eq!(all.cause::<Cut>(), Some(&Cut));
+        assert_eq!(Cut.into_error().to_string(), "it ends early");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Errors, and the exit status of the program.
 
-use crate::diag::{Diagnostics, ProblemKind};
+use crate::diag::{Diagnostics, Problem, ProblemKind};
 use std::path::{Path, PathBuf};
 
 /// Result type of the crate.
@@ -46,7 +46,8 @@ impl Error {
             return Error::ClosedPipe;
         }
         if source.kind() == std::io::ErrorKind::FileTooLarge && action == "read" {
-            return Error::input(format!("cannot read {}: {source}", path.as_ref().display()));
+            let message = format!("cannot read {}: {source}", path.as_ref().display());
+            return Error::input_of(ProblemKind::TooLarge, message);
         }
         Error::Io { action, path: path.as_ref().to_path_buf(), source }
     }
@@ -80,10 +81,24 @@ impl Error {
         Error::Input(Box::new(d))
     }
 
+    /// [`Error::input`] with the error that caused it, and of its kind.
+    pub fn caused_by(message: impl Into<String>, cause: impl Problem) -> Error {
+        let mut d = Diagnostics::default();
+        d.error(None, message).because_of(cause);
+        Error::Input(Box::new(d))
+    }
+
     /// The error for a run that cannot be divided into shards, or not continued with those that exist.
     pub fn not_divisible(message: impl Into<String>, help: impl Into<String>) -> Error {
         let mut d = Diagnostics::default();
         d.error(None, message).of_kind(ProblemKind::NotDivisible).help(help);
+        Error::Input(Box::new(d))
+    }
+
+    /// The error for valid input that is not supported, with a hint what to do instead.
+    pub fn unsupported(message: impl Into<String>, help: impl Into<String>) -> Error {
+        let mut d = Diagnostics::default();
+        d.error(None, message).of_kind(ProblemKind::Unsupported).help(help);
         Error::Input(Box::new(d))
     }
 

@@ -1,7 +1,7 @@
 //! Assignment of the columns of a table to the attributes of a point.
 
 use super::PointRow;
-use vlscan_base::diag::listed;
+use vlscan_base::diag::{Problem, ProblemKind, listed};
 use vlscan_geom::{DVec3, degrees};
 use vlscan_tables::{
     Dimension, ParsedHeading, Quantity, is_usually_unused, parse_heading, plain, split_suffix, split_unit,
@@ -207,6 +207,7 @@ impl Default for Columns {
 
 /// Names of columns among which there are no positions.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PositionsError {
     /// The coordinates are longitude and latitude.
     #[error(
@@ -225,6 +226,15 @@ pub enum PositionsError {
         /// The names.
         found: String,
     },
+}
+
+impl Problem for PositionsError {
+    fn kind(&self) -> ProblemKind {
+        match self {
+            PositionsError::Geographic { .. } => ProblemKind::Unsupported,
+            PositionsError::Missing { .. } => ProblemKind::Invalid,
+        }
+    }
 }
 
 impl Columns {

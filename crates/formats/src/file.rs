@@ -57,7 +57,7 @@ pub fn read_points(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostic
 /// The format of a file with this beginning; `None` if it is not read, which is recorded.
 fn recognise(first: &[u8], reading: &mut Reading) -> Option<CloudFormat> {
     let format = CloudFormat::recognise(first, reading.path);
-    format.map_err(|problem| reading.fail(&format!("{} {problem}", reading.path.display()))).ok()
+    format.map_err(|problem| reading.fail(format!("{} {problem}", reading.path.display()), problem)).ok()
 }
 
 /// Reads a format from its beginning to its end.
@@ -71,15 +71,24 @@ fn read_stream(source: impl BufRead, format: CloudFormat, reading: &mut Reading)
 
 /// Reads a binary format from all bytes of a file.
 fn read_binary(bytes: &[u8], format: CloudFormat, reading: &mut Reading) {
-    let read = match format {
-        CloudFormat::Ply => ply::read(bytes, reading),
-        CloudFormat::Pcd => pcd::read(bytes, reading),
+    match format {
+        CloudFormat::Ply => {
+            let read = ply::read(bytes, reading);
+            reading.fail_unless_ok(read);
+        }
+        CloudFormat::Pcd => {
+            let read = pcd::read(bytes, reading);
+            reading.fail_unless_ok(read);
+        }
         #[cfg(feature = "e57")]
-        CloudFormat::E57 => e57::read(bytes, reading),
-        _ => las::read(bytes, reading),
-    };
-    if let Err(problem) = read {
-        reading.fail(&format!("{}: {problem}", reading.path.display()));
+        CloudFormat::E57 => {
+            let read = e57::read(bytes, reading);
+            reading.fail_unless_ok(read);
+        }
+        _ => {
+            let read = las::read(bytes, reading);
+            reading.fail_unless_ok(read);
+        }
     }
 }
 
@@ -93,11 +102,14 @@ pub struct PointFile<'a> {
 impl<'a> PointFile<'a> {
     /// Recognises the format; `None` if it is not read, which is recorded in `found`.
     pub fn new(path: &'a Path, bytes: &'a [u8], found: &mut Diagnostics) -> Option<PointFile<'a>> {
-        let format = CloudFormat::recognise(&bytes[..bytes.len().min(DETECTED_BYTES)], path);
-        if let Err(problem) = &format {
-            found.error(Some(Place::in_line(path, 1, "", 0..0)), format!("{} {problem}", path.display()));
+        match CloudFormat::recognise(&bytes[..bytes.len().min(DETECTED_BYTES)], path) {
+            Ok(format) => Some(PointFile { path, bytes, format }),
+            Err(problem) => {
+                let message = format!("{} {problem}", path.display());
+                found.error(Some(Place::in_line(path, 1, "", 0..0)), message).because_of(problem);
+                None
+            }
         }
-        format.ok().map(|format| PointFile { path, bytes, format })
     }
 
     /// The format, as recognised by the beginning of the file.

@@ -3,7 +3,9 @@
 use super::leica;
 use super::point_format::build_with;
 use std::path::Path;
+use vlscan_base::diag::{Problem, ProblemKind};
 use vlscan_base::recognise::{Expected, Family, Foreign, Kind, foreign};
+use vlscan_tables::input::arrow::{ArrowDetection, detect_arrow};
 use vlscan_tables::input::arrow::{ArrowDetection, detect_arrow};
 
 /// Number of bytes by which a format is recognised, if the file has them.
@@ -133,6 +135,7 @@ const CONVERTERS: &str = "convert it to LAS or LAZ, for example with PDAL or Clo
 
 /// Kind of a file that is not read as a point cloud; a sentence without its subject, the file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum UnreadFormat {
     /// A format that this build does not read.
     #[error("is {name}, which this build does not read; {}", build_with(.feature))]
@@ -176,6 +179,15 @@ pub enum UnreadFormat {
         /// Its first bytes.
         beginning: String,
     },
+}
+
+impl Problem for UnreadFormat {
+    fn kind(&self) -> ProblemKind {
+        match self {
+            UnreadFormat::Empty { .. } | UnreadFormat::Misnamed { .. } => ProblemKind::Invalid,
+            _ => ProblemKind::Unsupported,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ pub fn read_frames(
     {
         let _ = (source, take);
         let message = format!("{}: this build does not read mcap", path.display());
-        Err(vlscan_base::Error::input_with_help(message, crate::point_format::build_with("mcap")))
+        Err(vlscan_base::Error::unsupported(message, crate::point_format::build_with("mcap")))
     }
 }
 

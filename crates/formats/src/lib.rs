@@ -64,16 +64,19 @@ pub mod text;
 pub use cloud_writer::CloudWriter;
 pub use columnar::{Column, ColumnListError, ColumnType, Rows, TableColumn, point_schema, schema_of};
 pub use columns::{Attribute, AttributeSet, Columns, Misfits, PositionsError};
+#[cfg(feature = "e57")]
+pub use e57::{E57Error, ScanError};
 pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
 pub use file::{PointFile, read_points};
 pub use format::{CloudFormat, UnreadFormat};
 pub use frames::{Frame, FramePoint, FramePose, read_frames};
 pub use las::{
-    CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasFacts, LasReader, LasSettings,
-    LasVersion, PACKETS_HEADER_BYTES, PacketPlace, Selection, packets_header,
+    CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasError, LasFacts, LasReader,
+    LasSettings, LasVersion, PACKETS_HEADER_BYTES, PacketPlace, PointsError, Selection, packets_header,
 };
 pub use objects::ObjectIds;
 pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
+pub use pcd::PcdError;
 pub use ply::{PlyError, PlyNumbers, is_ply, ply_header};
 pub use point_format::{PointFormat, UnknownExtension};
 pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
@@ -88,7 +91,7 @@ struct Readme;
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::diag::{Diagnostics, Place, Problem};
 use vlscan_base::quantity::counted;
 use vlscan_geom::DVec3;
 
@@ -195,8 +198,15 @@ impl<'a> Reading<'a> {
     }
 
     /// Records why the file cannot be read.
-    fn fail(&mut self, message: &str) {
-        self.found.error(None, message);
+    fn fail(&mut self, message: String, problem: impl Problem) {
+        self.found.error(None, message).because_of(problem);
+    }
+
+    /// Records why the file cannot be read, if it cannot.
+    fn fail_unless_ok(&mut self, read: Result<(), impl Problem>) {
+        if let Err(problem) = read {
+            self.fail(format!("{}: {problem}", self.path.display()), problem);
+        }
     }
 
     /// Records how the whole file was interpreted.

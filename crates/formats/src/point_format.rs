@@ -247,7 +247,7 @@ impl PointFormat {
     ) -> Result<Arc<dyn PointEncoder>> {
         let new = self.facts().encoder.map_err(|feature| {
             let message = format!("this build does not write {}", self.name());
-            Error::input_with_help(message, build_with(feature))
+            Error::unsupported(message, build_with(feature))
         })?;
         new(settings, problems)
     }

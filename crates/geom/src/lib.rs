@@ -28,7 +28,7 @@ pub use height_model::HeightModel;
 pub use polygon::is_inside;
 pub use rotation::Rotation;
 pub use sums::{add_repeatedly, spacing, steps_in_binade};
-pub use utm::UtmZone;
+pub use utm::{UnknownZone, UtmZone};
 
 /// Speed of light, m/ns.
 pub const LIGHT_SPEED: f64 = 0.299_792_458;

@@ -44,11 +44,26 @@ pub struct GridPoint {
     pub convergence: f64,
 }
 
-impl std::str::FromStr for UtmZone {
-    type Err = String;
+/// A text that is not a UTM zone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownZone {
+    /// The text.
+    pub text: String,
+}
 
-    fn from_str(text: &str) -> Result<UtmZone, String> {
-        UtmZone::parse(text).ok_or_else(|| format!("expected a UTM zone such as 32N or 55S, found {text:?}"))
+impl fmt::Display for UnknownZone {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "expected a UTM zone such as 32N or 55S, found {:?}", self.text)
+    }
+}
+
+impl std::error::Error for UnknownZone {}
+
+impl std::str::FromStr for UtmZone {
+    type Err = UnknownZone;
+
+    fn from_str(text: &str) -> Result<UtmZone, UnknownZone> {
+        UtmZone::parse(text).ok_or_else(|| UnknownZone { text: text.to_owned() })
     }
 }
 

@@ -395,10 +395,11 @@ impl<'a> SceneBuilder<'a> {
     pub fn check_counts(&self) -> Result<()> {
         let (vertices, primitives) = (self.geometry.vertices.len(), self.geometry.len());
         if vertices.max(primitives) > MAX_ELEMENTS {
-            return Err(Error::input(format!(
+            let message = format!(
                 "the scene has {vertices} vertices and {primitives} primitives; the maximum is \
                  {MAX_ELEMENTS} of each"
-            )));
+            );
+            return Err(Error::input_of(ProblemKind::TooLarge, message));
         }
         Ok(())
     }

@@ -248,7 +248,7 @@ mod tests {
         );
         assert_eq!(name_after(vec![change(named("own"), "a"), change(Replaced::All, "b")]), "b");
         report_unused(&mut scene);
-        let warnings = scene.diagnostics.render(false);
+        let warnings = scene.diagnostics.text();
         assert!(
             warnings.contains("\"other\", so nothing is replaced; its materials are \"own\""),
             "{warnings}"

@@ -6,6 +6,7 @@ use super::instance_set::InstanceSet;
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
+use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_survey::{Loader, PartRecipe, Transform};
@@ -130,9 +131,10 @@ pub(super) fn freeze(meshes: SharedMeshes, own: usize) -> Result<Option<Instance
         sum + meshes.models[*model as usize].geometry.triangles.len() as u64
     });
     let Some(instances) = Instances::new(meshes.models, meshes.placements, own) else {
-        return Err(Error::input(format!(
+        let message = format!(
             "the scene has {total} primitives with all its instances; at most {MAX_ELEMENTS} can be numbered"
-        )));
+        );
+        return Err(Error::input_of(ProblemKind::TooLarge, message));
     };
     Ok(Some(InstanceSet { instances: Arc::new(instances), materials: meshes.materials, parts: meshes.parts }))
 }

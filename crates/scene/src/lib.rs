@@ -85,7 +85,10 @@ pub use ground_model::{Fallback, GroundModel};
 pub use instance_set::InstanceSet;
 pub use inventory::Inventory;
 pub use lad::LadTable;
-pub use load::{load, load_epoch, raster_needs};
+pub use load::{
+    GltfError, GridError, MeshError, OffError, PlyMeshError, RasterError, StlError, UnpackError, load,
+    load_epoch, raster_needs,
+};
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, check_time_step};

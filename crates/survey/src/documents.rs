@@ -10,7 +10,7 @@ use super::xml_limits::MAX_DOCUMENT_BYTES;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use vlscan_base::diag::{Place, nearest};
+use vlscan_base::diag::{Place, ProblemKind, nearest};
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
 use vlscan_base::recognise::{Expected, foreign};
@@ -73,7 +73,8 @@ impl Context {
                 Err(e) => {
                     let failure = match e.kind() {
                         std::io::ErrorKind::OutOfMemory => {
-                            Error::input(format!("cannot read {}: {e}", path.display()))
+                            let message = format!("cannot read {}: {e}", path.display());
+                            Error::input_of(ProblemKind::TooLarge, message)
                         }
                         _ => Error::io("read", path, e),
                     };

@@ -2,7 +2,7 @@
 
 use super::PulseSamples;
 use super::context::Context;
-use super::rows::{MAX_FILE_BYTES, read_rows};
+use super::rows::{MAX_FILE_BYTES, RowProblem, read_rows};
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Place;
@@ -26,8 +26,8 @@ pub(super) fn read_pulse_file(
     })?;
     match normalised(samples) {
         Ok(samples) => Some(Arc::new(samples)),
-        Err(message) => {
-            context.error_help(place, message, help);
+        Err(expected) => {
+            context.error_help(place, format!("expected {expected}"), help);
             None
         }
     }
@@ -35,15 +35,15 @@ pub(super) fn read_pulse_file(
 
 const COLUMNS: &str = "two finite numbers: time in ns and power";
 
-fn add(samples: &mut PulseSamples, &[time, power]: &[f64; 2]) -> Result<(), String> {
+fn add(samples: &mut PulseSamples, &[time, power]: &[f64; 2]) -> Result<(), RowProblem> {
     if samples.times.last().is_some_and(|last| time <= *last) {
-        return Err("a time later than that of the line before".to_owned());
+        return Err(RowProblem::NotLater);
     }
     if power < 0.0 {
-        return Err("a power of at least 0".to_owned());
+        return Err(RowProblem::NegativePower);
     }
     if samples.times.len() == MAX_SAMPLES {
-        return Err(format!("at most {MAX_SAMPLES} samples"));
+        return Err(RowProblem::TooMany { max: MAX_SAMPLES });
     }
     samples.times.push(time);
     samples.powers.push(power);
@@ -54,10 +54,10 @@ fn add(samples: &mut PulseSamples, &[time, power]: &[f64; 2]) -> Result<(), Stri
 ///
 /// # Errors
 /// The expected content of the file.
-fn normalised(mut samples: PulseSamples) -> Result<PulseSamples, String> {
+fn normalised(mut samples: PulseSamples) -> Result<PulseSamples, RowProblem> {
     let largest = samples.powers.iter().copied().fold(0.0, f64::max);
     if samples.times.len() < MIN_SAMPLES || largest <= 0.0 {
-        return Err(format!("expected at least {MIN_SAMPLES} samples of a pulse, one of them above 0"));
+        return Err(RowProblem::TooFew { min: MIN_SAMPLES });
     }
     let first = samples.times[0];
     samples.times.iter_mut().for_each(|time| *time -= first);
@@ -73,8 +73,8 @@ mod tests {
     fn parse(text: &str) -> Result<PulseSamples, (Option<usize>, String)> {
         let mut samples = PulseSamples { times: Vec::new(), powers: Vec::new() };
         parse_rows(text, COLUMNS, |row| add(&mut samples, row))
-            .map_err(|(line, message)| (Some(line), message))?;
-        normalised(samples).map_err(|message| (None, message))
+            .map_err(|(line, expected)| (Some(line), expected.to_string()))?;
+        normalised(samples).map_err(|expected| (None, expected.to_string()))
     }
 
     #[test]

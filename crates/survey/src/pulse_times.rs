@@ -3,7 +3,7 @@
 use super::PulseTimes;
 use super::fields::Fields;
 use super::keys::SettingsKeys;
-use super::rows::{MAX_LONG_FILE_BYTES, read_rows};
+use super::rows::{MAX_LONG_FILE_BYTES, RowProblem, read_rows};
 use vlscan_base::quantity::{Bounds, MAX_DURATION, PULSE_FREQ, number};
 
 const K: SettingsKeys = SettingsKeys::KEYS;
@@ -46,10 +46,10 @@ fn read_times(fields: &Fields, name: &str) -> Option<PulseTimes> {
     let mut times: Vec<f64> = Vec::new();
     let row = |&[time]: &[f64; 1]| {
         if !(0.0..=MAX_DURATION).contains(&time) {
-            return Err(format!("a time from 0 to {MAX_DURATION} s after the start of the leg"));
+            return Err(RowProblem::OutsideLeg { max: MAX_DURATION });
         }
         if times.last().is_some_and(|last| time <= *last) {
-            return Err("a time later than that of the line before".to_owned());
+            return Err(RowProblem::NotLater);
         }
         times.push(time);
         Ok(())

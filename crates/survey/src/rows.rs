@@ -12,8 +12,43 @@ pub(super) const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum size of a file of a line per pulse, bytes.
 pub(super) const MAX_LONG_FILE_BYTES: u64 = 1 << 31;
 
+/// A row that is not expected in its file; the text of each error is the expectation.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(super) enum RowProblem {
+    /// Other columns.
+    #[error("{0}")]
+    Columns(String),
+    /// Times that do not ascend.
+    #[error("a time later than that of the line before")]
+    NotLater,
+    /// A time outside the duration of a leg, s.
+    #[error("a time from 0 to {max} s after the start of the leg")]
+    OutsideLeg {
+        /// Maximum duration of a leg, s.
+        max: f64,
+    },
+    /// A negative power.
+    #[error("a power of at least 0")]
+    NegativePower,
+    /// An angle out of range.
+    #[error("{0}")]
+    Angle(&'static str),
+    /// Too many samples.
+    #[error("at most {max} samples")]
+    TooMany {
+        /// Maximum number of samples.
+        max: usize,
+    },
+    /// Too few samples, or none with power.
+    #[error("at least {min} samples of a pulse, one of them above 0")]
+    TooFew {
+        /// Minimum number of samples.
+        min: usize,
+    },
+}
+
 /// Passes the rows of the file `name` of at most `max_bytes`, searched from `folder`, to `row`, which returns
-/// what it expects instead. Problems are recorded with file and line; `place` is the place of the reference,
+/// its expectation. Problems are recorded with file and line; `place` is the place of the reference,
 /// `columns` and `help` say what a line is.
 pub(super) fn read_rows<const N: usize>(
     context: &Context,
@@ -21,7 +56,7 @@ pub(super) fn read_rows<const N: usize>(
     (folder, max_bytes): (&Path, u64),
     place: &Place,
     (columns, help): (&str, &str),
-    row: impl FnMut(&[f64; N]) -> Result<(), String>,
+    row: impl FnMut(&[f64; N]) -> Result<(), RowProblem>,
 ) -> Option<()> {
     let path = context.file(name, folder, place.clone())?;
     let bytes = match context.read(&path, max_bytes) {
@@ -49,7 +84,8 @@ pub(super) fn read_rows<const N: usize>(
     };
     match parse_rows(&text, columns, row) {
         Ok(()) => Some(()),
-        Err((number, message)) => {
+        Err((number, expected)) => {
+            let message = format!("expected {expected}");
             let excerpt = text.lines().nth(number - 1).unwrap_or_default();
             context.error_help(Place::in_line(&path, number, excerpt, 0..excerpt.len()), message, help);
             None
@@ -65,8 +101,8 @@ pub(super) fn read_rows<const N: usize>(
 pub(super) fn parse_rows<const N: usize>(
     text: &str,
     columns: &str,
-    mut row: impl FnMut(&[f64; N]) -> Result<(), String>,
-) -> Result<(), (usize, String)> {
+    mut row: impl FnMut(&[f64; N]) -> Result<(), RowProblem>,
+) -> Result<(), (usize, RowProblem)> {
     let mut header_allowed = true;
     for (i, line) in text.lines().enumerate() {
         let content = line.split('#').next().unwrap_or_default().trim();
@@ -94,8 +130,8 @@ pub(super) fn parse_rows<const N: usize>(
                 break;
             }
         }
-        let read = if count == N { row(&numbers) } else { Err(columns.to_owned()) };
-        read.map_err(|expected| (i + 1, format!("expected {expected}")))?;
+        let read = if count == N { row(&numbers) } else { Err(RowProblem::Columns(columns.to_owned())) };
+        read.map_err(|expected| (i + 1, expected))?;
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use super::fields::Fields;
 use super::keys::{InstrumentKeys, WanderKeys};
-use super::rows::{MAX_FILE_BYTES, read_rows};
+use super::rows::{MAX_FILE_BYTES, RowProblem, read_rows};
 use super::{AngleTable, Deflector, Device, Wander};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -58,10 +58,10 @@ fn read_angles(fields: &Fields, name: &str) -> Option<AngleTable> {
     let columns = "two finite numbers: time in s and angle in degrees";
     let row = |&[time, angle]: &[f64; 2]| {
         if table.times.last().is_some_and(|last| time <= *last) {
-            return Err("a time later than that of the line before".to_owned());
+            return Err(RowProblem::NotLater);
         }
         if !ANGLE.contains(angle) {
-            return Err(ANGLE.expected.to_owned());
+            return Err(RowProblem::Angle(ANGLE.expected));
         }
         table.times.push(time);
         table.degrees.push(angle);

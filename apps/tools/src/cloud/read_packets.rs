@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::store::FileBytes;
-use vlscan_formats::{LasReader, Selection};
+use vlscan_formats::{LasError, LasReader, Selection};
 use vlscan_geom::DVec3;
 
 /// Speed of light, m/ns.
@@ -23,18 +23,21 @@ const MAX_PACKET_BYTES: u32 = 1 << 28;
 /// [`Error::Input`] when the file has no packets or none of that pulse; the message lists the nearest pulses.
 pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
     let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
-    let failed = |problem: String| Error::input(format!("{}: {problem}", path.display()));
+    let unusable = |problem: String| Error::input(format!("{}: {problem}", path.display()));
+    let failed = |problem: LasError| Error::caused_by(format!("{}: {problem}", path.display()), problem);
     let mut reader = LasReader::open(&file, Selection::All).map_err(failed)?;
     let format = reader.header.format;
     let Some((packet_at, time_at)) = place(format) else {
-        return Err(failed(format!(
+        return Err(unusable(format!(
             "its points have no waveform packets (format {format}); write them with --wave-packets inside"
         )));
     };
     let dimensions = reader.extra_dimensions().map_err(failed)?;
     let dimension = |wanted: &str| dimensions.iter().find(|(name, _)| name == wanted).map(|(_, d)| *d);
     let Some(index) = dimension("fullwaveIndex") else {
-        return Err(failed("its pulses cannot be told apart: it has no dimension fullwaveIndex".to_owned()));
+        return Err(unusable(
+            "its pulses cannot be told apart: it has no dimension fullwaveIndex".to_owned(),
+        ));
     };
     let range = dimension("range");
     let (mut near, mut found): (NearestPulses, Option<(Packet, Echo)>) = (NearestPulses::default(), None);
@@ -124,7 +127,7 @@ impl Packet {
     fn wave(&self, pulse: u64, echo: &Echo, file: &LasReader, path: &Path) -> Result<Wave> {
         let wrong = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let id = 99 + u16::from(self.descriptor);
-        let data = file.variable_record("LASF_Spec", id).map_err(|problem| wrong(&problem))?;
+        let data = file.variable_record("LASF_Spec", id).map_err(|problem| wrong(&problem.to_string()))?;
         let data = data.filter(|data| data.len() >= 26);
         let data = data.ok_or_else(|| wrong("the points refer to a missing packet descriptor"))?;
         let bits = usize::from(data[0]);

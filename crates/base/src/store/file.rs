@@ -11,6 +11,8 @@
 //! checksum before the array is returned. So the numbers that a program computes with are those that were
 //! compared, whatever happens to the file afterwards.
 
+use super::ArrayFileError;
+use crate::diag::Problem;
 use crate::error::{Error, Result};
 use crate::files::{FileWriter, Patched, fault, read_exact_at, reads};
 use bytemuck::{AnyBitPattern, NoUninit};
@@ -151,21 +153,21 @@ impl ArrayFile {
     pub fn open(path: &Path) -> Result<ArrayFile> {
         let failed = |e| Error::io("read", path, e);
         if !std::fs::metadata(path).map_err(failed)?.is_file() {
-            return Err(refuse(path, "it is a pipe, a folder or a device, expected a regular file"));
+            return Err(refused(path, ArrayFileError::NotRegular));
         }
         let file = fault::point().and_then(|()| reads::open(path)).map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
         if length < HEADER_BYTES as u64 {
-            return Err(refuse(path, "the file is too short to be a packed scene"));
+            return Err(refused(path, ArrayFileError::TooShort));
         }
         let mut header = [0; HEADER_BYTES];
         read_exact_at(&file, &mut header, 0).map_err(failed)?;
-        let place = read_header(&header, length).map_err(|reason| refuse(path, &reason))?;
+        let place = read_header(&header, length).map_err(|reason| refused(path, reason))?;
         let mut bytes = vec![0; (place.end - place.start) as usize];
         read_exact_at(&file, &mut bytes, place.start).map_err(failed)?;
         let table_sum = xxh3_64(&bytes);
         let table = (table_sum == u64_at(&header, 32)).then(|| read_table(&bytes, place.start)).flatten();
-        let table = table.ok_or_else(|| refuse(path, &damaged("its table")))?;
+        let table = table.ok_or_else(|| refused(path, damaged("its table")))?;
         let entry_of = table.iter().zip(0..).map(|(entry, i)| (entry.name.clone(), i)).collect();
         Ok(ArrayFile { path: path.to_path_buf(), file, length, table, entry_of, table_sum })
     }
@@ -195,13 +197,14 @@ impl ArrayFile {
     /// [`Error::Input`] for an array that is missing, damaged, of other elements or larger than the memory;
     /// [`Error::Io`] when it cannot be read.
     pub fn array<T: AnyBitPattern + NoUninit>(&self, name: &str) -> Result<Vec<T>> {
-        let entry = self.entry(name).ok_or_else(|| self.refuse(&format!("the array {name} is missing")))?;
+        let missing = || self.refuse_because(ArrayFileError::Missing { name: name.to_owned() });
+        let entry = self.entry(name).ok_or_else(missing)?;
         let (length, element) = (entry.length() as usize, size_of::<T>());
         if entry.element != element as u64 || !length.is_multiple_of(element) {
-            return Err(self.refuse(&format!("the array {name} has another layout")));
+            return Err(self.layout("array", name));
         }
         let values = bytemuck::allocation::try_zeroed_vec::<T>(length / element);
-        let mut values = values.map_err(|()| self.refuse("it does not fit into the memory"))?;
+        let mut values = values.map_err(|()| self.refuse_because(ArrayFileError::TooLarge))?;
         let blocks = bytemuck::cast_slice_mut::<T, u8>(&mut values).par_chunks_mut(BLOCK_BYTES);
         let blocks = blocks.zip(&entry.sums).enumerate();
         blocks.try_for_each(|(i, (block, sum))| self.read_block(entry, i, block, *sum))?;
@@ -214,7 +217,7 @@ impl ArrayFile {
     /// As for [`ArrayFile::array`], and [`Error::Input`] for a value of another type.
     pub fn value<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
         let bytes = self.array::<u8>(name)?;
-        postcard::from_bytes(&bytes).map_err(|_| self.refuse(&format!("the value {name} has another layout")))
+        postcard::from_bytes(&bytes).map_err(|_| self.layout("value", name))
     }
 
     /// Checksum of the contents, from the checksums within the file.
@@ -253,12 +256,23 @@ impl ArrayFile {
             return Ok(());
         }
         let end = at + block.len() as u64;
-        Err(self.refuse(&damaged(&format!("its bytes {at} to {end}, of the array {},", entry.name))))
+        let what = format!("its bytes {at} to {end}, of the array {},", entry.name);
+        Err(self.refuse_because(ArrayFileError::Damaged { what }))
     }
 
     /// The error for a file that cannot be used.
     pub fn refuse(&self, reason: &str) -> Error {
-        refuse(&self.path, reason)
+        Error::input(refusal(&self.path, reason))
+    }
+
+    /// [`ArrayFile::refuse`] with the error that is the reason.
+    pub fn refuse_because(&self, reason: impl Problem) -> Error {
+        refused(&self.path, reason)
+    }
+
+    /// The error for an array or a value of another type.
+    fn layout(&self, kind: &'static str, name: &str) -> Error {
+        self.refuse_because(ArrayFileError::Layout { kind, name: name.to_owned() })
     }
 }
 
@@ -267,13 +281,17 @@ fn encode(value: &impl Serialize) -> Result<Vec<u8>> {
     postcard::to_stdvec(value).map_err(|e| Error::Internal(format!("a value of a file: {e}")))
 }
 
-fn refuse(path: &Path, reason: &str) -> Error {
-    Error::input(format!("cannot use the packed scene {}: {reason}", path.display()))
+fn refused(path: &Path, reason: impl Problem) -> Error {
+    Error::caused_by(refusal(path, &reason.to_string()), reason)
+}
+
+fn refusal(path: &Path, reason: &str) -> String {
+    format!("cannot use the packed scene {}: {reason}", path.display())
 }
 
 /// The reason to refuse a file of which `what` is damaged.
-fn damaged(what: &str) -> String {
-    format!("it is damaged: {what} do not match their checksum; pack the scene again")
+fn damaged(what: &str) -> ArrayFileError {
+    ArrayFileError::Damaged { what: what.to_owned() }
 }
 
 fn u64_at(header: &[u8; HEADER_BYTES], at: usize) -> u64 {
@@ -281,15 +299,15 @@ fn u64_at(header: &[u8; HEADER_BYTES], at: usize) -> u64 {
 }
 
 /// Checks a header and returns the bytes of the table.
-fn read_header(header: &[u8; HEADER_BYTES], length: u64) -> std::result::Result<Range<u64>, String> {
+fn read_header(header: &[u8; HEADER_BYTES], length: u64) -> Result<Range<u64>, ArrayFileError> {
     let u32_at = |at: usize| header[at..at + 4].try_into().map_or(0, u32::from_ne_bytes);
     if !header.starts_with(MAGIC) {
-        return Err("it is not a packed scene".to_owned());
+        return Err(ArrayFileError::Foreign);
     }
     match u32_at(12) {
         BYTE_ORDER => {}
         n if n == BYTE_ORDER.swap_bytes() => {
-            return Err("it was made on a machine of the other byte order; pack the scene again".to_owned());
+            return Err(ArrayFileError::ByteOrder);
         }
         _ => return Err(damaged("the bytes of its header")),
     }
@@ -297,12 +315,11 @@ fn read_header(header: &[u8; HEADER_BYTES], length: u64) -> std::result::Result<
         return Err(damaged("the bytes of its header"));
     }
     if u32_at(8) != VERSION {
-        let found = u32_at(8);
-        return Err(format!("it has version {found}, this program reads {VERSION}; pack the scene again"));
+        return Err(ArrayFileError::Version { found: u32_at(8), expected: VERSION });
     }
     let (start, table, stated) = (u64_at(header, 16), u64_at(header, 24), u64_at(header, 40));
     if stated != length {
-        return Err(format!("it has {length} bytes instead of {stated}; is it truncated?"));
+        return Err(ArrayFileError::Length { length, stated });
     }
     let end = start.checked_add(table).filter(|end| *end <= length);
     end.map(|end| start..end).ok_or_else(|| damaged("the bytes of its header"))

@@ -2,14 +2,17 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `error` | errors of such files |
 //! | `file` | the file format of named arrays and values, with checksums of everything |
 //! | `file_bytes` | the bytes of a file: read, or mapped if there are very many; the only `unsafe` code here |
 //! | `sum` | checksums of values of any kind |
 
+mod error;
 mod file;
 mod file_bytes;
 mod sum;
 
+pub use error::ArrayFileError;
 pub use file::{ArrayFile, ArrayFileWriter};
 pub use file_bytes::FileBytes;
 pub use sum::Checksum;

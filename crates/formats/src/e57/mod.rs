@@ -1,8 +1,10 @@
 //! E57 (ASTM E2807).
 
+mod error;
 mod read;
 mod write;
 
+pub use error::{E57Error, ScanError};
 pub(crate) use read::read;
 pub(crate) use write::e57;
 

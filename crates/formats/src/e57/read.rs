@@ -1,7 +1,7 @@
 //! E57 (ASTM E2807), all scans of a file with their poses. Points with an invalid state are left out;
 //! spherical coordinates are read where a scan has no Cartesian ones. Positions are metres by the standard.
 
-use super::SCAN_NAME;
+use super::{E57Error, SCAN_NAME, ScanError};
 use crate::{Attribute, AttributeSet, Misfits, PointRow, Reading};
 use ::e57::{E57Reader, PointCloud, RawValues, RecordDataType, RecordName, Transform};
 use std::io::Cursor;
@@ -10,13 +10,13 @@ use vlscan_base::damage::catch_decoder_panic;
 use vlscan_geom::DVec3;
 
 /// Reads a file.
-pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), E57Error> {
     let done = catch_decoder_panic(|| read_scans(bytes, reading));
-    done.unwrap_or_else(|| Err("its sections are damaged".to_owned()))
+    done.unwrap_or(Err(E57Error::Damaged))
 }
 
-fn read_scans(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
-    let mut file = E57Reader::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
+fn read_scans(bytes: &[u8], reading: &mut Reading) -> Result<(), E57Error> {
+    let mut file = E57Reader::new(Cursor::new(bytes))?;
     let clouds = file.pointclouds();
     let scans: Vec<Scan> = clouds.iter().map(Scan::new).collect();
     let mut attributes = AttributeSet::of(|attribute| scans.iter().any(|scan| scan.has(attribute)));
@@ -25,19 +25,16 @@ fn read_scans(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     }
     reading.sink.start(attributes);
     for (number, (cloud, scan)) in clouds.iter().zip(&scans).enumerate() {
-        let named = |problem: String| match &cloud.name {
-            Some(name) => format!("scan {} ({name:?}): {problem}", number + 1),
-            None => format!("scan {}: {problem}", number + 1),
-        };
+        let named = |source| E57Error::Scan { number: number + 1, name: cloud.name.clone(), source };
         if scan.position == Position::None {
-            return Err(named("its points have neither Cartesian nor spherical coordinates".to_owned()));
+            return Err(named(ScanError::NoCoordinates));
         }
         // Values that are all equal take no bits, so that the library cannot tell how many there are.
         if cloud.records > 0 && cloud.prototype.iter().all(|record| is_constant(&record.data_type)) {
-            return Err(named("all its values are constant".to_owned()));
+            return Err(named(ScanError::Constant));
         }
-        for values in file.pointcloud_raw(cloud).map_err(|e| named(e.to_string()))? {
-            let values = values.map_err(|e| named(e.to_string()))?;
+        for values in file.pointcloud_raw(cloud).map_err(|e| named(e.into()))? {
+            let values = values.map_err(|e| named(e.into()))?;
             let row = scan.row(&values, cloud, number);
             if let Some(row) = row
                 && let ControlFlow::Break(()) = reading.take(&row)

@@ -9,7 +9,7 @@
 
 use super::laz::{compress, laszip_builder};
 use super::write::LasFormat;
-use crate::out::{BlockCompressor, Offload, OutputStream};
+use crate::out::{BlockCompressor, BlockError, Offload, OutputStream};
 use crate::record::Tally;
 use ::laz::LazVlr;
 use ::laz::laszip::{ChunkTable, ChunkTableEntry};
@@ -96,7 +96,7 @@ impl CopcStream {
     ) -> Result<Octree> {
         let cube = Cube::around(tally);
         let items = self.laszip.clone();
-        let how = move |points: &[u8], out| compress(points, out, &items).map_err(|e| e.to_string());
+        let how = move |points: &[u8], out| compress(points, out, &items).map_err(BlockError::from);
         let mut builder = Builder {
             cube,
             record: self.points.record,

@@ -14,7 +14,7 @@ mod write;
 
 pub use laz::CHUNK_POINTS;
 pub(crate) use read::read;
-pub use read::{ExtraDimension, Header, LasFacts, LasReader, Selection};
+pub use read::{ExtraDimension, Header, LasError, LasFacts, LasReader, PointsError, Selection};
 pub use settings::{ExtraDimensions, LasSettings, LasVersion, PacketPlace};
 pub use write::{PACKETS_HEADER_BYTES, packets_header};
 pub(crate) use write::{copc, las, laz};

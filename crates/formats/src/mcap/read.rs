@@ -7,6 +7,7 @@ use flate2::Crc;
 use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
+use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::recognise::{Expected, FIRST_BYTES, foreign};
 
@@ -107,9 +108,12 @@ impl Input<'_> {
         let read = read.map_err(|e| Error::io("read", self.path, e))? as u64;
         self.at += read;
         if read != length {
-            let message =
-                format!("the file ends within its records, after byte {}; is it truncated?", self.at);
-            return Err(wrong(self.path, &message));
+            let message = format!(
+                "{}: the file ends within its records, after byte {}; is it truncated?",
+                self.path.display(),
+                self.at
+            );
+            return Err(Error::input_of(ProblemKind::Truncated, message));
         }
         Ok(())
     }

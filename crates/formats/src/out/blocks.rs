@@ -7,8 +7,22 @@ use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use vlscan_base::error::{Error, Result};
 
-/// Compresses a block into an empty buffer. An error is returned as a message.
-type CompressFn = dyn Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync;
+/// A block that cannot be compressed.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum BlockError {
+    /// Bytes that cannot be deflated.
+    #[error(transparent)]
+    Deflate(#[from] flate2::CompressError),
+    /// A stream that ended before its bytes.
+    #[error("deflate ended early")]
+    DeflateEnded,
+    /// Points that cannot be compressed.
+    #[error(transparent)]
+    Laz(#[from] laz::LasZipError),
+}
+
+/// Compresses a block into an empty buffer.
+type CompressFn = dyn Fn(&[u8], Vec<u8>) -> Result<Vec<u8>, BlockError> + Send + Sync;
 
 /// The blocks of one file that are being compressed.
 pub struct BlockCompressor {
@@ -29,7 +43,7 @@ struct Buffers {
 
 impl BlockCompressor {
     pub fn new(
-        compress: impl Fn(&[u8], Vec<u8>) -> std::result::Result<Vec<u8>, String> + Send + Sync + 'static,
+        compress: impl Fn(&[u8], Vec<u8>) -> Result<Vec<u8>, BlockError> + Send + Sync + 'static,
     ) -> BlockCompressor {
         // A block takes a few megabytes. The limit is one block per thread, and as many again in reserve
         // while the oldest one is compressed.

@@ -12,6 +12,6 @@ mod offload;
 mod stream;
 mod writes;
 
-pub(crate) use blocks::BlockCompressor;
+pub(crate) use blocks::{BlockCompressor, BlockError};
 pub use offload::{Job, NoOffload, Offload};
 pub use stream::{Destination, OutputStream};

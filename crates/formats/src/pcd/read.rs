@@ -2,10 +2,11 @@
 //! coordinates that are NaN, as organised clouds have them, are no points. The offset that this program
 //! writes as a comment is added.
 
+use super::PcdError;
 use crate::text::{float, is_line_end, last_of_line_ends};
 use crate::{Attribute, Columns, Reading};
 use std::ops::ControlFlow;
-use vlscan_base::columns::{Separator, comma_note, is_blank};
+use vlscan_base::columns::{Separator, is_blank};
 use vlscan_geom::DVec3;
 
 /// Bytes that LZF can make of one byte, at most.
@@ -77,7 +78,7 @@ impl Header {
         self.fields.iter().map(|field| field.size * field.count).sum()
     }
 
-    fn read(bytes: &[u8]) -> Result<Header, String> {
+    fn read(bytes: &[u8]) -> Result<Header, PcdError> {
         let mut at = 0;
         let mut lists: [Vec<String>; 4] = Default::default();
         let (mut points, mut width, mut height) = (None, None, 1);
@@ -85,22 +86,24 @@ impl Header {
         let line_end = last_of_line_ends(bytes);
         loop {
             let length = memchr::memchr(line_end, &bytes[at..]);
-            let end = at + length.ok_or("its header has no line DATA")?;
+            let end = at + length.ok_or(PcdError::NoData)?;
             let line = String::from_utf8_lossy(&bytes[at..end]).into_owned();
             at = end + 1;
             let words: Vec<&str> = line.split_whitespace().collect();
             // A second word is no part of a number.
-            let number =
-                || words.get(1).filter(|_| words.len() == 2).and_then(|word| word.parse::<usize>().ok());
+            let number = |keyword| {
+                let word = words.get(1).filter(|_| words.len() == 2);
+                word.and_then(|word| word.parse::<usize>().ok()).ok_or(PcdError::NotANumber { keyword })
+            };
             let list = || words[1..].iter().map(|word| (*word).to_owned()).collect();
             match words.first().copied().unwrap_or_default() {
                 "FIELDS" | "COLUMNS" => lists[0] = list(),
                 "SIZE" => lists[1] = list(),
                 "TYPE" => lists[2] = list(),
                 "COUNT" => lists[3] = list(),
-                "WIDTH" => width = Some(number().ok_or("its WIDTH is not a number")?),
-                "HEIGHT" => height = number().ok_or("its HEIGHT is not a number")?,
-                "POINTS" => points = Some(number().ok_or("its POINTS is not a number")?),
+                "WIDTH" => width = Some(number("WIDTH")?),
+                "HEIGHT" => height = number("HEIGHT")?,
+                "POINTS" => points = Some(number("POINTS")?),
                 "#" if words.get(1) == Some(&"vlscan") => is_own = true,
                 "#" => offset = offset_of_comment(&words).unwrap_or(offset),
                 "DATA" => {
@@ -109,10 +112,7 @@ impl Header {
                         Some("binary") => Encoding::Binary,
                         Some("binary_compressed") => Encoding::Compressed,
                         other => {
-                            return Err(format!(
-                                "expected DATA ascii, binary or binary_compressed, found {:?}",
-                                other.unwrap_or_default()
-                            ));
+                            return Err(PcdError::Encoding { found: other.unwrap_or_default().to_owned() });
                         }
                     };
                     let raster = width.and_then(|width| width.checked_mul(height));
@@ -124,7 +124,7 @@ impl Header {
                         )
                     });
                     let points = points.or(raster);
-                    let points = points.ok_or("its header has no POINTS")?;
+                    let points = points.ok_or(PcdError::NoPoints)?;
                     let header = Header {
                         fields: Vec::new(),
                         columns: Columns::default(),
@@ -144,11 +144,11 @@ impl Header {
         }
     }
 
-    fn with_fields(mut self, [names, sizes, kinds, counts]: &[Vec<String>; 4]) -> Result<Header, String> {
+    fn with_fields(mut self, [names, sizes, kinds, counts]: &[Vec<String>; 4]) -> Result<Header, PcdError> {
         for (keyword, list) in [("SIZE", sizes), ("TYPE", kinds), ("COUNT", counts)] {
             if !list.is_empty() && list.len() != names.len() {
                 let (fields, found) = (names.len(), list.len());
-                return Err(format!("its header has {fields} FIELDS, and {found} values after {keyword}"));
+                return Err(PcdError::FieldCount { fields, found, keyword });
             }
         }
         let (mut offset, mut index) = (0usize, 0usize);
@@ -158,7 +158,7 @@ impl Header {
             let count = counts.get(i).map_or(Some(1), |count| count.parse::<usize>().ok());
             let known = matches!((kind, size), (b'F', Some(4 | 8)) | (b'I' | b'U', Some(1 | 2 | 4 | 8)));
             let (Some(size), Some(count), true) = (size, count.filter(|c| *c < 1 << 20), known) else {
-                return Err(format!("expected SIZE, TYPE and COUNT of its field {name:?}"));
+                return Err(PcdError::Field { name: name.clone() });
             };
             self.fields.push(Field { kind, size, count, offset, index });
             offset += size * count;
@@ -170,7 +170,7 @@ impl Header {
             .zip(&self.fields)
             .map(|(name, field)| if name == "_" || field.count != 1 { "" } else { name.as_str() })
             .collect();
-        let columns = Columns::find_positions(&names).map_err(|e| e.to_string())?;
+        let columns = Columns::find_positions(&names)?;
         self.columns = columns.of_own_table(self.is_own);
         self.remarks = self.columns.remarks(&names);
         Ok(self)
@@ -185,7 +185,7 @@ fn offset_of_comment(words: &[&str]) -> Option<DVec3> {
 }
 
 /// Reads a file.
-pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PcdError> {
     let header = Header::read(bytes)?;
     header.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
     reading.sink.start(header.columns.attributes());
@@ -233,7 +233,7 @@ fn push(header: &Header, value: impl Fn(usize) -> f64, reading: &mut Reading) ->
     reading.take(&row)
 }
 
-fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), String> {
+fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), PcdError> {
     let mut passed = 0;
     let used: Vec<(Attribute, usize)> = header.columns.used().collect();
     let mut values = vec![f64::NAN; header.fields.len()];
@@ -245,10 +245,10 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
         others += u64::from(words.len() != width);
         for (attribute, column) in &used {
             let word = words.get(header.fields[*column].index).map_or(&b""[..], |at| &line[at.clone()]);
-            values[*column] = float(word).ok_or_else(|| {
-                let (what, found) = (attribute.described(), String::from_utf8_lossy(word));
-                let hint = comma_note(&found);
-                format!("point {passed} (from 0): expected {what}, found {found:?}{hint}")
+            values[*column] = float(word).ok_or_else(|| PcdError::Value {
+                point: passed,
+                expected: attribute.described(),
+                found: String::from_utf8_lossy(word).into_owned(),
             })?;
         }
         passed += 1;
@@ -266,27 +266,27 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
     is_whole(passed, header.points)
 }
 
-fn is_whole(held: usize, stated: usize) -> Result<(), String> {
+fn is_whole(held: usize, stated: usize) -> Result<(), PcdError> {
     match held < stated {
-        true => Err(format!("it ends after {held} of {stated} points; is the file truncated?")),
+        true => Err(PcdError::Truncated { held, stated }),
         false => Ok(()),
     }
 }
 
 /// The decompressed points, as many as the header states.
-fn decompressed(data: &[u8], header: &Header) -> Result<Vec<u8>, String> {
+fn decompressed(data: &[u8], header: &Header) -> Result<Vec<u8>, PcdError> {
     let size =
         |at: usize| data.get(at..at + 4).map(|b| u32::from_le_bytes(std::array::from_fn(|i| b[i])) as usize);
     let (Some(packed), Some(unpacked)) = (size(0), size(4)) else {
         return is_whole(0, 1).map(|()| Vec::new());
     };
     let packed = data.get(8..).and_then(|data| data.get(..packed));
-    let packed = packed.ok_or("it ends within its compressed points; is the file truncated?")?;
+    let packed = packed.ok_or(PcdError::CompressedPointsEnd)?;
     let expected = header.record_bytes().checked_mul(header.points);
     if expected != Some(unpacked) || unpacked / MAX_EXPANSION > packed.len() {
-        return Err(format!("its {} points are said to take {unpacked} bytes", header.points));
+        return Err(PcdError::CompressedSize { points: header.points, bytes: unpacked });
     }
-    lzf(packed, unpacked).ok_or_else(|| "its compressed points are damaged".to_owned())
+    lzf(packed, unpacked).ok_or(PcdError::Damaged)
 }
 
 /// Decompresses LZF: a byte below 32 precedes one more literals than it says; others are references to

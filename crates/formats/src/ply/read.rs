@@ -1,6 +1,6 @@
 //! Reads the vertices of PLY files, text and binary.
 
-use crate::{Attribute, Columns, PlyNumbers, Reading, ply_header};
+use crate::{Attribute, Columns, PlyError, PlyNumbers, Reading, ply_header};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
     Addable, ElementDef, Encoding, Header, KeyMap, Property, PropertyAccess, PropertyAccessResult,
@@ -9,7 +9,7 @@ use ply_rs_bw::ply::{
 use std::io::ErrorKind;
 
 /// Reads the vertices of a file.
-pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PlyError> {
     let mut file = PlyReader::open(bytes)?;
     file.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
     reading.sink.start(file.columns.attributes());
@@ -55,11 +55,13 @@ enum Values<'a> {
 
 impl<'a> PlyReader<'a> {
     /// Reads the header of a file and skips the elements before the vertices.
-    fn open(bytes: &'a [u8]) -> Result<PlyReader<'a>, String> {
+    fn open(bytes: &'a [u8]) -> Result<PlyReader<'a>, PlyError> {
         let parser = Parser::<Vertex>::new();
         let header = ply_header(bytes)?;
         let mut reader = Reader::new(header.text.as_bytes());
-        let Header { encoding, elements, .. } = parser.read_header(&mut reader).map_err(|e| e.to_string())?;
+        let parsed = parser.read_header(&mut reader);
+        let Header { encoding, elements, .. } =
+            parsed.map_err(|e| PlyError::Malformed { what: e.to_string() })?;
         let body = &bytes[header.body..];
         let mut file = PlyReader {
             values: match encoding {
@@ -79,7 +81,7 @@ impl<'a> PlyReader<'a> {
             if file.element.name == "vertex" {
                 let names: Vec<String> = file.element.properties.keys().cloned().collect();
                 let names: Vec<&str> = names.iter().map(String::as_str).collect();
-                let found = Columns::find_positions(&names).map_err(|e| format!("its vertices: {e}"))?;
+                let found = Columns::find_positions(&names)?;
                 file.remarks = found.remarks(&names);
                 file.is_ray_cloud &= ["time", "nx", "alpha"].iter().all(|name| names.contains(name));
                 file.columns = number_properties(&mut file.element, &found);
@@ -89,11 +91,11 @@ impl<'a> PlyReader<'a> {
                 file.read_element(at)?;
             }
         }
-        Err("it has no element \"vertex\"".to_owned())
+        Err(PlyError::NoVertices)
     }
 
     /// Reads element number `at`, from 0.
-    fn read_element(&mut self, at: usize) -> Result<Vertex, String> {
+    fn read_element(&mut self, at: usize) -> Result<Vertex, PlyError> {
         let read = match &mut self.values {
             Values::Text(numbers) => read_text_element(numbers, &self.element),
             Values::Binary(parser, encoding, rest) => {
@@ -102,20 +104,23 @@ impl<'a> PlyReader<'a> {
                     _ => parser.read_little_endian_element(rest, &self.element),
                 };
                 read.map_err(|e| match e.kind() {
-                    ErrorKind::UnexpectedEof => "the file ends; is it truncated?".to_owned(),
-                    _ => e.to_string().lines().next().unwrap_or_default().to_owned(),
+                    ErrorKind::UnexpectedEof => PlyError::Truncated,
+                    _ => {
+                        let what = e.to_string().lines().next().unwrap_or_default().to_owned();
+                        PlyError::Malformed { what }
+                    }
                 })
             }
         };
         read.map_err(|e| {
-            let (name, count) = (&self.element.name, self.element.count);
-            format!("{e} (after {at} of {count} elements \"{name}\")")
+            let (name, count) = (self.element.name.clone(), self.element.count);
+            PlyError::Element { at, count, name, source: Box::new(e) }
         })
     }
 }
 
 /// Reads an element of a text file. Lines do not matter.
-fn read_text_element(numbers: &mut PlyNumbers, element: &ElementDef) -> Result<Vertex, String> {
+fn read_text_element(numbers: &mut PlyNumbers, element: &ElementDef) -> Result<Vertex, PlyError> {
     let mut vertex = Vertex::new();
     for property in element.properties.values() {
         match &property.data_type {

@@ -15,7 +15,7 @@ pub(crate) use parquet::read_parquet;
 #[cfg(not(feature = "parquet"))]
 pub fn read_number_columns(path: &Path, _names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
     let message = format!("{} cannot be read: this build does not read Parquet", path.display());
-    Err(Error::input_with_help(message, crate::point_format::build_with("parquet")))
+    Err(Error::unsupported(message, crate::point_format::build_with("parquet")))
 }
 
 use super::{Columns, PointSink, Reading};
@@ -36,7 +36,7 @@ pub const MISSES_KEY: &str = "misses";
 /// Finds the columns of the points by name, and starts the sink; columns without numbers have empty names.
 fn start(names: &[&str], reading: &mut Reading) -> Result<Columns> {
     let columns = Columns::find_positions(names)
-        .map_err(|problem| Error::input(format!("{}: {problem}", reading.path.display())))?;
+        .map_err(|problem| Error::caused_by(format!("{}: {problem}", reading.path.display()), problem))?;
     for remark in columns.remarks(names) {
         reading.warn(remark);
     }

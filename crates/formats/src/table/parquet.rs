@@ -13,6 +13,7 @@ use ::parquet::schema::types::ColumnDescriptor;
 use bytes::Bytes;
 use std::path::Path;
 use vlscan_base::damage::catch_decoder_panic;
+use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::store::FileBytes;
 
@@ -41,7 +42,7 @@ fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
             open.push((column, group.get_column_reader(column).map_err(failed)?));
         }
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); leaves.len()];
-        let mut left = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+        let mut left = row_count(group.metadata()).map_err(failed)?;
         while left > 0 {
             let rows = left.min(READ_ROWS);
             for (column, reader) in &mut open {
@@ -84,7 +85,7 @@ fn number_columns(file: Bytes, path: &Path, names: &[&str]) -> Result<Vec<Option
     let mut columns: Vec<Option<Vec<f64>>> = at.iter().map(|at| at.map(|_| Vec::new())).collect();
     for group in 0..reader.num_row_groups() {
         let group = reader.get_row_group(group).map_err(failed)?;
-        let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+        let rows = row_count(group.metadata()).map_err(failed)?;
         for (at, column) in at.iter().zip(&mut columns) {
             let (Some(at), Some(column)) = (at, column) else { continue };
             check_compression(group.metadata(), *at, path)?;
@@ -102,9 +103,20 @@ fn number_columns(file: Bytes, path: &Path, names: &[&str]) -> Result<Vec<Option
     Ok(columns)
 }
 
+/// Number of rows of a group.
+fn row_count(group: &RowGroupMetaData) -> ::parquet::errors::Result<usize> {
+    let rows = group.num_rows();
+    usize::try_from(rows).map_err(|_| ParquetError::General(format!("a row group of {rows} rows")))
+}
+
 /// The error for a file that the library cannot read.
 fn unreadable(path: &Path, error: &ParquetError) -> Error {
-    Error::input(format!("{} is not a Parquet file that can be read: {error}", path.display()))
+    let kind = match error {
+        ParquetError::EOF(_) => ProblemKind::Truncated,
+        ParquetError::NYI(_) => ProblemKind::Unsupported,
+        _ => ProblemKind::Invalid,
+    };
+    Error::input_of(kind, format!("{} is not a Parquet file that can be read: {error}", path.display()))
 }
 
 /// Checks that this build reads the compression of a column.
@@ -123,7 +135,7 @@ fn check_compression(group: &RowGroupMetaData, column: usize, path: &Path) -> Re
         path.display(),
         column.column_path().string()
     );
-    Err(Error::input_with_help(message, help))
+    Err(Error::unsupported(message, help))
 }
 
 /// True if a column holds one number per row; dates, times, decimals and members of nested columns are none.

@@ -4,7 +4,7 @@
 //! The stream is compressed in independent blocks by idle workers; its bytes depend on the lines alone.
 
 use crate::encode::{Ending, FileBody};
-use crate::out::{BlockCompressor, Destination, Offload, OutputStream};
+use crate::out::{BlockCompressor, BlockError, Destination, Offload, OutputStream};
 use adler2::Adler32;
 use flate2::bufread::ZlibDecoder;
 use flate2::{Compress, Compression, FlushCompress, Status};
@@ -86,7 +86,7 @@ impl ArchiveBody {
 
 /// Compresses one block as a part of a deflate stream that ends at a byte boundary and refers to no earlier
 /// block.
-fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, String> {
+fn deflate(plain: &[u8], mut out: Vec<u8>) -> Result<Vec<u8>, BlockError> {
     let mut deflate = Compress::new(Compression::best(), false);
     // Capacity for the worst case: a full output buffer would interrupt the compressor and so change the
     // bytes.
@@ -94,14 +94,14 @@ fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, Strin
     loop {
         let done = deflate.total_in() as usize;
         let status = deflate.compress_vec(&plain[done..], &mut out, FlushCompress::Sync);
-        match status.map_err(|e| e.to_string())? {
+        match status? {
             Status::Ok | Status::BufError
                 if deflate.total_in() as usize == plain.len() && out.len() < out.capacity() =>
             {
                 return Ok(out);
             }
             Status::Ok | Status::BufError => out.reserve(out.capacity().max(64)),
-            Status::StreamEnd => return Err("deflate ended early".to_owned()),
+            Status::StreamEnd => return Err(BlockError::DeflateEnded),
         }
     }
 }
@@ -115,7 +115,7 @@ fn deflate(plain: &[u8], mut out: Vec<u8>) -> std::result::Result<Vec<u8>, Strin
 pub fn unzip(name: &Path, file: impl BufRead, to: Option<&Path>, force: bool) -> Result<u64> {
     let place = to.map_or(Destination::Stdout, |path| Destination::Path(path.to_path_buf()));
     if let Some(path) = to.filter(|path| !force && !is_special(path) && path.symlink_metadata().is_ok()) {
-        return Err(Error::input(format!("{} exists already; overwrite it with --force", path.display())));
+        return Err(Error::exists(path));
     }
     let mut archive = Archive::open(name, file)?;
     let mut out = OutputStream::open(&place, force, Patched::Never)?;

@@ -10,15 +10,20 @@ const MAX_DEVIATION: f64 = 0.01;
 pub(super) const MATRIX_HELP: &str =
     "the matrix is no rotation: its first three columns must have length 1 and be orthogonal";
 
+/// A quaternion that is no rotation, by its length.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the quaternion's length is {0}, expected 1")]
+pub(super) struct QuaternionLength(f64);
+
 /// The rotation of a quaternion w, x, y, z, whose length may differ from 1 by its decimals.
 ///
 /// # Errors
-/// A quaternion of another length, as a message.
-pub(super) fn of_quaternion([w, x, y, z]: [f64; 4]) -> Result<Rotation, String> {
+/// A quaternion of another length.
+pub(super) fn of_quaternion([w, x, y, z]: [f64; 4]) -> Result<Rotation, QuaternionLength> {
     let u = DVec3::new(x, y, z);
     let length = (w * w + u.dot(u)).sqrt();
     if (length - 1.0).abs() > MAX_DEVIATION || length.is_nan() {
-        return Err(format!("the quaternion's length is {length}, expected 1"));
+        return Err(QuaternionLength(length));
     }
     Ok(Rotation { w: w / length, u: u / length })
 }

@@ -1,7 +1,8 @@
 //! Names of columns in a file of poses: a heading among the lines before the first pose, the columns of an
 //! Arrow stream, and the directives of HELIOS++.
 
-use super::layout::{MAX_COLUMNS, PoseLayout, SCHEMA};
+use super::layout::{PoseLayout, SCHEMA};
+use super::layout_error::{MAX_COLUMNS, PoseLayoutError};
 use vlscan_base::columns::{Separator, has_decimal_comma};
 use vlscan_base::diag::Place;
 use vlscan_tables::input::rows::{LeadingLine, Row, RowDecoder, RowError};
@@ -23,16 +24,15 @@ pub(super) struct Directives {
 
 impl Directives {
     /// Parses a comment line; returns whether it was a directive.
-    fn parse(&mut self, comment: &str) -> Result<bool, String> {
+    fn parse(&mut self, comment: &str) -> Result<bool, PoseLayoutError> {
         if let Some(names) = comment.strip_prefix("#HEADER:") {
             let names = Separator::guess(names).split(names).map(|at| &names[at]);
             self.layout = Some(PoseLayout::from_headings(names)?);
         } else if let Some(column) = comment.strip_prefix("#TIME_COLUMN:") {
             let column = column.trim();
             let number = column.parse().ok().filter(|number| *number < MAX_COLUMNS);
-            self.time_column = Some(number.ok_or_else(|| {
-                format!("expected the number of a column below {MAX_COLUMNS}, found `{column}`")
-            })?);
+            let found = || PoseLayoutError::TimeColumn { found: column.to_owned() };
+            self.time_column = Some(number.ok_or_else(found)?);
         } else {
             return Ok(false);
         }
@@ -54,7 +54,7 @@ pub(super) struct StatedColumns {
     /// The last line before the first pose that is neither a comment nor a heading, if there is no heading.
     pub words: Option<Place>,
     /// The heading or the columns of an Arrow stream, and the place of the heading.
-    header: Option<(Result<PoseLayout, String>, Option<Place>)>,
+    header: Option<(Result<PoseLayout, PoseLayoutError>, Option<Place>)>,
 }
 
 impl StatedColumns {
@@ -67,7 +67,8 @@ impl StatedColumns {
         let (mut directives, mut has_directives) = (Directives::default(), false);
         for line in rows.leading().iter().filter(|line| line.is_comment) {
             let parsed = directives.parse(&line.text);
-            has_directives |= parsed.map_err(|message| RowError { place: line.place.clone(), message })?;
+            has_directives |=
+                parsed.map_err(|e| RowError { place: line.place.clone(), message: e.to_string() })?;
         }
         let texts: Vec<String> = first.into_iter().flat_map(Row::texts).collect();
         let line = first.filter(|_| !texts.is_empty());
@@ -101,7 +102,7 @@ impl StatedColumns {
     }
 
     /// The layout of the heading.
-    pub fn header(&self) -> Option<Result<PoseLayout, String>> {
+    pub fn header(&self) -> Option<Result<PoseLayout, PoseLayoutError>> {
         self.header.as_ref().map(|(layout, _)| layout.clone())
     }
 
@@ -134,7 +135,7 @@ fn find_heading(
     lines: &[LeadingLine],
     width: usize,
     separator: Separator,
-) -> Option<(Result<PoseLayout, String>, usize)> {
+) -> Option<(Result<PoseLayout, PoseLayoutError>, usize)> {
     for (i, line) in lines.iter().enumerate().rev().take(MAX_LOOKED_AT) {
         let names = names_of(&line.text, width, separator);
         if names.iter().any(|name| is_finite_number(name)) {
@@ -180,7 +181,7 @@ fn names_of(text: &str, width: usize, separator: Separator) -> Vec<String> {
 ///
 /// # Errors
 /// A sentence in brackets about radians or feet.
-fn units_of(text: &str, count: usize) -> Result<Option<Vec<String>>, String> {
+fn units_of(text: &str, count: usize) -> Result<Option<Vec<String>>, PoseLayoutError> {
     let text = text.trim_start_matches(['#', '%', ' ', '\t']);
     if text.starts_with(['(', '[']) {
         let units: Vec<String> = text
@@ -193,9 +194,7 @@ fn units_of(text: &str, count: usize) -> Result<Option<Vec<String>>, String> {
         }
         let lower = text.to_lowercase();
         if ["radian", "feet", "foot"].iter().any(|unit| lower.contains(unit)) {
-            return Err(format!(
-                "the units `{text}` are not one for each column; write them behind the names: x[ft]"
-            ));
+            return Err(PoseLayoutError::Units { text: text.to_owned() });
         }
         return Ok(None);
     }
@@ -276,7 +275,7 @@ mod tests {
             345600.0 0.0 4.5 5.5 300.1 1 2 3 0.01\n";
         assert_eq!(layout(pospac).columns, [0, 5, 6, 7, 2, 3, 4].map(Some));
         let radians = pospac.replace("Degrees", "Radians");
-        assert!(stated(&radians).header().unwrap().unwrap_err().contains("not one for each column"));
+        assert!(matches!(stated(&radians).header().unwrap(), Err(PoseLayoutError::Units { .. })));
         let terrapos = "#----\n# Week  ToW (s)  Lat (deg)  Lon (deg)  Hght (m)  Roll(d)  Pitch(d)  Head(d)  #S\n#----\n\
             1972 518430.0 70.08 29.7 56.8 1 2 3 6\n";
         assert_eq!(layout(terrapos).columns, [1, 5, 6, 7, 3, 2, 4].map(Some));

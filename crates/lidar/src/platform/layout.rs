@@ -1,6 +1,7 @@
 //! Columns of poses: which column of a row holds which component, and its unit.
 
 use super::attitude::{MATRIX_HELP, of_matrix, of_quaternion};
+use super::layout_error::{MAX_COLUMNS, PoseLayoutError};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity;
 use vlscan_geom::{Rotation, radians};
@@ -178,7 +179,9 @@ impl PoseLayout {
     }
 
     /// The layout that headings describe.
-    pub fn from_headings(names: impl IntoIterator<Item = impl AsRef<str>>) -> Result<PoseLayout, String> {
+    pub fn from_headings(
+        names: impl IntoIterator<Item = impl AsRef<str>>,
+    ) -> Result<PoseLayout, PoseLayoutError> {
         let names = join_units(names);
         let mut layout = PoseLayout::of(Headings::of(&names, &SCHEMA))?;
         layout.width = Some((names.len(), "the heading"));
@@ -188,30 +191,27 @@ impl PoseLayout {
     }
 
     /// The layout of an Arrow stream; other columns than those of poses need not be numbers.
-    pub fn from_fields(fields: &[TableField]) -> Result<PoseLayout, String> {
+    pub fn from_fields(fields: &[TableField]) -> Result<PoseLayout, PoseLayoutError> {
         let headings = Headings::of(fields.iter().map(|field| &field.heading), &SCHEMA);
         let read = headings.columns.iter().map(|column| &fields[column.index]);
         if let Some(field) = read.into_iter().find(|field| !field.is_number()) {
-            return Err(format!("column `{}` holds {}, expected numbers", field.heading, field.holds));
+            return Err(PoseLayoutError::NotNumbers { column: field.heading.clone(), holds: field.holds });
         }
         PoseLayout::of(headings)
     }
 
     /// The layout of headings, which may repeat a height beside both projected and geographic coordinates.
     /// Projected coordinates take precedence over latitude and longitude, and quaternions over angles.
-    fn of(mut headings: Headings) -> Result<PoseLayout, String> {
+    fn of(mut headings: Headings) -> Result<PoseLayout, PoseLayoutError> {
         if let Some(wrong) = headings.wrong_units.first() {
-            return Err(wrong.clone());
+            return Err(PoseLayoutError::Unit { what: wrong.clone() });
         }
         let has = |quantity| headings.has(quantity);
         let is_projected = has(Quantity::X) && has(Quantity::Y);
         let is_geographic = has(Quantity::Longitude) && has(Quantity::Latitude);
         for (name, earlier) in std::mem::take(&mut headings.repeated) {
             if !(is_projected && is_geographic && name.eq_ignore_ascii_case(&earlier)) {
-                return Err(format!(
-                    "columns `{earlier}` and `{name}` have the same meaning; rename one, or choose with \
-                     --trajectory-columns"
-                ));
+                return Err(PoseLayoutError::Duplicate { earlier, name });
             }
             headings.unused.push(name);
         }
@@ -231,8 +231,8 @@ impl PoseLayout {
             [Some(w), Some(x), Some(y), Some(z)] => AttitudeColumns::Quaternion([w, x, y, z]),
             _ => {
                 let missing = QUATERNION.iter().zip(quaternion).filter(|(_, column)| column.is_none());
-                let missing: Vec<&str> = missing.map(|(quantity, _)| quantity.name()).collect();
-                return Err(format!("no column for {}", missing.join(", ")));
+                let quantities = missing.map(|(quantity, _)| quantity.name()).collect();
+                return Err(PoseLayoutError::Missing { quantities, suggestion: None });
             }
         };
         let mut layout = PoseLayout { geographic, attitude, ..PoseLayout::empty() };
@@ -255,38 +255,37 @@ impl PoseLayout {
 
     /// The layout that a user chooses: headings in their order, where unknown names skip a column, or
     /// `heading=number` with numbers from 1.
-    pub fn chosen(columns: &[String]) -> Result<PoseLayout, String> {
+    pub fn chosen(columns: &[String]) -> Result<PoseLayout, PoseLayoutError> {
         let mut headings = Headings::default();
         let numbered = columns.iter().any(|column| column.contains('='));
         for (i, column) in columns.iter().enumerate() {
             let (name, number) = match column.rsplit_once('=') {
                 Some((name, number)) => (name, number.trim().parse().unwrap_or(0)),
-                None if numbered => return Err(format!("`{column}` has no number as the others have")),
+                None if numbered => return Err(PoseLayoutError::NoNumber { column: column.clone() }),
                 None => (column.as_str(), i + 1),
             };
             if !(1..=MAX_COLUMNS).contains(&number) {
-                let expected =
-                    format!("expected a name and a number from 1 to {MAX_COLUMNS}, such as time=1");
-                return Err(format!("`{column}`: {expected}"));
+                return Err(PoseLayoutError::Number { column: column.clone() });
             }
             headings.add(number - 1, name.trim(), &SCHEMA);
             let is_unknown = headings.unknown.pop().is_some() | headings.unused.pop().is_some();
             if is_unknown && numbered {
-                return Err(format!("`{name}` is none of {CHOICES}"));
+                return Err(PoseLayoutError::Unknown { name: name.to_owned() });
             }
         }
         if let Some((name, earlier)) = headings.repeated.first() {
-            return Err(format!("`{earlier}` and `{name}` have the same meaning"));
+            let (earlier, name) = (earlier.clone(), name.clone());
+            return Err(PoseLayoutError::DuplicateChoice { earlier, name });
         }
         for (i, later) in headings.columns.iter().enumerate() {
             if let Some(one) = headings.columns[..i].iter().find(|one| one.index == later.index) {
                 let (one, other) = (one.quantity.name(), later.quantity.name());
-                return Err(format!("{one} and {other} are both column {}", later.index + 1));
+                return Err(PoseLayoutError::SameColumn { one, other, column: later.index + 1 });
             }
         }
         let layout = PoseLayout::of(headings)?;
         if let Some(name) = layout.unread.unknown.iter().chain(&layout.unread.usual).next() {
-            return Err(format!("`{name}` would not be read beside the other columns"));
+            return Err(PoseLayoutError::Unread { name: name.clone() });
         }
         Ok(layout)
     }
@@ -308,16 +307,16 @@ impl PoseLayout {
         }
     }
 
-    pub fn complete(self, wanted: &[PoseColumn]) -> Result<PoseLayout, String> {
+    pub fn complete(self, wanted: &[PoseColumn]) -> Result<PoseLayout, PoseLayoutError> {
         let has_angles = self.attitude == AttitudeColumns::Angles;
         let is_missing =
             |c: &&PoseColumn| self.columns[**c as usize].is_none() && (has_angles || !c.is_angle());
-        let missing: Vec<&str> = wanted.iter().filter(is_missing).map(|c| c.quantity().name()).collect();
-        if missing.is_empty() {
+        let quantities: Vec<&'static str> =
+            wanted.iter().filter(is_missing).map(|c| c.quantity().name()).collect();
+        if quantities.is_empty() {
             return Ok(self);
         }
-        let meant = self.unread.help.map_or_else(String::new, |question| format!("; {question}"));
-        Err(format!("no column for {}{meant}", missing.join(", ")))
+        Err(PoseLayoutError::Missing { quantities, suggestion: self.unread.help })
     }
 
     /// Warns of columns with unknown names, and lists others that are not read.
@@ -378,7 +377,7 @@ impl PoseLayout {
                     *number = number_of(row, *column, quantity.name())?;
                 }
                 let rotation = of_quaternion(numbers);
-                Some(rotation.map_err(|message| row.error(columns.iter().min().copied(), message))?)
+                Some(rotation.map_err(|e| row.error(columns.iter().min().copied(), e.to_string()))?)
             }
             AttitudeColumns::Matrix(columns) => {
                 let mut numbers = [0.0; 9];
@@ -413,10 +412,6 @@ fn number_of(row: &Row, column: usize, name: &str) -> Result<f64, RowError> {
     if number.is_finite() { Ok(number) } else { Err(row.expected_number(column, name)) }
 }
 
-/// Maximum number of columns.
-pub(super) const MAX_COLUMNS: usize = 1000;
-const CHOICES: &str = "time, x, y, z, roll, pitch, yaw, lat, lon, qx, qy, qz, qw";
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -428,7 +423,7 @@ mod tests {
     }
 
     fn layout(line: &str) -> Result<PoseLayout, String> {
-        PoseLayout::from_headings(names(line))
+        PoseLayout::from_headings(names(line)).map_err(|e| e.to_string())
     }
 
     /// The message about a row, if there is one, and the text that it marks.
@@ -488,7 +483,8 @@ mod tests {
         let chosen =
             |list: &[&str]| PoseLayout::chosen(&list.iter().map(|c| (*c).to_owned()).collect::<Vec<_>>());
         let e = chosen(&["time=1", "x=1", "y=2", "z=3", "roll=4", "pitch=5", "yaw=6"]).unwrap_err();
-        assert_eq!(e, "time and x are both column 1");
+        assert_eq!(e, PoseLayoutError::SameColumn { one: "time", other: "x", column: 1 });
+        assert_eq!(e.to_string(), "time and x are both column 1");
         assert!(chosen(&["time", "x", "y", "z", "roll", "pitch", "yaw"]).is_ok());
         let named = layout("time,x,y,z,roll,pitch,yaw").unwrap();
         let numbered = PoseLayout::numbered([0, 1, 2, 3, 4, 5, 6]);
@@ -520,7 +516,10 @@ mod tests {
         assert!(refused(&l, "0 0 0 0 0 0 0 2").1.contains("the quaternion's length is 2"));
         assert!(refused(&l, "0 0 0 0 0 0 0 1 5").1.contains("9 fields, expected 8 as in the heading"));
         assert!(layout("t,x,y,z,qx,qy,qz").unwrap_err().contains("no column for qw"));
-        let chosen = |list: &str| PoseLayout::chosen(&list.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let chosen = |list: &str| {
+            let chosen = PoseLayout::chosen(&list.split(',').map(str::to_owned).collect::<Vec<_>>());
+            chosen.map_err(|e| e.to_string())
+        };
         let l = chosen("time_ms,x,y,z,qw,qx,qy,qz").unwrap();
         assert_eq!((l.attitude, l.factors[0]), (AttitudeColumns::Quaternion([4, 5, 6, 7]), Some(1e-3)));
         assert!(chosen("time,x,y,z,qw,qx,qy,qz,yaw").unwrap_err().contains("`yaw` would not be read"));

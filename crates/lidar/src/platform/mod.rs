@@ -12,7 +12,7 @@
 //! | `interpolated`, `table`, `trajectory_file` | motion along a table of recorded poses, the table, its files |
 //! | `stream` | motion along poses as they arrive |
 //! | `poses` | reads poses in any format while they arrive |
-//! | `layout`, `header` | columns of poses in text, and their names |
+//! | `layout`, `layout_error`, `header` | columns of poses in text, their errors and their names |
 //! | `attitude` | quaternions and matrices in the axes of other programs |
 
 mod attitude;
@@ -21,6 +21,7 @@ mod ground_vehicle;
 mod header;
 mod interpolated;
 mod layout;
+mod layout_error;
 mod linear;
 mod multicopter;
 mod physics;
@@ -34,6 +35,7 @@ pub(crate) mod testing;
 mod trajectory_file;
 
 pub use course::{LegCourse, LegEntry, Span};
+pub use layout_error::PoseLayoutError;
 pub use plan::{Motion, PlatformPlan};
 pub use poses::{MAX_FLOWN_GAP, PollResult, Pose, PoseEvent, PoseReader};
 pub use state::PlatformState;

@@ -5,6 +5,7 @@ use super::course::reported_angles;
 use super::header::StatedColumns;
 use super::interpolated::composed;
 use super::layout::{ANGLES, AttitudeColumns, POSE_COLUMNS, PoseColumn, PoseLayout};
+use super::layout_error::PoseLayoutError;
 use super::poses::decoder::read_binary;
 use super::poses::fix::{Fix, FixPlace, Pose, RecordError};
 use super::poses::georeference::Georeference;
@@ -276,9 +277,9 @@ fn find_layout(
             }
             Some((layout, stated.has_header_row))
         }
-        Err(message) => {
+        Err(error) => {
             let place = stated.words.clone().or(stated.header_place()).or(place());
-            problems.error(place, message).help(
+            problems.error(place, error.to_string()).because_of(error).help(
                 "give tIndex, xIndex … in the survey or a line `#HEADER: \"t\", \"roll\", \"pitch\", \
                  \"yaw\", \"x\", \"y\", \"z\"` in the file",
             );
@@ -308,7 +309,7 @@ fn choose_layout(
     file: &TrajectoryFile,
     stated: &StatedColumns,
     position_only: bool,
-) -> Result<PoseLayout, String> {
+) -> Result<PoseLayout, PoseLayoutError> {
     use PoseColumn::{Time, X, Y, Z};
     let wanted: &[PoseColumn] = if position_only { &[Time, X, Y, Z] } else { &POSE_COLUMNS };
     let time = stated.directives.time_column;
@@ -321,11 +322,11 @@ fn choose_layout(
     } else if let Some(header) = stated.header() {
         header?
     } else if stated.words.is_some() {
-        return Err("none of these names is that of a component of a pose".to_owned());
+        return Err(PoseLayoutError::NoNames);
     } else if time.is_some() {
         PoseLayout::in_order(wanted, time)
     } else {
-        return Err("no column is named as the time".to_owned());
+        return Err(PoseLayoutError::NoTime);
     };
     if position_only {
         ANGLES.iter().for_each(|&angle| layout.columns[angle as usize] = None);

@@ -10,6 +10,7 @@ use super::options::PhysicsOptions;
 use super::peaks::Peaks;
 use super::photon_counter::PhotonCounter;
 use super::receiver::{FalseAlarms, ReceiverModel, receiver_noise};
+use super::receiver_error::ReceiverError;
 use super::sampled;
 use super::selection::ReturnSelection;
 use super::shape::{self, PulseShape, sample_count};
@@ -111,7 +112,8 @@ impl Instrument {
         // Echoes count until the next pulse.
         let farthest = device.detector.range_max.min(LIGHT_SPEED * 0.5e9 / frequency);
         let gate = (device.detector.range_min / light_speed, farthest / light_speed);
-        let named = |problem| Error::input(format!("device {}: {problem}", device.id));
+        let named =
+            |problem: ReceiverError| Error::caused_by(format!("device {}: {problem}", device.id), problem);
         let model = ReceiverModel::new(receiver, noise, &shape, stated, gate, o.seed).map_err(named)?;
         // Instruments that count photons know which pulse they belong to, where their window is stated.
         let limit = device.detector.range_max / light_speed;

@@ -15,7 +15,7 @@
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
-//! | `receiver`, `noise`, `ranging`, `selection` | receivers that are not ideal: noise, ranging, photon statistics, dead time |
+//! | `receiver`, `receiver_error`, `noise`, `ranging`, `selection` | receivers that are not ideal: noise, ranging, photon statistics, dead time |
 //! | `photon_counter` | receivers that count single photons |
 //! | `maximum` | time and height of an echo between its samples |
 //! | `detector_settings`, `peak_detection`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
@@ -47,6 +47,7 @@ mod ranging;
 mod ray_batch;
 mod receive;
 mod receiver;
+mod receiver_error;
 mod recorded;
 mod reflect;
 mod reflections;
@@ -75,6 +76,7 @@ pub use instrument::{InstrumentTable, count_echoes_of_one_pulse};
 pub use options::{PhysicsOptions, PhysicsProfile};
 pub use physics::Physics;
 pub use receiver::FalseAlarms;
+pub use receiver_error::ReceiverError;
 pub use recorded::{RecordedEcho, recorded_echoes};
 pub use simulator::{Phase, PulseSimulator};
 pub use vlscan_base::corrections::Corrections;

@@ -8,6 +8,7 @@
 //! share the light are channels of the scanner.
 
 use super::detector_settings::{DetectorSettings, Return};
+use super::receiver_error::ReceiverError;
 use super::shape::PulseShape;
 use super::waveform::Waveform;
 use vlscan_base::error::{Error, Result};
@@ -53,7 +54,7 @@ impl PhotonCounter {
     /// `gate` are the travel times between which photons count, ns; 0 `max_returns` are any number.
     ///
     /// # Errors
-    /// A message if there is no threshold that tells how many photoelectrons an echo has, or too much
+    /// If there is no threshold that tells how many photoelectrons an echo has, or too much
     /// background light.
     pub fn new(
         receiver: &Receiver,
@@ -61,28 +62,24 @@ impl PhotonCounter {
         threshold: f64,
         (gate, max_returns): ((f64, f64), u32),
         seed: u64,
-    ) -> Result<Option<PhotonCounter>, String> {
+    ) -> Result<Option<PhotonCounter>, ReceiverError> {
         if receiver.ranging != Ranging::Photons {
             return Ok(None);
         }
         let photons = f64::from(receiver.threshold_photons.unwrap_or(1));
         if !(threshold > 0.0 && threshold.is_finite()) {
-            return Err(
-                "a receiver that counts photons needs a threshold above 0, which tells how bright an echo of \
-                 `threshold_photons` is; state `max_range`"
-                    .to_owned(),
-            );
+            return Err(ReceiverError::NoThreshold);
         }
         // The light of an echo whose peak is at the threshold.
         let light = threshold * shape.samples.iter().sum::<f64>() * shape.bin / shape.top;
         let background = receiver.shot.map_or(0.0, |s| s.background * s.responsivity / ELECTRON * 1e-9);
         let expected = background * (gate.1 - gate.0);
         if expected > MAX_BACKGROUND {
-            return Err(format!(
-                "background light of {:.1e} photoelectrons a second makes about {expected:.0} returns per \
-                 pulse, at most {MAX_BACKGROUND} are allowed; lower `background_w` or limit the range",
-                background * 1e9
-            ));
+            return Err(ReceiverError::Background {
+                photons: background * 1e9,
+                returns: expected,
+                max: MAX_BACKGROUND,
+            });
         }
         Ok(Some(PhotonCounter {
             per_light: photons / light,
@@ -318,8 +315,8 @@ mod tests {
         };
         assert!(of(Receiver::default(), 2.0).unwrap().is_none());
         let photons = Receiver { ranging: Ranging::Photons, ..Receiver::default() };
-        assert!(of(photons.clone(), 0.0).unwrap_err().contains("max_range"));
+        assert!(of(photons.clone(), 0.0).unwrap_err().to_string().contains("max_range"));
         let shot = Some(ShotNoise { background: 1e-6, responsivity: 0.5 });
-        assert!(of(Receiver { shot, ..photons }, 2.0).unwrap_err().contains("background_w"));
+        assert!(of(Receiver { shot, ..photons }, 2.0).unwrap_err().to_string().contains("background_w"));
     }
 }

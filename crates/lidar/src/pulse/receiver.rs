@@ -11,6 +11,7 @@ use super::energy::NANO;
 use super::lanes::LANES;
 use super::noise::{FalseAlarm, PulseDraws, ReceiverNoise, matched_bandwidth, shot_variance};
 use super::ranging::RangeReader;
+use super::receiver_error::ReceiverError;
 use super::shape::PulseShape;
 use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
 use libm::sqrt;
@@ -104,7 +105,7 @@ impl ReceiverModel {
     /// count, ns.
     ///
     /// # Errors
-    /// A message if the threshold is so low that noise causes more than [`MAX_ALARMS`] echoes per pulse, or
+    /// If the threshold is so low that noise causes more than [`MAX_ALARMS`] echoes per pulse, or
     /// so high that the saturated output never reaches it.
     pub fn new(
         receiver: &Receiver,
@@ -113,7 +114,7 @@ impl ReceiverModel {
         threshold: f64,
         gate: (f64, f64),
         seed: u64,
-    ) -> Result<Option<ReceiverModel>, String> {
+    ) -> Result<Option<ReceiverModel>, ReceiverError> {
         let reader = calibrated_reader(receiver, shape);
         let limit = receiver.saturation.map_or(f64::INFINITY, |power| power * NANO);
         if noise.is_none() && limit == f64::INFINITY && receiver.range_walk == 0.0 && reader.is_none() {
@@ -121,22 +122,17 @@ impl ReceiverModel {
         }
         let power = unsaturated(threshold, limit);
         if power == f64::INFINITY {
-            return Err(format!(
-                "the detection threshold of {:.3e} W is not below the saturation at {:.3e} W, so that no \
-                 echo can reach it; lower the threshold or raise the saturation",
-                threshold / NANO,
-                limit / NANO,
-            ));
+            return Err(ReceiverError::Saturation { threshold: threshold / NANO, saturation: limit / NANO });
         }
         if let Some(noise) = &noise {
             let expected = expected_alarms(noise, power, gate);
             if expected > MAX_ALARMS {
-                return Err(format!(
-                    "a threshold of {:.3e} W over noise of {:.3e} W makes about {expected:.0} false alarms \
-                     per pulse, at most {MAX_ALARMS} are allowed; raise the threshold or limit the range",
-                    threshold / NANO,
-                    noise.dark_sigma() / NANO,
-                ));
+                return Err(ReceiverError::FalseAlarms {
+                    threshold: threshold / NANO,
+                    noise: noise.dark_sigma() / NANO,
+                    alarms: expected,
+                    max: MAX_ALARMS,
+                });
             }
         }
         Ok(Some(ReceiverModel {

@@ -4,6 +4,7 @@ use crate::builder::SceneBuilder;
 use crate::grid_voxels::{GridSurfaces, GridVoxels};
 use crate::voxel::Voxel;
 use std::path::Path;
+use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_trace::{GridPlace, VoxelCells, VoxelGrid};
 
@@ -73,7 +74,7 @@ impl VoxelStore {
         let first = scene.geometry.cube_count();
         let Some(grid) = VoxelGrid::new(self.place, cells, first) else {
             let message = format!("the scene has {} cubes, which cannot be numbered", first + self.count);
-            return Err(Error::input(message));
+            return Err(Error::input_of(ProblemKind::TooLarge, message));
         };
         voxels.complete(surfaces);
         scene.geometry.grids.push(grid);

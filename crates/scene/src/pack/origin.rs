@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
+use vlscan_base::diag::Problem;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, reads};
 use vlscan_base::store::{ArrayFile, ArrayFileWriter, Checksum};
@@ -98,7 +99,10 @@ impl Origin {
 
     /// Checks that the files have not changed. A missing file counts as unchanged: packs can be moved without
     /// their sources.
-    pub fn check_files(&self, pack: &Path) -> std::result::Result<(), String> {
+    ///
+    /// # Errors
+    /// The first file that has changed.
+    pub fn check_files(&self, pack: &Path) -> Result<(), ChangedFile> {
         let changed = |s: &&Source| {
             let path = folder_of(pack).join(&s.path);
             let about = std::fs::metadata(&path);
@@ -108,11 +112,21 @@ impl Origin {
             about.len() != s.length || (!same_time && sum(&path).ok() != Some(s.sum))
         };
         match self.sources.iter().find(changed) {
-            Some(s) => Err(format!("{} has changed since; pack the scene again", s.path)),
+            Some(s) => Err(ChangedFile { path: s.path.clone() }),
             None => Ok(()),
         }
     }
 }
+
+/// A file of which a pack was made and that has changed.
+#[derive(Debug, thiserror::Error)]
+#[error("{path} has changed since; pack the scene again")]
+pub struct ChangedFile {
+    /// The file, relative to the folder of the pack or absolute.
+    pub path: String,
+}
+
+impl Problem for ChangedFile {}
 
 fn folder_of(pack: &Path) -> &Path {
     pack.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))

@@ -34,7 +34,7 @@ impl Pack {
         }
         let file = ArrayFile::open(path)?;
         let origin = Origin::read(&file)?;
-        origin.check_files(path).map_err(|reason| file.refuse(&reason))?;
+        origin.check_files(path).map_err(|changed| file.refuse_because(changed))?;
         let epochs = read_epochs(&file)?;
         Ok(Pack { file: Arc::new(file), origin, epochs })
     }

@@ -16,6 +16,7 @@ pub use reader::TileReader;
 
 use crate::Scene;
 use std::sync::{Arc, OnceLock};
+use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::bytes;
 use vlscan_geom::{Aabb, DVec3};
@@ -130,10 +131,11 @@ impl Tiles {
             raster = tile.place.as_ref().map(|place| (place.rows.clone(), start));
         }
         if next >= u64::from(u32::MAX) {
-            return Err(Error::input(format!(
+            let message = format!(
                 "the scene has {next} primitives with all its tiles; at most {} can be numbered",
                 u32::MAX - 1
-            )));
+            );
+            return Err(Error::input_of(ProblemKind::TooLarge, message));
         }
         Ok(Tiles { facts, items, numbers: [own as u32, next as u32], failure: OnceLock::new() })
     }

@@ -17,7 +17,7 @@ mod extra;
 mod point;
 
 use super::write::LasFormat;
-use crate::out::{BlockCompressor, Offload, OutputStream};
+use crate::out::{BlockCompressor, BlockError, Offload, OutputStream};
 use ::laz::laszip::{ChunkTable, ChunkTableEntry};
 use ::laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
 use ::laz::{LazItemType, LazVlr, LazVlrBuilder};
@@ -55,7 +55,7 @@ impl LazStream {
         out.append(&(-1i64).to_le_bytes())?;
         let items = laszip.clone();
         let compress_chunk =
-            move |points: &[u8], out| compress(points, out, &items).map_err(|e| e.to_string());
+            move |points: &[u8], out| compress(points, out, &items).map_err(BlockError::from);
         Ok(LazStream {
             laszip,
             record: usize::from(record),

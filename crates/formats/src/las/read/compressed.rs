@@ -1,23 +1,17 @@
 //! Compressed records, by the `laz` crate.
 
 use super::Selection;
+use super::error::{LasError, MAX_COMPRESSED_RECORD_BYTES, PointsError};
 use super::header::{Fields, Header};
 use laz::las::selective::DecompressionSelection;
-use laz::{LasZipDecompressor, LasZipError, LazItemType, LazVlr};
+use laz::{LasZipDecompressor, LazItemType, LazVlr};
 use std::io::{Cursor, Seek};
 use vlscan_base::damage;
-
-/// Maximum length of a compressed record, bytes: the decompressor takes up to 16 kB of memory per byte of it.
-const MAX_COMPRESSED_RECORD_BYTES: u16 = 4096;
 
 /// The compressor that stores points as they are, and the one that writes one chunk without a table of
 /// chunks.
 const UNCOMPRESSED: u16 = 0;
 const POINT_WISE: u16 = 1;
-
-/// Advice for points with an unsupported compression.
-const CONVERT: &str = "convert it to LAS, with the program that wrote it, `laszip -i in.laz -o out.las` or \
-                       `pdal translate in.laz out.las`";
 
 /// Offset of the number of points of a chunk in the record of the compression, and a number beyond that of
 /// any file.
@@ -39,36 +33,24 @@ impl<'a> Compressed<'a> {
         file: Fields<'a>,
         header: &Header,
         selection: Selection,
-    ) -> Result<Option<Compressed<'a>>, String> {
+    ) -> Result<Option<Compressed<'a>>, LasError> {
         let record = header.variable_record(file, LazVlr::USER_ID, LazVlr::RECORD_ID)?;
-        let record = record.ok_or_else(|| {
-            format!(
-                "its points are compressed, but the LASzip record that describes how is missing; {CONVERT}"
-            )
-        })?;
-        let cut =
-            |_| "the record that describes its compression is too short; is the file truncated?".to_owned();
+        let record = record.ok_or(LasError::NoCompression)?;
+        let cut = |_| LasError::CompressionEnds;
         let compressor = Fields(record).u16(0).map_err(cut)?;
         if compressor == UNCOMPRESSED {
             return Ok(None);
         }
         let coder = Fields(record).u16(2).map_err(cut)?;
         if coder != 0 {
-            return Err(format!(
-                "its points are compressed by the LAZ coder {coder}; coder 0 is read; {CONVERT}"
-            ));
+            return Err(LasError::Coder(coder));
         }
         let (items, layers) = Compressed::items(record).map_err(cut)?;
         if header.record_length > MAX_COMPRESSED_RECORD_BYTES {
-            let length = header.record_length;
-            return Err(format!(
-                "its compressed points have {length} bytes; at most {MAX_COMPRESSED_RECORD_BYTES} can be \
-                 read; {CONVERT}"
-            ));
+            return Err(LasError::RecordTooLong { length: header.record_length });
         }
         if items != u32::from(header.record_length) {
-            let length = header.record_length;
-            return Err(format!("expected {length} bytes per point, the compression is for {items}"));
+            return Err(LasError::RecordLength { length: header.record_length, items });
         }
         let is_one_chunk = compressor == POINT_WISE;
         let mut record = record.to_vec();
@@ -76,7 +58,7 @@ impl<'a> Compressed<'a> {
             // Its size is 0, which the library takes for chunks of various sizes.
             record[CHUNK_SIZE_AT..CHUNK_SIZE_AT + 4].copy_from_slice(&MAX_CHUNK_POINTS.to_le_bytes());
         }
-        let vlr = LazVlr::from_buffer(record).map_err(unread)?;
+        let vlr = LazVlr::from_buffer(record).map_err(LasError::of_library)?;
         // The library looks at the versions after it has read from the points.
         for item in vlr.items() {
             use LazItemType::{Byte, GpsTime, Point10, RGB12, WavePacket13};
@@ -85,7 +67,7 @@ impl<'a> Compressed<'a> {
                 _ => 3..=4,
             };
             if !versions.contains(&item.version()) {
-                return Err(unread(LasZipError::UnsupportedLazItemVersion(item.item_type(), item.version())));
+                return Err(LasError::ItemVersion(item.version()));
             }
         }
         if !is_one_chunk {
@@ -102,12 +84,13 @@ impl<'a> Compressed<'a> {
                 .decompress_intensity(),
             Selection::All => DecompressionSelection::all(),
         };
-        let decompressor = LasZipDecompressor::selective(source, vlr, wanted).map_err(unread)?;
+        let decompressor =
+            LasZipDecompressor::selective(source, vlr, wanted).map_err(LasError::of_library)?;
         Ok(Some(Compressed { decompressor, layers, next_chunk: 0 }))
     }
 
     /// The sum of the item sizes, bytes, and the number of layers of a chunk if the items are layered.
-    fn items(record: &[u8]) -> Result<(u32, Option<usize>), String> {
+    fn items(record: &[u8]) -> Result<(u32, Option<usize>), LasError> {
         const POINT_14: u16 = 10;
         const BYTES_14: u16 = 14;
         const RGB_NIR_14: u16 = 12;
@@ -131,18 +114,19 @@ impl<'a> Compressed<'a> {
 
     /// Checks that the layers of the chunk starting at point number `at`, if one does, lie within the file.
     /// The decompressor allocates memory for them before it reads them.
-    pub fn check_chunk(&mut self, at: u64, record_length: usize) -> Result<(), String> {
+    pub fn check_chunk(&mut self, at: u64, record_length: usize) -> Result<(), PointsError> {
         let Some(layers) = self.layers.filter(|_| at == self.next_chunk) else { return Ok(()) };
         let source = self.decompressor.get_mut();
-        let start = source.stream_position().map_err(|e| e.to_string())?;
+        let start = source.stream_position()?;
         let file = Fields(source.get_ref());
         let counts = usize::try_from(start).ok().and_then(|s| s.checked_add(record_length));
-        let counts = counts.ok_or("a chunk begins beyond the file's end")?;
-        let points = u64::from(file.u32(counts)?);
+        let counts = counts.ok_or(PointsError::ChunkBehindEnd)?;
+        let size_at = |at: usize| file.u32(at).map(u64::from).map_err(|_| PointsError::ChunkHeaderEnds);
+        let points = size_at(counts)?;
         let mut left = file.0.len() as u64;
         for layer in 0..layers {
-            let size = u64::from(file.u32(counts + 4 + 4 * layer)?);
-            left = left.checked_sub(size).ok_or("a chunk is longer than the file")?;
+            let size = size_at(counts + 4 + 4 * layer)?;
+            left = left.checked_sub(size).ok_or(PointsError::ChunkTooLong)?;
         }
         let vlr = self.decompressor.vlr();
         let size = if vlr.uses_variable_size_chunks() { points } else { u64::from(vlr.chunk_size()) };
@@ -151,35 +135,10 @@ impl<'a> Compressed<'a> {
     }
 }
 
-/// Why points cannot be decompressed.
-fn unread(error: LasZipError) -> String {
-    let what = match error {
-        LasZipError::IoError(_) => {
-            return "the file ends within its compressed points; is it truncated?".to_owned();
-        }
-        LasZipError::MissingChunkTable => {
-            return "its table of chunks is missing; is the file truncated?".to_owned();
-        }
-        LasZipError::UnknownCompressorType(number) => {
-            format!("its points are compressed by the LAZ compressor {number}; compressors 0 to 3 are read")
-        }
-        LasZipError::UnknownLazItem(number) => {
-            format!(
-                "its compressed points have values of the LAZ kind {number}; kinds 0 and 6 to 14 are read"
-            )
-        }
-        LasZipError::UnsupportedLazItemVersion(_, version) => {
-            format!("its compressed points have values in version {version} of LAZ, which is not read")
-        }
-        other => format!("its compressed points are not read ({other})"),
-    };
-    format!("{what}; {CONVERT}")
-}
-
 /// Checks that the chunk table is no longer than the file: the decompressor allocates memory for it before it
 /// reads it.
-fn check_chunk_table(file: Fields, data_at: usize, points: u64) -> Result<(), String> {
-    let Ok(mut at) = file.u64(data_at) else { return Err("the file ends before its points".to_owned()) };
+fn check_chunk_table(file: Fields, data_at: usize, points: u64) -> Result<(), LasError> {
+    let Ok(mut at) = file.u64(data_at) else { return Err(LasError::PointsMissing) };
     if at <= data_at as u64 || at >= i64::MAX as u64 {
         // Writers that cannot seek store the offset of the table at the end of the file.
         at = file.u64(file.0.len().saturating_sub(8))?;
@@ -187,13 +146,13 @@ fn check_chunk_table(file: Fields, data_at: usize, points: u64) -> Result<(), St
     let Ok(at) = usize::try_from(at) else { return Ok(()) };
     let chunks = at.checked_add(4).and_then(|at| file.u32(at).ok()).unwrap_or(0);
     if u64::from(chunks) > points.saturating_add(1).min(file.0.len() as u64) {
-        return Err(format!("a table of {chunks} chunks for {points} points"));
+        return Err(LasError::ChunkTable { chunks, points });
     }
     Ok(())
 }
 
 /// Calls `read` and turns a panic of `laz` on damaged data into an error.
-pub(super) fn without_panic<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+pub(super) fn without_panic<T>(read: impl FnOnce() -> Result<T, LasError>) -> Result<T, LasError> {
     let done = damage::catch_decoder_panic(read);
-    done.unwrap_or_else(|| Err("its compressed points are damaged; is the file truncated?".to_owned()))
+    done.unwrap_or(Err(LasError::Damaged))
 }

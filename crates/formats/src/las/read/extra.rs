@@ -19,6 +19,8 @@ pub struct ExtraDimension {
     shift: f64,
     /// Before scale and offset.
     no_data: Option<f64>,
+    /// True if the file states a scale or an offset that cannot be used.
+    is_rescaled: bool,
 }
 
 /// The dimensions in the data of the record of extra bytes, with their names; `offset` is that of the first
@@ -31,13 +33,18 @@ pub(super) fn dimensions(descriptors: &[u8], mut offset: usize) -> Vec<(String, 
         let double =
             |at: usize, flag: u8| (options & flag != 0 && kind != 0).then(|| f64::from_le_bytes(bytes(at)));
         let no_data = (options & HAS_NO_DATA != 0).then(|| widened(kind, bytes(40))).flatten();
+        let (scale, shift) = (double(112, HAS_SCALE), double(136, HAS_OFFSET));
+        // A scale of 0 would leave nothing of the values.
+        let usable_scale = scale.filter(|scale| *scale != 0.0 && scale.is_finite());
+        let usable_shift = shift.filter(|shift| shift.is_finite());
         let dimension = ExtraDimension {
             offset,
             kind,
-            // A scale of 0 would leave nothing of the values.
-            scale: double(112, HAS_SCALE).filter(|scale| *scale != 0.0 && scale.is_finite()).unwrap_or(1.0),
-            shift: double(136, HAS_OFFSET).filter(|shift| shift.is_finite()).unwrap_or(0.0),
+            scale: usable_scale.unwrap_or(1.0),
+            shift: usable_shift.unwrap_or(0.0),
             no_data,
+            is_rescaled: usable_scale.is_some() != scale.is_some()
+                || usable_shift.is_some() != shift.is_some(),
         };
         // Type 0 is a sequence of bytes whose length is in the options.
         offset += if kind == 0 { usize::from(options) } else { size_of_kind(kind) };
@@ -50,6 +57,11 @@ impl ExtraDimension {
     /// True if the dimension is a single number.
     pub fn is_number(self) -> bool {
         (1..=10).contains(&self.kind)
+    }
+
+    /// True if the file states a scale or an offset that cannot be used: 1 and 0 are used instead.
+    pub fn is_rescaled(self) -> bool {
+        self.is_rescaled
     }
 
     /// Its value in a record, with scale and offset; `None` if it stands for none or is not a single number.

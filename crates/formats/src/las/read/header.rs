@@ -1,5 +1,6 @@
 //! The header of LAS files and their variable length records.
 
+use super::error::LasError;
 use las::point::Format;
 use las::raw;
 use std::io::Cursor;
@@ -10,7 +11,6 @@ const COMPRESSED: u8 = 0x80;
 const FORMAT: u8 = 0x3f;
 /// Length of a header of LAS 1.4 and later, bytes. Shorter ones have no fields of that version.
 const HEADER_BYTES_1_4: u16 = 375;
-const ENDED: &str = "the file ends within its header";
 
 /// The properties of the records, from the header of a file.
 #[derive(Clone, Debug)]
@@ -55,36 +55,33 @@ pub struct LasFacts {
 pub(super) struct Fields<'a>(pub &'a [u8]);
 
 impl<'a> Fields<'a> {
-    pub fn bytes<const N: usize>(self, at: usize) -> Result<[u8; N], String> {
+    pub fn bytes<const N: usize>(self, at: usize) -> Result<[u8; N], LasError> {
         let end = at.checked_add(N).filter(|end| *end <= self.0.len());
         let bytes = end.and_then(|end| self.0[at..end].try_into().ok());
-        bytes.ok_or_else(|| ENDED.to_owned())
+        bytes.ok_or(LasError::HeaderEnds)
     }
 
-    pub fn u16(self, at: usize) -> Result<u16, String> {
+    pub fn u16(self, at: usize) -> Result<u16, LasError> {
         self.bytes(at).map(u16::from_le_bytes)
     }
 
-    pub fn u32(self, at: usize) -> Result<u32, String> {
+    pub fn u32(self, at: usize) -> Result<u32, LasError> {
         self.bytes(at).map(u32::from_le_bytes)
     }
 
-    pub fn u64(self, at: usize) -> Result<u64, String> {
+    pub fn u64(self, at: usize) -> Result<u64, LasError> {
         self.bytes(at).map(u64::from_le_bytes)
     }
 }
 
 impl Header {
-    pub(super) fn read(file: Fields) -> Result<Header, String> {
-        let raw = raw::Header::read_from(Cursor::new(file.0)).map_err(|_| ENDED.to_owned())?;
+    pub(super) fn read(file: Fields) -> Result<Header, LasError> {
+        let raw = raw::Header::read_from(Cursor::new(file.0)).map_err(|_| LasError::HeaderEnds)?;
         let format = raw.point_data_record_format & FORMAT;
         let (major, minor) = (raw.version.major, raw.version.minor);
         let fields = Format::new(format).ok().filter(|_| major == 1 && minor <= 5);
         let Some(fields) = fields else {
-            return Err(format!(
-                "is LAS {major}.{minor} with points of format {format}; LAS 1.0 to 1.5 with formats 0 to 10 \
-                 are read, convert it for example with PDAL"
-            ));
+            return Err(LasError::Version { major, minor, format });
         };
         // Some writers of LAS 1.4 fill in the field of earlier versions alone.
         let large = raw.large_file.filter(|_| raw.header_size >= HEADER_BYTES_1_4);
@@ -100,17 +97,15 @@ impl Header {
         };
         if header.record_length < fields.len() {
             let (shortest, found) = (fields.len(), header.record_length);
-            return Err(format!(
-                "expected at least {shortest} bytes per point of format {format}, found {found}"
-            ));
+            return Err(LasError::RecordTooShort { format, shortest, found });
         }
         if header.data_at > file.0.len() {
             let (at, end) = (header.data_at, file.0.len());
-            return Err(format!("the points begin at byte {at}, the file ends at {end}"));
+            return Err(LasError::PointsBehindEnd { at, end });
         }
         let (scale, offset) = (header.scale(), header.offset());
         if !(scale.is_finite() && offset.is_finite() && scale.cmpne(DVec3::ZERO).all()) {
-            return Err(format!("expected finite scales and offsets, found {scale} and {offset}"));
+            return Err(LasError::Scales { scale, offset });
         }
         Ok(header)
     }
@@ -122,7 +117,7 @@ impl Header {
         file: Fields<'a>,
         user: &str,
         id: u16,
-    ) -> Result<Option<&'a [u8]>, String> {
+    ) -> Result<Option<&'a [u8]>, LasError> {
         let mut found = None;
         let count = u64::from(self.raw.number_of_variable_length_records);
         let normal = (usize::from(self.raw.header_size), count, 54);
@@ -132,13 +127,16 @@ impl Header {
         });
         for (mut at, count, header) in [Some(normal), extended].into_iter().flatten() {
             for _ in 0..count {
-                let start = at.checked_add(header).filter(|start| *start <= file.0.len()).ok_or(ENDED)?;
+                let start = at
+                    .checked_add(header)
+                    .filter(|start| *start <= file.0.len())
+                    .ok_or(LasError::HeaderEnds)?;
                 let length = match header {
                     54 => u64::from(file.u16(at + 20)?),
                     _ => file.u64(at + 20)?,
                 };
                 let end = usize::try_from(length).ok().and_then(|length| start.checked_add(length));
-                let end = end.filter(|end| *end <= file.0.len()).ok_or(ENDED)?;
+                let end = end.filter(|end| *end <= file.0.len()).ok_or(LasError::HeaderEnds)?;
                 let user_id = file.bytes::<16>(at + 2)?;
                 let name = user_id.split(|b| *b == 0).next().unwrap_or_default();
                 if found.is_none() && name == user.as_bytes() && file.u16(at + 18)? == id {

@@ -3,18 +3,21 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `error` | errors |
 //! | `header` | header and variable length records |
 //! | `extra` | extra dimensions |
 //! | `compressed` | compressed records |
 //! | `units` | units of positions |
 
 mod compressed;
+mod error;
 mod extra;
 mod header;
 #[cfg(test)]
 mod tests;
 mod units;
 
+pub use error::{LasError, PointsError};
 pub use extra::ExtraDimension;
 pub use header::{Header, LasFacts};
 
@@ -56,7 +59,7 @@ pub enum Selection {
 
 impl<'a> LasReader<'a> {
     /// Reads the header of a file.
-    pub fn open(bytes: &'a [u8], selection: Selection) -> Result<LasReader<'a>, String> {
+    pub fn open(bytes: &'a [u8], selection: Selection) -> Result<LasReader<'a>, LasError> {
         let file = Fields(bytes);
         let mut header = Header::read(file)?;
         let compressed = match header.is_compressed {
@@ -73,12 +76,12 @@ impl<'a> LasReader<'a> {
     }
 
     /// The data of a variable length record.
-    pub fn variable_record(&self, user: &str, id: u16) -> Result<Option<&'a [u8]>, String> {
+    pub fn variable_record(&self, user: &str, id: u16) -> Result<Option<&'a [u8]>, LasError> {
         self.header.variable_record(self.file, user, id)
     }
 
     /// The extra dimensions of the points with their names.
-    pub fn extra_dimensions(&self) -> Result<Vec<(String, ExtraDimension)>, String> {
+    pub fn extra_dimensions(&self) -> Result<Vec<(String, ExtraDimension)>, LasError> {
         let descriptors = self.variable_record("LASF_Spec", 4)?.unwrap_or_default();
         Ok(extra::dimensions(descriptors, self.header.extra_bytes_at()))
     }
@@ -88,7 +91,7 @@ impl<'a> LasReader<'a> {
     pub fn read_records(
         &mut self,
         mut take: impl FnMut(&[u8], DVec3) -> ControlFlow<()>,
-    ) -> Result<bool, String> {
+    ) -> Result<bool, LasError> {
         let end = self.header.count.min(self.at + BATCH_RECORDS);
         let broken = without_panic(|| {
             while self.at < end {
@@ -103,23 +106,23 @@ impl<'a> LasReader<'a> {
         Ok(!broken && self.at < self.header.count)
     }
 
-    fn read_record(&mut self) -> Result<(), String> {
+    fn read_record(&mut self) -> Result<(), LasError> {
         let (at, count) = (self.at, self.header.count);
-        let ended = |why: &str| format!("{why} after {at} of {count} points; is the file truncated?");
+        let ended = |source| LasError::Points { at, count, source };
         match &mut self.records {
             Records::Plain(rest) => {
                 let Some((record, more)) = rest.split_at_checked(self.record.len()) else {
-                    return Err(ended("the file ends"));
+                    return Err(ended(PointsError::Ends));
                 };
                 self.record.copy_from_slice(record);
                 *rest = more;
             }
             Records::Compressed(laz) => {
-                laz.check_chunk(at, self.record.len()).map_err(|e| ended(&e))?;
+                laz.check_chunk(at, self.record.len()).map_err(ended)?;
                 let read = laz.decompressor.decompress_one(&mut self.record);
                 read.map_err(|e| match e.kind() {
-                    ErrorKind::UnexpectedEof => ended("the file ends"),
-                    _ => ended(&format!("the points cannot be decompressed ({e})")),
+                    ErrorKind::UnexpectedEof => ended(PointsError::Ends),
+                    _ => ended(PointsError::Decompression(e)),
                 })?;
             }
         }
@@ -151,35 +154,48 @@ struct Shown {
     intensity: Option<ExtraDimension>,
     object: Option<ExtraDimension>,
     device: Option<ExtraDimension>,
+    /// Warnings about scales and offsets that are replaced.
+    warnings: Vec<String>,
 }
 
 impl Shown {
-    fn of(reader: &LasReader, selection: Selection) -> Result<Shown, String> {
+    fn of(reader: &LasReader, selection: Selection) -> Result<Shown, LasError> {
         if selection != Selection::All {
-            return Ok(Shown { intensity: None, object: None, device: None });
+            return Ok(Shown { intensity: None, object: None, device: None, warnings: Vec::new() });
         }
         let all = reader.extra_dimensions()?;
         let numbers: Vec<&(String, ExtraDimension)> = all.iter().filter(|(_, d)| d.is_number()).collect();
         let columns = Columns::find(numbers.iter().map(|(name, _)| name.as_str()));
-        let dimension = |attribute| columns.get(attribute).map(|column| numbers[column].1);
+        let dimension = |attribute| columns.get(attribute).map(|column| numbers[column]);
+        let intensity = numbers.iter().copied().find(|(name, _)| name == "heliosAmplitude");
+        let (object, device) = (dimension(Attribute::Object), dimension(Attribute::Channel));
+        let rescaled = [intensity, object, device].into_iter().flatten().filter(|(_, d)| d.is_rescaled());
+        let warning = |(name, _): &(String, ExtraDimension)| {
+            format!(
+                "its dimension {name} has a scale of 0, or a scale or an offset that is not finite; 1 and 0 \
+                 are used instead"
+            )
+        };
         Ok(Shown {
-            intensity: numbers.iter().find(|(name, _)| name == "heliosAmplitude").map(|(_, d)| *d),
-            object: dimension(Attribute::Object),
-            device: dimension(Attribute::Channel),
+            intensity: intensity.map(|(_, d)| *d),
+            object: object.map(|(_, d)| *d),
+            device: device.map(|(_, d)| *d),
+            warnings: rescaled.map(warning).collect(),
         })
     }
 }
 
 /// Reads a file.
-pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
+pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> {
     let mut reader = LasReader::open(bytes, reading.selection)?;
     let shown = Shown::of(&reader, reading.selection)?;
+    shown.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     let units = units::position_units(reader.file, &reader.header)?;
     units.note.iter().for_each(|note| reading.note(note.as_str()));
     units.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     reader.check_count(reading);
     // A program that edits a file of this program names itself in the header and keeps the dimensions.
-    let extra = reader.extra_dimensions().unwrap_or_default();
+    let extra = reader.extra_dimensions()?;
     let may_have_misses = reader.header.is_own() || extra.iter().any(|(name, _)| name == NAME_OF_MISSES);
     let is_copc = reader.variable_record("copc", 1)?.is_some();
     let las = Some(reader.header.facts(is_copc));
@@ -200,14 +216,11 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
     let mut are_degrees = units.is_angle;
     let mut more = true;
     while more {
-        let mut wrong = None;
+        let mut is_geographic = false;
         more = reader.read_records(|record, position| {
             if std::mem::take(&mut are_degrees) {
                 if position.x.abs() <= 360.0 && position.y.abs() <= 90.0 {
-                    wrong = Some(
-                        "its coordinates are longitude and latitude; project them, for example with PDAL's \
-                         filters.reprojection",
-                    );
+                    is_geographic = true;
                     return ControlFlow::Break(());
                 }
                 reading.warn(
@@ -244,8 +257,8 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), String> {
                 misfits,
             })
         })?;
-        if let Some(wrong) = wrong {
-            return Err(wrong.to_owned());
+        if is_geographic {
+            return Err(LasError::Geographic);
         }
     }
     Ok(())

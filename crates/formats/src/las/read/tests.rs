@@ -5,7 +5,7 @@ use crate::{PointFile, PointSink};
 use laz::record::{RecordCompressor, SequentialPointRecordCompressor};
 use laz::{LazItemRecordBuilder, LazItemType, LazVlr};
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::diag::{Diagnostics, ProblemKind};
 
 /// Bytes of a header of LAS 1.2, and of that of a variable record.
 const HEADER_BYTES: u32 = 227;
@@ -51,6 +51,11 @@ fn records(count: i32) -> Vec<[u8; 20]> {
 
 /// The points of a file and what is said of it.
 fn read(bytes: &[u8]) -> (Vec<PointRow>, Vec<String>) {
+    let (rows, found) = read_with_causes(bytes);
+    (rows, found.items().iter().map(|item| item.message.clone()).collect())
+}
+
+fn read_with_causes(bytes: &[u8]) -> (Vec<PointRow>, Diagnostics) {
     struct Rows(Vec<PointRow>);
     impl PointSink for Rows {
         fn start(&mut self, _: AttributeSet) {}
@@ -62,7 +67,33 @@ fn read(bytes: &[u8]) -> (Vec<PointRow>, Vec<String>) {
     let (mut rows, mut found) = (Rows(Vec::new()), Diagnostics::default());
     let file = PointFile::new(Path::new("a.las"), bytes, &mut found).unwrap();
     file.read(Selection::All, &mut rows, &mut found).unwrap();
-    (rows.0, found.items().iter().map(|item| item.message.clone()).collect())
+    (rows.0, found)
+}
+
+#[test]
+fn causes_tell_truncated_files_from_unsupported_ones() {
+    let points = records(5).concat();
+    let (_, found) = read_with_causes(&file(6, false, None, &points));
+    assert!(matches!(found.cause::<LasError>(), Some(LasError::Points { at: 5, count: 6, .. })));
+    assert!(found.has(ProblemKind::Truncated) && !found.has(ProblemKind::Unsupported));
+    let mut other = file(5, false, None, &points);
+    other[104] = 11;
+    let (_, found) = read_with_causes(&other);
+    assert!(matches!(found.cause::<LasError>(), Some(LasError::Version { format: 11, .. })));
+    assert!(found.has(ProblemKind::Unsupported) && !found.has(ProblemKind::Truncated));
+}
+
+#[test]
+fn scales_of_extra_dimensions_that_cannot_be_used_are_warned_of() {
+    let points = records(1).concat();
+    let mut amplitude = vec![0; 192];
+    (amplitude[2], amplitude[3]) = (9, 8);
+    amplitude[4..19].copy_from_slice(b"heliosAmplitude");
+    let (_, said) = read(&file(1, false, Some(("LASF_Spec", 4, amplitude.clone())), &points));
+    assert!(said.len() == 1 && said[0].contains("heliosAmplitude has a scale of 0"), "{said:?}");
+    amplitude[112..120].copy_from_slice(&0.5f64.to_le_bytes());
+    let (_, said) = read(&file(1, false, Some(("LASF_Spec", 4, amplitude)), &points));
+    assert_eq!(said, [""; 0]);
 }
 
 #[test]

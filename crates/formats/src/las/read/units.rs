@@ -1,5 +1,6 @@
 //! Units of positions, by the coordinate reference system that a file names: WKT, or GeoTIFF keys.
 
+use super::error::LasError;
 use super::header::{Fields, Header};
 use vlscan_crs::{LengthUnit, Unit, Units, length_unit_in, wkt_of_epsg};
 use vlscan_geom::DVec3;
@@ -39,7 +40,7 @@ pub(super) struct PositionUnits {
 }
 
 /// The units of a file.
-pub(super) fn position_units(file: Fields, header: &Header) -> Result<PositionUnits, String> {
+pub(super) fn position_units(file: Fields, header: &Header) -> Result<PositionUnits, LasError> {
     let record = |id| header.variable_record(file, USER, id);
     let wkt = record(WKT_RECORD)?;
     let keys = record(KEYS_RECORD)?;

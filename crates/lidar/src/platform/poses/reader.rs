@@ -93,8 +93,8 @@ impl PoseReader {
     /// # Errors
     /// The file cannot be opened, or the chosen columns are invalid.
     pub fn open(settings: &PoseStream) -> Result<PoseReader> {
-        if let Some(Err(message)) = settings.columns.as_deref().map(PoseLayout::chosen) {
-            return Err(Error::input(format!("columns of the trajectory: {message}")));
+        if let Some(Err(error)) = settings.columns.as_deref().map(PoseLayout::chosen) {
+            return Err(Error::caused_by(format!("columns of the trajectory: {error}"), error));
         }
         let input = match &settings.content {
             Some(bytes) => InputStream::from_reader(std::io::Cursor::new(bytes.clone())),

@@ -10,11 +10,12 @@ use crate::platform::attitude::FileAxes;
 use crate::platform::header::StatedColumns;
 use crate::platform::interpolated::composed;
 use crate::platform::layout::{ANGLES, AttitudeColumns, POSE_COLUMNS, PoseColumn, PoseLayout, PoseNumbers};
+use crate::platform::layout_error::PoseLayoutError;
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 use vlscan_base::columns::{Separator, is_number};
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::error::Result;
+use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_geom::Rotation;
 use vlscan_survey::{AngleConvention, PoseFormat, PoseStream, RotationSpec};
@@ -168,10 +169,12 @@ impl PoseRows {
             self.choose_axes(&layout)?;
             Ok(layout)
         });
-        let mut layout = layout.map_err(|NoLayout { message, help, is_of_words }| {
+        let mut layout = layout.map_err(|NoLayout { error, help, is_of_words }| {
             let place = if is_of_words { stated.words.clone() } else { place.clone() };
             let place = place.unwrap_or_else(|| Place::of_file(&self.path));
-            RowError { place, message }.with_help(help)
+            let mut problems = Diagnostics::default();
+            problems.error(Some(place), error.to_string()).because_of(error).help(help);
+            Error::Input(Box::new(problems))
         })?;
         if self.settings.columns.is_none() {
             layout.report_unread(place, &mut self.remarks);
@@ -206,8 +209,8 @@ impl PoseRows {
         } else if let Some(header) = stated.header() {
             header?
         } else if stated.words.is_some() {
-            let message = "none of these names is that of a component of a pose".to_owned();
-            return Err(NoLayout { message, help: NAME_COLUMNS, is_of_words: true });
+            let error = PoseLayoutError::NoNames;
+            return Err(NoLayout { error, help: NAME_COLUMNS, is_of_words: true });
         } else if let Some(layout) = &stated.directives.layout {
             layout.clone()
         } else if time.is_some() {
@@ -234,15 +237,9 @@ impl PoseRows {
         let (numbers, place) = (&stated.numbers, Some(Place::of_file(&self.path)));
         match recognise(numbers) {
             Numbers::Unknown => Ok(PoseLayout::in_order(&[Time, X, Y, Z, Roll, Pitch, Yaw], None)),
-            Numbers::TooMany(count) => {
-                let message = format!(
-                    "{count} columns without names, expected 7: time, x, y, z, roll, pitch, yaw; or 8: time, \
-                     x, y, z, qx, qy, qz, qw with a quaternion of length 1"
-                );
-                Err(NoLayout { message, help: NAME_COLUMNS, is_of_words: false })
-            }
+            Numbers::TooMany(count) => Err(PoseLayoutError::Count(count).into()),
             Numbers::QuaternionWithoutTime => Err(NoLayout {
-                message: "columns 4 to 7 are a quaternion of length 1, and there is no time".to_owned(),
+                error: PoseLayoutError::QuaternionWithoutTime,
                 help: NAME_OR_ADD_TIMES,
                 is_of_words: false,
             }),
@@ -271,25 +268,27 @@ impl PoseRows {
 
     /// The times of the file `times.txt` beside matrices that have none.
     fn times_beside(&self) -> std::result::Result<Vec<f64>, NoLayout> {
-        let missing = |message: String| NoLayout { message, help: ADD_TIMES, is_of_words: false };
+        let missing = |error| NoLayout { error, help: ADD_TIMES, is_of_words: false };
+        let unread = |what: String| missing(PoseLayoutError::Times { what });
         let path = self.path.with_file_name(TIMES_FILE);
         let is_file = self.settings.content.is_none() && reads::is_file(&self.path) && reads::is_file(&path);
         if !is_file {
-            return Err(missing("3 × 4 matrices have no times".to_owned()));
+            return Err(missing(PoseLayoutError::MatrixWithoutTime));
         }
-        let text = read_text(&path, MAX_TIMES_BYTES).map_err(|e| missing(e.to_string()))?;
+        let text = read_text(&path, MAX_TIMES_BYTES).map_err(|e| unread(e.to_string()))?;
         let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
         let times = lines.map(|line| line.parse::<f64>().map_err(|_| line));
         times.collect::<std::result::Result<_, _>>().map_err(|line| {
-            missing(format!("{}: expected a time in each line, found `{line}`", path.display()))
+            unread(format!("{}: expected a time in each line, found `{line}`", path.display()))
         })
     }
 
     /// Chooses the meaning of the angles, or the axes of quaternions and matrices.
     fn choose_axes(&mut self, layout: &PoseLayout) -> std::result::Result<(), NoLayout> {
         let chosen = self.settings.rotation;
-        let refuse =
-            |message: &str, help| Err(NoLayout { message: message.to_owned(), help, is_of_words: false });
+        let refuse = |what, help| {
+            Err(NoLayout { error: PoseLayoutError::Convention { what }, help, is_of_words: false })
+        };
         if layout.attitude == AttitudeColumns::Angles {
             let default = if self.helios { AngleConvention::Helios } else { AngleConvention::Heading };
             self.rotation = chosen.unwrap_or(default);
@@ -355,15 +354,15 @@ impl PoseRows {
 
 /// Why no columns are found.
 struct NoLayout {
-    message: String,
+    error: PoseLayoutError,
     help: &'static str,
     /// True if the problem is in the last line of words before the first pose.
     is_of_words: bool,
 }
 
-impl From<String> for NoLayout {
-    fn from(message: String) -> NoLayout {
-        NoLayout { message, help: NAME_COLUMNS, is_of_words: false }
+impl From<PoseLayoutError> for NoLayout {
+    fn from(error: PoseLayoutError) -> NoLayout {
+        NoLayout { error, help: NAME_COLUMNS, is_of_words: false }
     }
 }
 

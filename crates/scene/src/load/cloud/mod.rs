@@ -45,7 +45,7 @@ pub(crate) fn load(
     let settings = match Settings::new(loader) {
         Ok(settings) => settings,
         Err(problem) => {
-            scene.diagnostics.error(part.place.cloned(), problem);
+            scene.diagnostics.error(part.place.cloned(), problem.to_string());
             return Ok(());
         }
     };
@@ -352,15 +352,24 @@ struct Settings {
     has_material: bool,
 }
 
+/// Settings of a loader that cannot be used.
+#[derive(Debug, thiserror::Error)]
+enum SettingsError {
+    #[error("expected a voxelSize above 0, found {0}")]
+    VoxelSize(f64),
+    #[error("expected a defaultNormal other than 0;0;0")]
+    DefaultNormal,
+}
+
 impl Settings {
-    fn new(loader: &XyzLoader) -> std::result::Result<Settings, String> {
+    fn new(loader: &XyzLoader) -> std::result::Result<Settings, SettingsError> {
         let size = if loader.voxel_size == 0.0 { 1.0 } else { loader.voxel_size };
         if !(size > 0.0 && size.is_finite()) {
-            return Err(format!("expected a voxelSize above 0, found {}", loader.voxel_size));
+            return Err(SettingsError::VoxelSize(loader.voxel_size));
         }
         let default_normal = loader.default_normal.and_then(direction);
         if loader.default_normal.is_some() && default_normal.is_none() {
-            return Err("expected a defaultNormal other than 0;0;0".to_owned());
+            return Err(SettingsError::DefaultNormal);
         }
         let rule = match (loader.estimate_normals, loader.snap_neighbor_normal) {
             (1.., _) => NormalRule::Plane,

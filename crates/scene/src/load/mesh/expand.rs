@@ -5,7 +5,7 @@
 use super::gltf::GltfDocument;
 use super::gltf_nodes::{PlacedMesh, similarity};
 use super::materials::MaterialTable;
-use super::{FileFrame, Format, doubts, finish, foreign_format, table_of, warn_of_unknown};
+use super::{FileFrame, Format, doubts, finish, foreign_format, report, table_of, warn_of_unknown};
 use crate::builder::SceneBuilder;
 use crate::epoch::part_in_epoch;
 use crate::text::Source;
@@ -79,8 +79,8 @@ fn expand<'r>(
         .and_then(|document| Ok((document.placed_meshes()?, document)));
     let (placed, document) = match opened {
         Ok(opened) => opened,
-        Err(message) => {
-            scene.diagnostics.error(Some(Place::of_file(file)), message);
+        Err(error) => {
+            report(scene, file, error.into());
             return Ok(Some(Vec::new()));
         }
     };
@@ -168,8 +168,8 @@ impl Meshes<'_> {
             Ok(raw) if raw.triangles.is_empty() => None,
             Ok(raw) => finish(scene, self.file, self.table.as_ref(), raw, &mut self.unknown)?
                 .map(|m| Arc::new(m.with_name(self.document.mesh_name(mesh)))),
-            Err(message) => {
-                scene.diagnostics.error(Some(Place::of_file(self.file)), message);
+            Err(error) => {
+                report(scene, self.file, error.into());
                 None
             }
         };

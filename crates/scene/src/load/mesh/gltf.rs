@@ -5,7 +5,7 @@
 use super::gltf_buffers::{Buffer, BufferJson, open_buffer, split_chunks};
 use super::gltf_extensions::{COMPRESSIONS, compressed, refused};
 use super::gltf_materials::{MaterialJson, definitions};
-use super::{FileFrame, RawMesh};
+use super::{FileFrame, GltfError, RawMesh};
 use crate::builder::memory_of;
 use crate::text::{Source, printable};
 use glam::DMat3;
@@ -158,12 +158,12 @@ type Appended = HashMap<usize, (u32, u32)>;
 impl GltfDocument {
     /// Opens a document and the buffers that it names. Its meshes may take `free_memory` bytes. Errors are
     /// sentences about the file.
-    pub fn open(path: &Path, free_memory: u64) -> Result<GltfDocument, String> {
-        let source = Source::open(path).map_err(|e| e.to_string())?;
+    pub fn open(path: &Path, free_memory: u64) -> Result<GltfDocument, GltfError> {
+        let source = Source::open(path)?;
         let (text, chunk) = split_chunks(source.bytes())?;
-        let json: Json = serde_json::from_slice(text).map_err(|e| format!("expected glTF 2.0: {e}"))?;
+        let json: Json = serde_json::from_slice(text).map_err(GltfError::Json)?;
         if !json.asset.version.starts_with("2.") {
-            return Err(format!("expected glTF 2.0, found version {}", json.asset.version));
+            return Err(GltfError::Version(json.asset.version));
         }
         if let Some(problem) = json.extensions_required.iter().find_map(|name| refused(name)) {
             return Err(problem);
@@ -211,7 +211,7 @@ impl GltfDocument {
     }
 
     /// All meshes where the nodes place them, as one.
-    pub fn whole(&self, frame: FileFrame) -> Result<RawMesh, String> {
+    pub fn whole(&self, frame: FileFrame) -> Result<RawMesh, GltfError> {
         let mut all = RawMesh::default();
         for node in self.placed_meshes()? {
             let first = all.vertices.len();
@@ -224,7 +224,7 @@ impl GltfDocument {
     }
 
     /// A mesh in the frame of the scene, after the linear map `linear`.
-    pub fn mesh(&mut self, mesh: usize, linear: DMat3, frame: FileFrame) -> Result<RawMesh, String> {
+    pub fn mesh(&mut self, mesh: usize, linear: DMat3, frame: FileFrame) -> Result<RawMesh, GltfError> {
         let mut raw = RawMesh::default();
         self.append_mesh(mesh, &mut raw)?;
         raw.vertices.iter_mut().for_each(|v| *v = frame.apply(linear * *v));
@@ -235,13 +235,11 @@ impl GltfDocument {
     }
 
     /// Fails if the memory limit leaves less than `needed` bytes.
-    pub fn check_memory(&self, needed: u64) -> Result<(), String> {
+    pub fn check_memory(&self, needed: u64) -> Result<(), GltfError> {
         if needed <= self.free_memory {
             return Ok(());
         }
-        let (needed, free) =
-            (vlscan_base::quantity::bytes(needed), vlscan_base::quantity::bytes(self.free_memory));
-        Err(format!("the meshes need at least {needed}, the memory limit leaves {free}"))
+        Err(GltfError::TooLarge { needed, free: self.free_memory })
     }
 
     /// Gives a mesh the materials of its triangles, whose numbers were those of the document.
@@ -257,12 +255,12 @@ impl GltfDocument {
     }
 
     /// Appends the triangles of a mesh in its own frame.
-    fn append_mesh(&self, mesh: usize, raw: &mut RawMesh) -> Result<(), String> {
-        let found = self.json.meshes.get(mesh).ok_or_else(|| format!("there is no mesh {mesh}"))?;
+    fn append_mesh(&self, mesh: usize, raw: &mut RawMesh) -> Result<(), GltfError> {
+        let found = self.json.meshes.get(mesh).ok_or(missing("mesh", mesh))?;
         let mut appended = Appended::new();
         for primitive in &found.primitives {
             self.append_primitive(primitive, raw, &mut appended)
-                .map_err(|e| format!("mesh \"{}\": {e}", self.mesh_name(mesh)))?;
+                .map_err(|e| GltfError::Mesh { name: self.mesh_name(mesh), source: Box::new(e) })?;
         }
         Ok(())
     }
@@ -272,7 +270,7 @@ impl GltfDocument {
         primitive: &Primitive,
         raw: &mut RawMesh,
         appended: &mut Appended,
-    ) -> Result<(), String> {
+    ) -> Result<(), GltfError> {
         let mode = primitive.mode.unwrap_or(4);
         if mode < 4 {
             return Ok(());
@@ -282,7 +280,7 @@ impl GltfDocument {
         {
             return Err(compressed(name));
         }
-        let positions = *primitive.attributes.get("POSITION").ok_or("a primitive has no POSITION")?;
+        let positions = *primitive.attributes.get("POSITION").ok_or(GltfError::NoPosition)?;
         let corners = self.count_of(primitive.indices.unwrap_or(positions))?;
         let triangles = if mode == 4 { corners / 3 } else { corners.saturating_sub(2) };
         let vertices = if appended.contains_key(&positions) { 0 } else { self.count_of(positions)? };
@@ -295,8 +293,7 @@ impl GltfDocument {
             Some(&known) => known,
             None => {
                 let read = self.vectors::<3>(positions)?;
-                let number =
-                    |n: usize| u32::try_from(n).map_err(|_| "it has too many vertices to be numbered");
+                let number = |n: usize| u32::try_from(n).map_err(|_| GltfError::TooManyVertices);
                 number(raw.vertices.len() + read.len())?;
                 let place = (number(raw.vertices.len())?, number(read.len())?);
                 raw.vertices.extend(read.into_iter().map(DVec3::from));
@@ -308,12 +305,12 @@ impl GltfDocument {
             Some(accessor) => self.indices(accessor)?,
             None => (0..count).collect(),
         };
-        if let Some(wrong) = indices.iter().find(|&&i| i >= count) {
-            return Err(format!("a triangle has the vertex {wrong}; there are {count}"));
+        if let Some(&corner) = indices.iter().find(|&&i| i >= count) {
+            return Err(GltfError::OutOfRange { corner, count });
         }
         let material = primitive.material.unwrap_or(self.materials.len() - 1);
         if material >= self.materials.len() {
-            return Err(format!("there is no material {material}"));
+            return Err(missing("material", material));
         }
         let mut add = |corners: [u32; 3]| raw.add_polygon(&corners.map(|c| c + first), material as u32);
         match mode {
@@ -326,7 +323,7 @@ impl GltfDocument {
                 let rim = indices.get(1..).unwrap_or_default();
                 rim.windows(2).for_each(|t| add([indices[0], t[0], t[1]]));
             }
-            other => return Err(format!("a primitive has the unknown mode {other}")),
+            other => return Err(GltfError::Mode(other)),
         }
         Ok(())
     }
@@ -341,43 +338,42 @@ impl GltfDocument {
     }
 
     /// The number of values that an accessor states.
-    fn count_of(&self, accessor: usize) -> Result<usize, String> {
+    fn count_of(&self, accessor: usize) -> Result<usize, GltfError> {
         let found = self.json.accessors.get(accessor);
-        found.map(|a| a.count).ok_or_else(|| format!("there is no accessor {accessor}"))
+        found.map(|a| a.count).ok_or(missing("accessor", accessor))
     }
 
     /// The number of instances that an accessor places, whose values must be in the file.
-    pub fn count_of_instances(&self, accessor: usize) -> Result<usize, String> {
+    pub fn count_of_instances(&self, accessor: usize) -> Result<usize, GltfError> {
         let found = self.json.accessors.get(accessor);
         if found.is_some_and(|a| a.buffer_view.is_none() && a.sparse.is_none()) {
-            return Err(format!("the accessor {accessor} of instances has no data"));
+            return Err(GltfError::EmptyInstances(accessor));
         }
         self.count_of(accessor)
     }
 
-    fn indices(&self, accessor: usize) -> Result<Vec<u32>, String> {
+    fn indices(&self, accessor: usize) -> Result<Vec<u32>, GltfError> {
         let accessor = self.accessor(accessor, "SCALAR")?;
         if accessor.component_type == 5126 {
-            return Err("indices are whole numbers, found floats".to_owned());
+            return Err(GltfError::FloatIndices);
         }
         let numbers = self.numbers::<1>(accessor, false)?;
         numbers
             .into_iter()
-            .map(|[v]| if v < 0.0 { Err("a negative index".to_owned()) } else { Ok(v as u32) })
+            .map(|[v]| if v < 0.0 { Err(GltfError::NegativeIndex) } else { Ok(v as u32) })
             .collect()
     }
 
     /// The vectors of an accessor; normalised integers become fractions (`KHR_mesh_quantization`).
-    pub fn vectors<const N: usize>(&self, accessor: usize) -> Result<Vec<[f64; N]>, String> {
+    pub fn vectors<const N: usize>(&self, accessor: usize) -> Result<Vec<[f64; N]>, GltfError> {
         let accessor = self.accessor(accessor, if N == 4 { "VEC4" } else { "VEC3" })?;
         self.numbers::<N>(accessor, accessor.normalized)
     }
 
-    fn accessor(&self, index: usize, shape: &str) -> Result<&Accessor, String> {
-        let accessor =
-            self.json.accessors.get(index).ok_or_else(|| format!("there is no accessor {index}"))?;
+    fn accessor(&self, index: usize, shape: &'static str) -> Result<&Accessor, GltfError> {
+        let accessor = self.json.accessors.get(index).ok_or(missing("accessor", index))?;
         if accessor.shape != shape {
-            return Err(format!("expected an accessor of {shape}, found {}", accessor.shape));
+            return Err(GltfError::Shape { expected: shape, found: accessor.shape.clone() });
         }
         Ok(accessor)
     }
@@ -386,7 +382,7 @@ impl GltfDocument {
         &self,
         accessor: &Accessor,
         normalised: bool,
-    ) -> Result<Vec<[f64; N]>, String> {
+    ) -> Result<Vec<[f64; N]>, GltfError> {
         let (decode, size) = component(accessor.component_type, normalised)?;
         let element =
             |bytes: &[u8]| -> [f64; N] { std::array::from_fn(|i| decode(&bytes[i * size..(i + 1) * size])) };
@@ -398,16 +394,12 @@ impl GltfDocument {
                     .and_then(|bytes| bytes.checked_add(N * size))
                     .is_some_and(|need| accessor.count == 0 || need <= bytes.len());
                 if !is_enough {
-                    return Err(format!(
-                        "an accessor of {} values has {} bytes; is the file truncated?",
-                        accessor.count,
-                        bytes.len()
-                    ));
+                    return Err(GltfError::ShortAccessor { count: accessor.count, bytes: bytes.len() });
                 }
                 (0..accessor.count).map(|i| element(&bytes[i * stride..])).collect()
             }
             None if accessor.count <= MAX_SPARSE => vec![[0.0; N]; accessor.count],
-            None => return Err(format!("an accessor of {} values has no data", accessor.count)),
+            None => return Err(GltfError::EmptyAccessor { count: accessor.count }),
         };
         if let Some(sparse) = &accessor.sparse {
             let (read_index, index_size) = component(sparse.indices.component_type.unwrap_or(5125), false)?;
@@ -415,15 +407,11 @@ impl GltfDocument {
                 self.view(sparse.indices.buffer_view, sparse.indices.byte_offset, index_size)?;
             let (replaced, _) = self.view(sparse.values.buffer_view, sparse.values.byte_offset, N * size)?;
             if sparse.count > indices.len() / index_size || sparse.count > replaced.len() / (N * size) {
-                return Err(
-                    "a sparse accessor has fewer bytes than values; is the file truncated?".to_owned()
-                );
+                return Err(GltfError::ShortSparse);
             }
             for i in 0..sparse.count {
                 let at = read_index(&indices[i * index_size..(i + 1) * index_size]);
-                let value = values
-                    .get_mut(at as usize)
-                    .ok_or("a sparse accessor replaces a value that is not there")?;
+                let value = values.get_mut(at as usize).ok_or(GltfError::SparseOutOfRange)?;
                 *value = element(&replaced[i * N * size..]);
             }
         }
@@ -431,11 +419,9 @@ impl GltfDocument {
     }
 
     /// The bytes of a view from `offset` on, and the distance of its elements.
-    fn view(&self, index: usize, offset: usize, element: usize) -> Result<(&[u8], usize), String> {
-        let view =
-            self.json.buffer_views.get(index).ok_or_else(|| format!("there is no buffer view {index}"))?;
-        let buffer =
-            self.buffers.get(view.buffer).ok_or_else(|| format!("there is no buffer {}", view.buffer))?;
+    fn view(&self, index: usize, offset: usize, element: usize) -> Result<(&[u8], usize), GltfError> {
+        let view = self.json.buffer_views.get(index).ok_or(missing("buffer view", index))?;
+        let buffer = self.buffers.get(view.buffer).ok_or(missing("buffer", view.buffer))?;
         let buffer = buffer.bytes(&self.source);
         let end = view.byte_offset.checked_add(view.byte_length);
         let bytes =
@@ -443,16 +429,20 @@ impl GltfDocument {
         let stride = view.byte_stride.filter(|s| *s > 0).unwrap_or(element);
         match bytes {
             Some(bytes) if stride >= element => Ok((bytes, stride)),
-            Some(_) => Err("the elements of a buffer view overlap".to_owned()),
-            None => Err("a buffer view reaches beyond its buffer; is the file truncated?".to_owned()),
+            Some(_) => Err(GltfError::Overlap),
+            None => Err(GltfError::ViewBehindEnd),
         }
     }
+}
+
+fn missing(what: &'static str, number: usize) -> GltfError {
+    GltfError::Missing { what, number }
 }
 
 /// How a component is decoded from its bytes, and their number.
 type Component = (fn(&[u8]) -> f64, usize);
 
-fn component(kind: u32, normalised: bool) -> Result<Component, String> {
+fn component(kind: u32, normalised: bool) -> Result<Component, GltfError> {
     Ok(match (kind, normalised) {
         (5120, false) => (|b| f64::from(b[0] as i8), 1),
         (5120, true) => (|b| (f64::from(b[0] as i8) / 127.0).max(-1.0), 1),
@@ -464,6 +454,6 @@ fn component(kind: u32, normalised: bool) -> Result<Component, String> {
         (5123, true) => (|b| f64::from(u16::from_le_bytes([b[0], b[1]])) / 65535.0, 2),
         (5125, _) => (|b| f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])), 4),
         (5126, _) => (|b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])), 4),
-        (other, _) => return Err(format!("an accessor has the unknown component type {other}")),
+        (other, _) => return Err(GltfError::ComponentType(other)),
     })
 }

@@ -1,5 +1,6 @@
 //! Buffers of glTF documents: the binary chunk of a GLB file, files beside the document, base64 within it.
 
+use super::GltfError;
 use crate::text::{Source, shown};
 use base64::Engine;
 use serde::Deserialize;
@@ -35,7 +36,7 @@ impl Buffer {
 /// The JSON of a document and the place of its binary chunk.
 pub(super) type Chunks<'b> = (&'b [u8], Option<Range<usize>>);
 
-pub(super) fn split_chunks(bytes: &[u8]) -> Result<Chunks<'_>, String> {
+pub(super) fn split_chunks(bytes: &[u8]) -> Result<Chunks<'_>, GltfError> {
     if !bytes.starts_with(b"glTF") {
         return Ok((bytes, None));
     }
@@ -43,18 +44,17 @@ pub(super) fn split_chunks(bytes: &[u8]) -> Result<Chunks<'_>, String> {
         let four = bytes.get(at..at + 4)?;
         Some(u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize)
     };
-    let cut = || "the GLB file is shorter than it states; is it truncated?".to_owned();
-    let version = number(4).ok_or_else(cut)?;
+    let version = number(4).ok_or(GltfError::Truncated)?;
     if version != 2 {
-        return Err(format!("expected GLB of version 2, found version {version}"));
+        return Err(GltfError::GlbVersion(version));
     }
-    let length = number(12).ok_or_else(cut)?;
-    let text = bytes.get(20..20 + length).ok_or_else(cut)?;
+    let length = number(12).ok_or(GltfError::Truncated)?;
+    let text = bytes.get(20..20 + length).ok_or(GltfError::Truncated)?;
     let at = 20 + length;
     let chunk = match number(at) {
         Some(length) if bytes.get(at + 4..at + 8) == Some(b"BIN\0") => {
             let range = at + 8..at + 8 + length;
-            bytes.get(range.clone()).ok_or_else(cut)?;
+            bytes.get(range.clone()).ok_or(GltfError::Truncated)?;
             Some(range)
         }
         _ => None,
@@ -69,20 +69,18 @@ pub(super) fn open_buffer(
     buffer: &BufferJson,
     chunk: &Option<Range<usize>>,
     warnings: &mut Vec<String>,
-) -> Result<Buffer, String> {
+) -> Result<Buffer, GltfError> {
     let opened = match (&buffer.uri, chunk) {
         (None, Some(range)) if index == 0 => Buffer::Chunk(range.clone()),
-        (None, _) => return Err(format!("the buffer {index} has no data")),
+        (None, _) => return Err(GltfError::EmptyBuffer(index)),
         (Some(uri), _) => match uri.strip_prefix("data:") {
             Some(data) => {
-                let text = data.split_once(";base64,").ok_or("a buffer within the file is not base64")?.1;
+                let text = data.split_once(";base64,").ok_or(GltfError::NotBase64)?.1;
                 let decoded = base64::engine::general_purpose::STANDARD.decode(text);
-                Buffer::Inline(decoded.map_err(|e| format!("the buffer {index} is not valid base64: {e}"))?)
+                Buffer::Inline(decoded.map_err(|e| GltfError::Base64 { index, what: e.to_string() })?)
             }
             None if uri.contains("://") => {
-                return Err(format!(
-                    "the buffer {uri} is not on this machine; only files beside the document are read"
-                ));
+                return Err(GltfError::Remote(uri.clone()));
             }
             None => {
                 let written = decode_percent(uri);
@@ -100,17 +98,12 @@ pub(super) fn open_buffer(
                 let file = path.with_file_name(&name);
                 if !is_beside {
                     let name = shown(&name.as_os_str().as_encoded_bytes()[..name.as_os_str().len().min(200)]);
-                    return Err(format!(
-                        "the buffer {name} is not beside the document; only files in its folder are read"
-                    ));
+                    return Err(GltfError::Elsewhere(name));
                 }
                 if file.metadata().is_ok_and(|about| !about.is_file()) {
-                    return Err(format!("the buffer {} is not a regular file", file.display()));
+                    return Err(GltfError::NotRegular { file });
                 }
-                Buffer::File(
-                    Source::open(&file)
-                        .map_err(|e| format!("cannot read the buffer {}: {e}", file.display()))?,
-                )
+                Buffer::File(Source::open(&file).map_err(|source| GltfError::Buffer { file, source })?)
             }
         },
     };
@@ -120,10 +113,7 @@ pub(super) fn open_buffer(
         Buffer::Inline(bytes) => bytes.len(),
     };
     if length < buffer.byte_length {
-        return Err(format!(
-            "the buffer {index} has {length} of {} bytes; is the file truncated?",
-            buffer.byte_length
-        ));
+        return Err(GltfError::ShortBuffer { index, held: length, stated: buffer.byte_length });
     }
     Ok(opened)
 }

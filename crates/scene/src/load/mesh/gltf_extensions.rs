@@ -1,6 +1,8 @@
 //! Extensions that glTF documents require: which are read, which change nothing that a ray hits, and what to
 //! do with others.
 
+use super::GltfError;
+
 /// Extensions that are read.
 const READ_EXTENSIONS: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
 /// Beginnings of the names of extensions that concern textures, materials, lights, cameras, animations,
@@ -35,27 +37,20 @@ pub(super) const COMPRESSIONS: [&str; 3] =
 
 /// Why a file that requires an extension is refused; `None` if the extension changes nothing that a ray hits,
 /// or is read.
-pub(super) fn refused(extension: &str) -> Option<String> {
+pub(super) fn refused(extension: &str) -> Option<GltfError> {
     if COMPRESSIONS.contains(&extension) {
         return Some(compressed(extension));
     }
     let is_read = READ_EXTENSIONS.contains(&extension)
         || EXTENSIONS_WITHOUT_GEOMETRY.iter().any(|start| extension.starts_with(start));
-    (!is_read).then(|| {
-        format!(
-            "the file requires the extension {extension}, which is not read; export it without this extension"
-        )
-    })
+    (!is_read).then(|| GltfError::Extension(extension.to_owned()))
 }
 
 /// Advice for a compressed file.
-pub(super) fn compressed(extension: &str) -> String {
+pub(super) fn compressed(extension: &str) -> GltfError {
     let tool = match extension {
         "KHR_draco_mesh_compression" => "",
         _ => ", or gltfpack -noq -i in.glb -o out.glb",
     };
-    format!(
-        "its geometry is compressed by {extension}, which is not read; import it in Blender and export it \
-         without compression{tool}"
-    )
+    GltfError::Compressed { extension: extension.to_owned(), tool }
 }

@@ -1,6 +1,6 @@
 //! Materials of glTF documents: their names, and as extras the properties that material files of OBJ have.
 
-use super::diffuse;
+use super::{GltfError, diffuse};
 use serde::Deserialize;
 use serde_json::Value;
 use vlscan_survey::{MaterialDefinition, UnusedOptics};
@@ -25,12 +25,12 @@ pub(super) struct MaterialJson {
 ///
 /// # Errors
 /// A sentence about an extra that is not of its kind.
-pub(super) fn definitions(materials: &[MaterialJson]) -> Result<Vec<MaterialDefinition>, String> {
+pub(super) fn definitions(materials: &[MaterialJson]) -> Result<Vec<MaterialDefinition>, GltfError> {
     let named = (0..).zip(materials).map(|(i, m)| definition(i, m));
     named.chain([Ok(diffuse("default"))]).collect()
 }
 
-fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, String> {
+fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, GltfError> {
     let mut material = match json.name.as_str() {
         "" => diffuse(format!("material_{number}")),
         name => diffuse(name),
@@ -39,7 +39,7 @@ fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, 
     let extra = |key: &str| json.extras.get(key).filter(|value| !value.is_null());
     let wrong = |key: &str, expected: &str, found: &Value| {
         let found: String = found.to_string().chars().take(40).collect();
-        format!("the material \"{name}\": expected {expected} as {key}, found {found}")
+        GltfError::Material { name: name.clone(), key: key.to_owned(), expected: expected.to_owned(), found }
     };
     if let Some(value) = extra("helios_reflectance") {
         let number = value.as_f64().filter(|r| r.is_finite() && *r >= 0.0);
@@ -126,7 +126,7 @@ mod tests {
     fn read(extras: &str) -> Result<MaterialDefinition, String> {
         let json = format!(r#"[{{"name":"bark\n","extras":{extras}}}]"#);
         let materials: Vec<MaterialJson> = serde_json::from_str(&json).unwrap();
-        definitions(&materials).map(|found| found[0].clone())
+        definitions(&materials).map(|found| found[0].clone()).map_err(|e| e.to_string())
     }
 
     #[test]

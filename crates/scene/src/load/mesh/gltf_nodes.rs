@@ -1,5 +1,6 @@
 //! The nodes of a glTF document: which meshes the scene shows, and where.
 
+use super::GltfError;
 use super::gltf::{GltfDocument, Instancing, NodeJson};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use vlscan_survey::PartRecipe;
@@ -21,27 +22,27 @@ pub(super) struct PlacedMesh {
 
 impl GltfDocument {
     /// The meshes of the scene, in the order of its nodes.
-    pub fn placed_meshes(&self) -> Result<Vec<PlacedMesh>, String> {
+    pub fn placed_meshes(&self) -> Result<Vec<PlacedMesh>, GltfError> {
         let json = &self.json;
         let roots = match json.scenes.get(json.scene) {
             Some(scene) => scene.nodes.clone(),
             None if json.scenes.is_empty() => self.nodes_without_parent(),
-            None => return Err(format!("there is no scene {}", json.scene)),
+            None => return Err(GltfError::Missing { what: "scene", number: json.scene }),
         };
         let mut placed = Vec::new();
         let mut is_seen = vec![false; json.nodes.len()];
         let mut open: Vec<(usize, DAffine3, &str)> =
             roots.into_iter().rev().map(|n| (n, DAffine3::IDENTITY, "")).collect();
         while let Some((number, parent, name)) = open.pop() {
-            let node = json.nodes.get(number).ok_or_else(|| format!("there is no node {number}"))?;
+            let node = json.nodes.get(number).ok_or(GltfError::Missing { what: "node", number })?;
             if std::mem::replace(&mut is_seen[number], true) {
-                return Err(format!("the node {number} has two parents"));
+                return Err(GltfError::TwoParents(number));
             }
             let transform = parent * local_transform(node);
             let name = if node.name.is_empty() { name } else { node.name.as_str() };
             let named = || (!name.is_empty()).then(|| name.to_owned());
             if !transform.is_finite() {
-                return Err(format!("the transform of the node {number} is not finite"));
+                return Err(GltfError::Transform(number));
             }
             if let Some(mesh) = node.mesh {
                 match &node.extensions.instancing {
@@ -75,9 +76,9 @@ impl GltfDocument {
     }
 
     /// Fails if this many meshes with names of this length cannot be placed.
-    fn check_placed(&self, count: usize, name_bytes: usize) -> Result<(), String> {
+    fn check_placed(&self, count: usize, name_bytes: usize) -> Result<(), GltfError> {
         if count > MAX_PLACED {
-            return Err(format!("the nodes place {count} meshes; at most {MAX_PLACED} are read"));
+            return Err(GltfError::TooManyMeshes { count, max: MAX_PLACED });
         }
         let each = size_of::<PlacedMesh>() + size_of::<PartRecipe>() + 2 * name_bytes;
         self.check_memory((count as u64).saturating_mul(each as u64))
@@ -90,7 +91,7 @@ impl GltfDocument {
         instancing: &Instancing,
         before: usize,
         name_bytes: usize,
-    ) -> Result<Vec<DAffine3>, String> {
+    ) -> Result<Vec<DAffine3>, GltfError> {
         for (name, &accessor) in &instancing.attributes {
             if ["TRANSLATION", "ROTATION", "SCALE"].contains(&name.as_str()) {
                 let count = before.saturating_add(self.count_of_instances(accessor)?);

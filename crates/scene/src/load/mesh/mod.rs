@@ -2,6 +2,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `error` | errors of the other formats |
 //! | `obj` | OBJ |
 //! | `ply` | PLY |
 //! | `stl` | STL |
@@ -17,6 +18,7 @@
 //! | `doubts` | meshes that are probably in another unit, or with another axis up |
 
 pub(super) mod doubts;
+mod error;
 mod expand;
 mod gltf;
 mod gltf_buffers;
@@ -33,6 +35,7 @@ mod stl;
 #[cfg(test)]
 mod tests;
 
+pub use error::{GltfError, MeshError, OffError, PlyMeshError, StlError};
 pub(crate) use expand::{EpochPart, parts_in_epoch};
 
 use crate::builder::{PartSource, SceneBuilder};
@@ -184,19 +187,23 @@ pub(crate) fn load(
     let frame = FileFrame::new(reading, format);
     let found = match format {
         Format::Obj => return load_obj(scene, part, source, reading, names),
-        Format::Ply => ply::read(source),
-        Format::Stl => stl::read(source),
-        Format::Off => off::read(source),
-        Format::Gltf => gltf::GltfDocument::open(source.path(), scene.free_memory()).and_then(|document| {
-            scene.sources.extend(document.files().map(Path::to_path_buf));
-            let warnings = document.warnings();
-            document.whole(frame).map(|raw| RawMesh { warnings, ..raw })
-        }),
+        Format::Ply => ply::read(source).map_err(MeshError::from),
+        Format::Stl => stl::read(source).map_err(MeshError::from),
+        Format::Off => off::read(source).map_err(MeshError::from),
+        Format::Gltf => {
+            let document = gltf::GltfDocument::open(source.path(), scene.free_memory());
+            let raw = document.and_then(|document| {
+                scene.sources.extend(document.files().map(Path::to_path_buf));
+                let warnings = document.warnings();
+                document.whole(frame).map(|raw| RawMesh { warnings, ..raw })
+            });
+            raw.map_err(MeshError::from)
+        }
     };
     let mut raw = match found {
         Ok(raw) => raw,
-        Err(message) => {
-            scene.diagnostics.error(Some(Place::of_file(source.path())), message);
+        Err(error) => {
+            report(scene, source.path(), error);
             return Ok(());
         }
     };
@@ -216,6 +223,11 @@ pub(crate) fn load(
     let by = DefinedBy::MeshFile(source.path().to_path_buf(), reading.materials.clone());
     let materials = scene.library.of(by, || mesh.materials().to_vec(), &mut scene.diagnostics);
     memory::load_with(scene, part, &mesh, materials, &face_of)
+}
+
+/// Reports a file that cannot be read.
+fn report(scene: &mut SceneBuilder, path: &Path, error: MeshError) {
+    scene.diagnostics.error(Some(Place::of_file(path)), error.to_string()).because_of(error);
 }
 
 /// A file of none of the formats that are read. The first bytes of a binary STL file are any.

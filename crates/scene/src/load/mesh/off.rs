@@ -2,7 +2,7 @@
 //! combinations, as text. Normals, colours and texture coordinates are not used: what a surface reflects
 //! follows from its material.
 
-use super::{RawMesh, diffuse};
+use super::{OffError, RawMesh, diffuse};
 use crate::text::Source;
 use vlscan_base::columns::comma_note;
 use vlscan_geom::DVec3;
@@ -15,7 +15,7 @@ struct Layout {
 
 impl Layout {
     /// The layout of a first word in capitals; `None` for other words.
-    fn of(word: &str) -> Option<Result<Layout, String>> {
+    fn of(word: &str) -> Option<Result<Layout, OffError>> {
         let flags = word.strip_suffix("OFF")?;
         let mut more = vec![0];
         let mut rest = flags;
@@ -30,7 +30,7 @@ impl Layout {
         }
         Some(match rest {
             "" => Ok(Layout { more }),
-            "4" | "4N" => Err(format!("{word} has vertices of other than three dimensions")),
+            "4" | "4N" => Err(OffError::Dimensions { word: word.to_owned() }),
             _ => return None,
         })
     }
@@ -50,11 +50,9 @@ impl<'t> Lines<'t> {
         Lines { lines: Box::new(lines), last: 1 }
     }
 
-    fn next(&mut self, expected: &str) -> Result<(usize, &'t str), String> {
+    fn next(&mut self, expected: &'static str) -> Result<(usize, &'t str), OffError> {
         let line = self.lines.next();
-        let line = line.ok_or_else(|| {
-            format!("line {}: expected {expected}, found the end of the file; is it truncated?", self.last)
-        })?;
+        let line = line.ok_or(OffError::Truncated { line: self.last, expected })?;
         self.last = line.0;
         Ok(line)
     }
@@ -64,7 +62,7 @@ impl<'t> Lines<'t> {
 ///
 /// # Errors
 /// The first line that is wrong.
-pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
+pub(super) fn read(source: &Source) -> Result<RawMesh, OffError> {
     let bytes = source.bytes();
     let text = String::from_utf8_lossy(bytes);
     let text = if text.contains('\n') { text } else { text.replace('\r', "\n").into() };
@@ -77,10 +75,7 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
         layout = found?;
         line = line[end..].trim_start();
         if line.to_ascii_uppercase().starts_with("BINARY") {
-            return Err(
-                "binary OFF is not read; write it as text, or convert it to PLY or glTF with MeshLab"
-                    .to_owned(),
-            );
+            return Err(OffError::Binary);
         }
         if line.is_empty() {
             (number, line) = lines.next("the numbers of vertices, faces and edges")?;
@@ -89,16 +84,10 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
     let counts = numbers(line, number)?;
     let is_count = |count: &f64| *count >= 0.0 && count.fract() == 0.0 && *count < f64::from(u32::MAX);
     let [vertices, faces, ..] = counts.as_slice() else {
-        return Err(format!(
-            "line {number}: expected the numbers of vertices, faces and edges, found \"{}\"",
-            shown(line)
-        ));
+        return Err(OffError::Counts { line: number, found: shown(line) });
     };
     if counts.len() > 3 || !counts.iter().all(is_count) {
-        return Err(format!(
-            "line {number}: expected the numbers of vertices, faces and edges, found \"{}\"",
-            shown(line)
-        ));
+        return Err(OffError::Counts { line: number, found: shown(line) });
     }
     let name = source.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut mesh = RawMesh { materials: vec![diffuse(name)], ..RawMesh::default() };
@@ -115,58 +104,45 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
     Ok(mesh)
 }
 
-fn vertex(lines: &mut Lines, layout: &Layout) -> Result<DVec3, String> {
+fn vertex(lines: &mut Lines, layout: &Layout) -> Result<DVec3, OffError> {
     let (number, line) = lines.next("a vertex")?;
     let values = numbers(line, number)?;
     match values.as_slice() {
         [x, y, z, more @ ..] if layout.more.contains(&more.len()) => Ok(DVec3::new(*x, *y, *z)),
         _ => {
             let counts: Vec<String> = layout.more.iter().map(|more| (3 + more).to_string()).collect();
-            Err(format!(
-                "line {number}: expected {} numbers of a vertex, found {}",
-                counts.join(" or "),
-                values.len()
-            ))
+            Err(OffError::Vertex { line: number, expected: counts.join(" or "), found: values.len() })
         }
     }
 }
 
 /// A face: the number of its corners, the corners from 0, and a colour as an index or three or four numbers.
-fn face(lines: &mut Lines, mesh: &mut RawMesh) -> Result<(), String> {
+fn face(lines: &mut Lines, mesh: &mut RawMesh) -> Result<(), OffError> {
     let (number, line) = lines.next("a face")?;
     let values = numbers(line, number)?;
-    let wrong = |what: String| Err(format!("line {number}: {what}"));
     let (count, rest) = values.split_first().map_or((0.0, &[][..]), |(count, rest)| (*count, rest));
     if count < 1.0 || count.fract() != 0.0 || count as usize > rest.len() {
-        return wrong(format!(
-            "expected the number of corners and as many corners, found \"{}\"",
-            shown(line)
-        ));
+        return Err(OffError::Corners { line: number, found: shown(line) });
     }
     let (corners, colour) = rest.split_at(count as usize);
     if !matches!(colour.len(), 0 | 1 | 3 | 4) {
-        return wrong(format!(
-            "expected {count} corners and the numbers of a colour, found {} more numbers",
-            colour.len()
-        ));
+        return Err(OffError::Colour { line: number, count, found: colour.len() });
     }
     let held = mesh.vertices.len();
-    if let Some(corner) =
+    if let Some(&corner) =
         corners.iter().find(|corner| corner.fract() != 0.0 || !(0.0..held as f64).contains(*corner))
     {
-        return wrong(format!("vertex {corner} does not exist; there are {held}, from 0"));
+        return Err(OffError::OutOfRange { line: number, corner, count: held });
     }
     let corners: Vec<u32> = corners.iter().map(|corner| *corner as u32).collect();
     mesh.add_polygon(&corners, 0);
     Ok(())
 }
 
-fn numbers(line: &str, number: usize) -> Result<Vec<f64>, String> {
+fn numbers(line: &str, number: usize) -> Result<Vec<f64>, OffError> {
     let parsed = line.split_ascii_whitespace().map(|word| {
         let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
-        value.ok_or_else(|| {
-            format!("line {number}: expected a number, found \"{}\"{}", shown(word), comma_note(word))
-        })
+        value.ok_or_else(|| OffError::Number { line: number, found: shown(word), note: comma_note(word) })
     });
     parsed.collect()
 }
@@ -180,7 +156,7 @@ mod tests {
     use super::*;
 
     fn read_text(text: &str) -> Result<RawMesh, String> {
-        read(&Source::of("cube.off", text.as_bytes()))
+        read(&Source::of("cube.off", text.as_bytes())).map_err(|e| e.to_string())
     }
 
     const SQUARE: &str = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";

@@ -1,7 +1,7 @@
 //! PLY meshes, text and binary: the faces of `vertex_indices`, and strips of triangles. The material is named
 //! after the file.
 
-use super::{RawMesh, diffuse};
+use super::{PlyMeshError, RawMesh, diffuse};
 use crate::text::Source;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
@@ -11,18 +11,17 @@ use vlscan_base::damage::catch_decoder_panic;
 use vlscan_formats::{PlyNumbers, ply_header};
 use vlscan_geom::DVec3;
 
-pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
+pub(super) fn read(source: &Source) -> Result<RawMesh, PlyMeshError> {
     let name = source.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    catch_decoder_panic(|| read_mesh(source.bytes(), name))
-        .unwrap_or_else(|| Err("the file is damaged".to_owned()))
+    catch_decoder_panic(|| read_mesh(source.bytes(), name)).unwrap_or(Err(PlyMeshError::Damaged))
 }
 
-fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
-    let spelled = ply_header(bytes).map_err(|e| format!("expected a PLY file: {e}"))?;
+fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, PlyMeshError> {
+    let spelled = ply_header(bytes).map_err(PlyMeshError::Header)?;
     let parser = Parser::<Element>::new();
     let header = parser
         .read_header(&mut Reader::new(spelled.text.as_bytes()))
-        .map_err(|e| format!("expected a PLY file: {}", first_line(&e)))?;
+        .map_err(|e| PlyMeshError::Malformed { what: first_line(&e) })?;
     let body = &bytes[spelled.body..];
     let mut reader = match header.encoding {
         Encoding::Ascii => ElementReader::Text(PlyNumbers::new(body)),
@@ -34,19 +33,18 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
         has_faces |= matches!(definition.name.as_str(), "face" | "tristrips");
         for at in 0..definition.count {
             let element = reader.read(definition).map_err(|e| {
-                let (name, count) = (&definition.name, definition.count);
-                format!("{e} after {at} of {count} elements \"{name}\"")
+                let (name, count) = (definition.name.clone(), definition.count);
+                PlyMeshError::Element { at, count, name, source: Box::new(e) }
             })?;
             match definition.name.as_str() {
                 "vertex" => mesh.vertices.push(DVec3::from(element.position)),
                 name @ ("face" | "tristrips") if element.has_fractions => {
-                    return Err(format!(
-                        "{name} {at}: expected whole numbers as corners, found a list of floats"
-                    ));
+                    return Err(PlyMeshError::Fractions { name: name.to_owned(), at });
                 }
                 "face" => {
-                    let corner =
-                        |c: &i64| u32::try_from(*c).map_err(|_| format!("face {at} has the corner {c}"));
+                    let corner = |&corner: &i64| {
+                        u32::try_from(corner).map_err(|_| PlyMeshError::Corner { at, corner })
+                    };
                     let corners: Vec<u32> = element.corners.iter().map(corner).collect::<Result<_, _>>()?;
                     mesh.add_polygon(&corners, 0);
                 }
@@ -57,11 +55,7 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
     }
     match &reader {
         ElementReader::Text(numbers) if !numbers.is_at_end() => {
-            return Err(
-                "values are left over after the last element: a line has more values than its element \
-                        has properties, or the header states too few elements"
-                    .to_owned(),
-            );
+            return Err(PlyMeshError::Rest);
         }
         ElementReader::Binary(_, _, rest) if !rest.is_empty() => {
             mesh.warnings.push(format!("{} bytes after the last element are not read", rest.len()));
@@ -69,18 +63,15 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, String> {
         _ => {}
     }
     if !has_faces {
-        return Err(
-            "the PLY file holds points and no faces; <filter type=\"xyzloader\"> makes voxels of points"
-                .to_owned(),
-        );
+        return Err(PlyMeshError::NoFaces);
     }
     Ok(mesh)
 }
 
 /// Adds strips of triangles, which end with -1. Every second triangle has its corners in the other order.
-fn add_strips(mesh: &mut RawMesh, corners: &[i64]) -> Result<(), String> {
+fn add_strips(mesh: &mut RawMesh, corners: &[i64]) -> Result<(), PlyMeshError> {
     for strip in corners.split(|c| *c == -1) {
-        let corner = |c: &i64| u32::try_from(*c).map_err(|_| format!("a strip has the corner {c}"));
+        let corner = |&corner: &i64| u32::try_from(corner).map_err(|_| PlyMeshError::StripCorner { corner });
         let strip: Vec<u32> = strip.iter().map(corner).collect::<Result<_, _>>()?;
         for (i, t) in strip.windows(3).enumerate() {
             let odd = i % 2;
@@ -97,7 +88,7 @@ enum ElementReader<'b> {
 }
 
 impl ElementReader<'_> {
-    fn read(&mut self, definition: &ElementDef) -> Result<Element, String> {
+    fn read(&mut self, definition: &ElementDef) -> Result<Element, PlyMeshError> {
         let read = match self {
             ElementReader::Text(numbers) => return read_text_element(numbers, definition),
             ElementReader::Binary(parser, Encoding::BinaryBigEndian, rest) => {
@@ -105,12 +96,12 @@ impl ElementReader<'_> {
             }
             ElementReader::Binary(parser, _, rest) => parser.read_little_endian_element(rest, definition),
         };
-        read.map_err(|e| format!("{}; is the file truncated?", first_line(&e)))
+        read.map_err(|e| PlyMeshError::Truncated { what: first_line(&e) })
     }
 }
 
 /// Reads an element of a text file. Lines do not matter.
-fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Result<Element, String> {
+fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Result<Element, PlyMeshError> {
     let mut element = Element::new();
     for property in definition.properties.values() {
         let name = property.name.as_str();

@@ -1,7 +1,7 @@
 //! STL, binary and text. The solids of a text file are its materials; a binary file has one, named after the
 //! file.
 
-use super::{RawMesh, diffuse};
+use super::{RawMesh, StlError, diffuse};
 use crate::text::Source;
 use std::collections::HashMap;
 use vlscan_base::columns::comma_note;
@@ -39,7 +39,7 @@ fn stated_count(bytes: &[u8]) -> Option<usize> {
     Some(u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize)
 }
 
-pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
+pub(super) fn read(source: &Source) -> Result<RawMesh, StlError> {
     let bytes = source.bytes();
     let name = source.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
     if is_binary(bytes) {
@@ -53,10 +53,7 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
             let triangles = &bytes[HEADER_BYTES..];
             let held = triangles.len() / TRIANGLE_BYTES;
             if count == 0 || count > held {
-                return Err(format!(
-                    "the file states {count} triangles and has bytes for {held}; is it truncated, or not an \
-                     STL file?"
-                ));
+                return Err(StlError::Truncated { count, held });
             }
             let (triangles, rest) = triangles.split_at(count * TRIANGLE_BYTES);
             let mut mesh = read_binary(triangles, name);
@@ -66,7 +63,7 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, String> {
             ));
             Ok(mesh)
         }
-        None => Err("expected an STL file, found fewer bytes than its header has".to_owned()),
+        None => Err(StlError::NoHeader),
     }
 }
 
@@ -96,7 +93,7 @@ fn read_binary(triangles: &[u8], name: String) -> RawMesh {
     mesh
 }
 
-fn read_text(bytes: &[u8], file_name: &str) -> Result<RawMesh, String> {
+fn read_text(bytes: &[u8], file_name: &str) -> Result<RawMesh, StlError> {
     let text = String::from_utf8_lossy(bytes);
     let mut mesh = RawMesh::default();
     let mut corners = Corners::default();
@@ -105,8 +102,9 @@ fn read_text(bytes: &[u8], file_name: &str) -> Result<RawMesh, String> {
     let (mut open, mut current) = (false, 0);
     for (number, line) in (1..).zip(text.lines()) {
         let mut words = line.split_ascii_whitespace();
-        let wrong = |what: &str| {
-            format!("line {number}: {what}, found \"{}\"", line.trim().chars().take(60).collect::<String>())
+        let wrong = |expected, note| {
+            let found = line.trim().chars().take(60).collect();
+            StlError::Line { line: number, expected, found, note }
         };
         match words.next().map(str::to_ascii_lowercase).as_deref() {
             Some("solid") => {
@@ -126,27 +124,27 @@ fn read_text(bytes: &[u8], file_name: &str) -> Result<RawMesh, String> {
                     word.parse::<f64>().ok()
                 };
                 let (Some(x), Some(y), Some(z)) = (coordinate(), coordinate(), coordinate()) else {
-                    return Err(wrong("expected three coordinates") + hint);
+                    return Err(wrong("expected three coordinates", hint));
                 };
                 if words.next().is_some() {
-                    return Err(wrong("expected three coordinates and no more"));
+                    return Err(wrong("expected three coordinates and no more", ""));
                 }
                 loop_of.push(corners.number(&mut mesh, [x, y, z]));
             }
             Some("endloop") => {
                 if loop_of.len() < 3 {
-                    return Err(wrong("expected three corners before the end of a loop"));
+                    return Err(wrong("expected three corners before the end of a loop", ""));
                 }
                 mesh.add_polygon(&loop_of, current);
                 loop_of.clear();
             }
             Some("endsolid") => open = false,
             None | Some("facet" | "outer" | "endfacet") => {}
-            Some(_) => return Err(wrong("expected a line of STL")),
+            Some(_) => return Err(wrong("expected a line of STL", "")),
         }
     }
     if open {
-        return Err("expected endsolid at the end; is the file truncated?".to_owned());
+        return Err(StlError::NoEnd);
     }
     Ok(mesh)
 }

@@ -1,7 +1,7 @@
 //! ESRI ASCII grids: heights as text, read as the GeoTIFF of 32-bit floats that `gdal_translate` makes of
 //! them, so that all that holds for rasters holds for them.
 
-use std::fmt::Write as _;
+use super::error::GridError;
 use std::io::Cursor;
 use std::path::Path;
 use tiff::encoder::TiffEncoder;
@@ -25,11 +25,6 @@ const RASTER_TYPE: u16 = 1025;
 const PIXEL_IS_AREA: u16 = 1;
 const PROJECTED_SYSTEM: u16 = 3072;
 
-/// Why a grid cannot be read, with its line.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub(super) struct GridError(pub String);
-
 /// A grid: its header, and its heights row by row from the north west.
 #[derive(Debug, PartialEq)]
 struct Grid<'t> {
@@ -50,16 +45,14 @@ struct Grid<'t> {
 /// # Errors
 /// Problem of a grid, with its line.
 pub(super) fn geotiff(text: &[u8], path: &Path) -> Result<Vec<u8>, GridError> {
-    let text =
-        std::str::from_utf8(text).map_err(|_| GridError("it has bytes that are not text".to_owned()))?;
-    let grid = Grid::read(text.trim_start_matches('\u{feff}')).map_err(GridError)?;
-    let keys = keys(path).map_err(GridError)?;
-    encoded(&grid, &keys).map_err(|e| GridError(format!("it cannot be used: {e}")))
+    let text = std::str::from_utf8(text).map_err(|_| GridError::NotText)?;
+    let grid = Grid::read(text.trim_start_matches('\u{feff}'))?;
+    encoded(&grid, &keys(path)?).map_err(GridError::Encoding)
 }
 
 /// The keys of the system in the `.prj` file: those of its code, or that its coordinates are degrees. A
 /// system without a code is read from the file itself.
-fn keys(path: &Path) -> Result<Vec<[u16; 4]>, String> {
+fn keys(path: &Path) -> Result<Vec<[u16; 4]>, GridError> {
     let mut keys = Vec::new();
     let prj =
         ["prj", "PRJ"].map(|ending| path.with_extension(ending)).into_iter().find(|prj| reads::is_file(prj));
@@ -73,10 +66,8 @@ fn keys(path: &Path) -> Result<Vec<[u16; 4]>, String> {
         }
         None => {
             if let Some(problem) = crs::unit_problem(&wkt) {
-                let name = path.file_name().unwrap_or_default().to_string_lossy();
-                return Err(format!(
-                    "{problem} (its .prj file); gdalwarp -t_srs EPSG:25832 {name} out.tif projects it"
-                ));
+                let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                return Err(GridError::System { problem, name });
             }
         }
     }
@@ -108,7 +99,7 @@ fn encoded(grid: &Grid, keys: &[[u16; 4]]) -> tiff::TiffResult<Vec<u8>> {
 type NumberedLine<'t> = (usize, &'t str);
 
 impl<'t> Grid<'t> {
-    fn read(text: &'t str) -> Result<Grid<'t>, String> {
+    fn read(text: &'t str) -> Result<Grid<'t>, GridError> {
         let lines = (1..).zip(text.split('\n').flat_map(|line| line.split('\r')).map(str::trim));
         let mut lines = lines.filter(|(_, line)| !line.is_empty()).peekable();
         let mut header = Header::default();
@@ -120,12 +111,10 @@ impl<'t> Grid<'t> {
         let mut grid = header.grid()?;
         // A height and what separates it take at least two bytes.
         let cells = grid.columns.checked_mul(grid.rows).filter(|cells| *cells <= MAX_CELLS);
-        let cells = cells.ok_or_else(|| format!("{} by {} cells are too many", grid.columns, grid.rows))?;
+        let (columns, rows) = (grid.columns, grid.rows);
+        let cells = cells.ok_or(GridError::TooLarge { columns, rows })?;
         if cells > text.len() {
-            return Err(format!(
-                "its header states {} by {} heights, more than it holds; is it truncated?",
-                grid.columns, grid.rows
-            ));
+            return Err(GridError::Truncated { columns, rows });
         }
         grid.heights.reserve_exact(cells);
         let (mut counts, mut last) = (Vec::new(), 0);
@@ -147,23 +136,22 @@ impl<'t> Grid<'t> {
 }
 
 /// Refuses grids with other numbers of heights than the header states. Rows may go on in further lines.
-fn check_counts(grid: &Grid, counts: &[(usize, usize)], last: usize, cells: usize) -> Result<(), String> {
+fn check_counts(grid: &Grid, counts: &[(usize, usize)], last: usize, cells: usize) -> Result<(), GridError> {
     if grid.heights.len() == cells {
         return Ok(());
     }
     let has_rows = counts.iter().any(|(_, count)| *count == grid.columns);
     let odd = counts.iter().find(|(_, count)| *count != grid.columns);
-    match odd {
-        Some((number, count)) if has_rows => {
-            Err(format!("line {number}: expected {} heights (ncols), found {count}", grid.columns))
-        }
-        _ => {
-            let mut message = format!("line {last}: expected {cells} heights");
-            let _ =
-                write!(message, " ({} rows of {}), found {}", grid.rows, grid.columns, grid.heights.len());
-            Err(message)
-        }
-    }
+    Err(match odd {
+        Some(&(line, found)) if has_rows => GridError::Row { line, columns: grid.columns, found },
+        _ => GridError::Count {
+            line: last,
+            cells,
+            rows: grid.rows,
+            columns: grid.columns,
+            found: grid.heights.len(),
+        },
+    })
 }
 
 /// The keys of a header.
@@ -189,17 +177,17 @@ const KEYS: [&str; 12] = [
 ];
 
 impl<'t> Header<'t> {
-    fn take(&mut self, (number, line): NumberedLine<'t>) -> Result<(), String> {
+    fn take(&mut self, (number, line): NumberedLine<'t>) -> Result<(), GridError> {
         let mut words = line.split_ascii_whitespace();
         let key = words.next().unwrap_or_default().to_ascii_lowercase();
         if !KEYS.contains(&key.as_str()) {
-            return Err(format!("line {number}: unknown key `{key}`; expected one of {}", KEYS.join(", ")));
+            return Err(GridError::UnknownKey { line: number, key, known: KEYS.join(", ") });
         }
         let (Some(value), None) = (words.next(), words.next()) else {
-            return Err(format!("line {number}: expected {key} and one value, found \"{line}\""));
+            return Err(GridError::Value { line: number, key, found: line.to_owned() });
         };
         if self.values.iter().any(|(known, ..)| *known == key) {
-            return Err(format!("line {number}: a second {key}"));
+            return Err(GridError::SecondKey { line: number, key });
         }
         self.values.push((key, number, value));
         Ok(())
@@ -209,55 +197,52 @@ impl<'t> Header<'t> {
         self.values.iter().find(|(known, ..)| known == key).map(|(_, number, value)| (*number, *value))
     }
 
-    fn number(&self, key: &str) -> Result<Option<f64>, String> {
+    fn number(&self, key: &str) -> Result<Option<f64>, GridError> {
         let Some((line, text)) = self.text(key) else { return Ok(None) };
         let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
-        value.map(Some).ok_or_else(|| {
-            format!("line {line}: expected a number as {key}, found \"{text}\"{}", comma_note(text))
-        })
+        value.map(Some).ok_or_else(|| not_a_number(line, key, text))
     }
 
-    fn count(&self, key: &str) -> Result<usize, String> {
-        let value = self.number(key)?.ok_or_else(|| format!("expected {key} in its header, found none"))?;
+    fn count(&self, key: &str) -> Result<usize, GridError> {
+        let value = self.number(key)?.ok_or_else(|| GridError::MissingKey { key: key.to_owned() })?;
         let is_count = value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value);
         is_count
             .then_some(value as usize)
-            .ok_or_else(|| format!("expected a whole number above 0 as {key}, found {value}"))
+            .ok_or_else(|| GridError::NotACount { key: key.to_owned(), found: value })
     }
 
     /// The step of an axis.
-    fn step(&self, axis: &str) -> Result<f64, String> {
+    fn step(&self, axis: &str) -> Result<f64, GridError> {
         let step = match (self.number("cellsize")?, self.number(axis)?) {
             (Some(step), None) | (None, Some(step)) => step,
-            (Some(_), Some(_)) => return Err(format!("expected cellsize or {axis}, found both")),
+            (Some(_), Some(_)) => {
+                return Err(GridError::BothKeys { one: "cellsize".to_owned(), other: axis.to_owned() });
+            }
             (None, None) => {
-                return Err("expected cellsize, or dx and dy, in its header, found none".to_owned());
+                return Err(GridError::MissingKey { key: "cellsize, or dx and dy,".to_owned() });
             }
         };
-        (step > 0.0).then_some(step).ok_or_else(|| format!("expected a cell size above 0, found {step}"))
+        (step > 0.0).then_some(step).ok_or(GridError::CellSize(step))
     }
 
     /// The western or southern border, of the corner or the centre of the first cell.
-    fn border(&self, axis: char, step: f64) -> Result<f64, String> {
+    fn border(&self, axis: char, step: f64) -> Result<f64, GridError> {
         let [corner, centre, other] = ["corner", "center", "centre"].map(|place| format!("{axis}ll{place}"));
         let centre = self.number(&centre)?.or(self.number(&other)?);
         match (self.number(&corner)?, centre) {
             (Some(corner), None) => Ok(corner),
             (None, Some(centre)) => Ok(centre - 0.5 * step),
-            (Some(_), Some(_)) => Err(format!("expected {corner} or {axis}llcenter, found both")),
-            (None, None) => Err(format!("expected {corner} or {axis}llcenter in its header, found none")),
+            (Some(_), Some(_)) => Err(GridError::BothKeys { one: corner, other: format!("{axis}llcenter") }),
+            (None, None) => Err(GridError::MissingKey { key: format!("{corner} or {axis}llcenter") }),
         }
     }
 
-    fn grid(&self) -> Result<Grid<'t>, String> {
+    fn grid(&self) -> Result<Grid<'t>, GridError> {
         let steps = [self.step("dx")?, self.step("dy")?];
         if let Some((line, text)) = self.text("nodata_value")
             && text.parse::<f64>().is_err()
         {
-            return Err(format!(
-                "line {line}: expected a number as nodata_value, found \"{text}\"{}",
-                comma_note(text)
-            ));
+            return Err(not_a_number(line, "nodata_value", text));
         }
         Ok(Grid {
             columns: self.count("ncols")?,
@@ -275,11 +260,13 @@ fn is_number(line: &str) -> bool {
     line.split_ascii_whitespace().next().is_some_and(|word| word.parse::<f64>().is_ok())
 }
 
-fn height(word: &str, number: usize) -> Result<f32, String> {
+fn height(word: &str, number: usize) -> Result<f32, GridError> {
     let value = word.parse::<f32>().ok().filter(|value| !value.is_infinite());
-    value.ok_or_else(|| {
-        format!("line {number}: expected a height, found \"{}\"{}", shown(word), comma_note(word))
-    })
+    value.ok_or_else(|| GridError::Height { line: number, found: shown(word), note: comma_note(word) })
+}
+
+fn not_a_number(line: usize, key: &str, found: &str) -> GridError {
+    GridError::NotANumber { line, key: key.to_owned(), found: found.to_owned() }
 }
 
 fn shown(word: &str) -> String {
@@ -294,7 +281,7 @@ mod tests {
         "ncols 3\nnrows 2\nxllcorner 431000.5\nyllcorner 5412000\ncellsize 2\nNODATA_value -9999\n";
 
     fn read(text: &str) -> Result<Grid<'_>, String> {
-        Grid::read(text)
+        Grid::read(text).map_err(|e| e.to_string())
     }
 
     #[test]

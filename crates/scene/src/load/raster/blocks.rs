@@ -1,12 +1,12 @@
 //! The strips and tiles of a TIFF image: where they are, how they are compressed, and the numbers in them
 //! (TIFF 6.0; supplement 3 for floating-point predictors; GDAL and libtiff for ZSTD and LERC).
 
+use super::error::{RasterError, UnpackError};
 use super::file::{Directory, OpenFile};
 use super::unpack::{inflate, unlzw, unpack_bits, unzstd};
 use tiff::decoder::ChunkType;
 use tiff::tags::{ByteOrder, Tag};
 use vlscan_base::damage::catch_decoder_panic;
-use vlscan_base::quantity;
 use vlscan_survey::PixelType;
 
 /// Maximum number of pixels of a block that is larger than four times its raster.
@@ -58,7 +58,7 @@ enum Compression {
 }
 
 impl Compression {
-    fn of_code(code: u16, lerc: u32) -> Result<Compression, String> {
+    fn of_code(code: u16, lerc: u32) -> Result<Compression, RasterError> {
         let unread = match code {
             1 => return Ok(Compression::None),
             5 => return Ok(Compression::Lzw),
@@ -73,9 +73,9 @@ impl Compression {
             34_925 => "LZMA",
             50_001 => "WebP",
             50_002 | 52_546 => "JPEG XL",
-            _ => return Err(format!("its compression (code {code}) is unknown")),
+            _ => return Err(RasterError::UnknownCompression(code)),
         };
-        Err(format!("it is compressed by {unread}, which is not read"))
+        Err(RasterError::Compression(unread))
     }
 
     /// Maximum ratio of the numbers to the bytes of a block. A raster that states more is damaged. A code of
@@ -127,14 +127,14 @@ pub(super) struct Blocks {
 
 impl Blocks {
     /// Reads the description of the current image of a file of `held` bytes, and checks it.
-    pub fn read(directory: &mut Directory, held: u64) -> Result<Blocks, String> {
-        let (width, height) = directory.dimensions().map_err(readable)?;
+    pub fn read(directory: &mut Directory, held: u64) -> Result<Blocks, RasterError> {
+        let (width, height) = directory.dimensions()?;
         let (columns, rows) = (width as usize, height as usize);
-        let small = |directory: &mut Directory, tag: Tag, default: u64| -> Result<u64, String> {
-            Ok(directory.find_tag_unsigned::<u64>(tag).map_err(readable)?.unwrap_or(default))
+        let small = |directory: &mut Directory, tag: Tag, default: u64| -> Result<u64, RasterError> {
+            Ok(directory.find_tag_unsigned::<u64>(tag)?.unwrap_or(default))
         };
-        let list = |directory: &mut Directory, tag: Tag| -> Result<Vec<u64>, String> {
-            Ok(directory.find_tag_unsigned_vec(tag).map_err(readable)?.unwrap_or_default())
+        let list = |directory: &mut Directory, tag: Tag| -> Result<Vec<u64>, RasterError> {
+            Ok(directory.find_tag_unsigned_vec(tag)?.unwrap_or_default())
         };
         let lerc = list(directory, LERC_PARAMETERS_TAG)?.get(1).map_or(0, |&code| code as u32);
         let compression = Compression::of_code(small(directory, Tag::Compression, 1)? as u16, lerc)?;
@@ -143,17 +143,13 @@ impl Blocks {
             1 | 4 => NumberFormat::Unsigned,
             2 => NumberFormat::Signed,
             3 => NumberFormat::Float,
-            5 | 6 => return Err("its pixels are complex numbers, expected heights".to_owned()),
-            other => return Err(format!("its pixels have the unknown number format {other}")),
+            5 | 6 => return Err(RasterError::Complex),
+            other => return Err(RasterError::NumberFormat(other)),
         };
         match (format, bits) {
             (NumberFormat::Float, 16 | 32 | 64)
             | (NumberFormat::Unsigned | NumberFormat::Signed, 1 | 2 | 4 | 8 | 16 | 32 | 64) => {}
-            _ => {
-                return Err(format!(
-                    "its pixels are numbers of {bits} bits, expected 1, 2, 4, 8, 16, 32 or 64"
-                ));
-            }
+            _ => return Err(RasterError::NumberBits(bits)),
         }
         let is_tiled = directory.get_chunk_type() == ChunkType::Tile;
         let (block_width, block_height) = directory.chunk_dimensions();
@@ -162,7 +158,7 @@ impl Blocks {
             false => (columns, (block_height as usize).min(rows)),
         };
         if size.0 == 0 || size.1 == 0 {
-            return Err("its strips or tiles have no pixels".to_owned());
+            return Err(RasterError::EmptyBlocks);
         }
         let tags = match is_tiled {
             true => (Tag::TileOffsets, Tag::TileByteCounts),
@@ -189,25 +185,22 @@ impl Blocks {
         Ok(blocks)
     }
 
-    fn check(&self, held: u64) -> Result<(), String> {
+    fn check(&self, held: u64) -> Result<(), RasterError> {
         let (width, height) = (self.columns as u64, self.rows as u64);
         let pixels = width.saturating_mul(height);
         let bytes = pixels.saturating_mul(self.pixel_bytes());
         let can_hold = self.compression.max_ratio().max(Compression::Lzw.max_ratio());
         if bytes > held.saturating_mul(can_hold) {
-            let (stated, held) = (quantity::bytes(bytes), quantity::bytes(held));
-            return Err(format!("its {width} x {height} pixels ({stated}) do not fit into a file of {held}"));
+            return Err(RasterError::Size { width, height, bytes, held });
         }
         let (block_width, block_height) = self.size;
         let block_pixels = (block_width as u64).saturating_mul(block_height as u64);
         if block_pixels > MAX_BLOCK_PIXELS.max(pixels.saturating_mul(4)) {
-            return Err(format!(
-                "its strips or tiles of {block_width} x {block_height} pixels are larger than itself"
-            ));
+            return Err(RasterError::LargeBlocks { width: block_width, height: block_height });
         }
         let planes = if self.is_planar { self.bands } else { 1 };
         if self.places.len() < self.count().saturating_mul(planes) {
-            return Err("it has fewer strips or tiles than its size requires".to_owned());
+            return Err(RasterError::MissingBlocks);
         }
         let is_float = self.format == NumberFormat::Float;
         match self.predictor {
@@ -216,7 +209,7 @@ impl Blocks {
             // Floats are taken as whole numbers of their bits.
             2 if is_float => {}
             3 if is_float => {}
-            other => return Err(format!("its predictor {other} does not go with its numbers")),
+            other => return Err(RasterError::Predictor(other)),
         }
         let ratio = self.compression.max_ratio();
         let is_short = |block: usize| {
@@ -224,10 +217,7 @@ impl Blocks {
             bytes > 0 && bytes.saturating_mul(ratio) < self.stored(block % self.count()).bytes as u64
         };
         if let Some(block) = (0..self.places.len()).find(|&block| is_short(block)) {
-            return Err(format!(
-                "its block {block} of {} bytes is shorter than its pixels",
-                self.places[block].1
-            ));
+            return Err(RasterError::ShortBlock { block, bytes: self.places[block].1 });
         }
         Ok(())
     }
@@ -305,7 +295,7 @@ impl Blocks {
         file: &OpenFile,
         block: usize,
         bands: &[usize],
-    ) -> Result<Option<Vec<Vec<f64>>>, String> {
+    ) -> Result<Option<Vec<Vec<f64>>>, RasterError> {
         if self.is_planar {
             let mut planes = Vec::with_capacity(bands.len());
             for band in bands {
@@ -325,16 +315,16 @@ impl Blocks {
         block: usize,
         place: usize,
         bands: &[usize],
-    ) -> Result<Option<Vec<Vec<f64>>>, String> {
+    ) -> Result<Option<Vec<Vec<f64>>>, RasterError> {
         let (offset, count) = self.places[place];
         if count == 0 {
             return Ok(None);
         }
         if offset.saturating_add(count) > file.length() {
-            return Err(format!("its block {place} lies beyond the end of the file; is it truncated?"));
+            return Err(RasterError::BlockBehindEnd { block: place });
         }
         let data = file.bytes(offset, count as usize);
-        let data = &*data.map_err(|e| format!("its block {place} cannot be read: {e}"))?;
+        let data = &*data.map_err(|source| RasterError::Block { block: place, source })?;
         let stored = self.stored(block);
         let Window { width, height, .. } = self.extent(block);
         let step = self.bands_of_block();
@@ -347,23 +337,21 @@ impl Blocks {
             bands.iter().map(band).collect()
         };
         if let Compression::Lerc(inner) = self.compression {
-            let numbers =
-                self.lerc(data, inner, &stored).map_err(|e| format!("its block {place} of LERC: {e}"))?;
+            let numbers = self.lerc(data, inner, &stored);
+            let numbers = numbers.map_err(|source| RasterError::Lerc { block: place, source })?;
             return Ok(Some(cut(&|i| numbers[i])));
         }
-        let raw =
-            self.unpack(data, &stored).map_err(|e| format!("its block {place} cannot be unpacked: {e}"))?;
+        let raw = self.unpack(data, &stored);
+        let raw = raw.map_err(|source| RasterError::Packed { block: place, source })?;
         if raw.len() < stored.bytes {
-            return Err(format!(
-                "its block {place} is shorter than its {width} x {height} pixels; is the file truncated?"
-            ));
+            return Err(RasterError::BlockEnds { block: place, width, height });
         }
         let bits = self.numbers(&raw, &stored);
         Ok(Some(cut(&|i| self.value(bits[i]))))
     }
 
     /// The bytes of a block before compression, or fewer if the block is damaged.
-    fn unpack(&self, data: &[u8], stored: &Stored) -> Result<Vec<u8>, String> {
+    fn unpack(&self, data: &[u8], stored: &Stored) -> Result<Vec<u8>, UnpackError> {
         let reversed: Vec<u8>;
         let data = match self.has_reversed_bits {
             true => {
@@ -378,11 +366,11 @@ impl Blocks {
             Compression::Zstd => unzstd(data, stored.bytes),
             Compression::Lzw => unlzw(data, stored.bytes),
             Compression::PackBits => Ok(unpack_bits(data, stored.bytes)),
-            Compression::Lerc(_) => Err("LERC holds numbers".to_owned()),
+            Compression::Lerc(_) => Err(UnpackError::NoBytes),
         }
     }
 
-    fn lerc(&self, data: &[u8], inner: u32, stored: &Stored) -> Result<Vec<f64>, String> {
+    fn lerc(&self, data: &[u8], inner: u32, stored: &Stored) -> Result<Vec<f64>, UnpackError> {
         let limit = stored.bytes.saturating_mul(2).saturating_add(MAX_LERC_OVERHEAD);
         let unpacked: Vec<u8>;
         let data = match inner {
@@ -397,16 +385,16 @@ impl Blocks {
             _ => data,
         };
         let decoded = catch_decoder_panic(|| {
-            let info = lerc_reader::inspect_first(data).map_err(|e| e.to_string())?;
+            let info = lerc_reader::inspect_first(data).map_err(UnpackError::of_decoder)?;
             let (width, height, depth) = (info.width as usize, info.height as usize, info.depth as usize);
             if (width, height, depth) != (self.size.0, stored.height, self.bands_of_block()) {
-                return Err(format!("it has {width} x {height} pixels of {depth} numbers"));
+                return Err(UnpackError::Size { width, height, depth });
             }
-            lerc_reader::decode_first_to_f64(data).map_err(|e| e.to_string())
+            lerc_reader::decode_first_to_f64(data).map_err(UnpackError::of_decoder)
         });
-        let mut decoded = decoded.unwrap_or_else(|| Err("it is damaged".to_owned()))?;
+        let mut decoded = decoded.unwrap_or(Err(UnpackError::Damaged))?;
         if decoded.pixels.len() < stored.numbers * stored.height {
-            return Err("it has fewer numbers than pixels".to_owned());
+            return Err(UnpackError::MissingNumbers);
         }
         if let Some(mask) = &decoded.mask {
             let step = self.bands_of_block();
@@ -486,11 +474,6 @@ struct Stored {
     numbers: usize,
     row_bytes: usize,
     bytes: usize,
-}
-
-/// Message of the library.
-pub(super) fn readable(e: tiff::TiffError) -> String {
-    e.to_string()
 }
 
 /// A float of 16 bits (IEEE 754).

@@ -38,7 +38,7 @@ impl RasterFile {
     /// Opens a file for the first time. A grid of text is held as the GeoTIFF that it is read as.
     ///
     /// # Errors
-    /// [`io::ErrorKind::InvalidData`] with a [`ascii_grid::GridError`] for a grid that cannot be read.
+    /// [`io::ErrorKind::InvalidData`] with a [`GridError`](super::GridError) for a grid that cannot be read.
     pub fn find(path: &Path) -> io::Result<(RasterFile, OpenFile)> {
         fault::point()?;
         let is_regular = fs::metadata(path).is_ok_and(|about| about.is_file());

@@ -1,11 +1,11 @@
 //! Position of the pixels of a raster (OGC GeoTIFF 1.1, §7.1 and annex B.6; world files of ESRI).
 
+use super::error::RasterError;
 use super::file::Directory;
 use super::keys;
 use crate::builder::MAX_COORDINATE;
 use std::path::{Path, PathBuf};
 use tiff::tags::Tag;
-use vlscan_base::columns::comma_note;
 use vlscan_base::files::reads;
 use vlscan_geom::DVec3;
 use vlscan_trace::HeightGrid;
@@ -87,9 +87,9 @@ impl Georeference {
 
     /// Converts the coefficients x = c₀ + c₁·column + c₂·row, y = c₃ + c₄·column + c₅·row, where (column,
     /// row) is the corner of a pixel, or its centre if `is_point`.
-    pub fn from_affine(c: [f64; 6], is_point: bool) -> Result<Georeference, String> {
+    pub fn from_affine(c: [f64; 6], is_point: bool) -> Result<Georeference, RasterError> {
         if c.iter().any(|v| !v.is_finite()) || c[1] * c[5] == c[2] * c[4] {
-            return Err(format!("expected a pixel size other than 0, found {} by {}", c[1], c[5]));
+            return Err(RasterError::PixelSize(c[1], c[5]));
         }
         let half = if is_point { 0.0 } else { 0.5 };
         let origin = (c[0] + half * (c[1] + c[2]), c[3] + half * (c[4] + c[5]));
@@ -110,7 +110,7 @@ impl Georeference {
 
 /// The georeference of the current image: from its tags, otherwise from the world file beside it, otherwise
 /// `None`.
-pub(super) fn read(directory: &mut Directory, path: &Path) -> Result<Option<Georeference>, String> {
+pub(super) fn read(directory: &mut Directory, path: &Path) -> Result<Option<Georeference>, RasterError> {
     let is_point = keys::is_point(directory)?;
     if let Some(m) = doubles(directory, Tag::ModelTransformationTag)?.filter(|m| m.len() >= 8) {
         return Georeference::from_affine([m[3], m[0], m[1], m[7], m[4], m[5]], is_point).map(Some);
@@ -120,19 +120,15 @@ pub(super) fn read(directory: &mut Directory, path: &Path) -> Result<Option<Geor
             let affine = [t[3] - t[0] * s[0], s[0], 0.0, t[4] + t[1] * s[1], 0.0, -s[1]];
             Georeference::from_affine(affine, is_point).map(Some)
         }
-        (None, Some(t)) if t.len() > 6 => {
-            Err("expected a pixel size and one tie point, found ground control points; \
-             gdalwarp in.tif out.tif places the pixels by them"
-                .to_owned())
-        }
+        (None, Some(t)) if t.len() > 6 => Err(RasterError::ControlPoints),
         _ => world_file(path)?.map(|c| Georeference::from_affine(c, false)).transpose(),
     }
 }
 
 /// The numbers of a tag; `None` if the tag is absent.
-pub(super) fn doubles(directory: &mut Directory, tag: Tag) -> Result<Option<Vec<f64>>, String> {
+pub(super) fn doubles(directory: &mut Directory, tag: Tag) -> Result<Option<Vec<f64>>, RasterError> {
     let found = directory.find_tag(tag).and_then(|value| value.map(|v| v.into_f64_vec()).transpose());
-    found.map_err(|e| format!("its {tag:?} cannot be read: {e}"))
+    found.map_err(|source| RasterError::Tag { tag, source })
 }
 
 /// The world file of a raster: `dem.tfw`, `dem.tifw`, `dem.wld`, also in capitals.
@@ -144,22 +140,23 @@ pub(super) fn world_file_of(path: &Path) -> Option<PathBuf> {
 }
 
 /// The six lines of an ESRI world file, which refer to pixel centres.
-fn world_file(path: &Path) -> Result<Option<[f64; 6]>, String> {
+fn world_file(path: &Path) -> Result<Option<[f64; 6]>, RasterError> {
     let Some(file) = world_file_of(path) else { return Ok(None) };
     let bytes = vlscan_tables::input::read_file(&file, MAX_WORLD_FILE_BYTES);
-    let bytes = bytes.map_err(|e| format!("its world file {} cannot be read: {e}", file.display()))?;
+    let bytes = match bytes {
+        Ok(bytes) => bytes,
+        Err(source) => return Err(RasterError::WorldFileUnread { file, source }),
+    };
     let text = String::from_utf8_lossy(&bytes);
     let mut numbers = [0.0; 6];
     let mut words = text.trim_start_matches('\u{feff}').split_whitespace();
     for number in &mut numbers {
         let word = words.next().unwrap_or_default();
-        *number = word.parse().map_err(|_| {
-            let hint = comma_note(word);
-            format!("its world file {} has \"{word}\", expected six numbers{hint}", file.display())
-        })?;
+        *number =
+            word.parse().map_err(|_| RasterError::WorldFile { file: file.clone(), word: word.to_owned() })?;
     }
     if let Some(word) = words.next() {
-        return Err(format!("its world file {} has \"{word}\" after six numbers", file.display()));
+        return Err(RasterError::LongWorldFile { word: word.to_owned(), file });
     }
     let [a, d, b, e, x, y] = numbers;
     Ok(Some([x - 0.5 * a - 0.5 * b, a, b, y - 0.5 * d - 0.5 * e, d, e]))
@@ -178,7 +175,9 @@ mod tests {
         let turned = Georeference::from_affine([100.0, 0.0, 2.0, 50.0, 3.0, 0.0], false).unwrap();
         assert_eq!(turned.centre(1, 2, 7.0), DVec3::new(105.0, 54.5, 7.0));
         for singular in [[0.0, 0.0, 0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 2.0, 0.0, 2.0, 4.0]] {
-            assert!(Georeference::from_affine(singular, false).unwrap_err().contains("pixel size"));
+            assert!(
+                Georeference::from_affine(singular, false).unwrap_err().to_string().contains("pixel size")
+            );
         }
     }
 
@@ -190,8 +189,8 @@ mod tests {
         let c = read().unwrap().unwrap();
         assert_eq!(Georeference::from_affine(c, false).unwrap().origin, (101.0, 48.0));
         std::fs::write(folder.path().join("dem.tfw"), "2,0\n0,0\n0,0\n-4,0\n101,0\n48,0\n").unwrap();
-        assert!(read().unwrap_err().contains("a decimal comma"));
+        assert!(read().unwrap_err().to_string().contains("a decimal comma"));
         std::fs::write(folder.path().join("dem.tfw"), "2.0\n0.0\n0.0\n-4.0\n101.0\n48.0\n7\n").unwrap();
-        assert!(read().unwrap_err().contains("\"7\" after six numbers"));
+        assert!(read().unwrap_err().to_string().contains("\"7\" after six numbers"));
     }
 }

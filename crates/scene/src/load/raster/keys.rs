@@ -1,7 +1,7 @@
 //! The keys of GeoTIFF files (OGC GeoTIFF 1.1): what coordinates are, and in which unit; GDAL's metadata of
 //! the first band.
 
-use super::blocks::readable;
+use super::error::RasterError;
 use super::file::Directory;
 use super::georeference::doubles;
 use std::path::Path;
@@ -39,21 +39,21 @@ const MAX_PRJ_BYTES: u64 = 1 << 16;
 const GDAL_METADATA_TAG: Tag = Tag::Unknown(42_112);
 
 /// The value of a GeoKey that is a number in the directory itself.
-fn key(directory: &mut Directory, key: u16) -> Result<Option<u16>, String> {
+fn key(directory: &mut Directory, key: u16) -> Result<Option<u16>, RasterError> {
     Ok(find(directory, key)?.filter(|entry| entry[1] == 0).map(|entry| entry[3]))
 }
 
 /// The entry of a GeoKey: key, location (0 = here), count, value.
-fn find(directory: &mut Directory, key: u16) -> Result<Option<[u16; 4]>, String> {
+fn find(directory: &mut Directory, key: u16) -> Result<Option<[u16; 4]>, RasterError> {
     let tag = Tag::GeoKeyDirectoryTag;
     let keys = directory.find_tag(tag).and_then(|value| value.map(|v| v.into_u16_vec()).transpose());
-    let keys = keys.map_err(|e| format!("its {tag:?} cannot be read: {e}"))?.unwrap_or_default();
+    let keys = keys.map_err(|source| RasterError::Tag { tag, source })?.unwrap_or_default();
     // A header of four numbers, then entries of four.
     let entry = keys.chunks_exact(4).skip(1).find(|k| k[0] == key);
     Ok(entry.and_then(|entry| entry.try_into().ok()))
 }
 
-pub(super) fn is_point(directory: &mut Directory) -> Result<bool, String> {
+pub(super) fn is_point(directory: &mut Directory) -> Result<bool, RasterError> {
     Ok(key(directory, RASTER_TYPE_KEY)? == Some(PIXEL_IS_POINT))
 }
 
@@ -70,7 +70,7 @@ pub(super) enum System {
 
 impl System {
     /// The system that the keys of a raster name, or the `.prj` file beside it.
-    pub fn of(directory: &mut Directory, path: &Path) -> Result<System, String> {
+    pub fn of(directory: &mut Directory, path: &Path) -> Result<System, RasterError> {
         let code = epsg(directory, PROJECTED_SYSTEM_KEY).or_else(|| epsg(directory, GEOGRAPHIC_SYSTEM_KEY));
         if let Some(code) = code {
             return Ok(System::Epsg(code));
@@ -122,13 +122,13 @@ fn epsg(directory: &mut Directory, system: u16) -> Option<u16> {
 
 /// The unit of easting and northing: that of its key, else that of the system, else that of WKT in the
 /// citation. `None` if the keys name no projected system; the error is a unit that is not known.
-pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<LengthUnit>, String> {
+pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<LengthUnit>, RasterError> {
     let code = key(directory, PROJECTED_UNIT_KEY)?.filter(|&code| code > 0);
     if let Some(code) = code.filter(|&code| code != USER_DEFINED) {
         let unit = LengthUnit::of_epsg(code);
         return unit
             .map(Some)
-            .ok_or_else(|| format!("the unit of its coordinates (EPSG code {code}) is not known"));
+            .ok_or_else(|| no_unit(format!("the unit of its coordinates (EPSG code {code}) is not known")));
     }
     let system = key(directory, PROJECTED_SYSTEM_KEY)?.filter(|&code| code > 0);
     let of_system = |code: u16| crs::length_unit(code.into());
@@ -138,25 +138,27 @@ pub(super) fn horizontal_unit(directory: &mut Directory) -> Result<Option<Length
     };
     match (unit, code, system) {
         (Some(unit), ..) => Ok(Some(unit)),
-        (None, Some(_), _) => {
-            Err("the unit of its coordinates is user-defined (key 3076 is 32767), but its length (key 3077) \
-                 is missing"
-                .to_owned())
-        }
-        (None, None, Some(USER_DEFINED)) => {
-            Err("the unit of its coordinates (key 3076) is missing, and their system is user-defined"
-                .to_owned())
-        }
-        (None, None, Some(code)) => Err(format!(
+        (None, Some(_), _) => Err(no_unit(
+            "the unit of its coordinates is user-defined (key 3076 is 32767), but its length (key 3077) \
+                 is missing",
+        )),
+        (None, None, Some(USER_DEFINED)) => Err(no_unit(
+            "the unit of its coordinates (key 3076) is missing, and their system is user-defined",
+        )),
+        (None, None, Some(code)) => Err(no_unit(format!(
             "the unit of its coordinates (key 3076) is missing, and their system, EPSG:{code}, is not a \
              built-in projected system"
-        )),
+        ))),
         (None, None, None) => Ok(None),
     }
 }
 
+fn no_unit(what: impl Into<String>) -> RasterError {
+    RasterError::Unit { what: what.into() }
+}
+
 /// The unit whose length the keys have.
-fn own_unit(directory: &mut Directory) -> Result<Option<LengthUnit>, String> {
+fn own_unit(directory: &mut Directory) -> Result<Option<LengthUnit>, RasterError> {
     let entry = find(directory, PROJECTED_UNIT_SIZE_KEY)?.filter(|entry| entry[1] == DOUBLE_PARAMETERS);
     let numbers = doubles(directory, Tag::GeoDoubleParamsTag)?.unwrap_or_default();
     let metres = entry.and_then(|entry| numbers.get(entry[3] as usize).copied());
@@ -180,24 +182,27 @@ fn heights_in(citation: &str) -> Option<&str> {
 pub(super) fn vertical_unit(
     directory: &mut Directory,
     band: &BandMetadata,
-) -> Result<Option<LengthUnit>, String> {
+) -> Result<Option<LengthUnit>, RasterError> {
     if let Some(name) = band.unit.as_deref().map(str::trim).filter(|name| !name.is_empty()) {
         let unit = LengthUnit::of_name(name);
-        return unit.map(Some).ok_or_else(|| format!("the unit \"{name}\" of its heights is not known"));
+        return unit
+            .map(Some)
+            .ok_or_else(|| no_unit(format!("the unit \"{name}\" of its heights is not known")));
     }
     let code = key(directory, VERTICAL_UNIT_KEY)?.filter(|&code| code > 0);
     if let Some(code) = code.filter(|&code| code != USER_DEFINED) {
         let unit = LengthUnit::of_epsg(code);
         return unit
             .map(Some)
-            .ok_or_else(|| format!("the unit of its heights (EPSG code {code}) is not known"));
+            .ok_or_else(|| no_unit(format!("the unit of its heights (EPSG code {code}) is not known")));
     }
     let system = key(directory, VERTICAL_SYSTEM_KEY)?;
     let in_citation = |text: &str| crs::Units::of_wkt(heights_in(text)?).vertical?.length().cloned();
     let unit = system.and_then(LengthUnit::of_heights).or_else(|| in_citation(&citation(directory)?));
     if unit.is_none() && (code.is_some() || system == Some(USER_DEFINED)) {
-        return Err("the unit of its heights (key 4099) is user-defined or missing, and so is their system"
-            .to_owned());
+        return Err(no_unit(
+            "the unit of its heights (key 4099) is user-defined or missing, and so is their system",
+        ));
     }
     Ok(unit)
 }
@@ -231,19 +236,18 @@ impl Default for BandMetadata {
 }
 
 /// Reads GDAL's metadata; the error is a value that cannot be read.
-pub(super) fn band_metadata(directory: &mut Directory) -> Result<BandMetadata, String> {
+pub(super) fn band_metadata(directory: &mut Directory) -> Result<BandMetadata, RasterError> {
     let mut found = BandMetadata::default();
-    if directory.find_tag(GDAL_METADATA_TAG).map_err(readable)?.is_none() {
+    if directory.find_tag(GDAL_METADATA_TAG)?.is_none() {
         return Ok(found);
     }
-    let text = directory.get_tag_ascii_string(GDAL_METADATA_TAG).map_err(readable)?;
-    let document = roxmltree::Document::parse(text.trim_end_matches('\0'))
-        .map_err(|e| format!("its GDAL metadata is no XML: {e}"))?;
+    let text = directory.get_tag_ascii_string(GDAL_METADATA_TAG)?;
+    let document = roxmltree::Document::parse(text.trim_end_matches('\0')).map_err(RasterError::Metadata)?;
     let items = document.descendants().filter(|node| node.has_tag_name("Item"));
     for item in items.filter(|item| item.attribute("sample").is_none_or(|band| band == "0")) {
         let text = item.text().unwrap_or_default().trim();
         let number = || text.parse::<f64>().ok().filter(|v| v.is_finite());
-        let wrong = |what: &str| format!("the {what} of its heights is \"{text}\", expected a number");
+        let wrong = |what| RasterError::MetadataValue { what, found: text.to_owned() };
         match item.attribute("role") {
             Some("scale") => found.scale = number().filter(|s| *s != 0.0).ok_or_else(|| wrong("scale"))?,
             Some("offset") => found.offset = number().ok_or_else(|| wrong("offset"))?,
@@ -254,14 +258,19 @@ pub(super) fn band_metadata(directory: &mut Directory) -> Result<BandMetadata, S
     Ok(found)
 }
 
-/// The no-data value of pixels; `None` without its tag, an error if the tag is not a number.
-pub(super) fn no_data(directory: &mut Directory) -> Result<Option<f64>, String> {
-    let Ok(text) = directory.get_tag_ascii_string(Tag::GdalNodata) else { return Ok(None) };
+/// The no-data value of pixels; `None` without its tag, an error if the tag is not text or not a number.
+pub(super) fn no_data(directory: &mut Directory) -> Result<Option<f64>, RasterError> {
+    let tag = Tag::GdalNodata;
+    let unread = |source| RasterError::Tag { tag, source };
+    if directory.find_tag(tag).map_err(unread)?.is_none() {
+        return Ok(None);
+    }
+    let text = directory.get_tag_ascii_string(tag).map_err(unread)?;
     let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0');
     // As the libraries of other systems write numbers that are none.
     let is_nan = ["#qnan", "#ind", "#snan"].iter().any(|end| text.to_lowercase().ends_with(end));
     if is_nan {
         return Ok(Some(f64::NAN));
     }
-    text.parse().map(Some).map_err(|_| format!("expected a number as no-data value, found \"{text}\""))
+    text.parse().map(Some).map_err(|_| RasterError::NoData(text.to_owned()))
 }

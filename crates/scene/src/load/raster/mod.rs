@@ -13,10 +13,11 @@
 //! | `georeference` | where the pixels are, from tags or a world file |
 //! | `keys` | GeoKeys and GDAL's metadata: systems, units, scales |
 //! | `validity` | no-data values, masks, alpha bands |
-//! | `refusal` | why a raster cannot be used |
+//! | `error`, `refusal` | errors; why a raster cannot be used |
 
 mod ascii_grid;
 mod blocks;
+mod error;
 #[cfg(test)]
 mod field_tests;
 mod file;
@@ -35,11 +36,12 @@ mod validity;
 
 use crate::builder::{LoadOptions, PartSource, SceneBuilder, memory_of};
 use blocks::Window;
+pub use error::{GridError, RasterError, UnpackError};
 use keys::System;
 use mosaic::{Mosaic, Tile, named};
 pub(crate) use pages::{PageFacts, PagedRaster};
 use rayon::prelude::*;
-use refusal::{Refusal, TOO_MANY};
+use refusal::Refusal;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use validity::Doubts;
@@ -144,7 +146,7 @@ pub(crate) fn load(
     let Some(mosaic) = find(scene, part, files)? else { return Ok(()) };
     let path = named(files);
     scene.check_memory(mosaic.memory(keeps_grid), path)?;
-    let unusable = |problem: String| Refusal::Unusable(path.clone(), problem, "".into());
+    let unusable = |problem| Refusal::unusable(path.clone(), problem);
     let whole = mosaic.extent();
     let (heights, doubts) = match read_window(scene.options, &mosaic, whole, whole)? {
         Ok(found) => found,
@@ -154,7 +156,7 @@ pub(crate) fn load(
     let grid = mosaic.grid();
     if keeps_grid {
         let Some(field) = HeightField::new(grid, heights, scene.geometry.triangle_count()) else {
-            return unusable(TOO_MANY.to_owned()).report(scene, part, None);
+            return unusable(RasterError::TooLarge).report(scene, part, None);
         };
         if field.triangles() > 0 {
             let surface = scene.surface(part.index, material);
@@ -258,7 +260,7 @@ fn read_window(
     window: Window,
     own: Window,
 ) -> Result<std::result::Result<(Heights, Doubts), Refusal>> {
-    let unusable = |problem| Refusal::Unusable(mosaic.path(), problem, "".into());
+    let unusable = |problem| Refusal::unusable(mosaic.path(), problem);
     let mut heights = match mosaic.heights(window.pixels()) {
         Ok(heights) => heights,
         Err(problem) => return Ok(Err(unusable(problem))),
@@ -292,9 +294,13 @@ fn read_window(
 }
 
 /// Appends one vertex per pixel, row by row.
-fn append_vertices(scene: &mut SceneBuilder, grid: &HeightGrid, heights: &Heights) -> Result<(), String> {
+fn append_vertices(
+    scene: &mut SceneBuilder,
+    grid: &HeightGrid,
+    heights: &Heights,
+) -> Result<(), RasterError> {
     let vertices = &mut scene.geometry.vertices;
-    vertices.try_reserve_exact(heights.len()).map_err(|e| e.to_string())?;
+    vertices.try_reserve_exact(heights.len())?;
     let vertex = |i: usize| grid.vertex(i % grid.columns, i / grid.columns, heights.get(i));
     vertices.par_extend((0..heights.len()).into_par_iter().map(vertex));
     Ok(())

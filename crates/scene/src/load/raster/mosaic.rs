@@ -5,9 +5,10 @@
 //! where it has data; where there is no tile, there is no data.
 
 use super::blocks::Window;
+use super::error::RasterError;
 use super::georeference::Georeference;
 use super::keys::{LengthUnit, METRES, System};
-use super::refusal::{Refusal, TOO_MANY};
+use super::refusal::Refusal;
 use super::tile::Raster;
 use super::validity::{Doubts, NoData};
 use crate::builder::{MAX_COORDINATE, MAX_ELEMENTS};
@@ -174,7 +175,7 @@ impl Mosaic {
             ));
         }
         let grid = raster.geo_transform.map(|c| Georeference::from_affine(c, false)).transpose();
-        let grid = grid.map_err(|problem| (None, Refusal::Unusable(own.clone(), problem, "".into())))?;
+        let grid = grid.map_err(|problem| (None, Refusal::unusable(own.clone(), problem)))?;
         if grid.is_none() {
             warnings.push(UNPLACED.to_owned());
         }
@@ -282,13 +283,11 @@ impl Mosaic {
             ));
         }
         if !self.georeference.is_near(self.columns, self.rows) {
-            let problem =
-                format!("it reaches beyond {MAX_COORDINATE:e} m, where coordinates cannot be computed");
-            return Err(Refusal::Unusable(path, problem, "".into()));
+            return Err(Refusal::unusable(path, RasterError::OutOfRange));
         }
         if self.triangles().max(self.pixels()) > MAX_ELEMENTS {
-            let problem = format!("{}: {} x {}", TOO_MANY, self.columns, self.rows);
-            return Err(Refusal::Unusable(path, problem, "".into()));
+            let problem = RasterError::TooManyPixels { columns: self.columns, rows: self.rows };
+            return Err(Refusal::unusable(path, problem));
         }
         if self.tiles.len() > MAX_COMPARED_TILES {
             self.tiles.iter_mut().for_each(|tile| tile.overlaps = true);
@@ -352,12 +351,11 @@ impl Mosaic {
     }
 
     /// Memory for the numbers of a window without data.
-    pub fn heights(&self, pixels: usize) -> Result<Heights, String> {
-        let heights = match self.least_short() {
-            Some(least) => Heights::short(least, pixels),
-            None => Heights::single(pixels),
-        };
-        heights.map_err(|e| e.to_string())
+    pub fn heights(&self, pixels: usize) -> Result<Heights, RasterError> {
+        Ok(match self.least_short() {
+            Some(least) => Heights::short(least, pixels)?,
+            None => Heights::single(pixels)?,
+        })
     }
 
     /// Reads the numbers of a part of a tile, which is a window of its raster; NaN for pixels without data.
@@ -372,7 +370,8 @@ impl Mosaic {
             match changed {
                 Some((path, e)) => Refusal::Changed(path, e),
                 None => {
-                    Refusal::Unusable(raster.file.path().to_path_buf(), problem, super::tile::HELP.into())
+                    let path = raster.file.path().to_path_buf();
+                    Refusal::Unusable(path, Box::new(problem), super::tile::HELP.into())
                 }
             }
         })
@@ -387,7 +386,7 @@ impl Mosaic {
         numbers: &[f64],
         heights: &mut Heights,
         window: &Window,
-    ) -> Result<(), String> {
+    ) -> Result<(), RasterError> {
         let left = tile.at[0] + part.left - tile.window.left - window.left;
         let top = tile.at[1] + part.top - tile.window.top - window.top;
         for (row, numbers) in (top..).zip(numbers.chunks_exact(part.width)) {
@@ -395,7 +394,7 @@ impl Mosaic {
             // A tile without data leaves that of earlier ones.
             for run in numbers.chunk_by(|a, b| !tile.overlaps || a.is_nan() == b.is_nan()) {
                 if !(tile.overlaps && run[0].is_nan()) {
-                    heights.set(at, run).map_err(|e| e.to_string())?;
+                    heights.set(at, run)?;
                 }
                 at += run.len();
             }

@@ -5,14 +5,16 @@
 //! not in memory: their boxes, and how many triangles are missing before each row.
 
 use super::blocks::Window;
+use super::error::RasterError;
 use super::mosaic::{Mosaic, named};
 use super::read_window;
-use super::refusal::{Refusal, TOO_MANY};
+use super::refusal::Refusal;
 use super::validity::Doubts;
 use crate::builder::{LoadOptions, PartSource, SceneBuilder};
 use crate::heights::add_heights;
 use crate::tiles::PlaceInRaster;
 use std::sync::Arc;
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::store::Checksum;
 use vlscan_geom::{Aabb, DVec3};
@@ -123,7 +125,9 @@ impl PagedRaster {
             Err(Refusal::Unread(path, e) | Refusal::Changed(path, e)) => Err(Error::io("read", &path, e)),
             Err(Refusal::Unusable(path, problem, help)) => {
                 let message = format!("cannot read the raster {}: {problem}", path.display());
-                Err(Error::input_with_help(message, help))
+                let mut problems = Diagnostics::default();
+                problems.error(None, message).because_of(*problem).help(help);
+                Err(Error::Input(Box::new(problems)))
             }
             Err(Refusal::Apart(message, help)) => Err(Error::input_with_help(message, help)),
         }
@@ -159,7 +163,7 @@ impl PagedRaster {
         let field = HeightField::new(grid, heights, 0);
         Ok(field
             .map(|field| (field, doubts))
-            .ok_or_else(|| Refusal::Unusable(mosaic.path(), TOO_MANY.to_owned(), "".into())))
+            .ok_or_else(|| Refusal::unusable(mosaic.path(), RasterError::TooLarge)))
     }
 }
 

@@ -1,7 +1,7 @@
 //! One raster: what its file says of its pixels, and the numbers in a window of them.
 
-use super::ascii_grid::GridError;
-use super::blocks::{Blocks, Window, readable};
+use super::blocks::{Blocks, Window};
+use super::error::{GridError, RasterError};
 use super::file::{Directory, OpenFile, RasterFile};
 use super::georeference::{self, Georeference};
 use super::keys::{self, BandMetadata, LengthUnit, METRES, System};
@@ -52,7 +52,7 @@ impl Raster {
             let start = open.start(START_BYTES).unwrap_or_default();
             let help = foreign(path, &start, &Expected::RASTER).map_or_else(String::new, |found| found.help);
             let help = if help.is_empty() { HELP.to_owned() } else { help };
-            Refusal::Unusable(path.to_path_buf(), problem, help.into())
+            Refusal::Unusable(path.to_path_buf(), Box::new(problem), help.into())
         })
     }
 
@@ -64,8 +64,8 @@ impl Raster {
         band: usize,
         no_data: &NoData,
         scaled: impl Fn(f64) -> f64,
-    ) -> Result<(Vec<f64>, Doubts), String> {
-        let open = self.file.open().map_err(|e| e.to_string())?;
+    ) -> Result<(Vec<f64>, Doubts), RasterError> {
+        let open = self.file.open()?;
         let bands: Vec<usize> = [Some(band), self.alpha].into_iter().flatten().collect();
         let (mut all, mut doubts) = (vec![f64::NAN; window.pixels()], Doubts::default());
         for block in self.blocks.within(window) {
@@ -82,10 +82,10 @@ impl Raster {
             });
         }
         let Some(mask) = &self.mask else { return Ok((all, doubts)) };
-        let beside = mask.file.as_ref().map(RasterFile::open).transpose().map_err(|e| e.to_string())?;
+        let beside = mask.file.as_ref().map(RasterFile::open).transpose()?;
         for block in mask.blocks.within(window) {
             let found = mask.blocks.decode(beside.as_ref().unwrap_or(&open), block, &[0]);
-            let found = found.map_err(|e| format!("its mask: {e}"))?;
+            let found = found.map_err(|e| RasterError::Mask { file: None, source: Box::new(e) })?;
             each_common(&window, &mask.blocks.extent(block), |to, from| {
                 if found.as_ref().is_none_or(|bands| bands[0][from] == 0.0) {
                     all[to] = f64::NAN;
@@ -141,9 +141,9 @@ fn each_common(one: &Window, other: &Window, mut visit: impl FnMut(usize, usize)
 
 /// Why a file was not opened: what is wrong with a grid of text, or the error of the system.
 fn refused(path: &Path, error: std::io::Error) -> Refusal {
-    match error.get_ref().and_then(|inner| inner.downcast_ref::<GridError>()) {
-        Some(problem) => Refusal::Unusable(path.to_path_buf(), problem.to_string(), "".into()),
-        None => Refusal::Unread(path.to_path_buf(), error),
+    match error.downcast::<GridError>() {
+        Ok(problem) => Refusal::unusable(path.to_path_buf(), problem.into()),
+        Err(error) => Refusal::Unread(path.to_path_buf(), error),
     }
 }
 
@@ -152,20 +152,17 @@ fn is_tiff(bytes: &[u8]) -> bool {
 }
 
 /// The directories of a file, at its first image.
-fn directory<'a>(path: &Path, open: &'a OpenFile) -> Result<Directory<'a>, String> {
-    let start = open.start(START_BYTES).map_err(|e| e.to_string())?;
+fn directory<'a>(path: &Path, open: &'a OpenFile) -> Result<Directory<'a>, RasterError> {
+    let start = open.start(START_BYTES)?;
     if start.is_empty() {
-        return Err("the file is empty".to_owned());
+        return Err(RasterError::Empty);
     }
     if !is_tiff(&start) {
-        return Err(format!(
-            "expected a GeoTIFF file or an ESRI ASCII grid, found {}",
-            recognise(path, &start).name
-        ));
+        return Err(RasterError::Foreign { found: recognise(path, &start).name });
     }
     let mut limits = Limits::default();
     limits.ifd_value_size = limits.ifd_value_size.max(usize::try_from(open.length()).unwrap_or(usize::MAX));
-    Ok(Decoder::new(open.reader()).map_err(readable)?.with_limits(limits))
+    Ok(Decoder::new(open.reader())?.with_limits(limits))
 }
 
 /// EPSG code of a raster's projected system, if its keys name one and its coordinates are those of the scene:
@@ -177,14 +174,14 @@ pub(super) fn projected_epsg(path: &Path) -> Option<u16> {
     keys::projected_epsg(&mut directory).filter(|_| unit.is_none_or(|unit| unit.is_metre()))
 }
 
-fn describe(file: RasterFile, open: &OpenFile) -> Result<Raster, String> {
+fn describe(file: RasterFile, open: &OpenFile) -> Result<Raster, RasterError> {
     let mut warnings = Vec::new();
     let mut directory = directory(file.path(), open)?;
     let held = open.length();
     let blocks = Blocks::read(&mut directory, held)?;
     let georeference = georeference::read(&mut directory, file.path())?;
     let is_geographic = georeference.unwrap_or(Georeference::UNKNOWN).is_geographic(&mut directory);
-    let mut accept = |found: Result<Option<LengthUnit>, String>, used: &str| {
+    let mut accept = |found: Result<Option<LengthUnit>, RasterError>, used: &str| {
         found.unwrap_or_else(|problem| {
             warnings.push(format!("{problem}; it is taken as {used}"));
             None
@@ -206,10 +203,13 @@ fn describe(file: RasterFile, open: &OpenFile) -> Result<Raster, String> {
         ));
     }
     let no_data = keys::no_data(&mut directory).unwrap_or_else(|problem| {
-        warnings.push(problem);
+        warnings.push(problem.to_string());
         None
     });
-    let alpha = validity::alpha_band(&mut directory, blocks.bands);
+    let alpha = validity::alpha_band(&mut directory, blocks.bands).unwrap_or_else(|problem| {
+        warnings.push(format!("{problem}; all its pixels are taken as opaque"));
+        None
+    });
     let photometric = directory.find_tag_unsigned::<u64>(Tag::PhotometricInterpretation).ok().flatten();
     if photometric == Some(PALETTE) {
         warnings.push("its pixels are numbers of colours, which are taken as heights".to_owned());

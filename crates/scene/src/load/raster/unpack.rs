@@ -1,31 +1,32 @@
 //! The compressions of bytes that TIFF files have. Each function unpacks at most a number of bytes, fewer if
 //! the data end before.
 
+use super::error::UnpackError;
 use flate2::read::ZlibDecoder;
 use std::io::Read;
 use vlscan_base::damage::catch_decoder_panic;
 use weezl::{BitOrder, LzwStatus};
 
 /// Unpacks Deflate, at most `length` bytes.
-pub(super) fn inflate(data: &[u8], length: usize) -> Result<Vec<u8>, String> {
+pub(super) fn inflate(data: &[u8], length: usize) -> Result<Vec<u8>, UnpackError> {
     let mut bytes = Vec::with_capacity(length.min(data.len().saturating_mul(8)));
-    ZlibDecoder::new(data).take(length as u64).read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+    ZlibDecoder::new(data).take(length as u64).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
 /// Unpacks Zstandard, at most `length` bytes.
-pub(super) fn unzstd(data: &[u8], length: usize) -> Result<Vec<u8>, String> {
+pub(super) fn unzstd(data: &[u8], length: usize) -> Result<Vec<u8>, UnpackError> {
     let unpacked = catch_decoder_panic(|| {
         let mut bytes = Vec::with_capacity(length.min(data.len().saturating_mul(8)));
-        let decoder = ruzstd::decoding::StreamingDecoder::new(data).map_err(|e| e.to_string())?;
-        decoder.take(length as u64).read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+        let decoder = ruzstd::decoding::StreamingDecoder::new(data).map_err(UnpackError::of_decoder)?;
+        decoder.take(length as u64).read_to_end(&mut bytes)?;
         Ok(bytes)
     });
-    unpacked.unwrap_or_else(|| Err("it is damaged".to_owned()))
+    unpacked.unwrap_or(Err(UnpackError::Damaged))
 }
 
 /// Unpacks LZW, also of files whose codes begin with their last bit, as they did before TIFF 6.0.
-pub(super) fn unlzw(data: &[u8], length: usize) -> Result<Vec<u8>, String> {
+pub(super) fn unlzw(data: &[u8], length: usize) -> Result<Vec<u8>, UnpackError> {
     let is_old = matches!(data, [0, second, ..] if second & 1 == 1);
     let mut decoder = match is_old {
         true => weezl::decode::Decoder::new(BitOrder::Lsb, 8),
@@ -38,7 +39,7 @@ pub(super) fn unlzw(data: &[u8], length: usize) -> Result<Vec<u8>, String> {
         match step.status {
             Ok(LzwStatus::Ok) => {}
             Ok(LzwStatus::Done | LzwStatus::NoProgress) => break,
-            Err(e) => return Err(e.to_string()),
+            Err(e) => return Err(UnpackError::of_decoder(e)),
         }
     }
     bytes.truncate(written);

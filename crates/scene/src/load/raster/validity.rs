@@ -1,6 +1,7 @@
 //! Validity of the pixels of a raster: no-data values, masks within the file or beside it, alpha bands.
 
-use super::blocks::{Blocks, readable};
+use super::blocks::Blocks;
+use super::error::RasterError;
 use super::file::{Directory, RasterFile};
 use crate::builder::MAX_COORDINATE;
 use std::ffi::OsString;
@@ -36,7 +37,7 @@ impl Mask {
         path: &Path,
         held: u64,
         of: &Blocks,
-    ) -> Result<Option<Mask>, String> {
+    ) -> Result<Option<Mask>, RasterError> {
         for _ in 0..MAX_IMAGES {
             if !directory.more_images() || directory.next_image().is_err() {
                 break;
@@ -44,29 +45,28 @@ impl Mask {
             let tag = |directory: &mut Directory, tag| directory.find_tag_unsigned::<u64>(tag).ok().flatten();
             let is_mask = tag(directory, Tag::NewSubfileType).is_some_and(|kind| kind & IS_MASK != 0)
                 || tag(directory, Tag::PhotometricInterpretation) == Some(TRANSPARENCY_MASK);
-            let size = directory.dimensions().map_err(readable)?;
+            let size = directory.dimensions()?;
             if is_mask && (size.0 as usize, size.1 as usize) == (of.columns, of.rows) {
-                let blocks = Blocks::read(directory, held).map_err(|e| format!("its mask: {e}"))?;
+                let blocks = Blocks::read(directory, held)
+                    .map_err(|e| RasterError::Mask { file: None, source: Box::new(e) })?;
                 return Ok(Some(Mask { blocks, file: None }));
             }
         }
         Mask::beside(path, of)
     }
 
-    fn beside(path: &Path, of: &Blocks) -> Result<Option<Mask>, String> {
+    fn beside(path: &Path, of: &Blocks) -> Result<Option<Mask>, RasterError> {
         let file = mask_file(path);
         if !reads::is_file(&file) {
             return Ok(None);
         }
-        let wrong = |e: String| format!("its mask {}: {e}", file.display());
-        let (found, open) = RasterFile::find(&file).map_err(|e| wrong(e.to_string()))?;
-        let mut directory = Decoder::new(open.reader()).map_err(|e| wrong(e.to_string()))?;
+        let wrong = |e: RasterError| RasterError::Mask { file: Some(file.clone()), source: Box::new(e) };
+        let (found, open) = RasterFile::find(&file).map_err(|e| wrong(e.into()))?;
+        let mut directory = Decoder::new(open.reader()).map_err(|e| wrong(e.into()))?;
         let blocks = Blocks::read(&mut directory, open.length()).map_err(wrong)?;
         if (blocks.columns, blocks.rows) != (of.columns, of.rows) {
-            return Err(wrong(format!(
-                "it has {} x {} pixels, the raster {} x {}",
-                blocks.columns, blocks.rows, of.columns, of.rows
-            )));
+            let (found, expected) = ((blocks.columns, blocks.rows), (of.columns, of.rows));
+            return Err(wrong(RasterError::MaskSize { found, expected }));
         }
         Ok(Some(Mask { blocks, file: Some(found) }))
     }
@@ -80,10 +80,13 @@ fn mask_file(path: &Path) -> PathBuf {
 }
 
 /// The band that says how opaque a pixel is, according to the kinds of the bands beyond those of the colour.
-pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Option<usize> {
-    let kinds = directory.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok().flatten()?;
-    let at = kinds.iter().position(|kind| [1, 2].contains(kind))?;
-    (bands - kinds.len().min(bands)).checked_add(at).filter(|band| (1..bands).contains(band))
+pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Result<Option<usize>, RasterError> {
+    let tag = Tag::ExtraSamples;
+    let kinds = directory.find_tag_unsigned_vec::<u16>(tag);
+    let kinds = kinds.map_err(|source| RasterError::Tag { tag, source })?.unwrap_or_default();
+    let at = kinds.iter().position(|kind| [1, 2].contains(kind));
+    let band = at.and_then(|at| (bands - kinds.len().min(bands)).checked_add(at));
+    Ok(band.filter(|band| (1..bands).contains(band)))
 }
 
 /// Rule that distinguishes heights from missing values.

@@ -23,18 +23,25 @@ pub(super) struct Layout {
     pub transmittance: Option<usize>,
 }
 
+/// A column that is missing.
+#[derive(Debug, thiserror::Error)]
+enum MissingColumn {
+    #[error("no column of cells ({0})")]
+    Cells(&'static str),
+    #[error("no column of plant area density (PadBVTotal)")]
+    Density,
+}
+
 impl Layout {
     /// The layout of files that do not name their columns.
     pub const UNNAMED: Layout =
         Layout { count: COLUMNS, index: [0, 1, 2], density: DENSITY, transmittance: Some(TRANSMITTANCE) };
 
-    /// The layout by the line that names the columns; `Err` has what is missing.
-    fn of_names(names: &[String]) -> Result<Layout, String> {
+    /// The layout by the line that names the columns.
+    fn of_names(names: &[String]) -> Result<Layout, MissingColumn> {
         let column =
             |known: &[&str]| known.iter().find_map(|known| names.iter().position(|name| name == known));
-        let required = |known: &[&str], what: &str| {
-            column(known).ok_or_else(|| format!("no column of {what} ({})", known[0]))
-        };
+        let cells = |name: &'static str| column(&[name]).ok_or(MissingColumn::Cells(name));
         let other_density = || {
             let mut others = (0..names.len()).filter(|&i| names[i].starts_with("pad"));
             others.next().filter(|_| others.next().is_none())
@@ -42,8 +49,8 @@ impl Layout {
         let density = column(&DENSITY_NAMES).or_else(other_density);
         Ok(Layout {
             count: names.len(),
-            index: [required(&["i"], "cells")?, required(&["j"], "cells")?, required(&["k"], "cells")?],
-            density: density.ok_or("no column of plant area density (PadBVTotal)")?,
+            index: [cells("i")?, cells("j")?, cells("k")?],
+            density: density.ok_or(MissingColumn::Density)?,
             transmittance: column(&TRANSMITTANCE_NAMES),
         })
     }

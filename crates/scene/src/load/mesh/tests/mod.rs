@@ -1,10 +1,13 @@
 //! Mesh files that are small enough to be checked by hand, and damaged ones.
 
+use super::{GltfError, MeshError, StlError};
 use crate::Scene;
 use crate::fixture::{Fixture, report};
 use base64::Engine;
 use std::path::PathBuf;
+use vlscan_base::Error;
 use vlscan_base::corrections::Corrections;
+use vlscan_base::diag::ProblemKind;
 use vlscan_geom::DVec3;
 use vlscan_survey::{Loader, MaterialChange, MaterialDefinition, MeshReading, Replaced, Transform, UpAxis};
 
@@ -457,6 +460,27 @@ fn many_solids_are_read_in_linear_time() {
     assert_eq!((scene.geometry.triangles.len(), scene.materials.len()), (100_001, 100_000));
     // A search through all names would take 5·10⁹ comparisons.
     assert!(started.elapsed().as_secs() < 20, "{:?}", started.elapsed());
+}
+
+#[test]
+fn programs_can_match_the_cause_of_a_refused_file() {
+    let problems = |name: &str, bytes: &[u8]| {
+        let mut f = fixture(name, bytes);
+        let files: Vec<PathBuf> = vec![f.path().join(name)];
+        f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+        match f.load() {
+            Err(Error::Input(found)) => found,
+            _ => panic!("{name} must not load"),
+        }
+    };
+    let found = problems("a.stl", SQUARE_STL.replace("endsolid wall", "").as_bytes());
+    assert!(matches!(found.cause::<MeshError>(), Some(MeshError::Stl(StlError::NoEnd))), "{found:?}");
+    assert!(found.has(ProblemKind::Truncated));
+    let document = glb(&triangle_json(r#"[{"mesh":7}]"#, ""), &triangle_bytes());
+    let found = problems("a.glb", &document);
+    let cause = found.cause::<MeshError>();
+    let missing = Some(GltfError::Missing { what: "mesh", number: 7 }.to_string());
+    assert!(matches!(cause, Some(MeshError::Gltf(_))) && cause.map(MeshError::to_string) == missing);
 }
 
 #[test]
