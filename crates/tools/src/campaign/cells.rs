@@ -61,7 +61,7 @@ impl Cells {
             match (scene.plots, area) {
                 (Some(count), Some(area)) => {
                     let plots = plots::draw(&area, count as usize, scene.plot_size(), 0)
-                        .map_err(|message| Error::input(format!("scene {}: {message}", scene.name)))
+                        .map_err(|problem| Error::input(format!("scene {}: {problem}", scene.name)))
                         .map_err(|error| placed(error, place.as_ref()))?;
                     let digits = count.to_string().len();
                     for (number, plot) in (1..).zip(plots) {

@@ -4,7 +4,7 @@ use super::chance::{BlockKind, Chance, Halves, MIN_BLOCKS, SPLITS};
 use super::change::{Change, change};
 use super::cut::{CellGrid, Cut};
 use super::neighbours::{Distances, distances};
-use super::options::CompareOptions;
+use super::options::{CompareError, CompareOptions};
 use super::pulses::Pulses;
 use super::quantity::Quantity;
 use super::setting::{Findings, Setting};
@@ -108,7 +108,7 @@ pub fn compare(
     options: &CompareOptions,
     observer: &Observer,
 ) -> Result<Comparison> {
-    options.check().map_err(Error::input)?;
+    options.check()?;
     if let (Some(a), Some(b)) = (first.1.crs(), second.1.crs())
         && differ(a, b)
     {
@@ -119,7 +119,7 @@ pub fn compare(
         );
         observer.warnings(found)?;
     }
-    let (low, high) = common_box(first.1, second.1).map_err(Error::input)?;
+    let (low, high) = common_box(first.1, second.1)?;
     let grid = CellGrid::new((low, high), options.cell, first)?;
     let wide_grid = CellGrid::new((low, high), GROUND_CELL.max(options.cell), first)?;
     let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
@@ -235,17 +235,13 @@ fn findings(setting: &Setting, tell: &dyn Fn(&str)) -> Findings {
 }
 
 /// The corners of the box that both clouds share horizontally, and that holds the heights of both.
-pub(super) fn common_box(first: &Points, second: &Points) -> Result<(DVec3, DVec3), String> {
+pub(super) fn common_box(first: &Points, second: &Points) -> Result<(DVec3, DVec3), CompareError> {
     let (a, b) = (first.bounds(), second.bounds());
     let low = DVec3::new(a.min.x.max(b.min.x), a.min.y.max(b.min.y), a.min.z.min(b.min.z));
     let high = DVec3::new(a.max.x.min(b.max.x), a.max.y.min(b.max.y), a.max.z.max(b.max.z));
     if low.x > high.x || low.y > high.y {
-        let gap = (low - high).max_element();
-        return Err(format!(
-            "the clouds do not overlap: their boxes are {gap:.1} m apart ({:.1} {:.1} and {:.1} {:.1} are \
-             their lower corners)",
-            a.min.x, a.min.y, b.min.x, b.min.y
-        ));
+        let corners = [[a.min.x, a.min.y], [b.min.x, b.min.y]];
+        return Err(CompareError::Apart { gap: (low - high).max_element(), corners });
     }
     Ok((low, high))
 }

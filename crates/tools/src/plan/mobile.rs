@@ -1,6 +1,7 @@
 //! Mobile surveys: a vehicle along a line.
 
 use super::document::{PlannedSurvey, Waypoint};
+use super::error::PlanError;
 use super::swath::SwathModel;
 use crate::args;
 use vlscan_base::error::{Error, Result};
@@ -41,7 +42,7 @@ pub fn plan_mobile(
     level: f64,
     on_ground: bool,
 ) -> Result<PlannedSurvey> {
-    plan(line, instrument, options, level, on_ground).map_err(Error::input)
+    plan(line, instrument, options, level, on_ground).map_err(Error::from)
 }
 
 fn plan(
@@ -50,7 +51,7 @@ fn plan(
     options: &MobileOptions,
     level: f64,
     on_ground: bool,
-) -> Result<PlannedSurvey, String> {
+) -> Result<PlannedSurvey, PlanError> {
     args::check([
         ("speed", Some(options.speed), POSITIVE),
         ("scan-angle", options.scan_angle, POSITIVE),
@@ -74,7 +75,7 @@ fn plan(
         let length = libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
         total += length;
         if total / options.step + places.len() as f64 > MAX_WAYPOINTS {
-            return Err(format!("more than {MAX_WAYPOINTS} waypoints; choose a larger --step"));
+            return Err(PlanError::Waypoints(MAX_WAYPOINTS));
         }
         let steps = (length / options.step).ceil().max(1.0);
         places.extend((1..=steps as usize).map(|i| {

@@ -25,7 +25,7 @@ pub(super) enum ShapefileError {
     Undecodable,
     /// Content that does not follow the format.
     #[error("the shapefile is damaged: {0}")]
-    Damaged(shapefile::Error),
+    Damaged(Box<shapefile::Error>),
     /// A `.prj` file that cannot be read.
     #[error("cannot read {}: {error}", .path.display())]
     Unreadable {
@@ -47,7 +47,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, Shapefile
     let system = system(path)?;
     let shapes = catch_decoder_panic(|| ShapeReader::new(Cursor::new(bytes)).and_then(ShapeReader::read));
     let shapes = shapes.ok_or(ShapefileError::Undecodable)?;
-    let shapes = shapes.map_err(ShapefileError::Damaged)?;
+    let shapes = shapes.map_err(|error| ShapefileError::Damaged(Box::new(error)))?;
     let mut found = Vec::new();
     for shape in shapes {
         match shape {
