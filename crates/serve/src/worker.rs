@@ -291,12 +291,7 @@ impl Workshop {
                 }
                 let files = match results(&folder.join("out"))? {
                     Ok(files) => files,
-                    Err(name) => {
-                        return Ok(Some(Outcome::Failed(format!(
-                            "the output `{}` cannot be fetched under this name; give it another one",
-                            name.escape_debug()
-                        ))));
-                    }
+                    Err(name) => return Ok(Some(Outcome::Failed(name.to_string()))),
                 };
                 record_complete(&folder, &files)?;
                 files
