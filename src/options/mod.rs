@@ -34,7 +34,7 @@ mod trajectory;
 pub mod values;
 mod words;
 
-pub use crate::shards::OneOf;
+pub use crate::shards::{OneOf, OneOfError};
 pub use file::{holds_survey, read_pipeline_text, read_survey};
 pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,
@@ -46,5 +46,5 @@ pub use python::python_module;
 pub use schema::{command_schema, pipeline_schema};
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
-pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed};
+pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed, ValueError};
 pub use words::OptionName;

@@ -200,7 +200,7 @@ pub struct ConfineArgs {
 /// A text that is not a value of an option.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ValueError {
+pub enum AmountError {
     /// A text that is not an amount.
     #[error("`{0}`: expected a whole number such as 500k, 10M, 2G or 1T")]
     Amount(String),
@@ -213,7 +213,7 @@ pub enum ValueError {
 ///
 /// # Errors
 /// Expected value.
-pub fn amount(text: &str) -> Result<u64, ValueError> {
+pub fn amount(text: &str) -> Result<u64, AmountError> {
     let (digits, factor) = match text.char_indices().last() {
         Some((at, 'k')) => (&text[..at], 1_000),
         Some((at, 'M')) => (&text[..at], 1_000_000),
@@ -223,16 +223,16 @@ pub fn amount(text: &str) -> Result<u64, ValueError> {
     };
     let number: Option<u64> = digits.parse().ok();
     let number = number.and_then(|number| number.checked_mul(factor));
-    number.ok_or_else(|| ValueError::Amount(text.to_owned()))
+    number.ok_or_else(|| AmountError::Amount(text.to_owned()))
 }
 
 /// A number of days above 0.
 ///
 /// # Errors
 /// Expected value.
-fn days(text: &str) -> Result<f64, ValueError> {
+fn days(text: &str) -> Result<f64, AmountError> {
     let days: Option<f64> = text.parse().ok().filter(|days: &f64| *days > 0.0 && *days <= 100_000.0);
-    days.ok_or_else(|| ValueError::Days(text.to_owned()))
+    days.ok_or_else(|| AmountError::Days(text.to_owned()))
 }
 
 #[cfg(test)]

@@ -39,7 +39,7 @@ impl From<OptionError> for Error {
 /// A text that is not a value of an option.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ValueError {
+pub enum OptionTextError {
     /// A text that is not a count, or a count of 0 where one is needed.
     #[error("expected a number such as 250000 or 250k, found {0:?}")]
     Count(String),
@@ -77,14 +77,14 @@ pub fn positive(text: &str) -> Result<f64, NumberError> {
 }
 
 /// A whole number with an optional unit prefix: 250k.
-pub fn count(text: &str) -> Result<u64, ValueError> {
-    parse_count(text).ok_or_else(|| ValueError::Count(text.to_owned()))
+pub fn count(text: &str) -> Result<u64, OptionTextError> {
+    parse_count(text).ok_or_else(|| OptionTextError::Count(text.to_owned()))
 }
 
 /// [`count`] of at least 1.
-pub fn number_of_points(text: &str) -> Result<usize, ValueError> {
+pub fn number_of_points(text: &str) -> Result<usize, OptionTextError> {
     match count(text)? {
-        0 => Err(ValueError::Count(text.to_owned())),
+        0 => Err(OptionTextError::Count(text.to_owned())),
         count => Ok(usize::try_from(count).unwrap_or(usize::MAX)),
     }
 }
@@ -105,39 +105,39 @@ pub fn deviation(text: &str) -> Result<f64, NumberError> {
 }
 
 /// A coordinate, m.
-pub fn coordinate(text: &str) -> Result<f64, ValueError> {
+pub fn coordinate(text: &str) -> Result<f64, OptionTextError> {
     bounded(text, COORDINATE)
 }
 
 /// A direction, degrees.
-pub fn heading(text: &str) -> Result<f64, ValueError> {
+pub fn heading(text: &str) -> Result<f64, OptionTextError> {
     bounded(text, HEADING)
 }
 
 /// The angle of a climb, degrees.
-pub fn climb(text: &str) -> Result<f64, ValueError> {
+pub fn climb(text: &str) -> Result<f64, OptionTextError> {
     bounded(text, CLIMB)
 }
 
-fn bounded(text: &str, bounds: Bounds) -> Result<f64, ValueError> {
-    bounds.parse(text).map_err(|_| ValueError::Number(bounds.expected))
+fn bounded(text: &str, bounds: Bounds) -> Result<f64, OptionTextError> {
+    bounds.parse(text).map_err(|_| OptionTextError::Number(bounds.expected))
 }
 
 /// The overlap of strips, percent.
-pub fn overlap(text: &str) -> Result<f64, ValueError> {
+pub fn overlap(text: &str) -> Result<f64, OptionTextError> {
     let is_marked = text.trim_end().ends_with('%');
     match text.trim_end_matches('%').trim().parse::<f64>() {
-        Ok(part) if !is_marked && part != 0.0 && part.abs() < 1.0 => Err(ValueError::Fraction(part)),
+        Ok(part) if !is_marked && part != 0.0 && part.abs() < 1.0 => Err(OptionTextError::Fraction(part)),
         Ok(percent) if OVERLAP.contains(percent) => Ok(percent),
-        _ => Err(ValueError::Number(OVERLAP.expected)),
+        _ => Err(OptionTextError::Number(OVERLAP.expected)),
     }
 }
 
 /// A position: `x,y`, m.
-pub fn position(text: &str) -> Result<[f64; 2], ValueError> {
+pub fn position(text: &str) -> Result<[f64; 2], OptionTextError> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers.map(<[f64; 2]>::try_from) {
         Some(Ok(position)) if position.iter().all(|v| COORDINATE.contains(*v)) => Ok(position),
-        _ => Err(ValueError::Position),
+        _ => Err(OptionTextError::Position),
     }
 }
