@@ -117,24 +117,10 @@ pub async fn receive(
             return Err(UploadError::TooLarge(format!("an upload has at most {} files", limits.max_files)));
         }
         let target = received.folder.path().join(&path);
-        if let Some(parent) = target.parent() {
-            tokio::fs::create_dir_all(parent).await?;
-        }
         if !received.files.insert(path) {
             return Err(UploadError::Wrong(format!("the upload has two files `{file_name}`")));
         }
-        let mut file = tokio::fs::File::create_new(&target).await?;
-        while let Some(chunk) = next_chunk(&mut field).await? {
-            bytes += chunk.len() as u64;
-            if bytes > limits.max_upload {
-                return Err(UploadError::TooLarge(format!(
-                    "an upload has at most {} bytes",
-                    limits.max_upload
-                )));
-            }
-            file.write_all(&chunk).await?;
-        }
-        file.flush().await?;
+        receive_file(&mut field, &target, &mut bytes, limits.max_upload).await?;
     }
     if !is_admitted {
         return Err(UploadError::Forged);
@@ -145,6 +131,27 @@ pub async fn receive(
         }
         false => Ok(received),
     }
+}
+
+/// Receives a file of an upload, of which `bytes` have been received.
+async fn receive_file(
+    field: &mut Field<'_>,
+    target: &Path,
+    bytes: &mut u64,
+    max_bytes: u64,
+) -> Result<(), UploadError> {
+    if let Some(parent) = target.parent() {
+        tokio::fs::create_dir_all(parent).await?;
+    }
+    let mut file = tokio::fs::File::create_new(target).await?;
+    while let Some(chunk) = next_chunk(field).await? {
+        *bytes += chunk.len() as u64;
+        if *bytes > max_bytes {
+            return Err(UploadError::TooLarge(format!("an upload has at most {max_bytes} bytes")));
+        }
+        file.write_all(&chunk).await?;
+    }
+    Ok(file.flush().await?)
 }
 
 async fn next_chunk(field: &mut Field<'_>) -> Result<Option<axum::body::Bytes>, UploadError> {
