@@ -35,7 +35,7 @@ pub(super) fn form(app: &App, identity: &Identity, kind: &str, files: &Files, va
     }
 }
 
-/// What the forms of all kinds are made of.
+/// Common parts of the forms of all kinds.
 struct Form<'f> {
     app: &'f App,
     identity: &'f Identity,

@@ -67,7 +67,7 @@ pub(super) enum PulsesError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the {cloud} cloud: {reason}")]
 pub(super) struct MissingPulses {
-    /// Which cloud: first or second.
+    /// Name of the cloud: first or second.
     pub cloud: &'static str,
     pub reason: PulsesError,
 }
