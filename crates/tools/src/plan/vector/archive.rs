@@ -11,7 +11,7 @@ const MAX_FILES: usize = 10_000;
 /// Problem of an archive.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
-pub(super) enum ArchiveError {
+pub enum ArchiveError {
     /// An archive whose directory cannot be read.
     #[error("the archive is damaged: {0}")]
     Damaged(ZipError),

@@ -16,7 +16,7 @@ const UNDEFINED_GEOGRAPHIC: i64 = 0;
 /// Problem of a GeoPackage.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum GeoPackageError {
+pub enum GeoPackageError {
     /// Changes that are not in the database yet.
     #[error("its last changes are in the journal beside it (-wal); close the program that has it open")]
     Journal,
@@ -50,7 +50,7 @@ pub(super) enum GeoPackageError {
 /// Problem of a geometry in a GeoPackage.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum FeatureError {
+pub enum FeatureError {
     /// A header with an unknown code.
     #[error("an envelope of an unknown kind")]
     Envelope,

@@ -19,7 +19,7 @@ const MAX_PRJ_BYTES: u64 = 1 << 16;
 /// Problem of a shapefile, or of the `.prj` file beside it.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
-pub(super) enum ShapefileError {
+pub enum ShapefileError {
     /// Content on which the decoder fails.
     #[error("the shapefile is damaged")]
     Undecodable,

@@ -62,7 +62,7 @@ const UTF8: u32 = 1;
 /// Problem of a database.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum SqliteError {
+pub enum SqliteError {
     /// Content that does not follow the format.
     #[error("the database is damaged")]
     Damaged,
