@@ -233,6 +233,11 @@ impl Setting<'_> {
             "scan angles as the files have them",
         );
         found.add("scan angles", self.of_lines(definition, angles));
+        self.angles_at_same_time(pulses, found);
+    }
+
+    /// Measures scan angles of pulses at the same time.
+    fn angles_at_same_time(&self, pulses: [&Pulses; 2], found: &mut Findings) {
         const AT_TIME: &str = "scan angle at the same time";
         if let Err(why) = check_clocks(pulses, self.cuts) {
             return found.note_missing(AT_TIME, &why.to_string());
