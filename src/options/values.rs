@@ -454,6 +454,18 @@ mod tests {
     }
 
     #[test]
+    fn errors_tell_what_was_expected_and_found() {
+        let error = "5 bananas".parse::<Bytes>().unwrap_err();
+        assert!(matches!(error, ValueError::Form { .. }), "{error:?}");
+        let text = "expected a number of bytes such as 8000000000 or 8G, found \"5 bananas\"";
+        assert_eq!(error.to_string(), text);
+        let error = "0".parse::<ChunkSize>().unwrap_err();
+        assert_eq!(error.to_string(), "expected 1 to 16777216 pulses, found 0");
+        let error = "32N".parse::<Crs>().unwrap_err().to_string();
+        assert!(error.ends_with("found \"32N\"; UTM zone 32N on WGS 84 is EPSG:32632"), "{error}");
+    }
+
+    #[test]
     fn numbers_and_lists_stand_for_their_texts() {
         #[derive(serde::Deserialize)]
         struct Table {

@@ -141,3 +141,28 @@ pub fn position(text: &str) -> Result<[f64; 2], OptionTextError> {
         _ => Err(OptionTextError::Position),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_name_the_option_and_the_numbers_that_are_accepted() {
+        let checked = check([("height", Some(5.0), POSITIVE), ("overlap", Some(120.0), OVERLAP)]);
+        let error = checked.unwrap_err();
+        assert_eq!((error.option, error.value), ("overlap", 120.0));
+        let text = "--overlap 120: expected percent of the swath, at most 99; below 0 leaves gaps";
+        assert_eq!(error.to_string(), text);
+        assert_eq!(check([("height", None, POSITIVE)]), Ok(()));
+    }
+
+    #[test]
+    fn overlaps_below_one_are_taken_for_fractions_unless_marked() {
+        assert_eq!([overlap("30"), overlap("0.5%"), overlap("0")], [Ok(30.0), Ok(0.5), Ok(0.0)]);
+        let error = overlap("0.25").unwrap_err();
+        assert_eq!(error, OptionTextError::Fraction(0.25));
+        let text = "it is in percent: 25 for that part of the swath, or \"0.25%\" if less than one percent is \
+                    meant";
+        assert_eq!(error.to_string(), text);
+    }
+}
