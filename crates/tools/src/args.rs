@@ -161,8 +161,8 @@ mod tests {
         assert_eq!([overlap("30"), overlap("0.5%"), overlap("0")], [Ok(30.0), Ok(0.5), Ok(0.0)]);
         let error = overlap("0.25").unwrap_err();
         assert_eq!(error, OptionTextError::Fraction(0.25));
-        let text = "it is in percent: 25 for that part of the swath, or \"0.25%\" if less than one percent is \
-                    meant";
+        let text = "it is in percent: 25 for that part of the swath, or \"0.25%\" if less than one percent \
+                    is meant";
         assert_eq!(error.to_string(), text);
     }
 }

@@ -24,8 +24,8 @@ pub enum PlotsError {
     },
     /// More squares and corners than can be compared.
     #[error(
-        "{squares} squares of {size} m and an area of {corners} corners take too long; make the plots larger, \
-         or give the area fewer corners"
+        "{squares} squares of {size} m and an area of {corners} corners take too long; make the plots \
+         larger, or give the area fewer corners"
     )]
     Slow {
         /// Number of squares.

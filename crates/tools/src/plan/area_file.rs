@@ -85,8 +85,8 @@ enum SystemError {
     OtherSystem { system: String, scene: String },
     /// Degrees for a scene whose system is not a UTM zone.
     #[error(
-        "its coordinates are degrees, and the scene is in {scene}, which is not a UTM zone; expected metres in \
-         the scene's coordinates: {reproject}{or_metres}",
+        "its coordinates are degrees, and the scene is in {scene}, which is not a UTM zone; expected metres \
+         in the scene's coordinates: {reproject}{or_metres}",
         reproject = REPROJECT
     )]
     NotUtm { scene: String, or_metres: &'static str },
