@@ -103,19 +103,23 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
         cells.extend(compare(args, &settings, &loaded, &schedules, &request, console)?);
     }
     if let Some(path) = &args.json {
-        let machine = json!({
-            "threads": all_threads(), "arch": std::env::consts::ARCH, "os": std::env::consts::OS,
-        });
-        let program = concat!("vlscan ", env!("CARGO_PKG_VERSION"));
-        let all = json!({ "program": program, "machine": machine, "format": args.format, "cells": cells });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| Error::Internal(e.to_string()))? + "\n";
-        write_file(path, args.force, text.as_bytes())?;
+        write_file(path, args.force, json_of(&args.format, &cells)?.as_bytes())?;
         if path.as_os_str() == "-" {
             eprint!("{scene}{}", table(&cells));
             return Ok(());
         }
     }
     write_stdout(&(scene + &table(&cells)))
+}
+
+/// The cells as JSON, with program and machine.
+fn json_of(format: &str, cells: &[Cell]) -> Result<String> {
+    let machine = json!({
+        "threads": all_threads(), "arch": std::env::consts::ARCH, "os": std::env::consts::OS,
+    });
+    let program = concat!("vlscan ", env!("CARGO_PKG_VERSION"));
+    let all = json!({ "program": program, "machine": machine, "format": format, "cells": cells });
+    Ok(serde_json::to_string_pretty(&all).map_err(|e| Error::Internal(e.to_string()))? + "\n")
 }
 
 /// The schedules to compare, each once.

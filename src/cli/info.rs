@@ -156,13 +156,23 @@ impl Facts<'_> {
             line("tiles", format!("{count}, {all} if all are in memory"));
         }
         line("", format!("{} leaves, {} nodes, depth {}", s.leaves, s.interior, s.max_depth));
+        self.write_materials(&mut out);
+        self.write_parts(&mut out);
+        for fault in self.inventory.faults() {
+            let _ = writeln!(out, "\nwarning: {fault}");
+        }
+        out
+    }
+
+    /// Writes the table of materials.
+    fn write_materials(&self, out: &mut String) {
         let _ = writeln!(
             out,
             "\nmaterials   {:>12}  {:>12}  {:>12}  {:>11}  {:>5}  ground  name",
             "primitives", "area, m²", "leaves, m²", "reflectance", "class"
         );
         let areas = material_areas(self.scene, &self.parts);
-        for ((m, count), area) in self.scene.materials.iter().zip(&i.of_material).zip(&areas) {
+        for ((m, count), area) in self.scene.materials.iter().zip(&self.inventory.of_material).zip(&areas) {
             let ground = if m.is_ground { "yes" } else { "no" };
             let (all, leaves) = (number(area.total()), known(area.leaves(m)));
             let _ = writeln!(
@@ -171,8 +181,12 @@ impl Facts<'_> {
                 m.reflectance, m.classification, m.name
             );
         }
+    }
+
+    /// Writes the table of parts.
+    fn write_parts(&self, out: &mut String) {
         let _ = writeln!(out, "\nparts       {:>12}  {:>12}  id  name", "primitives", "leaves, m²");
-        let parts = self.scene.parts.iter().zip(&i.of_part).zip(&self.parts);
+        let parts = self.scene.parts.iter().zip(&self.inventory.of_part).zip(&self.parts);
         for ((part, count), facts) in parts.take(MAX_LISTED_PARTS) {
             let leaves = known(facts.leaf_area(self.scene));
             let _ = writeln!(out, "            {count:>12}  {leaves:>12}  {}  {}", part.id, part.name);
@@ -180,15 +194,10 @@ impl Facts<'_> {
         if let Some(more) = self.scene.parts.len().checked_sub(MAX_LISTED_PARTS).filter(|n| *n > 0) {
             let _ = writeln!(out, "            and {more} more; --json lists all");
         }
-        for fault in self.inventory.faults() {
-            let _ = writeln!(out, "\nwarning: {fault}");
-        }
-        out
     }
 
-    fn json(&self) -> Result<String> {
-        let i = &self.inventory;
-        let point = |p: vlscan_geom::DVec3| [p.x, p.y, p.z];
+    /// The parts as objects of JSON.
+    fn parts_json(&self) -> Vec<serde_json::Value> {
         let ids: Vec<String> = self.scene.parts.iter().map(|part| part.id.clone()).collect();
         let objects = ObjectIds::new(&ids);
         let part = |(index, (part, facts)): (u32, (&Part, &PartFacts))| {
@@ -202,7 +211,12 @@ impl Facts<'_> {
                 "height_m": (!is_empty).then(|| b.size().z),
             })
         };
-        let parts: Vec<_> = (0..).zip(self.scene.parts.iter().zip(&self.parts)).map(part).collect();
+        (0..).zip(self.scene.parts.iter().zip(&self.parts)).map(part).collect()
+    }
+
+    fn json(&self) -> Result<String> {
+        let i = &self.inventory;
+        let point = |p: vlscan_geom::DVec3| [p.x, p.y, p.z];
         let material = |((m, n), area): ((&Material, &u64), MaterialArea)| {
             json!({
                 "name": m.name, "reflectance": m.reflectance, "class": m.classification, "ground": m.is_ground,
@@ -240,7 +254,7 @@ impl Facts<'_> {
             "duplicate_voxels": i.duplicate_cubes,
             "duplicate_instances": i.duplicate_instances,
             "leaf_area_m2": leaf_area,
-            "parts": parts,
+            "parts": self.parts_json(),
             "materials": materials,
             "warnings": warnings,
             "notes": notes,

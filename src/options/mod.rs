@@ -51,6 +51,6 @@ pub use resolve::{ResolvedRun, policy, schedule_of};
 pub use schema::{command_schema, pipeline_schema};
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
-pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed};
-pub use vlscan_session::shards::OneOf;
+pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed, ValueError};
+pub use vlscan_session::shards::{OneOf, OneOfError};
 pub use words::OptionName;

@@ -64,13 +64,7 @@ impl ResolvedRun {
             survey.crs_wkt = Some(crs.wkt()?);
         }
         let seed = options.origin.seed.map(|seed| seed.0).or(survey.seed).unwrap_or(0);
-        for (option, wanted) in
-            [("--threads", options.schedule.threads), ("--tree-jobs", options.tree.tree_jobs)]
-        {
-            if let Some(wanted) = wanted.filter(|wanted| *wanted > MAX_THREADS) {
-                return Err(Error::input(format!("{option} {wanted}: expected at most {MAX_THREADS}")));
-            }
-        }
+        check_threads(options)?;
         let threads = threads(options.schedule.threads, all_threads());
         let is_live = matches!(survey.platform.kind, PlatformKind::Stream(_));
         let mut settings = Settings::new(survey);
@@ -125,6 +119,17 @@ impl ResolvedRun {
             progress_lines: speed.progress.is_on(),
         })
     }
+}
+
+/// Checks the numbers of threads.
+fn check_threads(options: &Options) -> Result<()> {
+    for (option, wanted) in [("--threads", options.schedule.threads), ("--tree-jobs", options.tree.tree_jobs)]
+    {
+        if let Some(wanted) = wanted.filter(|wanted| *wanted > MAX_THREADS) {
+            return Err(Error::input(format!("{option} {wanted}: expected at most {MAX_THREADS}")));
+        }
+    }
+    Ok(())
 }
 
 /// Returns a schedule with those parameters that apply to it.

@@ -8,13 +8,15 @@ use std::time::Duration;
 use toml::Value;
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
-use vlscan_base::quantity;
+use vlscan_base::quantity::{self, NumberError};
 use vlscan_base::recognise::{Expected, foreign};
 use vlscan_crs as crs;
+use vlscan_crs::EpsgError;
+use vlscan_formats::ColumnListError;
 use vlscan_geom::UtmZone;
-use vlscan_lidar::flight::{calendar_day, gps_start};
+use vlscan_lidar::flight::{TimeError, calendar_day, gps_start};
 use vlscan_session::output::Column;
-use vlscan_survey::{NavigationErrors, parse_seed};
+use vlscan_survey::{NavigationErrors, NavigationKeyError, SeedError, parse_seed};
 use vlscan_tables::input::read_file;
 
 /// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with
@@ -22,7 +24,8 @@ use vlscan_tables::input::read_file;
 fn from_text<'de, const LIST: bool, D, T>(deserializer: D) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,
-    T: FromStr<Err = String>,
+    T: FromStr,
+    T::Err: std::fmt::Display,
 {
     let text = |value: &Value| match value {
         Value::String(text) => text.clone(),
@@ -50,15 +53,64 @@ deserialize_from_text!(false, Seed, Bytes, ChunkSize, Finite, NotNegative, Posit
 deserialize_from_text!(false, Zone, Count<1>);
 deserialize_from_text!(true, Vector, ColumnList);
 
+/// A text that is not a value of an option.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ValueError {
+    /// A text that is not a seed.
+    #[error(transparent)]
+    Seed(#[from] SeedError),
+    /// A text that is not a number within its bounds.
+    #[error(transparent)]
+    Number(#[from] NumberError),
+    /// A text of another form.
+    #[error("expected {expected}, found {found:?}")]
+    Form {
+        /// The form with an example.
+        expected: &'static str,
+        /// The text.
+        found: String,
+    },
+    /// A text that is not a list of columns.
+    #[error(transparent)]
+    Columns(#[from] ColumnListError),
+    /// A text that is not a time.
+    #[error(transparent)]
+    Time(#[from] TimeError),
+    /// A code without a system of points.
+    #[error(transparent)]
+    Epsg(#[from] EpsgError),
+    /// A text that is not a coordinate reference system.
+    #[error(
+        "expected a coordinate reference system as EPSG:25832, as WKT such as PROJCRS[...], or a file with \
+         either, found {found:?}{hint}"
+    )]
+    Crs {
+        /// The text.
+        found: String,
+        /// A replacement, if one is known.
+        hint: String,
+    },
+    /// Numbers that an error of navigation does not have.
+    #[error(transparent)]
+    Navigation(#[from] NavigationKeyError),
+}
+
+impl ValueError {
+    fn form(expected: &'static str, found: &str) -> ValueError {
+        ValueError::Form { expected, found: found.to_owned() }
+    }
+}
+
 /// Seed of all random draws, see [`parse_seed`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seed(pub u64);
 
 impl FromStr for Seed {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Seed, String> {
-        parse_seed(text).map(Seed).map_err(|e| e.to_string())
+    fn from_str(text: &str) -> Result<Seed, ValueError> {
+        Ok(Seed(parse_seed(text)?))
     }
 }
 
@@ -67,12 +119,12 @@ impl FromStr for Seed {
 pub struct Count<const MIN: u64 = 0>(pub u64);
 
 impl<const MIN: u64> FromStr for Count<MIN> {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, ValueError> {
         match quantity::parse_count(text) {
             Some(n) if n >= MIN => Ok(Count(n)),
-            _ => Err(format!("expected a number such as 250000 or 250k, found {text:?}")),
+            _ => Err(ValueError::form("a number such as 250000 or 250k", text)),
         }
     }
 }
@@ -82,15 +134,15 @@ impl<const MIN: u64> FromStr for Count<MIN> {
 pub struct Bytes(pub u64);
 
 impl FromStr for Bytes {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Bytes, String> {
+    fn from_str(text: &str) -> Result<Bytes, ValueError> {
         let (digits, unit) = quantity::split_unit(text);
         let unit = unit.to_ascii_uppercase();
         let prefix = unit.strip_suffix("IB").or(unit.strip_suffix('B')).unwrap_or(&unit);
         match quantity::scaled(digits, prefix, 1024.0).filter(|bytes| (0.0..1e19).contains(bytes)) {
             Some(bytes) => Ok(Bytes(bytes as u64)),
-            None => Err(format!("expected a number of bytes such as 8000000000 or 8G, found {text:?}")),
+            None => Err(ValueError::form("a number of bytes such as 8000000000 or 8G", text)),
         }
     }
 }
@@ -100,12 +152,12 @@ impl FromStr for Bytes {
 pub struct ChunkSize(pub u32);
 
 impl FromStr for ChunkSize {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<ChunkSize, String> {
+    fn from_str(text: &str) -> Result<ChunkSize, ValueError> {
         match text.parse() {
             Ok(n @ 1..=16_777_216) => Ok(ChunkSize(n)),
-            _ => Err(format!("expected 1 to 16777216 pulses, found {text}")),
+            _ => Err(NumberError { expected: "1 to 16777216 pulses", found: text.to_owned() }.into()),
         }
     }
 }
@@ -118,10 +170,10 @@ macro_rules! number {
         pub struct $name(pub f64);
 
         impl FromStr for $name {
-            type Err = String;
+            type Err = ValueError;
 
-            fn from_str(text: &str) -> Result<$name, String> {
-                $bounds.parse(text).map($name).map_err(|e| e.to_string())
+            fn from_str(text: &str) -> Result<$name, ValueError> {
+                Ok($name($bounds.parse(text)?))
             }
         }
     };
@@ -149,13 +201,13 @@ number! {
 pub struct Vector(pub [f64; 3]);
 
 impl FromStr for Vector {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Vector, String> {
+    fn from_str(text: &str) -> Result<Vector, ValueError> {
         let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
         match numbers.map(<[f64; 3]>::try_from) {
             Some(Ok(three)) if three.iter().all(|v| quantity::NUMBER.contains(*v)) => Ok(Vector(three)),
-            _ => Err(format!("expected three finite numbers such as 0,-0.5,1.2, found {text:?}")),
+            _ => Err(ValueError::form("three finite numbers such as 0,-0.5,1.2", text)),
         }
     }
 }
@@ -165,10 +217,10 @@ impl FromStr for Vector {
 pub struct ColumnList(pub Vec<Column>);
 
 impl FromStr for ColumnList {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<ColumnList, String> {
-        Column::list(text).map(ColumnList).map_err(|e| e.to_string())
+    fn from_str(text: &str) -> Result<ColumnList, ValueError> {
+        Ok(ColumnList(Column::list(text)?))
     }
 }
 
@@ -211,11 +263,11 @@ impl Default for GpsStart {
 }
 
 impl FromStr for GpsStart {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<GpsStart, String> {
+    fn from_str(text: &str) -> Result<GpsStart, ValueError> {
         if text.trim() != "now" {
-            gps_start(text, false).map_err(|e| e.to_string())?;
+            gps_start(text, false)?;
         }
         Ok(GpsStart(text.to_owned()))
     }
@@ -226,12 +278,13 @@ impl FromStr for GpsStart {
 pub struct Latency(pub Duration);
 
 impl FromStr for Latency {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Latency, String> {
+    fn from_str(text: &str) -> Result<Latency, ValueError> {
         let seconds = text.trim().parse().ok().filter(|s| (0.0..=3600.0).contains(s));
         let latency = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
-        latency.map(Latency).ok_or_else(|| format!("expected seconds from 0 to 3600, found {text}"))
+        let problem = || NumberError { expected: "seconds from 0 to 3600", found: text.to_owned() };
+        Ok(Latency(latency.ok_or_else(problem)?))
     }
 }
 
@@ -281,22 +334,20 @@ impl Crs {
 }
 
 impl FromStr for Crs {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<Crs, String> {
+    fn from_str(text: &str) -> Result<Crs, ValueError> {
         let path = Path::new(text.trim());
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         if let Some(code) = crs::parse_epsg(text) {
-            crs::wkt_of_epsg(code).map(|_| Crs::Epsg(code)).map_err(|e| e.to_string())
+            crs::wkt_of_epsg(code)?;
+            Ok(Crs::Epsg(code))
         } else if crs::is_wkt(text) {
             Ok(Crs::Wkt(text.trim().to_owned()))
         } else if reads::is_file(path) || matches!(extension, "wkt" | "prj") {
             Ok(Crs::File(path.to_path_buf()))
         } else {
-            Err(format!(
-                "expected a coordinate reference system as EPSG:25832, as WKT such as PROJCRS[...], or a file with either, found {text:?}{}",
-                hint(text)
-            ))
+            Err(ValueError::Crs { found: text.to_owned(), hint: hint(text) })
         }
     }
 }
@@ -332,16 +383,16 @@ pub struct NavigationError {
 }
 
 impl FromStr for NavigationError {
-    type Err = String;
+    type Err = ValueError;
 
-    fn from_str(text: &str) -> Result<NavigationError, String> {
+    fn from_str(text: &str) -> Result<NavigationError, ValueError> {
         let numbers =
             |list: &str| list.split(',').map(|n| n.trim().parse().ok()).collect::<Option<Vec<f64>>>();
         let parts = text.split_once('=').and_then(|(key, list)| Some((key.trim(), numbers(list)?)));
         let Some((key, numbers)) = parts else {
-            return Err(format!("expected KEY=NUMBERS such as position_m=0.02,0.02,0.05, found {text:?}"));
+            return Err(ValueError::form("KEY=NUMBERS such as position_m=0.02,0.02,0.05", text));
         };
-        NavigationErrors::default().set(key, &numbers).map_err(|e| e.to_string())?;
+        NavigationErrors::default().set(key, &numbers)?;
         Ok(NavigationError { key: key.to_owned(), numbers })
     }
 }
@@ -352,7 +403,7 @@ mod tests {
 
     /// Compares texts with the values that they stand for; `None` must be refused.
     #[track_caller]
-    fn check<T: FromStr<Err = String> + PartialEq + std::fmt::Debug>(cases: &[(&str, Option<T>)]) {
+    fn check<T: FromStr + PartialEq + std::fmt::Debug>(cases: &[(&str, Option<T>)]) {
         for (text, expected) in cases {
             assert_eq!(&text.parse::<T>().ok(), expected, "{text}");
         }
@@ -401,6 +452,18 @@ mod tests {
         check(&[("position_m=0.1, 0.2,0.3", error("position_m", &[0.1, 0.2, 0.3]))]);
         check::<NavigationError>(&[("position_m", None), ("position_m=", None), ("position_m=a", None)]);
         check::<NavigationError>(&[("position_m=1,2", None), ("position=1", None)]);
+    }
+
+    #[test]
+    fn errors_tell_what_was_expected_and_found() {
+        let error = "5 bananas".parse::<Bytes>().unwrap_err();
+        assert!(matches!(error, ValueError::Form { .. }), "{error:?}");
+        let text = "expected a number of bytes such as 8000000000 or 8G, found \"5 bananas\"";
+        assert_eq!(error.to_string(), text);
+        let error = "0".parse::<ChunkSize>().unwrap_err();
+        assert_eq!(error.to_string(), "expected 1 to 16777216 pulses, found 0");
+        let error = "32N".parse::<Crs>().unwrap_err().to_string();
+        assert!(error.ends_with("found \"32N\"; UTM zone 32N on WGS 84 is EPSG:32632"), "{error}");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 use vlscan::options::choice;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::NumberError;
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::{Policy, PolicyKind};
 
@@ -111,7 +112,7 @@ impl Args {
 }
 
 /// A whole number of at least one with an optional unit prefix: 250k, 4G.
-fn count(text: &str) -> Result<u64, String> {
+fn count(text: &str) -> Result<u64, NumberError> {
     let digits = text.trim_end_matches(['k', 'K', 'm', 'M', 'g', 'G', 't', 'T']);
     let factor = match text[digits.len()..].to_lowercase().as_str() {
         "" => 1,
@@ -122,7 +123,8 @@ fn count(text: &str) -> Result<u64, String> {
         _ => 0,
     };
     let number = digits.parse::<u64>().ok().and_then(|n| n.checked_mul(factor)).filter(|n| *n > 0);
-    number.ok_or_else(|| format!("expected a number such as 250000 or 250k, found {text:?}"))
+    let problem = || NumberError { expected: "a number such as 250000 or 250k", found: format!("{text:?}") };
+    number.ok_or_else(problem)
 }
 
 /// Barriers between legs.

@@ -197,11 +197,23 @@ pub struct ConfineArgs {
     pub program: Vec<std::ffi::OsString>,
 }
 
+/// A text that is not a value of an option.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AmountError {
+    /// A text that is not an amount.
+    #[error("`{0}`: expected a whole number such as 500k, 10M, 2G or 1T")]
+    Amount(String),
+    /// A text that is not a number of days.
+    #[error("`{0}`: expected a number of days above 0")]
+    Days(String),
+}
+
 /// A number, perhaps with k, M, G or T for thousands, millions, billions, trillions.
 ///
 /// # Errors
 /// Expected value.
-pub fn amount(text: &str) -> Result<u64, String> {
+pub fn amount(text: &str) -> Result<u64, AmountError> {
     let (digits, factor) = match text.char_indices().last() {
         Some((at, 'k')) => (&text[..at], 1_000),
         Some((at, 'M')) => (&text[..at], 1_000_000),
@@ -211,16 +223,16 @@ pub fn amount(text: &str) -> Result<u64, String> {
     };
     let number: Option<u64> = digits.parse().ok();
     let number = number.and_then(|number| number.checked_mul(factor));
-    number.ok_or_else(|| format!("`{text}`: expected a whole number such as 500k, 10M, 2G or 1T"))
+    number.ok_or_else(|| AmountError::Amount(text.to_owned()))
 }
 
 /// A number of days above 0.
 ///
 /// # Errors
 /// Expected value.
-fn days(text: &str) -> Result<f64, String> {
+fn days(text: &str) -> Result<f64, AmountError> {
     let days: Option<f64> = text.parse().ok().filter(|days: &f64| *days > 0.0 && *days <= 100_000.0);
-    days.ok_or_else(|| format!("`{text}`: expected a number of days above 0"))
+    days.ok_or_else(|| AmountError::Days(text.to_owned()))
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use crate::execution::End;
 use crate::program::own_program;
 use crate::store::Result;
 use crate::tasks::{Outcome, Submission, Tasks};
-use crate::template::{Ended, Template, Value};
+use crate::template::{Ended, Template, TemplateError, Value};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -37,15 +37,25 @@ pub struct Engine {
     max_memory: u64,
 }
 
+/// A command of an engine that is not a template.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("--{option}: {problem}")]
+pub struct EngineError {
+    /// Name of its option, without dashes.
+    pub option: &'static str,
+    /// Problem of the command.
+    pub problem: TemplateError,
+}
+
 impl Engine {
     /// The engine that the command line names, if it does.
     ///
     /// # Errors
-    /// A message on its commands.
-    pub fn of(args: &ServeArgs) -> std::result::Result<Option<Engine>, String> {
-        let template = |option: &str, line: &Option<String>, known: &[&str]| {
+    /// A command that is not a template.
+    pub fn of(args: &ServeArgs) -> std::result::Result<Option<Engine>, EngineError> {
+        let template = |option: &'static str, line: &Option<String>, known: &[&str]| {
             let line = line.as_deref().unwrap_or_default();
-            Template::new(line, known).map_err(|message| format!("--{option}: {message}"))
+            Template::new(line, known).map_err(|problem| EngineError { option, problem })
         };
         if args.submit.is_none() {
             return Ok(None);

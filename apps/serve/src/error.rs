@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 /// Why the store fails.
+#[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The database.
@@ -14,6 +15,14 @@ pub enum StoreError {
     /// The bucket.
     #[error("the bucket of the service: {0}")]
     Bucket(std::io::Error),
+    /// A record that is not as the service writes it.
+    #[error("{record} cannot be read: {error}")]
+    Record {
+        /// The record and the job that it belongs to.
+        record: String,
+        /// Problem of its text.
+        error: serde_json::Error,
+    },
     /// The database cannot be used.
     #[error(
         "the database {0} is damaged: {1}\nhelp: restore it from a backup, after you have moved \

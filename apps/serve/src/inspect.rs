@@ -9,9 +9,9 @@ use crate::store::{Result, Store, StoreError};
 use rusqlite::Connection;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
-use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::{fs, io};
 
 /// Names that a line lists.
 const MAX_LISTED: usize = 20;
@@ -44,29 +44,60 @@ impl Report {
     }
 }
 
+/// A folder that cannot be inspected.
+#[non_exhaustive]
+#[derive(Debug, thiserror::Error)]
+pub enum InspectError {
+    /// A folder that cannot be opened.
+    #[error("--data {}: {error}", .path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// The error of the operating system.
+        error: io::Error,
+    },
+    /// A folder that a running service uses.
+    #[error("a service uses the folder {}; stop it first", .0.display())]
+    InUse(PathBuf),
+    /// A file of the database that cannot be copied.
+    #[error("{}: {error}", .path.display())]
+    Copy {
+        /// The file.
+        path: PathBuf,
+        /// The error of the operating system.
+        error: io::Error,
+    },
+    /// Database, files and bucket.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The system.
+    #[error("{0}")]
+    System(#[from] io::Error),
+}
+
 /// Inspects the folder of a service that does not run.
 ///
 /// # Errors
 /// If a service uses the folder, and if files or the bucket cannot be read.
-pub fn inspect(args: &CheckArgs) -> std::result::Result<Report, String> {
-    let message = |e: StoreError| e.to_string();
-    let root = args.data.canonicalize().map_err(|e| format!("--data {}: {e}", args.data.display()))?;
+pub fn inspect(args: &CheckArgs) -> std::result::Result<Report, InspectError> {
+    let root = args.data.canonicalize();
+    let root = root.map_err(|error| InspectError::Folder { path: args.data.clone(), error })?;
     if let Ok(lock) = fs::File::open(root.join("lock"))
         && lock.try_lock_shared().is_err()
     {
-        return Err(format!("a service uses the folder {}; stop it first", root.display()));
+        return Err(InspectError::InUse(root));
     }
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
-    let runtime = runtime.map_err(|e| e.to_string())?;
-    let kept = Files::of(args.store.as_deref(), runtime.handle()).map_err(|e| e.to_string())?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let kept = Files::of(args.store.as_deref(), runtime.handle())?;
     let mut report = Report::default();
-    let of_folder = read_id(&root).map_err(message)?;
+    let of_folder = read_id(&root)?;
     report.line("folder", &format!("{}, {}", root.display(), id_text(of_folder.as_deref())));
     // SQLite may write to what it opens.
-    let copy = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let copy = tempfile::tempdir()?;
     for path in database_files(&root).iter().filter(|path| path.exists()) {
         let name = path.file_name().unwrap_or_default();
-        fs::copy(path, copy.path().join(name)).map_err(|e| format!("{}: {e}", path.display()))?;
+        let copied = fs::copy(path, copy.path().join(name));
+        copied.map_err(|error| InspectError::Copy { path: path.clone(), error })?;
     }
     match database(&copy.path().join(DATABASE)) {
         Ok(Some((database, version, id))) => {
@@ -74,7 +105,7 @@ pub fn inspect(args: &CheckArgs) -> std::result::Result<Report, String> {
             if version < schema::VERSION {
                 report.line("", &format!("a start migrates it to version {}", schema::VERSION));
             }
-            let of_bucket = kept.id().map_err(message)?;
+            let of_bucket = kept.id()?;
             if args.store.is_some() {
                 report.line("bucket", &id_text(of_bucket.as_deref()));
             }
@@ -91,12 +122,12 @@ pub fn inspect(args: &CheckArgs) -> std::result::Result<Report, String> {
                 fetches: crate::files::Fetches::default(),
                 served: Mutex::default(),
             };
-            contents(&store, &mut report).map_err(message)?;
+            contents(&store, &mut report)?;
         }
         Ok(None) => {
             report.problem("database", "it is missing or empty");
             for kind in [Kind::Upload, Kind::Results] {
-                let names = names_in(&root.join(folder_of(kind))).map_err(message)?;
+                let names = names_in(&root.join(folder_of(kind)))?;
                 report.line(folder_of(kind), &names.len().to_string());
             }
         }

@@ -56,11 +56,16 @@ pub(crate) const DATASET: &str = "dataset";
 /// Folder of the records of campaigns.
 const NOTES: &str = ".campaign";
 
+/// A result that requests cannot fetch under its name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the output `{}` cannot be fetched under this name; give it another one", .0.escape_debug())]
+pub(crate) struct UnservableName(pub String);
+
 /// The files of results, sorted, or the name of one that cannot be served.
 ///
 /// # Errors
 /// Errors of files, and very many files.
-pub(crate) fn results(folder: &Path) -> Result<std::result::Result<Vec<ResultFile>, String>> {
+pub(crate) fn results(folder: &Path) -> Result<std::result::Result<Vec<ResultFile>, UnservableName>> {
     let mut found = Vec::new();
     for entry in Beneath::of(folder)?.entries(MAX_RESULTS)? {
         let is_note = entry.path.components().any(|part| part.as_os_str() == NOTES);
@@ -70,7 +75,7 @@ pub(crate) fn results(folder: &Path) -> Result<std::result::Result<Vec<ResultFil
         let path = entry.path.to_string_lossy().replace('\\', "/");
         // What requests could not fetch under its name is no result.
         if entry.kind == EntryKind::Other || relative_path(&path).is_none() {
-            return Ok(Err(path));
+            return Ok(Err(UnservableName(path)));
         }
         found.push(ResultFile { path, bytes: entry.bytes });
     }
@@ -182,7 +187,7 @@ mod tests {
         assert_eq!(names(), Ok(vec!["dataset/cells/a/record.json".to_owned(), "points.laz".to_owned()]));
         for name in [".hidden.xyz", "-o.laz", "dataset/a:b"] {
             write(name, "");
-            assert_eq!(names(), Err(name.to_owned()));
+            assert_eq!(names(), Err(UnservableName(name.to_owned())));
             fs::remove_file(out.join(name)).unwrap();
         }
     }

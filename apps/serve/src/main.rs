@@ -23,10 +23,10 @@ fn main() -> ExitCode {
                 }
                 Ok(())
             }
-            Err(message) => Err(message),
+            Err(error) => Err(error.to_string()),
         },
-        Some(Command::Task(args)) => tasks::run(args),
-        Some(Command::Expand(args)) => uploads::expand(args),
+        Some(Command::Task(args)) => tasks::run(args).map_err(|e| e.to_string()),
+        Some(Command::Expand(args)) => uploads::expand(args).map_err(|e| e.to_string()),
         Some(Command::Confine(args)) => confine::confine(args).map_err(|e| e.to_string()),
     };
     match done {

@@ -63,8 +63,15 @@ impl Program {
         let path = path.canonicalize().unwrap_or(path);
         let schemas = ask(&path, &["man", "--json-schema"])?;
         let catalogue = ask(&path, &["catalogue", "--json"])?;
+        // The version is part of what determines results.
+        let version = schemas["version"].as_str().map(str::to_owned);
+        let version = version.ok_or_else(|| ProgramError::Failed {
+            program: path.clone(),
+            words: "man --json-schema".to_owned(),
+            message: "no version in its answer".to_owned(),
+        })?;
         Ok(Program {
-            version: schemas["version"].as_str().unwrap_or_default().to_owned(),
+            version,
             pipeline: schemas["pipeline"].clone(),
             commands: schemas["commands"].clone(),
             catalogue,

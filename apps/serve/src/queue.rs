@@ -240,7 +240,7 @@ impl Store {
             Outcome::Same(folder) => return self.finish_as(id, holder, folder),
         };
         let bytes: u64 = files.iter().map(|file| file.bytes).sum();
-        let results = serde_json::to_string(files).unwrap_or_default();
+        let results = serde_json::to_string(files).map_err(std::io::Error::other)?;
         let changed = {
             let database = self.database();
             let mut update = database.prepare_cached(

@@ -175,9 +175,15 @@ pub struct ResultFile {
 }
 
 impl Job {
-    /// The files of the results.
+    /// The files of the results; none, with a line in the log, if their record is damaged.
     pub fn result_files(&self) -> Vec<ResultFile> {
-        serde_json::from_str(&self.results).unwrap_or_default()
+        if self.results.is_empty() {
+            return Vec::new();
+        }
+        serde_json::from_str(&self.results).unwrap_or_else(|error| {
+            eprintln!("vlscan serve: the results of the job {} cannot be read: {error}", self.id);
+            Vec::new()
+        })
     }
 }
 

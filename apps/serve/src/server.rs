@@ -3,7 +3,7 @@
 use crate::api;
 use crate::app::App;
 use crate::config::ServeArgs;
-use crate::engine::Engine;
+use crate::engine::{Engine, EngineError};
 use crate::files::Files;
 use crate::pages;
 use crate::program::{Program, ProgramError, sandbox};
@@ -26,6 +26,7 @@ const MAX_UPLOADS: (usize, usize) = (16, 4);
 const MAX_PICTURES: (usize, usize) = (4, 1);
 
 /// Why the service does not start.
+#[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     /// Tokens.
@@ -59,8 +60,16 @@ pub enum ServeError {
     #[error("VLSCAN_TOKEN is not valid UTF-8\nhelp: make a token with `vlscan serve token OWNER`")]
     TokenNotText,
     /// The commands of an engine.
-    #[error("{0}")]
-    Engine(String),
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// An engine that cannot be asked for jobs.
+    #[error("--poll: {0}")]
+    Poll(std::io::Error),
+    /// A job that an engine computes, while no engine is given.
+    #[error(
+        "an engine has the job {0}; start the service with the options --submit, --poll and --cancel of then"
+    )]
+    WithoutEngine(String),
     /// No sandbox.
     #[error("{0}")]
     Sandbox(String),
@@ -93,9 +102,9 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     }
     let program = Arc::new(Program::find(args.program.as_deref())?);
     check_sandbox(args, &program.path, is_local && tokens.is_empty() && foreign.is_none())?;
-    let engine = Engine::of(args).map_err(ServeError::Engine)?;
+    let engine = Engine::of(args)?;
     if let Some(engine) = &engine {
-        engine.check().map_err(|e| ServeError::Engine(format!("--poll: {e}")))?;
+        engine.check().map_err(ServeError::Poll)?;
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     let listener = runtime.block_on(tokio::net::TcpListener::bind(args.listen));
@@ -104,9 +113,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     let store = Arc::new(Store::open(&args.data, Files::of(args.store.as_deref(), runtime.handle())?)?);
     let workshop = Arc::new(Workshop::new(store, program, args.clone(), tokens.owners(), engine));
     if let Some(id) = workshop.resume()? {
-        return Err(ServeError::Engine(format!(
-            "an engine has the job {id}; start the service with the options --submit, --poll and --cancel of then"
-        )));
+        return Err(ServeError::WithoutEngine(id));
     }
     let workers = workshop.start()?;
     let app = Arc::new(App {

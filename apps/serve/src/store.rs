@@ -343,7 +343,11 @@ impl Store {
     pub(crate) fn results_in(&self, folder: &str) -> Result<Vec<ResultFile>> {
         let query = "SELECT results FROM jobs WHERE folder = ? AND status = 'successful' LIMIT 1";
         let text: Option<String> = self.database().query_row(query, [folder], |row| row.get(0)).optional()?;
-        Ok(text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default())
+        let Some(text) = text else { return Ok(Vec::new()) };
+        serde_json::from_str(&text).map_err(|error| {
+            let record = format!("the list of results in the folder {folder}");
+            StoreError::Record { record, error }
+        })
     }
 
     /// True if an unfinished job reads an upload or results.

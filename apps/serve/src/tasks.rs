@@ -18,7 +18,7 @@ use crate::config::TaskArgs;
 use crate::execution::{End, Setting, progress_of};
 use crate::job_folder::write_whole;
 use crate::steps::Steps;
-use crate::store::Result;
+use crate::store::{Result, StoreError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File, TryLockError};
@@ -238,17 +238,32 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
     }
 }
 
+/// End of a task without success.
+#[non_exhaustive]
+#[derive(Debug, thiserror::Error)]
+pub enum TaskError {
+    /// A path that is not that of a submission.
+    #[error("expected the file of a submission")]
+    NoSubmission,
+    /// The files of the job.
+    #[error(transparent)]
+    Files(#[from] StoreError),
+    /// A job that failed, with its message.
+    #[error("{0}")]
+    Failed(String),
+}
+
 /// The command of a task, on its node.
 ///
 /// # Errors
-/// A message.
-pub fn run(args: &TaskArgs) -> std::result::Result<(), String> {
+/// [`TaskError`].
+pub fn run(args: &TaskArgs) -> std::result::Result<(), TaskError> {
     let told = || NUMBERS.iter().find_map(|name| std::env::var(name).ok()?.parse().ok());
     let number = args.number.or_else(told).unwrap_or(0);
-    let folder = args.submission.parent().ok_or("expected the file of a submission")?;
+    let folder = args.submission.parent().ok_or(TaskError::NoSubmission)?;
     let tasks = Tasks { folder: folder.to_owned() };
-    match tasks.compute(&args.submission, number).map_err(|e| e.to_string())? {
-        Some(Outcome::Failed(message)) => Err(message),
+    match tasks.compute(&args.submission, number)? {
+        Some(Outcome::Failed(message)) => Err(TaskError::Failed(message)),
         _ => Ok(()),
     }
 }

@@ -37,22 +37,48 @@ pub enum Ended {
     GivenUp,
 }
 
+/// A command line that is not a template.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TemplateError {
+    /// A line with a quote that does not end.
+    #[error("`{0}`: a quote is not closed")]
+    OpenQuote(String),
+    /// A line without words.
+    #[error("expected a command")]
+    Empty,
+    /// An unknown placeholder.
+    #[error("{{{name}}} is no placeholder; expected {known}", known = in_braces(.known))]
+    Placeholder {
+        /// Its name.
+        name: String,
+        /// Names of the known placeholders.
+        known: Vec<String>,
+    },
+}
+
+/// Names of placeholders as they are written, with commas between them.
+fn in_braces(names: &[String]) -> String {
+    let names: Vec<String> = names.iter().map(|name| format!("{{{name}}}")).collect();
+    names.join(", ")
+}
+
 impl Template {
     /// Divides a command line into words, as a shell does, and checks its placeholders against those that
     /// are known.
     ///
     /// # Errors
-    /// A message.
-    pub fn new(line: &str, known: &[&str]) -> Result<Template, String> {
-        let words = shlex::split(line).ok_or_else(|| format!("`{line}`: a quote is not closed"))?;
+    /// A line that is not a command, and placeholders that are not known.
+    pub fn new(line: &str, known: &[&str]) -> Result<Template, TemplateError> {
+        let words = shlex::split(line).ok_or_else(|| TemplateError::OpenQuote(line.to_owned()))?;
         if words.is_empty() {
-            return Err("expected a command".to_owned());
+            return Err(TemplateError::Empty);
         }
         for word in &words {
             for name in placeholders(word) {
                 if !known.contains(&name) {
-                    let known: Vec<String> = known.iter().map(|name| format!("{{{name}}}")).collect();
-                    return Err(format!("{{{name}}} is no placeholder; expected {}", known.join(", ")));
+                    let known = known.iter().map(|name| (*name).to_owned()).collect();
+                    return Err(TemplateError::Placeholder { name: name.to_owned(), known });
                 }
             }
         }
@@ -158,8 +184,8 @@ mod tests {
             template.unwrap().filled(&values),
             ["sbatch", "--array=0-7", "--wrap='a b' c", "a b", "c", "-o", "{.x}"]
         );
-        assert!(Template::new("a {nme}", &["name"]).unwrap_err().contains("expected {name}"));
-        assert!(Template::new("a 'b", &[]).unwrap_err().contains("quote"));
+        assert!(Template::new("a {nme}", &["name"]).unwrap_err().to_string().ends_with("expected {name}"));
+        assert!(matches!(Template::new("a 'b", &[]), Err(TemplateError::OpenQuote(_))));
         assert!(Template::new(" ", &[]).is_err());
     }
 

@@ -117,24 +117,10 @@ pub async fn receive(
             return Err(UploadError::TooLarge(format!("an upload has at most {} files", limits.max_files)));
         }
         let target = received.folder.path().join(&path);
-        if let Some(parent) = target.parent() {
-            tokio::fs::create_dir_all(parent).await?;
-        }
         if !received.files.insert(path) {
             return Err(UploadError::Wrong(format!("the upload has two files `{file_name}`")));
         }
-        let mut file = tokio::fs::File::create_new(&target).await?;
-        while let Some(chunk) = next_chunk(&mut field).await? {
-            bytes += chunk.len() as u64;
-            if bytes > limits.max_upload {
-                return Err(UploadError::TooLarge(format!(
-                    "an upload has at most {} bytes",
-                    limits.max_upload
-                )));
-            }
-            file.write_all(&chunk).await?;
-        }
-        file.flush().await?;
+        receive_file(&mut field, &target, &mut bytes, limits.max_upload).await?;
     }
     if !is_admitted {
         return Err(UploadError::Forged);
@@ -145,6 +131,27 @@ pub async fn receive(
         }
         false => Ok(received),
     }
+}
+
+/// Receives a file of an upload, of which `bytes` have been received.
+async fn receive_file(
+    field: &mut Field<'_>,
+    target: &Path,
+    bytes: &mut u64,
+    max_bytes: u64,
+) -> Result<(), UploadError> {
+    if let Some(parent) = target.parent() {
+        tokio::fs::create_dir_all(parent).await?;
+    }
+    let mut file = tokio::fs::File::create_new(target).await?;
+    while let Some(chunk) = next_chunk(field).await? {
+        *bytes += chunk.len() as u64;
+        if *bytes > max_bytes {
+            return Err(UploadError::TooLarge(format!("an upload has at most {max_bytes} bytes")));
+        }
+        file.write_all(&chunk).await?;
+    }
+    Ok(file.flush().await?)
 }
 
 async fn next_chunk(field: &mut Field<'_>) -> Result<Option<axum::body::Bytes>, UploadError> {
@@ -376,46 +383,80 @@ fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// An archive that cannot be expanded.
+#[non_exhaustive]
+#[derive(Debug, thiserror::Error)]
+pub enum ExpandError {
+    /// The system.
+    #[error("{0}")]
+    System(#[from] io::Error),
+    /// An archive whose directory cannot be read.
+    #[error("the archive is damaged: {0}")]
+    Damaged(zip::result::ZipError),
+    /// A file in the archive that cannot be expanded.
+    #[error("the archive is damaged: {0}")]
+    DamagedFile(io::Error),
+    /// An entry, by its name, that is neither a file nor a folder.
+    #[error("`{0}` is no file")]
+    NoFile(String),
+    /// More files than this maximum.
+    #[error("it has more than {0} files")]
+    Files(usize),
+    /// A name that leads elsewhere.
+    #[error("`{0}` cannot be the name of a file here")]
+    Name(String),
+    /// A file that cannot be created.
+    #[error("`{name}`: {error}")]
+    Create {
+        /// Its name in the archive.
+        name: String,
+        /// The error of the operating system.
+        error: io::Error,
+    },
+    /// More bytes than this maximum.
+    #[error("it has more than {0} bytes when it is expanded")]
+    Bytes(u64),
+}
+
 /// Expands a zip archive within limits of what it really contains, not of what it says of itself: the command
 /// of the confined process.
 ///
 /// # Errors
-/// A message.
-pub fn expand(args: &ExpandArgs) -> Result<(), String> {
-    let damaged = |e: &dyn std::fmt::Display| format!("the archive is damaged: {e}");
-    let file = fs::File::open(&args.archive).map_err(|e| e.to_string())?;
-    let mut archive = zip::ZipArchive::new(file).map_err(|e| damaged(&e))?;
+/// [`ExpandError`].
+pub fn expand(args: &ExpandArgs) -> Result<(), ExpandError> {
+    let file = fs::File::open(&args.archive)?;
+    let mut archive = zip::ZipArchive::new(file).map_err(ExpandError::Damaged)?;
     let mut left = args.max_bytes;
     let mut files = 0;
     for number in 0..archive.len() {
-        let mut entry = archive.by_index(number).map_err(|e| damaged(&e))?;
-        let name = entry.name().map_err(|e| damaged(&e))?.into_owned();
+        let mut entry = archive.by_index(number).map_err(ExpandError::Damaged)?;
+        let name = entry.name().map_err(ExpandError::Damaged)?.into_owned();
         // What systems add of their own.
         let is_aside = name.starts_with("__MACOSX/") || name.rsplit('/').next() == Some(".DS_Store");
         if entry.is_dir() || is_aside {
             continue;
         }
         if !entry.is_file() {
-            return Err(format!("`{name}` is no file"));
+            return Err(ExpandError::NoFile(name));
         }
         files += 1;
         if files > args.max_files {
-            return Err(format!("it has more than {} files", args.max_files));
+            return Err(ExpandError::Files(args.max_files));
         }
-        let path = names::relative_path(&name)
-            .ok_or_else(|| format!("`{name}` cannot be the name of a file here"))?;
+        let path = names::relative_path(&name).ok_or_else(|| ExpandError::Name(name.clone()))?;
         let target = args.folder.join(path);
         if let Some(parent) = target.parent() {
-            fs::create_dir_all(parent).map_err(|e| e.to_string())?;
+            fs::create_dir_all(parent)?;
         }
-        let mut out = fs::File::create_new(&target).map_err(|e| format!("`{name}`: {e}"))?;
-        let copied =
-            io::copy(&mut (&mut entry).take(left.saturating_add(1)), &mut out).map_err(|e| damaged(&e))?;
+        let out = fs::File::create_new(&target);
+        let mut out = out.map_err(|error| ExpandError::Create { name, error })?;
+        let copied = io::copy(&mut (&mut entry).take(left.saturating_add(1)), &mut out);
+        let copied = copied.map_err(ExpandError::DamagedFile)?;
         if copied > left {
-            return Err(format!("it has more than {} bytes when it is expanded", args.max_bytes));
+            return Err(ExpandError::Bytes(args.max_bytes));
         }
         left -= copied;
-        out.flush().map_err(|e| e.to_string())?;
+        out.flush()?;
     }
     Ok(())
 }
@@ -436,7 +477,7 @@ mod tests {
         file
     }
 
-    fn expanded(files: &[(&str, &[u8])], max_bytes: u64) -> Result<Vec<String>, String> {
+    fn expanded(files: &[(&str, &[u8])], max_bytes: u64) -> Result<Vec<String>, ExpandError> {
         let (zip, folder) = (archive(files), tempfile::tempdir().unwrap());
         let args = ExpandArgs {
             archive: zip.path().to_owned(),
@@ -454,14 +495,12 @@ mod tests {
         let found = expanded(&[("a/b.obj", b"v 0 0 0"), ("c.mtl", b""), ("__MACOSX/x", b"")], 100).unwrap();
         assert_eq!(found, ["a/b.obj", "c.mtl"]);
         let bomb = vec![0; 1 << 20];
-        assert!(expanded(&[("a", &bomb)], 1000).unwrap_err().contains("more than 1000 bytes"));
-        assert!(
-            expanded(&[("a", b""), ("b", b""), ("c", b""), ("d", b"")], 100)
-                .unwrap_err()
-                .contains("more than 3 files")
-        );
+        assert!(matches!(expanded(&[("a", &bomb)], 1000), Err(ExpandError::Bytes(1000))));
+        let four: [(&str, &[u8]); 4] = [("a", b""), ("b", b""), ("c", b""), ("d", b"")];
+        assert!(expanded(&four, 100).unwrap_err().to_string().contains("more than 3 files"));
         for name in ["../a", "/etc/a", "a/../../b", "C:/a", ".ssh/a"] {
-            assert!(expanded(&[(name, b"x")], 100).unwrap_err().contains("cannot be the name"), "{name}");
+            let refused = expanded(&[(name, b"x")], 100).unwrap_err();
+            assert!(refused.to_string().contains("cannot be the name"), "{name}: {refused}");
         }
     }
 

@@ -291,12 +291,7 @@ impl Workshop {
                 }
                 let files = match results(&folder.join("out"))? {
                     Ok(files) => files,
-                    Err(name) => {
-                        return Ok(Some(Outcome::Failed(format!(
-                            "the output `{}` cannot be fetched under this name; give it another one",
-                            name.escape_debug()
-                        ))));
-                    }
+                    Err(name) => return Ok(Some(Outcome::Failed(name.to_string()))),
                 };
                 record_complete(&folder, &files)?;
                 files
@@ -379,8 +374,10 @@ impl Workshop {
                 end => return Ok(end),
             }
             let report = Beneath::of(&setting.folder)?.read("price.json", MAX_REPORT)?;
-            let report: serde_json::Value = serde_json::from_slice(&report).unwrap_or_default();
-            let pulses = report["pulses"].as_f64().unwrap_or(0.0);
+            let report: serde_json::Value = serde_json::from_slice(&report).map_err(std::io::Error::other)?;
+            // A run whose pulses are unknown would cost nothing.
+            let pulses = report["pulses"].as_f64();
+            let pulses = pulses.ok_or_else(|| std::io::Error::other("a dry run without its pulses"))?;
             if let Err(spent) = self.store.charge(job, pulses as u64, Some(quota))? {
                 return Ok(End::Failure(format!(
                     "the run has {pulses:.0} pulses; of the quota of {quota} pulses within 24 hours {} are left",

@@ -34,3 +34,5 @@ pub mod neighbours;
 pub mod plan;
 pub mod preview;
 pub mod raster;
+
+pub use args::OptionError;

@@ -1,5 +1,6 @@
 //! Execution of processes.
 
+use super::files::no_file;
 use super::jobs::{results_document, status_info};
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
@@ -122,7 +123,7 @@ async fn answer(app: &Arc<App>, job: &Job, form: Form) -> Result<Response, Failu
         {
             let (folder, path, most) = (job.folder.clone(), file.path.clone(), file.bytes);
             let read = move |workshop: &Workshop| workshop.store.read(Kind::Results, &folder, &path, most);
-            let text = blocking(app, read).await?.unwrap_or_default();
+            let text = blocking(app, read).await?.ok_or_else(|| no_file(&file.path))?;
             return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
         }
         let links: Vec<String> = files

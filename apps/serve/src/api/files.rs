@@ -119,7 +119,8 @@ async fn send(
     Ok(part.answer(media, Body::from_stream(bytes)))
 }
 
-fn no_file(name: &str) -> Failure {
+/// The failure for a file that does not exist.
+pub(super) fn no_file(name: &str) -> Failure {
     Failure::new(StatusCode::NOT_FOUND, format!("there is no file `{name}`"))
 }
 

@@ -55,13 +55,26 @@ fn operation(id: &str, summary: &str, answers: &[(&str, Value)], more: Value) ->
     operation
 }
 
-/// The whole definition.
-pub fn definition_of(app: &App) -> Value {
-    let json_media = "application/json";
-    let as_json = |about: &str, schema: &str| answer(about, json_media, &reference(schema));
-    let bytes = json!({ "type": "string", "format": "binary" });
-    let no_job = ("404", failure("There is no such job"));
-    let mut paths = json!({
+/// Media type of JSON.
+const JSON: &str = "application/json";
+
+/// An answer in JSON by a schema of the definition.
+fn as_json(about: &str, schema: &str) -> Value {
+    answer(about, JSON, &reference(schema))
+}
+
+fn no_job() -> (&'static str, Value) {
+    ("404", failure("There is no such job"))
+}
+
+/// The schema of the content of a file.
+fn bytes() -> Value {
+    json!({ "type": "string", "format": "binary" })
+}
+
+/// The paths of the service and its processes.
+fn process_paths() -> Value {
+    json!({
         "/": { "get": operation("getLandingPage", "What the service offers", &[("200", as_json("Landing page", "landingPage"))], Value::Null) },
         "/conformance": { "get": operation("getConformance", "Conformance classes", &[("200", as_json("Classes", "confClasses"))], Value::Null) },
         "/api": { "get": operation("getApi", "This definition", &[("200", answer("Definition", "application/vnd.oai.openapi+json;version=3.0", &json!({ "type": "object" })))], Value::Null) },
@@ -71,6 +84,12 @@ pub fn definition_of(app: &App) -> Value {
             &[("200", as_json("Description", "process")), ("404", failure("There is no such process"))],
             json!({ "parameters": [in_path("processID")] }),
         ) },
+    })
+}
+
+/// The paths of jobs.
+fn job_paths() -> Value {
+    json!({
         "/jobs": { "get": operation("getJobs", "Jobs, newest first", &[("200", as_json("Jobs", "jobList"))], json!({ "parameters": [
             in_query("status", "States, separated by commas", &json!({ "type": "array", "items": reference("statusCode") })),
             in_query("processID", "Processes, separated by commas", &json!({ "type": "array", "items": { "type": "string" } })),
@@ -78,10 +97,10 @@ pub fn definition_of(app: &App) -> Value {
             in_query("offset", "Jobs to leave out", &json!({ "type": "integer", "minimum": 0, "default": 0 })),
         ] })) },
         "/jobs/{jobId}": {
-            "get": operation("getStatus", "State of a job", &[("200", as_json("State", "statusInfo")), no_job.clone()], json!({ "parameters": [in_path("jobId")] })),
+            "get": operation("getStatus", "State of a job", &[("200", as_json("State", "statusInfo")), no_job()], json!({ "parameters": [in_path("jobId")] })),
             "delete": operation(
                 "dismiss", "Give a job up, and remove its results",
-                &[("200", as_json("State", "statusInfo")), no_job.clone(), ("410", failure("It was dismissed already"))],
+                &[("200", as_json("State", "statusInfo")), no_job(), ("410", failure("It was dismissed already"))],
                 json!({ "parameters": [in_path("jobId")] }),
             ),
         },
@@ -92,63 +111,84 @@ pub fn definition_of(app: &App) -> Value {
         ) },
         "/jobs/{jobId}/results/{path}": { "get": operation(
             "getResultFile", "A file of results; ranges of bytes are understood",
-            &[("200", answer("File", "application/octet-stream", &bytes)), ("206", answer("Part", "application/octet-stream", &bytes)), no_job.clone()],
+            &[("200", answer("File", "application/octet-stream", &bytes())), ("206", answer("Part", "application/octet-stream", &bytes())), no_job()],
             json!({ "parameters": [in_path("jobId"), in_path("path")] }),
         ) },
         "/jobs/{jobId}/events": { "get": operation(
             "getEvents", "State of a job whenever it changes, as server-sent events",
-            &[("200", answer("Events named after the state, with the data of statusInfo", "text/event-stream", &json!({ "type": "string" }))), no_job],
+            &[("200", answer("Events named after the state, with the data of statusInfo", "text/event-stream", &json!({ "type": "string" }))), no_job()],
             json!({ "parameters": [in_path("jobId")] }),
         ) },
+    })
+}
+
+/// The paths of uploads.
+fn upload_paths() -> Value {
+    json!({
         "/uploads": {
-            "get": operation("getUploads", "Uploads", &[("200", answer("Uploads", json_media, &json!({ "type": "object" })))], Value::Null),
+            "get": operation("getUploads", "Uploads", &[("200", answer("Uploads", JSON, &json!({ "type": "object" })))], Value::Null),
             "post": operation(
                 "upload", "Upload files under a name; a single zip archive is expanded",
-                &[("201", answer("Upload", json_media, &json!({ "type": "object" }))), ("409", failure("The name is taken")), ("413", failure("Too large"))],
+                &[("201", answer("Upload", JSON, &json!({ "type": "object" }))), ("409", failure("The name is taken")), ("413", failure("Too large"))],
                 json!({ "requestBody": { "required": true, "content": { "multipart/form-data": { "schema": {
                     "type": "object",
-                    "properties": { "name": { "type": "string" }, "file": { "type": "array", "items": bytes } },
+                    "properties": { "name": { "type": "string" }, "file": { "type": "array", "items": bytes() } },
                 } } } } }),
             ),
         },
         "/uploads/{name}": {
-            "get": operation("getUpload", "An upload and its files", &[("200", answer("Upload", json_media, &json!({ "type": "object" }))), ("404", failure("There is none"))], json!({ "parameters": [in_path("name")] })),
+            "get": operation("getUpload", "An upload and its files", &[("200", answer("Upload", JSON, &json!({ "type": "object" }))), ("404", failure("There is none"))], json!({ "parameters": [in_path("name")] })),
             "delete": operation("removeUpload", "Remove an upload", &[("204", json!({ "description": "Removed" })), ("404", failure("There is none"))], json!({ "parameters": [in_path("name")] })),
         },
         "/uploads/{name}/files/{path}": { "get": operation(
             "getUploadedFile", "A file of an upload; ranges of bytes are understood",
-            &[("200", answer("File", "application/octet-stream", &bytes)), ("206", answer("Part", "application/octet-stream", &bytes)), ("404", failure("There is none"))],
+            &[("200", answer("File", "application/octet-stream", &bytes())), ("206", answer("Part", "application/octet-stream", &bytes())), ("404", failure("There is none"))],
             json!({ "parameters": [in_path("name"), in_path("path")] }),
         ) },
-    });
-    for process in Process::ALL {
-        let path = format!("/processes/{}/execution", process.id());
-        let mut answers = vec![
-            (
-                "201",
-                as_json("The job, where `Prefer: respond-async` is given or results take long", "statusInfo"),
-            ),
-            ("400", failure("The inputs are not as the process takes them")),
-            ("415", failure("The request is not JSON")),
-            ("429", failure("Too many jobs wait")),
-        ];
-        if process.is_quick() {
-            answers.push(("200", as_json("Results", "results")));
-            answers.push(("422", failure("The computation failed")));
-        }
-        let inputs = process.description(&app.workshop.program)["inputs"].clone();
-        let properties: Map<String, Value> = inputs
-            .as_object()
-            .into_iter()
-            .flatten()
-            .map(|(key, input)| (key.clone(), described(input)))
-            .collect();
-        let mut schema = reference("execute");
-        schema = json!({ "allOf": [schema, { "type": "object", "properties": { "inputs": { "type": "object", "properties": properties } } }] });
-        let more =
-            json!({ "requestBody": { "required": true, "content": { json_media: { "schema": schema } } } });
-        paths[path] = json!({ "post": operation(&format!("execute-{}", process.id()), process.title(), &answers, more) });
+    })
+}
+
+/// The path of the execution of a process, and its operation.
+fn execution(process: Process, app: &App) -> (String, Value) {
+    let path = format!("/processes/{}/execution", process.id());
+    let mut answers = vec![
+        (
+            "201",
+            as_json("The job, where `Prefer: respond-async` is given or results take long", "statusInfo"),
+        ),
+        ("400", failure("The inputs are not as the process takes them")),
+        ("415", failure("The request is not JSON")),
+        ("429", failure("Too many jobs wait")),
+    ];
+    if process.is_quick() {
+        answers.push(("200", as_json("Results", "results")));
+        answers.push(("422", failure("The computation failed")));
     }
+    let inputs = process.description(&app.workshop.program)["inputs"].clone();
+    let properties: Map<String, Value> = inputs
+        .as_object()
+        .into_iter()
+        .flatten()
+        .map(|(key, input)| (key.clone(), described(input)))
+        .collect();
+    let mut schema = reference("execute");
+    schema = json!({ "allOf": [schema, { "type": "object", "properties": { "inputs": { "type": "object", "properties": properties } } }] });
+    let more = json!({ "requestBody": { "required": true, "content": { JSON: { "schema": schema } } } });
+    (
+        path,
+        json!({ "post": operation(&format!("execute-{}", process.id()), process.title(), &answers, more) }),
+    )
+}
+
+/// The whole definition.
+pub fn definition_of(app: &App) -> Value {
+    let parts = [process_paths(), job_paths(), upload_paths()];
+    let objects = parts.into_iter().filter_map(|part| match part {
+        Value::Object(part) => Some(part),
+        _ => None,
+    });
+    let mut paths: Map<String, Value> = objects.flatten().collect();
+    paths.extend(Process::ALL.map(|process| execution(process, app)));
     json!({
         "openapi": "3.0.3",
         "info": {

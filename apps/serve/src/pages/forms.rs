@@ -126,7 +126,7 @@ pub async fn plan(
     let fields = genuine(&app, &identity, form)?;
     match plan_fields::inputs(&fields) {
         Ok(inputs) => submit(&app, &identity, Process::Plan, inputs).await,
-        Err(message) => new::again(&app, &identity, fields, &message).await,
+        Err(error) => new::again(&app, &identity, fields, &error.to_string()).await,
     }
 }
 

@@ -6,7 +6,7 @@
 //! | `layout` | what all pages have |
 //! | `home` | uploads and jobs |
 //! | `titles` | what jobs are called |
-//! | `new` | forms of new jobs |
+//! | `new`, `scan_form`, `choices` | forms of new jobs, by their kind; files to choose from |
 //! | `upload` | an upload, and what can be done with its files |
 //! | `map` | pictures of scenes to draw on |
 //! | `job` | a job and its results |
@@ -18,6 +18,7 @@
 //! | `plan_fields` | the fields of the forms of plans |
 
 mod assets;
+mod choices;
 mod cloud;
 mod form_body;
 mod forms;
@@ -28,6 +29,7 @@ mod layout;
 mod map;
 mod new;
 mod plan_fields;
+mod scan_form;
 mod titles;
 mod upload;
 

@@ -40,15 +40,58 @@ const NUMBERS: [Number; 10] = [
     },
 ];
 
+/// Fields that make no inputs, by their labels.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FieldError {
+    /// A choice that is missing.
+    #[error("{0}: choose one")]
+    Choose(&'static str),
+    /// A text that is not a number of the field.
+    #[error("{label}: expected {expected}, found `{found}`")]
+    Number {
+        /// Label of the field.
+        label: &'static str,
+        /// The numbers that are accepted.
+        expected: String,
+        /// The text.
+        found: String,
+    },
+    /// A number that is missing.
+    #[error("{0}: expected a number")]
+    NoNumber(&'static str),
+    /// Density, overlap and speed together.
+    #[error("Density, Overlap and Speed follow from each other: leave one of them empty")]
+    Overdetermined,
+    /// Neither density nor speed.
+    #[error("Density: expected a number here, or a Speed instead")]
+    NoSpeed,
+    /// Positions on a circle and in a grid.
+    #[error("Centre, Spacing of a grid: leave one of them empty: positions are on a circle or in a grid")]
+    CircleAndGrid,
+    /// Positions without a place.
+    #[error("Centre: click on the scene, or type x and y; or give the Spacing of a grid instead")]
+    NoPositions,
+    /// A shape as text and as a file.
+    #[error("{0}: choose a file or give a text, not both")]
+    TwoShapes(&'static str),
+    /// A shape that is missing or not drawn to its end.
+    #[error("{0}: draw it on the scene to its end, give it as text, or choose a file")]
+    NoShape(&'static str),
+    /// A text that is not a place.
+    #[error("Centre: expected x and y, for example `500000 5400000`, found `{0}`")]
+    Place(String),
+}
+
 impl Number {
-    fn value(&self, text: &str) -> Result<Value, String> {
+    fn value(&self, text: &str) -> Result<Value, FieldError> {
         let [low, high] = self.range;
-        let expected = match (self.is_whole, self.from) {
+        let expected = || match (self.is_whole, self.from) {
             (true, _) => format!("a whole number from {low} to {high}"),
             (false, true) => format!("a number from {low} to {high}"),
             (false, false) => format!("a number above {low}, at most {high}"),
         };
-        let wrong = || format!("{}: expected {expected}, found `{text}`", self.label);
+        let wrong = || FieldError::Number { label: self.label, expected: expected(), found: text.to_owned() };
         let number: f64 = text.replace(',', ".").parse().map_err(|_| wrong())?;
         let is_within = if self.from { number >= low } else { number > low } && number <= high;
         match is_within && (!self.is_whole || number.fract() == 0.0) {
@@ -61,11 +104,11 @@ impl Number {
 
 /// Inputs of the process of the fields of a form that are not empty, or what is wrong with one of them, by
 /// its label.
-pub fn inputs(fields: &Fields) -> Result<Map<String, Value>, String> {
+pub fn inputs(fields: &Fields) -> Result<Map<String, Value>, FieldError> {
     let has = |key: &str| fields.contains_key(key);
     for (key, label) in [("scene", "Scene"), ("scanner", "Instrument")] {
         if !has(key) {
-            return Err(format!("{label}: choose one"));
+            return Err(FieldError::Choose(label));
         }
     }
     match fields.get("kind").map(String::as_str) {
@@ -100,53 +143,52 @@ pub fn inputs(fields: &Fields) -> Result<Map<String, Value>, String> {
     Ok(inputs)
 }
 
-fn check_flight(fields: &Fields) -> Result<(), String> {
+fn check_flight(fields: &Fields) -> Result<(), FieldError> {
     let has = |key: &str| fields.contains_key(key);
     if !has("height") {
-        return Err("Height above ground: expected a number".to_owned());
+        return Err(FieldError::NoNumber("Height above ground"));
     }
     if has("density") && has("overlap") && has("speed") {
-        return Err("Density, Overlap and Speed follow from each other: leave one of them empty".to_owned());
+        return Err(FieldError::Overdetermined);
     }
     if !has("density") && !has("speed") {
-        return Err("Density: expected a number here, or a Speed instead".to_owned());
+        return Err(FieldError::NoSpeed);
     }
     check_shape(fields, ["area", "area_file"], "Area", false)
 }
 
-fn check_positions(fields: &Fields) -> Result<(), String> {
+fn check_positions(fields: &Fields) -> Result<(), FieldError> {
     let has = |key: &str| fields.contains_key(key);
     match (has("around"), has("spacing")) {
-        (true, true) => {
-            Err("Centre, Spacing of a grid: leave one of them empty: positions are on a circle or in a grid"
-                .to_owned())
-        }
-        (false, false) => {
-            Err("Centre: click on the scene, or type x and y; or give the Spacing of a grid instead"
-                .to_owned())
-        }
-        (true, false) if !has("radius") => Err("Radius: expected a number".to_owned()),
+        (true, true) => Err(FieldError::CircleAndGrid),
+        (false, false) => Err(FieldError::NoPositions),
+        (true, false) if !has("radius") => Err(FieldError::NoNumber("Radius")),
         _ => Ok(()),
     }
 }
 
 /// Checks that a shape is given once, and drawn to its end.
-fn check_shape(fields: &Fields, [text, file]: [&str; 2], label: &str, is_needed: bool) -> Result<(), String> {
+fn check_shape(
+    fields: &Fields,
+    [text, file]: [&str; 2],
+    label: &'static str,
+    is_needed: bool,
+) -> Result<(), FieldError> {
     let has = |key: &str| fields.contains_key(key);
     if has(text) && has(file) {
-        return Err(format!("{label}: choose a file or give a text, not both"));
+        return Err(FieldError::TwoShapes(label));
     }
     let is_given = has(text) || has(file);
     if !is_given && (is_needed || has("corners")) {
-        return Err(format!("{label}: draw it on the scene to its end, give it as text, or choose a file"));
+        return Err(FieldError::NoShape(label));
     }
     Ok(())
 }
 
 /// A place as `vlscan plan` reads it, `x,y`, of two numbers that a comma, a semicolon or blanks separate;
 /// with semicolon or blanks they may have decimal commas.
-fn place(text: &str) -> Result<String, String> {
-    let wrong = || format!("Centre: expected x and y, for example `500000 5400000`, found `{text}`");
+fn place(text: &str) -> Result<String, FieldError> {
+    let wrong = || FieldError::Place(text.to_owned());
     let separators: &[char] = if text.contains(';') { &[';'] } else { &[' ', '\t'] };
     let mut parts: Vec<&str> =
         text.split(separators).map(str::trim).filter(|part| !part.is_empty()).collect();
@@ -250,10 +292,11 @@ mod tests {
             (&[("kind", "terrestrial"), ("around", "0 0"), ("spacing", "5")], "leave one of them empty"),
             (&[("kind", "mobile")], "Line: draw it"),
         ] {
-            let message = inputs(&fields(&[&flight[..], given].concat())).unwrap_err();
+            let message = inputs(&fields(&[&flight[..], given].concat())).unwrap_err().to_string();
             assert!(message.contains(expected), "{given:?}: {message}");
         }
-        assert!(inputs(&fields(&flight[..1])).unwrap_err().contains("Height above ground"));
+        let refused = inputs(&fields(&flight[..1])).unwrap_err();
+        assert_eq!(refused, FieldError::NoNumber("Height above ground"));
         let inputs = inputs(&fields(
             &[&flight[..], &[("speed", "7,5"), ("overlap.x", "1"), ("mapped", "a")]].concat(),
         ))
@@ -280,7 +323,7 @@ mod tests {
             ("500000,25; 5400000,5", "500000.25,5400000.5"),
             ("500000.5, 5400000.25", "500000.5,5400000.25"),
         ] {
-            assert_eq!(place(text).as_deref(), Ok(expected), "{text}");
+            assert_eq!(place(text).unwrap(), expected, "{text}");
         }
         for text in ["5", "5,4,3", "a b", "1 2 3", ";", "nan,1"] {
             assert!(place(text).is_err(), "{text}");

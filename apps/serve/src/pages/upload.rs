@@ -1,9 +1,9 @@
 //! The page of an upload: its files, and what can be done with each.
 
+use super::choices::{is_scene, is_table, is_trajectory};
 use super::cloud::{is_cloud, is_octree, show_form, viewer};
 use super::home::{encoded, remove_form};
 use super::layout::{bytes_text, page};
-use super::new::{is_scene, is_table, is_trajectory};
 use crate::answers::encoded as in_path;
 use crate::app::{App, Identity};
 use crate::store::{FileKind, Upload, UploadFile};

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::files::Files;
-use crate::store::{FileKind, Listed, Upload, UploadFile};
+use crate::store::{FileKind, Listed, StoreError, Upload, UploadFile};
 
 /// A job that nobody computes yet.
 pub(crate) fn job(owner: &str, id: &str) -> Job {
@@ -76,6 +76,19 @@ fn results_are_given_again_and_kept_while_a_job_names_them() {
     assert!(store.job_folder("a").is_dir(), "the second job has its results there");
     store.dismiss("anna", "b", None).unwrap();
     assert!(!store.job_folder("a").exists());
+}
+
+#[test]
+fn a_damaged_list_of_results_is_an_error_and_not_an_empty_list() {
+    let (_folder, store) = store();
+    store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
+    store.take_job("w", Lane::Any).unwrap();
+    std::fs::create_dir_all(store.job_folder("a").join("out")).unwrap();
+    store.finish("a", "w", &Outcome::Successful(Vec::new(), String::new())).unwrap();
+    assert!(store.results_in("a").unwrap().is_empty());
+    store.database().execute("UPDATE jobs SET results = '[{' WHERE id = 'a'", []).unwrap();
+    let error = store.results_in("a").unwrap_err();
+    assert!(matches!(error, StoreError::Record { .. }), "{error}");
 }
 
 #[test]

@@ -57,6 +57,31 @@ pub fn check(
     program: &Program,
 ) -> Result<Checked, RequestError> {
     let schema = process.inputs(program);
+    let (inputs, geometries) = checked_inputs(process, inputs, &schema)?;
+    let mut uses = BTreeSet::new();
+    let tree = Value::Object(inputs.clone());
+    find_files("", &tree, 0, owner, store, program, &mut uses)?;
+    let mut prepared = match process {
+        Process::Run | Process::DryRun => pipeline(process, tree, owner, store, program, &mut uses)?,
+        Process::Campaign => campaign(tree)?,
+        Process::Plan => Prepared { geometries, ..plan(&inputs, &assets(&inputs, &uses), program)? },
+        Process::Compare => comparison(&inputs, &schema)?,
+        Process::Stand => stand(&inputs, &schema)?,
+        Process::Preview => preview(inputs, &schema, &uses)?,
+    };
+    with_uses_of_jobs(store, &mut uses)?;
+    prepared.shown = shown(process, &prepared);
+    prepared.uses = uses;
+    let fingerprint = fingerprint(process, &prepared, owner, store, program)?;
+    Ok(Checked { prepared, fingerprint })
+}
+
+/// The inputs by the schema of a process, and the areas and lines among them that become files.
+fn checked_inputs(
+    process: Process,
+    inputs: &Map<String, Value>,
+    schema: &Value,
+) -> Result<(Map<String, Value>, Vec<(String, String)>), RequestError> {
     let mut inputs = inputs.clone();
     let mut geometries = Vec::new();
     for (key, value) in &mut inputs {
@@ -82,46 +107,39 @@ pub fn check(
             return Err(wrong(key, format!("the process {} needs this input", process.id())));
         }
     }
-    let mut uses = BTreeSet::new();
-    let mut tree = Value::Object(inputs.clone());
-    find_files("", &tree, 0, owner, store, program, &mut uses)?;
-    let mut prepared = match process {
-        Process::Run | Process::DryRun => pipeline(process, tree.take(), owner, store, program, &mut uses)?,
-        Process::Campaign => campaign(tree.take())?,
-        Process::Plan => Prepared { geometries, ..plan(&inputs, &assets(&inputs, &uses), program)? },
-        Process::Compare => {
-            let words = options(&inputs, &schema)?;
-            let words = [
-                vec!["compare".to_owned(), "--json".to_owned(), "--page=../out/report.html".to_owned()],
-                words,
-            ]
-            .concat();
-            Prepared {
-                words,
-                within_inputs: true,
-                stdout: Some("report.json".to_owned()),
-                ..Prepared::default()
-            }
-        }
-        Process::Stand => {
-            let start = ["scene", "stand", "--copy", "--out=../out/stand"].map(str::to_owned).to_vec();
-            let words = [start, options(&inputs, &schema)?].concat();
-            Prepared { words, within_inputs: true, ..Prepared::default() }
-        }
-        Process::Preview => {
-            let format = inputs.get("format").and_then(Value::as_str).unwrap_or("png").to_owned();
-            inputs.remove("format");
-            let out = format!("--out=../out/preview.{format}");
-            let start = vec!["preview".to_owned(), out, format!("--most-points={PAGE_POINTS}")];
-            let words = [start, assets(&inputs, &uses), options(&inputs, &schema)?].concat();
-            Prepared { words, within_inputs: true, ..Prepared::default() }
-        }
-    };
-    with_uses_of_jobs(store, &mut uses)?;
-    prepared.shown = shown(process, &prepared);
-    prepared.uses = uses;
-    let fingerprint = fingerprint(process, &prepared, owner, store, program)?;
-    Ok(Checked { prepared, fingerprint })
+    Ok((inputs, geometries))
+}
+
+/// The command of a comparison.
+fn comparison(inputs: &Map<String, Value>, schema: &Value) -> Result<Prepared, RequestError> {
+    let start = ["compare", "--json", "--page=../out/report.html"].map(str::to_owned).to_vec();
+    Ok(Prepared {
+        words: [start, options(inputs, schema)?].concat(),
+        within_inputs: true,
+        stdout: Some("report.json".to_owned()),
+        ..Prepared::default()
+    })
+}
+
+/// The command that makes a stand.
+fn stand(inputs: &Map<String, Value>, schema: &Value) -> Result<Prepared, RequestError> {
+    let start = ["scene", "stand", "--copy", "--out=../out/stand"].map(str::to_owned).to_vec();
+    let words = [start, options(inputs, schema)?].concat();
+    Ok(Prepared { words, within_inputs: true, ..Prepared::default() })
+}
+
+/// The command of a preview.
+fn preview(
+    mut inputs: Map<String, Value>,
+    schema: &Value,
+    uses: &BTreeSet<Use>,
+) -> Result<Prepared, RequestError> {
+    let format = inputs.get("format").and_then(Value::as_str).unwrap_or("png").to_owned();
+    inputs.remove("format");
+    let out = format!("--out=../out/preview.{format}");
+    let start = vec!["preview".to_owned(), out, format!("--most-points={PAGE_POINTS}")];
+    let words = [start, assets(&inputs, uses), options(&inputs, schema)?].concat();
+    Ok(Prepared { words, within_inputs: true, ..Prepared::default() })
 }
 
 /// The hash of everything that determines the result.

@@ -97,12 +97,14 @@ pub(super) fn with_uses_of_jobs(store: &Store, uses: &mut BTreeSet<Use>) -> Resu
         .filter_map(|used| if let Use::Job { folder, .. } = used { Some(folder.clone()) } else { None })
         .collect();
     for folder in jobs {
-        let prepared = match std::fs::read(store.job_folder(&folder).join("prepared.json")) {
+        let prepared: Prepared = match std::fs::read(store.job_folder(&folder).join("prepared.json")) {
             // A folder that somebody has cleaned: what its files name is not found.
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-            read => read.map_err(StoreError::from)?,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Prepared::default(),
+            read => serde_json::from_slice(&read.map_err(StoreError::from)?).map_err(|error| {
+                let record = format!("prepared.json in the folder of the job {folder}");
+                StoreError::Record { record, error }
+            })?,
         };
-        let prepared: Prepared = serde_json::from_slice(&prepared).unwrap_or_default();
         for used in prepared.uses {
             // Files of an upload that was removed since are gone.
             let (kind, id) = used.files();

@@ -48,61 +48,19 @@ impl Cells {
     /// # Errors
     /// [`Error::Input`] for areas that cannot be read, plots that do not fit and names that are there twice.
     pub fn of(file: &File) -> Result<Cells> {
-        let (mut scenes, mut found) = (Vec::new(), Diagnostics::default());
-        for (index, scene) in file.scenes.iter().enumerate() {
-            let scene = Arc::new(scene.clone());
-            let place = scene.area.as_ref().and_then(|area| file.place(area));
-            let area = scene.area.as_ref().map(|area| read_area(area.get_ref(), None, None)).transpose();
-            let area = area.map_err(|error| placed(error, place.as_ref()))?;
-            let area = area.map(|(area, told)| {
-                found.extend(told);
-                area
-            });
-            match (scene.plots, area) {
-                (Some(count), Some(area)) => {
-                    let plots = plots::draw(&area, count as usize, scene.plot_size(), 0)
-                        .map_err(|message| Error::input(format!("scene {}: {message}", scene.name)))
-                        .map_err(|error| placed(error, place.as_ref()))?;
-                    let digits = count.to_string().len();
-                    for (number, plot) in (1..).zip(plots) {
-                        let name = format!("{}_{number:0digits$}", scene.name);
-                        scenes.push((index, scene.clone(), name, Some(Arc::new(plot))));
-                    }
-                }
-                (_, area) => scenes.push((index, scene.clone(), scene.name.clone(), area.map(Arc::new))),
-            }
-        }
+        let (scenes, found) = scenes_of(file)?;
         let seeds = file.seeds.all();
         let count = scenes.len().saturating_mul(file.variants.len()).saturating_mul(seeds.len());
         if count > MAX_CELLS {
             return Err(Error::input(format!("{count} cells, expected at most {MAX_CELLS}")));
         }
         let variants: Vec<Arc<VariantEntry>> = file.variants.iter().cloned().map(Arc::new).collect();
+        let by = file.split.as_ref().map_or(GroupBy::Scene, |split| split.get_ref().by);
         let mut cells = Vec::with_capacity(count);
-        for (scene_index, scene, scene_name, area) in &scenes {
+        for scene in &scenes {
             for &seed in &seeds {
-                for (variant_index, variant) in variants.iter().enumerate() {
-                    let name = format!("{}-{}-{seed}", file_name(scene_name), file_name(&variant.name));
-                    let by = file.split.as_ref().map_or(GroupBy::Scene, |split| split.get_ref().by);
-                    let group = match by {
-                        GroupBy::Scene => scene_name.clone(),
-                        GroupBy::Variant => variant.name.clone(),
-                        GroupBy::Seed => seed.to_string(),
-                        GroupBy::Cell => name.clone(),
-                    };
-                    cells.push(Cell {
-                        name,
-                        scene: scene.clone(),
-                        scene_index: *scene_index,
-                        scene_name: scene_name.clone(),
-                        area: area.clone(),
-                        variant: variant.clone(),
-                        variant_index,
-                        seed,
-                        group,
-                        split: "",
-                    });
-                }
+                let of_variant = |(index, variant)| cell_of(scene, (index, variant), seed, by);
+                cells.extend(variants.iter().enumerate().map(of_variant));
             }
         }
         let mut names = BTreeSet::new();
@@ -131,6 +89,71 @@ impl Cells {
             }
         }
         found
+    }
+}
+
+/// A scene, or a plot of one.
+struct ScenePart {
+    /// Index of the scene in the campaign's file.
+    index: usize,
+    scene: Arc<SceneEntry>,
+    /// Name of the scene, or of the plot.
+    name: String,
+    area: Option<Arc<Area>>,
+}
+
+/// The scenes of a campaign, divided into plots; areas are read. Also returns what the user should know.
+fn scenes_of(file: &File) -> Result<(Vec<ScenePart>, Diagnostics)> {
+    let (mut scenes, mut found) = (Vec::new(), Diagnostics::default());
+    for (index, scene) in file.scenes.iter().enumerate() {
+        let scene = Arc::new(scene.clone());
+        let place = scene.area.as_ref().and_then(|area| file.place(area));
+        let area = scene.area.as_ref().map(|area| read_area(area.get_ref(), None, None)).transpose();
+        let area = area.map_err(|error| placed(error, place.as_ref()))?;
+        let area = area.map(|(area, told)| {
+            found.extend(told);
+            area
+        });
+        match (scene.plots, area) {
+            (Some(count), Some(area)) => {
+                let plots = plots::draw(&area, count as usize, scene.plot_size(), 0)
+                    .map_err(|problem| Error::input(format!("scene {}: {problem}", scene.name)))
+                    .map_err(|error| placed(error, place.as_ref()))?;
+                let digits = count.to_string().len();
+                for (number, plot) in (1..).zip(plots) {
+                    let name = format!("{}_{number:0digits$}", scene.name);
+                    scenes.push(ScenePart { index, scene: scene.clone(), name, area: Some(Arc::new(plot)) });
+                }
+            }
+            (_, area) => {
+                let name = scene.name.clone();
+                scenes.push(ScenePart { index, scene, name, area: area.map(Arc::new) });
+            }
+        }
+    }
+    Ok((scenes, found))
+}
+
+/// The cell of a scene, a variant with its index in the campaign's file and a seed.
+fn cell_of(part: &ScenePart, (index, variant): (usize, &Arc<VariantEntry>), seed: u64, by: GroupBy) -> Cell {
+    let name = format!("{}-{}-{seed}", file_name(&part.name), file_name(&variant.name));
+    let group = match by {
+        GroupBy::Scene => part.name.clone(),
+        GroupBy::Variant => variant.name.clone(),
+        GroupBy::Seed => seed.to_string(),
+        GroupBy::Cell => name.clone(),
+    };
+    Cell {
+        name,
+        scene: part.scene.clone(),
+        scene_index: part.index,
+        scene_name: part.name.clone(),
+        area: part.area.clone(),
+        variant: variant.clone(),
+        variant_index: index,
+        seed,
+        group,
+        split: "",
     }
 }
 

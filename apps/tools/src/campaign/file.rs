@@ -221,7 +221,7 @@ impl File {
     pub fn parse(path: &Path, text: String) -> Result<File> {
         let source = Source::of_text(path, text);
         let file: File = source.parse()?;
-        file.check().map_err(|message| Error::input(format!("{}: {message}", path.display())))?;
+        file.check().map_err(|problem| Error::input(format!("{}: {problem}", path.display())))?;
         Ok(File { source: Some(Arc::new(source)), ..file })
     }
 
@@ -230,58 +230,93 @@ impl File {
         self.source.as_ref().map(|source| source.place(value.span()))
     }
 
-    fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), CampaignError> {
         for (what, count) in [
             ("[[scene]]", self.scenes.len()),
             ("[[variant]]", self.variants.len()),
             ("seed", self.seeds.len()),
         ] {
             if count == 0 {
-                return Err(format!("a campaign needs at least one {what}"));
+                return Err(CampaignError::Missing(what));
             }
         }
         if self.seeds.len() > MAX_SEEDS {
-            return Err(format!("at most {MAX_SEEDS} seeds are possible"));
+            return Err(CampaignError::Seeds);
         }
         for scene in &self.scenes {
-            let name = &scene.name;
+            let wrong = |problem| Err(CampaignError::Scene { scene: scene.name.clone(), problem });
             let sources = [scene.file.is_some(), scene.make.is_some(), scene.stand.is_some()];
             if sources.iter().filter(|given| **given).count() != 1 {
-                return Err(format!("scene {name}: expected one of `file`, `make` and `stand`"));
+                return wrong(SceneProblem::Sources);
             }
             if scene.plots.is_some() && (scene.area.is_none() || scene.stand.is_none()) {
-                return Err(format!("scene {name}: `plots` need a `stand` with an `area`"));
+                return wrong(SceneProblem::Plots);
             }
             if scene.plot_m.is_some() && scene.plots.is_none() {
-                return Err(format!(
-                    "scene {name}: `plot_m` is the size of `plots`, but the scene has no `plots`"
-                ));
+                return wrong(SceneProblem::PlotSize);
             }
             if scene.margin_m.is_some() && (scene.stand.is_none() || scene.area.is_none()) {
-                return Err(format!("scene {name}: `margin_m` is for trees of a `stand` around an `area`"));
+                return wrong(SceneProblem::Margin);
             }
             let (plot, margin) = (scene.plot_size(), scene.margin());
             if !(plot > 0.0 && plot <= 1e5 && (0.0..=1e4).contains(&margin)) {
-                return Err(format!("scene {name}: plot_m and margin_m are metres, plot_m above 0"));
+                return wrong(SceneProblem::Lengths);
             }
             if scene.plots.is_some_and(|count| count == 0 || count > 100_000) {
-                return Err(format!("scene {name}: expected 1 to 100000 plots"));
+                return wrong(SceneProblem::PlotCount);
             }
         }
         for variant in &self.variants {
             if variant.plan.is_some() == variant.survey.is_some() {
-                return Err(format!("variant {}: expected either `plan` or `survey`", variant.name));
+                return Err(CampaignError::Variant(variant.name.clone()));
             }
         }
         if let Some(split) = &self.split {
             let shares = split.get_ref().shares().map(|(_, share)| share);
             let sum: f64 = shares.iter().sum();
             if !(sum > 0.0 && sum.is_finite() && shares.iter().all(|share| *share >= 0.0)) {
-                return Err("split: train, validation and test must be at least 0, and not all 0".to_owned());
+                return Err(CampaignError::Split);
             }
         }
         Ok(())
     }
+}
+
+/// Entries of a campaign that do not fit each other.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+enum CampaignError {
+    /// No entry of a kind.
+    #[error("a campaign needs at least one {0}")]
+    Missing(&'static str),
+    /// Too many seeds.
+    #[error("at most {max} seeds are possible", max = MAX_SEEDS)]
+    Seeds,
+    /// A scene whose keys do not fit each other.
+    #[error("scene {scene}: {problem}")]
+    Scene { scene: String, problem: SceneProblem },
+    /// A variant with two sources or without one.
+    #[error("variant {0}: expected either `plan` or `survey`")]
+    Variant(String),
+    /// Shares of which nothing can be divided.
+    #[error("split: train, validation and test must be at least 0, and not all 0")]
+    Split,
+}
+
+/// Keys of a scene that do not fit each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+enum SceneProblem {
+    #[error("expected one of `file`, `make` and `stand`")]
+    Sources,
+    #[error("`plots` need a `stand` with an `area`")]
+    Plots,
+    #[error("`plot_m` is the size of `plots`, but the scene has no `plots`")]
+    PlotSize,
+    #[error("`margin_m` is for trees of a `stand` around an `area`")]
+    Margin,
+    #[error("plot_m and margin_m are metres, plot_m above 0")]
+    Lengths,
+    #[error("expected 1 to 100000 plots")]
+    PlotCount,
 }
 
 /// A line with a quote that does not end.

@@ -1,6 +1,6 @@
 //! Plots within an area.
 
-use crate::plan::Area;
+use crate::plan::{Area, AreaError};
 use vlscan_base::rng::{Purpose, Stream};
 
 /// Maximum number of squares of the grid.
@@ -10,24 +10,60 @@ const MAX_TESTS: f64 = 5e8;
 /// Part of a square's size by which the area may cut off its edges.
 const MAX_EDGE_CUT: f64 = 5e-7;
 
+/// Plots that cannot be drawn.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlotsError {
+    /// Squares that are too small for the area.
+    #[error("plots of {size} m are too small for an area of {area} m²")]
+    Small {
+        /// Side of the plots, m.
+        size: f64,
+        /// Size of the area, m².
+        area: f64,
+    },
+    /// More squares and corners than can be compared.
+    #[error(
+        "{squares} squares of {size} m and an area of {corners} corners take too long; make the plots \
+         larger, or give the area fewer corners"
+    )]
+    Slow {
+        /// Number of squares.
+        squares: f64,
+        /// Side of the plots, m.
+        size: f64,
+        /// Number of corners of the area.
+        corners: usize,
+    },
+    /// Fewer plots within the area than requested.
+    #[error("only {found} plots of {size} m fit into the area, expected {expected}")]
+    Few {
+        /// Number of plots that fit.
+        found: usize,
+        /// Side of the plots, m.
+        size: f64,
+        /// The requested number.
+        expected: usize,
+    },
+    /// A plot that is not an area.
+    #[error(transparent)]
+    Area(#[from] AreaError),
+}
+
 /// Squares of a grid that lie within the area: those of the grid are drawn at random, without repetition.
 /// They are returned from south to north and from west to east.
 ///
 /// # Errors
-/// A sentence if fewer fit.
-pub fn draw(area: &Area, count: usize, size: f64, seed: u64) -> Result<Vec<Area>, String> {
+/// Fewer plots that fit, plots that are too small for the area, and areas of too many corners.
+pub fn draw(area: &Area, count: usize, size: f64, seed: u64) -> Result<Vec<Area>, PlotsError> {
     let (low, high) = area.bounds();
     let number = |axis: usize| ((high[axis] - low[axis]) / size).floor();
     let squares = number(0) * number(1);
     if squares > MAX_SQUARES {
-        return Err(format!("plots of {size} m are too small for an area of {} m²", area.square_metres()));
+        return Err(PlotsError::Small { size, area: area.square_metres() });
     }
     if squares * area.corners().len() as f64 > MAX_TESTS {
-        return Err(format!(
-            "{squares} squares of {size} m and an area of {} corners take too long; make the plots larger, \
-             or give the area fewer corners",
-            area.corners().len()
-        ));
+        return Err(PlotsError::Slow { squares, size, corners: area.corners().len() });
     }
     let (columns, rows) = (number(0) as u32, number(1) as u32);
     // The grid is centred in the area's box.
@@ -46,7 +82,7 @@ pub fn draw(area: &Area, count: usize, size: f64, seed: u64) -> Result<Vec<Area>
         }
     }
     if fitting.len() < count {
-        return Err(format!("only {} plots of {size} m fit into the area, expected {count}", fitting.len()));
+        return Err(PlotsError::Few { found: fitting.len(), size, expected: count });
     }
     let stream = Stream::new(seed, Purpose::SceneMaking);
     let key = |cell: u32| (stream.uniform(cell, 0, 0), cell);
@@ -93,7 +129,7 @@ mod tests {
             assert!(plots[..i].iter().all(|other| !other.contains(centre)));
         }
         assert_ne!(draw(&area, 10, 20.0, 2).unwrap(), plots);
-        assert!(draw(&area, 26, 20.0, 1).unwrap_err().contains("expected 26"));
+        assert!(draw(&area, 26, 20.0, 1).unwrap_err().to_string().contains("expected 26"));
         assert!(draw(&area, 1, 1e-3, 1).is_err());
     }
 
@@ -126,6 +162,6 @@ mod tests {
             [1000.0 * c, 1000.0 * s]
         });
         let area = Area::new(circle.collect()).unwrap();
-        assert!(draw(&area, 10, 1.0, 1).unwrap_err().contains("100000 corners"));
+        assert!(draw(&area, 10, 1.0, 1).unwrap_err().to_string().contains("100000 corners"));
     }
 }

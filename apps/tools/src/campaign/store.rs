@@ -47,6 +47,29 @@ pub struct Store {
     verifies: bool,
 }
 
+/// A file of a complete cell that is not as recorded.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{path} of the cell {cell} {damage}")]
+struct DamagedFile {
+    /// Its path in the folder of the data set.
+    path: String,
+    cell: String,
+    damage: Damage,
+}
+
+/// Difference of a file from its record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+enum Damage {
+    #[error("is missing")]
+    Missing,
+    #[error("is not a regular file")]
+    NotRegular,
+    #[error("has {found} bytes, expected {expected}")]
+    Size { found: u64, expected: u64 },
+    #[error("has changed since it was written: its checksum differs")]
+    Changed,
+}
+
 /// Outcome of a cell.
 #[derive(Debug)]
 pub enum Outcome {
@@ -171,7 +194,7 @@ impl Store {
                 Some(record) if record.is_current(wanted, inputs) => {
                     match self.check_files(cell, &record, inputs) {
                         Ok(()) => return Outcome::Complete(Box::new(record)),
-                        Err(found) => damage = Some(found),
+                        Err(found) => damage = Some(found.to_string()),
                     }
                 }
                 Some(_) => {}
@@ -189,25 +212,26 @@ impl Store {
 
     /// Compares the files of a complete cell with its record: their sizes and times, and their checksums if
     /// the times are others than those when the checksums were compared last.
-    fn check_files(&self, cell: &Cell, record: &Record, inputs: &mut Inputs) -> Result<(), String> {
+    fn check_files(&self, cell: &Cell, record: &Record, inputs: &mut Inputs) -> Result<(), DamagedFile> {
         let made = Made::read(&self.made_path(cell));
         let stamps = made.as_ref().map(|made| &made.stamps);
         let mut is_known = true;
         for file in &record.files {
             let path = self.folder.join(&file.path);
-            let shown = || format!("{} of the cell {}", file.path, record.cell);
+            let damaged =
+                |damage| Err(DamagedFile { path: file.path.clone(), cell: record.cell.clone(), damage });
             match path.symlink_metadata() {
-                Err(_) => return Err(format!("{} is missing", shown())),
-                Ok(about) if !about.is_file() => return Err(format!("{} is not a regular file", shown())),
+                Err(_) => return damaged(Damage::Missing),
+                Ok(about) if !about.is_file() => return damaged(Damage::NotRegular),
                 Ok(about) if about.len() != file.bytes => {
-                    return Err(format!("{} has {} bytes, expected {}", shown(), about.len(), file.bytes));
+                    return damaged(Damage::Size { found: about.len(), expected: file.bytes });
                 }
                 Ok(_) => {}
             }
             let is_seen = made::stamp(&path)
                 .is_some_and(|stamp| stamps.is_some_and(|known| known.get(&file.path) == Some(&stamp)));
             if (self.verifies || !is_seen) && inputs.sum(&path).as_ref() != Some(&file.sum) {
-                return Err(format!("{} has changed since it was written: its checksum differs", shown()));
+                return damaged(Damage::Changed);
             }
             is_known &= is_seen;
         }

@@ -100,52 +100,73 @@ impl CloudSummary {
         if let Some((count, is_more)) = self.objects() {
             line("objects", format!("{count}{}", if is_more { " or more" } else { "" }));
         }
-        if self.by_channel.len() > MAX_LISTED_CHANNELS {
-            let (first, last) = (self.by_channel.keys().next(), self.by_channel.keys().next_back());
-            let (least, most) = (self.by_channel.values().min(), self.by_channel.values().max());
-            if let (Some(first), Some(last), Some(least), Some(most)) = (first, last, least, most) {
-                let count = self.by_channel.len();
-                line("channels", format!("{count}, {first} to {last}, with {least} to {most} points each"));
-            }
-        } else if self.by_channel.len() > 1 {
-            let channels: Vec<String> =
-                self.by_channel.iter().map(|(channel, points)| format!("{channel}: {points}")).collect();
-            line("channels", channels.join(", "));
+        if let Some(channels) = self.channels() {
+            line("channels", channels);
         }
-        if self.has(Attribute::Class) {
-            let _ = writeln!(out, "\nclasses         {:>12}  name", "points");
-            for (class, points) in &self.by_class {
-                let name = self.class_name(*class).unwrap_or(match *class < 64 || self.has_old_classes() {
-                    true => "reserved",
-                    false => "user-defined",
-                });
-                let _ = writeln!(out, "{class:>15} {points:>12}  {name}");
-            }
-        }
-        if self.has(Attribute::ReturnNumber) {
-            let _ = writeln!(out, "\nreturns         {:>12}  {:>12}", "points", "pulses of so many");
-            let numbers: std::collections::BTreeSet<u8> =
-                self.by_return.keys().chain(self.pulses_by_returns.keys()).copied().collect();
-            for of in numbers {
-                let points = self.by_return.get(&of).copied().unwrap_or(0);
-                let pulses = self.pulses_by_returns.get(&of).copied().unwrap_or(0);
-                let _ = writeln!(out, "{of:>15} {points:>12}  {pulses:>12}");
-            }
-        }
-        if self.has(Attribute::Leg) {
-            let heading = if self.lines_are_sources() { "flight lines" } else { "legs" };
-            let _ = writeln!(out, "\n{heading:<15} {:>12}  time, s", "points");
-            for (number, line) in self.lines.iter().take(MAX_LISTED) {
-                let time = line
-                    .time
-                    .map_or_else(String::new, |t| format!("{} to {}", fixed(t.min, 3), fixed(t.max, 3)));
-                let _ = writeln!(out, "{number:>15} {:>12}  {time}", line.points);
-            }
-            if let Some(more) = self.lines.len().checked_sub(MAX_LISTED).filter(|more| *more > 0) {
-                let _ = writeln!(out, "{:>15} and {more} more; --json lists all", "");
-            }
-        }
+        self.write_classes(&mut out);
+        self.write_returns(&mut out);
+        self.write_lines(&mut out);
         out
+    }
+
+    /// The channels with their points; `None` for a cloud of one.
+    fn channels(&self) -> Option<String> {
+        let count = self.by_channel.len();
+        if count > MAX_LISTED_CHANNELS {
+            let (first, last) = (self.by_channel.keys().next()?, self.by_channel.keys().next_back()?);
+            let (least, most) = (self.by_channel.values().min()?, self.by_channel.values().max()?);
+            return Some(format!("{count}, {first} to {last}, with {least} to {most} points each"));
+        }
+        let channels: Vec<String> =
+            self.by_channel.iter().map(|(channel, points)| format!("{channel}: {points}")).collect();
+        (count > 1).then(|| channels.join(", "))
+    }
+
+    /// Writes the table of classes.
+    fn write_classes(&self, out: &mut String) {
+        if !self.has(Attribute::Class) {
+            return;
+        }
+        let _ = writeln!(out, "\nclasses         {:>12}  name", "points");
+        for (class, points) in &self.by_class {
+            let name = self.class_name(*class).unwrap_or(match *class < 64 || self.has_old_classes() {
+                true => "reserved",
+                false => "user-defined",
+            });
+            let _ = writeln!(out, "{class:>15} {points:>12}  {name}");
+        }
+    }
+
+    /// Writes the table of returns.
+    fn write_returns(&self, out: &mut String) {
+        if !self.has(Attribute::ReturnNumber) {
+            return;
+        }
+        let _ = writeln!(out, "\nreturns         {:>12}  {:>12}", "points", "pulses of so many");
+        let numbers: std::collections::BTreeSet<u8> =
+            self.by_return.keys().chain(self.pulses_by_returns.keys()).copied().collect();
+        for of in numbers {
+            let points = self.by_return.get(&of).copied().unwrap_or(0);
+            let pulses = self.pulses_by_returns.get(&of).copied().unwrap_or(0);
+            let _ = writeln!(out, "{of:>15} {points:>12}  {pulses:>12}");
+        }
+    }
+
+    /// Writes the table of flight lines or legs.
+    fn write_lines(&self, out: &mut String) {
+        if !self.has(Attribute::Leg) {
+            return;
+        }
+        let heading = if self.lines_are_sources() { "flight lines" } else { "legs" };
+        let _ = writeln!(out, "\n{heading:<15} {:>12}  time, s", "points");
+        for (number, line) in self.lines.iter().take(MAX_LISTED) {
+            let time =
+                line.time.map_or_else(String::new, |t| format!("{} to {}", fixed(t.min, 3), fixed(t.max, 3)));
+            let _ = writeln!(out, "{number:>15} {:>12}  {time}", line.points);
+        }
+        if let Some(more) = self.lines.len().checked_sub(MAX_LISTED).filter(|more| *more > 0) {
+            let _ = writeln!(out, "{:>15} and {more} more; --json lists all", "");
+        }
     }
 
     /// Kind of the times, and the dates of adjusted standard GPS time.

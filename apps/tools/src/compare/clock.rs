@@ -19,12 +19,24 @@ const MIN_SHARE: f64 = 0.05;
 /// Maximum distance of the centres of both clouds, as a fraction of the spread of their pulses.
 const MAX_DISTANCE: f64 = 0.25;
 
+/// Reason why times of two clouds do not mean the same instants.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub(super) enum ClockError {
+    /// Clouds of different times.
+    #[error("the clouds share no GPS times")]
+    NoCommonTimes,
+    /// Clouds at different places at the same times, with their distance, m.
+    #[error("at the same GPS times the clouds are {0:.1} m apart: their clocks or flights differ")]
+    Apart(f64),
+}
+
 /// Checks that two clouds are at the same places at the same times: of parts of the first cloud by time, the
 /// median distance of both centres is small against the spread of the pulses.
 ///
 /// # Errors
-/// A reason: no common times, or other places.
-pub(super) fn check_clocks([first, second]: [&Pulses; 2], [a, b]: [&Cut; 2]) -> Result<(), String> {
+/// No common times, or other places.
+pub(super) fn check_clocks([first, second]: [&Pulses; 2], [a, b]: [&Cut; 2]) -> Result<(), ClockError> {
     let [by_time, others] = [first, second].map(by_time);
     let parts = match first.has_lines {
         true => first.lines.len() / MIN_LINES,
@@ -48,11 +60,9 @@ pub(super) fn check_clocks([first, second]: [&Pulses; 2], [a, b]: [&Cut; 2]) -> 
     let ratio = |(distance, spread): &(f64, f64)| distance / spread.max(f64::MIN_POSITIVE);
     distances.sort_unstable_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     match distances.get(distances.len() / 2) {
-        None => Err("the clouds share no GPS times".to_owned()),
+        None => Err(ClockError::NoCommonTimes),
         Some((distance, spread)) if *distance <= MAX_DISTANCE * spread => Ok(()),
-        Some((distance, _)) => Err(format!(
-            "at the same GPS times the clouds are {distance:.1} m apart: their clocks or flights differ"
-        )),
+        Some((distance, _)) => Err(ClockError::Apart(*distance)),
     }
 }
 
@@ -186,8 +196,9 @@ mod tests {
         // The same strip, flown from the other end or later.
         let refused = |change: &dyn Fn(&mut PointRow)| check(&changed(change)).unwrap_err();
         let why = refused(&|row| row.position.y = 80.0 - row.position.y);
-        assert!(why.contains("clocks or flights differ"), "{why}");
-        assert!(refused(&|row| row.time += 0.2).contains("clocks or flights differ"));
-        assert!(refused(&|row| row.time += 604_800.0).contains("share no GPS times"));
+        assert!(matches!(why, ClockError::Apart(_)), "{why}");
+        assert!(why.to_string().contains("clocks or flights differ"), "{why}");
+        assert!(matches!(refused(&|row| row.time += 0.2), ClockError::Apart(_)));
+        assert_eq!(refused(&|row| row.time += 604_800.0), ClockError::NoCommonTimes);
     }
 }

@@ -4,7 +4,7 @@ use super::chance::{BlockKind, Chance, Halves, MIN_BLOCKS, SPLITS};
 use super::change::{Change, change};
 use super::cut::{CellGrid, Cut};
 use super::neighbours::{Distances, distances};
-use super::options::CompareOptions;
+use super::options::{CompareError, CompareOptions};
 use super::pulses::Pulses;
 use super::quantity::Quantity;
 use super::setting::{Findings, Setting};
@@ -108,18 +108,9 @@ pub fn compare(
     options: &CompareOptions,
     observer: &Observer,
 ) -> Result<Comparison> {
-    options.check().map_err(Error::input)?;
-    if let (Some(a), Some(b)) = (first.1.crs(), second.1.crs())
-        && differ(a, b)
-    {
-        let mut found = Diagnostics::default();
-        found.warn(
-            None,
-            format!("the clouds are in different systems: {} and {}", short_name(a), short_name(b)),
-        );
-        observer.warnings(found)?;
-    }
-    let (low, high) = common_box(first.1, second.1).map_err(Error::input)?;
+    options.check()?;
+    check_systems(first.1, second.1, observer)?;
+    let (low, high) = common_box(first.1, second.1)?;
     let grid = CellGrid::new((low, high), options.cell, first)?;
     let wide_grid = CellGrid::new((low, high), GROUND_CELL.max(options.cell), first)?;
     let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
@@ -129,6 +120,60 @@ pub fn compare(
     }
     let tell = |what: &str| observer.notify(Notice::Detail(format!("compare: {what}")));
     tell("pulses");
+    let (setting, kind, count) = prepared(cuts, (low, high), [grid, wide_grid], first, options, observer)?;
+    let Findings { quantities, mut missing } = findings(&setting, &tell);
+    if options.chance && setting.halves.is_none() {
+        missing.push(format!("--chance: the first cloud has {count} blocks, expected at least {MIN_BLOCKS}"));
+    }
+    tell("distances, canopy, voxels");
+    let area = occupied_cells(&setting.grid, cuts) as f64 * options.cell * options.cell;
+    let agreement = agreement(&setting, cuts, options);
+    let agreement_of_halves = agreement_of_halves(&setting, options);
+    tell("change");
+    let change = change(&setting.grid, cuts, [low.x, low.y], options.registration);
+    missing.extend(change.doubts(options.cell));
+    if let Some(note) = change.registration_note().filter(|_| options.registration.is_none()) {
+        observer.notify(Notice::Note(note));
+    }
+    Ok(Comparison {
+        first: described(&setting, 0, first, area),
+        second: described(&setting, 1, second, area),
+        cell_m: options.cell,
+        area_m2: area,
+        chance: setting.halves.is_some().then_some(Chance { kind, count, splits: SPLITS }),
+        quantities,
+        missing,
+        agreement,
+        agreement_of_halves,
+        change,
+        crs: first.1.crs().or(second.1.crs()).map(str::to_owned),
+    })
+}
+
+/// Warns of clouds in different coordinate reference systems.
+fn check_systems(first: &Points, second: &Points, observer: &Observer) -> Result<()> {
+    if let (Some(a), Some(b)) = (first.crs(), second.crs())
+        && differ(a, b)
+    {
+        let mut found = Diagnostics::default();
+        found.warn(
+            None,
+            format!("the clouds are in different systems: {} and {}", short_name(a), short_name(b)),
+        );
+        observer.warnings(found)?;
+    }
+    Ok(())
+}
+
+/// Both clouds, ready to be measured, with kind and number of the blocks of the first one.
+fn prepared<'a>(
+    cuts: [&'a Cut<'a>; 2],
+    (low, high): (DVec3, DVec3),
+    [grid, wide_grid]: [CellGrid; 2],
+    first: (&str, &Points),
+    options: &CompareOptions,
+    observer: &Observer,
+) -> Result<(Setting<'a>, BlockKind, u32)> {
     let pulses = cuts.map(Pulses::of);
     let own_lines: Option<Vec<u32>> = match &pulses[0] {
         Ok(found) if found.has_lines => {
@@ -138,79 +183,50 @@ pub fn compare(
     };
     let terrain = match &options.terrain {
         Some(path) => Some(Terrain::load(path, low, observer)?),
-        None => Planes::of(&a, own_lines.as_deref()).map(Terrain::Planes),
+        None => Planes::of(cuts[0], own_lines.as_deref()).map(Terrain::Planes),
     };
-    let (kind, count, blocks) = blocks_of(&a, own_lines, (low, high), wide_grid.side, first)?;
+    let (kind, count, blocks) = blocks_of(cuts[0], own_lines, (low, high), wide_grid.side, first)?;
     let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| &cut.offsets));
     let lowest: Vec<f64> = extremes.into_iter().map(|[low, _]| low).collect();
-    let setting = Setting {
-        cuts,
-        pulses,
-        blocks,
-        halves: (options.chance && count >= MIN_BLOCKS).then(|| Halves::new(count)),
-        grid,
-        wide_grid,
-        lowest,
-        terrain,
-        most: options.most_distances,
-    };
-    let Findings { quantities, mut missing } = findings(&setting, &tell);
-    if options.chance && setting.halves.is_none() {
-        missing.push(format!("--chance: the first cloud has {count} blocks, expected at least {MIN_BLOCKS}"));
+    let halves = (options.chance && count >= MIN_BLOCKS).then(|| Halves::new(count));
+    let most = options.most_distances;
+    let setting = Setting { cuts, pulses, blocks, halves, grid, wide_grid, lowest, terrain, most };
+    Ok((setting, kind, count))
+}
+
+/// A cloud with its points in the common box; `index` is 0 for the first one.
+fn described(setting: &Setting, index: usize, (name, points): (&str, &Points), area: f64) -> Cloud {
+    let cut = setting.cuts[index];
+    let count = cut.len() as f64 * cut.weight;
+    let of_pulses =
+        |found: &Pulses| [found.pulses.len(), if found.has_lines { found.lines.len() } else { 0 }];
+    Cloud {
+        name: name.to_owned(),
+        points: points.total(),
+        min: points.bounds().min.to_array(),
+        max: points.bounds().max.to_array(),
+        points_in_box: count,
+        density_per_m2: count / area,
+        intensity_median: cut.median_intensity(),
+        pulses_and_lines: setting.pulses[index].as_ref().ok().map(of_pulses),
     }
-    tell("distances, canopy, voxels");
-    let occupied = occupied_cells(&setting.grid, cuts);
-    let area = occupied as f64 * options.cell * options.cell;
-    let describe = |i: usize, (name, points): (&str, &Points)| {
-        let count = cuts[i].len() as f64 * cuts[i].weight;
-        let of_pulses =
-            |found: &Pulses| [found.pulses.len(), if found.has_lines { found.lines.len() } else { 0 }];
-        Cloud {
-            name: name.to_owned(),
-            points: points.total(),
-            min: points.bounds().min.to_array(),
-            max: points.bounds().max.to_array(),
-            points_in_box: count,
-            density_per_m2: count / area,
-            intensity_median: cuts[i].median_intensity(),
-            pulses_and_lines: setting.pulses[i].as_ref().ok().map(of_pulses),
+}
+
+/// Agreement of two halves of the first cloud; `None` without halves.
+fn agreement_of_halves(setting: &Setting, options: &CompareOptions) -> Option<Agreement> {
+    let (halves, cut) = (setting.halves.as_ref()?, setting.cuts[0]);
+    let half = |half: usize| {
+        let is_part = |i: &usize| halves.half(0, setting.blocks[*i]) == half;
+        let chosen: Vec<usize> = (0..cut.len()).filter(is_part).collect();
+        Cut {
+            points: cut.points,
+            index: chosen.iter().map(|i| cut.index[*i]).collect(),
+            offsets: chosen.iter().map(|i| cut.offsets[*i]).collect(),
+            weight: cut.weight,
         }
     };
-    let agreement = agreement(&setting, cuts, options);
-    let agreement_of_halves = setting.halves.as_ref().map(|halves| {
-        let half = |half: usize| {
-            let is_part = |i: &usize| halves.half(0, setting.blocks[*i]) == half;
-            let chosen: Vec<usize> = (0..a.len()).filter(is_part).collect();
-            Cut {
-                points: a.points,
-                index: chosen.iter().map(|i| a.index[*i]).collect(),
-                offsets: chosen.iter().map(|i| a.offsets[*i]).collect(),
-                weight: a.weight,
-            }
-        };
-        let halves = [half(0), half(1)];
-        self::agreement(&setting, [&halves[0], &halves[1]], options)
-    });
-    tell("change");
-    let change = change(&setting.grid, cuts, [low.x, low.y], options.registration);
-    missing.extend(change.doubts(options.cell));
-    if let Some(note) = change.registration_note().filter(|_| options.registration.is_none()) {
-        observer.notify(Notice::Note(note));
-    }
-    let crs = first.1.crs().or(second.1.crs()).map(str::to_owned);
-    Ok(Comparison {
-        first: describe(0, first),
-        second: describe(1, second),
-        cell_m: options.cell,
-        area_m2: area,
-        chance: setting.halves.is_some().then_some(Chance { kind, count, splits: SPLITS }),
-        quantities,
-        missing,
-        agreement,
-        agreement_of_halves,
-        change,
-        crs,
-    })
+    let (first, second) = (half(0), half(1));
+    Some(agreement(setting, [&first, &second], options))
 }
 
 /// All quantities; `tell` is told what is measured.
@@ -235,17 +251,13 @@ fn findings(setting: &Setting, tell: &dyn Fn(&str)) -> Findings {
 }
 
 /// The corners of the box that both clouds share horizontally, and that holds the heights of both.
-pub(super) fn common_box(first: &Points, second: &Points) -> Result<(DVec3, DVec3), String> {
+pub(super) fn common_box(first: &Points, second: &Points) -> Result<(DVec3, DVec3), CompareError> {
     let (a, b) = (first.bounds(), second.bounds());
     let low = DVec3::new(a.min.x.max(b.min.x), a.min.y.max(b.min.y), a.min.z.min(b.min.z));
     let high = DVec3::new(a.max.x.min(b.max.x), a.max.y.min(b.max.y), a.max.z.max(b.max.z));
     if low.x > high.x || low.y > high.y {
-        let gap = (low - high).max_element();
-        return Err(format!(
-            "the clouds do not overlap: their boxes are {gap:.1} m apart ({:.1} {:.1} and {:.1} {:.1} are \
-             their lower corners)",
-            a.min.x, a.min.y, b.min.x, b.min.y
-        ));
+        let corners = [[a.min.x, a.min.y], [b.min.x, b.min.y]];
+        return Err(CompareError::Apart { gap: (low - high).max_element(), corners });
     }
     Ok((low, high))
 }

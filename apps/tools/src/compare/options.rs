@@ -1,7 +1,8 @@
 //! How clouds are compared.
 
-use crate::args;
+use crate::args::{self, OptionError};
 use std::path::PathBuf;
+use vlscan_base::error::Error;
 use vlscan_base::quantity::POSITIVE;
 
 /// How clouds are compared.
@@ -32,6 +33,36 @@ pub struct CompareOptions {
     pub registration: Option<f64>,
 }
 
+/// Options or clouds that cannot be compared.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(super) enum CompareError {
+    /// An option beyond its bounds.
+    #[error(transparent)]
+    Option(#[from] OptionError),
+    /// No distances to measure.
+    #[error("--most-distances 0: expected at least 1")]
+    NoDistances,
+    /// Clouds whose boxes do not overlap.
+    #[error(
+        "the clouds do not overlap: their boxes are {gap:.1} m apart ({:.1} {:.1} and {:.1} {:.1} are their \
+         lower corners)",
+        .corners[0][0], .corners[0][1], .corners[1][0], .corners[1][1]
+    )]
+    Apart {
+        /// Distance of the boxes along an axis, m.
+        gap: f64,
+        /// Their lower corners, x and y, m.
+        corners: [[f64; 2]; 2],
+    },
+}
+
+impl From<CompareError> for Error {
+    fn from(error: CompareError) -> Error {
+        Error::input(error.to_string())
+    }
+}
+
 impl Default for CompareOptions {
     fn default() -> CompareOptions {
         CompareOptions {
@@ -47,14 +78,14 @@ impl Default for CompareOptions {
 
 impl CompareOptions {
     /// Checks the bounds of values that programs may break.
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), CompareError> {
         args::check([
             ("cell", Some(self.cell), POSITIVE),
             ("voxel", Some(self.voxel), POSITIVE),
             ("registration", self.registration, args::DEVIATION),
         ])?;
         match self.most_distances {
-            0 => Err("--most-distances 0: expected at least 1".to_owned()),
+            0 => Err(CompareError::NoDistances),
             _ => Ok(()),
         }
     }

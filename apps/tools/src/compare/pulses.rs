@@ -42,19 +42,49 @@ pub(super) struct Pulses {
     pub has_angles: bool,
 }
 
+/// Reason why the points of a cloud have no pulses.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub(super) enum PulsesError {
+    /// Points that were left out, and pulses with them.
+    #[error("it has too many points for the memory limit; divide it into parts")]
+    Thinned,
+    /// Points without times.
+    #[error("it has no GPS times")]
+    NoTimes,
+    /// Points of one time.
+    #[error("all its GPS times are equal")]
+    EqualTimes,
+    /// Times that different pulses share, with the number of their points.
+    #[error(
+        "{0} of its points have the source, time and return number of another one: its times are too coarse \
+         to tell pulses"
+    )]
+    CoarseTimes(usize),
+}
+
+/// A cloud without pulses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the {cloud} cloud: {reason}")]
+pub(super) struct MissingPulses {
+    /// Name of the cloud: first or second.
+    pub cloud: &'static str,
+    pub reason: PulsesError,
+}
+
 impl Pulses {
     /// The pulses of the points of a cut.
     ///
     /// # Errors
-    /// Why there are none: no times, too coarse ones.
-    pub fn of(cut: &Cut) -> Result<Pulses, String> {
+    /// Points without times, or with too coarse ones.
+    pub fn of(cut: &Cut) -> Result<Pulses, PulsesError> {
         if cut.points.is_thinned() {
-            return Err("it has too many points for the memory limit; divide it into parts".to_owned());
+            return Err(PulsesError::Thinned);
         }
         let times: Option<Vec<f64>> = cut.map(|points, i| points.time_of(i)).collect();
-        let times = times.ok_or("it has no GPS times")?;
+        let times = times.ok_or(PulsesError::NoTimes)?;
         if times.iter().all(|time| *time == times[0]) {
-            return Err("all its GPS times are equal".to_owned());
+            return Err(PulsesError::EqualTimes);
         }
         let sources: Vec<(u16, u8)> = cut.map(|points, i| points.source_of(i)).collect();
         let mut order: Vec<u32> = (0..cut.len() as u32).collect();
@@ -90,10 +120,7 @@ impl Pulses {
             });
         }
         if ambiguous as f64 > MAX_AMBIGUOUS * pulses.len() as f64 {
-            return Err(format!(
-                "{ambiguous} of its points have the source, time and return number of another one: its times \
-                 are too coarse to tell pulses"
-            ));
+            return Err(PulsesError::CoarseTimes(ambiguous));
         }
         let has_angles = pulses.iter().any(|pulse| pulse.angle != pulses[0].angle);
         let mut found =
@@ -421,7 +448,7 @@ pub(super) mod tests {
     fn what_has_no_pulses_says_why() {
         let mut points = Points::new(AttributeSet::of(|a| vlscan_formats::Attribute::POSITION.contains(&a)));
         points.push(&PointRow::default(), None);
-        assert!(Pulses::of(&cut(&points)).err().unwrap().contains("no GPS times"));
+        assert!(Pulses::of(&cut(&points)).err() == Some(PulsesError::NoTimes));
         let mut points = Points::new(AttributeSet::of(|_| true));
         for i in 0..100 {
             let (return_number, number_of_returns) = (1, 1);
@@ -434,6 +461,6 @@ pub(super) mod tests {
             };
             points.push(&row, None);
         }
-        assert!(Pulses::of(&cut(&points)).err().unwrap().contains("too coarse"));
+        assert!(matches!(Pulses::of(&cut(&points)), Err(PulsesError::CoarseTimes(_))));
     }
 }

@@ -198,7 +198,7 @@ impl Setting<'_> {
     pub fn pulses(&self, found: &mut Findings) {
         let pulses = match self.both_pulses() {
             Ok(pulses) => pulses,
-            Err(why) => return found.note_missing("pulses, scan angles and scan lines", &why),
+            Err(why) => return found.note_missing("pulses, scan angles and scan lines", &why.to_string()),
         };
         let intervals = pulses.map(|pulses| pulses.intervals().map(|(t, line)| (1e6 * t, line)).collect());
         let definition = self.define(
@@ -233,9 +233,14 @@ impl Setting<'_> {
             "scan angles as the files have them",
         );
         found.add("scan angles", self.of_lines(definition, angles));
+        self.angles_at_same_time(pulses, found);
+    }
+
+    /// Measures scan angles of pulses at the same time.
+    fn angles_at_same_time(&self, pulses: [&Pulses; 2], found: &mut Findings) {
         const AT_TIME: &str = "scan angle at the same time";
         if let Err(why) = check_clocks(pulses, self.cuts) {
-            return found.note_missing(AT_TIME, &why);
+            return found.note_missing(AT_TIME, &why.to_string());
         }
         let [first, second] = pulses;
         let Some(angles) = Angles::of(first) else {

@@ -24,7 +24,7 @@ impl Setting<'_> {
                 "the first cloud has no ground points (class 2); --terrain FILE gives a raster or mesh",
             );
         };
-        let residuals = self.cuts.map(|cut| residuals_of(cut, terrain, self.most));
+        let of = self.cuts.map(|cut| residuals_of(cut, terrain, self.most));
         let has_ground = self.cuts.map(has_ground);
         let points = match has_ground {
             [true, true] => "ground points (class 2)".to_owned(),
@@ -35,23 +35,50 @@ impl Setting<'_> {
         let statistics =
             [Mean, Quantile(0.5), Spread, Quantile(0.05), Quantile(0.25), Quantile(0.75), Quantile(0.95)];
         let meaning = format!("heights of {points} above {}", terrain.description());
-        let mut measure =
-            |name: String, statistics: &[Statistic], is_chosen: &dyn Fn(&Residual) -> bool, least: usize| {
-                let [first, second] = [0, 1].map(|cloud: usize| -> Vec<(f64, u32)> {
-                    let chosen = residuals[cloud].iter().filter(|residual| is_chosen(residual));
-                    chosen.map(|residual| (residual.millimetres, residual.point)).collect()
-                });
-                if first.len().min(second.len()) < least {
-                    return;
-                }
-                let first = first.into_iter().map(|(mm, point)| (mm, self.block(point))).collect();
-                let second = second.into_iter().map(|(mm, _)| mm).collect();
-                let definition = self.define("Terrain", &name, ("mm", "point"), statistics, &meaning);
-                found.add(&name, definition.measure(first, second, self.halves.as_ref()));
-            };
-        measure("residual to the terrain".to_owned(), &statistics, &|_| true, 0);
-        let brief = [Mean, Quantile(0.5), Spread];
-        let (low, high) = residuals.iter().flatten().fold((0.0_f64, 0.0_f64), |(low, high), residual| {
+        let all = Residuals { setting: self, of, meaning };
+        all.measure(found, "residual to the terrain", &statistics, &|_| true, 0);
+        all.by_angle(found);
+        all.by_elevation(found);
+    }
+}
+
+/// Statistics of classes of residuals.
+const BRIEF: [Statistic; 3] = [Mean, Quantile(0.5), Spread];
+
+/// The residuals of both clouds.
+struct Residuals<'s, 'c> {
+    setting: &'s Setting<'c>,
+    of: [Vec<Residual>; 2],
+    /// Description of the residuals.
+    meaning: String,
+}
+
+impl Residuals<'_, '_> {
+    /// Measures the chosen residuals if each cloud has at least `least` of them.
+    fn measure(
+        &self,
+        found: &mut Findings,
+        name: &str,
+        statistics: &[Statistic],
+        is_chosen: &dyn Fn(&Residual) -> bool,
+        least: usize,
+    ) {
+        let [first, second] = [0, 1].map(|cloud: usize| -> Vec<(f64, u32)> {
+            let chosen = self.of[cloud].iter().filter(|residual| is_chosen(residual));
+            chosen.map(|residual| (residual.millimetres, residual.point)).collect()
+        });
+        if first.len().min(second.len()) < least {
+            return;
+        }
+        let first = first.into_iter().map(|(mm, point)| (mm, self.setting.block(point))).collect();
+        let second = second.into_iter().map(|(mm, _)| mm).collect();
+        let definition = self.setting.define("Terrain", name, ("mm", "point"), statistics, &self.meaning);
+        found.add(name, definition.measure(first, second, self.setting.halves.as_ref()));
+    }
+
+    /// Measures the residuals by scan angle.
+    fn by_angle(&self, found: &mut Findings) {
+        let (low, high) = self.of.iter().flatten().fold((0.0_f64, 0.0_f64), |(low, high), residual| {
             (low.min(residual.angle), high.max(residual.angle))
         });
         let class_of = |angle: f64| (angle / ANGLE_CLASS).floor() as i32;
@@ -61,9 +88,13 @@ impl Setting<'_> {
                 f64::from(class) * ANGLE_CLASS,
                 f64::from(class + 1) * ANGLE_CLASS
             );
-            measure(name, &brief, &|residual| class_of(residual.angle) == class, MIN_CLASS);
+            self.measure(found, &name, &BRIEF, &|residual| class_of(residual.angle) == class, MIN_CLASS);
         }
-        let mut elevations: Vec<f64> = residuals[0].iter().map(|residual| residual.elevation).collect();
+    }
+
+    /// Measures the residuals by elevation of the terrain.
+    fn by_elevation(&self, found: &mut Findings) {
+        let mut elevations: Vec<f64> = self.of[0].iter().map(|residual| residual.elevation).collect();
         elevations.sort_unstable_by(f64::total_cmp);
         if elevations.len() < ELEVATION_CLASSES * MIN_CLASS {
             return;
@@ -73,7 +104,7 @@ impl Setting<'_> {
             ELEVATION_CLASSES => f64::INFINITY,
             _ => elevations[i * elevations.len() / ELEVATION_CLASSES],
         };
-        let corner = self.corner();
+        let corner = self.setting.corner();
         for class in 0..ELEVATION_CLASSES {
             let (from, to) = (edge(class), edge(class + 1));
             let name = match (from.is_infinite(), to.is_infinite()) {
@@ -81,7 +112,13 @@ impl Setting<'_> {
                 (_, true) => format!("residual, terrain above {:.1} m", from + corner),
                 _ => format!("residual, terrain {:.1} to {:.1} m", from + corner, to + corner),
             };
-            measure(name, &brief, &|residual| (from..to).contains(&residual.elevation), MIN_CLASS);
+            self.measure(
+                found,
+                &name,
+                &BRIEF,
+                &|residual| (from..to).contains(&residual.elevation),
+                MIN_CLASS,
+            );
         }
     }
 }

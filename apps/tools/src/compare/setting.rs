@@ -2,7 +2,7 @@
 
 use super::chance::Halves;
 use super::cut::{CellGrid, Cut};
-use super::pulses::Pulses;
+use super::pulses::{MissingPulses, Pulses, PulsesError};
 use super::quantity::{Definition, Quantity};
 use super::statistic::Statistic;
 use super::terrain::Terrain;
@@ -13,7 +13,7 @@ pub(super) type CellValues<'v> = dyn Fn(&mut dyn Iterator<Item = &[f64; 3]>, f64
 /// Both clouds, ready to be measured.
 pub(super) struct Setting<'a> {
     pub cuts: [&'a Cut<'a>; 2],
-    pub pulses: [Result<Pulses, String>; 2],
+    pub pulses: [Result<Pulses, PulsesError>; 2],
     /// The block of each point of the first cloud, and its halves.
     pub blocks: Vec<u32>,
     pub halves: Option<Halves>,
@@ -104,11 +104,11 @@ impl Setting<'_> {
     }
 
     /// The pulses of both clouds, unless one has none.
-    pub fn both_pulses(&self) -> Result<[&Pulses; 2], String> {
+    pub fn both_pulses(&self) -> Result<[&Pulses; 2], MissingPulses> {
         match &self.pulses {
             [Ok(first), Ok(second)] => Ok([first, second]),
-            [Err(why), _] => Err(format!("the first cloud: {why}")),
-            [_, Err(why)] => Err(format!("the second cloud: {why}")),
+            [Err(reason), _] => Err(MissingPulses { cloud: "first", reason: *reason }),
+            [_, Err(reason)] => Err(MissingPulses { cloud: "second", reason: *reason }),
         }
     }
 

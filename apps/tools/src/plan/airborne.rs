@@ -3,6 +3,7 @@
 use super::area::Area;
 use super::beams::{Beams, Field, best_mount};
 use super::document::{PlannedSurvey, Promise, Turned, Waypoint};
+use super::error::PlanError;
 use super::height::{Heights, PlanGround, mean_ground};
 use super::line::{Line, turn};
 use super::reach::GROUND_REFLECTANCE;
@@ -11,7 +12,7 @@ use super::swath::{Scan, SwathModel};
 use crate::args;
 use std::f64::consts::PI;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::quantity::{POSITIVE, metres, number};
+use vlscan_base::quantity::POSITIVE;
 use vlscan_geom::{DVec3, MAX_COORDINATE, radians};
 use vlscan_survey::Mount;
 
@@ -176,7 +177,7 @@ pub fn plan_airborne(
     options: &AirborneOptions,
     ground: &PlanGround,
 ) -> Result<PlannedSurvey> {
-    plan(area, instrument, carrier, options, ground).map_err(Error::input)
+    plan(area, instrument, carrier, options, ground).map_err(Error::from)
 }
 
 fn plan(
@@ -185,7 +186,7 @@ fn plan(
     carrier: &Carrier,
     options: &AirborneOptions,
     ground: &PlanGround,
-) -> Result<PlannedSurvey, String> {
+) -> Result<PlannedSurvey, PlanError> {
     let height = options.height;
     args::check([
         ("height", Some(height), POSITIVE),
@@ -235,7 +236,7 @@ fn add_waypoints(
     speed: f64,
     heights: &Heights,
     turn_radius: Option<f64>,
-) -> Result<f64, String> {
+) -> Result<f64, PlanError> {
     let mut active = 0.0;
     for (i, line) in lines.iter().enumerate() {
         let strip = format!("{}{:03}", if i < parallel { "line" } else { "cross" }, i + 1);
@@ -264,26 +265,18 @@ fn add_waypoints(
 }
 
 /// Refuses ground that is nearer than the instrument measures.
-fn check_clearance(instrument: &SwathModel, options: &AirborneOptions, relief: f64) -> Result<(), String> {
+fn check_clearance(instrument: &SwathModel, options: &AirborneOptions, relief: f64) -> Result<(), PlanError> {
     let [near, _] = instrument.ranges();
     let lowest = options.height - relief;
     if lowest > near * (1.0 + MIN_CLEARANCE) {
         return Ok(());
     }
-    let (why, help) = match relief > 0.01 * options.height {
-        true => (
-            format!(" at the highest place, {} above the mean ground", metres(relief)),
-            ", or keep the height above the ground with --follow-terrain",
-        ),
-        false => (String::new(), ""),
-    };
-    Err(format!(
-        "the ground is {} m away{why}, but {} measures from {} m; fly higher than {:.0} m{help}",
-        number(lowest),
-        instrument.name(),
-        number(near),
-        (near * (1.0 + MIN_CLEARANCE) + relief).ceil()
-    ))
+    let (instrument, distance) = (instrument.name().to_owned(), lowest);
+    let height = (near * (1.0 + MIN_CLEARANCE) + relief).ceil();
+    Err(match relief > 0.01 * options.height {
+        true => PlanError::LowAtTop { distance, relief, instrument, near, height },
+        false => PlanError::Low { distance, instrument, near, height },
+    })
 }
 
 /// The width that lines are laid out for, m: that of the strip, but no more than 45° to either side of
@@ -299,12 +292,12 @@ fn choose(
     instrument: &SwathModel,
     carrier: &Carrier,
     options: &AirborneOptions,
-) -> Result<Choice, String> {
+) -> Result<Choice, PlanError> {
     if options.density.is_some() && options.speed.is_some() && options.overlap.is_some() {
-        return Err("--density, --speed and --overlap determine each other: leave one out".to_owned());
+        return Err(PlanError::Overdetermined);
     }
     if options.density.is_none() && options.speed.is_none() {
-        return Err("give --speed, or --density to derive the speed from it".to_owned());
+        return Err(PlanError::NoSpeed);
     }
     let half_angle = instrument.half_angle(options.scan_angle)?;
     let pulse_rate = instrument.pulse_rate()?;
@@ -340,7 +333,7 @@ fn choose(
         lines = (speed * fired_rate * field.measured / field.width()).sqrt();
         choice = Some(Choice { scan, field, fired_rate, speed, spacing, density, turned });
     }
-    choice.ok_or_else(|| "no scan was tried".to_owned())
+    choice.ok_or(PlanError::NoScan)
 }
 
 /// The mount of the scanner: that of the platform if it serves, else one that the plan turns, if it may.
@@ -349,15 +342,11 @@ fn mount(
     beams: &Beams,
     carrier: &Carrier,
     options: &AirborneOptions,
-) -> Result<(Mount, Option<Turned>), String> {
+) -> Result<(Mount, Option<Turned>), PlanError> {
     let [_, far] = instrument.ranges();
+    let name = || instrument.name().to_owned();
     if options.height >= far {
-        return Err(format!(
-            "the ground is {} m away, but {} measures up to {} m only; fly lower",
-            number(options.height),
-            instrument.name(),
-            number(far)
-        ));
+        return Err(PlanError::High { height: options.height, instrument: name(), far });
     }
     let Some((turns, serves)) = best_mount(beams, &carrier.mount, options.height) else {
         // Where a mount would point the beams at the ground the ranges tell why it is not measured.
@@ -366,63 +355,42 @@ fn mount(
             let down = Mount { rotation: turns.rotation(), ..carrier.mount };
             check_ranges(instrument, options, &beams.over_ground(&down, options.height))?;
         }
-        return Err(format!("no mount points the beams of {} at the ground", instrument.name()));
+        return Err(PlanError::NoMount { instrument: name() });
     };
     if serves {
         return Ok((carrier.mount, None));
     }
     if !carrier.may_turn {
-        return Err(format!(
-            "the mount of --platform does not point the beams of {} at the ground; leave out --platform for \
-             a mount that does, or turn the mount by {}",
-            instrument.name(),
-            turns.text()
-        ));
+        return Err(PlanError::Mount { instrument: name(), turns: turns.text() });
     }
     let turned = Turned { offset: carrier.mount.offset, turns };
     Ok((Mount { rotation: turns.rotation(), ..carrier.mount }, Some(turned)))
 }
 
 /// Refuses strips that the instrument's reach cuts off.
-fn check_ranges(instrument: &SwathModel, options: &AirborneOptions, field: &Field) -> Result<(), String> {
-    let name = instrument.name();
+fn check_ranges(instrument: &SwathModel, options: &AirborneOptions, field: &Field) -> Result<(), PlanError> {
+    let name = || instrument.name().to_owned();
     let [near, far] = instrument.ranges();
     let is_open = instrument.half_angle(None)?.is_none();
-    let below = number(options.height);
+    let height = options.height;
     let percent = (100.0 * GROUND_REFLECTANCE).round();
     if field.lost.too_near > MAX_CUT {
-        return Err(format!(
-            "the ground is {below} m away, but {name} measures from {} m; fly higher",
-            number(near)
-        ));
+        return Err(PlanError::TooNear { height, instrument: name(), near });
     }
     if field.measured <= 0.0 && field.lost.too_weak > 0.0 {
-        return Err(format!(
-            "the ground is {below} m away, where {name} does not detect ground that reflects {percent} %; \
-             fly lower, or lower the pulse rate"
-        ));
+        return Err(PlanError::TooWeak { height, instrument: name(), percent });
     }
     if field.measured <= 0.0 {
-        return Err(format!("{name} does not reach ground {below} m below"));
+        return Err(PlanError::OutOfReach { height, instrument: name() });
     }
-    if is_open && far > MAX_COORDINATE && field.reach() > HORIZON * options.height {
-        return Err(format!(
-            "{name} has no maximum range, and its field of view reaches the horizon {below} m above the \
-             ground and cannot be narrowed; state rangeMax_m or <maxRange> in its <scanner>"
-        ));
+    if is_open && far > MAX_COORDINATE && field.reach() > HORIZON * height {
+        return Err(PlanError::Horizon { height, instrument: name() });
     }
     if !is_open && field.lost.too_far > MAX_CUT {
-        return Err(format!(
-            "the edge of the swath is farther away than the {} m that {name} measures; fly lower, or narrow \
-             it with --scan-angle",
-            number(far)
-        ));
+        return Err(PlanError::EdgeTooFar { instrument: name(), far });
     }
     if !is_open && field.lost.too_weak > MAX_CUT {
-        return Err(format!(
-            "at the edge of the swath {name} detects no ground that reflects {percent} %; fly lower, narrow \
-             it with --scan-angle, or lower the pulse rate"
-        ));
+        return Err(PlanError::EdgeTooWeak { instrument: name(), percent });
     }
     Ok(())
 }
@@ -439,7 +407,7 @@ struct Strip<'s> {
 }
 
 impl Strip<'_> {
-    fn speed_and_spacing(&self, options: &AirborneOptions) -> Result<(f64, f64), String> {
+    fn speed_and_spacing(&self, options: &AirborneOptions) -> Result<(f64, f64), PlanError> {
         let spacing_of = |overlap: Option<f64>| match overlap {
             Some(overlap) => self.field.width() * (1.0 - overlap / 100.0),
             None => self.width * (1.0 - DEFAULT_OVERLAP / 100.0),
@@ -453,17 +421,13 @@ impl Strip<'_> {
             (None, speed) => (speed.unwrap_or_default(), spacing_of(options.overlap)),
         };
         if !(speed > 1e-3 && speed < 1000.0) {
-            return Err(format!(
-                "the speed would be {} m/s, expected 0.001 to 1000 m/s; change --density, --pulse-rate or \
-                 --height",
-                number(speed)
-            ));
+            return Err(PlanError::Speed(speed));
         }
         Ok((speed, spacing))
     }
 
     /// The distance of lines that gives the density over the area at that speed.
-    fn spacing_for(&self, density: f64, speed: f64) -> Result<f64, String> {
+    fn spacing_for(&self, density: f64, speed: f64) -> Result<f64, PlanError> {
         let mut spacing = self.fired_rate * self.field.measured / (density * speed);
         // Edges and the number of lines change the density over the area a little.
         // Where it jumps there may be no such spacing: the nearest one counts.
@@ -476,20 +440,15 @@ impl Strip<'_> {
         }
         let spacing = best.1;
         if spacing > self.field.width() * 1.001 {
-            return Err(format!(
-                "at {} m/s one strip has {:.2} pulses/m² already, more than {}; increase --height or \
-                 --speed, or lower --pulse-rate",
-                number(speed),
-                self.fired_rate * self.field.measured / (speed * self.field.width()),
-                number(density)
-            ));
+            let found = self.fired_rate * self.field.measured / (speed * self.field.width());
+            return Err(PlanError::Dense { speed, found, density });
         }
         Ok(spacing)
     }
 
     /// Mean density over the area of strips `spacing` m apart, flown at 1 m/s, pulses/m²: the integral across
     /// of what the strips have there and of how long the area is there.
-    fn density(&self, spacing: f64) -> Result<f64, String> {
+    fn density(&self, spacing: f64) -> Result<f64, PlanError> {
         const STEPS: u32 = 4000;
         let places = line_places(self.area, self.frame, self.width, spacing)?;
         let [low, high] = self.frame.width(self.area);
@@ -525,12 +484,12 @@ fn best_heading(area: &Area) -> f64 {
 
 /// Distances across of lines `spacing` apart. The outermost line lies so that the next one, which is not
 /// flown, would not reach the area.
-fn line_places(area: &Area, frame: &Frame, width: f64, spacing: f64) -> Result<Vec<f64>, String> {
+fn line_places(area: &Area, frame: &Frame, width: f64, spacing: f64) -> Result<Vec<f64>, PlanError> {
     let [low, high] = frame.width(area);
     let needed = (high - low) + width - 2.0 * spacing;
     let count = if needed > 1e-9 { (needed / spacing - 1e-9).ceil() + 1.0 } else { 1.0 };
     if count > MAX_LINES {
-        return Err(format!("{count:.0} flight lines, expected at most {MAX_LINES}"));
+        return Err(PlanError::FlightLines { count, max: MAX_LINES });
     }
     let first = 0.5 * (low + high) - 0.5 * (count - 1.0) * spacing;
     Ok((0..count as u32).map(|i| first + f64::from(i) * spacing).collect())
@@ -637,7 +596,7 @@ mod tests {
         }
         assert!(warnings > 0);
         let sparse = AirborneOptions { density: Some(0.1), ..both };
-        assert!(chosen(&sparse).err().unwrap().contains("already"));
+        assert!(chosen(&sparse).err().unwrap().to_string().contains("already"));
         assert!(
             plan_airborne(
                 &area,

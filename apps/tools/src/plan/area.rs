@@ -16,6 +16,7 @@ pub struct Area {
 }
 
 /// Corners or positions that make no area or line.
+#[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AreaError {
     /// Fewer than three corners.
@@ -34,12 +35,14 @@ pub enum AreaError {
     /// A coordinate that is not a number of metres.
     #[error("coordinate {0:?}, expected {range}", range = COORDINATE.expected)]
     Coordinate(f64),
-}
-
-impl From<AreaError> for String {
-    fn from(error: AreaError) -> String {
-        error.to_string()
-    }
+    /// A corridor whose edge would have too many points.
+    #[error("--buffer {distance} is too narrow for a line of {length:.0} m")]
+    Narrow {
+        /// Distance of the edge from the line, m.
+        distance: f64,
+        /// Length of the line, m.
+        length: f64,
+    },
 }
 
 impl Area {

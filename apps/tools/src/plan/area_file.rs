@@ -1,9 +1,9 @@
 //! Areas and lines from files of GeoJSON, KML, KMZ, GPX, shapefiles, GeoPackages and well-known text.
 
-use super::area::{Area, check_coordinates};
+use super::area::{Area, AreaError, check_coordinates};
 use super::corridor::corridor;
 use super::geometries::{Format, Geometry, Line, Shape, System, is_well_known_text, read_geometries};
-use super::vector::{MAX_FILE_BYTES, read_file_geometries};
+use super::vector::{MAX_FILE_BYTES, VectorError, read_file_geometries};
 use std::collections::BTreeMap;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place, ProblemKind};
@@ -27,7 +27,7 @@ const MAX_DEGREES: f64 = 1.0;
 /// # Errors
 /// [`Error::Input`], [`Error::Io`].
 pub fn read_area(source: &str, scene_crs: Option<&str>, buffer: Option<f64>) -> Result<(Area, Diagnostics)> {
-    let failed = |what: String| Error::input(format!("{source}: {what}"));
+    let failed = |problem: AreaError| Error::input(format!("{source}: {problem}"));
     let (area, found) = match buffer {
         Some(distance) => {
             let (line, found) = read_line(source, scene_crs)?;
@@ -35,7 +35,7 @@ pub fn read_area(source: &str, scene_crs: Option<&str>, buffer: Option<f64>) -> 
         }
         None => {
             let (corners, found) = Source::read(source, Expected::Polygon)?.positions(scene_crs)?;
-            (Area::new(corners).map_err(String::from), found)
+            (Area::new(corners), found)
         }
     };
     Ok((area.map_err(failed)?, found))
@@ -71,6 +71,41 @@ enum Coordinates {
     Utm(UtmZone),
 }
 
+/// Coordinates that cannot be placed in the scene.
+#[derive(Debug, thiserror::Error)]
+enum SystemError {
+    /// A system in another unit than metres or degrees.
+    #[error("it is in {system}: {problem}; {reproject}", reproject = REPROJECT)]
+    Unit { system: String, problem: &'static str },
+    /// A system other than the scene's, from which nothing is projected.
+    #[error(
+        "its coordinates are in {system}, those of the scene in {scene}; {reproject}",
+        reproject = REPROJECT
+    )]
+    OtherSystem { system: String, scene: String },
+    /// Degrees for a scene whose system is not a UTM zone.
+    #[error(
+        "its coordinates are degrees, and the scene is in {scene}, which is not a UTM zone; expected metres \
+         in the scene's coordinates: {reproject}{or_metres}",
+        reproject = REPROJECT
+    )]
+    NotUtm { scene: String, or_metres: &'static str },
+    /// Degrees for a scene without a system.
+    #[error(
+        "its coordinates are degrees, and the scene's UTM zone is unknown; expected metres in the scene's \
+         coordinates: {reproject}{or_metres}",
+        reproject = REPROJECT
+    )]
+    NoZone { or_metres: &'static str },
+    /// A position that cannot be projected to the scene's zone.
+    #[error(
+        "the position {x} {y} is too far from the scene's UTM zone {zone}{or_metres}",
+        x = .position[0],
+        y = .position[1]
+    )]
+    TooFar { position: [f64; 2], zone: UtmZone, or_metres: &'static str },
+}
+
 /// A geometry with where it is from.
 struct Source<'s> {
     name: &'s str,
@@ -87,13 +122,13 @@ impl<'s> Source<'s> {
     fn read(name: &'s str, wanted: Expected) -> Result<Source<'s>> {
         let failed = |what: String| Error::input(format!("{name}: {what}"));
         let (read, place) = match is_well_known_text(name) {
-            true => (read_geometries(name), None),
+            true => (read_geometries(name).map_err(VectorError::from), None),
             false if !Path::new(name).exists() && !is_like_file(name) => {
                 return Err(neither_file_nor_text(name, wanted));
             }
             false => (read_file_of(Path::new(name))?, Some(Place::of_file(Path::new(name)))),
         };
-        let (format, all) = read.map_err(failed)?;
+        let (format, all) = read.map_err(|problem| failed(problem.to_string()))?;
         let (mut used, mut others) = (Vec::new(), BTreeMap::<String, usize>::new());
         for Geometry { shape, system } in all {
             let kind = match (shape, wanted) {
@@ -190,7 +225,7 @@ impl<'s> Source<'s> {
     }
 
     /// Decides what the coordinates are, and tells it where they can be understood otherwise.
-    fn coordinates(&mut self, scene_crs: Option<&str>) -> Result<Coordinates, String> {
+    fn coordinates(&mut self, scene_crs: Option<&str>) -> Result<Coordinates, SystemError> {
         match self.system.clone() {
             System::OfScene => Ok(Coordinates::OfScene),
             System::Degrees => Ok(Coordinates::Degrees),
@@ -222,9 +257,9 @@ impl<'s> Source<'s> {
         own: Option<&str>,
         is_same: bool,
         scene_crs: Option<&str>,
-    ) -> Result<Coordinates, String> {
+    ) -> Result<Coordinates, SystemError> {
         if let Some(problem) = own.and_then(crs::unit_problem) {
-            return Err(format!("it is in {name}: {problem}; {REPROJECT}"));
+            return Err(SystemError::Unit { system: name.to_owned(), problem });
         }
         let Some(scene_crs) = scene_crs else {
             self.note(format!(
@@ -239,10 +274,7 @@ impl<'s> Source<'s> {
             // ETRS89 and WGS 84 have zones of their own, which differ by less than a metre.
             Some(_) => Ok(Coordinates::OfScene),
             None if is_same => Ok(Coordinates::OfScene),
-            None => Err(format!(
-                "its coordinates are in {name}, those of the scene in {}; {REPROJECT}",
-                crs::name(scene_crs)
-            )),
+            None => Err(SystemError::OtherSystem { system: name.to_owned(), scene: crs::name(scene_crs) }),
         }
     }
 
@@ -304,7 +336,11 @@ impl<'s> Source<'s> {
         }
     }
 
-    fn projected(&self, coordinates: Coordinates, scene_crs: Option<&str>) -> Result<Vec<[f64; 2]>, String> {
+    fn projected(
+        &self,
+        coordinates: Coordinates,
+        scene_crs: Option<&str>,
+    ) -> Result<Vec<[f64; 2]>, SystemError> {
         let geographic = |[x, y]: [f64; 2]| match coordinates {
             Coordinates::Utm(zone) => zone.unproject(x, y),
             _ => (radians(y), radians(x)),
@@ -314,22 +350,15 @@ impl<'s> Source<'s> {
         }
         let or_metres = self.or_metres();
         let Some(zone) = scene_crs.and_then(UtmZone::of_wkt) else {
-            let why = match scene_crs {
-                Some(wkt) => format!("the scene is in {}, which is not a UTM zone", crs::name(wkt)),
-                None => "the scene's UTM zone is unknown".to_owned(),
-            };
-            return Err(format!(
-                "its coordinates are degrees, and {why}; expected metres in the scene's coordinates: \
-                 {REPROJECT}{or_metres}"
-            ));
+            return Err(match scene_crs {
+                Some(wkt) => SystemError::NotUtm { scene: crs::name(wkt), or_metres },
+                None => SystemError::NoZone { or_metres },
+            });
         };
         let project = |position: &[f64; 2]| {
             let (latitude, longitude) = geographic(*position);
             let place = zone.project(latitude, longitude).map(|place| [place.easting, place.northing]);
-            place.ok_or_else(|| {
-                let [x, y] = position;
-                format!("the position {x} {y} is too far from the scene's UTM zone {zone}{or_metres}")
-            })
+            place.ok_or(SystemError::TooFar { position: *position, zone, or_metres })
         };
         self.line.positions.iter().map(project).collect()
     }
@@ -352,7 +381,7 @@ fn is_closed(track: &Line) -> bool {
 }
 
 /// The geometries of a file, or what is wrong with them.
-type ReadGeometries = Result<(Format, Vec<Geometry>), String>;
+type ReadGeometries = Result<(Format, Vec<Geometry>), VectorError>;
 
 fn read_file_of(path: &Path) -> Result<ReadGeometries> {
     let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::open(path, e))?;

@@ -1,6 +1,7 @@
 //! Places where the beams of an instrument meet flat ground, sampled from the optics that the simulator
 //! turns: whatever deflector, channels, facets and head an instrument has, no formula of its own is needed.
 
+use super::error::PlanError;
 use super::reach::{Reach, Seen};
 use vlscan_base::corrections::Corrections;
 use vlscan_base::rng::GOLDEN;
@@ -39,8 +40,12 @@ impl Beams {
     /// Samples `steps` pulse periods of a leg with these settings.
     ///
     /// # Errors
-    /// A sentence: a formula of a mechanical error without a value, optics that emit nothing.
-    pub fn of(devices: &[(Device, Reach)], settings: &ScannerSettings, steps: f64) -> Result<Beams, String> {
+    /// A formula of a mechanical error without a value, optics that emit nothing.
+    pub fn of(
+        devices: &[(Device, Reach)],
+        settings: &ScannerSettings,
+        steps: f64,
+    ) -> Result<Beams, PlanError> {
         let steps = steps.clamp(1.0, f64::from(u32::MAX / 2));
         // Odd, so that halves and quarters of a line are met.
         let stride = (steps * devices.len() as f64 / MAX_SAMPLES).floor().max(0.0) as u32 / 2 * 2 + 1;
@@ -56,7 +61,7 @@ impl Beams {
             beams.push(DeviceBeams { attitudes, offset: device.beam_origin.offset, reach: *reach });
         }
         if fired == 0.0 {
-            return Err("the instrument emits no pulse with these settings".to_owned());
+            return Err(PlanError::NoPulses);
         }
         Ok(Beams { devices: beams, stride, fired: fired / (f64::from(count) * devices.len() as f64) })
     }
@@ -124,7 +129,7 @@ fn attitudes(
     first: u32,
     count: u32,
     stride: u32,
-) -> Result<Vec<Rotation>, String> {
+) -> Result<Vec<Rotation>, PlanError> {
     let plan = DevicePlan::new(device, Corrections::MOTION);
     let mut state = DeviceState::at_rest(&plan);
     state.start_leg(&plan, settings);
@@ -149,7 +154,7 @@ fn attitudes(
     }
     match found.iter().all(|attitude| attitude.forward().is_finite()) {
         true => Ok(found),
-        false => Err(state.formula_error(&plan).to_string()),
+        false => Err(PlanError::Optics(Box::new(state.formula_error(&plan)))),
     }
 }
 

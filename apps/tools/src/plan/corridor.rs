@@ -1,6 +1,6 @@
 //! Corridors: areas within some distance of a line.
 
-use super::area::Area;
+use super::area::{Area, AreaError};
 use std::f64::consts::{PI, TAU};
 
 /// Angle between the points of a round corner, rad.
@@ -12,15 +12,15 @@ const MAX_POINTS: f64 = 100_000.0;
 /// beside the line, round where it ends and on the outside of its corners.
 ///
 /// # Errors
-/// A sentence for lines that are too long for their distance.
-pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, String> {
+/// A line that is too long for its distance.
+pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, AreaError> {
     let length: f64 =
         line.windows(2).map(|pair| libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1])).sum();
     // Points that are close enough together that those on the inside of a corner can be left out: it is cut
     // by a part of a step.
     let step = distance / 10.0;
     if !(distance > 0.0 && 2.0 * length / step <= MAX_POINTS) {
-        return Err(format!("--buffer {distance} is too narrow for a line of {length:.0} m"));
+        return Err(AreaError::Narrow { distance, length });
     }
     let mut edge = Vec::new();
     side(line, distance, step, &mut edge);
@@ -28,7 +28,7 @@ pub fn corridor(line: &[[f64; 2]], distance: f64) -> Result<Area, String> {
     side(&back, distance, step, &mut edge);
     // Inside of a corner the edges of both of its legs are too near to one of them.
     edge.retain(|point| distance_to(line, *point) > distance * (1.0 - 1e-9));
-    Ok(Area::of_corridor(without_straight_points(edge, distance * 1e-6))?)
+    Area::of_corridor(without_straight_points(edge, distance * 1e-6))
 }
 
 /// The edge to the left of a line, from its first position on, and round its end.
@@ -118,6 +118,6 @@ mod tests {
         let straight = corridor(&[[0.0, 0.0], [500.0, 0.0]], 40.0).unwrap();
         assert!((straight.square_metres() / (500.0 * 80.0 + PI * 1600.0) - 1.0).abs() < 0.01);
         assert!(straight.corners().len() < 40);
-        assert!(corridor(&[[0.0, 0.0], [1e6, 0.0]], 0.1).unwrap_err().contains("too narrow"));
+        assert!(corridor(&[[0.0, 0.0], [1e6, 0.0]], 0.1).unwrap_err().to_string().contains("too narrow"));
     }
 }

@@ -79,17 +79,12 @@ impl System {
     }
 
     /// The member `crs` of GeoJSON (the format's version of 2008, §3).
-    fn of_geojson(crs: &Value) -> Result<System, String> {
+    fn of_geojson(crs: &Value) -> Result<System, GeometryError> {
         if crs.is_null() {
             return Ok(System::OfScene);
         }
         let name = || crs.get("properties")?.get("name")?.as_str();
-        let name = name().ok_or_else(|| {
-            format!(
-                "its `crs` is {crs}, expected {{\"type\": \"name\", \"properties\": {{\"name\": \
-                 \"EPSG:25832\"}}}}"
-            )
-        })?;
+        let name = name().ok_or_else(|| GeometryError::NoCrsName(crs.to_string()))?;
         // EPSG:25832, urn:ogc:def:crs:EPSG::25832, http://www.opengis.net/def/crs/EPSG/0/25832
         let upper = name.to_ascii_uppercase();
         let last = upper.rsplit([':', '/']).next().unwrap_or_default();
@@ -97,7 +92,7 @@ impl System {
         match code {
             _ if last.starts_with("CRS84") => Ok(System::Degrees),
             Some(code) => Ok(System::of_code(code)),
-            None => Err(format!("its `crs` is `{name}`, expected a name such as EPSG:25832")),
+            None => Err(GeometryError::CrsName(name.to_owned())),
         }
     }
 }
@@ -112,7 +107,7 @@ pub(super) struct Line {
 
 impl Line {
     /// A line of positions of at least two numbers each.
-    pub fn of(positions: impl Iterator<Item = Result<Vec<f64>, String>>) -> Result<Line, String> {
+    pub fn of<E>(positions: impl Iterator<Item = Result<Vec<f64>, E>>) -> Result<Line, E> {
         let mut line = Line::default();
         for numbers in positions {
             let numbers = numbers?;
@@ -142,20 +137,79 @@ pub(super) struct Geometry {
     pub system: System,
 }
 
+/// Problem of a text of geometries.
+#[non_exhaustive]
+#[derive(Debug, thiserror::Error)]
+pub(super) enum GeometryError {
+    /// A text that begins like GeoJSON but is not JSON.
+    #[error("no GeoJSON: {0}")]
+    Json(serde_json::Error),
+    /// A text that begins like KML but is not XML.
+    #[error("no KML or GPX: {0}")]
+    Xml(roxmltree::Error),
+    /// Text in an unknown notation.
+    #[error(
+        "expected GeoJSON, KML, GPX or well-known text, POLYGON ((x y, x y, …)) or LINESTRING (x y, x y, …)"
+    )]
+    Notation,
+    /// A member `crs` of GeoJSON without a name.
+    #[error(
+        "its `crs` is {0}, expected {{\"type\": \"name\", \"properties\": {{\"name\": \"EPSG:25832\"}}}}"
+    )]
+    NoCrsName(String),
+    /// A member `crs` of GeoJSON with the name of an unknown system.
+    #[error("its `crs` is `{0}`, expected a name such as EPSG:25832")]
+    CrsName(String),
+    /// An object of GeoJSON without its type.
+    #[error("not GeoJSON: an object without `type`")]
+    NoType,
+    /// Another value in place of a list of GeoJSON, which is named.
+    #[error("{0}: expected a list")]
+    NoList(String),
+    /// A position that is not one.
+    #[error("a position {found}, expected {expected}")]
+    Position {
+        /// The text, quoted if its notation has no quotes.
+        found: String,
+        /// The form of positions in the notation.
+        expected: &'static str,
+    },
+    /// A point of a track without its place.
+    #[error("a point of a track with lat {latitude:?} and lon {longitude:?}, expected degrees")]
+    TrackPoint {
+        /// Its attribute `lat`.
+        latitude: Option<String>,
+        /// Its attribute `lon`.
+        longitude: Option<String>,
+    },
+    /// A polygon of KML without its outer ring.
+    #[error("a Polygon without outerBoundaryIs")]
+    NoOuterRing,
+    /// The number of a system that is not one.
+    #[error("`{0}`, expected SRID=25832")]
+    Srid(String),
+    /// Well-known text that lacks brackets.
+    #[error("`{0}`, expected (x y, x y, …)")]
+    Brackets(String),
+    /// Collections within collections, beyond the maximum depth.
+    #[error("geometry collections are nested too deeply")]
+    TooDeep,
+}
+
 /// The geometries of a text, those of collections one by one.
 ///
 /// # Errors
-/// A sentence that tells what is wrong with the text.
-pub(super) fn read_geometries(text: &str) -> Result<(Format, Vec<Geometry>), String> {
+/// Problem of the text.
+pub(super) fn read_geometries(text: &str) -> Result<(Format, Vec<Geometry>), GeometryError> {
     let mut found = Vec::new();
     let format = match text.trim_start().chars().next() {
         Some('{') => {
-            let json: Value = serde_json::from_str(text).map_err(|e| format!("no GeoJSON: {e}"))?;
+            let json: Value = serde_json::from_str(text).map_err(GeometryError::Json)?;
             read_geojson(&json, System::Unstated, &mut found)?;
             Format::GeoJson
         }
         Some('<') => {
-            let document = roxmltree::Document::parse(text).map_err(|e| format!("no KML or GPX: {e}"))?;
+            let document = roxmltree::Document::parse(text).map_err(GeometryError::Xml)?;
             if document.root_element().tag_name().name() == "gpx" {
                 read_gpx(&document, &mut found)?;
                 Format::Gpx
@@ -173,9 +227,9 @@ pub(super) fn read_geometries(text: &str) -> Result<(Format, Vec<Geometry>), Str
 }
 
 /// RFC 7946. `system` is that of what holds `json`.
-fn read_geojson(json: &Value, system: System, found: &mut Vec<Geometry>) -> Result<(), String> {
+fn read_geojson(json: &Value, system: System, found: &mut Vec<Geometry>) -> Result<(), GeometryError> {
     let system = json.get("crs").map_or(Ok(system), System::of_geojson)?;
-    let kind = json.get("type").and_then(Value::as_str).ok_or("not GeoJSON: an object without `type`")?;
+    let kind = json.get("type").and_then(Value::as_str).ok_or(GeometryError::NoType)?;
     let member = |name: &str| list(json.get(name), || format!("the `{name}` of a {kind}"));
     let mut add = |shape| found.push(Geometry { shape, system: system.clone() });
     match kind {
@@ -208,33 +262,33 @@ fn read_geojson(json: &Value, system: System, found: &mut Vec<Geometry>) -> Resu
     Ok(())
 }
 
-fn list(value: Option<&Value>, what: impl Fn() -> String) -> Result<&[Value], String> {
+fn list(value: Option<&Value>, what: impl Fn() -> String) -> Result<&[Value], GeometryError> {
     let list = value.and_then(Value::as_array).map(Vec::as_slice);
-    list.ok_or_else(|| format!("{}: expected a list", what()))
+    list.ok_or_else(|| GeometryError::NoList(what()))
 }
 
-fn lines(lists: &[Value]) -> Result<Vec<Line>, String> {
+fn lines(lists: &[Value]) -> Result<Vec<Line>, GeometryError> {
     lists.iter().map(|positions| line(list(Some(positions), || "positions".to_owned())?)).collect()
 }
 
-fn line(positions: &[Value]) -> Result<Line, String> {
+fn line(positions: &[Value]) -> Result<Line, GeometryError> {
     Line::of(positions.iter().map(|position| {
         let numbers =
             position.as_array().and_then(|p| p.iter().map(Value::as_f64).collect::<Option<Vec<_>>>());
-        numbers.filter(|n| n.len() >= 2).ok_or_else(|| format!("a position {position}, expected [x, y]"))
+        let found = || GeometryError::Position { found: position.to_string(), expected: "[x, y]" };
+        numbers.filter(|n| n.len() >= 2).ok_or_else(found)
     }))
 }
 
 /// OGC 12-007r2.
-fn read_kml(document: &roxmltree::Document, found: &mut Vec<Geometry>) -> Result<(), String> {
+fn read_kml(document: &roxmltree::Document, found: &mut Vec<Geometry>) -> Result<(), GeometryError> {
     for node in document.descendants() {
         let boundaries = |name: &'static str| {
             node.children().filter(move |child: &roxmltree::Node| child.tag_name().name() == name)
         };
         let shape = match node.tag_name().name() {
             "Polygon" => {
-                let outer =
-                    boundaries("outerBoundaryIs").next().ok_or("a Polygon without outerBoundaryIs")?;
+                let outer = boundaries("outerBoundaryIs").next().ok_or(GeometryError::NoOuterRing)?;
                 let rings = std::iter::once(outer).chain(boundaries("innerBoundaryIs"));
                 Shape::Polygon(rings.map(coordinates).collect::<Result<_, _>>()?)
             }
@@ -249,7 +303,7 @@ fn read_kml(document: &roxmltree::Document, found: &mut Vec<Geometry>) -> Result
 }
 
 /// The segments of tracks, and routes (GPX 1.1, <https://www.topografix.com/GPX/1/1/>).
-fn read_gpx(document: &roxmltree::Document, found: &mut Vec<Geometry>) -> Result<(), String> {
+fn read_gpx(document: &roxmltree::Document, found: &mut Vec<Geometry>) -> Result<(), GeometryError> {
     for node in document.descendants() {
         let shape = match node.tag_name().name() {
             "trkseg" => Shape::Track(track(node, "trkpt")?),
@@ -263,17 +317,15 @@ fn read_gpx(document: &roxmltree::Document, found: &mut Vec<Geometry>) -> Result
 }
 
 /// The positions of the points of a track or a route.
-fn track(node: roxmltree::Node, name: &str) -> Result<Line, String> {
+fn track(node: roxmltree::Node, name: &str) -> Result<Line, GeometryError> {
     let points = node.children().filter(|child| child.tag_name().name() == name);
     Line::of(points.map(|point| {
         let number = |name: &str| point.attribute(name).and_then(|text| text.trim().parse::<f64>().ok());
-        let (longitude, latitude) = number("lon").zip(number("lat")).ok_or_else(|| {
-            format!(
-                "a point of a track with lat {:?} and lon {:?}, expected degrees",
-                point.attribute("lat"),
-                point.attribute("lon")
-            )
-        })?;
+        let (longitude, latitude) =
+            number("lon").zip(number("lat")).ok_or_else(|| GeometryError::TrackPoint {
+                latitude: point.attribute("lat").map(str::to_owned),
+                longitude: point.attribute("lon").map(str::to_owned),
+            })?;
         let height = point.children().find(|child| child.tag_name().name() == "ele");
         let height = height.and_then(|ele| ele.text()).and_then(|text| text.trim().parse().ok());
         Ok(vec![longitude, latitude, height.unwrap_or(0.0)])
@@ -285,14 +337,17 @@ fn is_boundary(ring: roxmltree::Node) -> bool {
 }
 
 /// The positions of the first element `coordinates` within a node.
-fn coordinates(node: roxmltree::Node) -> Result<Line, String> {
+fn coordinates(node: roxmltree::Node) -> Result<Line, GeometryError> {
     let coordinates = node.descendants().find(|node| node.tag_name().name() == "coordinates");
     let texts = coordinates.into_iter().flat_map(|node| node.children()).filter(|child| child.is_text());
     let text: String = texts.filter_map(|child| child.text()).collect();
     Line::of(text.split_whitespace().map(|tuple| {
         let numbers = tuple.split(',').map(|number| number.parse().ok()).collect::<Option<Vec<f64>>>();
         let numbers = numbers.filter(|numbers| (2..=3).contains(&numbers.len()));
-        numbers.ok_or_else(|| format!("a position `{tuple}`, expected longitude,latitude"))
+        numbers.ok_or_else(|| GeometryError::Position {
+            found: format!("`{tuple}`"),
+            expected: "longitude,latitude",
+        })
     }))
 }
 
@@ -318,11 +373,7 @@ fn is_srid(text: &str) -> bool {
 
 /// OGC 06-103r4, §7, with `SRID=25832;` before a geometry as PostGIS writes it. Several geometries follow
 /// each other.
-fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), String> {
-    let expected = || {
-        "expected GeoJSON, KML, GPX or well-known text, POLYGON ((x y, x y, …)) or LINESTRING (x y, x y, …)"
-            .to_owned()
-    };
+fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), GeometryError> {
     let mut rest = text;
     loop {
         rest = rest.trim_start_matches([',', ';']).trim_start();
@@ -331,18 +382,18 @@ fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), Str
         }
         let mut system = System::Unstated;
         if let Some((srid, geometry)) = rest.split_once(';').filter(|(before, _)| is_srid(before)) {
-            let code =
-                srid.trim()[5..].trim().parse().map_err(|_| format!("`{srid}`, expected SRID=25832"))?;
+            let code = srid.trim()[5..].trim().parse();
+            let code = code.map_err(|_| GeometryError::Srid(srid.to_owned()))?;
             (system, rest) = (System::of_code(code), geometry.trim_start());
         }
         let end = rest.find(|c: char| !(c.is_ascii_alphabetic() || c.is_whitespace())).unwrap_or(rest.len());
         let mut words = rest[..end].split_whitespace();
-        let kind = words.next().ok_or_else(expected)?.to_ascii_uppercase();
+        let kind = words.next().ok_or(GeometryError::Notation)?.to_ascii_uppercase();
         let is_empty = words.any(|word| word.eq_ignore_ascii_case("EMPTY"));
         let body;
         (body, rest) = match is_empty {
             true => ("", &rest[end..]),
-            false => bracketed(&rest[end..]).ok_or_else(expected)?,
+            false => bracketed(&rest[end..]).ok_or(GeometryError::Notation)?,
         };
         let of = |name: &str| kind.strip_prefix(name).is_some_and(|rest| DIMENSIONS.contains(&rest));
         let mut add = |shape| found.push(Geometry { shape, system: system.clone() });
@@ -357,7 +408,7 @@ fn read_wkt(text: &str, depth: u32, found: &mut Vec<Geometry>) -> Result<(), Str
         } else if of("MULTILINESTRING") {
             rings(body)?.into_iter().for_each(|line| add(Shape::Line(line)));
         } else if of("GEOMETRYCOLLECTION") {
-            let depth = depth.checked_sub(1).ok_or("geometry collections are nested too deeply")?;
+            let depth = depth.checked_sub(1).ok_or(GeometryError::TooDeep)?;
             let first = found.len();
             read_wkt(body, depth, found)?;
             let parts = found[first..].iter_mut().filter(|part| part.system == System::Unstated);
@@ -385,27 +436,30 @@ fn bracketed(text: &str) -> Option<(&str, &str)> {
 }
 
 /// The contents of brackets that follow each other, with commas between them.
-fn groups(text: &str) -> Result<Vec<&str>, String> {
+fn groups(text: &str) -> Result<Vec<&str>, GeometryError> {
     let (mut found, mut rest) = (Vec::new(), text.trim());
     while !rest.is_empty() {
         let group;
-        (group, rest) = bracketed(rest).ok_or_else(|| format!("`{rest}`, expected (x y, x y, …)"))?;
+        (group, rest) = bracketed(rest).ok_or_else(|| GeometryError::Brackets(rest.to_owned()))?;
         found.push(group);
         rest = rest.trim_start().trim_start_matches(',').trim_start();
     }
     Ok(found)
 }
 
-fn rings(text: &str) -> Result<Vec<Line>, String> {
+fn rings(text: &str) -> Result<Vec<Line>, GeometryError> {
     groups(text)?.into_iter().map(positions).collect()
 }
 
-fn positions(text: &str) -> Result<Line, String> {
+fn positions(text: &str) -> Result<Line, GeometryError> {
     let texts = text.split(',').filter(|position| !position.trim().is_empty());
     Line::of(texts.map(|position| {
         let numbers = position.split_whitespace().map(|n| n.parse().ok()).collect::<Option<Vec<f64>>>();
         let numbers = numbers.filter(|numbers| (2..=4).contains(&numbers.len()));
-        numbers.ok_or_else(|| format!("a position `{}`, expected x and y", position.trim()))
+        numbers.ok_or_else(|| GeometryError::Position {
+            found: format!("`{}`", position.trim()),
+            expected: "x and y",
+        })
     }))
 }
 
@@ -418,7 +472,7 @@ mod tests {
     }
 
     fn refused(text: &str) -> String {
-        read_geometries(text).unwrap_err()
+        read_geometries(text).unwrap_err().to_string()
     }
 
     fn polygon(rings: &[&[[f64; 2]]]) -> Shape {
@@ -489,11 +543,13 @@ mod tests {
             ("urn:ogc:def:crs:EPSG:6.9:4258", System::Degrees),
             ("OGC:CRS84", System::Degrees),
         ] {
-            assert_eq!(named(name), Ok(system));
+            assert_eq!(named(name).unwrap(), system);
         }
-        assert_eq!(of_crs("null"), Ok(System::OfScene));
-        assert!(named("my town's grid").unwrap_err().contains("my town's grid"));
-        assert!(of_crs(r#"{"type":"link","properties":{"href":"x"}}"#).unwrap_err().contains("EPSG:25832"));
+        assert_eq!(of_crs("null").unwrap(), System::OfScene);
+        let refused = |found: Result<System, GeometryError>| found.unwrap_err().to_string();
+        assert!(refused(named("my town's grid")).contains("my town's grid"));
+        let link = of_crs(r#"{"type":"link","properties":{"href":"x"}}"#);
+        assert!(refused(link).contains("EPSG:25832"));
         assert_eq!(read("LINESTRING (0 0, 1 1)")[0].system, System::Unstated);
         assert_eq!(read("SRID=25832;LINESTRING (0 0, 1 1)")[0].system, System::Epsg(25832));
         assert_eq!(read("SRID=0;LINESTRING (0 0, 1 1)")[0].system, System::OfScene);

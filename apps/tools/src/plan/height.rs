@@ -1,6 +1,7 @@
 //! The ground below a flight, and heights of lines that follow it.
 
 use super::area::Area;
+use super::error::PlanError;
 use super::line::Line;
 use vlscan_geom::{DVec3, HeightModel};
 
@@ -70,14 +71,14 @@ impl Heights<'_> {
     /// The waypoints of a line. A line that follows the ground is at its sampled positions, a quarter of the
     /// wanted height apart, at most [`MAX_DEVIATION`] lower above it than wanted; before waypoints are left
     /// out it climbs nowhere more steeply than allowed.
-    pub fn follow(&self, line: &Line) -> Result<Vec<DVec3>, String> {
+    pub fn follow(&self, line: &Line) -> Result<Vec<DVec3>, PlanError> {
         let place = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
         let Some(climb) = self.climb else {
             return Ok([line.from, line.to].map(|p| place(p, self.level + self.above)).to_vec());
         };
         let steps = (line.length() / (self.above / 4.0)).ceil().max(1.0);
         if steps > MAX_STEPS {
-            return Err(format!("a line of {steps:.0} waypoints, expected at most {MAX_STEPS}"));
+            return Err(PlanError::LineWaypoints { count: steps, max: MAX_STEPS });
         }
         let count = steps as usize + 1;
         let at = |i: usize| line.at(i as f64 / steps);

@@ -1,7 +1,9 @@
 //! Mobile surveys: a vehicle along a line.
 
+use super::beams::Beams;
 use super::document::{PlannedSurvey, Waypoint};
-use super::swath::SwathModel;
+use super::error::PlanError;
+use super::swath::{Scan, SwathModel};
 use crate::args;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{POSITIVE, amount, duration, metres, number};
@@ -41,7 +43,7 @@ pub fn plan_mobile(
     level: f64,
     on_ground: bool,
 ) -> Result<PlannedSurvey> {
-    plan(line, instrument, options, level, on_ground).map_err(Error::input)
+    plan(line, instrument, options, level, on_ground).map_err(Error::from)
 }
 
 fn plan(
@@ -50,7 +52,7 @@ fn plan(
     options: &MobileOptions,
     level: f64,
     on_ground: bool,
-) -> Result<PlannedSurvey, String> {
+) -> Result<PlannedSurvey, PlanError> {
     args::check([
         ("speed", Some(options.speed), POSITIVE),
         ("scan-angle", options.scan_angle, POSITIVE),
@@ -66,24 +68,9 @@ fn plan(
     let scan_of = |fired: f64| instrument.scan(half_angle, pulse_rate, options.scan_freq, lines(fired));
     let scan = scan_of(instrument.beams(&scan_of(1.0)?)?.fired)?;
     let beams = instrument.beams(&scan)?;
-    let fired_rate = f64::from(pulse_rate) * beams.fired * instrument.devices();
-    let mut document = PlannedSurvey::default();
-    let mut total = 0.0;
-    let mut places = vec![line[0]];
-    for pair in line.windows(2) {
-        let length = libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
-        total += length;
-        if total / options.step + places.len() as f64 > MAX_WAYPOINTS {
-            return Err(format!("more than {MAX_WAYPOINTS} waypoints; choose a larger --step"));
-        }
-        let steps = (length / options.step).ceil().max(1.0);
-        places.extend((1..=steps as usize).map(|i| {
-            let t = i as f64 / steps;
-            [0, 1].map(|axis| pair[0][axis] + t * (pair[1][axis] - pair[0][axis]))
-        }));
-    }
+    let (places, total) = places_along(line, options.step)?;
     let last = places.len() - 1;
-    document.waypoints = places
+    let waypoints = places
         .iter()
         .enumerate()
         .map(|(i, [x, y])| Waypoint {
@@ -94,10 +81,45 @@ fn plan(
             strip: (i < last).then(|| "drive".to_owned()),
         })
         .collect();
-    document.scanner.clone_from(&instrument.reference);
-    document.settings = scan.settings();
+    Ok(PlannedSurvey {
+        waypoints,
+        scanner: instrument.reference.clone(),
+        settings: scan.settings(),
+        comments: described(instrument, options, &scan, &beams, total),
+        ..PlannedSurvey::default()
+    })
+}
+
+/// Positions along a line, at most `step` m apart, and the length of the line, m.
+fn places_along(line: &[[f64; 2]], step: f64) -> Result<(Vec<[f64; 2]>, f64), PlanError> {
+    let mut total = 0.0;
+    let mut places = vec![line[0]];
+    for pair in line.windows(2) {
+        let length = libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
+        total += length;
+        if total / step + places.len() as f64 > MAX_WAYPOINTS {
+            return Err(PlanError::Waypoints(MAX_WAYPOINTS));
+        }
+        let steps = (length / step).ceil().max(1.0);
+        places.extend((1..=steps as usize).map(|i| {
+            let t = i as f64 / steps;
+            [0, 1].map(|axis| pair[0][axis] + t * (pair[1][axis] - pair[0][axis]))
+        }));
+    }
+    Ok((places, total))
+}
+
+/// The figures of a drive of `total` m as lines of text.
+fn described(
+    instrument: &SwathModel,
+    options: &MobileOptions,
+    scan: &Scan,
+    beams: &Beams,
+    total: f64,
+) -> Vec<String> {
+    let fired_rate = f64::from(scan.pulse_rate) * beams.fired * instrument.devices();
     let seconds = total / options.speed;
-    document.comments = vec![
+    let mut lines = vec![
         format!("{} along {} at {} m/s", instrument.name(), metres(total), number(options.speed)),
         format!("duration   {}", duration(seconds)),
         format!(
@@ -108,14 +130,14 @@ fn plan(
     ];
     if scan.line_rate > 0.0 {
         // A spinning scanner draws a line per channel with each turn, over a full circle.
-        let lines = if instrument.spins() { "from turn to turn" } else { "from line to line" };
-        document.comments.push(format!(
-            "spacing    v/f = {:.4} m {lines}, {:.4} m from point to point on a line at {POINT_DISTANCE} m",
+        let apart = if instrument.spins() { "from turn to turn" } else { "from line to line" };
+        lines.push(format!(
+            "spacing    v/f = {:.4} m {apart}, {:.4} m from point to point on a line at {POINT_DISTANCE} m",
             options.speed / scan.line_rate,
             POINT_DISTANCE * beams.step_angle()
         ));
     }
-    Ok(document)
+    lines
 }
 
 #[cfg(test)]

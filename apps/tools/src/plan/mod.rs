@@ -5,6 +5,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `error` | problems of plans |
 //! | `area`, `corridor` | polygons and boxes; areas beside a line |
 //! | `area_file`, `geometries` | areas and lines from files, in the scene's coordinates; GeoJSON, KML, GPX, well-known text |
 //! | `vector` | shapefiles, GeoPackages, KMZ |
@@ -32,6 +33,7 @@ mod area_file;
 mod beams;
 mod corridor;
 mod document;
+mod error;
 mod flown;
 mod geometries;
 mod height;
@@ -52,6 +54,7 @@ pub use area::{Area, AreaError};
 pub use area_file::{read_area, read_line};
 pub use beams::QuarterTurns;
 pub use document::{PlannedSurvey, Promise, Turned, Waypoint};
+pub use error::{PlanError, Resolution};
 pub use flown::{Flown, fly_sample};
 pub use height::PlanGround;
 pub use lines::{LineFormat, PlanLine, lines_of, plan_lines};

@@ -13,9 +13,9 @@
 //! ```
 
 use super::beams::Beams;
+use super::error::PlanError;
 use super::reach::Reach;
 use std::f64::consts::{PI, TAU};
-use vlscan_base::quantity::number;
 use vlscan_geom::{degrees, radians};
 use vlscan_survey::{Deflector, Device, Scanner, ScannerSettings, footprint};
 
@@ -87,10 +87,10 @@ impl SwathModel {
     /// The wanted pulse rate or the scanner's first, Hz.
     ///
     /// # Errors
-    /// A sentence if there is none.
-    pub fn pulse_rate(&self) -> Result<u32, String> {
+    /// An instrument without one.
+    pub fn pulse_rate(&self) -> Result<u32, PlanError> {
         let rate = self.wanted_rate.or(self.scanner.pulse_freqs.first().copied()).filter(|rate| *rate > 0);
-        rate.ok_or_else(|| "the instrument lists no pulse rate: give --pulse-rate".to_owned())
+        rate.ok_or(PlanError::NoPulseRate)
     }
 
     /// Supported pulse rates, Hz.
@@ -176,8 +176,8 @@ impl SwathModel {
     /// narrowed.
     ///
     /// # Errors
-    /// A sentence with the limits.
-    pub fn half_angle(&self, wanted_deg: Option<f64>) -> Result<Option<f64>, String> {
+    /// A request beyond the limits.
+    pub fn half_angle(&self, wanted_deg: Option<f64>) -> Result<Option<f64>, PlanError> {
         if !self.can_narrow() {
             return self.whole_field(wanted_deg);
         }
@@ -186,7 +186,7 @@ impl SwathModel {
         let most = if limit > 0.0 { limit } else { MAX_HALF_ANGLE };
         let angle = wanted_deg.unwrap_or_else(|| most.min(DEFAULT_HALF_ANGLE));
         if !(angle > 0.0 && angle <= most + 1e-9) {
-            return Err(self.beyond(angle, most));
+            return Err(PlanError::HalfAngle { angle, max: most });
         }
         Ok(Some(radians(angle)))
     }
@@ -194,47 +194,38 @@ impl SwathModel {
     /// The half opening angle, rad, of a request in degrees for a vehicle, which looks upwards as well.
     ///
     /// # Errors
-    /// A sentence with the limits.
-    pub fn mobile_half_angle(&self, wanted_deg: Option<f64>) -> Result<Option<f64>, String> {
+    /// A request beyond the limits.
+    pub fn mobile_half_angle(&self, wanted_deg: Option<f64>) -> Result<Option<f64>, PlanError> {
         if !self.can_narrow() {
             return self.whole_field(wanted_deg);
         }
         let most = if self.device().scan_angle_max > 0.0 { self.usable_angle() } else { PI };
         let angle = wanted_deg.map_or(most, radians);
         if !(angle > 0.0 && angle <= most + 1e-9) {
-            return Err(self.beyond(degrees(angle), degrees(most)));
+            return Err(PlanError::HalfAngle { angle: degrees(angle), max: degrees(most) });
         }
         Ok(Some(angle))
     }
 
-    fn whole_field(&self, wanted_deg: Option<f64>) -> Result<Option<f64>, String> {
+    fn whole_field(&self, wanted_deg: Option<f64>) -> Result<Option<f64>, PlanError> {
         match wanted_deg {
             None => Ok(None),
-            Some(angle) => Err(format!(
-                "--scan-angle {}: the field of {} cannot be narrowed; leave it out, and set the distance of \
-                 lines with --overlap",
-                number(angle),
-                self.name()
-            )),
+            Some(angle) => Err(PlanError::FixedField { angle, instrument: self.name().to_owned() }),
         }
-    }
-
-    fn beyond(&self, angle: f64, most: f64) -> String {
-        format!("half opening angle {}°, expected above 0 and at most {}°", number(angle), number(most))
     }
 
     /// The scan with the requested scan frequency (of spinning scanners turns per second), or within the
     /// instrument's limits the one that draws about `lines` lines per second.
     ///
     /// # Errors
-    /// A sentence with the limits.
+    /// A request beyond the limits.
     pub fn scan(
         &self,
         half_angle: Option<f64>,
         pulse_rate: u32,
         scan_freq: Option<f64>,
         lines: f64,
-    ) -> Result<Scan, String> {
+    ) -> Result<Scan, PlanError> {
         let still = Scan { half_angle, pulse_rate, scan_freq: 0.0, line_rate: 0.0, head_rate: 0.0 };
         if self.spins() {
             return self.spinning(still, scan_freq);
@@ -242,7 +233,9 @@ impl SwathModel {
         if !self.sweeps() {
             return match scan_freq {
                 None => Ok(still),
-                Some(freq) => Err(format!("--scan-freq {}: {} has no scan lines", number(freq), self.name())),
+                Some(frequency) => {
+                    Err(PlanError::NoScanLines { frequency, instrument: self.name().to_owned() })
+                }
             };
         }
         let (least, most) = self.scan_freq_limits(half_angle)?;
@@ -252,7 +245,7 @@ impl SwathModel {
         };
         let scan_freq = match scan_freq {
             Some(freq) if freq < least || freq > most || freq <= 0.0 => {
-                return Err(format!("scan frequency {} Hz, expected {} Hz", number(freq), span(least, most)));
+                return Err(PlanError::ScanFrequency { frequency: freq, limits: [least, most] });
             }
             Some(freq) => freq,
             // A tenth of a hertz is exact enough.
@@ -261,15 +254,11 @@ impl SwathModel {
         Ok(Scan { scan_freq, line_rate: scan_freq * per_scan, ..still })
     }
 
-    fn spinning(&self, still: Scan, turns: Option<f64>) -> Result<Scan, String> {
+    fn spinning(&self, still: Scan, turns: Option<f64>) -> Result<Scan, PlanError> {
         let most = self.head_rate() / TAU;
         let turns = turns.unwrap_or_else(|| DEFAULT_TURNS.min(most));
         if !(turns > 0.0 && turns <= most * (1.0 + 1e-9)) {
-            return Err(format!(
-                "{} turns per second, expected above 0, at most {}",
-                number(turns),
-                number(most)
-            ));
+            return Err(PlanError::Turns { turns, max: most });
         }
         let scan_freq = if self.has_mirror() { self.lines_beside_head(turns, still.pulse_rate) } else { 0.0 };
         Ok(Scan { scan_freq, line_rate: turns, head_rate: TAU * turns, ..still })
@@ -294,8 +283,8 @@ impl SwathModel {
     /// Limits of the scan frequency, Hz. An oscillating mirror is slower the farther it swings.
     ///
     /// # Errors
-    /// A sentence: no frequency is within the limits at that angle.
-    fn scan_freq_limits(&self, half_angle: Option<f64>) -> Result<(f64, f64), String> {
+    /// No frequency is within the limits at that angle.
+    fn scan_freq_limits(&self, half_angle: Option<f64>) -> Result<(f64, f64), PlanError> {
         let (least, most) = self.scan_frequencies();
         match (&self.device().deflector, half_angle) {
             (Deflector::Oscillating { scan_product }, Some(angle)) if *scan_product > 0.0 => {
@@ -303,16 +292,13 @@ impl SwathModel {
                 let most = most.min(scan_product / angle);
                 match least <= most {
                     true => Ok((least, most)),
-                    false => Err(format!(
-                        "{} degrees to either side: the mirror of {} swings that far at most {} times a \
-                         second, and at least {} times by its limits; narrow it to {} degrees with \
-                         --scan-angle",
-                        number(angle),
-                        self.name(),
-                        number(most),
-                        number(least),
-                        number(scan_product / least)
-                    )),
+                    false => Err(PlanError::Swing {
+                        angle,
+                        instrument: self.name().to_owned(),
+                        max: most,
+                        min: least,
+                        possible: scan_product / least,
+                    }),
                 }
             }
             _ => Ok((least, most)),
@@ -323,7 +309,7 @@ impl SwathModel {
     ///
     /// # Errors
     /// As [`Beams::of`].
-    pub(super) fn beams(&self, scan: &Scan) -> Result<Beams, String> {
+    pub(super) fn beams(&self, scan: &Scan) -> Result<Beams, PlanError> {
         let settings = ScannerSettings {
             active: true,
             pulse_freq: scan.pulse_rate,
@@ -349,14 +335,6 @@ impl SwathModel {
     }
 }
 
-/// Limits in words; the upper one is infinite if there is none.
-pub(super) fn span(least: f64, most: f64) -> String {
-    match most.is_finite() {
-        true => format!("{} to {}", number(least), number(most)),
-        false => format!("at least {}", number(least)),
-    }
-}
-
 impl Scan {
     /// Keys of `[settings]` with their values.
     pub fn settings(&self) -> Vec<(&'static str, f64)> {
@@ -376,7 +354,7 @@ impl Scan {
 
 #[cfg(test)]
 mod tests {
-    use super::{Deflector, span};
+    use super::Deflector;
     use crate::plan::beams::QuarterTurns;
     use crate::plan::testing::{instrument, spinning};
     use vlscan_survey::Mount;
@@ -449,7 +427,7 @@ mod tests {
         for device in &mut scanner.scanner.devices {
             device.deflector = Deflector::Oscillating { scan_product: 300.0 };
         }
-        let refused = scanner.scan(Some(0.5), 83_000, None, 40.0).unwrap_err();
+        let refused = scanner.scan(Some(0.5), 83_000, None, 40.0).unwrap_err().to_string();
         assert!(
             refused.contains("at most 10.472 times a second") && refused.contains("12 degrees"),
             "{refused}"
@@ -461,12 +439,11 @@ mod tests {
     #[test]
     fn limits_are_those_of_the_instrument() {
         let scanner = instrument("riegl_lms-q780");
-        assert!(scanner.half_angle(Some(80.0)).unwrap_err().contains("at most 30°"));
-        let refused = scanner.scan(Some(0.5), 200_000, Some(1e5), 1.0).unwrap_err();
+        assert!(scanner.half_angle(Some(80.0)).unwrap_err().to_string().contains("at most 30°"));
+        let refused = scanner.scan(Some(0.5), 200_000, Some(1e5), 1.0).unwrap_err().to_string();
         assert!(refused.contains("scan frequency 100000 Hz, expected 10 to 200 Hz"), "{refused}");
-        assert_eq!([span(10.0, 200.0), span(10.0, f64::INFINITY)], ["10 to 200", "at least 10"]);
         let head = instrument("vlp16");
-        assert!(head.half_angle(Some(20.0)).unwrap_err().contains("cannot be narrowed"));
-        assert!(head.scan(None, 18_750, Some(21.0), 1.0).unwrap_err().contains("at most 20"));
+        assert!(head.half_angle(Some(20.0)).unwrap_err().to_string().contains("cannot be narrowed"));
+        assert!(head.scan(None, 18_750, Some(21.0), 1.0).unwrap_err().to_string().contains("at most 20"));
     }
 }

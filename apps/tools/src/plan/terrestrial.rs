@@ -2,7 +2,8 @@
 
 use super::area::Area;
 use super::document::{PlannedSurvey, Waypoint};
-use super::swath::{Scan, SwathModel, span};
+use super::error::{PlanError, Resolution};
+use super::swath::{Scan, SwathModel};
 use crate::args;
 use std::f64::consts::TAU;
 use vlscan_base::error::{Error, Result};
@@ -51,7 +52,7 @@ pub fn plan_terrestrial(
     level: f64,
     on_ground: bool,
 ) -> Result<PlannedSurvey> {
-    plan(area, instrument, options, level, on_ground).map_err(Error::input)
+    plan(area, instrument, options, level, on_ground).map_err(Error::from)
 }
 
 /// Checks what does not depend on the place: that the instrument can draw points of the resolution.
@@ -59,20 +60,17 @@ pub fn plan_terrestrial(
 /// # Errors
 /// [`Error::Input`].
 pub fn check_terrestrial(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<()> {
-    scan(instrument, options).map(drop).map_err(Error::input)
+    scan(instrument, options).map(drop).map_err(Error::from)
 }
 
-fn scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<Scan, String> {
+fn scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<Scan, PlanError> {
     args::check([
         ("spacing", options.spacing, POSITIVE),
         ("radius", options.radius, POSITIVE),
         ("resolution", Some(options.resolution), POSITIVE),
     ])?;
     if instrument.head_rate() <= 0.0 {
-        return Err(format!(
-            "the head of {} does not turn; it is not a terrestrial scanner",
-            instrument.name()
-        ));
+        return Err(PlanError::NoHead { instrument: instrument.name().to_owned() });
     }
     resolved_scan(instrument, options)
 }
@@ -83,7 +81,7 @@ fn plan(
     options: &TerrestrialOptions,
     level: f64,
     on_ground: bool,
-) -> Result<PlannedSurvey, String> {
+) -> Result<PlannedSurvey, PlanError> {
     let scan = scan(instrument, options)?;
     let places = positions(area, options)?;
     let mut document = PlannedSurvey {
@@ -109,76 +107,62 @@ fn plan(
 
 /// The scan with the requested resolution at the requested pulse rate, else at the first of the instrument's
 /// rates that its mirror and its head can draw it with.
-fn resolved_scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<Scan, String> {
+fn resolved_scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Result<Scan, PlanError> {
     let first = instrument.pulse_rate()?;
-    let others = instrument.pulse_rates().iter().copied().filter(|_| instrument.wanted_rate.is_none());
-    let mut refused = None;
-    for rate in [first].into_iter().chain(others) {
-        match scan_of(instrument, options.resolution, rate) {
-            Ok(scan) => return Ok(scan),
-            Err(reason) => {
-                refused.get_or_insert(reason);
-            }
-        }
-    }
-    Err(refused.unwrap_or_default())
+    let mut others = instrument.pulse_rates().iter().copied().filter(|_| instrument.wanted_rate.is_none());
+    scan_of(instrument, options.resolution, first).or_else(|refused| {
+        others.find_map(|rate| scan_of(instrument, options.resolution, rate).ok()).ok_or(refused)
+    })
 }
 
 /// The scan with that resolution, degrees, at that pulse rate. Lines of a mirror and steps of the head are
 /// that far apart (spec kinematics §4.2: pulses are counted over the mirror's whole mechanical angle); of a
 /// scanner whose channels the head alone turns the steps of the head.
-fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<Scan, String> {
+fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<Scan, PlanError> {
     let (rate, most_head) = (f64::from(pulse_rate), instrument.head_rate());
     let step = radians(resolution);
-    let asked = || format!("--resolution {} at {} kHz", number(resolution), number(rate / 1e3));
+    let name = || instrument.name().to_owned();
+    let requested = Resolution { degrees: resolution, pulse_rate: rate };
     if !instrument.has_mirror() {
         if !instrument.spins() {
-            return Err(format!("{} has neither a mirror nor channels that draw lines", instrument.name()));
+            return Err(PlanError::NoLines { instrument: name() });
         }
         let head_rate = step * rate;
         return match head_rate <= most_head * (1.0 + 1e-9) {
             true => Ok(Scan { half_angle: None, pulse_rate, scan_freq: 0.0, line_rate: 0.0, head_rate }),
-            false => Err(format!(
-                "{}: the head would turn at {}°/s, and that of {} at most at {}°/s; at most {}° is possible",
-                asked(),
-                number(degrees(head_rate)),
-                instrument.name(),
-                number(degrees(most_head)),
-                number(degrees(most_head / rate))
-            )),
+            false => Err(PlanError::ChannelHead {
+                resolution: requested,
+                instrument: name(),
+                rate: degrees(head_rate),
+                max: degrees(most_head),
+                possible: degrees(most_head / rate),
+            }),
         };
     }
     let mechanical = instrument.mechanical_angle();
     if !instrument.has_polygon() || mechanical <= 0.0 {
-        return Err(format!(
-            "{} has no polygon mirror, for which resolutions are defined",
-            instrument.name()
-        ));
+        return Err(PlanError::NoPolygon { instrument: name() });
     }
     let scan_freq = rate * step / (2.0 * mechanical);
     let head_rate = step * scan_freq;
     let (least, most) = instrument.scan_frequencies();
     let resolution_at = |freq: f64| degrees(freq * 2.0 * mechanical / rate);
     if scan_freq < least * (1.0 - 1e-9) || scan_freq > most * (1.0 + 1e-9) {
-        return Err(format!(
-            "{}: the mirror would draw {} lines a second, and that of {} draws {}; resolutions of {}° are \
-             possible",
-            asked(),
-            number(scan_freq),
-            instrument.name(),
-            span(least, most),
-            span(resolution_at(least), resolution_at(most))
-        ));
+        return Err(PlanError::MirrorLines {
+            resolution: requested,
+            instrument: name(),
+            lines: scan_freq,
+            limits: [least, most],
+            possible: [least, most].map(resolution_at),
+        });
     }
     if head_rate > most_head * (1.0 + 1e-9) {
-        return Err(format!(
-            "{}: the head would turn at {}°/s, and that of {} at most at {}°/s; choose a finer resolution or \
-             a lower pulse rate",
-            asked(),
-            number(degrees(head_rate)),
-            instrument.name(),
-            number(degrees(most_head))
-        ));
+        return Err(PlanError::MirrorHead {
+            resolution: requested,
+            instrument: name(),
+            rate: degrees(head_rate),
+            max: degrees(most_head),
+        });
     }
     let scan_freq = scan_freq.max(least).min(most);
     Ok(Scan {
@@ -190,7 +174,7 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
     })
 }
 
-fn positions(area: Option<&Area>, options: &TerrestrialOptions) -> Result<Vec<[f64; 2]>, String> {
+fn positions(area: Option<&Area>, options: &TerrestrialOptions) -> Result<Vec<[f64; 2]>, PlanError> {
     let places = match (options.around.zip(options.radius), area.zip(options.spacing)) {
         // The first one stands to the north.
         (Some(([x, y], radius)), _) => {
@@ -202,24 +186,24 @@ fn positions(area: Option<&Area>, options: &TerrestrialOptions) -> Result<Vec<[f
             options.at_centre.then_some([x, y]).into_iter().chain(on_circle).collect()
         }
         (None, Some((area, spacing))) => grid(area, spacing)?,
-        _ => return Err("give --spacing and an area, or --around and --radius".to_owned()),
+        _ => return Err(PlanError::NoPlace),
     };
     match places.len() {
-        0 => Err("no position is inside the area; choose a smaller --spacing".to_owned()),
-        n if n > MAX_POSITIONS => Err(format!("{n} positions, expected at most {MAX_POSITIONS}")),
+        0 => Err(PlanError::NoPosition),
+        n if n > MAX_POSITIONS => Err(PlanError::Positions { count: n, max: MAX_POSITIONS }),
         _ => Ok(places),
     }
 }
 
 /// The positions of a square grid within an area, centred: as far from both edges.
-fn grid(area: &Area, spacing: f64) -> Result<Vec<[f64; 2]>, String> {
+fn grid(area: &Area, spacing: f64) -> Result<Vec<[f64; 2]>, PlanError> {
     let (low, high) = area.bounds();
     let [(x0, columns), (y0, rows)] = [0, 1].map(|i| {
         let count = ((high[i] - low[i]) / spacing).floor().max(0.0);
         (0.5 * (low[i] + high[i]) - 0.5 * count * spacing, count as usize + 1)
     });
     if columns.saturating_mul(rows) > 16 * MAX_POSITIONS {
-        return Err(format!("a grid of {columns} by {rows} positions, expected at most {MAX_POSITIONS}"));
+        return Err(PlanError::Grid { columns, rows, max: MAX_POSITIONS });
     }
     let at = |first: f64, i: usize| first + i as f64 * spacing;
     let all = (0..rows).flat_map(|r| (0..columns).map(move |c| [at(x0, c), at(y0, r)]));
@@ -231,7 +215,7 @@ fn describe(
     instrument: &SwathModel,
     options: &TerrestrialOptions,
     scan: &Scan,
-) -> Result<(), String> {
+) -> Result<(), PlanError> {
     let count = document.waypoints.len() as f64;
     let seconds = TAU / scan.head_rate;
     let beams = instrument.beams(scan)?;
@@ -307,7 +291,7 @@ mod tests {
     fn what_cannot_be_is_refused() {
         let area = Area::rectangle([0.0, 0.0], [1e6, 1e6]).unwrap();
         let dense = TerrestrialOptions { spacing: Some(0.1), ..options() };
-        assert!(positions(Some(&area), &dense).unwrap_err().contains("at most"));
-        assert!(positions(Some(&area), &options()).unwrap_err().contains("--spacing"));
+        assert!(positions(Some(&area), &dense).unwrap_err().to_string().contains("at most"));
+        assert!(positions(Some(&area), &options()).unwrap_err().to_string().contains("--spacing"));
     }
 }

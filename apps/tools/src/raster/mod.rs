@@ -137,6 +137,27 @@ impl PointSink for Sink {
     }
 }
 
+/// Checks that there are the points of which rasters of these kinds are made; `input` are the files as words
+/// of a command.
+fn check_points(sink: &Sink, kinds: &[RasterKind], name: &str, input: &str) -> Result<()> {
+    if sink.points == 0 {
+        return Err(Error::input(format!("{name}: no points to make a raster of")));
+    }
+    if sink.ground == 0 && kinds.iter().any(|kind| kind.needs_ground()) {
+        return Err(Error::input_with_help(
+            format!("{name}: no points of class 2 (ground), of which terrain and canopy height are made"),
+            format!("classify the ground first, for example: pdal translate {input} classified.laz smrf"),
+        ));
+    }
+    if !sink.has_returns && kinds.contains(&RasterKind::PulseDensity) {
+        return Err(Error::input(format!(
+            "{name}: --pulse-density counts first returns, and the points have no return numbers; use \
+             --density"
+        )));
+    }
+    Ok(())
+}
+
 impl CloudRasters {
     /// Reads point clouds as one, for rasters of some kinds. `crs` is the system of clouds that name none, as
     /// WKT; `memory` the memory of the machine, bytes. Returns also what there is to say of the clouds.
@@ -171,22 +192,8 @@ impl CloudRasters {
             let what = if is_read_again { "left out" } else { "in the raster, since a stream is read once" };
             strays.warn(Path::new(&name), what, &mut all);
         }
+        check_points(&sink, kinds, &name, &input)?;
         let Sink { cells, points, noise, misses, ground, strays: finder, .. } = sink;
-        if points == 0 {
-            return Err(Error::input(format!("{name}: no points to make a raster of")));
-        }
-        if needs_ground && ground == 0 {
-            return Err(Error::input_with_help(
-                format!("{name}: no points of class 2 (ground), of which terrain and canopy height are made"),
-                format!("classify the ground first, for example: pdal translate {input} classified.laz smrf"),
-            ));
-        }
-        if !sink.has_returns && kinds.contains(&RasterKind::PulseDensity) {
-            return Err(Error::input(format!(
-                "{name}: --pulse-density counts first returns, and the points have no return numbers; use \
-                 --density"
-            )));
-        }
         let (first, last) = cells.extent();
         let [columns, rows] = [0, 1].map(|axis| last[axis] - first[axis] + 1);
         if columns as f64 * rows as f64 > MAX_CELLS {

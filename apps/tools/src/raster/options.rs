@@ -2,7 +2,7 @@
 
 use crate::args;
 use std::path::{Path, PathBuf};
-use vlscan_base::error::{Error, Result};
+use vlscan_base::error::Result;
 use vlscan_base::quantity::POSITIVE;
 
 /// A raster.
@@ -93,7 +93,6 @@ impl Default for RasterOptions {
 impl RasterOptions {
     /// Checks the bounds of values that programs may break.
     pub(super) fn check(&self) -> Result<()> {
-        args::check([("cell", Some(self.cell), POSITIVE), ("fill", Some(self.fill), POSITIVE)])
-            .map_err(Error::input)
+        Ok(args::check([("cell", Some(self.cell), POSITIVE), ("fill", Some(self.fill), POSITIVE)])?)
     }
 }

@@ -9,7 +9,7 @@ use super::pass::RunContext;
 use super::run::Report;
 use super::worker::{Measured, Pieces};
 use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary};
-use crate::shards::{BlockHead, ShardFile, ShardSet};
+use crate::shards::{BlockHead, ShardFile, ShardFileError, ShardSet};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -256,7 +256,7 @@ fn encode(
     buffer: &mut Vec<u8>,
     is_damaged: &AtomicBool,
 ) -> Result<Pieces> {
-    let damaged = |reason: String| {
+    let damaged = |reason: ShardFileError| {
         is_damaged.store(true, Relaxed);
         Error::input(format!("{} {reason}", task.shard.path().display()))
     };

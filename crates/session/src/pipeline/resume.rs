@@ -87,36 +87,9 @@ impl Session {
             folder.remove_shards()?;
             folder.mark(State::Shards)?;
         }
-        let has_begun = !ShardSet::list(path)?.is_empty();
-        let computed = match self.complete_shards(&flight, &outputs, how, control) {
-            Err(Error::Input(found)) if outputs.force && has_begun => {
-                self.notify(Notice::Note(format!(
-                    "the shards in {} are replaced: {}",
-                    path.display(),
-                    found.headline()
-                )));
-                folder.mark(State::Shards)?;
-                folder.remove_shards()?;
-                self.complete_shards(&flight, &outputs, how, control)
-            }
-            computed => computed,
-        };
-        let seconds = match computed {
-            Ok(seconds) => seconds,
-            Err(Error::Interrupted) => {
-                self.notify(Notice::Note(format!(
-                    "complete shards are kept in {}; run the same command to continue",
-                    path.display()
-                )));
-                let pulses = control.progress.snapshot().pulses;
-                return Ok(Report {
-                    summary: OutputSummary::default(),
-                    pulses,
-                    seconds: 0.0,
-                    interrupted: true,
-                });
-            }
-            Err(error) => return Err(error),
+        let Some(seconds) = self.complete_or_replace(&flight, &outputs, how, control, &mut folder)? else {
+            let pulses = control.progress.snapshot().pulses;
+            return Ok(Report { summary: OutputSummary::default(), pulses, seconds: 0.0, interrupted: true });
         };
         self.drop_tree();
         let progress = Progress::default();
@@ -144,6 +117,43 @@ impl Session {
             )));
         }
         Ok(())
+    }
+
+    /// Computes all shards that do not exist. Shards of another run are replaced if outputs may be. Returns
+    /// the time that it took, s; `None` if the run was interrupted.
+    fn complete_or_replace(
+        &mut self,
+        flight: &Divisible,
+        outputs: &OutputRequest,
+        how: &ResumeOptions,
+        control: RunContext<'_>,
+        folder: &mut ResumeFolder,
+    ) -> Result<Option<f64>> {
+        let path = how.folder.as_path();
+        let has_begun = !ShardSet::list(path)?.is_empty();
+        let computed = match self.complete_shards(flight, outputs, how, control) {
+            Err(Error::Input(found)) if outputs.force && has_begun => {
+                self.notify(Notice::Note(format!(
+                    "the shards in {} are replaced: {}",
+                    path.display(),
+                    found.headline()
+                )));
+                folder.mark(State::Shards)?;
+                folder.remove_shards()?;
+                self.complete_shards(flight, outputs, how, control)
+            }
+            computed => computed,
+        };
+        match computed {
+            Err(Error::Interrupted) => {
+                self.notify(Notice::Note(format!(
+                    "complete shards are kept in {}; run the same command to continue",
+                    path.display()
+                )));
+                Ok(None)
+            }
+            computed => computed.map(Some),
+        }
     }
 
     /// Computes all shards that do not exist. Returns the time that it took, s.

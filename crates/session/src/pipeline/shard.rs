@@ -10,8 +10,8 @@ use super::session::Session;
 use super::settings::Settings;
 use crate::output::{NoOffload, OutputContext, OutputPlan, OutputRequest, ShardOutput};
 use crate::shards::{
-    Border, Borders, BordersBuilder, Fingerprint, OneOf, PrivateFolder, Records, ShardFile, ShardHead,
-    StoredBorders, is_shard, shard_path,
+    Border, Borders, BordersBuilder, Fingerprint, OneOf, PrivateFolder, Records, ShardFile, ShardFileError,
+    ShardHead, StoredBorders, is_shard, shard_path,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -186,7 +186,7 @@ impl ShardRunner<'_> {
         if !path.exists() {
             return Ok(None);
         }
-        let damaged = |reason: String| {
+        let damaged = |reason: ShardFileError| {
             let note = format!("{} {reason}; the shard is computed again", path.display());
             self.session.notify(Notice::Note(note));
             Ok(None)

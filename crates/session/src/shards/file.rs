@@ -152,6 +152,50 @@ impl BlockTable {
     }
 }
 
+/// Reason why the file of a shard cannot be used; the text follows the path of the file.
+#[non_exhaustive]
+#[derive(Debug, thiserror::Error)]
+pub enum ShardFileError {
+    /// An operation of the system that failed.
+    #[error("cannot be read: {0}")]
+    Unreadable(io::Error),
+    /// Fewer bytes than an empty shard has.
+    #[error("is too short to be a shard")]
+    Short,
+    /// Another beginning than that of shards.
+    #[error("has another file format")]
+    Format,
+    /// The version of another program.
+    #[error("has version {0} of the format, this program reads {version}", version = VERSION)]
+    Version(u64),
+    /// A file without its end.
+    #[error("is truncated")]
+    Truncated,
+    /// An index whose bytes have changed.
+    #[error("is damaged: the checksum of its index differs")]
+    IndexChecksum,
+    /// An index that does not follow the format.
+    #[error("is damaged: its index cannot be read")]
+    Index,
+    /// Blocks of another length than the index states.
+    #[error("is damaged: its blocks and its index differ")]
+    Length,
+    /// A block, by its number, whose bytes have changed.
+    #[error("is damaged: the checksum of block {0} differs")]
+    Block(usize),
+    /// A block, by its number, beyond the last one.
+    #[error("has no block {0}")]
+    NoBlock(usize),
+    /// Another share than the name of the file states.
+    #[error("is shard {number} of {of}")]
+    Other {
+        /// Number of the shard.
+        number: u32,
+        /// Number of shards.
+        of: u32,
+    },
+}
+
 /// An open shard, whose index is valid.
 #[derive(Debug)]
 pub struct ShardFile {
@@ -168,33 +212,33 @@ pub struct ShardFile {
 }
 
 impl ShardFile {
-    /// Opens a shard and checks its index. The error is the reason why it cannot be used.
-    pub fn open(path: &Path) -> Result<ShardFile, String> {
-        let read = |e: io::Error| format!("cannot be read: {e}");
+    /// Opens a shard and checks its index.
+    pub fn open(path: &Path) -> Result<ShardFile, ShardFileError> {
+        let read = ShardFileError::Unreadable;
         let file = reads::open(path).map_err(read)?;
         let length = file.metadata().map_err(read)?.len();
         if length < (START_BYTES + END_BYTES) as u64 {
-            return Err("is too short to be a shard".to_owned());
+            return Err(ShardFileError::Short);
         }
         let start = take(&file, 0, START_BYTES).map_err(read)?;
         if !start.starts_with(MAGIC) {
-            return Err("has another file format".to_owned());
+            return Err(ShardFileError::Format);
         }
         let version = long(&start, 8);
         if version != VERSION {
-            return Err(format!("has version {version} of the format, this program reads {VERSION}"));
+            return Err(ShardFileError::Version(version));
         }
         let end_at = length - END_BYTES as u64;
         let end = take(&file, end_at, END_BYTES).map_err(read)?;
         let index_at = end_at.checked_sub(long(&end, 0)).filter(|at| *at >= START_BYTES as u64);
         let Some(index_at) = index_at.filter(|_| end.ends_with(MAGIC)) else {
-            return Err("is truncated".to_owned());
+            return Err(ShardFileError::Truncated);
         };
         let index = take(&file, index_at, (end_at - index_at) as usize).map_err(read)?;
         if xxh3_64(&index) != long(&end, 8) {
-            return Err("is damaged: the checksum of its index differs".to_owned());
+            return Err(ShardFileError::IndexChecksum);
         }
-        let unreadable = |_| "is damaged: its index cannot be read".to_owned();
+        let unreadable = |_| ShardFileError::Index;
         let index: Index = postcard::from_bytes(&index).map_err(unreadable)?;
         let head: ShardHead = postcard::from_bytes(&index.head).map_err(unreadable)?;
         let mut at = START_BYTES as u64;
@@ -207,7 +251,7 @@ impl ShardFile {
             echoes += u64::from(block.echoes);
         }
         if at != index_at {
-            return Err("is damaged: its blocks and its index differ".to_owned());
+            return Err(ShardFileError::Length);
         }
         Ok(ShardFile { path: path.to_path_buf(), file, head, pulses, echoes, blocks })
     }
@@ -227,28 +271,23 @@ impl ShardFile {
         self.blocks.get(number).map(|(_, head)| *head)
     }
 
-    /// Reads the complete shard and compares its checksums, with all threads. The error is the reason why it
-    /// cannot be used.
-    pub fn verify(&self) -> Result<(), String> {
+    /// Reads the complete shard and compares its checksums, with all threads.
+    pub fn verify(&self) -> Result<(), ShardFileError> {
         let check = |buffer: &mut Vec<u8>, (number, (at, head)): (usize, &(u64, BlockHead))| {
             buffer.resize(head.bytes_of_block(), 0);
-            read_exact_at(&self.file, buffer, *at).map_err(|e| format!("cannot be read: {e}"))?;
-            head.is_of(buffer).then_some(()).ok_or_else(|| damaged_block(number))
+            read_exact_at(&self.file, buffer, *at).map_err(ShardFileError::Unreadable)?;
+            head.is_of(buffer).then_some(()).ok_or(ShardFileError::Block(number))
         };
         self.blocks.par_iter().enumerate().try_for_each_init(Vec::new, check)
     }
 
-    /// Reads a block into a batch, by way of `buffer`. The error is the reason why it cannot be used.
-    pub fn read(&self, block: usize, batch: &mut Batch, buffer: &mut Vec<u8>) -> Result<(), String> {
-        let (at, head) = self.blocks.get(block).ok_or_else(|| format!("has no block {block}"))?;
+    /// Reads a block into a batch, by way of `buffer`.
+    pub fn read(&self, block: usize, batch: &mut Batch, buffer: &mut Vec<u8>) -> Result<(), ShardFileError> {
+        let (at, head) = self.blocks.get(block).ok_or(ShardFileError::NoBlock(block))?;
         buffer.resize(head.bytes_of_block(), 0);
-        read_exact_at(&self.file, buffer, *at).map_err(|e| format!("cannot be read: {e}"))?;
-        block::decode(head, buffer, batch).ok_or_else(|| damaged_block(block))
+        read_exact_at(&self.file, buffer, *at).map_err(ShardFileError::Unreadable)?;
+        block::decode(head, buffer, batch).ok_or(ShardFileError::Block(block))
     }
-}
-
-fn damaged_block(number: usize) -> String {
-    format!("is damaged: the checksum of block {number} differs")
 }
 
 fn long(bytes: &[u8], at: usize) -> u64 {

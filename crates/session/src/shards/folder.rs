@@ -1,7 +1,7 @@
 //! The shards in a folder.
 
 use super::borders::{self, Borders};
-use super::file::{self, ShardFile, ShardHead};
+use super::file::{self, ShardFile, ShardFileError, ShardHead};
 use super::share::OneOf;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
@@ -123,8 +123,8 @@ impl ShardSet {
         for &number in &present {
             match ShardFile::open(&shard_path(folder, OneOf { number, of })) {
                 Ok(shard) if (shard.head.number, shard.head.of) != (number, of) => {
-                    let reason = format!("is shard {} of {}", shard.head.number, shard.head.of);
-                    damaged.insert(number, reason);
+                    let ShardHead { number: stated, of, .. } = shard.head;
+                    damaged.insert(number, ShardFileError::Other { number: stated, of });
                 }
                 Ok(shard) => {
                     (pulses, echoes) = (pulses + shard.pulses, echoes + shard.echoes);
@@ -199,7 +199,12 @@ fn compute_again(folder: &Path, of: u32, numbers: impl IntoIterator<Item = u32> 
     )
 }
 
-fn report_damaged(folder: &Path, of: u32, damaged: &BTreeMap<u32, String>, problems: &mut Diagnostics) {
+fn report_damaged(
+    folder: &Path,
+    of: u32,
+    damaged: &BTreeMap<u32, ShardFileError>,
+    problems: &mut Diagnostics,
+) {
     let again = compute_again(folder, of, damaged.keys().copied());
     for (i, (&number, reason)) in damaged.iter().take(MAX_LISTED).enumerate() {
         let path = shard_path(folder, OneOf { number, of });

@@ -29,8 +29,8 @@ mod share;
 
 pub use block::{BlockHead, encode};
 pub use borders::{Border, Borders, BordersBuilder, StoredBorders};
-pub use file::{BlockTable, Records, ShardFile, ShardHead};
+pub use file::{BlockTable, Records, ShardFile, ShardFileError, ShardHead};
 pub use fingerprint::Fingerprint;
 pub use folder::{ShardSet, array_list, is_file_of_shards, is_shard, shard_path};
 pub use private::PrivateFolder;
-pub use share::OneOf;
+pub use share::{OneOf, OneOfError};

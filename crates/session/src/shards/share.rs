@@ -14,15 +14,20 @@ pub struct OneOf {
 /// Maximum number of shares.
 const MAX_SHARES: u32 = 1_000_000;
 
-impl FromStr for OneOf {
-    type Err = String;
+/// A text that is not one of several shares.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected K/N with K from 0 to N-1, such as 3/256, found {0:?}")]
+pub struct OneOfError(pub String);
 
-    fn from_str(text: &str) -> Result<OneOf, String> {
+impl FromStr for OneOf {
+    type Err = OneOfError;
+
+    fn from_str(text: &str) -> Result<OneOf, OneOfError> {
         let numbers =
             text.split_once('/').and_then(|(k, n)| Some((k.trim().parse().ok()?, n.trim().parse().ok()?)));
         match numbers {
             Some((number, of)) if number < of && of <= MAX_SHARES => Ok(OneOf { number, of }),
-            _ => Err(format!("expected K/N with K from 0 to N-1, such as 3/256, found {text:?}")),
+            _ => Err(OneOfError(text.to_owned())),
         }
     }
 }

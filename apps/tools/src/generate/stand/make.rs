@@ -97,8 +97,7 @@ pub fn make_stand(
         ("thinning", Some(thinning), args::SHARE),
         ("storm", Some(storm), args::SHARE),
         ("epochs", Some(f64::from(options.epochs)), EPOCHS),
-    ])
-    .map_err(Error::input)?;
+    ])?;
     let (inventory, warnings) = Inventory::read(&options.inventory)?;
     observer.warnings(warnings)?;
     let models = options.trees.as_deref().map(read_models).transpose()?;

@@ -237,11 +237,7 @@ impl Tables {
                 }
             }
             let z = ground.unwrap_or(own_z);
-            // The foot of the model comes to lie on the place of the tree.
-            let (sin, cos) = libm::sincos(choice.yaw.to_radians());
-            let [fx, fy, fz] = model.foot;
-            let [fx, fy, fz] = [fx * choice.scale_xy, fy * choice.scale_xy, fz * choice.scale];
-            let place = [x - (cos * fx - sin * fy), y - (sin * fx + cos * fy), z - fz];
+            let place = placed(model, &choice, [x, y, z]);
             // Writing to a string does not fail.
             let _ = writeln!(
                 tables.instances,
@@ -278,6 +274,14 @@ impl Tables {
         }
         tables
     }
+}
+
+/// The position of a model whose foot comes to lie on a place.
+fn placed(model: &Model, choice: &Choice, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    let (sin, cos) = libm::sincos(choice.yaw.to_radians());
+    let [fx, fy, fz] = model.foot;
+    let [fx, fy, fz] = [fx * choice.scale_xy, fy * choice.scale_xy, fz * choice.scale];
+    [x - (cos * fx - sin * fy), y - (sin * fx + cos * fy), z - fz]
 }
 
 impl StandMade {

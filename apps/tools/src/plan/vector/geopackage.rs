@@ -2,7 +2,7 @@
 //! (OGC 06-103r4, §8).
 
 use super::super::geometries::{Geometry, Line, Shape, System};
-use super::sqlite::{Database, Row, Value};
+use super::sqlite::{Database, Row, SqliteError, Value};
 use std::collections::HashMap;
 use std::path::Path;
 use vlscan_crs as crs;
@@ -13,27 +13,85 @@ const MAX_DEPTH: u32 = 64;
 const UNDEFINED_CARTESIAN: i64 = -1;
 const UNDEFINED_GEOGRAPHIC: i64 = 0;
 
+/// Problem of a GeoPackage.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum GeoPackageError {
+    /// Changes that are not in the database yet.
+    #[error("its last changes are in the journal beside it (-wal); close the program that has it open")]
+    Journal,
+    /// A database that cannot be read.
+    #[error(transparent)]
+    Database(#[from] SqliteError),
+    /// No list of the tables with geometries.
+    #[error("no table `gpkg_geometry_columns`, so it has no features")]
+    NoFeatures,
+    /// An entry of that list without a table.
+    #[error("a layer without a name")]
+    UnnamedLayer,
+    /// A table of the list that is missing, by its name.
+    #[error("no table `{0}`")]
+    NoTable(String),
+    /// A row of the table of systems that is too short.
+    #[error("a system of coordinates without a definition")]
+    UndefinedSystem,
+    /// A geometry that cannot be read.
+    #[error("{table}: the geometry of row {row}: {problem}")]
+    Feature {
+        /// Name of its table.
+        table: String,
+        /// Id of its row.
+        row: i64,
+        /// Problem of the geometry.
+        problem: FeatureError,
+    },
+}
+
+/// Problem of a geometry in a GeoPackage.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FeatureError {
+    /// A header with an unknown code.
+    #[error("an envelope of an unknown kind")]
+    Envelope,
+    /// A coordinate reference system without a definition, by its number.
+    #[error("the system {0} is not in the file")]
+    System(i64),
+    /// Fewer bytes than the geometry needs.
+    #[error("it is truncated")]
+    Truncated,
+    /// More parts than the remaining bytes can hold.
+    #[error("it states {0} parts, more than it holds")]
+    Count(usize),
+    /// Collections within collections, beyond the maximum depth.
+    #[error("geometry collections are nested too deeply")]
+    TooDeep,
+    /// A byte order with an unknown code.
+    #[error("an order of bytes that is neither 0 nor 1")]
+    ByteOrder,
+    /// Dimensions with an unknown code.
+    #[error("an unknown kind of geometry")]
+    Dimensions,
+}
+
 /// All geometries of the tables of features, in the order of the tables and of their rows. `path` is where a
 /// journal would be.
 ///
 /// # Errors
 /// Problem of the file, or a feature that is not supported.
-pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, String> {
+pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, GeoPackageError> {
     let mut journal = path.as_os_str().to_owned();
     journal.push("-wal");
     if std::fs::metadata(&journal).is_ok_and(|about| about.len() > 0) {
-        return Err(
-            "its last changes are in the journal beside it (-wal); close the program that has it open"
-                .to_owned(),
-        );
+        return Err(GeoPackageError::Journal);
     }
     let database = Database::open(bytes)?;
     let systems = systems(&database)?;
     let columns = database.table("gpkg_geometry_columns")?;
-    let columns = columns.ok_or("no table `gpkg_geometry_columns`, so it has no features")?;
+    let columns = columns.ok_or(GeoPackageError::NoFeatures)?;
     let mut tables: Vec<String> = Vec::new();
-    database.rows(columns, |(_, row)| {
-        let name = row.first().and_then(Value::text).ok_or("a layer without a name")?;
+    database.rows(columns, |(_, row)| -> Result<(), GeoPackageError> {
+        let name = row.first().and_then(Value::text).ok_or(GeoPackageError::UnnamedLayer)?;
         if !tables.iter().any(|table| table == name) {
             tables.push(name.to_owned());
         }
@@ -41,23 +99,21 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, String> {
     })?;
     let mut found = Vec::new();
     for table in tables {
-        let root = database.table(&table)?.ok_or_else(|| format!("no table `{table}`"))?;
-        database.rows(root, |row| {
-            feature(&row, &systems, &mut found).map_err(|problem| format!("{table}: {problem}"))
-        })?;
+        let root = database.table(&table)?.ok_or_else(|| GeoPackageError::NoTable(table.clone()))?;
+        database.rows(root, |row| feature(&table, &row, &systems, &mut found))?;
     }
     Ok(found)
 }
 
 /// The systems by their number in the file.
-fn systems(database: &Database) -> Result<HashMap<i64, System>, String> {
+fn systems(database: &Database) -> Result<HashMap<i64, System>, GeoPackageError> {
     let mut systems =
         HashMap::from([(UNDEFINED_CARTESIAN, System::OfScene), (UNDEFINED_GEOGRAPHIC, System::Degrees)]);
     let Some(root) = database.table("gpkg_spatial_ref_sys")? else { return Ok(systems) };
     // srs_name, srs_id (the id of the row), organization, organization_coordsys_id, definition
     database.rows(root, |(id, row)| {
         let [_, number, organization, code, definition, ..] = row.as_slice() else {
-            return Err("a system of coordinates without a definition".to_owned());
+            return Err(GeoPackageError::UndefinedSystem);
         };
         let id = number.integer().unwrap_or(id);
         let is_epsg = organization.text().is_some_and(|name| name.eq_ignore_ascii_case("EPSG"));
@@ -73,20 +129,32 @@ fn systems(database: &Database) -> Result<HashMap<i64, System>, String> {
     Ok(systems)
 }
 
-/// Appends the geometries of a row: of all values that begin as they do.
-fn feature((id, row): &Row, systems: &HashMap<i64, System>, found: &mut Vec<Geometry>) -> Result<(), String> {
+/// Appends the geometries of a row of a table: of all values that begin as they do.
+fn feature(
+    table: &str,
+    (id, row): &Row,
+    systems: &HashMap<i64, System>,
+    found: &mut Vec<Geometry>,
+) -> Result<(), GeoPackageError> {
     for value in row {
         let Value::Blob(bytes) = value else { continue };
         if bytes.starts_with(b"GP") {
-            geometry(bytes, systems, found)
-                .map_err(|problem| format!("the geometry of row {id}: {problem}"))?;
+            geometry(bytes, systems, found).map_err(|problem| GeoPackageError::Feature {
+                table: table.to_owned(),
+                row: *id,
+                problem,
+            })?;
         }
     }
     Ok(())
 }
 
 /// The header of a geometry (§2.1.3) and the well-known binary behind it.
-fn geometry(bytes: &[u8], systems: &HashMap<i64, System>, found: &mut Vec<Geometry>) -> Result<(), String> {
+fn geometry(
+    bytes: &[u8],
+    systems: &HashMap<i64, System>,
+    found: &mut Vec<Geometry>,
+) -> Result<(), FeatureError> {
     let mut reader = Reader { rest: &bytes[2..], is_little: true };
     let [_version, flags] = reader.array()?;
     reader.is_little = flags & 1 != 0;
@@ -96,11 +164,11 @@ fn geometry(bytes: &[u8], systems: &HashMap<i64, System>, found: &mut Vec<Geomet
         1 => 32,
         2 | 3 => 48,
         4 => 64,
-        _ => return Err("an envelope of an unknown kind".to_owned()),
+        _ => return Err(FeatureError::Envelope),
     };
     reader.take(envelope)?;
     let (is_empty, is_extended) = (flags & 0x10 != 0, flags & 0x20 != 0);
-    let system = systems.get(&id).cloned().ok_or_else(|| format!("the system {id} is not in the file"))?;
+    let system = systems.get(&id).cloned().ok_or(FeatureError::System(id))?;
     if is_extended {
         found.push(Geometry { shape: Shape::Other("extended geometry".to_owned()), system });
         return Ok(());
@@ -121,39 +189,39 @@ struct Reader<'b> {
 }
 
 impl<'b> Reader<'b> {
-    fn take(&mut self, count: usize) -> Result<&'b [u8], String> {
-        let (taken, rest) = self.rest.split_at_checked(count).ok_or("it is truncated")?;
+    fn take(&mut self, count: usize) -> Result<&'b [u8], FeatureError> {
+        let (taken, rest) = self.rest.split_at_checked(count).ok_or(FeatureError::Truncated)?;
         self.rest = rest;
         Ok(taken)
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
-        self.take(N)?.try_into().map_err(|_| "it is truncated".to_owned())
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], FeatureError> {
+        self.take(N)?.try_into().map_err(|_| FeatureError::Truncated)
     }
 
-    fn u32(&mut self) -> Result<u32, String> {
+    fn u32(&mut self) -> Result<u32, FeatureError> {
         let bytes = self.array()?;
         Ok(if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
     }
 
-    fn f64(&mut self) -> Result<f64, String> {
+    fn f64(&mut self) -> Result<f64, FeatureError> {
         let bytes = self.array()?;
         Ok(if self.is_little { f64::from_le_bytes(bytes) } else { f64::from_be_bytes(bytes) })
     }
 
     /// A number of parts that take at least `bytes` each.
-    fn count(&mut self, bytes: usize) -> Result<usize, String> {
+    fn count(&mut self, bytes: usize) -> Result<usize, FeatureError> {
         let count = self.u32()? as usize;
         let is_held = count.checked_mul(bytes).is_some_and(|bytes| bytes <= self.rest.len());
-        is_held.then_some(count).ok_or_else(|| format!("it states {count} parts, more than it holds"))
+        is_held.then_some(count).ok_or(FeatureError::Count(count))
     }
 
-    fn geometry(&mut self, depth: u32, found: &mut Vec<Geometry>) -> Result<(), String> {
-        let depth = depth.checked_sub(1).ok_or("geometry collections are nested too deeply")?;
+    fn geometry(&mut self, depth: u32, found: &mut Vec<Geometry>) -> Result<(), FeatureError> {
+        let depth = depth.checked_sub(1).ok_or(FeatureError::TooDeep)?;
         self.is_little = match self.take(1)? {
             [0] => false,
             [1] => true,
-            _ => return Err("an order of bytes that is neither 0 nor 1".to_owned()),
+            _ => return Err(FeatureError::ByteOrder),
         };
         let code = self.u32()?;
         // Heights and measures: thousands of the code, or its first bits as PostGIS writes them.
@@ -163,8 +231,7 @@ impl<'b> Reader<'b> {
             self.u32()?;
         }
         let code = code & 0x1fff_ffff;
-        let numbers =
-            2 + bits + [0, 1, 1, 2].get(code as usize / 1000).ok_or("an unknown kind of geometry")?;
+        let numbers = 2 + bits + [0, 1, 1, 2].get(code as usize / 1000).ok_or(FeatureError::Dimensions)?;
         let mut add = |shape| found.push(Geometry { shape, system: System::Unstated });
         match code % 1000 {
             1 => {
@@ -195,7 +262,7 @@ impl<'b> Reader<'b> {
         Ok(())
     }
 
-    fn line(&mut self, numbers: usize) -> Result<Line, String> {
+    fn line(&mut self, numbers: usize) -> Result<Line, FeatureError> {
         let count = self.count(8 * numbers)?;
         Line::of((0..count).map(|_| (0..numbers).map(|_| self.f64()).collect()))
     }

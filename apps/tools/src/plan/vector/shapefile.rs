@@ -7,7 +7,7 @@ use shapefile::record::polyline::GenericPolyline;
 use shapefile::record::traits::HasXY;
 use shapefile::{Shape, ShapeReader};
 use std::io::Cursor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::files::reads;
 use vlscan_crs as crs;
@@ -16,15 +16,38 @@ use vlscan_tables::input::read_file;
 /// Maximum size of a `.prj` file, bytes.
 const MAX_PRJ_BYTES: u64 = 1 << 16;
 
+/// Problem of a shapefile, or of the `.prj` file beside it.
+#[non_exhaustive]
+#[derive(Debug, thiserror::Error)]
+pub enum ShapefileError {
+    /// Content on which the decoder fails.
+    #[error("the shapefile is damaged")]
+    Undecodable,
+    /// Content that does not follow the format.
+    #[error("the shapefile is damaged: {0}")]
+    Damaged(Box<shapefile::Error>),
+    /// A `.prj` file that cannot be read.
+    #[error("cannot read {}: {error}", .path.display())]
+    Unreadable {
+        /// The `.prj` file.
+        path: PathBuf,
+        /// The error of the operating system.
+        error: std::io::Error,
+    },
+    /// A `.prj` file without a system.
+    #[error("{} holds no WKT such as PROJCS[...]", .0.display())]
+    NoSystem(PathBuf),
+}
+
 /// All polygons and lines of the file, each part of a line by itself.
 ///
 /// # Errors
 /// A damaged file.
-pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, String> {
+pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, ShapefileError> {
     let system = system(path)?;
     let shapes = catch_decoder_panic(|| ShapeReader::new(Cursor::new(bytes)).and_then(ShapeReader::read));
-    let shapes = shapes.ok_or("the shapefile is damaged")?;
-    let shapes = shapes.map_err(|e| format!("the shapefile is damaged: {e}"))?;
+    let shapes = shapes.ok_or(ShapefileError::Undecodable)?;
+    let shapes = shapes.map_err(|error| ShapefileError::Damaged(Box::new(error)))?;
     let mut found = Vec::new();
     for shape in shapes {
         match shape {
@@ -46,15 +69,18 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Vec<Geometry>, String> {
 }
 
 /// The system in the `.prj` file beside the shapefile.
-fn system(path: &Path) -> Result<System, String> {
+fn system(path: &Path) -> Result<System, ShapefileError> {
     let prj = ["prj", "PRJ"].iter().map(|ending| path.with_extension(ending)).find(|prj| reads::is_file(prj));
     let Some(prj) = prj else { return Ok(System::Unstated) };
-    let bytes = read_file(&prj, MAX_PRJ_BYTES).map_err(|e| format!("cannot read {}: {e}", prj.display()))?;
+    let bytes = match read_file(&prj, MAX_PRJ_BYTES) {
+        Ok(bytes) => bytes,
+        Err(error) => return Err(ShapefileError::Unreadable { path: prj, error }),
+    };
     let text = String::from_utf8_lossy(&bytes);
     let text = text.trim_start_matches('\u{feff}').trim();
     match crs::is_wkt(text) {
         true => Ok(System::of_wkt(text)),
-        false => Err(format!("{} holds no WKT such as PROJCS[...]", prj.display())),
+        false => Err(ShapefileError::NoSystem(prj)),
     }
 }
 

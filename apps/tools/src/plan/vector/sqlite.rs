@@ -59,16 +59,32 @@ const MAX_DEPTH: usize = 32;
 /// Code of UTF-8 in the header.
 const UTF8: u32 = 1;
 
-const DAMAGED: &str = "the database is damaged";
+/// Problem of a database.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SqliteError {
+    /// Content that does not follow the format.
+    #[error("the database is damaged")]
+    Damaged,
+    /// A page beyond the end of the file.
+    #[error("the database is truncated")]
+    Truncated,
+    /// Texts in an encoding that is not supported.
+    #[error("the texts of the database are in UTF-16")]
+    Utf16,
+    /// A view in place of a table, by its name.
+    #[error("`{0}` is a view, whose rows are not stored")]
+    View(String),
+}
 
 impl<'b> Database<'b> {
     /// Reads the header.
     ///
     /// # Errors
     /// Problem of the database, or a feature that is not supported.
-    pub fn open(bytes: &'b [u8]) -> Result<Database<'b>, String> {
+    pub fn open(bytes: &'b [u8]) -> Result<Database<'b>, SqliteError> {
         if bytes.len() < FILE_HEADER || !bytes.starts_with(b"SQLite format 3\0") {
-            return Err(DAMAGED.to_owned());
+            return Err(SqliteError::Damaged);
         }
         let page_bytes = match u16::from_be_bytes([bytes[16], bytes[17]]) {
             1 => 65536,
@@ -76,12 +92,12 @@ impl<'b> Database<'b> {
         };
         let usable = page_bytes.saturating_sub(usize::from(bytes[20]));
         if !page_bytes.is_power_of_two() || page_bytes < 512 || usable < 480 {
-            return Err(DAMAGED.to_owned());
+            return Err(SqliteError::Damaged);
         }
         let encoding = u32::from_be_bytes([bytes[56], bytes[57], bytes[58], bytes[59]]);
         // A database without tables has none yet.
         if encoding > UTF8 {
-            return Err("the texts of the database are in UTF-16".to_owned());
+            return Err(SqliteError::Utf16);
         }
         Ok(Database { bytes, page_bytes, usable })
     }
@@ -90,16 +106,16 @@ impl<'b> Database<'b> {
     ///
     /// # Errors
     /// A damaged schema, or a view in place of the table.
-    pub fn table(&self, name: &str) -> Result<Option<u32>, String> {
+    pub fn table(&self, name: &str) -> Result<Option<u32>, SqliteError> {
         let mut root = None;
         self.rows(1, |(_, row)| {
-            let [kind, own, _, page, ..] = row.as_slice() else { return Err(DAMAGED.to_owned()) };
+            let [kind, own, _, page, ..] = row.as_slice() else { return Err(SqliteError::Damaged) };
             if !own.text().is_some_and(|own| own.eq_ignore_ascii_case(name)) {
                 return Ok(());
             }
             match kind.text() {
                 Some("table") => root = page.integer().and_then(|page| u32::try_from(page).ok()),
-                Some("view") => return Err(format!("`{name}` is a view, whose rows are not stored")),
+                Some("view") => return Err(SqliteError::View(name.to_owned())),
                 _ => {}
             }
             Ok(())
@@ -111,14 +127,18 @@ impl<'b> Database<'b> {
     ///
     /// # Errors
     /// Damage, and those of `take`.
-    pub fn rows(&self, root: u32, mut take: impl FnMut(Row) -> Result<(), String>) -> Result<(), String> {
+    pub fn rows<E: From<SqliteError>>(
+        &self,
+        root: u32,
+        mut take: impl FnMut(Row) -> Result<(), E>,
+    ) -> Result<(), E> {
         let mut seen = HashSet::new();
         // Pages with their depth; the next one is the last.
         let mut todo = vec![(root, 0)];
         let mut budget = self.bytes.len();
         while let Some((number, depth)) = todo.pop() {
             if depth > MAX_DEPTH || !seen.insert(number) {
-                return Err(DAMAGED.to_owned());
+                return Err(SqliteError::Damaged.into());
             }
             let page = self.page(number)?;
             let start = if number == 1 { FILE_HEADER } else { 0 };
@@ -139,26 +159,26 @@ impl<'b> Database<'b> {
                         take((id, record(&payload)?))?;
                     }
                 }
-                _ => return Err(DAMAGED.to_owned()),
+                _ => return Err(SqliteError::Damaged.into()),
             }
         }
         Ok(())
     }
 
     /// A page by its number, from 1.
-    fn page(&self, number: u32) -> Result<&'b [u8], String> {
+    fn page(&self, number: u32) -> Result<&'b [u8], SqliteError> {
         let start = (number as usize).checked_sub(1).and_then(|n| n.checked_mul(self.page_bytes));
         let page = start.and_then(|start| self.bytes.get(start..start.checked_add(self.page_bytes)?));
-        page.map(|page| &page[..self.usable]).ok_or_else(|| "the database is truncated".to_owned())
+        page.map(|page| &page[..self.usable]).ok_or(SqliteError::Truncated)
     }
 
     /// The id and the bytes of a row, with those on overflow pages. `budget` is the number of bytes that all
     /// rows may have.
-    fn payload(&self, page: &[u8], at: usize, budget: &mut usize) -> Result<(i64, Vec<u8>), String> {
+    fn payload(&self, page: &[u8], at: usize, budget: &mut usize) -> Result<(i64, Vec<u8>), SqliteError> {
         let (length, at) = varint(page, at)?;
         let (id, at) = varint(page, at)?;
-        let length = usize::try_from(length).map_err(|_| DAMAGED.to_owned())?;
-        *budget = budget.checked_sub(length).ok_or(DAMAGED)?;
+        let length = usize::try_from(length).map_err(|_| SqliteError::Damaged)?;
+        *budget = budget.checked_sub(length).ok_or(SqliteError::Damaged)?;
         let (max_local, overflow_bytes) = (self.usable - 35, self.usable - 4);
         let min_local = (self.usable - 12) * 32 / 255 - 23;
         let local = match length {
@@ -168,7 +188,7 @@ impl<'b> Database<'b> {
                 if local <= max_local { local } else { min_local }
             }
         };
-        let mut bytes = page.get(at..at + local).ok_or(DAMAGED)?.to_vec();
+        let mut bytes = page.get(at..at + local).ok_or(SqliteError::Damaged)?.to_vec();
         let mut next = if local < length { u32_at(page, at + local)? } else { 0 };
         // Each page adds bytes, so that a chain that leads in a circle ends, too.
         while bytes.len() < length {
@@ -178,16 +198,17 @@ impl<'b> Database<'b> {
             bytes.extend_from_slice(&page[4..4 + count]);
         }
         if next != 0 {
-            return Err(DAMAGED.to_owned());
+            return Err(SqliteError::Damaged);
         }
         Ok((id, bytes))
     }
 }
 
 /// The values of a record.
-fn record(bytes: &[u8]) -> Result<Vec<Value>, String> {
+fn record(bytes: &[u8]) -> Result<Vec<Value>, SqliteError> {
     let (header, mut at) = varint(bytes, 0)?;
-    let header = usize::try_from(header).ok().filter(|header| *header <= bytes.len()).ok_or(DAMAGED)?;
+    let header =
+        usize::try_from(header).ok().filter(|header| *header <= bytes.len()).ok_or(SqliteError::Damaged)?;
     let (mut values, mut body) = (Vec::new(), header);
     while at < header {
         let kind;
@@ -197,11 +218,11 @@ fn record(bytes: &[u8]) -> Result<Vec<Value>, String> {
             1..=4 => kind as usize,
             5 => 6,
             6 | 7 => 8,
-            kind if kind >= 12 => usize::try_from((kind - 12) / 2).map_err(|_| DAMAGED.to_owned())?,
-            _ => return Err(DAMAGED.to_owned()),
+            kind if kind >= 12 => usize::try_from((kind - 12) / 2).map_err(|_| SqliteError::Damaged)?,
+            _ => return Err(SqliteError::Damaged),
         };
-        let end = body.checked_add(length).ok_or(DAMAGED)?;
-        let content = bytes.get(body..end).ok_or(DAMAGED)?;
+        let end = body.checked_add(length).ok_or(SqliteError::Damaged)?;
+        let content = bytes.get(body..end).ok_or(SqliteError::Damaged)?;
         body = end;
         values.push(match kind {
             0 => Value::Null,
@@ -223,7 +244,7 @@ fn integer(bytes: &[u8]) -> i64 {
 }
 
 /// A number of one to nine bytes, and where the next begins.
-fn varint(bytes: &[u8], at: usize) -> Result<(i64, usize), String> {
+fn varint(bytes: &[u8], at: usize) -> Result<(i64, usize), SqliteError> {
     let mut number = 0_u64;
     for i in 0..9 {
         let byte = byte(bytes, at + i)?;
@@ -235,17 +256,17 @@ fn varint(bytes: &[u8], at: usize) -> Result<(i64, usize), String> {
             return Ok((number as i64, at + i + 1));
         }
     }
-    Err(DAMAGED.to_owned())
+    Err(SqliteError::Damaged)
 }
 
-fn byte(bytes: &[u8], at: usize) -> Result<u8, String> {
-    bytes.get(at).copied().ok_or_else(|| DAMAGED.to_owned())
+fn byte(bytes: &[u8], at: usize) -> Result<u8, SqliteError> {
+    bytes.get(at).copied().ok_or(SqliteError::Damaged)
 }
 
-fn u16_at(bytes: &[u8], at: usize) -> Result<u16, String> {
+fn u16_at(bytes: &[u8], at: usize) -> Result<u16, SqliteError> {
     Ok(u16::from_be_bytes([byte(bytes, at)?, byte(bytes, at + 1)?]))
 }
 
-fn u32_at(bytes: &[u8], at: usize) -> Result<u32, String> {
+fn u32_at(bytes: &[u8], at: usize) -> Result<u32, SqliteError> {
     Ok(u32::from(u16_at(bytes, at)?) << 16 | u32::from(u16_at(bytes, at + 2)?))
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::Result;
 use vlscan_base::quantity::{amount, amount_of, metres};
-use vlscan_geom::{DVec3, Rotation};
+use vlscan_geom::{Aabb, DVec3, Rotation};
 use vlscan_scene::Scene;
 use vlscan_survey::PlatformKind;
 use vlscan_trace::Tree;
@@ -60,7 +60,7 @@ impl YieldCheck<'_> {
 
     /// Finds a run with too few points for its pulses.
     fn find(&self, pulses: u64, echoes: u64, log: &AimLog) -> Option<Finding> {
-        let (scene, mount) = (self.scene, self.settings.survey.platform.mount);
+        let scene = self.scene;
         let (target, aim) = (target(&self.settings.survey, scene), &log.sum);
         if pulses == 0 {
             let help = "a leg fires when it is active and lasts for at least one pulse period; an oscillating or rotating mirror \
@@ -97,10 +97,6 @@ impl YieldCheck<'_> {
         if is_weak || seen_if_stronger >= MIN_YIELD && seen_if_stronger >= MIN_YIELD_WITHIN * within {
             return Some(self.too_weak(pulses, echoes, aim, unit()));
         }
-        let gap = (bounds.min - flight.max).max(flight.min - bounds.max).max(DVec3::ZERO);
-        let across = gap.x.hypot(gap.y);
-        let origins: Vec<DVec3> = log.beams.entries().iter().map(|beam| beam.origin).collect();
-        let below = ground::check("the flight", scene, self.tree, &origins, mount.offset.z);
         let message = format!(
             "{} for {}: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
              scanner's range; the scene is at {}, the scanner was at {}",
@@ -111,17 +107,35 @@ impl YieldCheck<'_> {
             boxes::extent(&bounds),
             boxes::extent(&flight)
         );
-        let farthest = target.ranges[1];
-        let help = if across > farthest.min(boxes::MAX_REACH) || across > 0.0 && towards < 0.01 {
+        let help = self.cause(log, target.ranges, [&bounds, &flight]);
+        let help = unit().map_or(help.clone(), |hint| format!("{help}; {hint}"));
+        Some(Finding::new(message, help))
+    }
+}
+
+impl YieldCheck<'_> {
+    /// The cause of few points, with advice, where most beams do not meet the scene. The boxes are those of
+    /// scene and flight, world coordinates.
+    fn cause(&self, log: &AimLog, ranges: [f64; 2], [scene, flight]: [&Aabb; 2]) -> String {
+        let (mount, aim) = (self.settings.survey.platform.mount, &log.sum);
+        let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
+        let towards = of_sampled(aim.towards);
+        let above = flight.min.z - scene.max.z;
+        let gap = (scene.min - flight.max).max(flight.min - scene.max).max(DVec3::ZERO);
+        let across = gap.x.hypot(gap.y);
+        let origins: Vec<DVec3> = log.beams.entries().iter().map(|beam| beam.origin).collect();
+        let below = ground::check("the flight", self.scene, self.tree, &origins, mount.offset.z);
+        let farthest = ranges[1];
+        if across > farthest.min(boxes::MAX_REACH) || across > 0.0 && towards < 0.01 {
             format!(
                 "the flight stays {} beside the scene; {}",
                 metres(across),
-                boxes::away(&bounds, &flight, gap)
+                boxes::away(scene, flight, gap)
             )
         } else if let Some(below) = below {
             format!("{}; {}", below.message, below.help)
-        } else if flight.max.z < bounds.min.z {
-            let depth = bounds.min.z - flight.max.z;
+        } else if flight.max.z < scene.min.z {
+            let depth = scene.min.z - flight.max.z;
             format!(
                 "the flight is {} below the scene; {}",
                 metres(depth),
@@ -139,18 +153,14 @@ impl YieldCheck<'_> {
         } else if towards < 0.5 {
             "the beams miss the scene: attitude, mount or scan angle point them elsewhere, or the flight passes beside it; `vlscan pulses` shows origins and directions"
                 .to_owned()
-        } else if let Some(advice) = self.limits_missed(log, target.ranges) {
+        } else if let Some(advice) = self.limits_missed(log, ranges) {
             advice
         } else {
             "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene info` shows what it contains"
                 .to_owned()
-        };
-        let help = unit().map_or(help.clone(), |hint| format!("{help}; {hint}"));
-        Some(Finding::new(message, help))
+        }
     }
-}
 
-impl YieldCheck<'_> {
     /// True if the flight was not read before the run.
     fn is_live(&self) -> bool {
         let kind = &self.settings.survey.platform.kind;
@@ -243,7 +253,6 @@ fn range(farthest: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_geom::Aabb;
     use vlscan_lidar::pulse::WeakPulses;
     use vlscan_survey::{Mount, ReadOptions, read_survey};
     use vlscan_trace::{BuildOptions, Builder, Geometry};

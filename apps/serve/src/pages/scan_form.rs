@@ -1,0 +1,342 @@
+//! Forms of new scans, by their kind.
+
+use super::choices::{AREAS, Files, TABLES, TERRAINS, TRAJECTORIES};
+use super::home::encoded;
+use super::job::run_fields;
+use super::layout::form_token;
+use crate::app::{App, Identity};
+use maud::{Markup, html};
+use std::collections::BTreeMap;
+
+/// Prefix of references of airborne scanners.
+const AIRBORNE: &str = "data/scanners_als.xml#";
+/// The platform of recorded flights that is offered first.
+const PLATFORM: &str = "data/platforms.xml#copter_linearpath";
+
+/// The form of a kind of scan.
+pub(super) fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Values) -> Markup {
+    let scenes = files.scenes();
+    let wanted = match (values.of("scene", ""), values.of("upload", "")) {
+        ("", "") if !values.is_again => files.newest().to_owned(),
+        ("", upload) => format!("{upload}/"),
+        (scene, _) => scene.to_owned(),
+    };
+    // The one that the list shows.
+    let shown = scenes.iter().find(|name| !wanted.is_empty() && name.starts_with(&wanted));
+    let scene = shown.copied().unwrap_or_default();
+    let form = Form { app, identity, kind, files, values, scenes, scene, wanted };
+    match kind {
+        "terrestrial" => form.terrestrial(),
+        "mobile" => form.mobile(),
+        "trajectory" => form.trajectory(),
+        "survey" => form.survey(),
+        "stand" => form.stand(),
+        _ => form.airborne(),
+    }
+}
+
+/// Common parts of the forms of all kinds.
+struct Form<'f> {
+    app: &'f App,
+    identity: &'f Identity,
+    kind: &'f str,
+    files: &'f Files,
+    values: &'f Values,
+    scenes: Vec<&'f str>,
+    /// The scene that the list shows; empty if there is none.
+    scene: &'f str,
+    /// Beginning of the names of files that are chosen first; empty for none.
+    wanted: String,
+}
+
+impl Form<'_> {
+    fn begin(&self, title: &str) -> Markup {
+        html! {
+            h2 #kind { (title) }
+            (form_token(self.app, self.identity))
+            input type="hidden" name="kind" value=(self.kind);
+        }
+    }
+
+    fn scene_choice(&self) -> Markup {
+        self.files.choice("scene", "Scene", &self.scenes, None, &self.wanted)
+    }
+
+    fn scanners(&self) -> Markup {
+        scanners(self.app, self.values.of("scanner", ""))
+    }
+
+    /// Beginning of the name of the file that is chosen first in a list.
+    fn first_choice(&self, key: &str) -> String {
+        let given = self.values.of(key, "");
+        if given.is_empty() { self.wanted.clone() } else { given.to_owned() }
+    }
+
+    /// A flight over a scene.
+    fn airborne(&self) -> Markup {
+        let values = self.values;
+        let areas = self.files.with(&AREAS);
+        let [area, ..] = SHAPES;
+        html! {
+            form method="post" action="/forms/plan" {
+                (self.begin("A flight over a scene"))
+                (self.scene_choice())
+                (self.scanners())
+                div .row {
+                    (values.number("height", "Height above ground", "80", "", "m"))
+                    (values.number("density", "Density", "10", "", "pulses per m²"))
+                    (values.number("overlap", "Overlap", "30", "", "%"))
+                    (values.number("speed", "Speed, instead of one of them", "", "8", "m/s"))
+                }
+                div .row { (values.number("pulse_rate", "Pulse rate", "", "the instrument's", "Hz")) }
+                (values.shape(area, self.scene))
+                p { small { "Without an area the whole scene is flown." } }
+                (self.files.choice("area_file", "or a file with an area", &areas, Some("none"), values.of("area_file", "")))
+                label .flag { input type="checkbox" name="follow_terrain" checked[!values.of("follow_terrain", "").is_empty()]; " Follow the terrain" }
+                button type="submit" { "Plan the flight" }
+            }
+        }
+    }
+
+    /// Positions of a tripod.
+    fn terrestrial(&self) -> Markup {
+        let values = self.values;
+        let [.., around] = SHAPES;
+        html! {
+            form method="post" action="/forms/plan" {
+                (self.begin("Tripod positions"))
+                (self.scene_choice())
+                (self.scanners())
+                (values.shape(around, self.scene))
+                div .row {
+                    (values.number("radius", "Radius", "10", "10", "m"))
+                    (values.number("positions", "Positions on it", "4", "4", ""))
+                    (values.number("spacing", "or, instead of centre and radius, spacing of a grid", "", "15", "m"))
+                    (values.number("resolution", "Resolution", "0.1", "", "°"))
+                }
+                (ground(values))
+                button type="submit" { "Plan the positions" }
+            }
+        }
+    }
+
+    /// A drive along a line.
+    fn mobile(&self) -> Markup {
+        let values = self.values;
+        let areas = self.files.with(&AREAS);
+        let [_, along, _] = SHAPES;
+        html! {
+            form method="post" action="/forms/plan" {
+                (self.begin("A drive along a line"))
+                (self.scene_choice())
+                (self.scanners())
+                div .row { (values.number("speed", "Speed", "8", "", "m/s")) }
+                (ground(values))
+                (values.shape(along, self.scene))
+                (self.files.choice("along_file", "or a file with a line", &areas, Some("none"), values.of("along_file", "")))
+                button type="submit" { "Plan the drive" }
+            }
+        }
+    }
+
+    /// A recorded flight or drive.
+    fn trajectory(&self) -> Markup {
+        let values = self.values;
+        html! {
+            form method="post" action="/forms/trajectory" {
+                (self.begin("A recorded flight or drive"))
+                (self.files.choice("trajectory", "Trajectory", &self.files.with(&TRAJECTORIES), None, &self.first_choice("trajectory")))
+                (self.scene_choice())
+                (self.scanners())
+                label {
+                    "Platform" small { " tells how the instrument is mounted" }
+                    select name="platform" required {
+                        @for (reference, _) in self.app.workshop.program.entries("platforms") {
+                            option value=(reference) selected[reference == values.of("platform", PLATFORM)] { (reference.rsplit('#').next().unwrap_or(reference)) }
+                        }
+                    }
+                }
+                div .row {
+                    (values.number("pulse_freq_hz", "Pulse rate", "100000", "", "Hz"))
+                    (values.number("scan_freq_hz", "Scan frequency", "50", "", "Hz"))
+                    label {
+                        "UTM zone" small { " of latitudes and longitudes" }
+                        input name="utm_zone" value=(values.of("utm_zone", "")) placeholder="32N" autocomplete="off" size="8";
+                    }
+                }
+                (run_fields())
+                (actions())
+            }
+        }
+    }
+
+    /// A survey or pipeline file.
+    fn survey(&self) -> Markup {
+        html! {
+            form method="post" action="/forms/run" {
+                (self.begin("A survey or pipeline file"))
+                (self.files.choice("file", "File", &self.files.surveys(), None, &self.first_choice("file")))
+                (run_fields())
+                (actions())
+            }
+        }
+    }
+
+    /// A scene of the trees of an inventory.
+    fn stand(&self) -> Markup {
+        let values = self.values;
+        html! {
+            form method="post" action="/forms/stand" {
+                (self.begin("Trees of an inventory as a scene"))
+                p { small {
+                    "A table with the columns x, y and height, and perhaps crown, dbh and species, in English or German, as spreadsheets save it "
+                    "(CSV)."
+                } }
+                (self.files.choice("inventory", "Inventory", &self.files.with(&TABLES), None, &self.first_choice("inventory")))
+                (self.files.choice("terrain", "Terrain", &self.files.with(&TERRAINS), Some("none"), values.of("terrain", "")))
+                (self.files.choice("trees", "Tree models", &self.files.folders("obj"), Some("of vlscan"), values.of("trees", "")))
+                p { small { "Tree models are OBJ files whose names begin with their species, as beech_1.obj, in a folder." } }
+                label .flag { input type="checkbox" name="flat" checked[!values.of("flat", "on").is_empty()]; " Flat ground, unless a terrain is chosen" }
+                button type="submit" { "Make the scene" }
+            }
+        }
+    }
+}
+
+fn scanners(app: &App, wanted: &str) -> Markup {
+    html! {
+        label {
+            "Instrument"
+            select name="scanner" required {
+                option value="" { "choose …" }
+                @for (label, is_of_group) in [("Airborne", true), ("Terrestrial and mobile", false)] {
+                    optgroup label=(label) {
+                        @for (number, (reference, scanner)) in app.workshop.program.entries("scanners").enumerate() {
+                            @if reference.starts_with(AIRBORNE) == is_of_group {
+                                option value=(reference) data-picture=(format!("/instruments/{number}/pattern.svg")) selected[reference == wanted] {
+                                    (scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference)) " (" (reference.rsplit('#').next().unwrap_or(reference)) ")"
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        img #instrument .pattern hidden alt="";
+        p { small { a href="/instruments" { "All instruments with their pictures and figures" } } }
+    }
+}
+
+/// Values of the fields of a form: those of an address or of a form that is shown again, else the first ones.
+pub(super) struct Values {
+    pub given: BTreeMap<String, String>,
+    /// True if fields without a value are empty.
+    pub is_again: bool,
+    /// A problem of one of them.
+    pub wrong: String,
+}
+
+impl Values {
+    /// The value of a field; `first` if the form is shown for the first time.
+    pub fn of<'v>(&'v self, key: &str, first: &'v str) -> &'v str {
+        match self.given.get(key) {
+            Some(value) => value,
+            None if self.is_again => "",
+            None => first,
+        }
+    }
+
+    /// A field for a number, with an example of one.
+    fn number(&self, name: &str, label: &str, first: &str, example: &str, unit: &str) -> Markup {
+        html! {
+            label {
+                (label) small { " " (unit) }
+                input name=(name) value=(self.of(name, first)) placeholder=(example) inputmode="decimal" size="8";
+            }
+        }
+    }
+
+    /// A field for a shape as text, which a script has drawn on the scene; without scripts a click on the
+    /// picture adds a corner.
+    fn shape(&self, shape: Shape, scene: &str) -> Markup {
+        let Shape { field, kind, example, .. } = shape;
+        let text = self.of(field, "");
+        let corners = self.of("corners", "");
+        html! {
+            div .map data-shape=(kind) data-field=(field) hidden {}
+            @if !scene.is_empty() {
+                noscript {
+                    p { "A click on the scene adds a corner" @if corners.is_empty() { "." } @else { ": " (corners) } }
+                    input type="hidden" name="corners" value=(corners);
+                    input type="hidden" name="mapped" value=(scene);
+                    div .wide {
+                        input type="image" name=(field) src=(map_address(scene)) alt="The scene from above: add a corner" formaction="/forms/corner" formnovalidate;
+                    }
+                }
+            }
+            label {
+                (shape.label) small { " as text" }
+                textarea name=(field) rows="2" placeholder=(example) { (text) }
+            }
+        }
+    }
+}
+
+/// A shape that is drawn on a scene.
+#[derive(Clone, Copy)]
+pub(super) struct Shape {
+    pub field: &'static str,
+    pub kind: &'static str,
+    label: &'static str,
+    example: &'static str,
+}
+
+pub(super) const SHAPES: [Shape; 3] = [
+    Shape {
+        field: "area",
+        kind: "polygon",
+        label: "Area (WKT or GeoJSON)",
+        example: "POLYGON ((0 0, 100 0, 100 100, 0 100))",
+    },
+    Shape {
+        field: "along",
+        kind: "line",
+        label: "Line (WKT or GeoJSON)",
+        example: "LINESTRING (0 0, 50 0, 80 40)",
+    },
+    Shape { field: "around", kind: "point", label: "Centre x,y", example: "0,0" },
+];
+
+impl Shape {
+    /// The text of a shape with these corners; empty while there are too few.
+    pub fn text(self, corners: &[String]) -> String {
+        let all = corners.join(", ");
+        match (self.kind, corners) {
+            ("polygon", [first, _, _, ..]) => format!("POLYGON (({all}, {first}))"),
+            ("line", [_, _, ..]) => format!("LINESTRING ({all})"),
+            ("point", [.., last]) => last.replace(' ', ","),
+            _ => String::new(),
+        }
+    }
+}
+
+fn map_address(scene: &str) -> String {
+    format!("/map.png?scene={}", encoded(scene))
+}
+
+/// The ground, where the scene has no terrain.
+fn ground(values: &Values) -> Markup {
+    html! {
+        div .row { (values.number("ground", "Height of level ground", "", "0", "m")) }
+        p { small { "Only for scenes without terrain, such as the mesh of a house: rasters are terrain, and meshes whose materials are ground." } }
+    }
+}
+
+fn actions() -> Markup {
+    html! {
+        div .row {
+            button type="submit" name="action" value="dry-run" { "Forecast" }
+            button type="submit" name="action" value="run" { "Run" }
+        }
+    }
+}
