@@ -97,8 +97,8 @@ const STRENGTHS: [Rgb; 7] = [
 const RETURNS: [Rgb; 6] =
     [[236, 240, 244], [96, 178, 240], [246, 174, 66], [118, 204, 120], [226, 100, 130], [178, 140, 230]];
 
-/// Places that no leg of a survey covers.
-const NO_LEG: Rgb = [112, 118, 126];
+/// Places that no flight line of a survey covers.
+const NO_LINE: Rgb = [112, 118, 126];
 
 /// Heights of the lowest and the highest colour of a cloud by itself, world coordinates.
 pub(super) fn height_range(points: &Points) -> (f64, f64) {
@@ -114,6 +114,8 @@ pub(super) enum Colouring {
     /// A continuous value by its rank: equal numbers of points have equal parts of the colours, however
     /// skewed the values are. `quantiles` ascend from the lowest to the highest value.
     Ranks { quantiles: Vec<f32>, table: &'static [Rgb] },
+    /// A value of each point from 0 to `high`; points of 0 have none.
+    Values { title: &'static str, values: Vec<f32>, high: f32, table: &'static [Rgb] },
     /// A colour for each number.
     Table { value: ColourBy, colours: Vec<Rgb> },
 }
@@ -151,7 +153,7 @@ impl Colouring {
             }
             ColourBy::Leg => {
                 let colour = |n: usize| match (points.legs_from_one(), n) {
-                    (true, 0) => NO_LEG,
+                    (true, 0) => NO_LINE,
                     (true, n) => object_colour(n - 1),
                     (false, n) => object_colour(n),
                 };
@@ -166,6 +168,12 @@ impl Colouring {
         }
     }
 
+    /// Colours by a value of each point, in their order; points without a positive one are grey.
+    pub(super) fn of_values(title: &'static str, values: Vec<f32>) -> Colouring {
+        let (_, high) = inner_range(values.iter().copied().filter(|value| *value > 0.0));
+        Colouring::Values { title, values, high, table: &STRENGTHS }
+    }
+
     fn of_heights(points: &Points, heights: Option<(f64, f64)>) -> Colouring {
         let z = points.origin().z;
         let (low, high) = match heights {
@@ -177,9 +185,10 @@ impl Colouring {
 
     pub(super) fn of(&self, points: &Points, i: usize) -> Rgb {
         match self {
-            Colouring::Ramp { table, .. } | Colouring::Ranks { table, .. } => {
-                mixed(table, self.fraction(points, i))
-            }
+            Colouring::Values { values, .. } if values.get(i).is_none_or(|value| *value <= 0.0) => NO_LINE,
+            Colouring::Ramp { table, .. }
+            | Colouring::Ranks { table, .. }
+            | Colouring::Values { table, .. } => mixed(table, self.fraction(points, i)),
             Colouring::Table { value, colours } => colours[number(points, *value, i)],
         }
     }
@@ -193,6 +202,7 @@ impl Colouring {
             }
             Colouring::Ramp { low, high, .. } => (points.offset(i)[2] - low) / (high - low),
             Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity[i]),
+            Colouring::Values { values, high, .. } => values.get(i).map_or(0.0, |value| value / high),
             Colouring::Table { .. } => 0.0,
         }
     }
@@ -227,6 +237,9 @@ impl Colouring {
                 };
                 Legend::Marks { title: "intensity", marks: (0..=4).map(mark).collect(), table }
             }
+            Colouring::Values { title, high, table, .. } => {
+                Legend::Bar { title, low: 0.0, high: *high, table }
+            }
             Colouring::Table { value, colours } => {
                 let mut counts = vec![0u64; colours.len()];
                 (0..points.len()).for_each(|i| counts[number(points, *value, i)] += 1);
@@ -246,6 +259,7 @@ impl Colouring {
                 let title = match value {
                     ColourBy::Class => "class",
                     ColourBy::Return => "return",
+                    ColourBy::Leg if points.legs_from_one() => "line",
                     ColourBy::Leg => "leg",
                     ColourBy::Channel => "channel",
                     _ => "object",
@@ -263,8 +277,8 @@ fn name(points: &Points, value: ColourBy, n: usize) -> String {
         ColourBy::Return if n == 0 => "unknown".to_owned(),
         ColourBy::Return => format!("return {n}"),
         ColourBy::Leg if !points.legs_from_one() => format!("leg {n}"),
-        ColourBy::Leg if n == 0 => "no leg".to_owned(),
-        ColourBy::Leg => format!("leg {}", n - 1),
+        ColourBy::Leg if n == 0 => "no line".to_owned(),
+        ColourBy::Leg => format!("line {n}"),
         ColourBy::Channel => format!("channel {n}"),
         _ => match points.objects.get(n) {
             Some(object) if !object.is_empty() => object.clone(),
@@ -390,7 +404,7 @@ fn class_name(class: usize) -> String {
 
 /// Colour of an object. Distinct colours of equal lightness for any number of objects: hues a golden angle
 /// apart in the Oklab space (Ottosson 2020), with two chroma levels.
-fn object_colour(number: usize) -> Rgb {
+pub(super) fn object_colour(number: usize) -> Rgb {
     let hue = (number as f64 * 2.399_963_229_728_653 + 0.6) % std::f64::consts::TAU;
     let lightness = if number.is_multiple_of(2) { 0.78 } else { 0.68 };
     let chroma = 0.12;
@@ -491,7 +505,7 @@ mod tests {
     }
 
     #[test]
-    fn places_without_a_leg_are_grey_and_legs_count_from_0() {
+    fn places_without_a_line_are_grey_and_lines_count_from_1() {
         let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Leg));
         for leg in [0, 0, 1, 2] {
             points.push(&PointRow { leg, ..PointRow::default() }, None);
@@ -505,7 +519,7 @@ mod tests {
         assert_eq!((recorded[0].0.as_str(), recorded[0].1), ("leg 0 50%", object_colour(0)));
         points.count_legs_from_one();
         let planned = labels(&points);
-        assert_eq!((planned[0].0.as_str(), planned[0].1), ("no leg 50%", NO_LEG));
-        assert_eq!((planned[1].0.as_str(), planned[1].1), ("leg 0 25%", object_colour(0)));
+        assert_eq!((planned[0].0.as_str(), planned[0].1), ("no line 50%", NO_LINE));
+        assert_eq!((planned[1].0.as_str(), planned[1].1), ("line 1 25%", object_colour(0)));
     }
 }
