@@ -154,7 +154,7 @@ pub use pipeline::{
 };
 pub use planning::plan_survey;
 pub use shards::{Records, ShardSet, shard_path};
-pub use sketch::{session_points, survey_points};
+pub use sketch::{SurveySketch, session_points, survey_points};
 pub use streams::{PulseReader, RowBlock};
 pub use vlscan_base::Observer;
 pub use vlscan_base::diag::{Diagnostics, Notice};
