@@ -203,8 +203,8 @@ fn draw_tracks(lines: &[Vec<DVec3>], points: &mut Points) {
         let mut dot = |position: DVec3| {
             for i in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
                 for j in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
-                    let beside = DVec3::new(f64::from(i), f64::from(j), 0.0) * step;
-                    let row = PointRow { position: position + beside, leg, ..PointRow::default() };
+                    let offset = DVec3::new(f64::from(i), f64::from(j), 0.0) * step;
+                    let row = PointRow { position: position + offset, leg, ..PointRow::default() };
                     points.push(&row, None);
                 }
             }

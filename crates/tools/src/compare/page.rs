@@ -308,7 +308,8 @@ mod tests {
         for i in 0..1600 {
             let position =
                 DVec3::new(0.5 * f64::from(i % 40), 0.5 * f64::from(i / 40), 0.01 * f64::from(i % 7));
-            let row = PointRow { position, intensity: 5.0, class: 2, ..PointRow::default() };
+            let returns = PointRow { return_number: 1, number_of_returns: 1, ..PointRow::default() };
+            let row = PointRow { position, intensity: 5.0, class: 2, ..returns };
             cloud.push(&row, None);
         }
         let clouds = [("a", &cloud), ("b", &cloud)];

@@ -28,15 +28,15 @@ pub(super) fn caption(picture: &mut Picture, panel: &Panel, caption: &str, text:
     let [x, y, width] = [panel.frame.x, panel.frame.y, panel.frame.width].map(f64::from);
     let length = round_below(0.25 * width / panel.scale);
     let (dots, name) = (length * panel.scale, format!("{} m", round_number(length, length)));
-    let beside = dots + (font::width(&name) + 8.0) * text;
+    let bar = dots + (font::width(&name) + 8.0) * text;
     let mut room = width;
-    if beside + (font::width(caption) + 12.0) * text <= width {
+    if bar + (font::width(caption) + 12.0) * text <= width {
         let (from, to, at) = (x + width - dots, x + width, y - 6.0 * text);
         let tick = at - 3.0 * text;
         picture.path(&[[from, tick], [from, at], [to, at], [to, tick]], text, style.ink);
         let left = from - (font::width(&name) + 6.0) * text;
         picture.text([left, y - 11.0 * text], &name, text, style.ink);
-        room = width - beside;
+        room = width - bar;
     }
     let size = text.min(room / font::width(caption).max(1.0));
     picture.text([x, y - 11.0 * text], caption, size, style.faint);

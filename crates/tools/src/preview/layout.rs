@@ -218,7 +218,7 @@ enum Arrangement {
     /// Below the view from above, with the legend at the right of that view.
     Stacked,
     /// Side by side, with the legend at the right of both.
-    Beside,
+    SideBySide,
     /// At the right of the view from above, with the legend below.
     Column,
 }
@@ -236,7 +236,7 @@ impl Split {
     /// The arrangement that shows the cloud at the largest scale, without empty parts of frames.
     fn best(room: &Room, shown: &Shown) -> Split {
         let all = (8..=75).flat_map(|percent| {
-            let arrangements = [Arrangement::Stacked, Arrangement::Beside, Arrangement::Column];
+            let arrangements = [Arrangement::Stacked, Arrangement::SideBySide, Arrangement::Column];
             arrangements.map(|arrangement| Split::of(arrangement, percent, room, shown))
         });
         let first = Split::of(Arrangement::Stacked, 50, room, shown);
@@ -250,8 +250,8 @@ impl Split {
         let Room { left, top, names, gap, line, .. } = *room;
         let full = room.right.saturating_sub(left).max(16);
         let tall = room.bottom.saturating_sub(top).max(16);
-        // The space without the legend at the right, and that without the names of a second view.
-        let beside = full.saturating_sub(room.legend + gap).max(8);
+        // The width without a legend at the right.
+        let narrow = full.saturating_sub(room.legend + gap).max(8);
         let frame = |x: u32, y: u32, width: u32, height: u32| Frame { x, y, width, height };
         let (above, south, legend) = match arrangement {
             Arrangement::Stacked => {
@@ -259,13 +259,13 @@ impl Split {
                 let lower = (rows * percent / 100).max(8);
                 let upper = rows.saturating_sub(lower).max(8);
                 (
-                    frame(left, top, beside, upper),
+                    frame(left, top, narrow, upper),
                     frame(left, top + upper + line, full, lower),
-                    frame(left + beside + gap, top, room.legend, upper),
+                    frame(left + narrow + gap, top, room.legend, upper),
                 )
             }
-            Arrangement::Beside => {
-                let columns = beside.saturating_sub(gap + names);
+            Arrangement::SideBySide => {
+                let columns = narrow.saturating_sub(gap + names);
                 let right = (columns * percent / 100).max(8);
                 let wide = columns.saturating_sub(right).max(8);
                 let x = left + wide + gap + names;
@@ -313,7 +313,7 @@ impl Split {
                 let is_free = south.x + south.width < right;
                 legend.height = if is_free { room.bottom.saturating_sub(above.y) } else { above.height };
             }
-            Arrangement::Beside => {
+            Arrangement::SideBySide => {
                 south.x = right + room.names;
                 legend.x = south.x + south.width + room.gap;
             }
