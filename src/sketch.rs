@@ -160,19 +160,19 @@ fn surface_points(
     Ok(points)
 }
 
-/// The flight lines of tracks of legs: the number of the line of each leg, from 1, and the positions along each
-/// line. Legs in a row are one line if they share a strip, or if they name none and go straight on.
+/// The flight lines of tracks of legs: the number of the line of each leg, from 1, and the positions along
+/// each line. Legs in a row are one line if they share a strip, or if they name none and go straight on.
 fn flight_lines(
     tracks: &[(u32, Vec<DVec3>)],
     strips: &BTreeMap<u32, &str>,
 ) -> (BTreeMap<u32, u16>, Vec<Vec<DVec3>>) {
     let (mut numbers, mut lines) = (BTreeMap::new(), Vec::<Vec<DVec3>>::new());
-    let mut before = None;
+    let mut before: Option<u32> = None;
     for (leg, track) in tracks {
         let last = lines.last_mut().filter(|line| line.len() > 1 && track.len() > 1);
         match last.zip(before).filter(|(line, before)| match (strips.get(before), strips.get(leg)) {
             (Some(a), Some(b)) => a == b && *leg == before + 1,
-            (None, None) => goes_straight_on(line, track),
+            (None, None) => continues(line, track),
             _ => false,
         }) {
             Some((line, _)) => line.extend(&track[1..]),
@@ -185,7 +185,7 @@ fn flight_lines(
 }
 
 /// True if a track begins where a line ends, in about the same direction.
-fn goes_straight_on(line: &[DVec3], track: &[DVec3]) -> bool {
+fn continues(line: &[DVec3], track: &[DVec3]) -> bool {
     let ([.., a, b], [c, d, ..]) = (line, track) else { return false };
     let direction = |from: DVec3, to: DVec3| {
         let way = to - from;
