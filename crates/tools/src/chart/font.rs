@@ -6,8 +6,8 @@ pub(crate) const ADVANCE: f64 = 6.0;
 pub(crate) const HEIGHT: f64 = 7.0;
 
 /// The strokes of a character, separated by spaces: points of two letters each, a digit for half units to the
-/// right and a letter for half units down (`a` is the upper end of capitals, `m` the baseline). A single point
-/// is a dot. Characters without a glyph are drawn as a box.
+/// right and a letter for half units down (`a` is the upper end of capitals, `m` the baseline). A single
+/// point is a dot. Characters without a glyph are drawn as a box.
 fn strokes_of(c: char) -> &'static str {
     match c {
         ' ' => "",

@@ -9,7 +9,7 @@
 //! | `layout` | the layout of a picture: title, views, legend |
 //! | `panel`, `section` | a view, and the part of the cloud that it shows |
 //! | `colour`, `legend` | colours of points and what they mean |
-//! | `axes`, `style` | captions, ticks in the coordinates of the scene; colours of everything but the points |
+//! | `axes`, `style` | captions, ticks in the coordinates of the scene; colours of all but the points |
 //! | `flight` | planned flights over their scene |
 //! | `map` | pictures from above whose pixels have known coordinates |
 //! | `page` | pages for a browser |

@@ -68,8 +68,8 @@ impl Projection<'_> {
 }
 
 impl Panel {
-    /// Lowest and highest coordinate that the frame shows along an axis of the world, 0 to 2. `origin` is that
-    /// of the points, world coordinates.
+    /// Lowest and highest coordinate that the frame shows along an axis of the world, 0 to 2. `origin` is
+    /// that of the points, world coordinates.
     pub(super) fn range(&self, axis: usize, origin: [f64; 3]) -> [f64; 2] {
         let (dots, scale) = match axis {
             0 => (self.frame.width, self.scale),
