@@ -198,7 +198,7 @@ fn continues(line: &[DVec3], track: &[DVec3]) -> bool {
 fn draw_tracks(lines: &[Vec<DVec3>], points: &mut Points) {
     let bounds = lines.iter().flatten().fold(points.bounds(), |bounds, position| bounds.with(*position));
     let step = bounds.size().max_element().max(1e-3) / MAX_DOTS;
-    for (number, track) in (1..).zip(lines) {
+    for (number, track) in (1_usize..).zip(lines) {
         let leg = u16::try_from(number).unwrap_or(u16::MAX);
         let mut dot = |position: DVec3| {
             for i in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {

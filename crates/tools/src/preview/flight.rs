@@ -94,7 +94,7 @@ impl Overlay<'_> {
 /// overlap earlier ones are left out.
 fn numbers(paths: &[Vec<[f64; 2]>], text: f64) -> Vec<(usize, [f64; 2])> {
     let mut placed: Vec<(usize, [f64; 2], f64)> = Vec::new();
-    for (number, path) in (1..).zip(paths) {
+    for (number, path) in (1_usize..).zip(paths) {
         let Some(start) = path.first() else { continue };
         // The number of an instrument that stands is above it.
         let towards = path.iter().find(|p| *p != start).copied().unwrap_or([start[0], start[1] + 1.0]);
