@@ -117,14 +117,14 @@ mod tests {
 
     #[test]
     fn ticks_are_at_round_coordinates_of_the_scene() {
-        // 200 by 100 m around (500 100, 5 400 050): multiples of 100 m are at 0, 100 and 200 m.
+        // 200 by 100 m around (500 100, 5 400 050), with ticks every 50 and every 10 m.
         let panel = panel(View::Above, 2.0, [80.0, 30.0, 0.0]);
         let origin = [500_020.0, 5_400_020.0, 0.0];
         assert_eq!(panel.range(0, origin), [500_000.0, 500_200.0]);
         assert_eq!(panel.range(1, origin), [5_400_000.0, 5_400_100.0]);
         let mut picture = Picture::new(600, 300, [0; 3]);
         draw(&mut picture, &panel, origin, 1.0, DARK);
-        // Below x = 500 100 and left of y = 5 400 050, or of the lower edge.
+        // Below x = 500 100, and left of y = 5 400 000, the lower edge.
         assert_eq!(picture.dot(300, 251), DARK.faint);
         assert_eq!(picture.dot(98, 250), DARK.faint);
         // Names are drawn below and left of the view.

@@ -190,11 +190,8 @@ mod tests {
         let nowhere = vec![vec![], vec![[f64::NAN, 0.0]], vec![[1e300, -1e300], [0.0, f64::INFINITY]]];
         for lines in [nowhere, vec![vec![[500_050.0, 5_400_050.0]]]] {
             for points in [&points, &Points::default()] {
-                draw_flight(
-                    points,
-                    &FlightMap { lines: lines.clone(), ..flight.clone() },
-                    &PreviewOptions::default(),
-                );
+                let options = PreviewOptions { width: 500, height: 400, ..Default::default() };
+                draw_flight(points, &FlightMap { lines: lines.clone(), ..flight.clone() }, &options);
             }
         }
     }
