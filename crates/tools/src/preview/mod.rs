@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `layout` | the layout of a picture: title, views, legend |
 //! | `panel`, `section` | a view, and the part of the cloud that it shows |
-//! | `colour`, `legend` | colours of points and what they mean |
+//! | `colour`, `ranges`, `legend` | colours of points, the values that they span, and what they mean |
 //! | `axes`, `style` | captions, ticks in the coordinates of the scene; colours of all but the points |
 //! | `flight` | planned flights over their scene |
 //! | `map` | pictures from above whose pixels have known coordinates |
@@ -26,6 +26,7 @@ mod map;
 mod octree;
 mod page;
 mod panel;
+mod ranges;
 mod section;
 mod style;
 
