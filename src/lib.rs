@@ -143,10 +143,9 @@ pub use vlscan_warehouse as warehouse;
 
 pub use campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport, FailedCell};
 pub use cli::{command_line, main, scene_json};
-pub use options::{OneOf, OptionName, Options};
-pub use options::{ResolvedRun, schedule_of};
+pub use options::{OneOf, OptionName, Options, ResolvedRun, schedule_of};
 pub use planning::plan_survey;
-pub use sketch::{session_points, survey_points};
+pub use sketch::{SurveySketch, session_points, survey_points};
 pub use vlscan_base::Observer;
 pub use vlscan_base::diag::{Diagnostics, Notice};
 pub use vlscan_base::error::{Error, Result};

@@ -1,18 +1,21 @@
-//! A survey over its scene as points: surfaces with the leg that covers them, and the flight lines.
+//! A survey over its scene: surfaces with the flight line that covers them, the flight lines, and the pulses
+//! that the ground receives.
 
 use crate::options::ResolvedRun;
 use crate::options::{InputOptions, Options, Switch};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use vlscan_base::Observer;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::CLASSES;
 use vlscan_formats::{Attribute, AttributeSet, PointRow};
-use vlscan_geom::{DVec3, is_inside};
+use vlscan_geom::{Aabb, DVec3, is_inside};
 use vlscan_session::{FlightCoverage, LoadedScene, Progress, RunContext, Session};
 use vlscan_tools::cloud::Points;
+use vlscan_tools::preview::{FlightMap, Picture, PreviewOptions, draw_flight};
 use vlscan_warehouse::Stop;
 
 /// Most points on the surfaces of the scene.
@@ -21,22 +24,94 @@ const MAX_SURFACE_POINTS: usize = 1_000_000;
 const MAX_DOTS: f64 = 2000.0;
 /// Lines of dots beside each other that a flight line consists of.
 const LINE_WIDTH: i32 = 3;
+/// Cosine of the largest change of direction within a flight line whose legs name no strip, 10°.
+const STRAIGHT: f64 = 0.985;
+/// Cells of the map of pulses along the longer side of the scene.
+const CELLS_PER_SIDE: f64 = 400.0;
 
-/// The scene of a survey or pipeline as points, whose leg is the first one that covers them plus one, or 0,
-/// and the flight lines. Files are looked for in `assets`, too.
+/// A survey over its scene, before it is flown.
+pub struct SurveySketch {
+    points: Points,
+    /// Positions along each flight line, world coordinates, m.
+    lines: Vec<Vec<DVec3>>,
+    flight: FlightMap,
+}
+
+impl SurveySketch {
+    /// Flies a sample of a survey or pipeline file. Files are looked for in `assets`, too.
+    ///
+    /// # Errors
+    /// Those of [`ResolvedRun::resolve`] and of a flight; [`Error::Interrupted`].
+    pub fn of_file(
+        survey: &Path,
+        assets: &[PathBuf],
+        observer: &Observer,
+        stop: &Stop,
+    ) -> Result<SurveySketch> {
+        let strict = Switch::given(observer.is_strict());
+        let input = InputOptions { assets: assets.to_vec(), strict, ..InputOptions::default() };
+        let (job, warnings) = ResolvedRun::resolve(survey, &Options { input, ..Options::default() })?;
+        observer.warnings(warnings)?;
+        let mut session = Session::open(job.settings, observer.callback())?;
+        SurveySketch::of_session(&mut session, survey, observer, stop)
+    }
+
+    /// Flies a sample of the survey of a session, which `name` names in messages.
+    ///
+    /// # Errors
+    /// Those of a flight; [`Error::Interrupted`].
+    pub fn of_session(
+        session: &mut Session,
+        name: &Path,
+        observer: &Observer,
+        stop: &Stop,
+    ) -> Result<SurveySketch> {
+        let progress = Progress::default();
+        let coverage = session.sketch(RunContext::new(&progress, stop))?;
+        let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
+        let legs = &session.survey().legs;
+        let strips: BTreeMap<u32, &str> =
+            legs.iter().filter_map(|leg| Some((leg.number, leg.strip.as_deref()?))).collect();
+        let (numbers, lines) = flight_lines(&coverage.tracks, &strips);
+        let cover = Cover::of(&coverage, &numbers);
+        let points = surface_points(&loaded, name, &|place| cover.line(place), observer)?;
+        let density = DensityMap::of(&coverage, &points.bounds());
+        let flight = FlightMap {
+            lines: lines.iter().map(|line| line.iter().map(|p| [p.x, p.y]).collect()).collect(),
+            outline: density.outline(),
+            density: points.positions().iter().map(|position| density.at(*position)).collect(),
+        };
+        Ok(SurveySketch { points, lines, flight })
+    }
+
+    /// The surfaces of the scene as points, whose leg is the number of the first flight line that covers
+    /// them, from 1, or 0.
+    pub fn points(&self) -> &Points {
+        &self.points
+    }
+
+    /// A picture of the flight over the scene. If colours show legs, they show the density of pulses instead.
+    pub fn picture(&self, options: &PreviewOptions) -> Picture {
+        draw_flight(&self.points, &self.flight, options)
+    }
+
+    /// The points with dots along the flight lines, for pages.
+    pub fn into_points(mut self) -> Points {
+        draw_tracks(&self.lines, &mut self.points);
+        self.points
+    }
+}
+
+/// The scene of a survey or pipeline as points, whose leg is the number of the first flight line that covers
+/// them, from 1, or 0, and the flight lines. Files are looked for in `assets`, too.
 ///
 /// # Errors
 /// Those of [`ResolvedRun::resolve`] and of a flight; [`Error::Interrupted`].
 pub fn survey_points(survey: &Path, assets: &[PathBuf], observer: &Observer, stop: &Stop) -> Result<Points> {
-    let strict = Switch::given(observer.is_strict());
-    let input = InputOptions { assets: assets.to_vec(), strict, ..InputOptions::default() };
-    let (job, warnings) = ResolvedRun::resolve(survey, &Options { input, ..Options::default() })?;
-    observer.warnings(warnings)?;
-    let mut session = Session::open(job.settings, observer.callback())?;
-    session_points(&mut session, survey, observer, stop)
+    SurveySketch::of_file(survey, assets, observer, stop).map(SurveySketch::into_points)
 }
 
-/// The same of the survey of a session, which `name` names in messages.
+/// The points of [`survey_points`] of the survey of a session, which `name` names in messages.
 ///
 /// # Errors
 /// Those of a flight; [`Error::Interrupted`].
@@ -46,13 +121,7 @@ pub fn session_points(
     observer: &Observer,
     stop: &Stop,
 ) -> Result<Points> {
-    let progress = Progress::default();
-    let sketch = session.sketch(RunContext::new(&progress, stop))?;
-    let loaded = session.loaded().ok_or_else(|| Error::Internal("the scene is not loaded".to_owned()))?;
-    let cover = Cover::of(&sketch);
-    let mut points = surface_points(&loaded, name, &|place| cover.leg(place), observer)?;
-    draw_tracks(&sketch, &mut points);
-    Ok(points)
+    SurveySketch::of_session(session, name, observer, stop).map(SurveySketch::into_points)
 }
 
 /// The surfaces of a scene as points, which `name` names in messages.
@@ -63,11 +132,11 @@ pub fn scene_points(loaded: &LoadedScene, name: &Path, observer: &Observer) -> R
     surface_points(loaded, name, &|_| 0, observer)
 }
 
-/// Points on the surfaces of a scene with the legs that `leg` tells.
+/// Points on the surfaces of a scene, whose legs are the numbers of lines that `line` returns.
 fn surface_points(
     loaded: &LoadedScene,
     name: &Path,
-    leg: &dyn Fn(DVec3) -> u16,
+    line: &dyn Fn(DVec3) -> u16,
     observer: &Observer,
 ) -> Result<Points> {
     let attributes = AttributeSet::of(|attribute| matches!(attribute, Attribute::Class | Attribute::Leg));
@@ -80,7 +149,7 @@ fn surface_points(
     for i in 0..table.num_rows() {
         let position = DVec3::new(x[i], y[i], z[i]);
         let class = classes[i].clamp(0, 255) as u8;
-        points.push(&PointRow { position, class, leg: leg(position), ..PointRow::default() }, None);
+        points.push(&PointRow { position, class, leg: line(position), ..PointRow::default() }, None);
     }
     let mut found = points.doubts(name);
     let odd = classes.iter().filter(|class| !CLASSES.contains(class)).count();
@@ -92,18 +161,51 @@ fn surface_points(
     Ok(points)
 }
 
+/// The flight lines of tracks of legs: the number of the line of each leg, from 1, and the positions along
+/// each line. Legs in a row are one line if they share a strip, or if they name none and go straight on.
+fn flight_lines(
+    tracks: &[(u32, Vec<DVec3>)],
+    strips: &BTreeMap<u32, &str>,
+) -> (BTreeMap<u32, u16>, Vec<Vec<DVec3>>) {
+    let (mut numbers, mut lines) = (BTreeMap::new(), Vec::<Vec<DVec3>>::new());
+    let mut before: Option<u32> = None;
+    for (leg, track) in tracks {
+        let last = lines.last_mut().filter(|line| line.len() > 1 && track.len() > 1);
+        match last.zip(before).filter(|(line, before)| match (strips.get(before), strips.get(leg)) {
+            (Some(a), Some(b)) => a == b && *leg == before + 1,
+            (None, None) => continues(line, track),
+            _ => false,
+        }) {
+            Some((line, _)) => line.extend(&track[1..]),
+            None => lines.push(track.clone()),
+        }
+        numbers.insert(*leg, u16::try_from(lines.len()).unwrap_or(u16::MAX));
+        before = Some(*leg);
+    }
+    (numbers, lines)
+}
+
+/// True if a track begins where a line ends, in about the same direction.
+fn continues(line: &[DVec3], track: &[DVec3]) -> bool {
+    let ([.., a, b], [c, d, ..]) = (line, track) else { return false };
+    let direction = |from: DVec3, to: DVec3| {
+        let way = to - from;
+        DVec3::new(way.x, way.y, 0.0).normalize_or_zero()
+    };
+    b.distance(*c) < 1e-3 && direction(*a, *b).dot(direction(*c, *d)) > STRAIGHT
+}
+
 /// Adds dots along the flight lines.
-fn draw_tracks(sketch: &FlightCoverage, points: &mut Points) {
-    let all = sketch.tracks.iter().flat_map(|(_, track)| track);
-    let bounds = all.fold(points.bounds(), |bounds, position| bounds.with(*position));
+fn draw_tracks(lines: &[Vec<DVec3>], points: &mut Points) {
+    let bounds = lines.iter().flatten().fold(points.bounds(), |bounds, position| bounds.with(*position));
     let step = bounds.size().max_element().max(1e-3) / MAX_DOTS;
-    for (leg, track) in &sketch.tracks {
+    for (number, track) in (1_usize..).zip(lines) {
+        let leg = u16::try_from(number).unwrap_or(u16::MAX);
         let mut dot = |position: DVec3| {
             for i in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
                 for j in -LINE_WIDTH / 2..=LINE_WIDTH / 2 {
-                    let beside = DVec3::new(f64::from(i), f64::from(j), 0.0) * step;
-                    let row =
-                        PointRow { position: position + beside, leg: shown(*leg), ..PointRow::default() };
+                    let offset = DVec3::new(f64::from(i), f64::from(j), 0.0) * step;
+                    let row = PointRow { position: position + offset, leg, ..PointRow::default() };
                     points.push(&row, None);
                 }
             }
@@ -116,14 +218,12 @@ fn draw_tracks(sketch: &FlightCoverage, points: &mut Points) {
     }
 }
 
-/// The number of a leg in the picture; 0 is none.
-fn shown(leg: u32) -> u16 {
-    u16::try_from(leg).unwrap_or(u16::MAX - 1) + 1
-}
+/// A strip or sector of ground with the number of its flight line.
+type Swath = (u16, [DVec3; 4]);
 
 /// Swaths, sorted into the columns of a grid.
-struct Cover<'s> {
-    sketch: &'s FlightCoverage,
+struct Cover {
+    swaths: Vec<Swath>,
     low: f64,
     width: f64,
     /// Indices of the swaths that reach into each column.
@@ -132,48 +232,194 @@ struct Cover<'s> {
 
 const COLUMNS: usize = 512;
 
-impl<'s> Cover<'s> {
-    fn of(sketch: &'s FlightCoverage) -> Cover<'s> {
-        let corners = || sketch.swaths.iter().flat_map(|(_, quad)| quad).map(|corner| corner.x);
+impl Cover {
+    fn of(coverage: &FlightCoverage, numbers: &BTreeMap<u32, u16>) -> Cover {
+        let numbered = |(leg, quad): &(u32, [DVec3; 4])| Some((*numbers.get(leg)?, *quad));
+        let swaths: Vec<Swath> = coverage.swaths.iter().filter_map(numbered).collect();
+        let corners = || swaths.iter().flat_map(|(_, quad)| quad).map(|corner| corner.x);
         let (low, high) =
             corners().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
         let width = ((high - low) / COLUMNS as f64).max(1e-9);
         let mut columns = vec![Vec::new(); COLUMNS];
-        for (index, (_, quad)) in (0..).zip(&sketch.swaths) {
+        for (index, (_, quad)) in (0..).zip(&swaths) {
             let of = |x: f64| (((x - low) / width).max(0.0) as usize).min(COLUMNS - 1);
             let (from, to) = quad.iter().fold((COLUMNS - 1, 0), |(a, b), p| (a.min(of(p.x)), b.max(of(p.x))));
             columns[from..=to].iter_mut().for_each(|column| column.push(index));
         }
-        Cover { sketch, low, width, columns }
+        Cover { swaths, low, width, columns }
     }
 
-    /// The number in the picture of the first leg that covers a place.
-    fn leg(&self, place: DVec3) -> u16 {
+    /// The number of the first flight line that covers a place; 0 is none.
+    fn line(&self, place: DVec3) -> u16 {
         let column = (place.x - self.low) / self.width;
         let swaths =
             if (0.0..COLUMNS as f64).contains(&column) { &self.columns[column as usize][..] } else { &[] };
-        let covering = swaths.iter().map(|i| &self.sketch.swaths[*i as usize]);
+        let covering = swaths.iter().map(|i| &self.swaths[*i as usize]);
         let mut covering =
             covering.filter(|(_, quad)| is_inside(&quad.map(|p| [p.x, p.y]), [place.x, place.y]));
-        covering.next().map_or(0, |(leg, _)| shown(*leg))
+        covering.next().map_or(0, |(line, _)| *line)
     }
+}
+
+/// Expected pulses per m² in the cells of a grid over the scene.
+struct DensityMap {
+    low: [f64; 2],
+    /// Side of a cell, m.
+    side: f64,
+    columns: usize,
+    /// Row by row from the south west.
+    values: Vec<f32>,
+}
+
+impl DensityMap {
+    /// The pulses of each leg, spread evenly over its swaths.
+    fn of(coverage: &FlightCoverage, bounds: &Aabb) -> DensityMap {
+        let (low, size) = ([bounds.min.x, bounds.min.y], bounds.size());
+        let side = size.x.max(size.y) / CELLS_PER_SIDE;
+        if !(side.is_finite() && side > 0.0) {
+            return DensityMap { low, side: 1.0, columns: 0, values: Vec::new() };
+        }
+        let [columns, rows] = [size.x, size.y].map(|length| ((length / side).ceil() as usize).max(1));
+        let (mut areas, mut pulses) = (BTreeMap::<u32, f64>::new(), BTreeMap::<u32, f64>::new());
+        coverage.swaths.iter().for_each(|(leg, quad)| *areas.entry(*leg).or_insert(0.0) += area(quad));
+        coverage.pulses.iter().for_each(|(leg, count)| *pulses.entry(*leg).or_insert(0.0) += count);
+        let mut values = vec![0.0; columns * rows];
+        for (leg, quad) in &coverage.swaths {
+            let density: f64 = pulses.get(leg).copied().unwrap_or(0.0) / areas[leg];
+            if !(density.is_finite() && density > 0.0) {
+                continue;
+            }
+            let corners = quad.map(|p| [(p.x - low[0]) / side, (p.y - low[1]) / side]);
+            let range = |axis: usize, most: usize| {
+                let (first, last) = corners
+                    .iter()
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p[axis]), h.max(p[axis])));
+                (first.floor().max(0.0) as usize)..((last.ceil().max(0.0) as usize).min(most))
+            };
+            let columns_of_quad = range(0, columns);
+            for row in range(1, rows) {
+                for column in columns_of_quad.clone() {
+                    if is_inside(&corners, [column as f64 + 0.5, row as f64 + 0.5]) {
+                        values[row * columns + column] += density as f32;
+                    }
+                }
+            }
+        }
+        DensityMap { low, side, columns, values }
+    }
+
+    fn rows(&self) -> usize {
+        self.values.len() / self.columns.max(1)
+    }
+
+    /// The density at a place of the scene; 0 where no pulse arrives.
+    fn at(&self, place: DVec3) -> f32 {
+        let cell = |value: f64, axis: usize, count: usize| {
+            (((value - self.low[axis]) / self.side).max(0.0) as usize).min(count.saturating_sub(1))
+        };
+        let (column, row) = (cell(place.x, 0, self.columns), cell(place.y, 1, self.rows()));
+        self.values.get(row * self.columns + column).copied().unwrap_or(0.0)
+    }
+
+    /// Sides of cells between those that receive pulses and others, world coordinates, m.
+    fn outline(&self) -> Vec<[[f64; 2]; 2]> {
+        let is_covered = |column: Option<usize>, row: Option<usize>| match (column, row) {
+            (Some(column), Some(row)) if column < self.columns && row < self.rows() => {
+                self.values[row * self.columns + column] > 0.0
+            }
+            _ => false,
+        };
+        let corner = |column: usize, row: usize| {
+            [self.low[0] + column as f64 * self.side, self.low[1] + row as f64 * self.side]
+        };
+        let mut sides = Vec::new();
+        // The cells at the left and below of each corner may be beyond the grid, like those at the far sides.
+        for row in 0..=self.rows() {
+            for column in 0..=self.columns {
+                let here = is_covered(Some(column), Some(row));
+                if here != is_covered(column.checked_sub(1), Some(row)) {
+                    sides.push([corner(column, row), corner(column, row + 1)]);
+                }
+                if here != is_covered(Some(column), row.checked_sub(1)) {
+                    sides.push([corner(column, row), corner(column + 1, row)]);
+                }
+            }
+        }
+        sides
+    }
+}
+
+/// The area of a quadrilateral from above, m².
+fn area(quad: &[DVec3; 4]) -> f64 {
+    let next = quad.iter().cycle().skip(1);
+    // Relative to a corner, since coordinates are large.
+    let cross = |(a, b): (&DVec3, &DVec3)| {
+        let (a, b) = (*a - quad[0], *b - quad[0]);
+        a.x * b.y - b.x * a.y
+    };
+    0.5 * quad.iter().zip(next).map(cross).sum::<f64>().abs()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn p(x: f64, y: f64) -> DVec3 {
+        DVec3::new(x, y, 50.0)
+    }
+
+    fn strip(x: f64) -> [DVec3; 4] {
+        [p(x, 0.0), p(x + 10.0, 0.0), p(x + 10.0, 100.0), p(x, 100.0)]
+    }
+
     #[test]
-    fn places_have_the_first_leg_that_covers_them() {
-        let strip = |x: f64| {
-            let p = |x: f64, y: f64| DVec3::new(x, y, 50.0);
-            [p(x, 0.0), p(x + 10.0, 0.0), p(x + 10.0, 100.0), p(x, 100.0)]
+    fn places_have_the_first_line_that_covers_them() {
+        let swaths = vec![(3, strip(0.0)), (4, strip(5.0))];
+        let coverage = FlightCoverage { swaths, ..FlightCoverage::default() };
+        let cover = Cover::of(&coverage, &BTreeMap::from([(3, 1), (4, 2)]));
+        let line = |x: f64, y: f64| cover.line(DVec3::new(x, y, 0.0));
+        assert_eq!([line(2.0, 50.0), line(7.0, 50.0), line(12.0, 50.0)], [1, 1, 2]);
+        assert_eq!([line(2.0, 150.0), line(-1.0, 50.0), line(16.0, 50.0)], [0, 0, 0]);
+        assert_eq!(Cover::of(&FlightCoverage::default(), &BTreeMap::new()).line(DVec3::ZERO), 0);
+    }
+
+    #[test]
+    fn sub_legs_are_one_line_and_turns_separate_lines() {
+        let track = |leg: u32, from: DVec3, to: DVec3| (leg, vec![from, from.lerp(to, 0.5), to]);
+        let out = [track(0, p(0.0, 0.0), p(50.0, 1.0)), track(1, p(50.0, 1.0), p(100.0, 0.0))];
+        let back = [track(3, p(100.0, 40.0), p(50.0, 40.0)), track(4, p(50.0, 40.0), p(0.0, 40.0))];
+        let tracks = [out, back].concat();
+        let lines_by_leg = |strips: &[(u32, &'static str)]| {
+            let (numbers, lines) = flight_lines(&tracks, &strips.iter().copied().collect());
+            assert_eq!(lines.iter().map(Vec::len).sum::<usize>(), 12 - (4 - lines.len()));
+            numbers.into_values().collect::<Vec<u16>>()
         };
-        let sketch = FlightCoverage { tracks: Vec::new(), swaths: vec![(3, strip(0.0)), (4, strip(5.0))] };
-        let cover = Cover::of(&sketch);
-        let leg = |x: f64, y: f64| cover.leg(DVec3::new(x, y, 0.0));
-        assert_eq!([leg(2.0, 50.0), leg(7.0, 50.0), leg(12.0, 50.0)], [4, 4, 5]);
-        assert_eq!([leg(2.0, 150.0), leg(-1.0, 50.0), leg(16.0, 50.0)], [0, 0, 0]);
-        assert_eq!(Cover::of(&FlightCoverage::default()).leg(DVec3::ZERO), 0);
+        assert_eq!(lines_by_leg(&[]), [1, 1, 2, 2]);
+        assert_eq!(lines_by_leg(&[(0, "a"), (1, "a"), (3, "b"), (4, "b")]), [1, 1, 2, 2]);
+        assert_eq!(lines_by_leg(&[(0, "a"), (1, "b"), (3, "b"), (4, "c")]), [1, 2, 3, 4]);
+        // A corner, and positions of an instrument that stands.
+        let corner = [track(0, p(0.0, 0.0), p(50.0, 0.0)), track(1, p(50.0, 0.0), p(50.0, 50.0))];
+        assert_eq!(flight_lines(&corner, &BTreeMap::new()).1.len(), 2);
+        let stands = [(0, vec![p(0.0, 0.0)]), (1, vec![p(0.0, 0.0)])];
+        assert_eq!(flight_lines(&stands, &BTreeMap::from([(0, "a"), (1, "a")])).1.len(), 2);
+    }
+
+    #[test]
+    fn pulses_are_spread_over_swaths_and_add_up_where_these_overlap() {
+        let swaths = vec![(3, strip(0.0)), (4, strip(5.0))];
+        let pulses = vec![(3, 2000.0), (3, 1000.0), (4, 5000.0), (5, 1.0)];
+        let coverage = FlightCoverage { swaths, pulses, ..FlightCoverage::default() };
+        let bounds = Aabb { min: DVec3::new(-20.0, 20.0, 0.0), max: DVec3::new(60.0, 60.0, 9.0) };
+        let density = DensityMap::of(&coverage, &bounds);
+        let at = |x: f64, y: f64| density.at(DVec3::new(x, y, 0.0));
+        assert_eq!([at(2.0, 30.0), at(7.0, 30.0), at(12.0, 60.0)], [3.0, 8.0, 5.0]);
+        assert_eq!([at(-5.0, 30.0), at(15.5, 30.0), at(60.0, 60.0)], [0.0; 3]);
+        // The outline is that of 15 by 40 m.
+        let length = |[a, b]: &[[f64; 2]; 2]| (a[0] - b[0]).abs() + (a[1] - b[1]).abs();
+        let outline = density.outline();
+        assert!((outline.iter().map(length).sum::<f64>() - 110.0).abs() < 1e-6, "{}", outline.len());
+        assert!(outline.iter().flatten().all(|[x, _]| (-1e-9..=15.0 + 1e-9).contains(x)));
+        let nothing = DensityMap::of(&coverage, &Aabb::EMPTY);
+        assert!(nothing.outline().is_empty() && nothing.at(p(2.0, 30.0)) == 0.0);
     }
 }

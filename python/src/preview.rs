@@ -15,7 +15,7 @@ use vlscan::base::files::reads;
 use vlscan::output::expand;
 use vlscan::tools::cloud::{Points, Wave, points_of_table, read_packet, read_points, read_wave};
 use vlscan::tools::preview::{Chart, ColourBy, PreviewOptions, draw, write_page};
-use vlscan::{Error, Notice, Observer, session_points};
+use vlscan::{Error, Notice, Observer, SurveySketch};
 
 fn colour_of(name: &str) -> PyResult<ColourBy> {
     let known = ColourBy::ALL.into_iter().find(|colour| colour.name() == name);
@@ -54,6 +54,8 @@ pub fn preview<'py>(
             return if is_page { Ok(chart.page().into_bytes()) } else { chart.picture().png() };
         }
         let observer = Observer::new(false, own.observer());
+        let options =
+            PreviewOptions { colour, width, height, light, title, max_points, ..PreviewOptions::default() };
         let (points, name) = match (&file, &request) {
             (Some(path), _) => {
                 let (points, found) = read_points(path)?;
@@ -63,13 +65,19 @@ pub fn preview<'py>(
             (None, Some(request)) => {
                 let (request, name) = (request.get(), PathBuf::from("<python>"));
                 let mut session = request.session(request.job(&own)?, &own)?;
-                (session_points(&mut session, &name, &observer, &stop.stop)?, name)
+                let sketch = SurveySketch::of_session(&mut session, &name, &observer, &stop.stop)?;
+                if !is_page {
+                    // Instead of legs, pictures show the density of pulses.
+                    if colour != ColourBy::Leg {
+                        observer.warnings(colour.doubts(sketch.points(), &name))?;
+                    }
+                    return sketch.picture(&options).png();
+                }
+                (sketch.into_points(), name)
             }
             (None, None) => return Err(Error::input("expected points or a survey")),
         };
         observer.warnings(colour.doubts(&points, &name))?;
-        let options =
-            PreviewOptions { colour, width, height, light, title, max_points, ..PreviewOptions::default() };
         if !is_page {
             return draw(&points, &options).png();
         }

@@ -40,8 +40,8 @@ def preview(
     pulse : int, optional
         Number of the pulse whose waveform is drawn.
     colour : str, optional
-        ``height``, ``class``, ``intensity``, ``object``, ``return`` or ``leg``; of points their height, of a survey the leg that covers
-        the ground, by default.
+        ``height``, ``class``, ``intensity``, ``object``, ``return`` or ``leg``; of points their height, of a survey the density
+        of pulses in a picture and the flight line that covers the ground in a page, by default.
     title : str, optional
         A title; the name of the file by default.
     light : bool

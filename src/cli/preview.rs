@@ -5,7 +5,7 @@ use super::args::PreviewArgs;
 use super::watch::during;
 use super::{Console, interrupt};
 use crate::options::holds_survey;
-use crate::sketch::survey_points;
+use crate::sketch::SurveySketch;
 use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
@@ -13,7 +13,7 @@ use vlscan_base::files::{FileWriter, Patched, means_stdout, reads, refuse_existi
 use vlscan_base::quantity::{amount, amount_of};
 use vlscan_session::output::expand;
 use vlscan_tools::cloud::{Points, Wave, read_packet, read_points, read_wave};
-use vlscan_tools::preview::{Chart, ColourBy, PreviewOptions, draw, write_octree, write_page};
+use vlscan_tools::preview::{Chart, ColourBy, Picture, PreviewOptions, draw, write_octree, write_page};
 
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     check(args)?;
@@ -27,17 +27,8 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         console.say(format!("{}: {}", args.out.display(), amount_of(count as f64, "point")));
         return Ok(());
     }
-    let points = match is_survey {
-        true => during(console, "flying the survey", || {
-            survey_points(&args.points, &args.assets, &console.listener(), &interrupt::STOP)
-        })?,
-        false => read_cloud(&args.points, console)?,
-    };
-    let colour = args.colour.unwrap_or(if is_survey { ColourBy::Leg } else { ColourBy::Height });
-    console.warnings(&colour.doubts(&points, &args.points))?;
-    let count = amount_of(points.total() as f64, "point");
     let options = PreviewOptions {
-        colour,
+        colour: args.colour.unwrap_or(if is_survey { ColourBy::Leg } else { ColourBy::Height }),
         width: args.width,
         height: args.height,
         light: args.light,
@@ -45,13 +36,46 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         max_points: usize::try_from(args.most_points.0).unwrap_or(usize::MAX),
         heights: None,
     };
-    if !is_page(&args.out) {
-        let picture = draw(&points, &options).png()?;
-        write(args, |out| out.write_all(&picture))?;
-        console.say(format!("{}: {count}", args.out.display()));
-        return Ok(());
+    if is_survey {
+        return survey(args, &options, console);
     }
-    let page = write(args, |out| write_page(&points, &options, out))?;
+    let points = read_cloud(&args.points, console)?;
+    console.warnings(&options.colour.doubts(&points, &args.points))?;
+    match is_page(&args.out) {
+        true => page(args, &points, &options, console),
+        false => picture(args, &points, &draw(&points, &options), console),
+    }
+}
+
+/// Draws a survey before it is flown.
+fn survey(args: &PreviewArgs, options: &PreviewOptions, console: &Console) -> Result<()> {
+    let sketch = during(console, "flying the survey", || {
+        SurveySketch::of_file(&args.points, &args.assets, &console.listener(), &interrupt::STOP)
+    })?;
+    if is_page(&args.out) {
+        let points = sketch.into_points();
+        console.warnings(&options.colour.doubts(&points, &args.points))?;
+        return page(args, &points, options, console);
+    }
+    // Instead of legs, pictures show the density of pulses.
+    if options.colour != ColourBy::Leg {
+        console.warnings(&options.colour.doubts(sketch.points(), &args.points))?;
+    }
+    picture(args, sketch.points(), &sketch.picture(options), console)
+}
+
+/// Writes a picture of points.
+fn picture(args: &PreviewArgs, points: &Points, picture: &Picture, console: &Console) -> Result<()> {
+    let bytes = picture.png()?;
+    write(args, |out| out.write_all(&bytes))?;
+    console.say(format!("{}: {}", args.out.display(), amount_of(points.total() as f64, "point")));
+    Ok(())
+}
+
+/// Writes a page of points.
+fn page(args: &PreviewArgs, points: &Points, options: &PreviewOptions, console: &Console) -> Result<()> {
+    let page = write(args, |out| write_page(points, options, out))?;
+    let count = amount_of(points.total() as f64, "point");
     let sampled = if page.shown < page.total {
         format!("{} of {count}, evenly chosen (--most-points)", amount(page.shown as f64))
     } else {

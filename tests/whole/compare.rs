@@ -64,6 +64,10 @@ fn runs_are_compared_in_every_format() {
         !page.contains("http://") && !page.contains("https://") && !page.contains("<script"),
         "loads something"
     );
+    // It begins with its results.
+    let parts = ["<h2>Results</h2>", "<td>fill</td>", "data:image/png", "<h2>Contents</h2>", "<svg"];
+    let places = parts.map(|part| page.find(part).unwrap_or_else(|| panic!("no {part} in {page}")));
+    assert!(places.is_sorted(), "{places:?}");
     let again = run(dir.path(), &args);
     assert!(!again.status.success() && text(&again.stderr).contains("--force"));
 }

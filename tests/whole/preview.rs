@@ -190,6 +190,35 @@ fn a_name_that_tells_no_format_and_numbers_that_are_none_are_refused() {
 }
 
 #[test]
+fn a_plan_is_drawn_by_flight_lines() {
+    let dir = folder();
+    let corners = ["-400 -400", "400 -400", "400 400", "-400 400"].map(|corner| format!("v {corner} 0\n"));
+    std::fs::write(dir.path().join("flat.obj"), corners.concat() + "f 1 2 3\nf 1 3 4\n").unwrap();
+    let area = "POLYGON ((-200 -200, 200 -200, 200 200, -200 200))";
+    let plan = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--platform", "quadcopter"];
+    let size = ["--scene", "flat.obj", "--area", area, "--height", "80", "--density", "30", "-q"];
+    succeed(dir.path(), &[&plan[..], &size, &["-o", "plan.toml"]].concat());
+    let plan = std::fs::read_to_string(dir.path().join("plan.toml")).unwrap();
+    let strips: HashSet<&str> = plan.lines().filter(|line| line.starts_with("strip = ")).collect();
+    assert!(strips.len() > 2, "{plan}");
+    succeed(dir.path(), &["preview", "plan.toml", "-o", "plan.html", "-q"]);
+    let page = std::fs::read_to_string(dir.path().join("plan.html")).unwrap();
+    let is_named = |number: usize| page.contains(&format!("\"line {number}\""));
+    assert!((1..=strips.len()).all(is_named) && !is_named(strips.len() + 1), "{} lines", strips.len());
+    for (name, light) in [("dark.png", None), ("light.png", Some("--light"))] {
+        let args = ["preview", "plan.toml", "-o", name, "--width", "800", "--height", "600", "-q"];
+        succeed(dir.path(), &[&args[..], light.as_slice()].concat());
+        let file = BufReader::new(File::open(dir.path().join(name)).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut bytes).unwrap();
+        assert_eq!((info.width, info.height), (800, 600));
+        let colours: HashSet<&[u8]> = bytes.chunks_exact(3).collect();
+        assert!(colours.len() > strips.len(), "{name}: {} colours", colours.len());
+    }
+}
+
+#[test]
 fn a_waveform_is_plotted_with_the_echoes_that_the_run_found() {
     let dir = folder();
     let survey = fixture("forest/survey.xml");

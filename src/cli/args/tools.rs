@@ -126,8 +126,8 @@ pub struct PreviewArgs {
     /// column of point files.
     #[arg(long, value_name = "N")]
     pub pulse: Option<u64>,
-    /// Attribute that sets the colour. [default: height; for a survey the leg that covers the point, grey
-    /// where none does]
+    /// Attribute that sets the colour. [default: height; for a survey the density of pulses in a picture,
+    /// and in a page the flight line that covers the point, grey where none does]
     #[arg(long, value_enum)]
     pub colour: Option<ColourBy>,
     /// Dark on white, for print, instead of light on black.

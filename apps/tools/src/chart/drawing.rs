@@ -171,7 +171,7 @@ pub struct Drawing {
     pub height: f64,
     /// Size of the text, in dots of the drawing per dot of a font seven dots high.
     pub text: f64,
-    pub(super) marks: Vec<Mark>,
+    pub(crate) marks: Vec<Mark>,
 }
 
 impl Drawing {

@@ -18,7 +18,7 @@
 //! | `drawing` | marks, their colours, and the drawing as SVG |
 //! | `raster` | the drawing as pixels |
 //! | `axis` | values on axes, ticks, the grid |
-//! | `picture`, `font`, `label` | pixels and PNG, letters of pixels, numbers as text |
+//! | `picture`, `font`, `label` | pixels and PNG, letters of strokes, numbers as text |
 
 mod axis;
 mod drawing;
@@ -29,5 +29,5 @@ mod raster;
 
 pub use axis::{Axis, Plot, labelled, steps};
 pub use drawing::{Anchor, Drawing, Mark, Role, Theme, style};
-pub(crate) use picture::Frame;
+pub(crate) use picture::{Frame, NORTH_HEIGHT};
 pub use picture::{Picture, Rgb};

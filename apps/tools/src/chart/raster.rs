@@ -28,19 +28,23 @@ impl Drawing {
                 Mark::Dots { at, width, role } => {
                     at.iter().for_each(|at| disc(&mut fine, *at, 0.5 * width, role.colour()))
                 }
-                Mark::Text { at, text, role, anchor } => {
-                    let wide = f64::from(font::width(text)) * self.text;
-                    let share = match anchor {
-                        Anchor::Start => 0.0,
-                        Anchor::Middle => 0.5,
-                        Anchor::End => 1.0,
-                    };
-                    let x = dots(at[0] - share * wide);
-                    fine.text(x, dots(at[1]), text, dots(self.text), role.colour());
-                }
+                // Text is smooth at its final size.
+                Mark::Text { .. } => {}
             }
         }
-        fine.halved()
+        let mut picture = fine.halved();
+        for mark in &self.marks {
+            if let Mark::Text { at: [x, y], text, role, anchor } = mark {
+                let wide = font::width(text) * self.text;
+                let share = match anchor {
+                    Anchor::Start => 0.0,
+                    Anchor::Middle => 0.5,
+                    Anchor::End => 1.0,
+                };
+                picture.text([(x - share * wide).round(), y.round()], text, self.text, role.colour());
+            }
+        }
+        picture
     }
 }
 

@@ -34,7 +34,7 @@ pub struct Points {
     /// System of the coordinates as WKT.
     crs: Option<String>,
     bounds: Aabb,
-    /// True if 0 stands for no leg, and N + 1 for leg N.
+    /// True if legs are flight lines, numbered from 1, and 0 stands for none.
     legs_from_one: bool,
     object_numbers: HashMap<String, u16>,
     latest_object: u16,
@@ -213,7 +213,7 @@ impl Points {
         self.latest_object
     }
 
-    /// From now on leg 0 of the points stands for no leg, and N + 1 for leg N.
+    /// From now on legs of the points are flight lines, numbered from 1, and 0 stands for none.
     pub fn count_legs_from_one(&mut self) {
         self.legs_from_one = true;
     }

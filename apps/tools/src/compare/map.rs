@@ -3,7 +3,7 @@
 use super::change::ChangeMap;
 use super::statistic::quantile;
 use crate::chart::label::{metres, round_below};
-use crate::chart::{Frame, Picture, Rgb, font};
+use crate::chart::{Frame, NORTH_HEIGHT, Picture, Rgb, font};
 
 /// From lower to higher: blue over white to red, told apart with all usual kinds of colour vision
 /// (ColorBrewer RdBu).
@@ -25,6 +25,8 @@ const UNCHANGED: Rgb = [214, 217, 220];
 /// Room for the scale at the right, dots.
 const LEGEND: u32 = 130;
 const BORDER: u32 = 24;
+/// Size of the text, dots per unit of the font.
+const TEXT: f64 = 2.0;
 
 /// The differences from above, as large as fits into a width and height, with their scale.
 pub(super) fn picture_of(map: &ChangeMap, [width, height]: [u32; 2]) -> Picture {
@@ -46,6 +48,19 @@ pub(super) fn picture_of(map: &ChangeMap, [width, height]: [u32; 2]) -> Picture 
         }
     }
     draw_scale(&mut picture, width, height, reach);
+    picture.north_arrow([f64::from(width - 50), f64::from(height - BORDER - 8)], TEXT, INK, PAPER);
+    let size = [map.columns, map.rows].map(|cells| metres(cells as f64 * map.side_m));
+    let place = format!(
+        "{} × {} m from x {} m, y {} m",
+        size[0],
+        size[1],
+        metres(map.corner[0]),
+        metres(map.corner[1])
+    );
+    // Below the field, as large as it fits.
+    let text = (f64::from(width - BORDER) / font::width(&place)).min(TEXT);
+    let below = f64::from(BORDER) + dots * map.rows as f64 + 6.0;
+    picture.text([f64::from(BORDER), below], &place, text, INK);
     picture
 }
 
@@ -69,21 +84,21 @@ fn colour(share: f64) -> Rgb {
 }
 
 fn draw_scale(picture: &mut Picture, width: u32, height: u32, reach: f64) {
-    const TEXT: u32 = 2;
-    let (left, top, tall) = (width - LEGEND + 20, 2 * BORDER + 30, (height - 4 * BORDER - 60).max(2));
+    let north = (NORTH_HEIGHT * TEXT) as u32;
+    let (left, top) = (width - LEGEND + 20, 2 * BORDER + 30);
+    let tall = height.saturating_sub(4 * BORDER + 60 + north).max(2);
     for y in 0..tall {
         let share = 1.0 - 2.0 * f64::from(y) / f64::from(tall - 1);
         picture.fill(Frame { x: left, y: top + y, width: 22, height: 1 }, colour(share));
     }
-    picture.text(left - 10, top - 30, "change, m", TEXT, INK);
+    picture.text([f64::from(left - 10), f64::from(top - 30)], "change, m", TEXT, INK);
     let step = round_below(reach / 2.5);
     let count = (reach / step) as i32;
     for i in -count..=count {
         let value = f64::from(i) * step;
         let y = f64::from(top) + (1.0 - value / reach) / 2.0 * f64::from(tall - 1);
         let text = if i > 0 { format!("+{}", metres(value)) } else { metres(value) };
-        let y = (y as u32).saturating_sub(font::HEIGHT * TEXT / 2);
-        picture.text(left + 30, y, &text, TEXT, INK);
+        picture.text([f64::from(left + 30), y - 0.5 * font::HEIGHT * TEXT], &text, TEXT, INK);
     }
 }
 
@@ -109,5 +124,7 @@ mod tests {
         };
         assert_eq!((at(0, 1), at(1, 1)), (DIVERGING[8], DIVERGING[0]));
         assert_eq!((at(0, 0), at(1, 0)), (UNCHANGED, PAPER));
+        // The shaft of the arrow to the north.
+        assert_eq!(picture.dot(350, 300 - BORDER - 16), INK);
     }
 }

@@ -1,6 +1,7 @@
-//! A comparison as one page for a browser and for paper: tables, charts, pictures of both clouds and of their
-//! difference.
+//! A comparison as one page for a browser and for paper: results, contents, tables, charts, pictures of both
+//! clouds.
 
+use super::change::Change;
 use super::comparison::Comparison;
 use super::histogram::Histogram;
 use super::map::picture_of;
@@ -14,6 +15,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use vlscan_base::error::Result;
 use vlscan_base::markup::escaped;
+use vlscan_base::quantity::{fixed, signed};
 
 /// Width and height of the field of a histogram, px.
 const FIELD: [f64; 2] = [430.0, 190.0];
@@ -30,12 +32,13 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
  h2{margin:1.6em 0 .4em;border-bottom:2px solid}h3{margin:.8em 0 .1em}.pair figure{flex:0 1 490px}@media (min-width:62em){.pair{flex-wrap:nowrap}}\
  @media print{body{margin:0;max-width:none;font-size:11px}a{color:inherit}}";
 
-/// The page; nothing in it is loaded from elsewhere.
+/// The page; nothing in it is loaded from elsewhere. It begins with the results.
 ///
 /// # Errors
 /// None that a user could cause.
 pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     let names = [&comparison.first.name, &comparison.second.name].map(|name| escaped(name));
+    let (body, contents) = details(comparison);
     let mut out = String::from("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n");
     // Writing to a string does not fail.
     let mut add = |text: std::fmt::Arguments| {
@@ -47,42 +50,25 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     ));
     add(format_args!("<style>{STYLE}\n{}</style></head><body>\n", style(Theme::Reader)));
     add(format_args!(
-        "<h1><span class=\"s0\">{}</span> and <span class=\"s1\">{}</span></h1>\n{}",
-        names[0],
-        names[1],
-        summary(comparison)
+        "<h1><span class=\"s0\">{}</span> and <span class=\"s1\">{}</span></h1>\n",
+        names[0], names[1]
     ));
-    let mut group = "";
-    for section in sections(comparison) {
-        let quantity = section.quantity.map(|i| &comparison.quantities[i]);
-        let next = quantity.map_or(group, |quantity| quantity.group);
-        if next != group && quantity.is_some() {
-            add(format_args!("<h2>{next}</h2>\n"));
-            group = next;
-        } else if quantity.is_none() {
-            add(format_args!("<h2>{}</h2>\n", escaped(&section.title)));
-        }
-        add(format_args!("<section>"));
-        if quantity.is_some() {
-            add(format_args!("<h3>{}</h3>", escaped(&section.title)));
-        }
-        add(format_args!(
-            "<p class=\"m\">{}</p>\n<div class=\"pair\">{}",
-            escaped(&section.meaning),
-            rows(&section)
-        ));
-        if let Some(quantity) = quantity {
-            let unit = if quantity.unit.is_empty() { String::new() } else { format!(", {}", quantity.unit) };
-            add(format_args!("{}", chart(&format!("{}{unit}", quantity.name), &quantity.histogram)));
-        }
-        add(format_args!("</div></section>\n"));
-    }
+    add(format_args!("<h2>Results</h2>\n<section>{}", volumes(&comparison.change)));
+    let picture = BASE64_STANDARD.encode(picture_of(&comparison.change.map, PICTURE).png()?);
+    add(format_args!(
+        "<h3>Second minus first</h3>\n<p class=\"m\">Differences of the ground beyond the level of detection in colour, \
+         others in grey; white where a cloud has no surface.</p>\n\
+         <img alt=\"differences of the ground from above\" src=\"data:image/png;base64,{picture}\"></section>\n"
+    ));
+    add(format_args!("{}{}{body}", summary(comparison), list_of(&contents)));
     if !comparison.missing.is_empty() {
-        add(format_args!("<h2>Missing</h2>\n<ul>"));
+        add(format_args!("<h2 id=\"missing\">Missing</h2>\n<ul>"));
         comparison.missing.iter().for_each(|missing| add(format_args!("<li>{}</li>", escaped(missing))));
         add(format_args!("</ul>\n"));
     }
-    add(format_args!("<h2>Pictures</h2>\n<p class=\"m\">Both clouds have one scale of heights.</p>\n"));
+    add(format_args!(
+        "<h2 id=\"pictures\">Pictures</h2>\n<p class=\"m\">Both clouds have one scale of heights.</p>\n"
+    ));
     let heights = common_heights(&clouds);
     for (points, (name, class)) in clouds.into_iter().zip(names.iter().zip(["s0", "s1"])) {
         let [width, height] = PICTURE;
@@ -93,14 +79,87 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
              src=\"data:image/png;base64,{picture}\"></section>\n"
         ));
     }
-    let picture = BASE64_STANDARD.encode(picture_of(&comparison.change.map, PICTURE).png()?);
-    add(format_args!(
-        "<section><h3>Second minus first</h3>\n<p class=\"m\">Differences of the ground beyond the level of detection in colour, \
-         others in grey; white where a cloud has no surface.</p>\n\
-         <img alt=\"differences of the ground from above\" src=\"data:image/png;base64,{picture}\"></section>\n"
-    ));
     add(format_args!("</body></html>\n"));
     Ok(out)
+}
+
+/// All sections with their charts, and the headings above them, each with its anchor.
+fn details(comparison: &Comparison) -> (String, Vec<(String, String)>) {
+    let (mut out, mut contents) = (String::new(), Vec::new());
+    // Writing to a string does not fail.
+    let mut add = |text: std::fmt::Arguments| {
+        let _ = out.write_fmt(text);
+    };
+    let mut group = "";
+    for section in sections(comparison) {
+        let quantity = section.quantity.map(|i| &comparison.quantities[i]);
+        let heading = match quantity {
+            Some(quantity) if quantity.group == group => None,
+            Some(quantity) => Some(quantity.group),
+            None => Some(section.title.as_str()),
+        };
+        if let Some(heading) = heading {
+            let anchor = format!("part{}", contents.len() + 1);
+            add(format_args!("<h2 id=\"{anchor}\">{}</h2>\n", escaped(heading)));
+            contents.push((anchor, heading.to_owned()));
+        }
+        group = quantity.map_or(group, |quantity| quantity.group);
+        add(format_args!("<section>"));
+        if quantity.is_some() {
+            add(format_args!("<h3>{}</h3>", escaped(&section.title)));
+        }
+        add(format_args!(
+            "<p class=\"m\">{}</p>\n<div class=\"pair\">{}",
+            escaped(&section.meaning),
+            rows(&section)
+        ));
+        // A single bar shows nothing that the table does not.
+        if let Some(quantity) = quantity.filter(|quantity| bars(&quantity.histogram) > 1) {
+            let unit = if quantity.unit.is_empty() { String::new() } else { format!(", {}", quantity.unit) };
+            add(format_args!("{}", chart(&format!("{}{unit}", quantity.name), &quantity.histogram)));
+        }
+        add(format_args!("</div></section>\n"));
+    }
+    if !comparison.missing.is_empty() {
+        contents.push(("missing".to_owned(), "Missing".to_owned()));
+    }
+    contents.push(("pictures".to_owned(), "Pictures".to_owned()));
+    (out, contents)
+}
+
+/// Number of classes with values of either cloud.
+fn bars(histogram: &Histogram) -> usize {
+    let [first, second] = &histogram.fractions;
+    first.iter().zip(second).filter(|(a, b)| **a > 0.0 || **b > 0.0).count()
+}
+
+/// The list of contents, with links.
+fn list_of(contents: &[(String, String)]) -> String {
+    let item = |(anchor, heading): &(String, String)| {
+        format!("<li><a href=\"#{anchor}\">{}</a></li>\n", escaped(heading))
+    };
+    let items: String = contents.iter().map(item).collect();
+    format!("<nav><h2>Contents</h2>\n<ul>\n{items}</ul></nav>\n")
+}
+
+/// The volumes of the change with their standard uncertainties.
+fn volumes(change: &Change) -> String {
+    let mut text =
+        "<table><tr><th>change of the ground</th><th>volume, m³</th><th>area, m²</th></tr>\n".to_owned();
+    let net_area = change.cells as f64 * change.map.side_m * change.map.side_m;
+    for (name, volume, uncertainty, area) in [
+        ("fill", fixed(change.fill.volume_m3, 1), change.fill.uncertainty_m3, change.fill.area_m2),
+        ("cut", fixed(change.cut.volume_m3, 1), change.cut.uncertainty_m3, change.cut.area_m2),
+        ("net, all cells", signed(change.net_m3, 1), change.net_uncertainty_m3, net_area),
+    ] {
+        // Without cells the uncertainty is NaN.
+        let volume = match uncertainty.is_nan() {
+            true => "unknown".to_owned(),
+            false => format!("{volume} ± {}", fixed(uncertainty, 1)),
+        };
+        let _ = writeln!(text, "<tr><td>{name}</td><td>{volume}</td><td>{}</td></tr>", fixed(area, 0));
+    }
+    text + "</table>\n"
 }
 
 /// The title of the page: the names of both files, with their folders only if they are the same without.
@@ -232,5 +291,63 @@ fn scale(histogram: &Histogram) -> (f64, bool) {
         (1.5 * second, true)
     } else {
         (1.05 * first.max(1e-9), false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compare::{CompareOptions, compare};
+    use vlscan_base::Observer;
+    use vlscan_formats::{AttributeSet, PointRow};
+    use vlscan_geom::DVec3;
+
+    #[test]
+    fn a_page_begins_with_its_results_and_has_no_chart_of_one_bar() {
+        let mut cloud = Points::new(AttributeSet::of(|_| true));
+        for i in 0..1600 {
+            let position =
+                DVec3::new(0.5 * f64::from(i % 40), 0.5 * f64::from(i / 40), 0.01 * f64::from(i % 7));
+            let returns = PointRow { return_number: 1, number_of_returns: 1, ..PointRow::default() };
+            let row = PointRow { position, intensity: 5.0, class: 2, ..returns };
+            cloud.push(&row, None);
+        }
+        let clouds = [("a", &cloud), ("b", &cloud)];
+        let comparison = compare(clouds, &CompareOptions::default(), &Observer::default()).unwrap();
+        let text = page(&comparison, [&cloud, &cloud]).unwrap();
+        let parts = [
+            "<h2>Results</h2>",
+            "<td>fill</td>",
+            "differences of the ground from above",
+            "compared 1600 points",
+            "<h2>Contents</h2>",
+            "<svg",
+        ];
+        let places = parts.map(|part| text.find(part).unwrap_or_else(|| panic!("no {part} in {text}")));
+        assert!(places.is_sorted(), "{places:?}");
+        for link in text.split("href=\"#").skip(1) {
+            let anchor = link.split('"').next().unwrap();
+            assert!(text.contains(&format!("<h2 id=\"{anchor}\">")), "{anchor} leads nowhere");
+        }
+        let several = comparison.quantities.iter().filter(|q| bars(&q.histogram) > 1).count();
+        assert!(several > 0 && several < comparison.quantities.len());
+        assert_eq!(text.matches("<svg").count(), several);
+        assert_eq!(bars(&comparison.quantity("intensity over its median").unwrap().histogram), 1);
+    }
+
+    #[test]
+    fn a_histogram_of_one_class_has_one_bar() {
+        let of = |first: &[f64], second: &[f64]| bars(&Histogram::of([first, second], false));
+        assert_eq!(of(&[7.0; 5], &[7.0; 3]), 1);
+        assert!(of(&[7.0; 5], &[7.0, 7.0, 9.0]) > 1);
+        let empty_classes = Histogram {
+            from: 0.0,
+            to: 3.0,
+            fractions: [vec![0.0, 1.0, 0.0], vec![0.0, 1.0, 0.0]],
+            below: [0.0; 2],
+            above: [0.0; 2],
+            overlap: 1.0,
+        };
+        assert_eq!(bars(&empty_classes), 1);
     }
 }

@@ -48,7 +48,7 @@ impl Chart {
     /// by 240 to 16384 dots.
     pub fn new(wave: &Wave, name: &str, width: u32, height: u32) -> Chart {
         let (width, height) = (f64::from(width.clamp(320, 16_384)), f64::from(height.clamp(240, 16_384)));
-        let t = (width.min(height * 4.0 / 3.0) / 620.0).floor().max(1.0);
+        let t = (width.min(height * 4.0 / 3.0) / 700.0).max(1.0);
         let aside = if name.is_empty() { String::new() } else { format!(" · {name}") };
         let title = format!("pulse {}{aside}", wave.pulse);
         let mut chart = Chart { title, drawing: Drawing::new(width, height, t) };
@@ -148,20 +148,15 @@ impl Chart {
                 && width < whole
                 && echo.centre.is_finite()
                 && echo.height.is_finite();
-            let label = if fits { format!("{width:.2} ns") } else { "no Gaussian fits".to_owned() };
+            let label = match fits {
+                true => {
+                    let full = half_maximum(width);
+                    format!("{width:.2} ns (half width at 1/e), {:.2} ns at half maximum", full[1] - full[0])
+                }
+                false => "no Gaussian fits".to_owned(),
+            };
             if fits {
-                let middle = wave.start + interval * echo.centre;
-                let bell = |off: f64| echo.pedestal + echo.height * libm::exp(-(off / width) * (off / width));
-                let at = |i: u32| {
-                    let off = 2.5 * width * (f64::from(i) / 48.0 - 1.0);
-                    let time = (middle + off).clamp(field.time.0, field.time.1);
-                    field.clamped(time, bell(time - middle))
-                };
-                let path = (0..=96).map(at).collect();
-                self.drawing.add(Mark::Stroke { path, width: 1.2 * t, dashed: true, role });
-                // Marks the fitted width, where the Gaussian has fallen to 1/e.
-                let path = [middle, middle + width].map(|time| field.clamped(time, bell(width))).to_vec();
-                self.drawing.add(Mark::Stroke { path, width: 2.0 * t, dashed: false, role });
+                self.gaussian(field, echo, (wave.start + interval * echo.centre, width), role);
             }
             let at = field.at(centre, echo.amplitude);
             let range = centre * LIGHT_SPEED;
@@ -180,6 +175,25 @@ impl Chart {
         if echoes.is_empty() {
             self.write(field.plot.left, below, "no echo", Role::Faint);
         }
+    }
+
+    /// Draws the Gaussian fitted to an echo, and its full width at half maximum. `middle` and `width`, the
+    /// half width at 1/e, are times, ns.
+    fn gaussian(&mut self, field: &Field, echo: &RecordedEcho, (middle, width): (f64, f64), role: Role) {
+        let t = self.drawing.text;
+        let bell = |off: f64| echo.pedestal + echo.height * libm::exp(-(off / width) * (off / width));
+        let at = |i: u32| {
+            let off = 2.5 * width * (f64::from(i) / 48.0 - 1.0);
+            let time = (middle + off).clamp(field.time.0, field.time.1);
+            field.clamped(time, bell(time - middle))
+        };
+        let path = (0..=96).map(at).collect();
+        self.drawing.add(Mark::Stroke { path, width: 1.2 * t, dashed: true, role });
+        let [from, to] = half_maximum(width).map(|off| field.clamped(middle + off, bell(off)));
+        // A bar with ends across it.
+        let across = |[x, y]: [f64; 2], by: f64| [x, y + by * t];
+        let path = vec![across(from, -3.0), across(from, 3.0), from, to, across(to, -3.0), across(to, 3.0)];
+        self.drawing.add(Mark::Stroke { path, width: 2.0 * t, dashed: false, role });
     }
 
     /// The chart as a raster image, rendered with antialiasing.
@@ -208,6 +222,13 @@ html, body { margin: 0; height: 100%; background: #10141b; font-family: system-u
 @media (prefers-color-scheme: light) { html, body { background: #fff; } }
 svg { display: block; width: 100%; height: 100%; font-variant-numeric: tabular-nums; }
 ";
+
+/// Positions, from its centre, at which a Gaussian of a half width at 1/e has half its height.
+fn half_maximum(width: f64) -> [f64; 2] {
+    /// √(ln 2).
+    const HALF: f64 = 0.832_554_611_157_697_8;
+    [-HALF * width, HALF * width]
+}
 
 /// Formats a number with four significant digits.
 fn significant(value: f64) -> String {
@@ -251,7 +272,7 @@ mod tests {
         for text in [
             "echo 1: range 287.801 m",
             "echo 2: range 290.424 m",
-            "fitted width 1.00 ns",
+            "fitted width 1.00 ns (half width at 1/e), 1.6",
             "&lt;w&gt;.txt",
             "2 channels",
         ] {
@@ -265,6 +286,45 @@ mod tests {
         for role in [Role::Ink, CURVE, Role::Area, echo_role(0), echo_role(1)] {
             assert!(dots(role.colour()) > 60, "{role:?}: {}", dots(role.colour()));
         }
+    }
+
+    #[test]
+    fn the_width_is_drawn_across_the_gaussian_at_half_its_height() {
+        let [from, to] = half_maximum(4.0);
+        for off in [from, to] {
+            assert!((libm::exp(-(off / 4.0) * (off / 4.0)) - 0.5).abs() < 1e-12, "{off}");
+        }
+        let bell = |i: i32| 2.0 * libm::exp(-f64::from((i - 40).pow(2)) / 16.0);
+        let wave = wave((0..80).map(bell).collect());
+        let chart = Chart::new(&wave, "", 1000, 600);
+        let bar = chart.drawing.marks.iter().find_map(|mark| match mark {
+            Mark::Stroke { path, dashed: false, role, .. } if *role == echo_role(0) => Some(path),
+            _ => None,
+        });
+        let [.., from, to, _, _] = bar.unwrap()[..] else { panic!("{bar:?}") };
+        // The curve of the samples crosses both ends of the bar.
+        let curve = chart.drawing.marks.iter().find_map(|mark| match mark {
+            Mark::Stroke { path, role: CURVE, .. } => Some(path),
+            _ => None,
+        });
+        for end in [from, to] {
+            let crosses = |pair: &[[f64; 2]]| {
+                let share = (end[0] - pair[0][0]) / (pair[1][0] - pair[0][0]);
+                let height = pair[0][1] + share * (pair[1][1] - pair[0][1]);
+                (0.0..=1.0).contains(&share) && (height - end[1]).abs() < 4.0
+            };
+            assert!(curve.unwrap().windows(2).any(crosses), "{end:?}");
+        }
+        assert!(from[1] == to[1] && to[0] > from[0], "{from:?} {to:?}");
+    }
+
+    #[test]
+    fn the_size_of_text_follows_that_of_the_picture() {
+        let sizes = [[700, 600], [1400, 1200], [2800, 2400]].map(|[width, height]| {
+            let chart = Chart::new(&wave(vec![0.0, 1.0, 0.0]), "", width, height);
+            chart.drawing.text
+        });
+        assert_eq!(sizes, [1.0, 2.0, 4.0]);
     }
 
     #[test]

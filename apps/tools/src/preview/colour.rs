@@ -1,5 +1,6 @@
 //! Colours of points, and the legend.
 
+use super::ranges::{inner_range, quantiles, rank};
 use crate::chart::{Rgb, label};
 use crate::cloud::Points;
 use libm::{cos, sin};
@@ -97,8 +98,8 @@ const STRENGTHS: [Rgb; 7] = [
 const RETURNS: [Rgb; 6] =
     [[236, 240, 244], [96, 178, 240], [246, 174, 66], [118, 204, 120], [226, 100, 130], [178, 140, 230]];
 
-/// Places that no leg of a survey covers.
-const NO_LEG: Rgb = [112, 118, 126];
+/// Places that no flight line of a survey covers.
+const NO_LINE: Rgb = [112, 118, 126];
 
 /// Heights of the lowest and the highest colour of a cloud by itself, world coordinates.
 pub(super) fn height_range(points: &Points) -> (f64, f64) {
@@ -114,6 +115,8 @@ pub(super) enum Colouring {
     /// A continuous value by its rank: equal numbers of points have equal parts of the colours, however
     /// skewed the values are. `quantiles` ascend from the lowest to the highest value.
     Ranks { quantiles: Vec<f32>, table: &'static [Rgb] },
+    /// A value of each point from 0 to `high`; points of 0 have none.
+    Values { title: &'static str, values: Vec<f32>, high: f32, table: &'static [Rgb] },
     /// A colour for each number.
     Table { value: ColourBy, colours: Vec<Rgb> },
 }
@@ -151,7 +154,7 @@ impl Colouring {
             }
             ColourBy::Leg => {
                 let colour = |n: usize| match (points.legs_from_one(), n) {
-                    (true, 0) => NO_LEG,
+                    (true, 0) => NO_LINE,
                     (true, n) => object_colour(n - 1),
                     (false, n) => object_colour(n),
                 };
@@ -166,6 +169,12 @@ impl Colouring {
         }
     }
 
+    /// Colours by a value of each point, in their order; points without a positive one are grey.
+    pub(super) fn of_values(title: &'static str, values: Vec<f32>) -> Colouring {
+        let (_, high) = inner_range(values.iter().copied().filter(|value| *value > 0.0));
+        Colouring::Values { title, values, high, table: &STRENGTHS }
+    }
+
     fn of_heights(points: &Points, heights: Option<(f64, f64)>) -> Colouring {
         let z = points.origin().z;
         let (low, high) = match heights {
@@ -177,9 +186,10 @@ impl Colouring {
 
     pub(super) fn of(&self, points: &Points, i: usize) -> Rgb {
         match self {
-            Colouring::Ramp { table, .. } | Colouring::Ranks { table, .. } => {
-                mixed(table, self.fraction(points, i))
-            }
+            Colouring::Values { values, .. } if values.get(i).is_none_or(|value| *value <= 0.0) => NO_LINE,
+            Colouring::Ramp { table, .. }
+            | Colouring::Ranks { table, .. }
+            | Colouring::Values { table, .. } => mixed(table, self.fraction(points, i)),
             Colouring::Table { value, colours } => colours[number(points, *value, i)],
         }
     }
@@ -193,6 +203,7 @@ impl Colouring {
             }
             Colouring::Ramp { low, high, .. } => (points.offset(i)[2] - low) / (high - low),
             Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity[i]),
+            Colouring::Values { values, high, .. } => values.get(i).map_or(0.0, |value| value / high),
             Colouring::Table { .. } => 0.0,
         }
     }
@@ -227,6 +238,9 @@ impl Colouring {
                 };
                 Legend::Marks { title: "intensity", marks: (0..=4).map(mark).collect(), table }
             }
+            Colouring::Values { title, high, table, .. } => {
+                Legend::Bar { title, low: 0.0, high: *high, table }
+            }
             Colouring::Table { value, colours } => {
                 let mut counts = vec![0u64; colours.len()];
                 (0..points.len()).for_each(|i| counts[number(points, *value, i)] += 1);
@@ -246,6 +260,7 @@ impl Colouring {
                 let title = match value {
                     ColourBy::Class => "class",
                     ColourBy::Return => "return",
+                    ColourBy::Leg if points.legs_from_one() => "line",
                     ColourBy::Leg => "leg",
                     ColourBy::Channel => "channel",
                     _ => "object",
@@ -263,8 +278,8 @@ fn name(points: &Points, value: ColourBy, n: usize) -> String {
         ColourBy::Return if n == 0 => "unknown".to_owned(),
         ColourBy::Return => format!("return {n}"),
         ColourBy::Leg if !points.legs_from_one() => format!("leg {n}"),
-        ColourBy::Leg if n == 0 => "no leg".to_owned(),
-        ColourBy::Leg => format!("leg {}", n - 1),
+        ColourBy::Leg if n == 0 => "no line".to_owned(),
+        ColourBy::Leg => format!("line {n}"),
         ColourBy::Channel => format!("channel {n}"),
         _ => match points.objects.get(n) {
             Some(object) if !object.is_empty() => object.clone(),
@@ -293,66 +308,6 @@ pub(super) fn mixed(table: &[Rgb], t: f32) -> Rgb {
         let (a, b) = (f32::from(table[i][c]), f32::from(table[(i + 1).min(table.len() - 1)][c]));
         (a + (b - a) * part).round() as u8
     })
-}
-
-/// Number of quantiles by which values are ranked.
-const QUANTILES: usize = 129;
-/// Maximum number of values that quantiles are taken from: an even sample of more.
-const MAX_RANKED: usize = 1 << 20;
-
-/// Quantiles of the finite values from 0 to 1, ascending; of no values, of 0 and 1.
-fn quantiles(values: &[f32]) -> Vec<f32> {
-    let step = values.len().div_ceil(MAX_RANKED).max(1);
-    let mut sorted: Vec<f32> = values.iter().step_by(step).copied().filter(|v| v.is_finite()).collect();
-    sorted.sort_unstable_by(f32::total_cmp);
-    if sorted.is_empty() {
-        return vec![0.0, 1.0];
-    }
-    (0..QUANTILES).map(|i| sorted[i * (sorted.len() - 1) / (QUANTILES - 1)]).collect()
-}
-
-/// Rank of a value among quantiles, 0–1; the middle of the ranks of equal quantiles.
-fn rank(quantiles: &[f32], value: f32) -> f32 {
-    let last = (quantiles.len() - 1) as f32;
-    let below = quantiles.partition_point(|q| *q < value);
-    let up_to = quantiles.partition_point(|q| *q <= value);
-    if up_to > below {
-        return 0.5 * (below + up_to - 1) as f32 / last;
-    }
-    match (below.checked_sub(1).map(|i| quantiles[i]), quantiles.get(below)) {
-        (Some(low), Some(high)) => ((below - 1) as f32 + (value - low) / (high - low)) / last,
-        (None, _) => 0.0,
-        (_, None) => 1.0,
-    }
-}
-
-/// The range of the values without the lowest and the highest half per cent.
-fn inner_range(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
-    const BINS: usize = 4096;
-    let finite = values.filter(|v| v.is_finite());
-    let (low, high) =
-        finite.clone().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    if low >= high || !(high - low).is_finite() {
-        return if low.is_finite() { (low, low + 1.0) } else { (0.0, 1.0) };
-    }
-    let mut bins = vec![0u64; BINS];
-    let mut total = 0;
-    for v in finite {
-        bins[(((v - low) / (high - low) * BINS as f32) as usize).min(BINS - 1)] += 1;
-        total += 1;
-    }
-    let cut = total / 200;
-    let skip = |bins: &mut dyn Iterator<Item = &u64>| {
-        let mut seen = 0;
-        bins.take_while(|n| {
-            seen += **n;
-            seen <= cut
-        })
-        .count()
-    };
-    let (below, above) = (skip(&mut bins.iter()), skip(&mut bins.iter().rev()));
-    let step = (high - low) / BINS as f32;
-    (low + below as f32 * step, high - above as f32 * step)
 }
 
 /// Colours of point classes: bare ground like sand, trunks (4) brown, leaves (5) green.
@@ -390,7 +345,7 @@ fn class_name(class: usize) -> String {
 
 /// Colour of an object. Distinct colours of equal lightness for any number of objects: hues a golden angle
 /// apart in the Oklab space (Ottosson 2020), with two chroma levels.
-fn object_colour(number: usize) -> Rgb {
+pub(super) fn object_colour(number: usize) -> Rgb {
     let hue = (number as f64 * 2.399_963_229_728_653 + 0.6) % std::f64::consts::TAU;
     let lightness = if number.is_multiple_of(2) { 0.78 } else { 0.68 };
     let chroma = 0.12;
@@ -433,27 +388,6 @@ mod tests {
     }
 
     #[test]
-    fn ranks_spread_skewed_values_over_the_colours() {
-        let values: Vec<f32> = (0..10_000).map(|i| (i as f32 / 1000.0).exp()).collect();
-        let quantiles = quantiles(&values);
-        for (share, i) in [(0.0, 0), (0.25, 2500), (0.5, 5000), (1.0, 9999)] {
-            assert!((rank(&quantiles, values[i]) - share).abs() < 0.01, "{share}");
-        }
-        assert_eq!((rank(&quantiles, -1.0), rank(&quantiles, 1e9)), (0.0, 1.0));
-        assert_eq!(rank(&super::quantiles(&[7.0; 9]), 7.0), 0.5);
-        assert_eq!(super::quantiles(&[f32::NAN]), [0.0, 1.0]);
-    }
-
-    #[test]
-    fn a_few_outliers_do_not_stretch_the_range() {
-        let values = (0..10_000).map(|i| if i < 10 { 1e4 } else { (i % 100) as f32 });
-        let (low, high) = inner_range(values);
-        assert!(low == 0.0 && (95.0..110.0).contains(&high), "{low} {high}");
-        assert_eq!(inner_range([5.0f32; 3].into_iter()), (5.0, 6.0));
-        assert_eq!(inner_range(std::iter::empty()), (0.0, 1.0));
-    }
-
-    #[test]
     fn a_missing_attribute_falls_back_to_height() {
         let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Class));
         for (class, z) in [(2, 0.0), (2, 1.0), (2, 2.0), (5, 9.0)] {
@@ -491,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn places_without_a_leg_are_grey_and_legs_count_from_0() {
+    fn places_without_a_line_are_grey_and_lines_count_from_1() {
         let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Leg));
         for leg in [0, 0, 1, 2] {
             points.push(&PointRow { leg, ..PointRow::default() }, None);
@@ -505,7 +439,7 @@ mod tests {
         assert_eq!((recorded[0].0.as_str(), recorded[0].1), ("leg 0 50%", object_colour(0)));
         points.count_legs_from_one();
         let planned = labels(&points);
-        assert_eq!((planned[0].0.as_str(), planned[0].1), ("no leg 50%", NO_LEG));
-        assert_eq!((planned[1].0.as_str(), planned[1].1), ("leg 0 25%", object_colour(0)));
+        assert_eq!((planned[0].0.as_str(), planned[0].1), ("no line 50%", NO_LINE));
+        assert_eq!((planned[1].0.as_str(), planned[1].1), ("line 1 25%", object_colour(0)));
     }
 }

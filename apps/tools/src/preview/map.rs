@@ -2,8 +2,8 @@
 
 use super::PreviewOptions;
 use super::colour::{ColourBy, Colouring};
-use super::layout::DARK_GROUND;
 use super::panel::{Panel, View};
+use super::style::DARK_GROUND;
 use crate::chart::{Frame, Picture};
 use crate::cloud::Points;
 

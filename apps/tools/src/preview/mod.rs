@@ -1,4 +1,4 @@
-//! Draws a point cloud as a picture (from above and from the south, with scale bars and a legend) or as an
+//! Draws a point cloud as a picture (from above and from the south, with coordinates and a legend) or as an
 //! interactive page for a browser, writes it for viewers of large clouds, and draws the waveform of one pulse
 //! as a chart.
 //!
@@ -6,25 +6,36 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `layout`, `panel`, `colour` | the layout of a picture, its views, colours and legend |
+//! | `layout` | the layout of a picture: title, views, legend |
+//! | `panel`, `section` | a view, and the part of the cloud that it shows |
+//! | `colour`, `ranges`, `legend` | colours of points, the values that they span, and what they mean |
+//! | `axes`, `style` | captions, ticks in the coordinates of the scene; colours of all but the points |
+//! | `flight` | planned flights over their scene |
 //! | `map` | pictures from above whose pixels have known coordinates |
 //! | `page` | pages for a browser |
 //! | `octree` | clouds for viewers that read ranges |
 //! | `chart` | charts of waveforms |
 
+mod axes;
 mod chart;
 mod colour;
+mod flight;
 mod layout;
+mod legend;
 mod map;
 mod octree;
 mod page;
 mod panel;
+mod ranges;
+mod section;
+mod style;
 
 pub use crate::chart::{Picture, Rgb};
 use crate::cloud::Points;
 pub use chart::Chart;
 pub use colour::ColourBy;
 use colour::Colouring;
+pub use flight::{FlightMap, draw_flight};
 pub use map::Map;
 pub use octree::write_octree;
 pub use page::{Page, write_page};
@@ -72,5 +83,6 @@ pub fn common_heights(clouds: &[&Points]) -> Option<(f64, f64)> {
 
 /// Draws a cloud. An empty cloud results in a picture that says so.
 pub fn draw(points: &Points, options: &PreviewOptions) -> Picture {
-    layout::Sheet::new(points, options).draw(points, &Colouring::new(points, options.colour, options.heights))
+    let colouring = Colouring::new(points, options.colour, options.heights);
+    layout::Sheet::new(points, &[], options).draw(points, &colouring)
 }

@@ -4,7 +4,7 @@
 mod pack;
 
 use super::colour::{Colouring, Legend};
-use super::layout;
+use super::section;
 use super::{ColourBy, PreviewOptions};
 use crate::chart::Rgb;
 use crate::chart::label::{grouped, metres};
@@ -121,7 +121,7 @@ impl Legends {
             "step": packed.step,
             "spacing": packed.spacing,
             "colour": colour.name(),
-            "cut": layout::ceiling(points),
+            "cut": section::ceiling(points),
         });
         for (way, colouring) in &self.ways {
             meta[way.name()] = entries(colouring, points, chosen, low[2]);

@@ -68,6 +68,27 @@ impl Projection<'_> {
 }
 
 impl Panel {
+    /// Lowest and highest coordinate that the frame shows along an axis of the world, 0 to 2. `origin` is
+    /// that of the points, world coordinates.
+    pub(super) fn range(&self, axis: usize, origin: [f64; 3]) -> [f64; 2] {
+        let (dots, scale) = match axis {
+            0 => (self.frame.width, self.scale),
+            _ => (self.frame.height, self.scale * self.exaggeration),
+        };
+        let (middle, half) = (origin[axis] + self.centre[axis], 0.5 * f64::from(dots) / scale);
+        [middle - half, middle + half]
+    }
+
+    /// Place on the picture of a horizontal position of the world in the view from above, dots.
+    pub(super) fn place(&self, origin: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+        let middle = [0, 1].map(|axis| origin[axis] + self.centre[axis]);
+        let Frame { x: left, y: top, width, height } = self.frame;
+        [
+            f64::from(left) + 0.5 * f64::from(width) + (x - middle[0]) * self.scale,
+            f64::from(top) + 0.5 * f64::from(height) - (y - middle[1]) * self.scale,
+        ]
+    }
+
     /// Draws the panel on `picture`, on a background of colour `ground`.
     pub(super) fn draw(&self, picture: &mut Picture, points: &Points, colouring: &Colouring, ground: Rgb) {
         let samples = self.nearest(points);

@@ -155,6 +155,8 @@ pub struct FlightCoverage {
     pub tracks: Vec<(u32, Vec<DVec3>)>,
     /// Strips and sectors of ground by leg, four corners each; only x and y of corners count.
     pub swaths: Vec<(u32, [DVec3; 4])>,
+    /// Number of pulses of legs; a leg may have several numbers, which add up.
+    pub pulses: Vec<(u32, f64)>,
 }
 
 impl Session {
@@ -248,7 +250,7 @@ impl Session {
         let flight = self.plan_flight()?;
         let context = self.output_context();
         let nothing = OutputRequest::default();
-        let (_, sample, _) = self.sample_flight(&flight, &nothing, &context, control)?;
+        let (timeline, sample, _) = self.sample_flight(&flight, &nothing, &context, control)?;
         let shift = self.scene().shift;
         let mut tracks: Vec<(u32, Vec<DVec3>)> = Vec::new();
         let planned = flight.planned_positions(PLACES_PER_TRACK).into_iter().map(|p| (p.leg, p.position));
@@ -262,7 +264,8 @@ impl Session {
         }
         let quads = area::swaths(&flight, &sample.strata).into_iter();
         let swaths = quads.map(|(leg, quad)| (leg, quad.map(|corner| corner + shift))).collect();
-        Ok(FlightCoverage { tracks, swaths })
+        let pulses = timeline.legs.iter().map(|leg| (leg.clock.number, leg.pulses)).collect();
+        Ok(FlightCoverage { tracks, swaths, pulses })
     }
 
     /// Legs, duration and pulses of the flight.
