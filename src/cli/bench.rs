@@ -3,7 +3,7 @@
 
 use super::args::BenchArgs;
 use super::companions::open;
-use super::{Console, interrupt};
+use super::{Console, interrupt, messages};
 use crate::options::{ChunkSize, Options, Switch};
 use crate::output::{OutputRequest, PointFormat, Target};
 use crate::pipeline::{LoadedScene, Progress, ResolvedRun, RunContext, Session, Settings, policy};
@@ -13,7 +13,7 @@ use serde_json::json;
 use std::time::Instant;
 use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{reads, refuse_existing, write_file, write_stdout};
+use vlscan_base::files::{reads, refuse_existing, write_file, write_stderr, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_survey::PlatformKind;
 use vlscan_trace::BuildOptions;
@@ -113,8 +113,13 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
         let all = json!({ "program": program, "machine": machine, "format": args.format, "cells": cells });
         let text = serde_json::to_string_pretty(&all).map_err(|e| Error::Internal(e.to_string()))? + "\n";
         write_file(path, args.force, text.as_bytes())?;
+        console.record(|result| result.files.push(messages::written(path, "times")));
         if path.as_os_str() == "-" {
-            eprint!("{scene}{}", table(&cells));
+            let text = scene + &table(&cells);
+            match console.is_json() {
+                true => console.say(text.trim_end()),
+                false => write_stderr(&text),
+            }
             return Ok(());
         }
     }

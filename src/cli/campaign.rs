@@ -1,7 +1,7 @@
 //! `vlscan campaign`: a data set from a matrix of scenes, variants and seeds.
 
 use super::args::CampaignArgs;
-use super::{Console, Verbosity, interrupt};
+use super::{Console, Verbosity, interrupt, messages};
 use crate::campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::listed;
@@ -58,9 +58,16 @@ fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
         // that has them.
         CampaignEvent::Notice(notice) if console.shows(Verbosity::Verbose) => console.observer()(notice),
         CampaignEvent::Notice(_) => {}
-        CampaignEvent::Warning { cell, text } => console.say(format!("{cell}  {text}")),
+        CampaignEvent::Warning { cell, text } if text.starts_with("note: ") => {
+            console.say(format!("{cell}  {text}"));
+        }
+        CampaignEvent::Warning { cell, text } => {
+            let warning = messages::warning(None, format!("cell {cell}: {}", without_severity(&text)));
+            console.caution(format!("{cell}  {text}"), warning);
+        }
         CampaignEvent::Damaged { cell, damage } => {
-            console.say(format!("{cell}  is computed again: {damage}"));
+            let text = format!("{cell}  is computed again: {damage}");
+            console.caution(&text, messages::warning(None, format!("cell {text}")));
         }
         CampaignEvent::Completed { cell, points, seconds } => {
             console.say(format!("{cell}  {}, {}", amount_of(points as f64, "point"), duration(seconds)));
@@ -69,10 +76,16 @@ fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
             let reason = error.lines().next().unwrap_or_default();
             let mut failures = failures.lock().unwrap_or_else(PoisonError::into_inner);
             if failures.add(cell.clone(), reason) {
-                console.say(format!("{cell}  failed: {reason}"));
+                let text = format!("{cell}  failed: {reason}");
+                console.caution(&text, messages::warning(None, format!("cell {text}")));
             }
         }
     }
+}
+
+/// The text of a warning without the word that begins it.
+fn without_severity(text: &str) -> &str {
+    text.strip_prefix("warning: ").unwrap_or(text)
 }
 
 /// Tells what was computed and what is left.
@@ -91,7 +104,9 @@ fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Resu
                 console.say(format!("{} did not match the cells and was rewritten", path.display()));
             }
             let points = amount_of(report.points as f64, "point");
-            console.say(format!("{}  {}, {points}", path.display(), counted(*cells, "cell")));
+            let file = messages::written(path, "manifest");
+            console.wrote(file, format!("{}  {}, {points}", path.display(), counted(*cells, "cell")));
+            console.record(|result| result.points = Some(report.points));
         }
     }
     let Some(first) = failed.first() else { return Ok(()) };

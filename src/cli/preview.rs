@@ -3,7 +3,7 @@
 
 use super::args::PreviewArgs;
 use super::watch::during;
-use super::{Console, interrupt};
+use super::{Console, interrupt, messages};
 use crate::options::holds_survey;
 use crate::output::expand;
 use crate::sketch::survey_points;
@@ -24,7 +24,8 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     if is_octree(&args.out) {
         let write = || write_octree(&args.points, &args.out, args.force, &console.listener());
         let count = during(console, "dividing the points", write)?;
-        console.say(format!("{}: {}", args.out.display(), amount_of(count as f64, "point")));
+        let text = format!("{}: {}", args.out.display(), amount_of(count as f64, "point"));
+        console.wrote(messages::written(&args.out, "points"), text);
         return Ok(());
     }
     let points = match is_survey {
@@ -48,7 +49,8 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     if !is_page(&args.out) {
         let picture = draw(&points, &options).png()?;
         write(args, |out| out.write_all(&picture))?;
-        console.say(format!("{}: {count}", args.out.display()));
+        let text = format!("{}: {count}", args.out.display());
+        console.wrote(messages::written(&args.out, "picture"), text);
         return Ok(());
     }
     let page = write(args, |out| write_page(&points, &options, out))?;
@@ -57,7 +59,8 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     } else {
         count
     };
-    console.say(format!("{}: {sampled}; open it in a browser", args.out.display()));
+    let text = format!("{}: {sampled}; open it in a browser", args.out.display());
+    console.wrote(messages::written(&args.out, "page"), text);
     Ok(())
 }
 
@@ -73,7 +76,9 @@ fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
     let chart = Chart::new(&wave, &title(&args.points), args.width, args.height);
     let content = if is_page(&args.out) { chart.page().into_bytes() } else { chart.picture().png()? };
     write(args, |out| out.write_all(&content))?;
-    console.say(format!("{}: pulse {pulse}, {} samples", args.out.display(), wave.samples.len()));
+    let text = format!("{}: pulse {pulse}, {} samples", args.out.display(), wave.samples.len());
+    let content = if is_page(&args.out) { "page" } else { "picture" };
+    console.wrote(messages::written(&args.out, content), text);
     Ok(())
 }
 

@@ -3,14 +3,16 @@
 use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryArgs};
 use crate::cli::companions::resolve;
 use crate::cli::watch::{during, watched};
-use crate::cli::{Console, Verbosity, interrupt};
+use crate::cli::{Console, Verbosity, interrupt, messages};
 use crate::pipeline::{Emitted, Flight, FlightRows, Progress, ResolvedRun, RunContext, Session, emit};
 use crate::streams::TableWriter;
 use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched};
 use vlscan_base::quantity::{amount_of, duration};
+use vlscan_messages::{ResultMessage, WrittenFile};
 
 pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
     let interval = args.interval.map(|seconds| seconds.0);
@@ -19,6 +21,11 @@ pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
 
 pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
     fly(&args.survey, &args.emit, false, console, None, FlightRows::Pulses)
+}
+
+/// True if all of a flight was written.
+fn is_complete<T>(emitted: &Result<T>) -> bool {
+    emitted.is_ok() && !interrupt::STOP.is_requested()
 }
 
 fn fly(
@@ -53,14 +60,15 @@ fn fly(
         EmitFormat::Csv => {
             out.append(rows.header(&flight).as_bytes())?;
             let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push(&flight, emitted, true, out);
-            watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
+            let work = || emit(emission, control, encode, out);
+            watched(console, progress_lines, legs, &progress, work, is_complete)?;
         }
         EmitFormat::Arrow => {
             let mut out = TableWriter::begin(rows.columns(&flight), is_live, out).map_err(failed)?;
             out.flush().map_err(failed)?;
             let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push(&flight, emitted, false, out);
-            let out =
-                watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
+            let work = || emit(emission, control, encode, out);
+            let out = watched(console, progress_lines, legs, &progress, work, is_complete)?;
             out.finish().map_err(failed)?;
         }
     }
@@ -68,7 +76,17 @@ fn fly(
         return Err(Error::Interrupted);
     }
     let seconds = started.elapsed().as_secs_f64();
-    let pulses = amount_of(progress.snapshot().pulses as f64, "pulse");
+    let count = progress.snapshot().pulses;
+    let (content, records) = match rows {
+        FlightRows::Poses => ("trajectory", None),
+        FlightRows::Pulses => ("pulses", Some(count)),
+    };
+    let file = WrittenFile { records, ..messages::written(Path::new("-"), content) };
+    let (legs, pulses, seconds_flown) = (Some(legs as u64), Some(count), Some(seconds));
+    let of_flight =
+        ResultMessage { files: vec![file], legs, pulses, seconds: seconds_flown, ..Default::default() };
+    console.record(|result| *result = of_flight);
+    let pulses = amount_of(count as f64, "pulse");
     console.took(Verbosity::Verbose, format!("{pulses} flown in {}", duration(seconds)));
     Ok(())
 }
