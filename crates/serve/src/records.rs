@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::time::{SystemTime, UNIX_EPOCH};
+use vlscan_messages::ProblemMessage;
 
 /// Kind of stored files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -155,6 +156,8 @@ pub struct Job {
     pub progress: u8,
     /// Files of the results, JSON: a list of [`ResultFile`].
     pub results: String,
+    /// Warnings, JSON: a list of [`ProblemMessage`].
+    pub warnings: String,
     /// Times, ms since 1970.
     pub created: i64,
     /// Start of the computation.
@@ -178,6 +181,11 @@ impl Job {
     /// The files of the results.
     pub fn result_files(&self) -> Vec<ResultFile> {
         serde_json::from_str(&self.results).unwrap_or_default()
+    }
+
+    /// The warnings on the inputs.
+    pub fn problems(&self) -> Vec<ProblemMessage> {
+        serde_json::from_str(&self.warnings).unwrap_or_default()
     }
 }
 

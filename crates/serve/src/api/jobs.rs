@@ -52,6 +52,10 @@ pub fn status_info(job: &Job) -> Value {
     if !job.message.is_empty() {
         info["message"] = json!(job.message);
     }
+    let warnings = job.problems();
+    if !warnings.is_empty() {
+        info["warnings"] = json!(warnings);
+    }
     for (key, time) in [("started", job.started), ("finished", job.finished)] {
         if let Some(time) = time {
             info[key] = json!(time_text(time));

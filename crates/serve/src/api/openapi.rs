@@ -200,6 +200,7 @@ fn schemas() -> Value {
         "statusCode": { "type": "string", "enum": ["accepted", "running", "successful", "failed", "dismissed"] },
         "statusInfo": { "type": "object", "required": ["jobID", "status", "type"], "properties": {
             "processID": text, "type": { "type": "string", "enum": ["process"] }, "jobID": text, "status": reference("statusCode"), "message": text,
+            "warnings": { "type": "array", "items": { "type": "object" } },
             "created": time, "started": time, "finished": time, "updated": time,
             "progress": { "type": "integer", "minimum": 0, "maximum": 100 }, "links": list("link"),
         } },
