@@ -25,6 +25,7 @@
 //! | `confine`, `own_root`, `calls` | restrictions of the processes that compute |
 //! | `beneath` | files below folders that these processes can write |
 //! | `answers` | failures, documents, links |
+//! | `query` | parameters of addresses |
 //! | `app`, `shares`, `sessions` | what all requests share, and the part of each owner; who asks |
 //! | `security` | which requests are admitted, headers of answers |
 //! | `api` | the interface for programs |
@@ -59,6 +60,7 @@ mod own_root;
 pub mod pages;
 pub mod processes;
 pub mod program;
+pub mod query;
 pub mod queue;
 pub mod records;
 pub mod request;
