@@ -12,7 +12,6 @@
 //!
 //! Within a [`VERSION`] members and kinds are only added. Readers ignore members that they do not know; kinds
 //! that this crate does not know become [`Message::Unknown`].
-
 //!
 //! [`nearest`] finds the name that a message suggests in place of a misspelt one.
 

@@ -65,7 +65,9 @@ pub fn definition_of(app: &App) -> Value {
         "/": { "get": operation("getLandingPage", "What the service offers", &[("200", as_json("Landing page", "landingPage"))], Value::Null) },
         "/conformance": { "get": operation("getConformance", "Conformance classes", &[("200", as_json("Classes", "confClasses"))], Value::Null) },
         "/api": { "get": operation("getApi", "This definition", &[("200", answer("Definition", "application/vnd.oai.openapi+json;version=3.0", &json!({ "type": "object" })))], Value::Null) },
-        "/processes": { "get": operation("getProcesses", "All processes", &[("200", as_json("Processes", "processList"))], Value::Null) },
+        "/processes": { "get": operation("getProcesses", "All processes", &[("200", as_json("Processes", "processList"))], json!({ "parameters": [
+            in_query("limit", "Most processes", &json!({ "type": "integer", "minimum": 1 })),
+        ] })) },
         "/processes/{processID}": { "get": operation(
             "getProcessDescription", "Inputs and outputs of a process",
             &[("200", as_json("Description", "process")), ("404", failure("There is no such process"))],

@@ -17,7 +17,7 @@ fn a_job_lists_its_warnings_with_place_and_help() {
     let warnings = job["warnings"].as_array().unwrap();
     let is_of_attribute = |text: &serde_json::Value| text.as_str().unwrap().contains("`pulseFreq_Hz`");
     let warning = warnings.iter().find(|warning| is_of_attribute(&warning["message"])).unwrap();
-    assert_eq!((&warning["file"], &warning["line"]), (&json!("room/survey.xml"), &json!(4)), "{job}");
+    assert!(warning["file"].as_str().unwrap().ends_with("room/survey.xml") && warning["line"] == 4, "{job}");
     assert!(warning["help"].as_str().unwrap().contains("pulseFreq_hz"), "{job}");
     let message = job["message"].as_str().unwrap();
     assert!(
