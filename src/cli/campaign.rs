@@ -3,6 +3,7 @@
 use super::args::CampaignArgs;
 use super::{Console, Verbosity, interrupt, messages};
 use crate::campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::listed;
 use vlscan_base::error::{Error, Result};
@@ -18,8 +19,14 @@ pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
         return write_stdout(&left.iter().map(|cell| format!("{}\n", cell.name)).collect::<String>());
     }
     let (shown, failures) = (console.clone(), Arc::new(Mutex::new(Failures::default())));
-    let seen = failures.clone();
-    let report = campaign.run(&options, &interrupt::STOP, move |event| show(&shown, event, &seen));
+    let (seen, cells) = (failures.clone(), AtomicU64::new(0));
+    let report = campaign.run(&options, &interrupt::STOP, move |event| {
+        if matches!(event, CampaignEvent::Completed { .. } | CampaignEvent::Failed { .. }) {
+            let done = cells.fetch_add(1, Ordering::Relaxed) + 1;
+            shown.progress(messages::progress_of_cells(done));
+        }
+        show(&shown, event, &seen);
+    });
     for line in failures.lock().unwrap_or_else(PoisonError::into_inner).repeated() {
         console.say(line);
     }
@@ -94,6 +101,9 @@ fn without_severity(text: &str) -> &str {
 /// [`Error::Input`] if cells have failed, with `--cell` some of those that are named.
 fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Result<()> {
     let CampaignReport { computed, cells, left, failed, reported, .. } = report;
+    if *left == 0 {
+        console.progress(messages::completed(messages::progress_of_cells(*cells as u64)));
+    }
     if *computed > 0 {
         console.say(format!("{} in {}", counted(*computed, "cell"), duration(report.seconds)));
     }

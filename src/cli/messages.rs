@@ -150,7 +150,17 @@ pub fn progress(now: &Snapshot, legs: usize, seconds: f64) -> ProgressMessage {
     }
 }
 
-/// Returns the progress at the end of a complete run.
+/// Returns the progress of a campaign after this number of cells.
+pub fn progress_of_cells(done: u64) -> ProgressMessage {
+    ProgressMessage {
+        stage: "computing cells".to_owned(),
+        done: Some(done as f64),
+        unit: Some(ProgressUnit::Cells),
+        ..ProgressMessage::default()
+    }
+}
+
+/// Returns the progress at the end of a complete run or campaign.
 pub fn completed(last: ProgressMessage) -> ProgressMessage {
     let total = last.total.or(last.done);
     ProgressMessage { done: total, total, seconds_left: Some(0.0), ..last }

@@ -34,13 +34,19 @@ fn result(messages: &[Message]) -> &ResultMessage {
 }
 
 fn errors(messages: &[Message]) -> Vec<&ProblemMessage> {
-    let of = |message| if let Message::Error(error) = message { Some(error) } else { None };
-    messages.iter().filter_map(of).collect()
+    let all = messages.iter().filter_map(|message| match message {
+        Message::Error(error) => Some(error),
+        _ => None,
+    });
+    all.collect()
 }
 
 fn progress(messages: &[Message]) -> Vec<&ProgressMessage> {
-    let of = |message| if let Message::Progress(progress) = message { Some(progress) } else { None };
-    messages.iter().filter_map(of).collect()
+    let all = messages.iter().filter_map(|message| match message {
+        Message::Progress(progress) => Some(progress),
+        _ => None,
+    });
+    all.collect()
 }
 
 /// The room with a misspelt attribute, in `survey.xml`.

@@ -120,6 +120,8 @@ pub enum ProgressUnit {
     Survey,
     /// Pulses of a stream.
     Pulses,
+    /// Cells of a campaign.
+    Cells,
     /// A unit of a later version.
     #[serde(other)]
     Unknown,

@@ -102,7 +102,11 @@ pub(crate) fn progress_of(log: &Path) -> (u8, String) {
 
 /// Progress in words: `20.7 %, leg 1 of 4, 2.58 M pulses (1.29 M/s), 1.80 M points, 8 s left`.
 fn in_words(progress: &ProgressMessage) -> String {
-    let Some(pulses) = progress.pulses else { return progress.stage.clone() };
+    let Some(pulses) = progress.pulses else {
+        // Of a campaign the number of cells is known.
+        let done = progress.done.map(|done| format!(": {done:.0}"));
+        return format!("{}{}", progress.stage, done.unwrap_or_default());
+    };
     let percent = progress.fraction().map(|fraction| format!("{:.1} %", fraction * 100.0));
     let leg = progress.leg.zip(progress.legs).filter(|(_, legs)| *legs > 1);
     let leg = leg.map(|(leg, legs)| format!("leg {leg} of {legs}"));
@@ -280,6 +284,9 @@ mod tests {
         assert_eq!(progress_of(log.path()), (20, expected.to_owned()));
         let begun = log_of("{\"kind\":\"progress\",\"stage\":\"building the tree\"}\n");
         assert_eq!(progress_of(begun.path()), (0, "building the tree".to_owned()));
+        let cells =
+            log_of("{\"kind\":\"progress\",\"stage\":\"computing cells\",\"done\":7.0,\"unit\":\"cells\"}\n");
+        assert_eq!(progress_of(cells.path()), (0, "computing cells: 7".to_owned()));
         assert_eq!(progress_of(Path::new("/absent/log")), (0, String::new()));
         let absurd = r#"{"kind":"progress","stage":"s","done":1e300,"total":1e-300,"pulses":1}"#;
         assert_eq!(progress_of(log_of(absurd).path()).0, 99);

@@ -23,6 +23,21 @@ pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
     fly(&args.survey, &args.emit, false, console, None, FlightRows::Pulses)
 }
 
+/// The result of a flight with these numbers of legs and pulses.
+fn result_of(rows: FlightRows, legs: usize, pulses: u64, seconds: f64) -> ResultMessage {
+    let (content, records) = match rows {
+        FlightRows::Poses => ("trajectory", None),
+        FlightRows::Pulses => ("pulses", Some(pulses)),
+    };
+    ResultMessage {
+        files: vec![WrittenFile { records, ..messages::written(Path::new("-"), content) }],
+        legs: Some(legs as u64),
+        pulses: Some(pulses),
+        seconds: Some(seconds),
+        ..ResultMessage::default()
+    }
+}
+
 /// True if all of a flight was written.
 fn is_complete<T>(emitted: &Result<T>) -> bool {
     emitted.is_ok() && !interrupt::STOP.is_requested()
@@ -77,15 +92,7 @@ fn fly(
     }
     let seconds = started.elapsed().as_secs_f64();
     let count = progress.snapshot().pulses;
-    let (content, records) = match rows {
-        FlightRows::Poses => ("trajectory", None),
-        FlightRows::Pulses => ("pulses", Some(count)),
-    };
-    let file = WrittenFile { records, ..messages::written(Path::new("-"), content) };
-    let (legs, pulses, seconds_flown) = (Some(legs as u64), Some(count), Some(seconds));
-    let of_flight =
-        ResultMessage { files: vec![file], legs, pulses, seconds: seconds_flown, ..Default::default() };
-    console.record(|result| *result = of_flight);
+    console.record(|result| *result = result_of(rows, legs, count, seconds));
     let pulses = amount_of(count as f64, "pulse");
     console.took(Verbosity::Verbose, format!("{pulses} flown in {}", duration(seconds)));
     Ok(())

@@ -1,4 +1,4 @@
-//! What jobs tell of their inputs: warnings and errors with their places, without the folders of the service.
+//! Warnings and errors of jobs, with their places and without the folders of the service.
 
 use crate::client::{Service, files_of, fixtures};
 use crate::jobs::{flight, with_field};
