@@ -134,8 +134,9 @@ pub async fn list(
     let parameters = Parameters::of(query.as_deref(), &OF_JOBS)?;
     let filter = Filter::of(&parameters)?;
     let owner = identity.owner.clone();
-    let next = filter.offset.saturating_add(filter.limit);
     let limit = filter.limit;
+    let next = filter.offset.saturating_add(limit).to_string();
+    let next = format!("/jobs?{}", parameters.with("offset", &next));
     let jobs = blocking(&app, move |workshop| {
         workshop.store.jobs(
             Listed::States,
@@ -148,19 +149,14 @@ pub async fn list(
     })
     .await?;
     if is_page {
-        let next = (jobs.len() == limit as usize).then_some(next);
+        let next = (jobs.len() == limit as usize).then_some(next.as_str());
         let shown = jobs.into_iter().filter(|job| job.status != Status::Dismissed).collect();
         let jobs = blocking(&app, move |workshop| pages::titled(&workshop.store, shown)).await?;
         return Ok(pages::jobs(&app, &identity, &jobs, next));
     }
     let mut links = vec![link("/jobs", "self", "application/json", "This document")];
     if jobs.len() == limit as usize {
-        links.push(link(
-            &format!("/jobs?{}", parameters.with("offset", &next.to_string())),
-            "next",
-            "application/json",
-            "Older jobs",
-        ));
+        links.push(link(&next, "next", "application/json", "Older jobs"));
     }
     Ok(document(&json!({ "jobs": jobs.iter().map(status_info).collect::<Vec<_>>(), "links": links })))
 }
