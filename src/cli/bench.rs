@@ -3,7 +3,7 @@
 
 use super::args::BenchArgs;
 use super::companions::open;
-use super::{Console, interrupt};
+use super::{Console, interrupt, messages};
 use crate::options::{ChunkSize, Options, Switch};
 use crate::options::{ResolvedRun, policy};
 use serde::Serialize;
@@ -11,7 +11,7 @@ use serde_json::json;
 use std::time::Instant;
 use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{reads, refuse_existing, write_file, write_stdout};
+use vlscan_base::files::{reads, refuse_existing, write_file, write_stderr, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_choice::Choice as _;
 use vlscan_session::output::{OutputRequest, PointFormat, Target};
@@ -104,8 +104,13 @@ pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     }
     if let Some(path) = &args.json {
         write_file(path, args.force, json_of(&args.format, &cells)?.as_bytes())?;
+        console.record(|result| result.files.push(messages::written(path, "times")));
         if path.as_os_str() == "-" {
-            eprint!("{scene}{}", table(&cells));
+            let text = scene + &table(&cells);
+            match console.is_json() {
+                true => console.say(text.trim_end()),
+                false => write_stderr(&text),
+            }
             return Ok(());
         }
     }

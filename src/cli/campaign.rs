@@ -1,8 +1,9 @@
 //! `vlscan campaign`: a data set from a matrix of scenes, variants and seeds.
 
 use super::args::CampaignArgs;
-use super::{Console, Verbosity, interrupt};
+use super::{Console, Verbosity, interrupt, messages};
 use crate::campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::listed;
 use vlscan_base::error::{Error, Result};
@@ -18,8 +19,14 @@ pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
         return write_stdout(&left.iter().map(|cell| format!("{}\n", cell.name)).collect::<String>());
     }
     let (shown, failures) = (console.clone(), Arc::new(Mutex::new(Failures::default())));
-    let seen = failures.clone();
-    let report = campaign.run(&options, &interrupt::STOP, move |event| show(&shown, event, &seen));
+    let (seen, cells) = (failures.clone(), AtomicU64::new(0));
+    let report = campaign.run(&options, &interrupt::STOP, move |event| {
+        if matches!(event, CampaignEvent::Completed { .. } | CampaignEvent::Failed { .. }) {
+            let done = cells.fetch_add(1, Ordering::Relaxed) + 1;
+            shown.progress(messages::progress_of_cells(done));
+        }
+        show(&shown, event, &seen);
+    });
     for line in failures.lock().unwrap_or_else(PoisonError::into_inner).repeated() {
         console.say(line);
     }
@@ -58,9 +65,16 @@ fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
         // that has them.
         CampaignEvent::Notice(notice) if console.shows(Verbosity::Verbose) => console.observer()(notice),
         CampaignEvent::Notice(_) => {}
-        CampaignEvent::Warning { cell, text } => console.say(format!("{cell}  {text}")),
+        CampaignEvent::Warning { cell, text } if text.starts_with("note: ") => {
+            console.say(format!("{cell}  {text}"));
+        }
+        CampaignEvent::Warning { cell, text } => {
+            let warning = messages::warning(None, format!("cell {cell}: {}", without_severity(&text)));
+            console.caution(format!("{cell}  {text}"), warning);
+        }
         CampaignEvent::Damaged { cell, damage } => {
-            console.say(format!("{cell}  is computed again: {damage}"));
+            let text = format!("{cell}  is computed again: {damage}");
+            console.caution(&text, messages::warning(None, format!("cell {text}")));
         }
         CampaignEvent::Completed { cell, points, seconds } => {
             console.say(format!("{cell}  {}, {}", amount_of(points as f64, "point"), duration(seconds)));
@@ -69,10 +83,16 @@ fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
             let reason = error.lines().next().unwrap_or_default();
             let mut failures = failures.lock().unwrap_or_else(PoisonError::into_inner);
             if failures.add(cell.clone(), reason) {
-                console.say(format!("{cell}  failed: {reason}"));
+                let text = format!("{cell}  failed: {reason}");
+                console.caution(&text, messages::warning(None, format!("cell {text}")));
             }
         }
     }
+}
+
+/// The text of a warning without the word that begins it.
+fn without_severity(text: &str) -> &str {
+    text.strip_prefix("warning: ").unwrap_or(text)
 }
 
 /// Tells what was computed and what is left.
@@ -81,6 +101,9 @@ fn show(console: &Console, event: CampaignEvent, failures: &Mutex<Failures>) {
 /// [`Error::Input`] if cells have failed, with `--cell` some of those that are named.
 fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Result<()> {
     let CampaignReport { computed, cells, left, failed, reported, .. } = report;
+    if *left == 0 {
+        console.progress(messages::completed(messages::progress_of_cells(*cells as u64)));
+    }
     if *computed > 0 {
         console.say(format!("{} in {}", counted(*computed, "cell"), duration(report.seconds)));
     }
@@ -91,7 +114,9 @@ fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Resu
                 console.say(format!("{} did not match the cells and was rewritten", path.display()));
             }
             let points = amount_of(report.points as f64, "point");
-            console.say(format!("{}  {}, {points}", path.display(), counted(*cells, "cell")));
+            let file = messages::written(path, "manifest");
+            console.wrote(file, format!("{}  {}, {points}", path.display(), counted(*cells, "cell")));
+            console.record(|result| result.points = Some(report.points));
         }
     }
     let Some(first) = failed.first() else { return Ok(()) };

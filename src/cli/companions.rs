@@ -79,7 +79,9 @@ impl Companions {
         let progress = Progress::default();
         let control =
             RunContext { recorder: self.recorder.as_ref(), ..RunContext::new(&progress, &interrupt::STOP) };
-        let report = watched(console, progress_lines, legs, &progress, || work(control))?;
+        let is_complete = |report: &Result<Report>| report.as_ref().is_ok_and(|report| !report.interrupted);
+        let report = watched(console, progress_lines, legs, &progress, || work(control), is_complete)?;
+        console.record(|result| result.legs = Some(legs as u64));
         if !report.interrupted {
             self.write(&report)?;
         }

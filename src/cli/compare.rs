@@ -1,9 +1,9 @@
 //! `vlscan compare`: what two point clouds of one place have in common, and what not.
 
-use super::Console;
 use super::args::CompareArgs;
 use super::preview::read_cloud;
 use super::watch::during;
+use super::{Console, messages};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, reads, refuse_existing, write_stdout};
@@ -22,7 +22,7 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     let (mut group, mut written) = (FileGroup::default(), Vec::new());
     if let Some(path) = &args.page {
         group.write(path, args.force, page(&comparison, [&first, &second])?.as_bytes())?;
-        written.push(format!("{}: open it in a browser", path.display()));
+        written.push((messages::written(path, "page"), format!("{}: open it in a browser", path.display())));
     }
     if let Some(path) = &args.change {
         let raster = comparison.change.map.geotiff(comparison.crs.as_deref())?;
@@ -31,16 +31,18 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
             Some(code) => format!("EPSG:{code}"),
             None => "no coordinate system: the clouds name none with an EPSG code".to_owned(),
         };
-        written.push(format!("{}: {} cells, {system}", path.display(), comparison.change.cells));
+        let text = format!("{}: {} cells, {system}", path.display(), comparison.change.cells);
+        written.push((messages::written(path, "raster"), text));
     }
     if let Some(path) = &args.changed {
         let changed = changed_points([&first, &second], args.options.cell)?;
         write_changed(path, args.force, [&first, &second], &changed, &observer, &mut group)?;
         let [new, gone] = [&changed.new, &changed.gone].map(|points| amount(points.len() as f64));
-        written.push(format!("{}: {new} new and {gone} gone points", path.display()));
+        let text = format!("{}: {new} new and {gone} gone points", path.display());
+        written.push((messages::written(path, "points"), text));
     }
     group.commit()?;
-    written.into_iter().for_each(|line| console.say(line));
+    written.into_iter().for_each(|(file, line)| console.wrote(file, line));
     match args.json {
         true => write_stdout(&(json(&comparison)? + "\n")),
         false => write_stdout(&table(&comparison)),

@@ -1,5 +1,6 @@
-//! Messages to the user on stderr.
+//! Messages to the user on stderr, as text or as JSON.
 
+use super::messages::{self, MessageFormat};
 use indicatif::ProgressBar;
 use std::fmt::Display;
 use std::fs::{File, OpenOptions};
@@ -10,6 +11,10 @@ use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stderr;
+use vlscan_messages::{
+    InfoMessage, InfoTopic, Message, ProblemMessage, ProgressMessage, ResultMessage, StartMessage, VERSION,
+    WrittenFile,
+};
 use vlscan_render::Render as _;
 
 /// Amount of messages shown.
@@ -50,6 +55,19 @@ pub struct Console {
     stderr: bool,
     file: Option<Arc<File>>,
     step: Arc<Step>,
+    /// State of messages in JSON, which then take the place of text.
+    json: Option<Arc<Lines>>,
+}
+
+/// State of messages in JSON.
+#[derive(Debug, Default)]
+struct Lines {
+    /// Name of the command.
+    command: String,
+    /// True after the first line. The lock keeps the lines of several threads apart.
+    is_started: Mutex<bool>,
+    /// Files and figures so far.
+    result: Mutex<ResultMessage>,
 }
 
 /// Current computation, and its display.
@@ -67,7 +85,19 @@ impl Console {
     /// Creates a console of this verbosity; coloured when stderr is a terminal and `NO_COLOR` is not set.
     pub fn new(verbosity: Verbosity) -> Console {
         let coloured = stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-        Console { verbosity, is_strict: false, coloured, stderr: true, file: None, step: Arc::default() }
+        let step = Arc::default();
+        Console { verbosity, is_strict: false, coloured, stderr: true, file: None, step, json: None }
+    }
+
+    /// Writes the messages of `command` in this format from now on.
+    pub fn formatted(self, format: MessageFormat, command: &str) -> Console {
+        let lines = || Arc::new(Lines { command: command.to_owned(), ..Lines::default() });
+        Console { json: (format == MessageFormat::Json).then(lines), ..self }
+    }
+
+    /// True if messages are in JSON.
+    pub fn is_json(&self) -> bool {
+        self.json.is_some()
     }
 
     /// Sends messages to `to`. Runs that start within the same second share a log file, line by line.
@@ -96,7 +126,7 @@ impl Console {
 
     /// True if a progress bar may be drawn on stderr.
     pub fn draws(&self) -> bool {
-        self.stderr && self.shows(Verbosity::Normal)
+        self.stderr && self.shows(Verbosity::Normal) && !self.is_json()
     }
 
     /// True if messages of this level are shown.
@@ -119,7 +149,15 @@ impl Console {
 
     /// Tells what is computed from now on.
     pub(super) fn begin(&self, step: &'static str) {
-        *held(&self.step.name) = step;
+        let before = std::mem::replace(&mut *held(&self.step.name), step);
+        if before != step {
+            self.progress(ProgressMessage { stage: step.to_owned(), ..ProgressMessage::default() });
+        }
+    }
+
+    /// Writes progress, if messages are in JSON.
+    pub(super) fn progress(&self, progress: ProgressMessage) {
+        self.emit(Verbosity::Normal, &[Message::Progress(progress)]);
     }
 
     /// Current computation.
@@ -139,18 +177,32 @@ impl Console {
 
     /// Shows a line of the normal level.
     pub fn say(&self, message: impl Display) {
-        self.line(Verbosity::Normal, message);
+        self.line(Verbosity::Normal, InfoTopic::General, message);
+    }
+
+    /// Shows a line on a file that was written, and adds the file to the result.
+    pub fn wrote(&self, file: WrittenFile, message: impl Display) {
+        self.line(Verbosity::Normal, InfoTopic::File, message);
+        self.record(|result| result.files.push(file));
+    }
+
+    /// Shows a warning that as text is a line among others.
+    pub fn caution(&self, line: impl Display, warning: ProblemMessage) {
+        match self.is_json() {
+            true => self.emit(Verbosity::Normal, &[Message::Warning(warning)]),
+            false => self.say(line),
+        }
     }
 
     /// Shows a line of the verbose level.
     pub fn detail(&self, message: impl Display) {
-        self.line(Verbosity::Verbose, message);
+        self.line(Verbosity::Verbose, InfoTopic::Detail, message);
     }
 
     /// Shows how long something took, at this level or at [`Verbosity::Times`].
     pub fn took(&self, level: Verbosity, message: impl Display) {
         let times = self.verbosity == Verbosity::Times;
-        self.line(if times { Verbosity::Times } else { level }, message);
+        self.line(if times { Verbosity::Times } else { level }, InfoTopic::Timing, message);
     }
 
     /// Shows all warnings and notes, each with its place.
@@ -168,14 +220,18 @@ impl Console {
     }
 
     fn show(&self, found: &Diagnostics) {
-        if self.shows(Verbosity::Normal) {
-            self.raw(&found.render(self.coloured));
+        match self.is_json() {
+            true => self.emit(Verbosity::Normal, &messages::of_problems(found)),
+            false if self.shows(Verbosity::Normal) => self.raw(&found.render(self.coloured)),
+            false => {}
         }
     }
 
     /// Shows the error that ends the run.
     pub fn failure(&self, error: &Error) {
-        if self.shows(Verbosity::Errors) {
+        if self.is_json() {
+            self.emit(Verbosity::Errors, &messages::of_error(error));
+        } else if self.shows(Verbosity::Errors) {
             match error {
                 Error::Input(found) | Error::Limits(found) => self.raw(&found.render(self.coloured)),
                 other => self.raw(&format!(
@@ -186,10 +242,58 @@ impl Console {
         }
     }
 
-    fn line(&self, level: Verbosity, message: impl Display) {
-        if self.shows(level) {
-            self.raw(&format!("{message}\n"));
+    /// Writes an error, if messages are in JSON.
+    pub fn problem(&self, problem: ProblemMessage) {
+        self.emit(Verbosity::Errors, &[Message::Error(problem)]);
+    }
+
+    /// Changes the result with which messages in JSON end.
+    pub fn record(&self, change: impl FnOnce(&mut ResultMessage)) {
+        if let Some(lines) = &self.json {
+            change(&mut held(&lines.result));
         }
+    }
+
+    /// Writes the first line of messages in JSON, before any work. With fewer messages the first one of them
+    /// follows it.
+    pub fn start(&self) {
+        self.emit(Verbosity::Normal, &[]);
+    }
+
+    /// Writes the result, if messages are in JSON: of a complete command, or of files that it has written
+    /// before its end.
+    pub fn finish(&self, is_complete: bool) {
+        let Some(lines) = &self.json else { return };
+        let result = held(&lines.result).clone();
+        if is_complete || !result.files.is_empty() {
+            self.emit(Verbosity::Normal, &[Message::Result(result)]);
+        }
+    }
+
+    fn line(&self, level: Verbosity, topic: InfoTopic, message: impl Display) {
+        if !self.shows(level) {
+            return;
+        }
+        match self.is_json() {
+            true => self.emit(level, &[Message::Info(InfoMessage { topic, message: message.to_string() })]),
+            false => self.raw(&format!("{message}\n")),
+        }
+    }
+
+    /// Writes messages in JSON, after the first line if there was none.
+    fn emit(&self, level: Verbosity, found: &[Message]) {
+        let Some(lines) = self.json.as_ref().filter(|_| self.shows(level)) else { return };
+        let mut is_started = held(&lines.is_started);
+        let mut text = String::new();
+        if !std::mem::replace(&mut *is_started, true) {
+            text += &messages::line(&Message::Start(StartMessage {
+                version: VERSION,
+                program: env!("CARGO_PKG_VERSION").to_owned(),
+                command: lines.command.clone(),
+            }));
+        }
+        found.iter().for_each(|message| text += &messages::line(message));
+        self.raw(&text);
     }
 
     fn raw(&self, text: &str) {

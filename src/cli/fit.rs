@@ -1,8 +1,8 @@
 //! `vlscan fit`: a flight and its scanner from a recorded point cloud, a spinning sensor from a revolution.
 
-use super::Console;
 use super::args::{FitArgs, FittedHalf};
 use super::watch::during;
+use super::{Console, messages};
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
@@ -28,6 +28,7 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
         false => write_stdout(&table(&figures))?,
     }
     let beside: Vec<String> = files.all().skip(1).map(|path| path.display().to_string()).collect();
+    console.record(|result| result.files.extend(files.all().map(|path| messages::written(path, "fit"))));
     console.say(format!(
         "{}: {} pulses fitted; beside it {}",
         files.pipeline.display(),
@@ -59,6 +60,7 @@ fn run_spinning(args: &FitArgs, calibration: &Path, console: &Console) -> Result
         false => write_stdout(&figures.table())?,
     }
     let beside: Vec<String> = files.all().skip(1).map(|path| format!(", {}", path.display())).collect();
+    console.record(|result| result.files.extend(files.all().map(|path| messages::written(path, "fit"))));
     console.say(format!(
         "{}: {} planes fitted{}",
         args.out.display(),

@@ -1,8 +1,8 @@
 //! `vlscan frames`: frames of MCAP in the layouts of KITTI and nuScenes.
 
-use super::Console;
 use super::args::FramesArgs;
 use super::watch::during;
+use super::{Console, messages};
 use std::io::{BufReader, Read};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
@@ -24,6 +24,7 @@ pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
     let write = || write_frames(&mut source, name, &args.out, &args.options, &observer);
     let counts = during(console, "writing frames", write)?;
     let (frames, points) = (counted(counts.frames, "frame"), amount_of(counts.points as f64, "point"));
-    console.say(format!("{}: {frames}, {points}", args.out.display()));
+    let text = format!("{}: {frames}, {points}", args.out.display());
+    console.wrote(messages::written(&args.out, "frames"), text);
     Ok(())
 }

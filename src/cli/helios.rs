@@ -196,6 +196,7 @@ fn subject(words: &[OsString]) -> usize {
             Some((_, _, Value | Values | ValueIgnored)) => 2,
             Some(_) => 1,
             None if is(word, "--unzip") => 3,
+            None if is(word, "--message-format") => 2,
             None if word.as_encoded_bytes().starts_with(b"-") => 1,
             None => return at,
         };

@@ -7,6 +7,7 @@
 use super::Cli;
 use super::args::{CompletionsArgs, ManArgs};
 use super::console::Console;
+use super::messages;
 use crate::options::{command_schema, pipeline_keys, pipeline_schema, python_module};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
@@ -108,7 +109,8 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
     group.commit()?;
     if !args.python {
         let page = dir.join("vlscan.1");
-        console.say(format!("{} pages in {}; look: man -l {}", pages.len(), dir.display(), page.display()));
+        let text = format!("{} pages in {}; look: man -l {}", pages.len(), dir.display(), page.display());
+        console.wrote(messages::written(dir, "pages"), text);
     }
     Ok(())
 }

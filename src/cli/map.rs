@@ -2,7 +2,7 @@
 
 use super::args::MapArgs;
 use super::watch::during;
-use super::{Console, info};
+use super::{Console, info, messages};
 use crate::named_scene::NamedScene;
 use crate::sketch::scene_points;
 use std::path::Path;
@@ -43,11 +43,13 @@ pub fn run(args: &MapArgs, console: &Console) -> Result<()> {
     group.write(&args.out, args.force, &map.picture.png()?)?;
     group.write(&place, args.force, map.world_file().as_bytes())?;
     group.commit()?;
-    console.say(format!(
+    let text = format!(
         "{}: {} m per pixel; {} tells where it lies",
         args.out.display(),
         number(map.pixel),
         place.display()
-    ));
+    );
+    console.wrote(messages::written(&args.out, "picture"), text);
+    console.record(|result| result.files.push(messages::written(&place, "world file")));
     Ok(())
 }

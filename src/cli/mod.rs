@@ -1,6 +1,6 @@
 //! The command line: one file per subcommand, and the conversion of errors to reports and exit statuses.
 //!
-//! Data goes to stdout; messages, warnings and progress go to stderr.
+//! Data goes to stdout; messages, warnings and progress go to stderr, as text or as JSON.
 //!
 //! | file | contents |
 //! |---|---|
@@ -19,7 +19,8 @@
 //! | `cloud_info`, `raster`, `frames` | `vlscan info`, `vlscan raster` and `vlscan frames` |
 //! | `serve` | `vlscan serve`, which starts vlscan-serve |
 //! | `manual` | help, man pages, shell completions |
-//! | `console`, `watch`, `interrupt` | messages, progress, Ctrl-C |
+//! | `console`, `messages` | messages on stderr, and their form in JSON |
+//! | `watch`, `interrupt` | progress, Ctrl-C |
 
 mod args;
 mod bench;
@@ -37,6 +38,7 @@ mod info;
 mod interrupt;
 mod manual;
 mod map;
+mod messages;
 mod pack;
 mod plan;
 mod preview;
@@ -53,46 +55,50 @@ pub use args::{Cli, Command};
 pub use console::{Console, LogTo, Verbosity};
 pub use info::scene_json;
 pub use manual::command as command_line;
+pub use messages::MessageFormat;
 
-use clap::FromArgMatches;
+use clap::{ArgMatches, FromArgMatches};
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::ReadGuard;
 use vlscan_base::machine;
+use vlscan_messages::{ProblemClass, ProblemMessage};
 
 /// Runs the program with these arguments and returns its exit status: 0 success, 1 system error, 2 invalid
 /// input or usage, 3 a scan frequency outside the scanner's limits, 4 a run that cannot be divided or
 /// continued, 5 a folder that is in use, 130 interrupted.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let console = Console::new(Verbosity::Normal).formatted(requested_format(&args), "");
     let words = match helios::translate_helios_args(args) {
         Ok(words) => words,
-        Err(error) => {
-            Console::new(Verbosity::Normal).failure(&error);
-            return error.exit_status();
-        }
+        Err(error) => return status(Err(error), &console),
     };
     if words.len() < 2 {
-        return status(printed(manual::command().print_help()), &Console::new(Verbosity::Normal));
+        return status(printed(manual::command().print_help()), &console);
     }
-    let parsed =
-        manual::command().try_get_matches_from(words).and_then(|found| Cli::from_arg_matches(&found));
-    let cli = match parsed {
-        Ok(cli) => cli,
+    let parsed = manual::command().try_get_matches_from(words);
+    let parsed = parsed.and_then(|found| Ok((Cli::from_arg_matches(&found)?, name_of(&found))));
+    let (cli, name) = match parsed {
+        Ok(parsed) => parsed,
+        Err(message) if message.use_stderr() && console.is_json() => {
+            console.problem(messages::of_usage(&message));
+            return 2;
+        }
         Err(message) => {
             // Help and version are output, not errors.
             let outcome = printed(message.print());
-            return if message.use_stderr() { 2 } else { status(outcome, &Console::new(Verbosity::Normal)) };
+            return if message.use_stderr() { 2 } else { status(outcome, &console) };
         }
     };
     let console = match Console::new(cli.verbosity()).logging(cli.log()) {
-        Ok(console) => console.strict(cli.strict.is_on()),
-        Err(error) => {
-            Console::new(Verbosity::Normal).failure(&error);
-            return error.exit_status();
-        }
+        Ok(console) => console.strict(cli.strict.is_on()).formatted(cli.message_format, &name),
+        Err(error) => return status(Err(error), &console),
     };
+    console.start();
+    report_panics(&console);
     interrupt::listen(&console);
     let _guard = ReadGuard::start();
     let outcome = machine::start_pool().and_then(|()| dispatch(&cli.command, &console));
@@ -101,7 +107,38 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
         Err(Error::ClosedPipe) if interrupt::is_signalled() => Err(Error::Interrupted),
         outcome => outcome,
     };
+    console.finish(outcome.is_ok());
     status(outcome, &console)
+}
+
+/// The format of messages that the words of a command line request, before they are parsed.
+fn requested_format(words: &[OsString]) -> MessageFormat {
+    if messages::request_json(words) { MessageFormat::Json } else { MessageFormat::Text }
+}
+
+/// The full name of the command: `scene make`.
+fn name_of(found: &ArgMatches) -> String {
+    let mut names = Vec::new();
+    let mut at = found;
+    while let Some((name, inner)) = at.subcommand() {
+        names.push(name);
+        at = inner;
+    }
+    names.join(" ")
+}
+
+/// Writes panics as messages, if these are in JSON.
+fn report_panics(console: &Console) {
+    if console.is_json() {
+        let console = console.clone();
+        std::panic::set_hook(Box::new(move |panic| {
+            console.problem(ProblemMessage {
+                problem: ProblemClass::Internal,
+                message: panic.to_string(),
+                ..ProblemMessage::default()
+            });
+        }));
+    }
 }
 
 /// Shows the error and returns the exit status. A reader that has closed its pipe causes no message.
@@ -137,7 +174,7 @@ fn dispatch(command: &Command, console: &Console) -> Result<()> {
         Command::Raster(args) => raster::run(args, console),
         Command::Frames(args) => frames::run(args, console),
         Command::Preview(args) => preview::run(args, console),
-        Command::Serve(args) => serve::run(args),
+        Command::Serve(args) => serve::run(args, console),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::run(args, console),
     }

@@ -1,8 +1,8 @@
 //! `vlscan scene pack`: a scene compiled to one file.
 
-use super::Console;
 use super::args::PackArgs;
 use super::watch::during;
+use super::{Console, messages};
 use crate::named_scene::NamedScene;
 use std::time::Instant;
 use vlscan_base::error::Result;
@@ -10,6 +10,7 @@ use vlscan_base::files::refuse_existing;
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, bytes};
 use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_messages::WrittenFile;
 use vlscan_scene::{LoadOptions, TileOptions};
 use vlscan_trace::BuildOptions;
 
@@ -45,11 +46,13 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let loaded = loaded - opens.unwrap_or(0.0);
     let opens = opens.map_or(String::new(), |seconds| format!(", opens in {:.1} ms", seconds * 1e3));
     let epochs = if packed.epochs > 1 { format!(" in {} epochs", packed.epochs) } else { String::new() };
-    console.say(format!(
+    let file = WrittenFile { bytes: Some(packed.bytes), ..messages::written(&out, "scene") };
+    let text = format!(
         "{}  {} primitives{epochs}, {}; packed in {loaded:.1} s{opens}",
         out.display(),
         amount(packed.primitives as f64),
         bytes(packed.bytes)
-    ));
+    );
+    console.wrote(file, text);
     Ok(())
 }

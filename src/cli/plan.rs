@@ -2,7 +2,7 @@
 
 use super::args::PlanArgs;
 use super::watch::during;
-use super::{Console, interrupt};
+use super::{Console, interrupt, messages};
 use crate::planning::plan_survey;
 use vlscan_base::error::Result;
 use vlscan_base::files::{is_stdout, write_stdout};
@@ -12,7 +12,8 @@ pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     let work = || plan_survey(&args.request, &command, &console.listener(), &interrupt::STOP);
     let plan = during(console, "planning", work)?;
     for path in &args.request.common().lines {
-        console.say(format!("{}: lines of the plan", path.display()));
+        let text = format!("{}: lines of the plan", path.display());
+        console.wrote(messages::written(path, "lines"), text);
     }
     let Some(path) = args.request.common().file() else { return write_stdout(&plan.text(&command)) };
     for comment in &plan.comments {
@@ -20,7 +21,8 @@ pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     }
     // What went to a pipe has no name to be flown by.
     if !is_stdout(path) {
-        console.say(format!("{}; fly it with: vlscan run {0} -o points.laz", path.display()));
+        let text = format!("{}; fly it with: vlscan run {0} -o points.laz", path.display());
+        console.wrote(messages::written(path, "plan"), text);
     }
     Ok(())
 }

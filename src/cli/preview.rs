@@ -3,7 +3,7 @@
 
 use super::args::PreviewArgs;
 use super::watch::during;
-use super::{Console, interrupt};
+use super::{Console, interrupt, messages};
 use crate::options::holds_survey;
 use crate::sketch::SurveySketch;
 use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
@@ -24,7 +24,8 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     if is_octree(&args.out) {
         let write = || write_octree(&args.points, &args.out, args.force, &console.listener());
         let count = during(console, "dividing the points", write)?;
-        console.say(format!("{}: {}", args.out.display(), amount_of(count as f64, "point")));
+        let text = format!("{}: {}", args.out.display(), amount_of(count as f64, "point"));
+        console.wrote(messages::written(&args.out, "points"), text);
         return Ok(());
     }
     let options = PreviewOptions {
@@ -68,7 +69,8 @@ fn survey(args: &PreviewArgs, options: &PreviewOptions, console: &Console) -> Re
 fn picture(args: &PreviewArgs, points: &Points, picture: &Picture, console: &Console) -> Result<()> {
     let bytes = picture.png()?;
     write(args, |out| out.write_all(&bytes))?;
-    console.say(format!("{}: {}", args.out.display(), amount_of(points.total() as f64, "point")));
+    let text = format!("{}: {}", args.out.display(), amount_of(points.total() as f64, "point"));
+    console.wrote(messages::written(&args.out, "picture"), text);
     Ok(())
 }
 
@@ -81,7 +83,8 @@ fn page(args: &PreviewArgs, points: &Points, options: &PreviewOptions, console: 
     } else {
         count
     };
-    console.say(format!("{}: {sampled}; open it in a browser", args.out.display()));
+    let text = format!("{}: {sampled}; open it in a browser", args.out.display());
+    console.wrote(messages::written(&args.out, "page"), text);
     Ok(())
 }
 
@@ -97,7 +100,9 @@ fn plot(args: &PreviewArgs, pulse: u64, console: &Console) -> Result<()> {
     let chart = Chart::new(&wave, &title(&args.points), args.width, args.height);
     let content = if is_page(&args.out) { chart.page().into_bytes() } else { chart.picture().png()? };
     write(args, |out| out.write_all(&content))?;
-    console.say(format!("{}: pulse {pulse}, {} samples", args.out.display(), wave.samples.len()));
+    let text = format!("{}: pulse {pulse}, {} samples", args.out.display(), wave.samples.len());
+    let content = if is_page(&args.out) { "page" } else { "picture" };
+    console.wrote(messages::written(&args.out, content), text);
     Ok(())
 }
 

@@ -1,9 +1,9 @@
 //! `vlscan raster`: terrain, surface, canopy height and densities of point clouds as GeoTIFF.
 
-use super::Console;
 use super::args::RasterArgs;
 use super::cloud_info::check_cloud;
 use super::watch::during;
+use super::{Console, messages};
 use std::io::IsTerminal as _;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
@@ -46,13 +46,14 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     }
     group.commit()?;
     for (kind, path) in &wanted {
-        console.say(format!(
+        let text = format!(
             "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}",
             if means_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
             kind.name(),
             amount(rasters.points as f64),
             number(rasters.side()),
-        ));
+        );
+        console.wrote(messages::written(path, kind.name()), text);
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use super::args::RunArgs;
 use super::companions::{Companions, open, resolve};
 use super::shards::open_without_tree;
-use super::{Console, Verbosity};
+use super::{Console, Verbosity, messages};
 use crate::options::ResolvedRun;
 use std::io::Write;
 use std::time::Instant;
@@ -83,18 +83,23 @@ pub fn show_report(console: &Console, report: &Report, started: Instant) -> Resu
         let name = file.path.as_ref().map_or_else(|| "stdout".into(), |p| p.display().to_string());
         let has_points = matches!(file.kind, FileKind::Points | FileKind::Shard);
         let records = counted(file.records, if has_points { "point" } else { "record" });
-        console.say(format!("{name}  {records}, {} bytes", file.bytes));
+        console.wrote(messages::written_by_run(file), format!("{name}  {records}, {} bytes", file.bytes));
         if file.left_out > 0 {
             let points = counted(file.left_out, "point");
-            console.say(format!("  warning: {points} left out, which the format cannot hold"));
+            let text = format!("{points} left out, which the format cannot hold");
+            console.caution(format!("  warning: {text}"), messages::warning(Some(name), text));
         }
     }
     if summary.left_out > 0 {
-        console.say(format!(
-            "  warning: {} left out, far outside all tiles or of no part",
-            counted(summary.left_out, "point")
-        ));
+        let points = counted(summary.left_out, "point");
+        let text = format!("{points} left out, far outside all tiles or of no part");
+        console.caution(format!("  warning: {text}"), messages::warning(None, text));
     }
+    console.record(|result| {
+        (result.pulses, result.points) = (Some(*pulses), Some(summary.points));
+        result.seconds = Some(*seconds);
+        result.total_seconds = Some(started.elapsed().as_secs_f64());
+    });
     let pulses = *pulses as f64;
     console.took(
         Verbosity::Normal,

@@ -2,7 +2,7 @@
 
 use super::args::{MakeArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs};
 use super::watch::during;
-use super::{Console, info, map, pack};
+use super::{Console, info, map, messages, pack};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::amount;
 use vlscan_fit::scene;
@@ -21,14 +21,16 @@ pub fn run(args: &SceneArgs, console: &Console) -> Result<()> {
 
 fn make(args: &MakeArgs, console: &Console) -> Result<()> {
     let made = during(console, "making the scene", || write_scene(&args.options, &args.out))?;
-    console.say(format!(
+    let text = format!(
         "{} triangles{} in {}; scan them ({} pulses) with: vlscan run {}",
         amount(made.triangles as f64),
         if made.voxels > 0 { format!(" and {} voxels", amount(made.voxels as f64)) } else { String::new() },
         args.out.display(),
         amount(made.pulses as f64),
         made.survey.display()
-    ));
+    );
+    console.wrote(messages::written(&args.out, "scene"), text);
+    console.record(|result| result.files.push(messages::written(&made.survey, "survey")));
     Ok(())
 }
 
@@ -36,13 +38,14 @@ fn stand(args: &StandArgs, console: &Console) -> Result<()> {
     let make = || make_stand(&args.options, &args.out, &|_| true, &console.listener());
     let made = during(console, "making the stand", make)?;
     let counts: Vec<String> = made.trees.iter().map(usize::to_string).collect();
-    console.say(format!(
+    let text = format!(
         "{}: {} trees of {} models{}; scan them with: vlscan run SURVEY --scene {0}",
         made.scene.display(),
         counts.join(", "),
         made.models,
         if counts.len() > 1 { " in the epochs stand_0, stand_1 …" } else { "" },
-    ));
+    );
+    console.wrote(messages::written(&made.scene, "scene"), text);
     Ok(())
 }
 
@@ -71,10 +74,12 @@ fn reconstruct(args: &ReconstructArgs, console: &Console) -> Result<()> {
         amount(found.foliage.leaf_area().round()),
         receiver.element_size,
     ));
-    console.say(format!(
+    let text = format!(
         "{}: trace pulses through it with: vlscan trace --scanner {} PULSES -o points.laz",
         args.out.display(),
         pipeline.display()
-    ));
+    );
+    console.wrote(messages::written(&args.out, "scene"), text);
+    console.record(|result| result.files.push(messages::written(&pipeline, "pipeline")));
     Ok(())
 }

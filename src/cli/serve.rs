@@ -1,5 +1,6 @@
 //! `vlscan serve`: starts the program of the service, which has the network that this program lacks.
 
+use super::Console;
 use super::args::ServeArgs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +9,12 @@ use vlscan_base::error::{Error, Result};
 /// Name of the program of the service.
 const PROGRAM: &str = if cfg!(windows) { "vlscan-serve.exe" } else { "vlscan-serve" };
 
-pub fn run(args: &ServeArgs) -> Result<()> {
+pub fn run(args: &ServeArgs, console: &Console) -> Result<()> {
+    if console.is_json() {
+        return Err(Error::input(
+            "--message-format cannot be used with vlscan serve, which has a log of its own",
+        ));
+    }
     let Some(program) = program() else {
         return Err(Error::input_with_help(
             "vlscan serve needs the program vlscan-serve, which is neither beside vlscan nor in a folder of \

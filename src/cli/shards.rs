@@ -4,7 +4,7 @@ use super::args::{IndexShardsArgs, MergeArgs, RunArgs};
 use super::companions::{Companions, resolve};
 use super::run::{show_report, warn_of_few_points};
 use super::watch::during;
-use super::{Console, interrupt};
+use super::{Console, interrupt, messages};
 use crate::options::{OneOf, Options};
 use crate::options::{ResolvedRun, schedule_of};
 use std::path::{Path, PathBuf};
@@ -41,10 +41,12 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     let legs = session.survey().legs.len();
     let mut shards = session.shards(&folder, &output, force, &interrupt::STOP)?;
     if args.shards.part_points.is_some() {
-        console.say("--part-points has no effect any more: every output format can be made from a shard");
+        let text = "--part-points has no effect any more: every output format can be made from a shard";
+        console.caution(text, messages::warning(None, text.to_owned()));
     }
     if resumes && !force && shards.existing(shard)?.is_some() {
-        console.say(format!("{} exists and is complete", path.display()));
+        let text = format!("{} exists and is complete", path.display());
+        console.wrote(messages::written(&path, "shard"), text);
         return Ok(());
     }
     let report = companions.run(console, progress_lines, legs, |control| shards.run(shard, control))?;
@@ -77,11 +79,10 @@ pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
     let shards = during(console, "counting pulses", || {
         session.shards(&folder, &output, options.output.force.is_on(), &interrupt::STOP)
     })?;
-    console.say(format!(
-        "{}  {}, for any number of shards",
-        vlscan_session::shards::Borders::path(&folder).display(),
-        amount_of(shards.pulses() as f64, "pulse")
-    ));
+    let path = vlscan_session::shards::Borders::path(&folder);
+    let pulses = amount_of(shards.pulses() as f64, "pulse");
+    let text = format!("{}  {pulses}, for any number of shards", path.display());
+    console.wrote(messages::written(&path, "index"), text);
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! `vlscan unzip`: expands compressed text.
 
-use super::Console;
 use super::args::UnzipArgs;
+use super::{Console, messages};
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
@@ -18,7 +18,9 @@ pub fn run(args: &UnzipArgs, console: &Console) -> Result<()> {
     let out = (!is_stream(&args.out)).then_some(args.out.as_path());
     out.map_or(Ok(()), |out| reads::refuse_input_of(out, [&args.file]))?;
     let lines = unzip(&args.file, file, out, args.force)?;
-    console.say(format!("{}  {lines} lines", out.map_or("stdout".into(), |p| p.display().to_string())));
+    let file = messages::written(&args.out, "text");
+    console
+        .wrote(file, format!("{}  {lines} lines", out.map_or("stdout".into(), |p| p.display().to_string())));
     Ok(())
 }
 

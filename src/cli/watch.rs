@@ -1,6 +1,6 @@
-//! Progress on stderr: a bar on a terminal, plain lines elsewhere on request.
+//! Progress on stderr: a bar on a terminal, plain lines elsewhere on request, lines of JSON for programs.
 
-use super::{Console, Verbosity};
+use super::{Console, Verbosity, messages};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
@@ -19,10 +19,13 @@ const STEP: &str = "{spinner} {msg} ({elapsed})";
 /// Does work without a known length, of which `step` is the first step, and shows on a terminal which step
 /// goes on and for how long.
 pub fn during<T>(console: &Console, step: &'static str, work: impl FnOnce() -> T) -> T {
-    if !(stderr().is_terminal() && console.draws()) {
+    let draws = stderr().is_terminal() && console.draws();
+    if draws || console.is_json() {
+        console.begin(step);
+    }
+    if !draws {
         return work();
     }
-    console.begin(step);
     let (done, is_done) = flume::bounded::<()>(1);
     std::thread::scope(|scope| {
         let shows = std::thread::Builder::new().spawn_scoped(scope, move || {
@@ -50,24 +53,43 @@ pub fn during<T>(console: &Console, step: &'static str, work: impl FnOnce() -> T
     })
 }
 
-/// Runs `work` while another thread shows its progress. `legs` is the number of legs in the survey.
+/// Runs `work` while another thread shows its progress. `legs` is the number of legs in the survey;
+/// `is_complete` is true of the outcome of work that was done to its end.
 pub fn watched<T>(
     console: &Console,
     lines_wanted: bool,
     legs: usize,
     progress: &Progress,
     work: impl FnOnce() -> T,
+    is_complete: impl FnOnce(&T) -> bool,
 ) -> T {
     let terminal = stderr().is_terminal() && console.draws();
-    if !console.shows(Verbosity::Normal) || !(terminal || lines_wanted) {
+    if !console.shows(Verbosity::Normal) || !(terminal || lines_wanted || console.is_json()) {
         return work();
     }
+    let start = Instant::now();
+    let result = while_shown(console, terminal, legs, progress, work);
+    if console.is_json() {
+        let last = messages::progress(&progress.snapshot(), legs, start.elapsed().as_secs_f64());
+        console.progress(if is_complete(&result) { messages::completed(last) } else { last });
+    }
+    result
+}
+
+/// Runs `work` while another thread shows its progress, as a bar if `draws` is set.
+fn while_shown<T>(
+    console: &Console,
+    draws: bool,
+    legs: usize,
+    progress: &Progress,
+    work: impl FnOnce() -> T,
+) -> T {
     let (done, is_done) = flume::bounded::<()>(1);
     std::thread::scope(|scope| {
         // A run whose progress cannot be shown for want of a thread goes on.
         let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             let start = Instant::now();
-            if terminal {
+            if draws {
                 draw_bar(console, progress, legs, start, &is_done);
                 return;
             }
@@ -76,7 +98,11 @@ pub fn watched<T>(
                 let now = progress.snapshot();
                 // A stream that is silent needs no lines.
                 if now.pulses != shown || now.done.is_finite() {
-                    console.say(line(&now, legs, start.elapsed().as_secs_f64()));
+                    let seconds = start.elapsed().as_secs_f64();
+                    match console.is_json() {
+                        true => console.progress(messages::progress(&now, legs, seconds)),
+                        false => console.say(line(&now, legs, seconds)),
+                    }
                 }
                 shown = now.pulses;
             }

@@ -40,6 +40,7 @@ mod limits;
 mod manual;
 mod mcap;
 mod meshes;
+mod messages;
 mod mosaics;
 mod mutation;
 mod navigation;

@@ -3,6 +3,7 @@
 
 use crate::beneath::{BLOCK, Beneath, EntryKind};
 use crate::config::ConfineArgs;
+use crate::messages::{Said, failure, said};
 use crate::program::confined;
 use crate::store::Result;
 use serde::{Deserialize, Serialize};
@@ -10,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{BufRead as _, BufReader, Read, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -20,10 +20,6 @@ const POLL: Duration = Duration::from_millis(20);
 const CHECK: Duration = Duration::from_secs(1);
 /// Most files and folders in the folder of a job.
 const MAX_ENTRIES: usize = 200_000;
-/// Maximum size of the messages that are kept of a job, and read, bytes.
-pub(crate) const MAX_LOG: u64 = 1 << 20;
-/// Longest message of a failed job, bytes.
-const MAX_MESSAGE: u64 = 8 << 10;
 /// Maximum number of restarts of a process that somebody kills: the system may have needed the memory for
 /// something else.
 const MAX_KILLS: usize = 2;
@@ -175,7 +171,7 @@ impl Setting {
         if was_killed(status) {
             return Ended::Killed;
         }
-        let message = match self.message_of(log) {
+        let message = match failure(log, |text| self.without_folders(text)) {
             message if message.is_empty() => {
                 format!("vlscan ended with {status}; see the limits of the service")
             }
@@ -188,19 +184,13 @@ impl Setting {
         }
     }
 
-    /// Message of vlscan on its failure, without the folders of the service.
-    fn message_of(&self, log: &Path) -> String {
-        let text = tail(log, MAX_MESSAGE);
-        let start = text.find("error:").unwrap_or(0);
-        self.without_folders(text[start..].trim())
-    }
-
     /// Messages of vlscan in the last existing log, without progress and the names of outputs.
-    pub(crate) fn said(&self, logs: &[PathBuf]) -> String {
+    pub(crate) fn said(&self, logs: &[PathBuf]) -> Said {
         let log = logs.iter().rev().find_map(|log| File::open(log).ok());
-        log.map_or_else(String::new, |log| self.without_folders(&said_in(log)))
+        log.map_or_else(Said::default, |log| said(log, |text| self.without_folders(text)))
     }
 
+    /// A text without the folders of the service and of the job.
     fn without_folders(&self, text: &str) -> String {
         let mut message = text.to_owned();
         for folder in [&self.folder, &self.root] {
@@ -289,78 +279,9 @@ fn deleted_bytes(_: u32) -> u64 {
     0
 }
 
-/// The last lines of a log, at most `most` bytes.
-fn tail(log: &Path, most: u64) -> String {
-    let read = || -> std::io::Result<Vec<u8>> {
-        let mut file = File::open(log)?;
-        let length = file.metadata()?.len();
-        file.seek(SeekFrom::Start(length.saturating_sub(most)))?;
-        let mut bytes = Vec::new();
-        file.take(most).read_to_end(&mut bytes)?;
-        Ok(bytes)
-    };
-    String::from_utf8_lossy(&read().unwrap_or_default()).into_owned()
-}
-
-/// The lines of a log without progress and the names of outputs, at most [`MAX_MESSAGE`] bytes of the first
-/// [`MAX_LOG`] bytes: warnings come first, and the progress of hours may follow them.
-fn said_in(log: impl Read) -> String {
-    let mut log = BufReader::new(log.take(MAX_LOG));
-    let lines = log.by_ref().split(b'\n').map_while(std::io::Result::ok);
-    let lines = lines.map(|line| String::from_utf8_lossy(&line).into_owned());
-    let mut said = String::new();
-    let mut omitted = 0;
-    for line in lines.filter(|line| !is_progress(line) && !line.starts_with("../out/")) {
-        if omitted == 0 && said.len() + line.len() < MAX_MESSAGE as usize {
-            said += &line;
-            said.push('\n');
-        } else {
-            omitted += 1;
-        }
-    }
-    if omitted > 0 {
-        said += &format!("… and {omitted} more lines");
-    }
-    if log.get_ref().limit() == 0 {
-        said += &format!("\n… (only the first {MAX_LOG} bytes of the messages are read)");
-    }
-    said.trim().to_owned()
-}
-
-/// True if a line tells progress, as `vlscan run` writes it to what is no terminal.
-fn is_progress(line: &str) -> bool {
-    let text = line.split_once(" %  ").map_or(line, |(_, text)| text);
-    text.starts_with("leg ") && text.contains(" pulses (")
-}
-
-/// The percentage in the last line of progress, and the line.
-pub(crate) fn progress_of(log: &Path) -> (u8, String) {
-    let text = tail(log, 4096);
-    let line = text.lines().rev().find(|line| is_progress(line));
-    let Some(line) = line.map(str::trim) else { return (0, String::new()) };
-    let percent = line.split_once('%').and_then(|(number, _)| number.trim().parse::<f64>().ok());
-    (percent.unwrap_or(0.0).clamp(0.0, 99.0) as u8, line.to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn warnings_are_kept_whatever_follows_them() {
-        let warning = "warning: leg 2 has no pulses (it is not active)";
-        let progress =
-            " 20.7 %  leg 1/4  2.58 M pulses (1.29 M/s)  1.80 M echoes  7.65 s left\n".repeat(10_000);
-        let end = "10 pulses, 2 points (0.20 per pulse) in 1 s";
-        let log = format!(
-            "{warning}\n{progress}leg 1/1  2.00 k pulses (1.00 k/s)\n../out/a.laz  2 points, 9 bytes\n{end}\n"
-        );
-        assert_eq!(said_in(log.as_bytes()), format!("{warning}\n{end}"));
-        let long = said_in(format!("{warning}\n{}", "x\n".repeat(10_000)).as_bytes());
-        assert!(long.starts_with(warning) && long.ends_with(" more lines"), "{long}");
-        assert!(long.len() < MAX_MESSAGE as usize + 40);
-        assert_eq!(said_in(&b"a \xff b\nc"[..]), "a \u{fffd} b\nc");
-    }
 
     #[test]
     #[cfg(target_os = "linux")]
@@ -373,12 +294,5 @@ mod tests {
         assert!((1 << 40..2 << 40).contains(&deleted_bytes(own)), "once, however often it is open");
         drop((file, again));
         assert!(deleted_bytes(own) <= before.max(1 << 30));
-    }
-
-    #[test]
-    fn a_line_without_end_is_not_read_to_its_end() {
-        let said = said_in((&b"warning: w\n"[..]).chain(std::io::repeat(b'x')));
-        assert!(said.starts_with("warning: w\n… and 1 more lines"), "{said}");
-        assert!(said.ends_with("the first 1048576 bytes of the messages are read)"), "{said}");
     }
 }

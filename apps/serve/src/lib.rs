@@ -19,11 +19,13 @@
 //! | `files`, `bucket`, `no_bucket` | where files of uploads and results are kept; `no_bucket` takes the place of `bucket` without the feature `s3` |
 //! | `worker` | threads that have jobs computed |
 //! | `job_folder`, `steps`, `execution` | the folder of a job, what is executed in it, and how |
+//! | `messages` | progress, warnings and errors of what is executed |
 //! | `engine`, `template`, `tasks` | jobs that an existing engine computes, and what its tasks do |
 //! | `view`, `scene_map` | pictures of results and of scenes, drawn when pages ask for them |
 //! | `confine`, `own_root`, `calls` | restrictions of the processes that compute |
 //! | `beneath` | files below folders that these processes can write |
 //! | `answers` | failures, documents, links |
+//! | `query` | parameters of addresses |
 //! | `app`, `shares`, `sessions` | what all requests share, and the part of each owner; who asks |
 //! | `security` | which requests are admitted, headers of answers |
 //! | `api` | the interface for programs |
@@ -49,6 +51,7 @@ pub mod execution;
 pub mod files;
 pub mod inspect;
 mod job_folder;
+pub mod messages;
 pub mod missing;
 pub mod names;
 pub mod opening;
@@ -57,6 +60,7 @@ mod own_root;
 pub mod pages;
 pub mod processes;
 pub mod program;
+pub mod query;
 pub mod queue;
 pub mod records;
 pub mod request;

@@ -4,6 +4,7 @@
 //! its workers along, and a lease that is not renewed runs out; so the job is given to another worker, which
 //! continues it. Only who holds a job can finish it.
 
+use crate::messages::Said;
 use crate::processes::Process;
 use crate::records::Kind;
 use crate::store::{COLUMNS, Job, Result, ResultFile, Status, Store, job_of, now};
@@ -48,8 +49,8 @@ impl Use {
 /// Outcome of a computation.
 #[derive(Clone, Debug)]
 pub enum Outcome {
-    /// Results, and what vlscan said.
-    Successful(Vec<ResultFile>, String),
+    /// Results, and the messages of vlscan.
+    Successful(Vec<ResultFile>, Said),
     /// The results in the folder of another job, which are the same.
     Same(String),
     /// A message.
@@ -109,8 +110,8 @@ impl Store {
         transaction
             .prepare_cached(
                 "INSERT INTO jobs (id, owner, process, inputs, prepared, fingerprint, folder, status, progress, results, created, started,
-                 finished, updated, message, texts) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?12, ?11, ?13,
-                 octet_length(?4) + octet_length(?5) + octet_length(?10) + octet_length(?13))",
+                 finished, updated, message, warnings, texts) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?12, ?11, ?13,
+                 ?14, octet_length(?4) + octet_length(?5) + octet_length(?10) + octet_length(?13) + octet_length(?14))",
             )?
             .execute(params![
                 job.id,
@@ -126,6 +127,7 @@ impl Store {
                 job.created,
                 done,
                 answer.map_or("", |answer| &answer.message),
+                answer.map_or("[]", |answer| &answer.warnings),
             ])?;
         for used in uses {
             let (kind, target) = match used {
@@ -234,11 +236,13 @@ impl Store {
     /// [`crate::store::StoreError`].
     pub fn finish(&self, id: &str, holder: &str, outcome: &Outcome) -> Result<bool> {
         let now = now();
-        let (status, message, files): (_, &str, &[ResultFile]) = match outcome {
-            Outcome::Successful(files, said) => (Status::Successful, said, files),
-            Outcome::Failed(message) => (Status::Failed, message, &[]),
+        let none = Said::default();
+        let (status, message, said, files): (_, &str, &Said, &[ResultFile]) = match outcome {
+            Outcome::Successful(files, said) => (Status::Successful, &said.text, said, files),
+            Outcome::Failed(message) => (Status::Failed, message, &none, &[]),
             Outcome::Same(folder) => return self.finish_as(id, holder, folder),
         };
+        let warnings = serde_json::to_string(&said.warnings).unwrap_or_else(|_| "[]".to_owned());
         let bytes: u64 = files.iter().map(|file| file.bytes).sum();
         let results = serde_json::to_string(files).map_err(std::io::Error::other)?;
         let changed = {
@@ -247,11 +251,11 @@ impl Store {
                 "UPDATE jobs SET status = ?1, message = ?2, progress = CASE ?1 WHEN 'successful' THEN 100 ELSE progress END, results = ?3,
                  prepared = CASE ?1 WHEN 'failed' THEN '{}' ELSE prepared END,
                  texts = octet_length(inputs) + CASE ?1 WHEN 'failed' THEN 2 ELSE octet_length(prepared) END
-                    + octet_length(?3) + octet_length(?2),
-                 bytes = ?4, finished = ?5, updated = ?5, holder = NULL, held_until = NULL
+                    + octet_length(?3) + octet_length(?2) + octet_length(?8),
+                 warnings = ?8, bytes = ?4, finished = ?5, updated = ?5, holder = NULL, held_until = NULL
                  WHERE id = ?6 AND holder = ?7 AND status = 'running'",
             )?;
-            update.execute(params![status.name(), message, results, bytes, now, id, holder])?
+            update.execute(params![status.name(), message, results, bytes, now, id, holder, warnings])?
         };
         if changed == 0 {
             // It was dismissed: only now may its folder go.
@@ -266,9 +270,9 @@ impl Store {
     /// the job returns to the queue.
     fn finish_as(&self, id: &str, holder: &str, folder: &str) -> Result<bool> {
         let changed = self.database().execute(
-            "UPDATE jobs SET status = 'successful', message = found.message, progress = 100, folder = ?1, results = found.results, finished = ?2,
-             updated = ?2, holder = NULL, held_until = NULL
-             FROM (SELECT results, message FROM jobs WHERE folder = ?1 AND status = 'successful' LIMIT 1) AS found
+            "UPDATE jobs SET status = 'successful', message = found.message, warnings = found.warnings, progress = 100, folder = ?1,
+             results = found.results, finished = ?2, updated = ?2, holder = NULL, held_until = NULL
+             FROM (SELECT results, message, warnings FROM jobs WHERE folder = ?1 AND status = 'successful' LIMIT 1) AS found
              WHERE id = ?3 AND holder = ?4 AND status = 'running'",
             params![folder, now(), id, holder],
         )?;
@@ -342,7 +346,7 @@ impl Store {
     pub fn dismiss(&self, owner: &str, id: &str, holder: Option<&str>) -> Result<bool> {
         let now = now();
         let changed = self.database().execute(
-            "UPDATE jobs SET status = 'dismissed', updated = ?1, finished = coalesce(finished, ?1), message = '', holder = coalesce(holder, ?4),
+            "UPDATE jobs SET status = 'dismissed', updated = ?1, finished = coalesce(finished, ?1), message = '', warnings = '[]', holder = coalesce(holder, ?4),
              inputs = '{}', prepared = '{}', fingerprint = '', texts = octet_length(results)
              WHERE owner = ?2 AND id = ?3",
             params![now, owner, id, holder],

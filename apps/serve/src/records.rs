@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::time::{SystemTime, UNIX_EPOCH};
+use vlscan_messages::ProblemMessage;
 
 /// Kind of stored files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -155,6 +156,8 @@ pub struct Job {
     pub progress: u8,
     /// Files of the results, JSON: a list of [`ResultFile`].
     pub results: String,
+    /// Warnings, JSON: a list of [`ProblemMessage`].
+    pub warnings: String,
     /// Times, ms since 1970.
     pub created: i64,
     /// Start of the computation.
@@ -184,6 +187,11 @@ impl Job {
             eprintln!("vlscan serve: the results of the job {} cannot be read: {error}", self.id);
             Vec::new()
         })
+    }
+
+    /// The warnings on the inputs.
+    pub fn problems(&self) -> Vec<ProblemMessage> {
+        serde_json::from_str(&self.warnings).unwrap_or_default()
     }
 }
 

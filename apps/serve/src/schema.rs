@@ -22,7 +22,7 @@ PRAGMA cache_size = -4000;
 ";
 
 /// Changes of each version of the schema. Databases before version 1 have some of its tables.
-const STEPS: [&str; 3] = ["
+const STEPS: [&str; 4] = ["
 CREATE TABLE IF NOT EXISTS uploads (
     id TEXT PRIMARY KEY, owner TEXT NOT NULL, name TEXT, files INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 TEXT NOT NULL,
     created INTEGER NOT NULL, UNIQUE (owner, name)
@@ -67,6 +67,8 @@ ALTER TABLE uploads ADD COLUMN missing TEXT;
 UPDATE jobs SET prepared = '{}', texts = octet_length(inputs) + octet_length(results) + octet_length(message) + 2
 WHERE status = 'failed';
 CREATE INDEX jobs_dismissed ON jobs (owner, updated) WHERE bytes < 0;
+", "
+ALTER TABLE jobs ADD COLUMN warnings TEXT NOT NULL DEFAULT '[]';
 "];
 
 /// The version of the tables.

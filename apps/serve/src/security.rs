@@ -4,6 +4,7 @@
 use crate::answers::{Failure, wants_page};
 use crate::app::{App, Identity};
 use crate::pages;
+use crate::query::check_encoding;
 use axum::extract::{Request, State};
 use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
 use axum::http::{Method, StatusCode};
@@ -38,7 +39,10 @@ pub async fn guard(State(app): State<Arc<App>>, mut request: Request, next: Next
     let response = match admit(&app, &request) {
         Ok(identity) => {
             request.extensions_mut().insert(identity.clone());
-            let response = next.run(request).await;
+            let response = match check_encoding(request.uri()) {
+                Ok(()) => next.run(request).await,
+                Err(failure) => failure.into_response(),
+            };
             match response.extensions().get::<Failure>() {
                 Some(failure) if is_page => pages::failure(&app, &identity, failure),
                 _ => response,

@@ -247,8 +247,8 @@ impl Store {
     }
 
     /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`.
-    /// Lists have no long texts: not what is executed, long inputs in part, and results only in lists of
-    /// `Listed::Results`, unless they are very many.
+    /// Lists have no long texts: neither what is executed nor warnings, long inputs in part, and results only
+    /// in lists of `Listed::Results`, unless they are very many.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -270,7 +270,8 @@ impl Store {
         let columns = COLUMNS
             .replace("prepared,", "'{}',")
             .replace("inputs,", &format!("{SHORT_INPUTS},"))
-            .replace("results,", &format!("{results},"));
+            .replace("results,", &format!("{results},"))
+            .replace("updated, warnings", "updated, '[]'");
         let mut query = database.prepare_cached(&format!(
             "SELECT {columns} FROM jobs WHERE owner = ?
              AND (?2 = '[]' OR status IN (SELECT value FROM json_each(?2))) AND (?3 = '[]' OR process IN (SELECT value FROM json_each(?3)))
@@ -388,7 +389,7 @@ const SHORT_INPUTS: &str = "CASE WHEN octet_length(inputs) <= 8192 THEN inputs E
     FROM (SELECT json_remove(inputs, '$.area', '$.along', '$.part', '$.leg') AS short)) END";
 
 pub(crate) const COLUMNS: &str = "id, owner, process, inputs, prepared, fingerprint, folder, status, message, progress, results, \
-                                  created, started, finished, updated";
+                                  created, started, finished, updated, warnings";
 
 pub(crate) fn job_of(row: &Row<'_>) -> rusqlite::Result<Job> {
     Ok(Job {
@@ -407,6 +408,7 @@ pub(crate) fn job_of(row: &Row<'_>) -> rusqlite::Result<Job> {
         started: row.get(12)?,
         finished: row.get(13)?,
         updated: row.get(14)?,
+        warnings: row.get(15)?,
     })
 }
 

@@ -82,6 +82,7 @@ impl Workshop {
             message: String::new(),
             progress: 0,
             results: String::new(),
+            warnings: String::new(),
             created: now,
             started: None,
             finished: None,

@@ -15,8 +15,9 @@
 //! is complete is not computed again.
 
 use crate::config::TaskArgs;
-use crate::execution::{End, Setting, progress_of};
+use crate::execution::{End, Setting};
 use crate::job_folder::write_whole;
+use crate::messages::progress_of;
 use crate::steps::Steps;
 use crate::store::{Result, StoreError};
 use serde::de::DeserializeOwned;

@@ -8,9 +8,10 @@
 use crate::beneath::{BLOCK, Beneath};
 use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
-use crate::execution::{End, MAX_LOG, Setting, bytes_in, progress_of};
+use crate::execution::{End, Setting, bytes_in};
 use crate::files::Fetched;
 use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results};
+use crate::messages::{MAX_LOG, progress_of};
 use crate::processes::Process;
 use crate::program::Program;
 use crate::queue::{Lane, Outcome};
@@ -41,6 +42,8 @@ const DAY: i64 = 86_400_000;
 const EXPIRY: Duration = Duration::from_secs(60);
 /// Largest forecast that is read, bytes.
 const MAX_REPORT: u64 = 1 << 20;
+/// Option of the program for messages that the service reads.
+const MESSAGES: &str = "--message-format=json";
 /// Lease owner of cancelled jobs still queued in an engine.
 const WITHDRAWAL: &str = "withdrawal";
 
@@ -537,7 +540,7 @@ impl Workshop {
             time: Some(self.limits.max_time.saturating_mul(threads)),
             file_size: Some(self.limits.max_disk),
             no_sandbox: self.limits.no_sandbox,
-            program: vec![self.program.path.clone().into()],
+            program: vec![self.program.path.clone().into(), MESSAGES.into()],
         };
         Setting {
             root: self.store.root().to_owned(),

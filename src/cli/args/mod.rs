@@ -40,7 +40,7 @@ pub use tools::{
     UnzipArgs,
 };
 
-use super::{LogTo, Verbosity};
+use super::{LogTo, MessageFormat, Verbosity};
 use crate::options::Switch;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{ArgAction, Parser, Subcommand};
@@ -85,6 +85,19 @@ pub struct Cli {
     /// Report errors only.
     #[arg(short, long, global = true)]
     pub quiet: bool,
+    /// Format of the messages on stderr: text for people, or one JSON object per line for programs.
+    ///
+    /// Lines of JSON are progress, warnings and errors with file, line, column and help, and at the end the
+    /// files that were written. docs/messages.md describes them.
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        value_enum,
+        default_value = "text",
+        global = true,
+        hide_short_help = true
+    )]
+    pub message_format: MessageFormat,
     /// Say nothing at all.
     #[arg(long, global = true, hide = true)]
     pub silent: bool,

@@ -3,13 +3,15 @@
 use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryArgs};
 use crate::cli::companions::resolve;
 use crate::cli::watch::{during, watched};
-use crate::cli::{Console, Verbosity, interrupt};
+use crate::cli::{Console, Verbosity, interrupt, messages};
 use crate::options::ResolvedRun;
 use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched};
 use vlscan_base::quantity::{amount_of, duration};
+use vlscan_messages::{ResultMessage, WrittenFile};
 use vlscan_session::streams::TableWriter;
 use vlscan_session::{Emitted, Flight, FlightRows, Progress, RunContext, Session, emit};
 
@@ -20,6 +22,26 @@ pub fn trajectory(args: &TrajectoryArgs, console: &Console) -> Result<()> {
 
 pub fn pulses(args: &PulsesArgs, console: &Console) -> Result<()> {
     fly(&args.survey, &args.emit, false, console, None, FlightRows::Pulses)
+}
+
+/// The result of a flight with these numbers of legs and pulses.
+fn result_of(rows: FlightRows, legs: usize, pulses: u64, seconds: f64) -> ResultMessage {
+    let (content, records) = match rows {
+        FlightRows::Poses => ("trajectory", None),
+        FlightRows::Pulses => ("pulses", Some(pulses)),
+    };
+    ResultMessage {
+        files: vec![WrittenFile { records, ..messages::written(Path::new("-"), content) }],
+        legs: Some(legs as u64),
+        pulses: Some(pulses),
+        seconds: Some(seconds),
+        ..ResultMessage::default()
+    }
+}
+
+/// True if all of a flight was written.
+fn is_complete<T>(emitted: &Result<T>) -> bool {
+    emitted.is_ok() && !interrupt::STOP.is_requested()
 }
 
 fn fly(
@@ -54,14 +76,15 @@ fn fly(
         EmitFormat::Csv => {
             out.append(rows.header(&flight).as_bytes())?;
             let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push(&flight, emitted, true, out);
-            watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
+            let work = || emit(emission, control, encode, out);
+            watched(console, progress_lines, legs, &progress, work, is_complete)?;
         }
         EmitFormat::Arrow => {
             let mut out = TableWriter::begin(rows.columns(&flight), is_live, out).map_err(failed)?;
             out.flush().map_err(failed)?;
             let encode = |emitted: &Emitted, out: &mut Vec<u8>| rows.push(&flight, emitted, false, out);
-            let out =
-                watched(console, progress_lines, legs, &progress, || emit(emission, control, encode, out))?;
+            let work = || emit(emission, control, encode, out);
+            let out = watched(console, progress_lines, legs, &progress, work, is_complete)?;
             out.finish().map_err(failed)?;
         }
     }
@@ -69,7 +92,9 @@ fn fly(
         return Err(Error::Interrupted);
     }
     let seconds = started.elapsed().as_secs_f64();
-    let pulses = amount_of(progress.snapshot().pulses as f64, "pulse");
+    let count = progress.snapshot().pulses;
+    console.record(|result| *result = result_of(rows, legs, count, seconds));
+    let pulses = amount_of(count as f64, "pulse");
     console.took(Verbosity::Verbose, format!("{pulses} flown in {}", duration(seconds)));
     Ok(())
 }

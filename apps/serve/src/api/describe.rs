@@ -4,9 +4,10 @@ use crate::answers::{Failure, document, link, wants_page};
 use crate::app::{App, Identity};
 use crate::pages;
 use crate::processes::Process;
+use crate::query::Parameters;
 use axum::Extension;
 use axum::extract::{Path, RawQuery, State};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use serde_json::json;
 use std::sync::Arc;
@@ -45,13 +46,20 @@ pub async fn conformance() -> Response {
     document(&json!({ "conformsTo": CLASSES.iter().map(uri).collect::<Vec<_>>() }))
 }
 
-pub async fn processes(State(app): State<Arc<App>>) -> Response {
-    let summaries: Vec<_> =
-        Process::ALL.iter().map(|process| process.summary(&app.workshop.program)).collect();
-    document(&json!({
+pub async fn processes(State(app): State<Arc<App>>, RawQuery(query): RawQuery) -> Result<Response, Failure> {
+    let limit = match Parameters::of(query.as_deref(), &["f", "limit"])?.get("limit") {
+        None => Process::ALL.len(),
+        Some(limit) => limit.parse::<usize>().ok().filter(|limit| *limit > 0).ok_or_else(|| {
+            let message = format!("limit: expected a whole number of at least 1, found `{limit}`");
+            Failure::new(StatusCode::BAD_REQUEST, message)
+        })?,
+    };
+    let shown = Process::ALL.iter().take(limit);
+    let summaries: Vec<_> = shown.map(|process| process.summary(&app.workshop.program)).collect();
+    Ok(document(&json!({
         "processes": summaries,
         "links": [link("/processes", "self", "application/json", "This document")],
-    }))
+    })))
 }
 
 pub async fn process(State(app): State<Arc<App>>, Path(id): Path<String>) -> Result<Response, Failure> {

@@ -2,9 +2,9 @@
 
 use super::files::no_file;
 use super::jobs::{results_document, status_info};
+use super::request::{Form, Request};
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
-use crate::processes::Process;
 use crate::records::Kind;
 use crate::store::{Job, Status};
 use crate::worker::Workshop;
@@ -13,42 +13,12 @@ use axum::body::Bytes;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse as _, Response};
-use serde::Deserialize;
-use serde_json::{Map, Value};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Time for which a request waits for results before it is answered with the job.
 const MAX_WAIT: Duration = Duration::from_secs(30);
 const POLL: Duration = Duration::from_millis(20);
-
-/// A request, as the standard has it.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Execute {
-    #[serde(default)]
-    inputs: Map<String, Value>,
-    /// Outputs that are wanted; results list all.
-    #[serde(default)]
-    #[serde(rename = "outputs")]
-    _outputs: Map<String, Value>,
-    #[serde(default)]
-    response: Form,
-    #[serde(default)]
-    subscriber: Option<Value>,
-    #[serde(default)]
-    #[serde(rename = "mode")]
-    _mode: Option<String>,
-}
-
-/// The form of results.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Form {
-    #[default]
-    Document,
-    Raw,
-}
 
 pub async fn execute(
     State(app): State<Arc<App>>,
@@ -57,28 +27,9 @@ pub async fn execute(
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Failure> {
-    let process = Process::named(&id).ok_or_else(|| Failure::no_process(&id))?;
-    let media = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    if !media.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json") {
-        return Err(Failure::new(
-            StatusCode::UNSUPPORTED_MEDIA_TYPE,
-            "expected a request of the type application/json",
-        ));
-    }
-    let request: Execute = serde_json::from_slice(&body).map_err(|e| {
-        Failure::new(StatusCode::BAD_REQUEST, format!("the request is not as the process takes it: {e}"))
-    })?;
-    if request.subscriber.is_some() {
-        return Err(Failure::new(
-            StatusCode::BAD_REQUEST,
-            "subscriber: the service calls no other address; follow /jobs/JOB/events",
-        ));
-    }
+    let Request { process, inputs, form, prefers_job } = Request::parse(&id, &headers, &body)?;
     let owner = identity.owner.clone();
-    let job = blocking(&app, move |workshop| workshop.submit(&owner, process, &request.inputs)).await?;
-    let prefers = headers.get_all("prefer").iter().filter_map(|value| value.to_str().ok());
-    let prefers_job =
-        prefers.flat_map(|value| value.split(',')).any(|preference| preference.trim() == "respond-async");
+    let job = blocking(&app, move |workshop| workshop.submit(&owner, process, &inputs)).await?;
     if prefers_job || !process.is_quick() {
         let mut response = created(&job);
         if prefers_job {
@@ -95,7 +46,7 @@ pub async fn execute(
         job = found.ok_or_else(|| Failure::no_job(&job.id))?;
     }
     match job.status {
-        Status::Successful => answer(&app, &job, request.response).await,
+        Status::Successful => answer(&app, &job, form).await,
         Status::Failed => Err(Failure::new(StatusCode::UNPROCESSABLE_ENTITY, job.message)),
         Status::Dismissed => Err(Failure::new(StatusCode::GONE, "the job was dismissed")),
         Status::Accepted | Status::Running => Ok(created(&job)),

@@ -1,8 +1,10 @@
 //! Jobs: list, state, results, progress, dismissal.
 
+use super::OF_JOBS;
 use crate::answers::{Failure, document, encoded, link, media_type, wants_page};
 use crate::app::{App, Identity, blocking};
 use crate::pages;
+use crate::query::Parameters;
 use crate::records::Kind;
 use crate::store::{Job, Listed, Result as StoreResult, Status, Store, time_text};
 use axum::Extension;
@@ -14,6 +16,7 @@ use futures_util::stream;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -52,6 +55,10 @@ pub fn status_info(job: &Job) -> Value {
     if !job.message.is_empty() {
         info["message"] = json!(job.message);
     }
+    let warnings = job.problems();
+    if !warnings.is_empty() {
+        info["warnings"] = json!(warnings);
+    }
     for (key, time) in [("started", job.started), ("finished", job.finished)] {
         if let Some(time) = time {
             info[key] = json!(time_text(time));
@@ -84,7 +91,7 @@ pub fn results_document(job: &Job, store: &Store) -> StoreResult<(String, Value)
 }
 
 /// Parameters of a query.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Filter {
     statuses: Vec<Status>,
     processes: Vec<String>,
@@ -93,34 +100,27 @@ struct Filter {
 }
 
 impl Filter {
-    fn of(query: Option<&str>) -> Result<Filter, Failure> {
-        let mut filter = Filter { limit: 100, ..Filter::default() };
+    fn of(parameters: &Parameters) -> Result<Filter, Failure> {
         let wrong = |key: &str, value: &str| {
             Failure::new(StatusCode::BAD_REQUEST, format!("{key}: `{value}` is not known"))
         };
-        for pair in query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty()) {
-            let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
-            match key {
-                "status" => {
-                    for name in value.split("%2C").flat_map(|part| part.split(',')) {
-                        filter.statuses.push(Status::named(name).ok_or_else(|| wrong(key, name))?);
-                    }
-                }
-                "processID" => filter.processes.extend(value.split(',').map(str::to_owned)),
-                "limit" => {
-                    filter.limit = value
-                        .parse()
-                        .ok()
-                        .filter(|n| (1..=MAX_LISTED).contains(n))
-                        .ok_or_else(|| wrong(key, value))?
-                }
-                "offset" => filter.offset = value.parse().map_err(|_| wrong(key, value))?,
-                "f" => {}
-                "type" if value == "process" => {}
-                _ => return Err(wrong(key, value)),
+        let list = |key: &str| parameters.get(key).into_iter().flat_map(|value| value.split(','));
+        let status = |name: &str| Status::named(name).ok_or_else(|| wrong("status", name));
+        let number = |key: &str, default: u32, range: RangeInclusive<u32>| match parameters.get(key) {
+            None => Ok(default),
+            Some(value) => {
+                value.parse::<u32>().ok().filter(|n| range.contains(n)).ok_or_else(|| wrong(key, value))
             }
+        };
+        if let Some(kind) = parameters.get("type").filter(|kind| *kind != "process") {
+            return Err(wrong("type", kind));
         }
-        Ok(filter)
+        Ok(Filter {
+            statuses: list("status").map(status).collect::<Result<_, _>>()?,
+            processes: list("processID").map(str::to_owned).collect(),
+            limit: number("limit", 100, 1..=MAX_LISTED)?,
+            offset: number("offset", 0, 0..=u32::MAX)?,
+        })
     }
 }
 
@@ -131,10 +131,12 @@ pub async fn list(
     headers: HeaderMap,
 ) -> Result<Response, Failure> {
     let is_page = wants_page(&headers, query.as_deref());
-    let filter = Filter::of(query.as_deref())?;
+    let parameters = Parameters::of(query.as_deref(), &OF_JOBS)?;
+    let filter = Filter::of(&parameters)?;
     let owner = identity.owner.clone();
-    let next = filter.offset.saturating_add(filter.limit);
     let limit = filter.limit;
+    let next = filter.offset.saturating_add(limit).to_string();
+    let next = format!("/jobs?{}", parameters.with("offset", &next));
     let jobs = blocking(&app, move |workshop| {
         workshop.store.jobs(
             Listed::States,
@@ -147,19 +149,14 @@ pub async fn list(
     })
     .await?;
     if is_page {
-        let next = (jobs.len() == limit as usize).then_some(next);
+        let next = (jobs.len() == limit as usize).then_some(next.as_str());
         let shown = jobs.into_iter().filter(|job| job.status != Status::Dismissed).collect();
         let jobs = blocking(&app, move |workshop| pages::titled(&workshop.store, shown)).await?;
         return Ok(pages::jobs(&app, &identity, &jobs, next));
     }
     let mut links = vec![link("/jobs", "self", "application/json", "This document")];
     if jobs.len() == limit as usize {
-        links.push(link(
-            &format!("/jobs?limit={limit}&offset={next}"),
-            "next",
-            "application/json",
-            "Older jobs",
-        ));
+        links.push(link(&next, "next", "application/json", "Older jobs"));
     }
     Ok(document(&json!({ "jobs": jobs.iter().map(status_info).collect::<Vec<_>>(), "links": links })))
 }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `describe` | landing page, conformance, processes |
 //! | `openapi` | the definition of the interface |
-//! | `execute` | execution of processes |
+//! | `request`, `execute` | requests for executions, and their answers |
 //! | `jobs` | jobs, their results and progress |
 //! | `files` | files of results and uploads, in whole or in part |
 //! | `received` | uploads |
@@ -15,13 +15,17 @@ mod files;
 mod jobs;
 mod openapi;
 mod received;
+mod request;
 
 use crate::answers::Failure;
 use crate::app::App;
 use crate::config::ServeArgs;
+use crate::query::Parameters;
 use axum::Router;
-use axum::extract::DefaultBodyLimit;
+use axum::extract::{DefaultBodyLimit, Request};
 use axum::http::StatusCode;
+use axum::middleware::{Next, from_fn};
+use axum::response::{IntoResponse as _, Response};
 use axum::routing::{get, post};
 use std::sync::Arc;
 
@@ -54,6 +58,32 @@ pub fn router(limits: &ServeArgs) -> Router<Arc<App>> {
                 .route("/uploads", get(received::list).post(received::receive))
                 .layer(DefaultBodyLimit::max(upload)),
         )
+        .layer(from_fn(check_parameters))
+}
+
+/// Refuses parameters that an address does not have.
+async fn check_parameters(request: Request, next: Next) -> Response {
+    let address = request.uri();
+    match Parameters::of(address.query(), known_parameters(address.path())) {
+        Ok(parameters) if matches!(parameters.get("f"), None | Some("json" | "html")) => {
+            next.run(request).await
+        }
+        Ok(_) => Failure::new(StatusCode::BAD_REQUEST, "f: expected json or html").into_response(),
+        Err(failure) => failure.into_response(),
+    }
+}
+
+/// The parameters of lists of jobs.
+const OF_JOBS: [&str; 6] = ["f", "status", "processID", "type", "limit", "offset"];
+
+fn known_parameters(path: &str) -> &'static [&'static str] {
+    let parts: Vec<&str> = path.trim_matches('/').split('/').collect();
+    match parts.as_slice() {
+        ["jobs"] => &OF_JOBS,
+        ["jobs" | "uploads", _] => &["f", "points"],
+        ["processes"] => &["f", "limit"],
+        _ => &["f"],
+    }
 }
 
 /// The answer to addresses that the service does not have.

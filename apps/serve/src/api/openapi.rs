@@ -78,7 +78,9 @@ fn process_paths() -> Value {
         "/": { "get": operation("getLandingPage", "What the service offers", &[("200", as_json("Landing page", "landingPage"))], Value::Null) },
         "/conformance": { "get": operation("getConformance", "Conformance classes", &[("200", as_json("Classes", "confClasses"))], Value::Null) },
         "/api": { "get": operation("getApi", "This definition", &[("200", answer("Definition", "application/vnd.oai.openapi+json;version=3.0", &json!({ "type": "object" })))], Value::Null) },
-        "/processes": { "get": operation("getProcesses", "All processes", &[("200", as_json("Processes", "processList"))], Value::Null) },
+        "/processes": { "get": operation("getProcesses", "All processes", &[("200", as_json("Processes", "processList"))], json!({ "parameters": [
+            in_query("limit", "Most processes", &json!({ "type": "integer", "minimum": 1 })),
+        ] })) },
         "/processes/{processID}": { "get": operation(
             "getProcessDescription", "Inputs and outputs of a process",
             &[("200", as_json("Description", "process")), ("404", failure("There is no such process"))],
@@ -240,6 +242,7 @@ fn schemas() -> Value {
         "statusCode": { "type": "string", "enum": ["accepted", "running", "successful", "failed", "dismissed"] },
         "statusInfo": { "type": "object", "required": ["jobID", "status", "type"], "properties": {
             "processID": text, "type": { "type": "string", "enum": ["process"] }, "jobID": text, "status": reference("statusCode"), "message": text,
+            "warnings": { "type": "array", "items": { "type": "object" } },
             "created": time, "started": time, "finished": time, "updated": time,
             "progress": { "type": "integer", "minimum": 0, "maximum": 100 }, "links": list("link"),
         } },

@@ -128,12 +128,12 @@ fn job_list(jobs: &[Titled]) -> Markup {
     }
 }
 
-/// The list of jobs, `next` being the number of those that are listed before the next page, if there is one.
-pub fn jobs(app: &App, identity: &Identity, jobs: &[Titled], next: Option<u32>) -> Response {
+/// The list of jobs, and a link to the address of the next page, if there is one.
+pub fn jobs(app: &App, identity: &Identity, jobs: &[Titled], next: Option<&str>) -> Response {
     let content = html! {
         h1 { "Jobs" }
         (job_list(jobs))
-        @if let Some(next) = next { p { a href=(format!("/jobs?offset={next}")) { "Older jobs" } } }
+        @if let Some(next) = next { p { a href=(next) { "Older jobs" } } }
     };
     page(app, identity, "Jobs", &content)
 }

@@ -8,6 +8,7 @@ use super::plan_fields::{address, in_words_of_the_page};
 use super::titles::title;
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
+use crate::messages::{place_of, rounded};
 use crate::processes::Process;
 use crate::records::Kind;
 use crate::request::Prepared;
@@ -17,6 +18,7 @@ use axum::response::Response;
 use maud::{Markup, html};
 use serde_json::{Map, Value};
 use std::sync::Arc;
+use vlscan_messages::ProblemMessage;
 
 /// Formats that the form of a run offers: ending and name.
 pub const FORMATS: [(&str, &str); 7] = [
@@ -111,14 +113,13 @@ fn state(job: &Job) -> Markup {
                     p #message role="status" { (job.message) }
                 }
             }
-            Status::Successful if job.message.is_empty() => {}
             Status::Successful => {
+                @let warnings = job.problems();
                 // Warnings are seen at once.
-                @let are_warnings = job.message.contains("warning:");
-                details open[are_warnings] {
-                    summary { @if are_warnings { "Warnings" } @else { "Messages" } }
-                    pre { (job.message) }
+                @if !warnings.is_empty() {
+                    details open { summary { "Warnings" } ul .warnings { @for warning in &warnings { (problem(warning)) } } }
                 }
+                @if !job.message.is_empty() { details { summary { "Messages" } pre { (job.message) } } }
             }
             Status::Failed => {
                 p { span .state .failed { "failed" } }
@@ -129,6 +130,18 @@ fn state(job: &Job) -> Markup {
                 pre .message role="alert" { (message) }
             }
             Status::Dismissed => { p { span .state .dismissed { "given up" } } }
+        }
+    }
+}
+
+/// A warning as an entry of a list.
+fn problem(warning: &ProblemMessage) -> Markup {
+    let place = place_of(warning);
+    html! {
+        li {
+            (warning.message)
+            @if !place.is_empty() { " " small { code { (place) } } }
+            @if let Some(help) = &warning.help { br; "Help: " (help) }
         }
     }
 }
@@ -275,21 +288,6 @@ fn forecast(report: &Value) -> Markup {
     }
 }
 
-/// A number with three digits, in thousands, millions or billions.
-fn rounded(number: f64) -> String {
-    let (scaled, unit) = match number.abs() {
-        size if size >= 1e9 => (number / 1e9, " G"),
-        size if size >= 1e6 => (number / 1e6, " M"),
-        size if size >= 1e4 => (number / 1e3, " k"),
-        _ => (number, ""),
-    };
-    match scaled.abs() {
-        size if size >= 100.0 => format!("{scaled:.0}{unit}"),
-        size if size >= 10.0 => format!("{scaled:.1}{unit}"),
-        _ => format!("{scaled:.2}{unit}"),
-    }
-}
-
 fn command(job: &Job, shown: &Shown) -> Markup {
     let prepared: Prepared = serde_json::from_str(&job.prepared).unwrap_or_default();
     html! {
@@ -313,17 +311,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_three_digits() {
-        for (number, text) in [
-            (0.5, "0.50"),
-            (12.34, "12.3"),
-            (9999.0, "9999"),
-            (12_345.0, "12.3 k"),
-            (3.5e6, "3.50 M"),
-            (2e9, "2.00 G"),
-        ] {
-            assert_eq!(rounded(number), text);
-        }
+    fn comments_of_a_plan_are_shown_without_its_command() {
         assert_eq!(
             comments("# vlscan plan airborne\n# a plan\n# 3 lines\n\nscene = 1\n# later"),
             "a plan\n3 lines"
@@ -345,6 +333,7 @@ mod tests {
             message: "<img src=x onerror=alert(1)>".into(),
             progress: 0,
             results: "[]".into(),
+            warnings: "[]".into(),
             created: 0,
             started: None,
             finished: None,

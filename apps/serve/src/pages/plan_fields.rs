@@ -231,9 +231,8 @@ pub fn address(process: Process, inputs: &Map<String, Value>) -> Option<String> 
     Some(address)
 }
 
-/// A message of `vlscan plan` with the fields in place of its options, without how to use the command.
+/// A message of `vlscan plan` with the fields in place of its options.
 pub fn in_words_of_the_page(message: &str) -> String {
-    let message = message.split("\n\nUsage:").next().unwrap_or_default();
     let others = [
         ("scene", "Scene"),
         ("scanner", "Instrument"),
@@ -353,7 +352,7 @@ mod tests {
 
     #[test]
     fn options_become_labels() {
-        let message = "error: --density, --speed and --overlap determine each other; --scene-memory\n\nUsage: vlscan plan\n";
+        let message = "error: --density, --speed and --overlap determine each other; --scene-memory";
         assert_eq!(
             in_words_of_the_page(message),
             "error: Density, Speed and Overlap determine each other; --scene-memory"

@@ -3,6 +3,7 @@
 use super::*;
 use crate::files::Files;
 use crate::store::{FileKind, Listed, StoreError, Upload, UploadFile};
+use vlscan_messages::ProblemMessage;
 
 /// A job that nobody computes yet.
 pub(crate) fn job(owner: &str, id: &str) -> Job {
@@ -18,11 +19,18 @@ pub(crate) fn job(owner: &str, id: &str) -> Job {
         message: String::new(),
         progress: 0,
         results: String::new(),
+        warnings: String::new(),
         created: now(),
         started: None,
         finished: None,
         updated: now(),
     }
+}
+
+/// Messages with a warning.
+fn warned() -> Said {
+    let warning = ProblemMessage { message: "w".to_owned(), ..ProblemMessage::default() };
+    Said { text: "warning: w".to_owned(), warnings: vec![warning] }
 }
 
 fn store() -> (tempfile::TempDir, Store) {
@@ -43,7 +51,7 @@ fn a_job_is_taken_once_and_finished_by_its_holder() {
     assert_eq!(store.take_job("w3", Lane::Any).unwrap().unwrap().id, "d", "it is the turn of ben");
     assert_eq!(store.take_job("w2", Lane::Any).unwrap().unwrap().id, "b");
     assert!(store.take_job("w4", Lane::Any).unwrap().is_none());
-    assert!(!store.finish("a", "w2", &Outcome::Successful(Vec::new(), String::new())).unwrap());
+    assert!(!store.finish("a", "w2", &Outcome::Successful(Vec::new(), Said::default())).unwrap());
     assert!(store.finish("a", "w1", &Outcome::Failed("no".to_owned())).unwrap());
     let found = store.job("anna", "a").unwrap().unwrap();
     assert_eq!((found.status, found.message.as_str()), (Status::Failed, "no"));
@@ -64,13 +72,14 @@ fn results_are_given_again_and_kept_while_a_job_names_them() {
     store.take_job("w", Lane::Any).unwrap();
     std::fs::create_dir_all(store.job_folder("a").join("out")).unwrap();
     let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
-    store.finish("a", "w", &Outcome::Successful(files.clone(), "warning: w".to_owned())).unwrap();
+    store.finish("a", "w", &Outcome::Successful(files.clone(), warned())).unwrap();
     let first = store.same_job("anna", "same").unwrap().unwrap();
     assert!(store.same_job("ben", "same").unwrap().is_none());
     store.add_job(&job("anna", "b"), &BTreeSet::new(), Some(&first), 0).unwrap();
     let again = store.job("anna", "b").unwrap().unwrap();
     assert_eq!((again.status, again.folder.as_str()), (Status::Successful, "a"));
     assert_eq!((again.result_files(), again.message.as_str()), (files, "warning: w"));
+    assert_eq!(again.problems(), warned().warnings);
     assert_eq!(store.job("anna", "a").unwrap().unwrap().result_files()[0].bytes, 7);
     store.dismiss("anna", "a", None).unwrap();
     assert!(store.job_folder("a").is_dir(), "the second job has its results there");
@@ -124,12 +133,12 @@ fn a_job_is_finished_with_the_results_of_another_one_while_these_are_there() {
         store.add_job(&job("anna", id), &BTreeSet::new(), None, 9).unwrap();
     }
     store.take_job("w1", Lane::Any).unwrap();
-    store.finish("a", "w1", &Outcome::Successful(files.clone(), "warning: w".to_owned())).unwrap();
+    store.finish("a", "w1", &Outcome::Successful(files.clone(), warned())).unwrap();
     store.take_job("w2", Lane::Any).unwrap();
     assert!(store.finish("b", "w2", &Outcome::Same("a".to_owned())).unwrap());
     let found = store.job("anna", "b").unwrap().unwrap();
     assert_eq!((found.status, found.folder.as_str(), found.result_files()), (Status::Successful, "a", files));
-    assert_eq!(found.message, "warning: w");
+    assert_eq!((found.message.as_str(), found.problems()), ("warning: w", warned().warnings));
     store.dismiss("anna", "a", None).unwrap();
     assert!(store.has(Kind::Results, "a").unwrap(), "another job names them");
     store.dismiss("anna", "b", None).unwrap();

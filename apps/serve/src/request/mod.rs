@@ -17,6 +17,7 @@ mod values;
 
 pub use named::name_of;
 pub use prepared::{Prepared, RequestError};
+pub(crate) use values::suggestion;
 
 use crate::processes::Process;
 use crate::program::Program;
@@ -30,7 +31,7 @@ use prepared::wrong;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
-use values::{check_type, geometry, nearest, unqualified};
+use values::{check_type, geometry, unqualified};
 
 /// Points in pages that show a cloud.
 pub const PAGE_POINTS: &str = "500k";
@@ -97,7 +98,7 @@ fn checked_inputs(
             let known = schema["properties"].as_object().into_iter().flatten().map(|(name, _)| name.as_str());
             return Err(wrong(
                 key,
-                format!("the process {} has no such input; {}", process.id(), nearest(key, known)),
+                format!("the process {} has no such input; {}", process.id(), suggestion(key, known)),
             ));
         };
         check_type(key, value, schema)?;

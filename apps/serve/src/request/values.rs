@@ -2,6 +2,7 @@
 
 use super::prepared::{RequestError, wrong};
 use serde_json::Value;
+use vlscan_messages::nearest;
 
 /// A value given as `{"value": …}`, as OGC API - Processes has objects, or as it stands.
 pub(super) fn unqualified(key: &str, value: Value) -> Result<Value, RequestError> {
@@ -63,14 +64,11 @@ pub(super) fn check_type(key: &str, value: &Value, schema: &Value) -> Result<(),
     Ok(())
 }
 
-/// The known name that is most like a misspelt one.
-pub(super) fn nearest<'n>(typed: &str, known: impl Iterator<Item = &'n str>) -> String {
-    let letters =
-        |name: &str| name.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
-    let typed = letters(typed);
+/// Advice in place of an unknown name: the known one that it may stand for, or all.
+pub(crate) fn suggestion<'n>(typed: &str, known: impl Iterator<Item = &'n str>) -> String {
     let mut known: Vec<&str> = known.collect();
     known.sort_unstable();
-    match known.iter().find(|name| letters(name).contains(&typed) || typed.contains(&letters(name))) {
+    match nearest(typed, known.iter().copied()) {
         Some(near) => format!("did you mean `{near}`?"),
         None => format!("it has {}", known.join(", ")),
     }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::files::Files;
+use crate::messages::Said;
 use crate::queue::LEASE;
 use crate::queue::tests::job;
 use std::collections::BTreeSet;
@@ -43,7 +44,7 @@ fn a_worker_without_its_lease_leaves_the_files_of_the_new_holder() {
     store.take_job("first", Lane::Any).unwrap().unwrap();
     store.database().execute("UPDATE jobs SET held_until = ?", [late]).unwrap();
     store.take_job("second", Lane::Any).unwrap().unwrap();
-    let results = || Outcome::Successful(Vec::new(), String::new());
+    let results = || Outcome::Successful(Vec::new(), Said::default());
     for outcome in [Outcome::Failed(String::new()), Outcome::Same("b".to_owned()), results()] {
         workshop.conclude(&job, "first", &outcome);
         assert_eq!(store.status("a").unwrap(), Some(Status::Running), "{outcome:?}");

@@ -168,6 +168,15 @@ fn inputs_are_checked_before_a_job_is_accepted() {
         let detail = answer.json()["detail"].as_str().unwrap().to_owned();
         assert!(detail.contains(told), "{process} {inputs}: {detail}");
     }
+    for (request, told) in [
+        (json!({ "inputs": {}, "outputs": { "cloud.laz": {} } }), "it has points.laz"),
+        (json!({ "outputs": { "points.laz": { "transmissionMode": "carrier-pigeon" } } }), "carrier-pigeon"),
+        (json!({ "inputs": {}, "output": {} }), "output"),
+    ] {
+        let answer = service.post_json("/processes/run/execution", &request, &[]);
+        assert_eq!((answer.status, answer.header("content-type")), (400, "application/problem+json"));
+        assert!(answer.text().contains(told), "{request}: {}", answer.text());
+    }
     let body = json!({ "inputs": {}, "subscriber": { "successUri": "http://127.0.0.1:1/" } });
     assert_eq!(service.post_json("/processes/run/execution", &body, &[]).status, 400);
     let text = service.ask("POST", "/processes/run/execution", &[("Content-Type", "text/plain")], b"{}");
@@ -198,6 +207,22 @@ fn jobs_are_listed_filtered_and_dismissed() {
     assert_eq!(listed("?status=accepted,running&processID=run").len(), 3);
     assert_eq!(listed("?status=failed").len() + listed("?processID=plan").len(), 0);
     assert_eq!(service.get("/jobs?status=lost").status, 400);
+    assert_eq!(listed("?processID=plan%2Crun").len(), 3);
+    let page = service.json("/jobs?processID=run&limit=1");
+    let next = page["links"].as_array().unwrap().iter().find(|link| link["rel"] == "next").unwrap();
+    assert_eq!(next["href"], "/jobs?limit=1&offset=1&processID=run", "links keep their filters");
+    for (address, told) in [
+        ("/jobs?statsu=failed", "did you mean `status`?"),
+        ("/jobs?status=%zz", "%zz"),
+        ("/jobs/%ff", "%ff"),
+        ("/conformance?x=1", "no parameter `x`"),
+        ("/processes?f=xml", "json or html"),
+    ] {
+        let answer = service.get(address);
+        assert_eq!((answer.status, answer.header("content-type")), (400, "application/problem+json"));
+        assert!(answer.json()["detail"].as_str().unwrap().contains(told), "{address}: {}", answer.text());
+    }
+    assert_eq!(service.json("/processes?limit=2")["processes"].as_array().unwrap().len(), 2);
     assert_eq!(service.get(&format!("/jobs/{}/results", ids[0])).status, 404);
     let dismissed = service.ask("DELETE", &format!("/jobs/{}", ids[0]), &[], b"");
     assert_eq!((dismissed.status, dismissed.json()["status"].as_str()), (200, Some("dismissed")));

@@ -6,6 +6,7 @@
 //! | `command` | the commands, and the restrictions of processes |
 //! | `interface` | the interface for programs |
 //! | `jobs` | queue, results, interruptions |
+//! | `messages` | warnings and errors of jobs |
 //! | `engine` | jobs that an engine computes |
 //! | `opening` | folders and databases at the start |
 //! | `limits` | what an owner takes, of the disk and of others' turns; names of results and areas |
@@ -21,5 +22,6 @@ mod hostile;
 mod interface;
 mod jobs;
 mod limits;
+mod messages;
 mod opening;
 mod takeover;

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Takes a database back to the version before: to 2, to 1, and to none.
-const BACK: [&str; 3] = [
+/// Takes a database back to the version before: to 3, to 2, to 1, and to none.
+const BACK: [&str; 4] = [
+    "ALTER TABLE jobs DROP COLUMN warnings; PRAGMA user_version = 3",
     "DROP INDEX jobs_dismissed; ALTER TABLE uploads DROP COLUMN folders; ALTER TABLE uploads DROP COLUMN missing;
      PRAGMA user_version = 2",
     "DROP INDEX jobs_stored; DROP INDEX jobs_finished; ALTER TABLE jobs DROP COLUMN disk;
@@ -326,7 +327,7 @@ fn a_database_that_is_refused_is_not_migrated() {
         assert!(told.contains(word), "{told}");
         let database = rusqlite::Connection::open(used.database()).unwrap();
         let version: i64 = database.query_row("PRAGMA user_version", [], |row| row.get(0)).unwrap();
-        assert_eq!(version, 2, "{word}");
+        assert_eq!(version, 3, "{word}");
         used.change(undo);
     }
     assert!(refused(&used.data()).is_none());

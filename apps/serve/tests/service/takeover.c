@@ -162,6 +162,11 @@ int main(int count, char **words) {
     execv(VLSCAN, words);
     return 1;
   }
+  /* Jobs have their command behind the format of messages. */
+  if (count > 1 && !strncmp(words[1], "--message-format", 16)) {
+    count--;
+    words++;
+  }
   if (count > 2 && !strcmp(words[1], "scene")) {
     FILE *frame = fopen("../view/map.pgw", "w");
     if (frame) {

@@ -1,0 +1,50 @@
+//! Names that a misspelt one may stand for.
+
+/// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted,
+/// missing, wrong or swapped letter counts once; case is ignored). Among equally near candidates the first is
+/// returned. If none is as near, it is the shortest one of which `word` is a part, whatever the signs between
+/// its letters.
+pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let lower = word.to_lowercase();
+    let length = lower.chars().count();
+    if length > 60 {
+        return None;
+    }
+    let candidates: Vec<&str> = candidates.into_iter().collect();
+    let distances = candidates.iter().map(|candidate| {
+        let other = candidate.to_lowercase();
+        (strsim::osa_distance(&lower, &other), other.chars().count(), *candidate)
+    });
+    let near =
+        distances.filter(|(distance, letters, _)| *distance <= (length / 3).max(1) && distance < letters);
+    near.min_by_key(|near| near.0).map(|near| near.2).or_else(|| part_of(word, &candidates))
+}
+
+/// Letters and digits that a part of a name must have.
+const MIN_PART: usize = 3;
+
+/// The shortest candidate of which `word` is a part; only letters and digits count.
+fn part_of<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
+    let plain = |text: &str| text.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect::<String>();
+    let part = plain(word);
+    let holds = |candidate: &&&str| plain(candidate).contains(&part);
+    let holding = candidates.iter().filter(holds).min_by_key(|candidate| candidate.len());
+    holding.copied().filter(|_| part.chars().count() >= MIN_PART)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn misspelt_words_find_their_neighbour() {
+        let names = ["scanFreq_hz", "scanAngle_deg", "pulseFreq_hz", "id"];
+        assert_eq!(nearest("scanFreq_Hz", names), Some("scanFreq_hz"));
+        assert_eq!(nearest("pulsFreq_hz", names), Some("pulseFreq_hz"));
+        assert_eq!(nearest("dI", names), Some("id"));
+        assert_eq!(nearest("colour", names), None);
+        let ids = ["riegl_vux-1uav22", "riegl_vux-1uav", "velodyne_hdl-64e"];
+        assert_eq!([nearest("VUX-1UAV", ids), nearest("hdl64", ids)], [Some(ids[1]), Some(ids[2])]);
+        assert_eq!(nearest("1u", ids), None);
+    }
+}
