@@ -4,10 +4,10 @@
 //! around it; where the planes of neighbouring cells meet within a step they share their corners, elsewhere a
 //! wall closes the gap: between two roofs, or down to the terrain.
 
-use super::terrain::{Terrain, median};
+use super::terrain::Terrain;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, median};
 use vlscan_tools::neighbours::{Neighbours, plane_at};
 
 /// Difference in height that is a step between two roofs and no slope, m.
@@ -97,8 +97,8 @@ fn plane(
     };
     heights.sort_by(f64::total_cmp);
     let high = heights[(heights.len() - 1) * 4 / 5];
-    let mut top: Vec<f64> = heights.into_iter().filter(|z| (z - high).abs() < 1.0).collect();
-    let mut height = median(&mut top).unwrap_or(high);
+    let top = heights.into_iter().filter(|z| (z - high).abs() < 1.0);
+    let mut height = median(top).unwrap_or(high);
     let mut slope = [0.0; 2];
     for _ in 0..3 {
         let is_near = |n: &&(f64, usize)| {

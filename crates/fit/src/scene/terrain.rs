@@ -5,7 +5,7 @@
 //! the plane of its neighbours without it.
 
 use rayon::prelude::*;
-use vlscan_geom::{Aabb, DVec3};
+use vlscan_geom::{Aabb, DVec3, median};
 use vlscan_tools::neighbours::{Neighbours, plane_at};
 
 /// Points through which the plane at a node goes.
@@ -68,17 +68,14 @@ pub(super) fn terrain(points: &[DVec3], classes: &[u8], bounds: Aabb) -> Terrain
 /// density, nearly.
 fn spacing(points: &[DVec3], neighbours: &Neighbours) -> f64 {
     let step = points.len().div_ceil(MAX_SAMPLES);
-    let mut distances: Vec<f64> = (0..points.len())
-        .step_by(step)
-        .filter_map(|i| Some(neighbours.nearest(points[i].x, points[i].y, 3, Some(i)).last()?.0.sqrt()))
-        .collect();
-    median(&mut distances).unwrap_or(1.0)
+    let distance = |i: usize| Some(neighbours.nearest(points[i].x, points[i].y, 3, Some(i)).last()?.0.sqrt());
+    median((0..points.len()).step_by(step).filter_map(distance)).unwrap_or(1.0)
 }
 
 /// Distances of the points that count from the plane of their neighbours, as a robust standard deviation.
 fn spread(points: &[DVec3], neighbours: &Neighbours, counts: impl Fn(usize) -> bool + Sync) -> f64 {
     let step = points.len().div_ceil(MAX_SAMPLES);
-    let mut residuals: Vec<f64> = (0..points.len())
+    let residuals: Vec<f64> = (0..points.len())
         .into_par_iter()
         .step_by(step)
         .filter(|i| counts(*i))
@@ -88,13 +85,7 @@ fn spread(points: &[DVec3], neighbours: &Neighbours, counts: impl Fn(usize) -> b
             (p.z - plane_at(points, &near, [p.x, p.y])).abs()
         })
         .collect();
-    1.4826 * median(&mut residuals).unwrap_or(0.0)
-}
-
-/// The value in the middle; `None` of no values.
-pub(super) fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    1.4826 * median(residuals).unwrap_or(0.0)
 }
 
 impl Terrain {
