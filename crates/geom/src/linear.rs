@@ -192,7 +192,8 @@ impl LeastSquares {
     }
 }
 
-/// Solution of `matrix` · x = `right` by elimination with partial pivoting; `None` if a pivot is exactly zero.
+/// Solution of `matrix` · x = `right` by elimination with partial pivoting; `None` if a pivot is exactly
+/// zero.
 pub fn solve_by_elimination<const N: usize>(
     mut matrix: [[f64; N]; N],
     mut right: [f64; N],

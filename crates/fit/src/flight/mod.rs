@@ -1,27 +1,33 @@
 //! A flight and its scanner, estimated from a recorded cloud with GPS times and scan angles.
 //!
 //! The beam of a model (a platform on a parabola, a mirror that turns or swings) is intersected with the
-//! height of each recorded point; least squares make it meet the point's place, and its angle across the
-//! track that of the file. The attitude of each line is estimated with the parameters, as a random walk. The
-//! scan angle is what tells the height of the flight.
+//! height of each recorded point. Least squares match the intersection with the position of the point, and
+//! the angle across the track with that of the file. The attitude of each line is estimated with the
+//! parameters, as a random walk. The height of the flight follows from the scan angles.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
-//! | `turning` | scanners that stand and turn, which are refused |
-//! | `guess`, `lines`, `facets` | first guesses for each kind of mirror |
-//! | `model`, `mirror` | where the beam of a flown scanner meets the ground |
+//! | `turning` | scanners that stand and turn, which are rejected |
+//! | `phases`, `level` | rates and phases of what recurs; straight flights and their height |
+//! | `guess`, `cones`, `lines`, `facets` | first guesses for each kind of mirror |
+//! | `model`, `mirror`, `parameters` | intersection of the beam of a flown scanner with the ground |
 //! | `solve`, `solution` | least squares for parameters and attitudes |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `ground` | noise of ranges |
-//! | `report`, `write` | figures with uncertainties; pipeline file, trajectory, pulse times |
+//! | `report`, `write`, `pipeline` | figures with uncertainties; written files; text of the pipeline file |
 
+mod cones;
 mod facets;
 mod ground;
 mod guess;
+mod level;
 mod lines;
 mod mirror;
 mod model;
+mod parameters;
+mod phases;
+mod pipeline;
 mod rate;
 mod recording;
 mod repeat;
@@ -33,8 +39,9 @@ mod tests;
 mod turning;
 mod write;
 
-pub use mirror::Mirror;
-pub use model::{Attitude, Channel, Footprint, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
+pub use mirror::{Mirror, MirrorParameters};
+pub use model::{Attitude, Footprint, Model};
+pub use parameters::{Channel, Parameters};
 pub use rate::{MAX_LOST_SHARE, PulseRate};
 pub use recording::{Pulse, Recording};
 pub use report::{Figure, json, table};
@@ -194,78 +201,96 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     Ok(FlightFit { cloud: path.to_path_buf(), recording, solution, rate, noise, extend: request.extend })
 }
 
-/// The solution that leaves least to chance, over all kinds of mirrors; the error says why there is none.
-fn best_solution(recording: &Recording) -> std::result::Result<Solution, String> {
-    let sections_of = |model: &Model, max| {
-        let turns = model.of_mirror()[1].abs();
-        solve::sections(recording, 1.0 / (SECTIONS_PER_TURN * turns), max)
-    };
-    let start = |first: &Model, max| solve::solve(recording, first, &sections_of(first, max), false);
-    let trial = |first: &Model| {
-        let start = start(first, TRIAL_SECTIONS);
-        solve::solve(recording, &start.model, &sections_of(first, TRIAL_SECTIONS), true)
-    };
-    let mut firsts = guess::guesses(recording);
-    let of_facets: Vec<Model> = firsts.iter().filter_map(|first| facets::guess(recording, first)).collect();
-    firsts.extend(of_facets);
-    let mut trials: Vec<Solution> = firsts.iter().map(trial).collect();
-    if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
-        let ellipses =
-            guess::elliptic_guesses(recording).into_iter().map(|first| start(&first, ELLIPSE_SECTIONS));
-        let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual));
-        trials.extend(best.map(|best| trial(&best.model)));
+/// A guess that does not explain the points.
+struct Failure {
+    /// Kind of mirror, with channels and facets.
+    kind: String,
+    reason: String,
+    /// m on the ground.
+    residual: f64,
+}
+
+impl Failure {
+    fn of(trial: &Solution, recording: &Recording) -> Option<Failure> {
+        let reason = misfit(trial, recording)?;
+        let details = match (trial.model.parameters.channels.len(), trial.model.facets()) {
+            (1, 1) => String::new(),
+            (1, facets) => format!(" with {facets} facets of different tilt"),
+            (channels, _) => format!(" with {channels} channels"),
+        };
+        let kind = format!("{}{details}", trial.model.mirror.name());
+        Some(Failure { kind, reason, residual: trial.residual })
     }
-    let reasons: Vec<(String, String, f64)> = trials
-        .iter()
-        .filter_map(|trial| Some((trial, misfit(trial, recording)?)))
-        .map(|(trial, misfit)| {
-            let channels = match (trial.model.senses.len(), trial.model.facets) {
-                (1, 1) => String::new(),
-                (1, facets) => format!(" with {facets} facets of different tilt"),
-                (count, _) => format!(" with {count} channels"),
-            };
-            (format!("{}{channels}", trial.model.mirror.name()), misfit, trial.residual)
-        })
-        .collect();
-    let is_doubtful = reasons.len() == trials.len();
+}
+
+/// The solution that leaves least to chance, over all kinds of mirrors; the error lists the reasons against
+/// each kind.
+fn best_solution(recording: &Recording) -> std::result::Result<Solution, String> {
+    let mut trials: Vec<Solution> =
+        guess::guesses(recording).iter().map(|first| trial(recording, first)).collect();
+    if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
+        let ellipses = cones::elliptic_guesses(recording)
+            .into_iter()
+            .map(|first| solve_without_attitudes(recording, &first, ELLIPSE_SECTIONS));
+        let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual));
+        trials.extend(best.map(|best| trial(recording, &best.model)));
+    }
+    let failures: Vec<Failure> = trials.iter().filter_map(|trial| Failure::of(trial, recording)).collect();
+    let is_doubtful = failures.len() == trials.len();
     let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
     trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
     let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()));
     let best =
         best.ok_or("neither circles nor lines across the track are found by the times of their pulses")?;
-    let solved = |max| solve::solve(recording, &best.model, &sections_of(&best.model, max), true);
-    // All sections take long: those that nothing meets are not tried where some tell it.
+    let solved = |max| solve::solve(recording, &best.model, &sections_of(recording, &best.model, max), true);
+    // All sections take long: where no guess explains the points, some sections are tried before.
     if is_doubtful && misfit(&solved(DOUBTFUL_SECTIONS), recording).is_some() {
-        return Err(told(&reasons));
+        return Err(reasons(&failures));
     }
     let best = solved(MAX_SECTIONS);
     match misfit(&best, recording) {
         None => Ok(best),
-        Some(misfit) if reasons.is_empty() => Err(format!("{} {misfit}", best.model.mirror.name())),
-        Some(_) => Err(told(&reasons)),
+        Some(misfit) if failures.is_empty() => Err(format!("{} {misfit}", best.model.mirror.name())),
+        Some(_) => Err(reasons(&failures)),
     }
 }
 
-/// The reasons against several guesses, each kind of mirror once with the guess that misses least, which is
-/// the first of its kind.
-fn told(reasons: &[(String, String, f64)]) -> String {
-    let mut best: Vec<&(String, String, f64)> = Vec::new();
-    for reason in reasons {
-        match best.iter_mut().find(|(kind, ..)| *kind == reason.0) {
-            Some(known) if reason.2 < known.2 => *known = reason,
+/// At most `max` sections within which the attitude counts as constant.
+fn sections_of(recording: &Recording, model: &Model, max: usize) -> Vec<solve::Section> {
+    let turns = model.parameters.mirror.rate.abs();
+    solve::sections(recording, 1.0 / (SECTIONS_PER_TURN * turns), max)
+}
+
+fn solve_without_attitudes(recording: &Recording, first: &Model, max_sections: usize) -> Solution {
+    solve::solve(recording, first, &sections_of(recording, first, max_sections), false)
+}
+
+/// Solution by some sections.
+fn trial(recording: &Recording, first: &Model) -> Solution {
+    let start = solve_without_attitudes(recording, first, TRIAL_SECTIONS);
+    solve::solve(recording, &start.model, &sections_of(recording, first, TRIAL_SECTIONS), true)
+}
+
+/// The reasons against several guesses: of each kind of mirror that of the guess with the smallest residual,
+/// the first of several.
+fn reasons(failures: &[Failure]) -> String {
+    let mut best: Vec<&Failure> = Vec::new();
+    for failure in failures {
+        match best.iter_mut().find(|known| known.kind == failure.kind) {
+            Some(known) if failure.residual < known.residual => *known = failure,
             Some(_) => {}
-            None => best.push(reason),
+            None => best.push(failure),
         }
     }
-    let texts: Vec<String> = best.iter().map(|(kind, misfit, _)| format!("{kind} {misfit}")).collect();
+    let texts: Vec<String> =
+        best.iter().map(|failure| format!("{} {}", failure.kind, failure.reason)).collect();
     texts.join("; ")
 }
 
-/// Why a solution does not explain its points by a flight that could have been; `None` if it does.
+/// Reason why a solution does not explain its points by a possible flight; `None` if it does.
 fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
     let max_angle = (MAX_ANGLE_STEPS * recording.angle_step).max(MAX_ANGLE);
-    let p = &solution.model.parameters;
-    let speed = libm::hypot(p[2], p[3]);
+    let speed = solution.model.speed();
     // False for NaN.
     let is_within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
     if !is_within(solution.residual, 0.0, MAX_RESIDUAL) {
@@ -280,7 +305,7 @@ fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
             degrees(solution.attitude_spread())
         ));
     }
-    if !is_within(solution.model.of_mirror()[0].abs(), MIN_MIRROR, f64::MAX) {
+    if !is_within(solution.model.parameters.mirror.angle.abs(), MIN_MIRROR, f64::MAX) {
         return Some("needs a mirror that hardly moves".to_owned());
     }
     (!is_within(speed, MIN_SPEED, MAX_SPEED))

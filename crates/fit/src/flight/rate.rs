@@ -1,12 +1,13 @@
 //! When pulses leave: their mean rate, its dependence on the place of the mirror, its deviations from line to
 //! line, and intervals that repeat.
 
-use super::recording::{Recording, median};
+use super::recording::Recording;
 use super::repeat::{LinePattern, interval_pattern};
 use super::solution::Solution;
 use libm::{atan2, cos, sin};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
+use vlscan_geom::median;
 
 /// Bins over a revolution of the mirror.
 const BINS: usize = 720;
@@ -59,8 +60,8 @@ fn bin(part: f64) -> usize {
 
 /// Number of the line at `time`, whose middle has the place `middle`.
 fn number(solution: &Solution, middle: f64, time: f64) -> i64 {
-    let p = solution.model.of_mirror();
-    (p[1] * time + solution.model.channel(0).phase / TAU - middle).round() as i64
+    let p = &solution.model.parameters;
+    (p.mirror.rate * time + p.channels[0].phase / TAU - middle).round() as i64
 }
 
 impl PulseRate {
@@ -69,7 +70,7 @@ impl PulseRate {
         let model = &solution.model;
         let bin_of = |i: usize| {
             let pulse = &recording.pulses[i];
-            bin(model.part(usize::from(pulse.channel), pulse.time))
+            bin(model.fraction(usize::from(pulse.channel), pulse.time))
         };
         let finer = finer_times(recording, solution);
         let interval_before = |i: usize| match finer.coarse.is_some() && finer.step == 0.0 {
@@ -117,7 +118,7 @@ impl PulseRate {
             .filter(|(_, (_, count))| *count >= MIN_INTERVALS)
             .map(|(time, (sum, count))| (time, sum / *count as f64))
             .collect();
-        let middle = mean_part(lines.iter().map(|(time, _)| model.part(0, *time)));
+        let middle = mean_part(lines.iter().map(|(time, _)| model.fraction(0, *time)));
         let factors: BTreeMap<i64, f64> =
             lines.iter().map(|(time, factor)| (number(solution, middle, *time), *factor)).collect();
         let of_lines = spread(&lines.iter().map(|(_, factor)| *factor).collect::<Vec<_>>());
@@ -136,7 +137,7 @@ impl PulseRate {
             coarse_step: finer.coarse.filter(|_| finer.step > 0.0),
             dither: Vec::new(),
             // Lines of several channels have numbers of their own.
-            pattern: (model.senses.len() == 1).then(|| LinePattern::of(&factors)).flatten(),
+            pattern: (!model.has_channels()).then(|| LinePattern::of(&factors)).flatten(),
             by_phase,
             factors,
             middle,
@@ -164,7 +165,8 @@ impl PulseRate {
             runs.push(Vec::new());
             for (i, interval) in range.clone().zip(intervals) {
                 let pulse = &recording.pulses[i];
-                let place = self.by_phase[bin(solution.model.part(usize::from(pulse.channel), pulse.time))];
+                let place =
+                    self.by_phase[bin(solution.model.fraction(usize::from(pulse.channel), pulse.time))];
                 let expected = place.map(|interval| interval * self.factor(solution, pulse.time));
                 let pulses = (interval / usual).round().max(1.0);
                 match (runs.last_mut(), expected) {
@@ -194,12 +196,12 @@ impl PulseRate {
     /// were not recorded have the level of their place in the pattern of lines, or else that of the recorded
     /// line next to them. `None` if there are fewer than two, or more than `max`.
     pub fn times(&self, solution: &Solution, duration: f64, max: usize) -> Option<Vec<f64>> {
-        let rate = solution.model.of_mirror()[1].abs();
-        let is_backward = solution.model.of_mirror()[1] < 0.0;
+        let rate = solution.model.parameters.mirror.rate.abs();
+        let is_backward = solution.model.parameters.mirror.rate < 0.0;
         let mut times = Vec::new();
         let mut time = 0.0;
         while time <= duration {
-            let (before, part) = (time, solution.model.part(0, time));
+            let (before, part) = (time, solution.model.fraction(0, time));
             let bin = bin(part);
             match self.by_phase[bin] {
                 Some(interval) => {
@@ -279,7 +281,7 @@ fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
                 < LOST * recording.interval;
             is_near.then(|| (times[i] - 2.0 * times[i - 1] + times[i - 2]).powi(2))
         });
-        median(changes.collect())
+        median(changes).unwrap_or(0.0)
     };
     let step = time_step(recording);
     let coarse = coarse_step(recording, step, &by_place);
@@ -330,7 +332,7 @@ fn usual(intervals: &[f64]) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let short = sorted.get(sorted.len() / 20).copied().unwrap_or(0.0);
     sorted.retain(|interval| *interval < LOST * short);
-    median(sorted)
+    median(sorted).unwrap_or(0.0)
 }
 
 /// Standard deviation.

@@ -7,7 +7,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::fixed;
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, read_points};
-use vlscan_geom::{DVec3, degrees, radians};
+use vlscan_geom::{DVec3, degrees, median, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
 const GAP_INTERVALS: f64 = 100.0;
@@ -277,7 +277,7 @@ impl Recording {
         }
         let is_same = |pair: &&[Pulse]| pair[0].file_channel == pair[1].file_channel;
         let steps = pulses.windows(2).filter(is_same).map(|pair| pair[1].time - pair[0].time);
-        let interval = median(steps.collect());
+        let interval = median(steps).unwrap_or(0.0);
         let is_end = |i: &usize| {
             pulses[*i].file_channel != pulses[i - 1].file_channel
                 || pulses[*i].time - pulses[i - 1].time > GAP_INTERVALS * interval
@@ -416,15 +416,6 @@ fn flight_lines(rows: Vec<Row>) -> Vec<Vec<Row>> {
         }
     }
     flights
-}
-
-/// The median; 0 for no values.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! A fitted flight, and how well its height is known.
 
-use super::model::{Attitude, MAX_PARAMETERS, Model};
-use super::recording::{Recording, median};
+use super::model::{Attitude, Model};
+use super::parameters::Parameters;
+use super::recording::Recording;
+use vlscan_geom::median;
 
 /// Returns of a pulse that lie farther apart in height than this tell the direction of its beam, m.
 pub const MIN_DEPTH: f64 = 3.0;
@@ -14,7 +16,7 @@ pub struct Solution {
     /// The model.
     pub model: Model,
     /// Standard deviations of its parameters.
-    pub deviations: [f64; MAX_PARAMETERS],
+    pub deviations: Parameters,
     /// Mean times of the sections, s.
     pub times: Vec<f64>,
     /// Their attitudes.
@@ -29,16 +31,15 @@ impl Solution {
     /// Unexplained part of the points, m on the ground: residuals, and changes of the attitude from section
     /// to section.
     pub fn unexplained(&self) -> f64 {
-        let height = self.model.parameters[6].abs();
-        let pairs = self.attitudes.windows(2);
-        let changes: f64 =
-            pairs.flat_map(|pair| (0..3).map(move |k| (pair[1][k] - pair[0][k]).powi(2))).sum();
+        let height = self.model.parameters.position.z.abs();
+        let change = |pair: &[Attitude]| (pair[1].to_vector() - pair[0].to_vector()).length_squared();
+        let changes: f64 = self.attitudes.windows(2).map(change).sum();
         self.residual + height * (changes / self.attitudes.len().max(1) as f64).sqrt()
     }
 
     /// Root mean square of the attitudes of all sections, rad.
     pub fn attitude_spread(&self) -> f64 {
-        let squares: f64 = self.attitudes.iter().flatten().map(|angle| angle * angle).sum();
+        let squares: f64 = self.attitudes.iter().map(|attitude| attitude.to_vector().length_squared()).sum();
         (squares / self.attitudes.len().max(1) as f64).sqrt()
     }
 
@@ -83,7 +84,7 @@ impl Solution {
                 lines.push((tangents / count, depths / count));
             }
         }
-        let error = (1.4826 * median(errors)).max(MIN_PLACE_ERROR);
+        let error = (1.4826 * median(errors).unwrap_or(0.0)).max(MIN_PLACE_ERROR);
         let middle = lines.iter().map(|line| line.0).sum::<f64>() / lines.len().max(1) as f64;
         // The error of a tangent is that of both places over the depth.
         lines.iter().map(|(tangent, depth)| ((tangent - middle) * depth / error).powi(2) / 2.0).sum()
@@ -95,8 +96,8 @@ impl Solution {
         match (after.checked_sub(1), self.times.get(after)) {
             (Some(before), Some(next)) => {
                 let share = (time - self.times[before]) / (next - self.times[before]);
-                let (a, b) = (self.attitudes[before], self.attitudes[after]);
-                std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
+                let (a, b) = (self.attitudes[before].to_vector(), self.attitudes[after].to_vector());
+                Attitude::from_vector(a + share * (b - a))
             }
             (Some(before), None) => self.attitudes[before],
             (None, _) => self.attitudes.first().copied().unwrap_or_default(),
