@@ -120,85 +120,110 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         return Err(Error::input(message));
     }
     let mut recording = Recording::read(path, request.flight_line, found)?;
-    if let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) {
-        let message = format!(
-            "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: \
-             this is no flight",
-            path.display(),
-            degrees(turn),
-            recording.duration()
-        );
-        return Err(Error::input_with_help(
-            message,
-            "a flight and its scanner are estimated from a flight line",
-        ));
-    }
+    reject_tripod(path, &recording)?;
     lines::find_channels(&mut recording);
-    let mut fitted = best_solution(&recording);
-    if fitted.is_err() {
-        // Some files count scan angles to the left.
-        let mut turned = recording.clone();
-        turned.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
-        if let Ok(solution) = best_solution(&turned) {
-            let message = "scan angles are positive to the left of the flight, against the LAS \
-                           specification; they are turned round";
-            found.warn(Some(Place::of_file(path)), message);
-            (recording, fitted) = (turned, Ok(solution));
+    let (recording, solution) = match best_solution(&recording) {
+        Ok(solution) => (recording, solution),
+        Err(reason) => match best_turned_solution(&recording) {
+            Some(turned) => {
+                let message = "scan angles are positive to the left of the flight, against the LAS \
+                               specification; they are turned round";
+                found.warn(Some(Place::of_file(path)), message);
+                turned
+            }
+            None => return Err(no_flight(path, &recording, &reason)),
+        },
+    };
+    let rate = PulseRate::of(&recording, &solution);
+    let noise = ground::range_noise(&recording, &solution);
+    let fit =
+        FlightFit { cloud: path.to_path_buf(), recording, solution, rate, noise, extend: request.extend };
+    fit.warn_of_fit(found);
+    fit.warn_of_rate(found);
+    Ok(fit)
+}
+
+/// An error for a scanner that stands and turns.
+fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
+    let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) else { return Ok(()) };
+    let message = format!(
+        "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: this is \
+         no flight",
+        path.display(),
+        degrees(turn),
+        recording.duration()
+    );
+    Err(Error::input_with_help(message, "a flight and its scanner are estimated from a flight line"))
+}
+
+/// The best solution with scan angles that some files count to the left.
+fn best_turned_solution(recording: &Recording) -> Option<(Recording, Solution)> {
+    let mut turned = recording.clone();
+    turned.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
+    let solution = best_solution(&turned).ok()?;
+    Some((turned, solution))
+}
+
+fn no_flight(path: &Path, recording: &Recording, reason: &str) -> Error {
+    let name = path.display();
+    Error::input_with_help(
+        format!("{name}: no flight meets these points: {reason}; they are {}", recording.description()),
+        "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a polygon \
+         mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from prisms or a \
+         sensor that spins, with scan angles in degrees that change across the track, and times in seconds",
+    )
+}
+
+impl FlightFit {
+    /// Warns of a flight whose position, height or angles are doubtful.
+    fn warn_of_fit(&self, found: &mut Diagnostics) {
+        let (recording, solution) = (&self.recording, &self.solution);
+        if solution.residual > DOUBTFUL_RESIDUAL {
+            let message = format!(
+                "the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
+                solution.residual
+            );
+            found.warn(Some(Place::of_file(&self.cloud)), message);
+        }
+        let share = solution.scale_deviation(recording);
+        if share > DOUBTFUL_SCALE {
+            let rounded = if recording.has_whole_angles() { ", rounded to degrees," } else { "" };
+            let message = format!(
+                "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) that \
+                 height and angles of the mirror are known to {:.0} % only",
+                degrees(recording.angle_spread()),
+                100.0 * share
+            );
+            found.warn(Some(Place::of_file(&self.cloud)), message).help("fit a wider part of the swath");
         }
     }
-    let name = path.display();
-    let solution = fitted.map_err(|reason| {
-        Error::input_with_help(
-            format!("{name}: no flight meets these points: {reason}; they are {}", recording.description()),
-            "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a \
-             polygon mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from \
-             prisms or a sensor that spins, with scan angles in degrees that change across the track, and \
-             times in seconds",
-        )
-    })?;
-    if solution.residual > DOUBTFUL_RESIDUAL {
-        let message = format!(
-            "the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
-            solution.residual
-        );
-        found.warn(Some(Place::of_file(path)), message);
+
+    /// Warns of a pulse rate or a range noise that is doubtful.
+    fn warn_of_rate(&self, found: &mut Diagnostics) {
+        let rate = &self.rate;
+        if let Some(step) = rate.coarse_step {
+            let message = format!(
+                "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse rate of \
+                 {:.0} per second",
+                1e6 * step,
+                rate.mean
+            );
+            found.warn(Some(Place::of_file(&self.cloud)), message);
+        }
+        if rate.lost > MAX_LOST_SHARE {
+            let message = format!(
+                "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; no \
+                 dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the pulse rate \
+                 is too low",
+                100.0 * rate.lost
+            );
+            found.warn(Some(Place::of_file(&self.cloud)), message);
+        }
+        if self.noise.is_none() {
+            let message = "too few points of ground lie together for the noise of ranges";
+            found.warn(Some(Place::of_file(&self.cloud)), message);
+        }
     }
-    let share = solution.scale_deviation(&recording);
-    if share > DOUBTFUL_SCALE {
-        let rounded = if recording.has_whole_angles() { ", rounded to degrees," } else { "" };
-        let message = format!(
-            "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) that \
-             height and angles of the mirror are known to {:.0} % only",
-            degrees(recording.angle_spread()),
-            100.0 * share
-        );
-        found.warn(Some(Place::of_file(path)), message).help("fit a wider part of the swath");
-    }
-    let rate = PulseRate::of(&recording, &solution);
-    if let Some(step) = rate.coarse_step {
-        let message = format!(
-            "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse rate of \
-             {:.0} per second",
-            1e6 * step,
-            rate.mean
-        );
-        found.warn(Some(Place::of_file(path)), message);
-    }
-    if rate.lost > MAX_LOST_SHARE {
-        let message = format!(
-            "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; no \
-             dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the pulse rate \
-             is too low",
-            100.0 * rate.lost
-        );
-        found.warn(Some(Place::of_file(path)), message);
-    }
-    let noise = ground::range_noise(&recording, &solution);
-    if noise.is_none() {
-        let message = "too few points of ground lie together for the noise of ranges";
-        found.warn(Some(Place::of_file(path)), message);
-    }
-    Ok(FlightFit { cloud: path.to_path_buf(), recording, solution, rate, noise, extend: request.extend })
 }
 
 /// A guess that does not explain the points.
