@@ -8,18 +8,18 @@ use vlscan_geom::{DVec3, LeastSquares, median};
 
 /// Width of the cells in which the ground counts as a plane, in mean distances between points.
 const CELL_SPACINGS: f64 = 4.0;
-/// Pulses in a cell that say something of a plane.
+/// Minimum number of pulses in a cell for a plane.
 const MIN_PULSES: usize = 8;
 /// Minimum number of cells.
 const MIN_CELLS: usize = 20;
 /// ASPRS class of ground.
 const GROUND: u8 = 2;
 
-/// Standard deviation of ranges to smooth ground, m, with what its roughness adds; `None` without enough
+/// Standard deviation of ranges to smooth ground, m, including its roughness; `None` without enough
 /// points.
 ///
 /// Planes are fitted to the single returns of small cells, of class ground where there are any; the median of
-/// their residuals counts, freed from what the plane takes up, so that cells with bushes do not matter.
+/// their residuals counts, corrected for the degrees of freedom, so that cells with bushes have no effect.
 pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<f64> {
     let has_ground =
         recording.pulses.iter().filter(|pulse| pulse.class == GROUND).count() > recording.pulses.len() / 10;

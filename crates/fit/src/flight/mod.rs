@@ -57,38 +57,37 @@ use vlscan_geom::degrees;
 const TRIAL_SECTIONS: usize = 150;
 /// Sections by which one of many guesses of an elliptic cone is chosen.
 const ELLIPSE_SECTIONS: usize = 40;
-/// Sections by which a flight is doubted that meets none of the guesses.
+/// Sections by which a flight is checked that no guess explains.
 const DOUBTFUL_SECTIONS: usize = 1000;
 const MAX_SECTIONS: usize = 20_000;
 /// Sections per revolution of a mirror, within which the attitude counts as constant.
 const SECTIONS_PER_TURN: f64 = 8.0;
 /// Residuals of a kind of mirror that are larger than the best by this factor rule it out.
 const RULED_OUT: f64 = 3.0;
-/// A fit that misses its points by more than this, m on the ground, explains nothing.
+/// Maximum residual of a flight, m on the ground.
 const MAX_RESIDUAL: f64 = 0.5;
-/// Nor does one with larger deviations of the attitude, rad, or of the scan angles, in steps of these and
-/// rad.
+/// Maximum deviations of the attitude, rad, and of the scan angles, in steps of the angles and rad.
 const MAX_ATTITUDE: f64 = 0.05;
 const MAX_ANGLE_STEPS: f64 = 0.6;
 const MAX_ANGLE: f64 = 0.02;
-/// Smaller angles of a mirror are no scan, rad.
+/// Minimum angle of a mirror that scans, rad.
 const MIN_MIRROR: f64 = 0.01;
 /// Speeds of flights, m/s.
 const MIN_SPEED: f64 = 0.2;
 const MAX_SPEED: f64 = 400.0;
-/// Longest time that a flight is written beyond its recording, s.
+/// Maximum time by which a flight is extended beyond its recording, s.
 const MAX_EXTENSION: f64 = 86_400.0;
-/// One that misses them by more than this is doubtful.
+/// Residual above which a flight is doubtful, m on the ground.
 const DOUBTFUL_RESIDUAL: f64 = 0.15;
-/// Larger relative deviations of the height are told.
+/// Relative deviation of the height above which a warning is issued.
 const DOUBTFUL_SCALE: f64 = 0.01;
 
 /// Choices of a fit.
 #[derive(Clone, Debug, Default)]
 pub struct FlightRequest {
-    /// Point source of the flight line; the one with the most points if there is none.
+    /// Point source of the flight line; if missing, the line with the most points.
     pub flight_line: Option<u16>,
-    /// Time that the written flight goes on after the recording, s.
+    /// Time by which the written flight is extended after the recording, s.
     pub extend: f64,
 }
 
@@ -105,7 +104,8 @@ pub struct FlightFit {
     pub rate: PulseRate,
     /// Standard deviation of ranges, with the roughness of the ground, m.
     pub noise: Option<f64>,
-    /// Time that the written flight goes on after the recording, s: straight, with the last attitude.
+    /// Time by which the written flight is extended after the recording, s: straight on, with the last
+    /// attitude.
     pub extend: f64,
 }
 
@@ -147,8 +147,8 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
 fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
     let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) else { return Ok(()) };
     let message = format!(
-        "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: this is \
-         no flight",
+        "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: \
+         this is no flight",
         path.display(),
         degrees(turn),
         recording.duration()
@@ -189,8 +189,8 @@ impl FlightFit {
         if share > DOUBTFUL_SCALE {
             let rounded = if recording.has_whole_angles() { ", rounded to degrees," } else { "" };
             let message = format!(
-                "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) that \
-                 height and angles of the mirror are known to {:.0} % only",
+                "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) \
+                 that height and angles of the mirror are known to {:.0} % only",
                 degrees(recording.angle_spread()),
                 100.0 * share
             );
@@ -203,8 +203,8 @@ impl FlightFit {
         let rate = &self.rate;
         if let Some(step) = rate.coarse_step {
             let message = format!(
-                "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse rate of \
-                 {:.0} per second",
+                "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse \
+                 rate of {:.0} per second",
                 1e6 * step,
                 rate.mean
             );
@@ -212,9 +212,9 @@ impl FlightFit {
         }
         if rate.lost > MAX_LOST_SHARE {
             let message = format!(
-                "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; no \
-                 dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the pulse rate \
-                 is too low",
+                "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; \
+                 no dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the \
+                 pulse rate is too low",
                 100.0 * rate.lost
             );
             found.warn(Some(Place::of_file(&self.cloud)), message);
@@ -248,8 +248,8 @@ impl Failure {
     }
 }
 
-/// The solution that leaves least to chance, over all kinds of mirrors; the error lists the reasons against
-/// each kind.
+/// The solution with the smallest unexplained part, over all kinds of mirrors; the error lists the reasons
+/// against each kind.
 fn best_solution(recording: &Recording) -> std::result::Result<Solution, String> {
     let mut trials: Vec<Solution> =
         guess::guesses(recording).iter().map(|first| trial(recording, first)).collect();

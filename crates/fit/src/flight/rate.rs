@@ -1,4 +1,4 @@
-//! When pulses leave: their mean rate, its dependence on the place of the mirror, its deviations from line to
+//! Times of pulses: their mean rate, its dependence on the phase of the mirror, its deviations from line to
 //! line, and intervals that repeat.
 
 use super::recording::Recording;
@@ -11,26 +11,26 @@ use vlscan_geom::median;
 
 /// Bins over a revolution of the mirror.
 const BINS: usize = 720;
-/// Fewer intervals say nothing of a bin.
+/// Minimum number of intervals in a bin.
 const MIN_INTERVALS: usize = 30;
-/// Intervals longer than the short ones of their line by this factor hold pulses without a return.
+/// Intervals longer than the short ones of their line by this factor contain pulses without a return.
 const LOST: f64 = 1.6;
-/// Gaps of more pulses are the edge of what reflects (water, say), not pulses that are lost.
+/// Gaps of more pulses are the edge of a reflecting area (beside water, say), not lost pulses.
 const MAX_LOST: f64 = 20.0;
-/// More lost pulses are a cloud that was thinned, not an instrument.
+/// Share of lost pulses above which the cloud counts as thinned.
 pub const MAX_LOST_SHARE: f64 = 0.2;
 /// A rate that changes less over the revolution, and from line to line, counts as constant.
 const CONSTANT: f64 = 0.003;
 
-/// Times that are rounded to a larger share of the interval between pulses do not tell it.
+/// Maximum rounding of times, as a share of the interval between pulses, at which the times determine it.
 const MAX_TIME_STEP: f64 = 0.2;
 
-/// When pulses leave.
+/// Times of pulses.
 #[derive(Clone, Debug)]
 pub struct PulseRate {
     /// Pulses per second: the reciprocal of the mean interval between neighbouring pulses.
     pub mean: f64,
-    /// Its standard deviation, 1/s; NaN if no two lines have enough pulses to tell.
+    /// Standard deviation of the mean, 1/s; NaN unless two lines have enough pulses.
     pub deviation: f64,
     /// Largest and smallest rate over the recorded part of the revolution, 1/s.
     pub range: (f64, f64),
@@ -38,8 +38,8 @@ pub struct PulseRate {
     pub of_lines: f64,
     /// Share of the pulses that have no return.
     pub lost: f64,
-    /// Step of the times, s, if it is too large to tell the intervals of pulses, and if the places of the
-    /// points do not, either.
+    /// Step of the times, s, if it is too large to determine the intervals of pulses, and if the positions of
+    /// the points do not determine them, either.
     pub coarse_step: Option<f64>,
     /// Factors of the intervals of successive pulses, which repeat; empty if they do not.
     pub dither: Vec<f64>,
@@ -147,7 +147,7 @@ impl PulseRate {
         }
         let deviations = rate.deviations(recording, solution, &finer.times);
         rate.dither = interval_pattern(&deviations);
-        // Deviations smaller than these are nothing, or what is left of the rounding of times.
+        // Smaller deviations are insignificant, or a residue of the rounding of times.
         let smallest = CONSTANT.max(0.5 * finer.step / mean);
         if rate.dither.iter().all(|factor| (factor - 1.0).abs() < smallest) {
             rate.dither.clear();
@@ -181,8 +181,8 @@ impl PulseRate {
         runs
     }
 
-    /// True if the rate depends neither on the place of the mirror nor on the line. A recording with too few
-    /// pulses to tell has a constant rate.
+    /// True if the rate depends neither on the phase of the mirror nor on the line, or if the recording has
+    /// too few pulses for a dependence.
     pub fn is_constant(&self) -> bool {
         let known: Vec<f64> = self.by_phase.iter().flatten().copied().collect();
         if known.is_empty() {
@@ -249,11 +249,11 @@ struct FinerTimes {
     step: f64,
     /// s.
     times: Vec<f64>,
-    /// The step of the times in the file, s, if it is too large to tell the intervals of pulses.
+    /// The step of the times in the file, s, if it is too large to determine the intervals of pulses.
     coarse: Option<f64>,
 }
 
-/// Times of pulses as the places of their points tell them, where these are finer than the times in the file:
+/// Times of pulses from the positions of their points, where these are finer than the times in the file:
 /// the time at which the beam of the model passes the point.
 fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
     const STEP: f64 = 1e-7;
@@ -293,10 +293,10 @@ fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
     }
 }
 
-/// The step of times that is too large to tell the intervals of pulses, s; `None` if the times tell them.
+/// The step of times that is too large to determine the intervals of pulses, s; `None` if the times do.
 ///
-/// If it is nearly an interval, most intervals have one value, which differs from what the places of the
-/// points say.
+/// If it is nearly an interval, most intervals have one value, which differs from that of the positions of
+/// the points.
 fn coarse_step(recording: &Recording, step: f64, by_place: &[f64]) -> Option<f64> {
     const MAX_DIFFERENCE: f64 = 0.05;
     if step > MAX_TIME_STEP * recording.interval {

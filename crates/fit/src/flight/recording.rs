@@ -14,15 +14,15 @@ const GAP_INTERVALS: f64 = 100.0;
 /// A pause of this many seconds ends a flight line; channels that look ahead and back pass a small place some
 /// seconds apart.
 const FLIGHT_PAUSE: f64 = 20.0;
-/// Pulses before and after one whose heights are compared with it.
+/// Number of pulses before and after a pulse with whose heights it is compared.
 const NEIGHBOURS: usize = 12;
-/// Points that lie farther from the median height of their neighbours are noise, m, or so many times as far
-/// as 95 % of the points.
+/// Points farther from the median height of their neighbours are noise: m, and multiples of the distance
+/// within which 95 % of the points lie.
 const MIN_OUTLIER: f64 = 50.0;
 const OUTLIER: f64 = 6.0;
-/// Fewer pulses say nothing of a flight.
+/// Minimum number of pulses of a flight line.
 const MIN_PULSES: usize = 500;
-/// Points that lie closer together are no flight line, m.
+/// Minimum extent of the points of a flight line, m.
 const MIN_EXTENT: f64 = 1.0;
 
 /// A pulse with at least one return.
@@ -42,7 +42,7 @@ pub struct Pulse {
     pub last: Option<DVec3>,
     /// Number of its channel in the file.
     pub file_channel: u16,
-    /// Number of its channel as the directions of lines tell, from 0.
+    /// Number of its channel by the directions of lines, from 0.
     pub channel: u8,
 }
 
@@ -59,7 +59,7 @@ pub struct Recording {
     pub source: u16,
     /// Pulses by channel of the file, then by time; no two of a channel have the same time.
     pub pulses: Vec<Pulse>,
-    /// Channels that the directions of lines tell apart.
+    /// Number of channels whose lines differ in direction.
     pub channels: usize,
     /// Runs of pulses without longer gaps: the lines or arcs of the scanner.
     pub lines: Vec<Range<usize>>,

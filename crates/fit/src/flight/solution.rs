@@ -5,9 +5,9 @@ use super::parameters::Parameters;
 use super::recording::Recording;
 use vlscan_geom::median;
 
-/// Returns of a pulse that lie farther apart in height than this tell the direction of its beam, m.
+/// Minimum difference in height between returns of a pulse that determine the direction of its beam, m.
 pub const MIN_DEPTH: f64 = 3.0;
-/// Places of points are not known better than this, m.
+/// Minimum error of the positions of points, m.
 const MIN_PLACE_ERROR: f64 = 0.01;
 
 /// A fitted flight.
@@ -44,9 +44,9 @@ impl Solution {
     }
 
     /// Relative standard deviation of height and mirror angle by an error that all scan angles have in common
-    /// and that grows across the track. It is taken to be as large as their residual, or as the error of
-    /// angles that are rounded to degrees. Where they are rounded, pulses of several returns tell the height,
-    /// too.
+    /// and that grows across the track. It is assumed to be as large as their residual, or as the error of
+    /// angles that are rounded to degrees. For rounded angles, pulses of several returns also determine the
+    /// height.
     pub fn scale_deviation(&self, recording: &Recording) -> f64 {
         if !recording.has_whole_angles() {
             return self.angle_residual / recording.angle_spread();

@@ -1,7 +1,7 @@
 //! Least squares for a flight: the parameters of the model together with the attitudes of all lines.
 //!
 //! The attitudes are a random walk whose variances are estimated from the data (expectation maximisation), so
-//! that they take up what moves the lines and no more. Their part of the normal equations is block
+//! that they follow the motion of the lines and no more. Their part of the normal equations is block
 //! tridiagonal and is eliminated (Schur complement): time and memory grow linearly with the number of lines.
 
 use super::mirror::MirrorParameters;

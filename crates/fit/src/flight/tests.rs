@@ -86,7 +86,7 @@ fn known(model: &Model) -> Solution {
     }
 }
 
-/// Checks what is estimated of a flight, and that it predicts the lines that were left out.
+/// Checks the estimates of a flight, and that they predict the lines that were left out.
 fn check(truth: &Model, rate: f64) -> Solution {
     let recording = Recording::new(flown(truth, |_| 1.0 / rate, 3.0)).unwrap();
     let mut fitted = recording.clone();
@@ -231,7 +231,8 @@ fn levels_of_lines_that_repeat_are_foreseen() {
     assert!(levels[9] - levels[0] > 0.02, "{levels:?}");
 }
 
-/// Times in steps of nearly an interval do not tell the intervals of pulses, but the places of the points do.
+/// Times in steps of nearly an interval do not determine the intervals of pulses, but the positions of the
+/// points do.
 #[test]
 fn places_tell_the_rate_where_times_are_coarse() {
     let truth = model(Mirror::Polygon, radians(58.0), 90.0);

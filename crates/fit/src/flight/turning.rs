@@ -1,4 +1,4 @@
-//! Recordings of a scanner that stands and turns, which are no flights: their scan lines turn steadily.
+//! Detects recordings of a scanner that stands and turns: their scan lines turn steadily.
 
 use super::phases::StraightLine;
 use super::recording::Pulse;
@@ -6,11 +6,11 @@ use libm::{atan2, hypot, sqrt};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Scan lines whose mean direction is compared with that of the next ones.
+/// Number of scan lines whose mean direction is compared with that of the next group.
 const LINES: usize = 16;
-/// Lines of fewer pulses have no direction.
+/// Minimum number of pulses of a line with a direction.
 const MIN_PULSES: usize = 8;
-/// Directions that agree less have no mean: 1 if all are the same and all points are on straight lines seen
+/// Minimum agreement of directions with a mean: 1 if all are equal and all points are on straight lines seen
 /// from above.
 const MIN_AGREEMENT: f64 = 0.8;
 /// Smaller turns may be those of a curved flight, rad.

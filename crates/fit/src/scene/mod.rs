@@ -241,9 +241,9 @@ fn warn_of_nadir_paths(cloud: &Path, paths: &[SensorPath], found: &mut Diagnosti
 /// Mean distance from the instrument to the first returns of all pulses, m.
 fn mean_range(recording: &Recording, paths: &[SensorPath]) -> f64 {
     let ranges = recording.lines.iter().zip(paths).flat_map(|(line, path)| {
-        line.pulses
-            .clone()
-            .map(move |p| (path.at(recording.of_pulse(p)[0].time) - recording.of_pulse(p)[0].position).length())
+        line.pulses.clone().map(move |p| {
+            (path.at(recording.of_pulse(p)[0].time) - recording.of_pulse(p)[0].position).length()
+        })
     });
     ranges.sum::<f64>() / recording.pulses.len() as f64
 }

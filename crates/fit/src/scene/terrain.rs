@@ -1,7 +1,7 @@
 //! The terrain: heights on a grid, by planes through the nearest points of the ground.
 //!
 //! A plane by weighted least squares, rather than a triangulation, averages the noise of ranges and follows
-//! slopes. What the points scatter about it (noise of ranges, grass, stones) is estimated from each point and
+//! slopes. The scatter of points about it (noise of ranges, grass, stones) is estimated from each point and
 //! the plane of its neighbours without it.
 
 use rayon::prelude::*;
@@ -12,13 +12,14 @@ use vlscan_tools::neighbours::{Neighbours, plane_at};
 const POINTS_OF_PLANE: usize = 12;
 /// Nodes per point of the ground along each axis.
 const MIN_SPACING: f64 = 0.25;
-/// Most nodes of a terrain, those of few points, and more for each of them; larger places have wider grids.
+/// Maximum number of nodes: a minimum for few points, and more for each point; larger places have wider
+/// grids.
 const MAX_NODES: f64 = 16e6;
 const MIN_NODES: f64 = 65_536.0;
 const NODES_PER_POINT: f64 = 64.0;
 /// Points by which the spread is estimated.
 const MAX_SAMPLES: usize = 20_000;
-/// Width of the border around the points, m: what oblique beams meet there.
+/// Width of the border around the points, m, which oblique beams meet.
 const BORDER: f64 = 2.0;
 
 /// Heights on a square grid.
@@ -46,7 +47,7 @@ pub(super) fn terrain(points: &[DVec3], classes: &[u8], bounds: Aabb) -> Terrain
     let area = (max.x - min.x) * (max.y - min.y);
     let most = (MIN_NODES + NODES_PER_POINT * points.len() as f64).min(MAX_NODES);
     let (wide, long) = (max.x - min.x, max.y - min.y);
-    // Of a narrow place the rows at its borders count, too.
+    // In a narrow place the rows at the borders count, too.
     let least = (area / most).sqrt().max(wide.max(long) / most * 4.0);
     let spacing = spacing(points, &neighbours).max(MIN_SPACING).max(least);
     let nodes = [max.x - min.x, max.y - min.y].map(|d| (d / spacing).ceil() as usize + 1);

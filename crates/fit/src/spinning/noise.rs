@@ -12,7 +12,7 @@ const ROUNDS: usize = 20;
 const NORMAL_QUANTILE: f64 = 2.326;
 /// Noise of a good echo with which the search begins, m.
 const FIRST_NOISE: f64 = 0.01;
-/// Share of the patches that are planes at least, with which the search begins.
+/// Minimum share of patches that are planes, with which the search begins.
 const FIRST_SHARE: f64 = 0.3;
 /// Pivot, over its diagonal element, below which terms depend on each other.
 const MIN_PIVOT: f64 = 1e-9;
@@ -29,7 +29,7 @@ pub(super) struct NoiseLaw {
 }
 
 /// Weakness of a strength (threshold over strength) and standard deviation of the depths within the footprint
-/// of a beam of this divergence (rad): what the variance is linear in.
+/// of a beam of this divergence (rad): the terms in which the variance is linear.
 fn terms(patch: &Patch, threshold: f64, divergence: f64) -> [f64; PARTS] {
     let weakness = (threshold / patch.strength).min(1.0);
     let tangent = sqrt((1.0 / (patch.cosine * patch.cosine) - 1.0).max(0.0));
@@ -46,7 +46,7 @@ fn dot(a: &[f64; PARTS], b: &[f64; PARTS]) -> f64 {
 pub(super) fn noise_law(patches: &[Patch], threshold: f64, divergence: f64) -> Option<NoiseLaw> {
     let rows: Vec<[f64; PARTS]> = patches.iter().map(|p| terms(p, threshold, divergence)).collect();
     let mut variances: Vec<f64> = rows.iter().map(|row| FIRST_NOISE * FIRST_NOISE + row[3]).collect();
-    // The quietest share of the patches tells the level at first.
+    // The quietest share of the patches determines the first level.
     let mut ratios: Vec<f64> =
         patches.iter().zip(&variances).map(|(p, v)| p.scatter * p.scatter / v).collect();
     ratios.sort_by(f64::total_cmp);
@@ -86,8 +86,8 @@ impl NoiseLaw {
         sqrt(dot(&terms(patch, threshold, divergence), &self.parts))
     }
 
-    /// The law as a setting of an instrument whose ranges come in steps (m), whose rounding is a part of what
-    /// was seen.
+    /// The law as a setting of an instrument whose ranges come in steps (m). The observed noise includes
+    /// their rounding, which is removed.
     pub fn range_noise(&self, range_step: f64) -> RangeNoise {
         let [constant, shot, amplifier, footprint] = self.parts;
         let constant = (constant - range_step * range_step / 12.0).max(0.0);

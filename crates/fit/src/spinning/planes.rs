@@ -6,7 +6,7 @@ use vlscan_geom::{DVec3, LeastSquares, median};
 
 /// Pixels of a patch: rows and columns.
 pub(super) const PATCH: [usize; 2] = [4, 8];
-/// Fewest echoes of the half that is fitted, and their least share.
+/// Minimum number of echoes of the half that is fitted, and their minimum share.
 const MIN_ECHOES: usize = 8;
 const MIN_SHARE: f64 = 0.6;
 /// Scatters beyond which a residual does not count (Tukey's biweight).

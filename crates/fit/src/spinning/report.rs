@@ -1,4 +1,4 @@
-//! Figures of a fitted sensor: what was estimated, and scatter and dropouts by class in both halves of the
+//! Figures of a fitted sensor: the estimates, and scatter and dropouts by class in both halves of the
 //! columns.
 
 use super::planes::{NORMAL_MEDIAN, Patch, Sample, median_of_numbers};
@@ -25,7 +25,7 @@ pub struct SpinningFigures {
     pub product: String,
     /// Planes in the recording.
     pub planes: usize,
-    /// Standard deviation of ranges of strong echoes, m, and its own.
+    /// Standard deviation of ranges of strong echoes, m, and its standard deviation.
     pub constant_m: [f64; 2],
     /// By photons, of an echo at the threshold, m.
     pub shot_m: [f64; 2],
