@@ -1,6 +1,7 @@
 //! Times of pulses: their mean rate, its dependence on the phase of the mirror, its deviations from line to
 //! line, and intervals that repeat.
 
+use super::model::Model;
 use super::recording::Recording;
 use super::repeat::{LinePattern, interval_pattern};
 use super::solution::Solution;
@@ -68,56 +69,15 @@ impl PulseRate {
     /// Estimates the rate.
     pub fn of(recording: &Recording, solution: &Solution) -> PulseRate {
         let model = &solution.model;
-        let bin_of = |i: usize| {
-            let pulse = &recording.pulses[i];
-            bin(model.fraction(usize::from(pulse.channel), pulse.time))
-        };
         let finer = finer_times(recording, solution);
         let interval_before = |i: usize| match finer.coarse.is_some() && finer.step == 0.0 {
             true => finer.times[i] - finer.times[i - 1],
             false => recording.interval_before(i),
         };
-        // First pulse, interval and line of each pair of neighbouring pulses.
-        let mut pairs = Vec::new();
-        let (mut recorded, mut lost) = (1.0, 0.0);
-        let all = recording.lines.iter().flat_map(|line| line.clone().skip(1));
-        let of_all = usual(&all.map(interval_before).collect::<Vec<_>>());
-        for (line, range) in recording.lines.iter().enumerate() {
-            let intervals: Vec<f64> = range.clone().skip(1).map(interval_before).collect();
-            // Of thinned lines, few intervals are those of neighbouring pulses.
-            let usual = Some(usual(&intervals)).filter(|usual| *usual < LOST * of_all).unwrap_or(of_all);
-            for (i, interval) in range.clone().zip(intervals) {
-                let missing = (interval / usual).round() - 1.0;
-                if missing < 1.0 {
-                    pairs.push((i, interval, line));
-                }
-                if missing <= MAX_LOST {
-                    recorded += 1.0;
-                    lost += missing.max(0.0);
-                }
-            }
-        }
-        let count = pairs.len().max(1) as f64;
-        let mean = pairs.iter().map(|pair| pair.1).sum::<f64>() / count;
-        let mut sums = vec![(0.0, 0usize); BINS];
-        for (i, interval, _) in &pairs {
-            let sum = &mut sums[bin_of(*i)];
-            *sum = (sum.0 + interval, sum.1 + 1);
-        }
-        let by_phase: Vec<Option<f64>> =
-            sums.iter().map(|(sum, count)| (*count >= MIN_INTERVALS).then(|| sum / *count as f64)).collect();
-        let mut of_line = vec![(0.0, 0usize); recording.lines.len()];
-        for (i, interval, line) in &pairs {
-            if let Some(usual) = by_phase[bin_of(*i)] {
-                of_line[*line] = (of_line[*line].0 + interval / usual, of_line[*line].1 + 1);
-            }
-        }
-        let times = recording.lines.iter().map(|line| recording.pulses[(line.start + line.end) / 2].time);
-        let lines: Vec<(f64, f64)> = times
-            .zip(&of_line)
-            .filter(|(_, (_, count))| *count >= MIN_INTERVALS)
-            .map(|(time, (sum, count))| (time, sum / *count as f64))
-            .collect();
+        let (pairs, lost) = neighbour_pairs(recording, &interval_before);
+        let mean = pairs.iter().map(|pair| pair.interval).sum::<f64>() / pairs.len().max(1) as f64;
+        let by_phase = intervals_by_phase(recording, model, &pairs);
+        let lines = factors_of_lines(recording, model, &pairs, &by_phase);
         let middle = mean_part(lines.iter().map(|(time, _)| model.fraction(0, *time)));
         let factors: BTreeMap<i64, f64> =
             lines.iter().map(|(time, factor)| (number(solution, middle, *time), *factor)).collect();
@@ -133,7 +93,7 @@ impl PulseRate {
             },
             range: (1.0 / longest, 1.0 / shortest),
             of_lines,
-            lost: lost / (recorded + lost),
+            lost,
             coarse_step: finer.coarse.filter(|_| finer.step > 0.0),
             dither: Vec::new(),
             // Lines of several channels have numbers of their own.
@@ -241,6 +201,80 @@ impl PulseRate {
         let near = before.into_iter().chain(after).min_by_key(|(other, _)| (*other - number).abs());
         near.map_or(1.0, |(_, factor)| *factor)
     }
+}
+
+/// Neighbouring pulses of a line, without missing pulses between them.
+struct Pair {
+    /// Index of the first pulse.
+    first: usize,
+    /// s.
+    interval: f64,
+    /// Index of the line.
+    line: usize,
+}
+
+/// Pairs of neighbouring pulses, and the share of pulses that are lost. `interval_before` is the time from
+/// the pulse before to a pulse, s.
+fn neighbour_pairs(recording: &Recording, interval_before: &impl Fn(usize) -> f64) -> (Vec<Pair>, f64) {
+    let mut pairs = Vec::new();
+    let (mut recorded, mut lost) = (1.0, 0.0);
+    let all = recording.lines.iter().flat_map(|line| line.clone().skip(1));
+    let of_all = usual(&all.map(interval_before).collect::<Vec<_>>());
+    for (line, range) in recording.lines.iter().enumerate() {
+        let intervals: Vec<f64> = range.clone().skip(1).map(interval_before).collect();
+        // Of thinned lines, few intervals are those of neighbouring pulses.
+        let usual = Some(usual(&intervals)).filter(|usual| *usual < LOST * of_all).unwrap_or(of_all);
+        for (first, interval) in range.clone().zip(intervals) {
+            let missing = (interval / usual).round() - 1.0;
+            if missing < 1.0 {
+                pairs.push(Pair { first, interval, line });
+            }
+            if missing <= MAX_LOST {
+                recorded += 1.0;
+                lost += missing.max(0.0);
+            }
+        }
+    }
+    (pairs, lost / (recorded + lost))
+}
+
+/// Bin of the mirror's phase at the first pulse of a pair.
+fn bin_of(recording: &Recording, model: &Model, pair: &Pair) -> usize {
+    let pulse = &recording.pulses[pair.first];
+    bin(model.fraction(usize::from(pulse.channel), pulse.time))
+}
+
+/// Mean interval by phase of the mirror, s; `None` for bins of few intervals.
+fn intervals_by_phase(recording: &Recording, model: &Model, pairs: &[Pair]) -> Vec<Option<f64>> {
+    let mut sums = vec![(0.0, 0usize); BINS];
+    for pair in pairs {
+        let sum = &mut sums[bin_of(recording, model, pair)];
+        *sum = (sum.0 + pair.interval, sum.1 + 1);
+    }
+    sums.iter().map(|(sum, count)| (*count >= MIN_INTERVALS).then(|| sum / *count as f64)).collect()
+}
+
+/// Times of the middles of lines, s, and the factors of their intervals to those of their phase; without
+/// lines of few intervals.
+fn factors_of_lines(
+    recording: &Recording,
+    model: &Model,
+    pairs: &[Pair],
+    by_phase: &[Option<f64>],
+) -> Vec<(f64, f64)> {
+    let mut sums = vec![(0.0, 0usize); recording.lines.len()];
+    for pair in pairs {
+        if let Some(usual) = by_phase[bin_of(recording, model, pair)] {
+            let sum = &mut sums[pair.line];
+            *sum = (sum.0 + pair.interval / usual, sum.1 + 1);
+        }
+    }
+    let times = recording.lines.iter().map(|line| recording.pulses[(line.start + line.end) / 2].time);
+    times
+        .zip(&sums)
+        .filter(|(_, (_, count))| *count >= MIN_INTERVALS)
+        .map(|(time, (sum, count))| (time, sum / *count as f64))
+        .collect()
 }
 
 /// Times of pulses, of which only differences between neighbours are of use.

@@ -178,32 +178,7 @@ impl Recording {
         let name = path.display();
         let origin = rows[rows.len() / 2].position.floor();
         let start = rows.iter().map(|row| row.time).fold(f64::INFINITY, f64::min);
-        let mut order: Vec<&Row> = rows.iter().collect();
-        order.sort_by(|a, b| {
-            a.channel.cmp(&b.channel).then(a.time.total_cmp(&b.time)).then(a.number.cmp(&b.number))
-        });
-        let mut pulses: Vec<Pulse> = Vec::new();
-        // Returns that are no further ones of the pulse of their time.
-        let mut others = 0;
-        let mut number = 0;
-        for row in order {
-            let (time, position) = (row.time - start, row.position - origin);
-            match pulses.last_mut().filter(|last| last.time == time && last.file_channel == row.channel) {
-                Some(_) if row.number <= number => others += 1,
-                Some(pulse) => pulse.last = Some(position),
-                None => pulses.push(Pulse {
-                    time,
-                    position,
-                    angle: radians(row.angle),
-                    returns: row.returns.max(1),
-                    class: row.class,
-                    last: None,
-                    file_channel: row.channel,
-                    channel: 0,
-                }),
-            }
-            number = row.number;
-        }
+        let (mut pulses, others) = pulses_of(rows, origin, start);
         if pulses.len() == 1 && rows.len() > 1 {
             return Err(Error::input_with_help(
                 format!("{name}: all points of the flight line have the GPS time {start}"),
@@ -237,8 +212,15 @@ impl Recording {
                  {FLIGHT_PAUSE} s in the GPS times, which are seconds, separate flight lines",
             ))
         })?;
+        recording.check(path)?;
+        Ok(Recording { origin, start, source: rows[0].source, ..recording })
+    }
+
+    /// Rejects points that lie together, and scan angles that do not change across the track.
+    fn check(&self, path: &Path) -> Result<()> {
+        let name = path.display();
         let (low, high) =
-            recording.pulses.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), pulse| {
+            self.pulses.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), pulse| {
                 (low.min(pulse.position), high.max(pulse.position))
             });
         let extent = (high.x - low.x).max(high.y - low.y);
@@ -248,8 +230,8 @@ impl Recording {
                  coordinates that are not lengths)"
             )));
         }
-        if recording.angle_spread() == 0.0 {
-            let angle = degrees(recording.pulses[0].angle);
+        if self.angle_spread() == 0.0 {
+            let angle = degrees(self.pulses[0].angle);
             return Err(Error::input_with_help(
                 format!(
                     "{name}: all scan angles are {angle}°, and a flight is estimated from how they change"
@@ -257,7 +239,7 @@ impl Recording {
                 "programs that convert clouds often lose them; fit the cloud as it was delivered",
             ));
         }
-        if let Some(channels) = recording.fixed_channels() {
+        if let Some(channels) = self.fixed_channels() {
             return Err(Error::input_with_help(
                 format!(
                     "{name}: each of its {channels} channels has one scan angle, as those of a sensor that \
@@ -266,7 +248,7 @@ impl Recording {
                 "a flight and its scanner are estimated from scan angles that change across the track",
             ));
         }
-        Ok(Recording { origin, start, source: rows[0].source, ..recording })
+        Ok(())
     }
 
     /// A recording of pulses in ascending order of channel of the file and time, at the origin of coordinates
@@ -357,6 +339,37 @@ impl Recording {
     pub fn duration(&self) -> f64 {
         self.pulses.iter().map(|pulse| pulse.time).fold(0.0, f64::max)
     }
+}
+
+/// Pulses of the points of a flight line, in the order of channel of the file and time, and the number of
+/// points that have the time of another pulse.
+fn pulses_of(rows: &[Row], origin: DVec3, start: f64) -> (Vec<Pulse>, usize) {
+    let mut order: Vec<&Row> = rows.iter().collect();
+    order.sort_by(|a, b| {
+        a.channel.cmp(&b.channel).then(a.time.total_cmp(&b.time)).then(a.number.cmp(&b.number))
+    });
+    let mut pulses: Vec<Pulse> = Vec::new();
+    let mut others = 0;
+    let mut number = 0;
+    for row in order {
+        let (time, position) = (row.time - start, row.position - origin);
+        match pulses.last_mut().filter(|last| last.time == time && last.file_channel == row.channel) {
+            Some(_) if row.number <= number => others += 1,
+            Some(pulse) => pulse.last = Some(position),
+            None => pulses.push(Pulse {
+                time,
+                position,
+                angle: radians(row.angle),
+                returns: row.returns.max(1),
+                class: row.class,
+                last: None,
+                file_channel: row.channel,
+                channel: 0,
+            }),
+        }
+        number = row.number;
+    }
+    (pulses, others)
 }
 
 /// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their

@@ -181,9 +181,8 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
         let before = ground;
         let of_angle;
         (ground, of_angle) = spreads(recording, &model, sections, &attitudes);
-        if has_attitudes {
-            walk = step.walk(&attitudes, sections, walk);
-        }
+        // Without effect on fits without attitudes.
+        walk = step.walk(&attitudes, sections, walk);
         let is_settled = (ground / before - 1.0).abs() <= 0.02 && change < 1e-6;
         if is_strict && (is_settled || number + 1 >= STRICT_STEPS) {
             (is_strict, latest) = (false, f64::INFINITY);

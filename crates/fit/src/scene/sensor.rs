@@ -98,8 +98,8 @@ struct Beam {
     weight: f64,
 }
 
-fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath) -> Option<SensorPath> {
-    let middle = 0.5 * (base.times[0] + base.times[1]);
+/// Beams of the pulses of a line with several returns; `middle` is the time of its middle, s.
+fn beams_of(recording: &Recording, line: &Line, place: DVec3, middle: f64) -> Vec<Beam> {
     let mut beams: Vec<Beam> = Vec::new();
     for pulse in line.pulses.clone() {
         let returns = recording.of_pulse(pulse);
@@ -110,6 +110,38 @@ fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath)
             beams.push(Beam { time, point, axis, length, weight: length * length });
         }
     }
+    beams
+}
+
+/// Normal equations of position and motion within `duration`: matrix and right side.
+fn equations(beams: &[Beam], duration: f64) -> ([[f64; 6]; 6], [f64; 6]) {
+    let mut normal = [[0.0; 6]; 6];
+    let mut right = [0.0; 6];
+    for beam in beams {
+        // The distance from the beam is (1 − a·aᵀ)(x + v·t − p).
+        let t = beam.time / duration;
+        for (i, ei) in DVec3::AXES.into_iter().enumerate() {
+            let across = (ei - beam.axis * beam.axis.dot(ei)) * beam.weight;
+            let r = across.dot(beam.point);
+            right[i] += r;
+            right[i + 3] += r * t;
+            for (j, ej) in DVec3::AXES.into_iter().enumerate() {
+                let n = across.dot(ej);
+                normal[i][j] += n;
+                normal[i][j + 3] += n * t;
+                normal[i + 3][j] += n * t;
+                normal[i + 3][j + 3] += n * t * t;
+            }
+        }
+    }
+    // Aircraft fly almost level, and the rate of climb is the least certain.
+    normal[5][5] += 1e6 * normal[0][0];
+    (normal, right)
+}
+
+fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath) -> Option<SensorPath> {
+    let middle = 0.5 * (base.times[0] + base.times[1]);
+    let mut beams = beams_of(recording, line, place, middle);
     if beams.len() < MIN_BEAMS {
         return None;
     }
@@ -117,27 +149,7 @@ fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath)
     let mut solution = [0.0; 6];
     let mut errors = [[0.0; 6]; 6];
     for _ in 0..6 {
-        let mut normal = [[0.0; 6]; 6];
-        let mut right = [0.0; 6];
-        for beam in &beams {
-            // The distance from the beam is (1 − a·aᵀ)(x + v·t − p).
-            let t = beam.time / duration;
-            for (i, ei) in DVec3::AXES.into_iter().enumerate() {
-                let across = (ei - beam.axis * beam.axis.dot(ei)) * beam.weight;
-                let r = across.dot(beam.point);
-                right[i] += r;
-                right[i + 3] += r * t;
-                for (j, ej) in DVec3::AXES.into_iter().enumerate() {
-                    let n = across.dot(ej);
-                    normal[i][j] += n;
-                    normal[i][j + 3] += n * t;
-                    normal[i + 3][j] += n * t;
-                    normal[i + 3][j + 3] += n * t * t;
-                }
-            }
-        }
-        // Aircraft fly almost level, and the rate of climb is the least certain.
-        normal[5][5] += 1e6 * normal[0][0];
+        let (normal, right) = equations(&beams, duration);
         let inverse = inverse(&normal)?;
         solution = std::array::from_fn(|i| (0..6).map(|j| inverse[i][j] * right[j]).sum());
         // Residual angle of each beam; beams far off have a lower weight (Cauchy). All beams count for the

@@ -2,7 +2,7 @@
 
 use super::image::{Pixel, RangeImage};
 use libm::sqrt;
-use vlscan_geom::{DVec3, LeastSquares, median};
+use vlscan_geom::{DVec3, LeastSquares, ScaledCholesky, median};
 
 /// Pixels of a patch: rows and columns.
 pub(super) const PATCH: [usize; 2] = [4, 8];
@@ -81,49 +81,20 @@ fn plane(pixels: &[(Pixel, bool)]) -> Option<Patch> {
     if seen.len() < MIN_ECHOES || (seen.len() as f64) < MIN_SHARE * fitted().count() as f64 {
         return None;
     }
-    let middle = median_of_numbers(seen.iter().map(|p| p.range));
-    // The plane n·p = 1 by least squares first, then by ranges, with residuals beyond the cut without weight.
-    let mut normal = {
-        let mut sums = LeastSquares::new(3);
-        for pixel in &seen {
-            let point = (pixel.origin + pixel.direction * pixel.range) / middle;
-            sums.add(&point.to_array(), 1.0, 1.0);
-        }
-        DVec3::from_slice(&sums.solution()?) / middle
-    };
-    let (mut sums, mut kept, mut squares) = (LeastSquares::new(3), 0, 0.0);
-    for _ in 0..ITERATIONS {
-        let residuals: Vec<f64> = seen.iter().map(|p| p.range - expected(p, normal)).collect();
-        let scatter = (NORMAL_MEDIAN * median_of_numbers(residuals.iter().map(|r| r.abs()))).max(MIN_SCATTER);
-        (sums, kept, squares) = (LeastSquares::new(3), 0, 0.0);
-        for (pixel, residual) in seen.iter().zip(residuals) {
-            let off = residual / (CUT * scatter);
-            if off.is_nan() || off.abs() >= 1.0 {
-                continue;
-            }
-            let weight = (1.0 - off * off) * (1.0 - off * off);
-            sums.add(&slope(pixel, normal).to_array(), residual, weight);
-            (kept, squares) = (kept + 1, squares + residual * residual);
-        }
-        normal += DVec3::from_slice(&sums.solution()?);
-        if !normal.is_finite() {
-            return None;
-        }
-    }
+    let Plane { normal, kept, squares, decomposition } = Plane::through(&seen)?;
     if kept < MIN_ECHOES || (kept as f64) < MIN_KEPT * seen.len() as f64 {
         return None;
     }
-    let decomposition = sums.matrix.scaled_cholesky(0.0, 0.0)?;
     // Variance of a value with this derivative, over that of an observation.
     let variance = |by: DVec3| by.dot(DVec3::from_slice(&decomposition.solve(&by.to_array())));
     let samples: Vec<Sample> = pixels
         .iter()
         .map(|(pixel, is_fitted)| {
-            let (expected, slope) = (expected(pixel, normal), slope(pixel, normal));
+            let expected = expected(pixel, normal);
             Sample {
                 expected,
                 residual: pixel.range - expected,
-                leverage: variance(slope),
+                leverage: variance(slope(pixel, normal)),
                 is_fitted: *is_fitted,
                 point: pixel.origin + pixel.direction * expected,
             }
@@ -146,6 +117,51 @@ fn plane(pixels: &[(Pixel, bool)]) -> Option<Patch> {
         reflectance: median_of_numbers(seen.iter().map(|p| p.reflectance)),
         samples,
     })
+}
+
+/// Plane n·p = 1 through the points of pixels.
+struct Plane {
+    normal: DVec3,
+    /// Number of echoes within the cut.
+    kept: usize,
+    /// Sum of their squared residuals, m².
+    squares: f64,
+    decomposition: ScaledCholesky,
+}
+
+impl Plane {
+    /// Robust least squares of the ranges. `None` if the points do not determine a plane.
+    fn through(seen: &[&Pixel]) -> Option<Plane> {
+        let middle = median_of_numbers(seen.iter().map(|p| p.range));
+        // By distances from the origin first, then by ranges, where residuals beyond the cut have no weight.
+        let mut sums = LeastSquares::new(3);
+        for pixel in seen {
+            let point = (pixel.origin + pixel.direction * pixel.range) / middle;
+            sums.add(&point.to_array(), 1.0, 1.0);
+        }
+        let mut normal = DVec3::from_slice(&sums.solution()?) / middle;
+        let (mut kept, mut squares) = (0, 0.0);
+        for _ in 0..ITERATIONS {
+            let residuals: Vec<f64> = seen.iter().map(|p| p.range - expected(p, normal)).collect();
+            let scatter = NORMAL_MEDIAN * median_of_numbers(residuals.iter().map(|r| r.abs()));
+            let cut = CUT * scatter.max(MIN_SCATTER);
+            (sums, kept, squares) = (LeastSquares::new(3), 0, 0.0);
+            for (pixel, residual) in seen.iter().zip(residuals) {
+                let off = residual / cut;
+                if off.is_nan() || off.abs() >= 1.0 {
+                    continue;
+                }
+                let weight = (1.0 - off * off) * (1.0 - off * off);
+                sums.add(&slope(pixel, normal).to_array(), residual, weight);
+                (kept, squares) = (kept + 1, squares + residual * residual);
+            }
+            normal += DVec3::from_slice(&sums.solution()?);
+            if !normal.is_finite() {
+                return None;
+            }
+        }
+        Some(Plane { normal, kept, squares, decomposition: sums.matrix.scaled_cholesky(0.0, 0.0)? })
+    }
 }
 
 /// Range at which a beam meets the plane, m.
