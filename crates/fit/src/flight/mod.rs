@@ -127,7 +127,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         Err(reason) => match best_turned_solution(&recording) {
             Some(turned) => {
                 let message = "scan angles are positive to the left of the flight, against the LAS \
-                               specification; they are turned round";
+                               specification; their sign is reversed";
                 found.warn(Some(Place::of_file(path)), message);
                 turned
             }
@@ -167,7 +167,10 @@ fn best_turned_solution(recording: &Recording) -> Option<(Recording, Solution)> 
 fn no_flight(path: &Path, recording: &Recording, reason: &str) -> Error {
     let name = path.display();
     Error::input_with_help(
-        format!("{name}: no flight meets these points: {reason}; they are {}", recording.description()),
+        format!(
+            "{name}: no flight matches these points: {reason}; the cloud has {}",
+            recording.description()
+        ),
         "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a polygon \
          mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from prisms or a \
          sensor that spins, with scan angles in degrees that change across the track, and times in seconds",
@@ -180,7 +183,7 @@ impl FlightFit {
         let (recording, solution) = (&self.recording, &self.solution);
         if solution.residual > DOUBTFUL_RESIDUAL {
             let message = format!(
-                "the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
+                "the fitted flight misses its points by {:.2} m on the ground: its figures are doubtful",
                 solution.residual
             );
             found.warn(Some(Place::of_file(&self.cloud)), message);
@@ -203,8 +206,8 @@ impl FlightFit {
         let rate = &self.rate;
         if let Some(step) = rate.coarse_step {
             let message = format!(
-                "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse \
-                 rate of {:.0} per second",
+                "GPS times have steps of {:.3} µs, too coarse for the intervals of pulses: the pulse rate \
+                 of {:.0} per second is doubtful",
                 1e6 * step,
                 rate.mean
             );
@@ -220,7 +223,7 @@ impl FlightFit {
             found.warn(Some(Place::of_file(&self.cloud)), message);
         }
         if self.noise.is_none() {
-            let message = "too few points of ground lie together for the noise of ranges";
+            let message = "too few ground points lie close together to estimate the range noise";
             found.warn(Some(Place::of_file(&self.cloud)), message);
         }
     }

@@ -152,7 +152,7 @@ impl Recording {
             }
         }
         let Some(longest) = flights.iter().max_by_key(|flight| flight.len()) else {
-            return Err(Error::input(format!("{name} holds no points with times and scan angles")));
+            return Err(Error::input(format!("{name} has no points with times and scan angles")));
         };
         let mut recording = Recording::of(longest, path, found)?;
         recording.wkt = sink.wkt.take();
@@ -161,14 +161,14 @@ impl Recording {
             let warning = found.warn(
                 Some(Place::of_file(path)),
                 format!(
-                    "{name} holds {} flight lines: the one with the most points is fitted (point source {}, \
-                     GPS time {:.1} s); {left_out} points of the others are left out",
+                    "{name} has {} flight lines: the one with the most points is fitted (point source {}, \
+                     GPS time {:.1} s); {left_out} points of the others are ignored",
                     flights.len(),
                     recording.source,
                     recording.start
                 ),
             );
-            warning.help("--flight-line N chooses another one by its point source");
+            warning.help("--flight-line N selects another one by its point source");
         }
         Ok(recording)
     }
@@ -199,8 +199,8 @@ impl Recording {
         let (outliers, distance) = remove_outliers(&mut pulses);
         if outliers > 0 {
             let message = format!(
-                "{outliers} of the points of {name} lie more than {distance:.0} m above or below those that \
-                 were recorded before and after them; they are left out as noise"
+                "{outliers} points of {name} lie more than {distance:.0} m above or below the points \
+                 recorded before and after them; they are ignored as noise"
             );
             found.warn(Some(Place::of_file(path)), message);
         }

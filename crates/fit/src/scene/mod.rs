@@ -231,7 +231,7 @@ fn warn_of_nadir_paths(cloud: &Path, paths: &[SensorPath], found: &mut Diagnosti
     let names: Vec<&str> = unknown.iter().map(String::as_str).collect();
     let (line, are) = if names.len() == 1 { ("line", "it is") } else { ("lines", "they are") };
     let message = format!(
-        "neither returns nor scan angles of {line} {} show where the instrument was; {are} taken to be \
+        "neither returns nor scan angles of {line} {} show where the instrument was; {are} assumed to be \
          recorded from straight above",
         listed(&names, MAX_LISTED_LINES)
     );

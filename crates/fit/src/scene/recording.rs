@@ -142,7 +142,7 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let has = |attribute| sink.attributes.has(attribute);
     let kept = || sink.returns.iter().filter(|r| !r.is_left_out);
     let Some(first) = kept().next() else {
-        return Err(Error::input(format!("{name} has no points that could be a scene")));
+        return Err(Error::input(format!("{name} has no points for a scene")));
     };
     let count = kept().filter(|r| matches!(r.class, 2 | 8)).count();
     if count < 3 {
@@ -155,15 +155,15 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
         found.warn(Some(Place::of_file(path)), message);
     };
     if sink.skipped > 0 {
-        warn(&format!("{} points without coordinates are left out", sink.skipped));
+        warn(&format!("{} points without coordinates are ignored", sink.skipped));
     }
     if !has(Attribute::Time) {
-        warn("it has no times of pulses; every point is taken as a pulse of its own");
+        warn("the cloud has no times of pulses; each point counts as a separate pulse");
     }
     if !has(Attribute::NumberOfReturns) || !has(Attribute::ReturnNumber) {
         warn(
-            "it has no return numbers and numbers of returns; every point is taken as the only return of its \
-             pulse",
+            "the cloud has no return numbers and numbers of returns; each point counts as the only return \
+             of its pulse",
         );
     }
     let has_times = has(Attribute::Time);

@@ -100,7 +100,7 @@ pub fn fit_spinning(
         .map_err(|problem| Error::input(format!("{}: {problem}", recording.display())))?;
     if fit.planes.len() < FEW_PLANES {
         let message = format!(
-            "{} planes are few for a law of noise, which differs from half to half of the columns then",
+            "{} planes are few for a law of noise: the law may differ between the halves of the columns",
             fit.planes.len()
         );
         found
