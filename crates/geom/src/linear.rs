@@ -331,9 +331,9 @@ mod tests {
         ) {
             // Weak observations of each unknown keep the matrix away from a singular one.
             let mut sums = LeastSquares::new(5);
-            for k in 0..5 {
+            for (k, value) in x.iter().enumerate() {
                 let unit: Vec<f64> = (0..5).map(|j| f64::from(u8::from(j == k))).collect();
-                sums.add(&unit, x[k], 0.1);
+                sums.add(&unit, *value, 0.1);
             }
             for row in &rows {
                 sums.add(row, row.iter().zip(&x).map(|(a, b)| a * b).sum(), 1.0);

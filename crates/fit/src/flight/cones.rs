@@ -148,3 +148,66 @@ fn cone(recording: &Recording, circle: &Circle) -> Option<Model> {
     };
     Some(Model { mirror: Mirror::Cone, parameters })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::Attitude;
+    use super::*;
+    use vlscan_geom::{DVec3, radians};
+
+    /// Half a second of a cone of 20 degrees from 1000 m over flat ground.
+    fn recorded(rate: f64) -> Recording {
+        let parameters = Parameters {
+            position: DVec3::new(5.0, -3.0, 1000.0),
+            velocity: DVec3::new(30.0, 40.0, 0.0),
+            mirror: MirrorParameters { angle: radians(20.0), rate, ..MirrorParameters::default() },
+            channels: vec![Channel { phase: 1.0, ..Channel::default() }],
+            ..Parameters::default()
+        };
+        let model = Model { mirror: Mirror::Cone, parameters };
+        let pulse = |k: u32| {
+            let time = 2e-5 * f64::from(k);
+            let at = model.footprint(&Attitude::default(), 0, time, 0.0);
+            Pulse {
+                time,
+                position: DVec3::new(at.x, at.y, 0.0),
+                angle: at.angle,
+                returns: 1,
+                class: 2,
+                last: None,
+                file_channel: 0,
+                channel: 0,
+            }
+        };
+        Recording::new((0..25_000).map(pulse).collect()).unwrap()
+    }
+
+    #[test]
+    fn a_circle_gives_platform_and_cone() {
+        for rate in [-80.0, 80.0] {
+            let found = guesses(&recorded(rate));
+            assert_eq!(found.len(), 1, "{found:?}");
+            let p = &found[0].parameters;
+            assert!((p.position - DVec3::new(5.0, -3.0, 1000.0)).length() < 1.0, "{p:?}");
+            assert!((p.velocity - DVec3::new(30.0, 40.0, 0.0)).length() < 0.1, "{p:?}");
+            assert!((p.mirror.angle - radians(20.0)).abs() < 1e-3, "{p:?}");
+            assert!((p.mirror.rate - rate).abs() < 0.01, "{p:?}");
+            assert!((p.channels[0].phase - 1.0).abs() < 0.02, "{p:?}");
+        }
+    }
+
+    #[test]
+    fn elliptic_cones_are_wider_along_or_across_the_flight() {
+        let found = elliptic_guesses(&recorded(80.0));
+        assert_eq!(found.len(), 2 * RATIOS.len());
+        let ratio = |model: &Model| {
+            let mirror = &model.parameters.mirror;
+            tan(mirror.angle_along) / tan(mirror.angle)
+        };
+        for (pair, expected) in found.chunks(2).zip(RATIOS) {
+            assert!((ratio(&pair[0]) - expected).abs() < 1e-9, "{pair:?}");
+            assert!((ratio(&pair[1]) - 1.0 / expected).abs() < 1e-9, "{pair:?}");
+            assert!(pair.iter().all(|model| model.mirror == Mirror::EllipticCone));
+        }
+    }
+}

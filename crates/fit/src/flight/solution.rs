@@ -104,3 +104,42 @@ impl Solution {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::mirror::Mirror;
+    use super::*;
+    use vlscan_geom::DVec3;
+
+    /// A platform at 100 m that rolls from 0 to 0.02 rad between two sections, 2 s apart.
+    fn rolling() -> Solution {
+        let parameters = Parameters { position: DVec3::new(0.0, 0.0, 100.0), ..Parameters::default() };
+        Solution {
+            deviations: parameters.filled(0.0),
+            model: Model { mirror: Mirror::Cone, parameters },
+            times: vec![1.0, 3.0],
+            attitudes: vec![Attitude::default(), Attitude { roll: 0.02, ..Attitude::default() }],
+            residual: 0.5,
+            angle_residual: 0.0,
+        }
+    }
+
+    #[test]
+    fn attitudes_are_linear_between_sections_and_constant_beyond() {
+        let solution = rolling();
+        for (time, roll) in [(0.0, 0.0), (1.0, 0.0), (1.5, 0.005), (2.0, 0.01), (3.0, 0.02), (9.0, 0.02)] {
+            let found = solution.attitude(time);
+            assert!((found.roll - roll).abs() < 1e-15 && found.pitch == 0.0 && found.yaw == 0.0, "{time}");
+        }
+        let still = Solution { times: Vec::new(), attitudes: Vec::new(), ..rolling() };
+        assert_eq!(still.attitude(1.0), Attitude::default());
+    }
+
+    #[test]
+    fn changes_of_the_attitude_count_as_metres_on_the_ground() {
+        // Root mean square of the attitudes: 0.02 rad over √2 sections; of the changes too.
+        let expected = 0.02 / f64::sqrt(2.0);
+        assert!((rolling().attitude_spread() - expected).abs() < 1e-15);
+        assert!((rolling().unexplained() - (0.5 + 100.0 * expected)).abs() < 1e-12);
+    }
+}

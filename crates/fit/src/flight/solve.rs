@@ -80,8 +80,8 @@ fn priors(model: &Model) -> Parameters {
     }
 }
 
-/// Changes of the parameters for numeric derivatives: small fractions of what shifts the beam by a millimetre
-/// within `duration`.
+/// Changes of the parameters for numeric derivatives, which move the beam by about a millimetre or less within
+/// `duration`.
 fn increments(model: &Model, duration: f64) -> Parameters {
     let t = duration.max(1.0);
     let others = model.parameters.filled(1e-7);
