@@ -318,8 +318,9 @@ mod tests {
             Row::new("list", list([1.0, 2.0].into_iter())),
         ];
         document.table("[platform]", rows);
-        let expected = "# made by a test\n#\ncrs = \"EPSG:25832\"\n\n[platform]\nspeed = 0.500000\n# not yet\n\
-                        is_fast = false\nlist = [1.000000, 2.000000]\n";
+        let expected = "# made by a test\n#\ncrs = \"EPSG:25832\"\n\n\
+                        [platform]\nspeed = 0.500000\n# not yet\nis_fast = false\n\
+                        list = [1.000000, 2.000000]\n";
         assert_eq!(document.0, expected);
     }
 
