@@ -1,4 +1,4 @@
-//! Geometry in double precision: rotations, boxes, angles, map projection.
+//! Geometry in double precision: rotations, boxes, angles, map projection, linear equations.
 //!
 //! Transcendental functions are computed by [`libm`], so that results do not depend on the machine's C
 //! library.
@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `rotation`, `affine`, `aabb` | rotations, affine maps, boxes |
 //! | `height_model` | surfaces with one height at each position |
+//! | `linear` | linear equations, least squares, medians |
 //! | `polygon` | whether a point is inside of a polygon |
 //! | `sums` | sums of many equal terms |
 //! | `utm` | the map projection |
@@ -16,6 +17,7 @@
 mod aabb;
 mod affine;
 mod height_model;
+mod linear;
 mod polygon;
 mod rotation;
 mod sums;
@@ -23,8 +25,9 @@ mod utm;
 
 pub use aabb::Aabb;
 pub use affine::Affine;
-pub use glam::DVec3;
+pub use glam::{DMat3, DVec2, DVec3};
 pub use height_model::HeightModel;
+pub use linear::{Cholesky, LeastSquares, ScaledCholesky, SymmetricMatrix, median, solve_by_elimination};
 pub use polygon::is_inside;
 pub use rotation::Rotation;
 pub use sums::{add_repeatedly, spacing, steps_in_binade};

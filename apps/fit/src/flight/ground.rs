@@ -1,23 +1,25 @@
 //! Noise of ranges, by the heights of points about the ground around them.
 
-use super::recording::{Pulse, Recording, median};
+use super::recording::{Pulse, Recording};
 use super::solution::Solution;
 use libm::cos;
-use nalgebra::{Matrix3, Vector3};
 use std::collections::HashMap;
+use vlscan_geom::{DVec3, LeastSquares, median};
 
 /// Width of the cells in which the ground counts as a plane, in mean distances between points.
 const CELL_SPACINGS: f64 = 4.0;
-/// Pulses in a cell that say something of a plane.
+/// Minimum number of pulses in a cell for a plane.
 const MIN_PULSES: usize = 8;
+/// Minimum number of cells.
+const MIN_CELLS: usize = 20;
 /// ASPRS class of ground.
 const GROUND: u8 = 2;
 
-/// Standard deviation of ranges to smooth ground, m, with what its roughness adds; `None` without enough
+/// Standard deviation of ranges to smooth ground, m, including its roughness; `None` without enough
 /// points.
 ///
 /// Planes are fitted to the single returns of small cells, of class ground where there are any; the median of
-/// their residuals counts, freed from what the plane takes up, so that cells with bushes do not matter.
+/// their residuals counts, corrected for the degrees of freedom, so that cells with bushes have no effect.
 pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<f64> {
     let has_ground =
         recording.pulses.iter().filter(|pulse| pulse.class == GROUND).count() > recording.pulses.len() / 10;
@@ -40,7 +42,7 @@ pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<f64> {
             spreads.push(spread * slant(&recording.pulses[cell[0]], solution));
         }
     }
-    (spreads.len() >= 20).then(|| median(spreads))
+    (spreads.len() >= MIN_CELLS).then(|| median(spreads)).flatten()
 }
 
 /// Range that changes with a height, per m: the reciprocal of the cosine of the beam's angle from the
@@ -61,26 +63,19 @@ fn spacing(recording: &Recording, used: &[usize]) -> f64 {
             1;
     }
     let counts: Vec<f64> = cells.values().map(|count| f64::from(*count)).collect();
-    COARSE / median(counts).max(1.0).sqrt()
+    COARSE / median(counts).unwrap_or(1.0).max(1.0).sqrt()
 }
 
 /// Standard deviation of heights from their plane, m.
 fn plane_spread(recording: &Recording, cell: &[usize]) -> Option<f64> {
     let origin = recording.pulses[cell[0]].position;
-    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for i in cell {
-        let d = recording.pulses[*i].position - origin;
-        let row = Vector3::new(d.x, d.y, 1.0);
-        normal += row * row.transpose();
-        right += row * d.z;
+    let offset = |i: &usize| recording.pulses[*i].position - origin;
+    let mut sums = LeastSquares::new(3);
+    for d in cell.iter().map(offset) {
+        sums.add(&[d.x, d.y, 1.0], d.z, 1.0);
     }
-    let plane = normal.cholesky()?.solve(&right);
-    let squares: f64 = cell
-        .iter()
-        .map(|i| {
-            let d = recording.pulses[*i].position - origin;
-            (d.z - plane.dot(&Vector3::new(d.x, d.y, 1.0))).powi(2)
-        })
-        .sum();
+    let plane = DVec3::from_slice(&sums.solution()?);
+    let residual = |d: DVec3| d.z - plane.dot(DVec3::new(d.x, d.y, 1.0));
+    let squares: f64 = cell.iter().map(|i| residual(offset(i)).powi(2)).sum();
     Some((squares / (cell.len() - 3) as f64).sqrt())
 }

@@ -1,81 +1,115 @@
 //! First guess of lines across the flight, of one channel or of several whose lines have different
 //! directions.
 
-use super::guess::{chosen, coherence, height, line_rate, slope, wrapped};
-use super::mirror::Mirror;
-use super::model::{MAX_CHANNELS, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
-use super::recording::{Pulse, Recording, median};
-use libm::{atan2, cos, hypot, sin, tan};
+use super::level::{Track, level, sampled_pulses};
+use super::mirror::{Mirror, MirrorParameters};
+use super::model::{MAX_CHANNELS, Model};
+use super::parameters::{Channel, Parameters};
+use super::phases::{PhaseSample, StraightLine, coherence, line_rate, wrapped};
+use super::recording::{Pulse, Recording};
+use libm::{atan2, cos, sin, tan};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
+use vlscan_geom::{DVec2, LeastSquares, median};
 
-/// Lines of fewer pulses have no direction.
+/// Minimum number of pulses of a line whose direction is used.
 pub const MIN_PULSES: usize = 12;
+/// Minimum number of pulses of a line that counts for the mean direction of its channel.
+const MIN_AXIS_PULSES: usize = 8;
 /// Lines whose directions differ by less are of one channel, rad.
 const SAME: f64 = 0.07;
-/// Smaller shares of the lines are no channel.
+/// Minimum share of the lines that makes a channel.
 const MIN_SHARE: f64 = 0.1;
+/// Number of lines that are tried as the direction of a channel.
+const MAX_TRIALS: usize = 200;
+/// Lines of a mirror go to and fro if those of one sense are at most this many times as many as the others.
+const MAX_RATIO: usize = 5;
+
+/// Direction of a line, seen from above.
+#[derive(Clone, Copy)]
+struct Direction {
+    /// Angle from east, rad.
+    axis: f64,
+    /// Number of the channel in the file.
+    file_channel: u16,
+}
+
+impl Direction {
+    fn is_alike(&self, other: &Direction) -> bool {
+        self.file_channel == other.file_channel && turn(self.axis, other.axis).abs() < SAME
+    }
+
+    /// Difference from another direction, rad; more than any angle for other channels of the file.
+    fn distance(&self, other: &Direction) -> f64 {
+        let of_file = if self.file_channel == other.file_channel { 0.0 } else { TAU };
+        turn(self.axis, other.axis).abs() + of_file
+    }
+}
 
 /// Finds the channels by the directions of their lines and gives each pulse the number of its channel. Two
 /// channels that record at the same time are separate only if the file numbers them.
 pub fn find_channels(recording: &mut Recording) {
-    // Middle of each line in time, its direction, and the number of its channel in the file.
-    let mut lines = Vec::new();
-    for line in recording.lines.iter().filter(|line| line.len() >= MIN_PULSES) {
-        let (_, axis) = motion(recording, line.clone());
-        let middle = &recording.pulses[(line.start + line.end) / 2];
-        lines.push((middle.time, axis, middle.file_channel));
-    }
-    let mut axes: Vec<(f64, u16)> = Vec::new();
-    let is_of =
-        |line: &(f64, f64, u16), axis: &(f64, u16)| turn(line.1, axis.0).abs() < SAME && line.2 == axis.1;
-    let mut rest = lines.clone();
-    while axes.len() < MAX_CHANNELS && rest.len() as f64 > MIN_SHARE * lines.len() as f64 {
-        // The line that most others resemble.
-        let step = rest.len().div_ceil(200);
-        let alike =
-            |line: &(f64, f64, u16)| rest.iter().filter(|other| is_of(other, &(line.1, line.2))).count();
-        let Some(best) = rest.iter().step_by(step).max_by_key(|line| alike(line)).copied() else { break };
-        if (alike(&best) as f64) < MIN_SHARE * lines.len() as f64 {
-            break;
-        }
-        let turns =
-            rest.iter().filter(|line| is_of(line, &(best.1, best.2))).map(|line| turn(line.1, best.1));
-        axes.push((best.1 + median(turns.collect()), best.2));
-        rest.retain(|line| !is_of(line, &(best.1, best.2)));
-    }
-    recording.channels = axes.len().max(1);
-    if axes.len() < 2 {
+    // Middle of each line in time, and its direction.
+    let long = recording.lines.iter().filter(|line| line.len() >= MIN_PULSES);
+    let lines: Vec<(f64, Direction)> =
+        long.map(|line| (middle(recording, line).time, direction(recording, line))).collect();
+    let channels = channel_directions(lines.iter().map(|(_, direction)| *direction).collect());
+    recording.channels = channels.len().max(1);
+    if channels.len() < 2 {
         return;
     }
-    let channel_of = |line: &(f64, f64, u16)| {
-        let distance =
-            |axis: &(f64, u16)| turn(line.1, axis.0).abs() + if line.2 == axis.1 { 0.0 } else { TAU };
-        (0..axes.len()).min_by(|a, b| distance(&axes[*a]).total_cmp(&distance(&axes[*b]))).unwrap_or(0)
+    let nearest = |line: &Direction| {
+        let distance = |channel: &usize| channels[*channel].distance(line);
+        (0..channels.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
     };
     for line in recording.lines.clone() {
-        let middle = recording.pulses[(line.start + line.end) / 2];
-        let number = match line.len() >= MIN_PULSES {
-            true => channel_of(&(middle.time, motion(recording, line.clone()).1, middle.file_channel)),
+        let middle = *middle(recording, &line);
+        let number = if line.len() >= MIN_PULSES {
+            nearest(&direction(recording, &line))
+        } else {
             // Short ones are of the channel that records at that time.
-            false => {
-                let alike = lines.iter().filter(|other| other.2 == middle.file_channel);
-                let near =
-                    alike.min_by(|a, b| (a.0 - middle.time).abs().total_cmp(&(b.0 - middle.time).abs()));
-                near.map_or(0, channel_of)
-            }
+            let same = lines.iter().filter(|(_, direction)| direction.file_channel == middle.file_channel);
+            let interval = |line: &(f64, Direction)| (line.0 - middle.time).abs();
+            let near = same.min_by(|a, b| interval(a).total_cmp(&interval(b)));
+            near.map_or(0, |(_, direction)| nearest(direction))
         };
         recording.pulses[line].iter_mut().for_each(|pulse| pulse.channel = number as u8);
     }
 }
 
-/// Velocity of the beam on the ground along a line, m/s, and the angle of its direction from east, rad.
-fn motion(recording: &Recording, line: Range<usize>) -> ((f64, f64), f64) {
-    let pulses = &recording.pulses[line];
+/// Directions of the lines of channels, those of most lines first.
+fn channel_directions(mut lines: Vec<Direction>) -> Vec<Direction> {
+    let min_lines = MIN_SHARE * lines.len() as f64;
+    let mut channels = Vec::new();
+    while channels.len() < MAX_CHANNELS && lines.len() as f64 > min_lines {
+        // The line that most others resemble.
+        let step = lines.len().div_ceil(MAX_TRIALS);
+        let alike = |line: &Direction| lines.iter().filter(|other| other.is_alike(line)).count();
+        let Some(best) = lines.iter().step_by(step).max_by_key(|line| alike(line)).copied() else { break };
+        if (alike(&best) as f64) < min_lines {
+            break;
+        }
+        let same = lines.iter().filter(|line| line.is_alike(&best));
+        let shift = median(same.map(|line| turn(line.axis, best.axis))).unwrap_or(0.0);
+        channels.push(Direction { axis: best.axis + shift, ..best });
+        lines.retain(|line| !line.is_alike(&best));
+    }
+    channels
+}
+
+/// Pulse in the middle of a line.
+fn middle<'r>(recording: &'r Recording, line: &Range<usize>) -> &'r Pulse {
+    &recording.pulses[(line.start + line.end) / 2]
+}
+
+/// Direction in which the beam moves on the ground along a line.
+fn direction(recording: &Recording, line: &Range<usize>) -> Direction {
+    let pulses = &recording.pulses[line.clone()];
     let times: Vec<f64> = pulses.iter().map(|pulse| pulse.time - pulses[0].time).collect();
-    let x = slope(&times, &pulses.iter().map(|pulse| pulse.position.x).collect::<Vec<_>>()).0;
-    let y = slope(&times, &pulses.iter().map(|pulse| pulse.position.y).collect::<Vec<_>>()).0;
-    ((x, y), atan2(y, x))
+    let x: Vec<f64> = pulses.iter().map(|pulse| pulse.position.x).collect();
+    let y: Vec<f64> = pulses.iter().map(|pulse| pulse.position.y).collect();
+    let (x, y) = (StraightLine::through(&times, &x), StraightLine::through(&times, &y));
+    Direction { axis: atan2(y.slope, x.slope), file_channel: middle(recording, line).file_channel }
 }
 
 /// Turn from direction `b` to `a`, whatever their senses, from −π/2 to π/2.
@@ -85,165 +119,265 @@ fn turn(a: f64, b: f64) -> f64 {
 }
 
 /// Lines of a channel.
-struct Channel {
-    /// Their direction, unit vector, to the right of the flight.
-    along: (f64, f64),
-    /// Times at which they look straight down, by the sense of their motion.
-    rising: Vec<f64>,
-    falling: Vec<f64>,
+struct ChannelLines {
+    /// Direction of the lines, unit vector, to the right of the flight.
+    along: DVec2,
+    /// Turn of the lines from across the flight, to the right, rad.
+    yaw: f64,
+    /// Times at which lines that go to the right look straight down, s.
+    to_right: Vec<f64>,
+    /// Times at which lines that go to the left look straight down, s.
+    to_left: Vec<f64>,
+}
+
+impl ChannelLines {
+    fn new(axis: f64, track: &Track) -> ChannelLines {
+        let along = DVec2::new(cos(axis), sin(axis));
+        let along = if along.dot(track.right()) < 0.0 { -along } else { along };
+        let yaw = atan2(-along.dot(track.forward()), along.dot(track.right()));
+        ChannelLines { along, yaw, to_right: Vec::new(), to_left: Vec::new() }
+    }
+
+    fn is_to_and_fro(&self) -> bool {
+        let (right, left) = (self.to_right.len(), self.to_left.len());
+        right.min(left) * MAX_RATIO > right.max(left)
+    }
+
+    /// 1 if most lines go to the right, −1 otherwise.
+    fn sense(&self) -> f64 {
+        if self.to_right.len() > self.to_left.len() { 1.0 } else { -1.0 }
+    }
+
+    /// Times of the lines that go in the sense of most.
+    fn crossings(&self) -> &[f64] {
+        if self.sense() > 0.0 { &self.to_right } else { &self.to_left }
+    }
 }
 
 /// Parallel lines of each of `channels` channels.
 pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<Model> {
-    let chosen = chosen(recording);
-    let number = |i: usize| usize::from(recording.pulses[i].channel).min(channels - 1);
-    let axes: Vec<f64> = (0..channels).map(|channel| axis(recording, channel, channels)).collect();
-    // Lines advance at right angles to their direction with the share of the velocity in that direction.
-    let (mut xx, mut xy, mut yy, mut x, mut y) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (channel, axis) in axes.iter().enumerate() {
-        let normal = (-sin(*axis), cos(*axis));
-        let of_channel = chosen.iter().filter(|i| number(**i) == channel).map(|i| &recording.pulses[*i]);
-        let (times, places): (Vec<f64>, Vec<f64>) = of_channel
-            .map(|pulse| (pulse.time, pulse.position.x * normal.0 + pulse.position.y * normal.1))
-            .unzip();
-        let speed = slope(&times, &places).0;
-        (xx, xy, yy) = (xx + normal.0 * normal.0, xy + normal.0 * normal.1, yy + normal.1 * normal.1);
-        (x, y) = (x + speed * normal.0, y + speed * normal.1);
+    let number = |pulse: &Pulse| usize::from(pulse.channel).min(channels - 1);
+    let sampled = sampled_pulses(recording);
+    let mut pulses = vec![Vec::new(); channels];
+    for pulse in sampled.iter().map(|i| &recording.pulses[*i]) {
+        pulses[number(pulse)].push(pulse);
     }
-    let velocity = match channels {
-        1 => (x, y),
-        _ => ((x * yy - y * xy) / (xx * yy - xy * xy), (y * xx - x * xy) / (xx * yy - xy * xy)),
-    };
-    let speed = hypot(velocity.0, velocity.1);
-    let course = atan2(velocity.0, velocity.1);
-    let (forward, right) = ((sin(course), cos(course)), (cos(course), -sin(course)));
-    let (height, across) = height(recording, &chosen, course, (0.0, 0.0), velocity)?;
-    let mut found = Vec::new();
-    let mut starts = Vec::new();
-    for (channel, axis) in axes.iter().enumerate() {
-        let to_right = if cos(*axis) * right.0 + sin(*axis) * right.1 < 0.0 { -1.0 } else { 1.0 };
-        let along = (to_right * cos(*axis), to_right * sin(*axis));
-        // Where the platform is at time 0 along the flight, by the place of these lines.
-        let yaw = yaw(along, forward, right);
-        let places = chosen.iter().filter(|i| number(**i) == channel).map(|i| {
-            let (pulse, time) = (&recording.pulses[*i], recording.pulses[*i].time);
-            let side = pulse.position.x * right.0 + pulse.position.y * right.1 - across;
-            pulse.position.x * forward.0 + pulse.position.y * forward.1 - speed * time + side * tan(yaw)
-        });
-        starts.push(median(places.collect()));
-        found.push(Channel { along, rising: Vec::new(), falling: Vec::new() });
-    }
-    let start = starts.iter().sum::<f64>() / channels as f64;
-    let centre = (start * forward.0 + across * right.0, start * forward.1 + across * right.1);
-    let mut rates = Vec::new();
+    let axes: Vec<f64> =
+        (0..channels).map(|channel| axis(recording, |pulse| number(pulse) == channel)).collect();
+    let velocity = velocity_from_lines(&axes, &pulses)?;
+    let level = level(recording, &sampled, &Track { start: DVec2::ZERO, velocity })?;
+    let (track, mut lines) = assemble(&axes, &pulses, velocity, level.across);
+    let mut speeds = Vec::new();
     for line in recording.lines.iter().filter(|line| line.len() >= MIN_PULSES) {
-        let channel = &mut found[number(line.start)];
-        let found = crossing(recording, line.clone(), centre, velocity, channel.along, height);
-        let Some(Crossing { time, rate }) = found else { continue };
-        if rate > 0.0 {
-            channel.rising.push(time)
+        let channel = &mut lines[number(&recording.pulses[line.start])];
+        let crossing = crossing(&recording.pulses[line.clone()], &track, channel.along, level.height);
+        let Some(Crossing { time, speed }) = crossing else { continue };
+        if speed > 0.0 {
+            channel.to_right.push(time)
         } else {
-            channel.falling.push(time)
+            channel.to_left.push(time)
         }
-        rates.push(rate.abs());
+        speeds.push(speed.abs());
     }
-    let mut model = Model::new(mirror, [0.0; MAX_PARAMETERS]);
-    let parameters = &mut model.parameters;
-    (parameters[0], parameters[1]) = centre;
-    (parameters[2], parameters[3]) = velocity;
-    parameters[6] = height;
-    let speed_of_angle = median(rates);
-    let is_both = |channel: &Channel| {
-        let (rising, falling) = (channel.rising.len(), channel.falling.len());
-        rising.min(falling) * 5 > rising.max(falling)
+    let (parameters, channels) = mirror_from_angles(mirror, &lines, median(speeds).unwrap_or(0.0))?;
+    let mut parameters = Parameters {
+        position: track.start.extend(level.height),
+        velocity: velocity.extend(0.0),
+        mirror: parameters,
+        channels,
+        ..Parameters::default()
     };
-    let of_mirror = &mut parameters[PLATFORM_PARAMETERS..];
+    if parameters.channels.len() > 1 {
+        parameters.balance_channels();
+    }
+    Some(Model { mirror, parameters })
+}
+
+/// Velocity of the platform by the lines of channels with these directions: lines advance at right angles to
+/// their direction with the share of the velocity in that direction. `None` if the lines of all channels are
+/// parallel.
+fn velocity_from_lines(axes: &[f64], pulses: &[Vec<&Pulse>]) -> Option<DVec2> {
+    let mut sums = LeastSquares::new(2);
+    let mut advance = DVec2::ZERO;
+    for (axis, pulses) in axes.iter().zip(pulses) {
+        let normal = DVec2::new(-sin(*axis), cos(*axis));
+        let times: Vec<f64> = pulses.iter().map(|pulse| pulse.time).collect();
+        let places: Vec<f64> = pulses.iter().map(|pulse| pulse.position.truncate().dot(normal)).collect();
+        let speed = StraightLine::through(&times, &places).slope;
+        advance = speed * normal;
+        sums.add(&normal.to_array(), speed, 1.0);
+    }
+    // The lines of one channel are across the flight.
+    if axes.len() == 1 { Some(advance) } else { Some(DVec2::from_slice(&sums.solution()?)) }
+}
+
+/// Track of the platform, and its channels without the times of their lines. Where the platform is along the
+/// flight at time 0 follows from the positions of the lines.
+fn assemble(
+    axes: &[f64],
+    pulses: &[Vec<&Pulse>],
+    velocity: DVec2,
+    across: f64,
+) -> (Track, Vec<ChannelLines>) {
+    let track = Track { start: DVec2::ZERO, velocity };
+    let (forward, right) = (track.forward(), track.right());
+    let lines: Vec<ChannelLines> = axes.iter().map(|axis| ChannelLines::new(*axis, &track)).collect();
+    let starts = lines.iter().zip(pulses).map(|(lines, pulses)| {
+        let ahead = pulses.iter().map(|pulse| {
+            let offset = track.offset(pulse.position, pulse.time);
+            offset.dot(forward) + (offset.dot(right) - across) * tan(lines.yaw)
+        });
+        median(ahead).unwrap_or(0.0)
+    });
+    let ahead = starts.sum::<f64>() / axes.len() as f64;
+    (Track { start: ahead * forward + across * right, velocity }, lines)
+}
+
+/// Parameters of the mirror and its channels, by the times at which their lines look straight down and the
+/// speed of their angles, rad/s. `None` if the lines are not those of this kind of mirror.
+fn mirror_from_angles(
+    mirror: Mirror,
+    lines: &[ChannelLines],
+    speed: f64,
+) -> Option<(MirrorParameters, Vec<Channel>)> {
     match mirror {
-        Mirror::Polygon if !found.iter().any(is_both) => {
-            let sense =
-                |channel: &Channel| if channel.rising.len() > channel.falling.len() { 1.0 } else { -1.0 };
-            let crossings = |channel: &Channel| match channel.rising.len() > channel.falling.len() {
-                true => channel.rising.clone(),
-                false => channel.falling.clone(),
-            };
-            let most = found.iter().max_by_key(|channel| channel.rising.len().max(channel.falling.len()))?;
-            let (frequency, _) = line_rate(&crossings(most), 1.0)?;
-            of_mirror[0] = sense(&found[0]) * speed_of_angle / frequency;
-            of_mirror[1] = frequency;
-            // What the channels have in common is the scanner's.
-            let yaws: Vec<f64> = found.iter().map(|channel| yaw(channel.along, forward, right)).collect();
-            let common = match channels {
-                1 => 0.0,
-                _ => yaws.iter().sum::<f64>() / channels as f64,
-            };
-            of_mirror[3] = common;
-            model.senses = found.iter().map(|channel| sense(channel) * sense(&found[0])).collect();
-            for (number, channel) in found.iter().enumerate() {
-                let samples: Vec<(f64, f64)> = crossings(channel).iter().map(|time| (*time, 0.0)).collect();
-                // The angle is 0 in the middle of a line.
-                let phase = wrapped(0.5 * TAU + coherence(&samples, frequency).1);
-                model.set_channel(number, phase, yaws[number] - common, 0.0);
-            }
+        Mirror::Polygon if !lines.iter().any(ChannelLines::is_to_and_fro) => polygon(lines, speed),
+        Mirror::Oscillating if lines[0].is_to_and_fro() => {
+            let swing = line_rate(&lines[0].to_right, 1.0)?;
+            let angle = speed / (4.0 * swing.rate);
+            let mirror = MirrorParameters { angle, rate: swing.rate, ..MirrorParameters::default() };
+            let phase = wrapped(0.25 * TAU + swing.phase);
+            Some((mirror, vec![Channel { phase, ..Channel::default() }]))
         }
-        Mirror::Oscillating if is_both(&found[0]) => {
-            let (frequency, offset) = line_rate(&found[0].rising, 1.0)?;
-            of_mirror[0] = speed_of_angle / (4.0 * frequency);
-            of_mirror[1] = frequency;
-            of_mirror[2] = wrapped(0.25 * TAU + offset);
-        }
-        _ => return None,
+        _ => None,
     }
-    Some(model)
 }
 
-/// When a line looks straight down, s, and the speed of its angle, rad/s.
-pub struct Crossing {
-    pub time: f64,
-    pub rate: f64,
-}
-
-/// The crossing of a line in the direction `along` from a platform at `centre` at time 0 and at `height`;
-/// `None` if its angle does not change.
-pub fn crossing(
-    recording: &Recording,
-    line: Range<usize>,
-    centre: (f64, f64),
-    velocity: (f64, f64),
-    along: (f64, f64),
-    height: f64,
-) -> Option<Crossing> {
-    let pulses = &recording.pulses[line];
-    let angle = |pulse: &Pulse| {
-        let x = pulse.position.x - centre.0 - velocity.0 * pulse.time;
-        let y = pulse.position.y - centre.1 - velocity.1 * pulse.time;
-        (pulse.time - pulses[0].time, atan2(x * along.0 + y * along.1, height - pulse.position.z))
+fn polygon(lines: &[ChannelLines], speed: f64) -> Option<(MirrorParameters, Vec<Channel>)> {
+    let most = lines.iter().max_by_key(|channel| channel.crossings().len())?;
+    let rate = line_rate(most.crossings(), 1.0)?.rate;
+    let sense = lines[0].sense();
+    let mean_yaw = lines.iter().map(|channel| channel.yaw).sum::<f64>() / lines.len() as f64;
+    // A yaw of the scanner is not visible in the lines of one channel.
+    let yaw = if lines.len() > 1 { mean_yaw } else { 0.0 };
+    let mirror = MirrorParameters { angle: sense * speed / rate, rate, yaw, angle_along: 0.0 };
+    let channel = |channel: &ChannelLines| Channel {
+        // The angle is 0 in the middle of a line.
+        phase: wrapped(0.5 * TAU + coherence(&PhaseSample::zeros(channel.crossings()), rate).phase),
+        yaw: channel.yaw - mean_yaw,
+        pitch: 0.0,
+        sense: channel.sense() * sense,
     };
-    let (times, angles): (Vec<f64>, Vec<f64>) = pulses.iter().map(angle).unzip();
-    let (rate, first) = slope(&times, &angles);
-    (rate != 0.0 && rate.is_finite()).then(|| Crossing { time: pulses[0].time - first / rate, rate })
+    Some((mirror, lines.iter().map(channel).collect()))
 }
 
-/// Turn of lines in the direction `along` from across the flight, to the right.
-fn yaw(along: (f64, f64), forward: (f64, f64), right: (f64, f64)) -> f64 {
-    let (x, y) = (along.0 * right.0 + along.1 * right.1, along.0 * forward.0 + along.1 * forward.1);
-    atan2(-y, x)
+/// Time at which a line looks straight down, and the speed of its angle.
+pub struct Crossing {
+    /// s.
+    pub time: f64,
+    /// rad/s.
+    pub speed: f64,
+}
+
+/// The crossing of a line in the direction `along` from a platform on `track` at `height`; `None` if its
+/// angle does not change.
+pub fn crossing(line: &[Pulse], track: &Track, along: DVec2, height: f64) -> Option<Crossing> {
+    let first = line.first()?.time;
+    let angle = |pulse: &Pulse| {
+        let offset = track.offset(pulse.position, pulse.time);
+        (pulse.time - first, atan2(offset.dot(along), height - pulse.position.z))
+    };
+    let (times, angles): (Vec<f64>, Vec<f64>) = line.iter().map(angle).unzip();
+    let angle = StraightLine::through(&times, &angles);
+    (angle.slope != 0.0 && angle.slope.is_finite())
+        .then(|| Crossing { time: first - angle.start / angle.slope, speed: angle.slope })
 }
 
 /// Main axis of the pulses of a channel about the centres of their lines: its angle from east.
-fn axis(recording: &Recording, channel: usize, channels: usize) -> f64 {
+fn axis(recording: &Recording, is_of_channel: impl Fn(&Pulse) -> bool) -> f64 {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for line in recording.lines.iter().filter(|line| line.len() >= 8) {
-        let pulses = &recording.pulses[line.clone()];
-        if usize::from(pulses[0].channel).min(channels - 1) != channel {
-            continue;
-        }
-        let count = pulses.len() as f64;
-        let mx = pulses.iter().map(|pulse| pulse.position.x).sum::<f64>() / count;
-        let my = pulses.iter().map(|pulse| pulse.position.y).sum::<f64>() / count;
-        for pulse in pulses {
-            let (x, y) = (pulse.position.x - mx, pulse.position.y - my);
+    let lines = recording.lines.iter().map(|line| &recording.pulses[line.clone()]);
+    for line in lines.filter(|line| line.len() >= MIN_AXIS_PULSES && is_of_channel(&line[0])) {
+        let mean = line.iter().map(|pulse| pulse.position.truncate()).sum::<DVec2>() / line.len() as f64;
+        for pulse in line {
+            let DVec2 { x, y } = pulse.position.truncate() - mean;
             (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
         }
     }
     0.5 * atan2(2.0 * xy, xx - yy)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_geom::{DVec3, radians};
+
+    /// Pulses at 1000 m over flat ground with lines of `turned` rad from across a flight to the north at 50
+    /// m/s: 100 lines a second, each of 40 degrees, from left to right or every second one back.
+    fn recorded(turned: &[f64], is_to_and_fro: bool) -> Recording {
+        let mut pulses = Vec::new();
+        for (number, turned) in (0u16..).zip(turned) {
+            let along = DVec2::new(cos(*turned), -sin(*turned));
+            for k in 0..20_000 {
+                let time = 2e-5 * f64::from(k);
+                let (line, part) = (k / 500, f64::from(k % 500) / 499.0 - 0.5);
+                // Ends of the lines are beyond the cloud.
+                if part.abs() > 0.35 {
+                    continue;
+                }
+                let sense = if is_to_and_fro && line % 2 == 1 { -1.0 } else { 1.0 };
+                let angle = sense * radians(40.0) * part;
+                let place = DVec2::new(0.0, 50.0 * time) + 1000.0 * tan(angle) * along;
+                pulses.push(Pulse {
+                    time,
+                    position: DVec3::new(place.x, place.y, 0.0),
+                    angle: libm::atan(place.x / 1000.0),
+                    returns: 1,
+                    class: 2,
+                    last: None,
+                    file_channel: number,
+                    channel: 0,
+                });
+            }
+        }
+        let mut recording = Recording::new(pulses).unwrap();
+        find_channels(&mut recording);
+        recording
+    }
+
+    fn is_near(value: f64, expected: f64, share: f64) -> bool {
+        (value / expected - 1.0).abs() < share
+    }
+
+    #[test]
+    fn lines_of_one_direction_are_those_of_a_polygon_mirror() {
+        let recording = recorded(&[0.0], false);
+        assert_eq!(recording.channels, 1);
+        assert!(guess(&recording, Mirror::Oscillating, 1).is_none());
+        let parameters = guess(&recording, Mirror::Polygon, 1).unwrap().parameters;
+        assert!(is_near(parameters.velocity.length(), 50.0, 0.05), "{parameters:?}");
+        assert!(is_near(parameters.position.z, 1000.0, 0.01), "{parameters:?}");
+        assert!(is_near(parameters.mirror.rate, 100.0, 0.001), "{parameters:?}");
+        assert!(is_near(parameters.mirror.angle, radians(40.0), 0.02), "{parameters:?}");
+    }
+
+    #[test]
+    fn lines_to_and_fro_are_those_of_an_oscillating_mirror() {
+        let recording = recorded(&[0.0], true);
+        assert!(guess(&recording, Mirror::Polygon, 1).is_none());
+        let parameters = guess(&recording, Mirror::Oscillating, 1).unwrap().parameters;
+        assert!(is_near(parameters.mirror.rate, 50.0, 0.001), "{parameters:?}");
+        assert!(is_near(parameters.mirror.angle, radians(20.0), 0.02), "{parameters:?}");
+    }
+
+    #[test]
+    fn channels_are_told_apart_by_the_directions_of_their_lines() {
+        let recording = recorded(&[0.25, -0.25], false);
+        assert_eq!(recording.channels, 2);
+        let parameters = guess(&recording, Mirror::Polygon, 2).unwrap().parameters;
+        let yaws: Vec<f64> = parameters.channels.iter().map(|channel| channel.yaw).collect();
+        let sum = yaws[0] + yaws[1];
+        assert!(sum.abs() < 1e-12 && is_near(yaws[0].abs(), 0.25, 0.05), "{yaws:?}");
+        assert!(is_near(parameters.velocity.y, 50.0, 0.05), "{parameters:?}");
+    }
 }

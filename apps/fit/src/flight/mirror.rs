@@ -9,22 +9,43 @@ use vlscan_geom::DVec3;
 /// Kind of mirror that deflects the beam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mirror {
-    /// A cone about the downward axis (Palmer scanner). Parameters: half angle, turns per second, phase;
-    /// positive turns go from ahead to the right.
+    /// Cone about the downward axis (Palmer scanner).
     Cone,
-    /// An elliptic cone about the downward axis. Parameters: half angle across the flight, turns per second,
-    /// phase, yaw of the scanner, half angle along the flight; positive turns go from ahead to the right.
+    /// Elliptic cone about the downward axis.
     EllipticCone,
-    /// Parallel lines in one direction (polygon mirror). Parameters: angle per line, lines per second, phase,
-    /// yaw of the scanner; positive angles per line go from left to right. Facets may differ by their tilt.
+    /// Parallel lines in one direction (polygon mirror). Facets may differ by their tilt.
     Polygon,
-    /// Lines to and fro with constant speed (oscillating mirror). Parameters: half angle, periods per second,
-    /// phase, yaw of the scanner.
+    /// Lines to and fro with constant speed (oscillating mirror).
     Oscillating,
 }
 
-/// Maximum number of parameters of a mirror.
-pub const MIRROR_PARAMETERS: usize = 5;
+/// Parameters of a mirror.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MirrorParameters {
+    /// Half angle of a cone, or of lines to and fro, rad; of an elliptic cone that across the flight. Of a
+    /// polygon mirror the angle per line, positive from left to right.
+    pub angle: f64,
+    /// Revolutions, lines or periods per second. Positive revolutions of a cone go from ahead to the right.
+    pub rate: f64,
+    /// Yaw of the scanner, rad; 0 for a cone, whose phase has the same effect.
+    pub yaw: f64,
+    /// Half angle of an elliptic cone along the flight, rad; unused for other mirrors.
+    pub angle_along: f64,
+}
+
+impl MirrorParameters {
+    /// Number of the revolution, line or period at `time`, s, of a mirror with the phase `phase` at time 0,
+    /// rad.
+    pub fn number(&self, phase: f64, time: f64) -> i64 {
+        (self.rate * time + phase / TAU).floor() as i64
+    }
+
+    /// Fraction of the revolution, line or period that has passed at `time`, from 0 to 1.
+    pub fn fraction(&self, phase: f64, time: f64) -> f64 {
+        let turns = self.rate * time + phase / TAU;
+        turns - turns.floor()
+    }
+}
 
 impl Mirror {
     /// All kinds.
@@ -49,48 +70,81 @@ impl Mirror {
         }
     }
 
-    /// Number of parameters.
-    pub fn count(self) -> usize {
-        match self {
-            Mirror::Cone => 3,
-            Mirror::EllipticCone => 5,
-            Mirror::Polygon | Mirror::Oscillating => 4,
-        }
+    /// True if a yaw of the scanner differs from a phase of the mirror.
+    pub fn has_yaw(self) -> bool {
+        self != Mirror::Cone
     }
 
-    /// Direction of the beam at `time` (s), unit vector, of a mirror with the phase `phase` at time 0. Angles
-    /// are rad.
-    pub fn direction(self, p: &[f64], phase: f64, time: f64) -> DVec3 {
+    /// Direction of the beam at `time` (s), unit vector, of a mirror with the phase `phase` at time 0, rad.
+    pub fn direction(self, p: &MirrorParameters, phase: f64, time: f64) -> DVec3 {
+        let turn = TAU * p.rate * time + phase;
         match self {
             Mirror::Cone => {
-                let turn = TAU * p[1] * time + phase;
-                let radius = sin(p[0]);
-                DVec3::new(radius * sin(turn), radius * cos(turn), -cos(p[0]))
+                let radius = sin(p.angle);
+                DVec3::new(radius * sin(turn), radius * cos(turn), -cos(p.angle))
             }
             Mirror::EllipticCone => {
-                let turn = TAU * p[1] * time + phase;
-                DVec3::new(tan(p[0]) * sin(turn), tan(p[4]) * cos(turn), -1.0).normalize()
+                DVec3::new(tan(p.angle) * sin(turn), tan(p.angle_along) * cos(turn), -1.0).normalize()
             }
-            Mirror::Polygon | Mirror::Oscillating => {
-                let part = self.part(p, phase, time);
-                let angle = match self {
-                    Mirror::Oscillating if part < 0.5 => p[0] * (4.0 * part - 1.0),
-                    Mirror::Oscillating => p[0] * (3.0 - 4.0 * part),
-                    _ => p[0] * (part - 0.5),
-                };
-                DVec3::new(sin(angle), 0.0, -cos(angle))
+            Mirror::Polygon => across(p.angle * (p.fraction(phase, time) - 0.5)),
+            Mirror::Oscillating => {
+                let fraction = p.fraction(phase, time);
+                let share = if fraction < 0.5 { 4.0 * fraction - 1.0 } else { 3.0 - 4.0 * fraction };
+                across(p.angle * share)
             }
         }
     }
+}
 
-    /// Number of the revolution, line or period at `time`.
-    pub fn number(self, p: &[f64], phase: f64, time: f64) -> i64 {
-        (p[1] * time + phase / TAU).floor() as i64
+/// Direction at an angle across the flight, positive to the right.
+fn across(angle: f64) -> DVec3 {
+    DVec3::new(sin(angle), 0.0, -cos(angle))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARAMETERS: MirrorParameters =
+        MirrorParameters { angle: 0.4, rate: 2.0, yaw: 0.0, angle_along: 0.2 };
+
+    fn is_near(found: DVec3, expected: [f64; 3]) -> bool {
+        (found - DVec3::from(expected)).length() < 1e-12
     }
 
-    /// Place within the revolution, line or period at `time`, from 0 to 1.
-    pub fn part(self, p: &[f64], phase: f64, time: f64) -> f64 {
-        let phase = p[1] * time + phase / TAU;
-        phase - phase.floor()
+    #[test]
+    fn cones_turn_from_ahead_to_the_right() {
+        for (mirror, along) in [(Mirror::Cone, 0.4), (Mirror::EllipticCone, 0.2)] {
+            let ahead = mirror.direction(&PARAMETERS, 0.0, 0.0);
+            assert!(is_near(ahead, [0.0, sin(along), -cos(along)]), "{mirror:?}: {ahead}");
+            // A quarter of a revolution later.
+            let right = mirror.direction(&PARAMETERS, 0.0, 0.125);
+            assert!(is_near(right, [sin(0.4), 0.0, -cos(0.4)]), "{mirror:?}: {right}");
+        }
+    }
+
+    #[test]
+    fn a_polygon_mirror_draws_each_line_from_left_to_right() {
+        let at = |time: f64| Mirror::Polygon.direction(&PARAMETERS, 0.0, time);
+        assert!(is_near(at(0.0), [-sin(0.2), 0.0, -cos(0.2)]));
+        assert!(is_near(at(0.25), [0.0, 0.0, -1.0]));
+        assert!(at(0.49).x > 0.19 && at(0.51).x < -0.18);
+    }
+
+    #[test]
+    fn an_oscillating_mirror_goes_to_and_fro_within_its_half_angle() {
+        let at = |time: f64| Mirror::Oscillating.direction(&PARAMETERS, 0.0, time);
+        for (time, angle) in [(0.0, -0.4), (0.125, 0.0), (0.25, 0.4), (0.375, 0.0), (0.5, -0.4)] {
+            assert!(is_near(at(time), [sin(angle), 0.0, -cos(angle)]), "{time}: {}", at(time));
+        }
+    }
+
+    #[test]
+    fn numbers_and_fractions_add_up_to_the_turns() {
+        for (phase, time) in [(0.0, 0.3), (1.0, -0.7), (-3.0, 12.1)] {
+            let turns = PARAMETERS.number(phase, time) as f64 + PARAMETERS.fraction(phase, time);
+            assert!((turns - (2.0 * time + phase / TAU)).abs() < 1e-12, "{phase} {time}");
+            assert!((0.0..1.0).contains(&PARAMETERS.fraction(phase, time)));
+        }
     }
 }

@@ -1,27 +1,33 @@
 //! A flight and its scanner, estimated from a recorded cloud with GPS times and scan angles.
 //!
 //! The beam of a model (a platform on a parabola, a mirror that turns or swings) is intersected with the
-//! height of each recorded point; least squares make it meet the point's place, and its angle across the
-//! track that of the file. The attitude of each line is estimated with the parameters, as a random walk. The
-//! scan angle is what tells the height of the flight.
+//! height of each recorded point. Least squares match the intersection with the position of the point, and
+//! the angle across the track with that of the file. The attitude of each line is estimated with the
+//! parameters, as a random walk. The height of the flight follows from the scan angles.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
-//! | `turning` | scanners that stand and turn, which are refused |
-//! | `guess`, `lines`, `facets` | first guesses for each kind of mirror |
-//! | `model`, `mirror` | where the beam of a flown scanner meets the ground |
+//! | `turning` | scanners that stand and turn, which are rejected |
+//! | `phases`, `level` | rates and phases of what recurs; straight flights and their height |
+//! | `guess`, `cones`, `lines`, `facets` | first guesses for each kind of mirror |
+//! | `model`, `mirror`, `parameters` | intersection of the beam of a flown scanner with the ground |
 //! | `solve`, `solution` | least squares for parameters and attitudes |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `ground` | noise of ranges |
-//! | `report`, `write` | figures with uncertainties; pipeline file, trajectory, pulse times |
+//! | `report`, `write`, `pipeline` | figures with uncertainties; written files; text of the pipeline file |
 
+mod cones;
 mod facets;
 mod ground;
 mod guess;
+mod level;
 mod lines;
 mod mirror;
 mod model;
+mod parameters;
+mod phases;
+mod pipeline;
 mod rate;
 mod recording;
 mod repeat;
@@ -33,8 +39,9 @@ mod tests;
 mod turning;
 mod write;
 
-pub use mirror::Mirror;
-pub use model::{Attitude, Channel, Footprint, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
+pub use mirror::{Mirror, MirrorParameters};
+pub use model::{Attitude, Footprint, Model};
+pub use parameters::{Channel, Parameters};
 pub use rate::{MAX_LOST_SHARE, PulseRate};
 pub use recording::{Pulse, Recording};
 pub use report::{Figure, json, table};
@@ -50,38 +57,37 @@ use vlscan_geom::degrees;
 const TRIAL_SECTIONS: usize = 150;
 /// Sections by which one of many guesses of an elliptic cone is chosen.
 const ELLIPSE_SECTIONS: usize = 40;
-/// Sections by which a flight is doubted that meets none of the guesses.
+/// Sections by which a flight is checked that no guess explains.
 const DOUBTFUL_SECTIONS: usize = 1000;
 const MAX_SECTIONS: usize = 20_000;
 /// Sections per revolution of a mirror, within which the attitude counts as constant.
 const SECTIONS_PER_TURN: f64 = 8.0;
 /// Residuals of a kind of mirror that are larger than the best by this factor rule it out.
 const RULED_OUT: f64 = 3.0;
-/// A fit that misses its points by more than this, m on the ground, explains nothing.
+/// Maximum residual of a flight, m on the ground.
 const MAX_RESIDUAL: f64 = 0.5;
-/// Nor does one with larger deviations of the attitude, rad, or of the scan angles, in steps of these and
-/// rad.
+/// Maximum deviations of the attitude, rad, and of the scan angles, in steps of the angles and rad.
 const MAX_ATTITUDE: f64 = 0.05;
 const MAX_ANGLE_STEPS: f64 = 0.6;
 const MAX_ANGLE: f64 = 0.02;
-/// Smaller angles of a mirror are no scan, rad.
+/// Minimum angle of a mirror that scans, rad.
 const MIN_MIRROR: f64 = 0.01;
 /// Speeds of flights, m/s.
 const MIN_SPEED: f64 = 0.2;
 const MAX_SPEED: f64 = 400.0;
-/// Longest time that a flight is written beyond its recording, s.
+/// Maximum time by which a flight is extended beyond its recording, s.
 const MAX_EXTENSION: f64 = 86_400.0;
-/// One that misses them by more than this is doubtful.
+/// Residual above which a flight is doubtful, m on the ground.
 const DOUBTFUL_RESIDUAL: f64 = 0.15;
-/// Larger relative deviations of the height are told.
+/// Relative deviation of the height above which a warning is issued.
 const DOUBTFUL_SCALE: f64 = 0.01;
 
 /// Choices of a fit.
 #[derive(Clone, Debug, Default)]
 pub struct FlightRequest {
-    /// Point source of the flight line; the one with the most points if there is none.
+    /// Point source of the flight line; if missing, the line with the most points.
     pub flight_line: Option<u16>,
-    /// Time that the written flight goes on after the recording, s.
+    /// Time by which the written flight is extended after the recording, s.
     pub extend: f64,
 }
 
@@ -98,7 +104,8 @@ pub struct FlightFit {
     pub rate: PulseRate,
     /// Standard deviation of ranges, with the roughness of the ground, m.
     pub noise: Option<f64>,
-    /// Time that the written flight goes on after the recording, s: straight, with the last attitude.
+    /// Time by which the written flight is extended after the recording, s: straight on, with the last
+    /// attitude.
     pub extend: f64,
 }
 
@@ -113,159 +120,205 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         return Err(Error::input(message));
     }
     let mut recording = Recording::read(path, request.flight_line, found)?;
-    if let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) {
-        let message = format!(
-            "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: \
-             this is no flight",
-            path.display(),
-            degrees(turn),
-            recording.duration()
-        );
-        return Err(Error::input_with_help(
-            message,
-            "a flight and its scanner are estimated from a flight line",
-        ));
-    }
+    reject_tripod(path, &recording)?;
     lines::find_channels(&mut recording);
-    let mut fitted = best_solution(&recording);
-    if fitted.is_err() {
-        // Some files count scan angles to the left.
-        let mut turned = recording.clone();
-        turned.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
-        if let Ok(solution) = best_solution(&turned) {
-            let message = "scan angles are positive to the left of the flight, against the LAS \
-                           specification; they are turned round";
-            found.warn(Some(Place::of_file(path)), message);
-            (recording, fitted) = (turned, Ok(solution));
-        }
-    }
-    let name = path.display();
-    let solution = fitted.map_err(|reason| {
-        Error::input_with_help(
-            format!("{name}: no flight meets these points: {reason}; they are {}", recording.description()),
-            "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a \
-             polygon mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from \
-             prisms or a sensor that spins, with scan angles in degrees that change across the track, and \
-             times in seconds",
-        )
-    })?;
-    if solution.residual > DOUBTFUL_RESIDUAL {
-        let message = format!(
-            "the fitted flight misses its points by {:.2} m on the ground; doubt its figures",
-            solution.residual
-        );
-        found.warn(Some(Place::of_file(path)), message);
-    }
-    let share = solution.scale_deviation(&recording);
-    if share > DOUBTFUL_SCALE {
-        let rounded = if recording.has_whole_angles() { ", rounded to degrees," } else { "" };
-        let message = format!(
-            "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) that \
-             height and angles of the mirror are known to {:.0} % only",
-            degrees(recording.angle_spread()),
-            100.0 * share
-        );
-        found.warn(Some(Place::of_file(path)), message).help("fit a wider part of the swath");
-    }
+    let (recording, solution) = match best_solution(&recording) {
+        Ok(solution) => (recording, solution),
+        Err(reason) => match best_turned_solution(&recording) {
+            Some(turned) => {
+                let message = "scan angles are positive to the left of the flight, against the LAS \
+                               specification; their sign is reversed";
+                found.warn(Some(Place::of_file(path)), message);
+                turned
+            }
+            None => return Err(no_flight(path, &recording, &reason)),
+        },
+    };
     let rate = PulseRate::of(&recording, &solution);
-    if let Some(step) = rate.coarse_step {
-        let message = format!(
-            "GPS times have steps of {:.3} µs, which hides the intervals of pulses: doubt the pulse rate of \
-             {:.0} per second",
-            1e6 * step,
-            rate.mean
-        );
-        found.warn(Some(Place::of_file(path)), message);
-    }
-    if rate.lost > MAX_LOST_SHARE {
-        let message = format!(
-            "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; no \
-             dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the pulse rate \
-             is too low",
-            100.0 * rate.lost
-        );
-        found.warn(Some(Place::of_file(path)), message);
-    }
     let noise = ground::range_noise(&recording, &solution);
-    if noise.is_none() {
-        let message = "too few points of ground lie together for the noise of ranges";
-        found.warn(Some(Place::of_file(path)), message);
-    }
-    Ok(FlightFit { cloud: path.to_path_buf(), recording, solution, rate, noise, extend: request.extend })
+    let fit =
+        FlightFit { cloud: path.to_path_buf(), recording, solution, rate, noise, extend: request.extend };
+    fit.warn_of_fit(found);
+    fit.warn_of_rate(found);
+    Ok(fit)
 }
 
-/// The solution that leaves least to chance, over all kinds of mirrors; the error says why there is none.
-fn best_solution(recording: &Recording) -> std::result::Result<Solution, String> {
-    let sections_of = |model: &Model, max| {
-        let turns = model.of_mirror()[1].abs();
-        solve::sections(recording, 1.0 / (SECTIONS_PER_TURN * turns), max)
-    };
-    let start = |first: &Model, max| solve::solve(recording, first, &sections_of(first, max), false);
-    let trial = |first: &Model| {
-        let start = start(first, TRIAL_SECTIONS);
-        solve::solve(recording, &start.model, &sections_of(first, TRIAL_SECTIONS), true)
-    };
-    let mut firsts = guess::guesses(recording);
-    let of_facets: Vec<Model> = firsts.iter().filter_map(|first| facets::guess(recording, first)).collect();
-    firsts.extend(of_facets);
-    let mut trials: Vec<Solution> = firsts.iter().map(trial).collect();
-    if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
-        let ellipses =
-            guess::elliptic_guesses(recording).into_iter().map(|first| start(&first, ELLIPSE_SECTIONS));
-        let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual));
-        trials.extend(best.map(|best| trial(&best.model)));
+/// An error for a scanner that stands and turns.
+fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
+    let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) else { return Ok(()) };
+    let message = format!(
+        "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: \
+         this is no flight",
+        path.display(),
+        degrees(turn),
+        recording.duration()
+    );
+    Err(Error::input_with_help(message, "a flight and its scanner are estimated from a flight line"))
+}
+
+/// The best solution with scan angles that some files count to the left.
+fn best_turned_solution(recording: &Recording) -> Option<(Recording, Solution)> {
+    let mut turned = recording.clone();
+    turned.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
+    let solution = best_solution(&turned).ok()?;
+    Some((turned, solution))
+}
+
+fn no_flight(path: &Path, recording: &Recording, reason: &str) -> Error {
+    let name = path.display();
+    Error::input_with_help(
+        format!(
+            "{name}: no flight matches these points: {reason}; the cloud has {}",
+            recording.description()
+        ),
+        "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a polygon \
+         mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from prisms or a \
+         sensor that spins, with scan angles in degrees that change across the track, and times in seconds",
+    )
+}
+
+impl FlightFit {
+    /// Warns of a flight whose position, height or angles are doubtful.
+    fn warn_of_fit(&self, found: &mut Diagnostics) {
+        let (recording, solution) = (&self.recording, &self.solution);
+        if solution.residual > DOUBTFUL_RESIDUAL {
+            let message = format!(
+                "the fitted flight misses its points by {:.2} m on the ground: its figures are doubtful",
+                solution.residual
+            );
+            found.warn(Some(Place::of_file(&self.cloud)), message);
+        }
+        let share = solution.scale_deviation(recording);
+        if share > DOUBTFUL_SCALE {
+            let rounded = if recording.has_whole_angles() { ", rounded to degrees," } else { "" };
+            let message = format!(
+                "the scan angles{rounded} change so little across these points (standard deviation {:.1}°) \
+                 that height and angles of the mirror are known to {:.0} % only",
+                degrees(recording.angle_spread()),
+                100.0 * share
+            );
+            found.warn(Some(Place::of_file(&self.cloud)), message).help("fit a wider part of the swath");
+        }
     }
-    let reasons: Vec<(String, String, f64)> = trials
-        .iter()
-        .filter_map(|trial| Some((trial, misfit(trial, recording)?)))
-        .map(|(trial, misfit)| {
-            let channels = match (trial.model.senses.len(), trial.model.facets) {
-                (1, 1) => String::new(),
-                (1, facets) => format!(" with {facets} facets of different tilt"),
-                (count, _) => format!(" with {count} channels"),
-            };
-            (format!("{}{channels}", trial.model.mirror.name()), misfit, trial.residual)
-        })
-        .collect();
-    let is_doubtful = reasons.len() == trials.len();
+
+    /// Warns of a pulse rate or a range noise that is doubtful.
+    fn warn_of_rate(&self, found: &mut Diagnostics) {
+        let rate = &self.rate;
+        if let Some(step) = rate.coarse_step {
+            let message = format!(
+                "GPS times have steps of {:.3} µs, too coarse for the intervals of pulses: the pulse rate \
+                 of {:.0} per second is doubtful",
+                1e6 * step,
+                rate.mean
+            );
+            found.warn(Some(Place::of_file(&self.cloud)), message);
+        }
+        if rate.lost > MAX_LOST_SHARE {
+            let message = format!(
+                "{:.0} % of the pulses have no point: the cloud is thinned, or its ground reflects little; \
+                 no dropout_rate is written, and if neighbouring pulses are hardly ever in the cloud the \
+                 pulse rate is too low",
+                100.0 * rate.lost
+            );
+            found.warn(Some(Place::of_file(&self.cloud)), message);
+        }
+        if self.noise.is_none() {
+            let message = "too few ground points lie close together to estimate the range noise";
+            found.warn(Some(Place::of_file(&self.cloud)), message);
+        }
+    }
+}
+
+/// A guess that does not explain the points.
+struct Failure {
+    /// Kind of mirror, with channels and facets.
+    kind: String,
+    reason: String,
+    /// m on the ground.
+    residual: f64,
+}
+
+impl Failure {
+    fn of(trial: &Solution, recording: &Recording) -> Option<Failure> {
+        let reason = misfit(trial, recording)?;
+        let details = match (trial.model.parameters.channels.len(), trial.model.facets()) {
+            (1, 1) => String::new(),
+            (1, facets) => format!(" with {facets} facets of different tilt"),
+            (channels, _) => format!(" with {channels} channels"),
+        };
+        let kind = format!("{}{details}", trial.model.mirror.name());
+        Some(Failure { kind, reason, residual: trial.residual })
+    }
+}
+
+/// The solution with the smallest unexplained part, over all kinds of mirrors; the error lists the reasons
+/// against each kind.
+fn best_solution(recording: &Recording) -> std::result::Result<Solution, String> {
+    let mut trials: Vec<Solution> =
+        guess::guesses(recording).iter().map(|first| trial(recording, first)).collect();
+    if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
+        let ellipses = cones::elliptic_guesses(recording)
+            .into_iter()
+            .map(|first| solve_without_attitudes(recording, &first, ELLIPSE_SECTIONS));
+        let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual));
+        trials.extend(best.map(|best| trial(recording, &best.model)));
+    }
+    let failures: Vec<Failure> = trials.iter().filter_map(|trial| Failure::of(trial, recording)).collect();
+    let is_doubtful = failures.len() == trials.len();
     let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
     trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
     let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()));
     let best =
         best.ok_or("neither circles nor lines across the track are found by the times of their pulses")?;
-    let solved = |max| solve::solve(recording, &best.model, &sections_of(&best.model, max), true);
-    // All sections take long: those that nothing meets are not tried where some tell it.
+    let solved = |max| solve::solve(recording, &best.model, &sections_of(recording, &best.model, max), true);
+    // All sections take long: where no guess explains the points, some sections are tried before.
     if is_doubtful && misfit(&solved(DOUBTFUL_SECTIONS), recording).is_some() {
-        return Err(told(&reasons));
+        return Err(reasons(&failures));
     }
     let best = solved(MAX_SECTIONS);
     match misfit(&best, recording) {
         None => Ok(best),
-        Some(misfit) if reasons.is_empty() => Err(format!("{} {misfit}", best.model.mirror.name())),
-        Some(_) => Err(told(&reasons)),
+        Some(misfit) if failures.is_empty() => Err(format!("{} {misfit}", best.model.mirror.name())),
+        Some(_) => Err(reasons(&failures)),
     }
 }
 
-/// The reasons against several guesses, each kind of mirror once with the guess that misses least, which is
-/// the first of its kind.
-fn told(reasons: &[(String, String, f64)]) -> String {
-    let mut best: Vec<&(String, String, f64)> = Vec::new();
-    for reason in reasons {
-        match best.iter_mut().find(|(kind, ..)| *kind == reason.0) {
-            Some(known) if reason.2 < known.2 => *known = reason,
+/// At most `max` sections within which the attitude counts as constant.
+fn sections_of(recording: &Recording, model: &Model, max: usize) -> Vec<solve::Section> {
+    let turns = model.parameters.mirror.rate.abs();
+    solve::sections(recording, 1.0 / (SECTIONS_PER_TURN * turns), max)
+}
+
+fn solve_without_attitudes(recording: &Recording, first: &Model, max_sections: usize) -> Solution {
+    solve::solve(recording, first, &sections_of(recording, first, max_sections), false)
+}
+
+/// Solution by some sections.
+fn trial(recording: &Recording, first: &Model) -> Solution {
+    let start = solve_without_attitudes(recording, first, TRIAL_SECTIONS);
+    solve::solve(recording, &start.model, &sections_of(recording, first, TRIAL_SECTIONS), true)
+}
+
+/// The reasons against several guesses: of each kind of mirror that of the guess with the smallest residual,
+/// the first of several.
+fn reasons(failures: &[Failure]) -> String {
+    let mut best: Vec<&Failure> = Vec::new();
+    for failure in failures {
+        match best.iter_mut().find(|known| known.kind == failure.kind) {
+            Some(known) if failure.residual < known.residual => *known = failure,
             Some(_) => {}
-            None => best.push(reason),
+            None => best.push(failure),
         }
     }
-    let texts: Vec<String> = best.iter().map(|(kind, misfit, _)| format!("{kind} {misfit}")).collect();
+    let texts: Vec<String> =
+        best.iter().map(|failure| format!("{} {}", failure.kind, failure.reason)).collect();
     texts.join("; ")
 }
 
-/// Why a solution does not explain its points by a flight that could have been; `None` if it does.
+/// Reason why a solution does not explain its points by a possible flight; `None` if it does.
 fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
     let max_angle = (MAX_ANGLE_STEPS * recording.angle_step).max(MAX_ANGLE);
-    let p = &solution.model.parameters;
-    let speed = libm::hypot(p[2], p[3]);
+    let speed = solution.model.speed();
     // False for NaN.
     let is_within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
     if !is_within(solution.residual, 0.0, MAX_RESIDUAL) {
@@ -280,7 +333,7 @@ fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
             degrees(solution.attitude_spread())
         ));
     }
-    if !is_within(solution.model.of_mirror()[0].abs(), MIN_MIRROR, f64::MAX) {
+    if !is_within(solution.model.parameters.mirror.angle.abs(), MIN_MIRROR, f64::MAX) {
         return Some("needs a mirror that hardly moves".to_owned());
     }
     (!is_within(speed, MIN_SPEED, MAX_SPEED))

@@ -1,21 +1,14 @@
-//! Model of the place where the beam of a flown scanner meets the ground.
+//! Model of the intersection of a flown scanner's beam with the ground.
 
-use super::mirror::{MIRROR_PARAMETERS, Mirror};
+use super::mirror::Mirror;
+use super::parameters::Parameters;
 use libm::{atan2, cos, hypot, sin};
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec2, DVec3};
 
-/// Parameters of the platform, which precede those of the mirror.
-pub const PLATFORM_PARAMETERS: usize = 10;
-/// Maximum number of channels, each with lines of its own.
+/// Maximum number of channels.
 pub const MAX_CHANNELS: usize = 4;
-/// Parameters of a channel beyond the first.
-pub const CHANNEL_PARAMETERS: usize = 3;
-/// Index of the first parameter of a channel.
-pub const FIRST_OF_CHANNELS: usize = PLATFORM_PARAMETERS + MIRROR_PARAMETERS;
 /// Maximum number of facets that differ.
-pub const MAX_FACETS: usize = CHANNEL_PARAMETERS * (MAX_CHANNELS - 1);
-/// Maximum number of parameters.
-pub const MAX_PARAMETERS: usize = FIRST_OF_CHANNELS + MAX_FACETS;
+pub const MAX_FACETS: usize = 9;
 
 /// A flight with its scanner.
 ///
@@ -25,32 +18,31 @@ pub const MAX_PARAMETERS: usize = FIRST_OF_CHANNELS + MAX_FACETS;
 pub struct Model {
     /// Mirror that deflects the beam.
     pub mirror: Mirror,
-    /// Place at time 0 (x, y: m), velocity (m/s), acceleration (m/s²), height at time 0 (m), climb (m/s),
-    /// roll, pitch (rad), the parameters of the mirror, and for n channels n − 1 times: phase of channel k +
-    /// 1, yaw and pitch of channel k. Yaws and pitches of the channels have the sum 0: their mean is that of
-    /// the scanner. Facets that differ have their tilts in place of channels.
-    pub parameters: [f64; MAX_PARAMETERS],
-    /// 1 for each channel whose lines go the way of the first one's, −1 for those that go the other way.
-    pub senses: Vec<f64>,
-    /// Facets of a polygon mirror that draw lines of different tilts in turn; 1 if they are alike.
-    pub facets: usize,
+    /// Parameters of platform, mirror, channels and facets.
+    pub parameters: Parameters,
 }
 
-/// Deviation of the attitude of one line: roll, pitch, yaw, rad. A cone turns by its yaw just as by the phase
-/// of its mirror.
-pub type Attitude = [f64; 3];
-
-/// How a channel differs from the scanner, rad.
-#[derive(Clone, Copy, Debug)]
-pub struct Channel {
-    /// Phase of its mirror at time 0.
-    pub phase: f64,
-    /// Turn of its lines about the vertical, to the right.
-    pub yaw: f64,
-    /// Tilt of its lines forward (nose up).
+/// Deviation of the attitude of one line, rad. A cone's yaw has the same effect as the phase of its mirror.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Attitude {
+    /// Right side down.
+    pub roll: f64,
+    /// Nose up.
     pub pitch: f64,
-    /// 1, or −1 for lines that go the other way.
-    pub sense: f64,
+    /// To the right.
+    pub yaw: f64,
+}
+
+impl Attitude {
+    /// Attitude of a vector of roll, pitch and yaw.
+    pub fn from_vector(vector: DVec3) -> Attitude {
+        Attitude { roll: vector.x, pitch: vector.y, yaw: vector.z }
+    }
+
+    /// Vector of roll, pitch and yaw.
+    pub fn to_vector(self) -> DVec3 {
+        DVec3::new(self.roll, self.pitch, self.yaw)
+    }
 }
 
 /// Intersection of a beam with the height of a point, and its scan angle.
@@ -65,94 +57,66 @@ pub struct Footprint {
 }
 
 impl Model {
-    /// A model with one channel.
-    pub fn new(mirror: Mirror, parameters: [f64; MAX_PARAMETERS]) -> Model {
-        Model { mirror, parameters, senses: vec![1.0], facets: 1 }
+    /// Number of facets that draw lines of different tilts in turn; 1 if all are alike.
+    pub fn facets(&self) -> usize {
+        self.parameters.facet_tilts.len().max(1)
     }
 
-    /// Number of parameters.
-    pub fn count(&self) -> usize {
-        match self.senses.len() {
-            _ if self.facets > 1 => FIRST_OF_CHANNELS + self.facets,
-            1 => PLATFORM_PARAMETERS + self.mirror.count(),
-            channels => FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * (channels - 1),
-        }
+    /// True if the lines of several channels differ in direction.
+    pub fn has_channels(&self) -> bool {
+        self.parameters.channels.len() > 1
     }
 
     /// Position of the platform at `time`, m.
     pub fn position(&self, time: f64) -> DVec3 {
         let p = &self.parameters;
-        let half = 0.5 * time * time;
-        DVec3::new(p[0] + p[2] * time + p[4] * half, p[1] + p[3] * time + p[5] * half, p[6] + p[7] * time)
+        p.position + time * p.velocity + (0.5 * time * time) * p.acceleration.extend(0.0)
+    }
+
+    /// Horizontal velocity of the platform at `time`, m/s.
+    pub fn horizontal_velocity(&self, time: f64) -> DVec2 {
+        self.parameters.velocity.truncate() + time * self.parameters.acceleration
+    }
+
+    /// Horizontal speed at time 0, m/s.
+    pub fn speed(&self) -> f64 {
+        hypot(self.parameters.velocity.x, self.parameters.velocity.y)
     }
 
     /// Course at time 0, rad, clockwise from north (+y).
     pub fn course(&self) -> f64 {
-        atan2(self.parameters[2], self.parameters[3])
+        atan2(self.parameters.velocity.x, self.parameters.velocity.y)
     }
 
-    /// Parameters of the mirror.
-    pub fn of_mirror(&self) -> &[f64] {
-        &self.parameters[PLATFORM_PARAMETERS..FIRST_OF_CHANNELS]
+    /// Index of a channel among those of the model: clouds may number more channels than have different
+    /// lines.
+    fn channel_index(&self, channel: usize) -> usize {
+        channel.min(self.parameters.channels.len() - 1)
     }
 
-    /// A channel by its number, the last one for greater numbers: cones and single lines have one channel.
-    pub fn channel(&self, number: usize) -> Channel {
-        let extra = &self.parameters[FIRST_OF_CHANNELS..];
-        let others = self.senses.len() - 1;
-        let number = number.min(others);
-        let angle = |which: usize| match number < others {
-            true => extra[CHANNEL_PARAMETERS * number + which],
-            false => -(0..others).map(|k| extra[CHANNEL_PARAMETERS * k + which]).sum::<f64>(),
-        };
-        let phase = match number {
-            0 => self.of_mirror()[2],
-            _ => extra[CHANNEL_PARAMETERS * (number - 1)],
-        };
-        Channel { phase, yaw: angle(1), pitch: angle(2), sense: self.senses[number] }
-    }
-
-    /// Sets phase, yaw and pitch of a channel; the last one keeps the sums of yaws and pitches at 0.
-    pub fn set_channel(&mut self, number: usize, phase: f64, yaw: f64, pitch: f64) {
-        let others = self.senses.len() - 1;
-        let extra = FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * number;
-        match number {
-            0 => self.parameters[PLATFORM_PARAMETERS + 2] = phase,
-            _ => self.parameters[extra - CHANNEL_PARAMETERS] = phase,
-        }
-        if number < others {
-            (self.parameters[extra + 1], self.parameters[extra + 2]) = (yaw, pitch);
-        }
-    }
-
-    /// Tilts of the facets of a polygon mirror, in the order of their lines; empty if they are alike. A facet
-    /// turns the beam by its tilt forward, along the axis of the mirror.
-    pub fn facet_tilts(&self) -> &[f64] {
-        let count = if self.facets > 1 { self.facets } else { 0 };
-        &self.parameters[FIRST_OF_CHANNELS..][..count]
-    }
-
-    /// Place of a channel's mirror within the revolution, line or period at `time`, from 0 to 1.
-    pub fn part(&self, channel: usize, time: f64) -> f64 {
-        self.mirror.part(self.of_mirror(), self.channel(channel).phase, time)
+    /// Fraction of the revolution, line or period of a channel's mirror that has passed at `time`, from 0 to
+    /// 1.
+    pub fn fraction(&self, channel: usize, time: f64) -> f64 {
+        let channel = &self.parameters.channels[self.channel_index(channel)];
+        self.parameters.mirror.fraction(channel.phase, time)
     }
 
     /// Direction of the beam of a channel in the axes right, forward, up of the course, unit vector.
     pub fn direction(&self, attitude: &Attitude, channel: usize, time: f64) -> DVec3 {
         let p = &self.parameters;
-        let channel = self.channel(channel);
-        let mut beam = self.mirror.direction(self.of_mirror(), channel.phase, time);
-        if self.facets > 1 {
-            let line = self.mirror.number(self.of_mirror(), channel.phase, time);
-            let tilt = self.facet_tilts()[line.rem_euclid(self.facets as i64) as usize];
+        let channel = &p.channels[self.channel_index(channel)];
+        let mut beam = self.mirror.direction(&p.mirror, channel.phase, time);
+        if !p.facet_tilts.is_empty() {
+            let line = p.mirror.number(channel.phase, time);
+            let tilt = p.facet_tilts[line.rem_euclid(p.facet_tilts.len() as i64) as usize];
             beam = DVec3::new(beam.x * cos(tilt), sin(tilt), beam.z * cos(tilt));
         }
         beam.x *= channel.sense;
-        if self.senses.len() > 1 {
+        if self.has_channels() {
             beam = turned(beam, 0.0, channel.pitch, channel.yaw);
         }
-        let yaw = if self.mirror == Mirror::Cone { 0.0 } else { self.of_mirror()[3] };
-        turned(beam, p[8] + attitude[0], p[9] + attitude[1], yaw + attitude[2])
+        let yaw = if self.mirror.has_yaw() { p.mirror.yaw } else { 0.0 };
+        turned(beam, p.roll + attitude.roll, p.pitch + attitude.pitch, yaw + attitude.yaw)
     }
 
     /// Intersection of the beam of a channel at `time` with `height`.
@@ -164,9 +128,8 @@ impl Model {
         let (sin, cos) = (sin(course), cos(course));
         let (x, y) = (beam.x * cos + beam.y * sin, beam.y * cos - beam.x * sin);
         // Scan angles are about the direction of travel at that time.
-        let p = &self.parameters;
-        let (east, north) = (p[2] + p[4] * time, p[3] + p[5] * time);
-        let to_right = (x * north - y * east) / hypot(east, north);
+        let velocity = self.horizontal_velocity(time);
+        let to_right = (x * velocity.y - y * velocity.x) / hypot(velocity.x, velocity.y);
         Footprint { x: place.x + scale * x, y: place.y + scale * y, angle: atan2(to_right, -beam.z) }
     }
 }
@@ -180,4 +143,76 @@ fn turned(v: DVec3, roll: f64, pitch: f64, yaw: f64) -> DVec3 {
     let v = DVec3::new(v.x, c * v.y - s * v.z, s * v.y + c * v.z);
     let (s, c) = (sin(yaw), cos(yaw));
     DVec3::new(c * v.x + s * v.y, c * v.y - s * v.x, v.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mirror::MirrorParameters;
+    use super::super::parameters::Channel;
+    use super::*;
+    use vlscan_geom::radians;
+
+    /// A flight to the north with 50 m/s at 1000 m, whose polygon mirror looks straight down at time 0.
+    fn northward() -> Model {
+        let channel = Channel { phase: std::f64::consts::PI, ..Channel::default() };
+        let parameters = Parameters {
+            position: DVec3::new(10.0, 20.0, 1000.0),
+            velocity: DVec3::new(0.0, 50.0, 0.0),
+            mirror: MirrorParameters { angle: radians(60.0), rate: 100.0, ..MirrorParameters::default() },
+            channels: vec![channel],
+            ..Parameters::default()
+        };
+        Model { mirror: Mirror::Polygon, parameters }
+    }
+
+    fn at(model: &Model, channel: usize, time: f64) -> [f64; 2] {
+        let footprint = model.footprint(&Attitude::default(), channel, time, 0.0);
+        [footprint.x, footprint.y]
+    }
+
+    fn is_near(found: [f64; 2], expected: [f64; 2]) -> bool {
+        found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6)
+    }
+
+    #[test]
+    fn the_beam_moves_to_the_right_and_with_the_platform() {
+        let model = northward();
+        assert!(is_near(at(&model, 0, 0.0), [10.0, 20.0]));
+        // A sixth of a line later: 10 degrees to the right.
+        let time = 1.0 / 600.0;
+        let footprint = model.footprint(&Attitude::default(), 0, time, 0.0);
+        assert!((footprint.angle - radians(10.0)).abs() < 1e-9, "{}", footprint.angle);
+        let expected = [10.0 + 1000.0 * libm::tan(radians(10.0)), 20.0 + 50.0 * time];
+        assert!(is_near(at(&model, 0, time), expected));
+    }
+
+    #[test]
+    fn roll_moves_the_beam_to_the_left_and_pitch_moves_it_forward() {
+        let tangent = libm::tan(0.01);
+        let mut rolled = northward();
+        rolled.parameters.roll = 0.01;
+        assert!(is_near(at(&rolled, 0, 0.0), [10.0 - 1000.0 * tangent, 20.0]), "{:?}", at(&rolled, 0, 0.0));
+        let pitched = Attitude { pitch: 0.01, ..Attitude::default() };
+        let footprint = northward().footprint(&pitched, 0, 0.0, 0.0);
+        assert!(is_near([footprint.x, footprint.y], [10.0, 20.0 + 1000.0 * tangent]), "{footprint:?}");
+    }
+
+    #[test]
+    fn channels_that_a_model_does_not_have_are_its_last() {
+        let mut model = northward();
+        let second = Channel { pitch: 0.02, sense: -1.0, ..model.parameters.channels[0] };
+        model.parameters.channels.push(second);
+        assert_eq!(at(&model, 1, 0.003), at(&model, 7, 0.003));
+        assert_ne!(at(&model, 0, 0.003), at(&model, 1, 0.003));
+    }
+
+    #[test]
+    fn facets_tilt_lines_in_turn() {
+        let mut model = northward();
+        model.parameters.facet_tilts = vec![0.0, 0.01];
+        assert_eq!(model.facets(), 2);
+        let ahead = |line: f64| at(&model, 0, 0.01 * line)[1] - 20.0 - 0.5 * line;
+        assert!(ahead(0.0).abs() < 1e-6 && ahead(2.0).abs() < 1e-6);
+        assert!((ahead(1.0) - 1000.0 * libm::tan(0.01)).abs() < 1e-6, "{}", ahead(1.0));
+    }
 }

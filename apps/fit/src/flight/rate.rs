@@ -1,35 +1,37 @@
-//! When pulses leave: their mean rate, its dependence on the place of the mirror, its deviations from line to
+//! Times of pulses: their mean rate, its dependence on the phase of the mirror, its deviations from line to
 //! line, and intervals that repeat.
 
-use super::recording::{Recording, median};
+use super::model::Model;
+use super::recording::Recording;
 use super::repeat::{LinePattern, interval_pattern};
 use super::solution::Solution;
 use libm::{atan2, cos, sin};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
+use vlscan_geom::median;
 
 /// Bins over a revolution of the mirror.
 const BINS: usize = 720;
-/// Fewer intervals say nothing of a bin.
+/// Minimum number of intervals in a bin.
 const MIN_INTERVALS: usize = 30;
-/// Intervals longer than the short ones of their line by this factor hold pulses without a return.
+/// Intervals longer than the short ones of their line by this factor contain pulses without a return.
 const LOST: f64 = 1.6;
-/// Gaps of more pulses are the edge of what reflects (water, say), not pulses that are lost.
+/// Gaps of more pulses are the edge of a reflecting area (beside water, say), not lost pulses.
 const MAX_LOST: f64 = 20.0;
-/// More lost pulses are a cloud that was thinned, not an instrument.
+/// Share of lost pulses above which the cloud counts as thinned.
 pub const MAX_LOST_SHARE: f64 = 0.2;
 /// A rate that changes less over the revolution, and from line to line, counts as constant.
 const CONSTANT: f64 = 0.003;
 
-/// Times that are rounded to a larger share of the interval between pulses do not tell it.
+/// Maximum rounding of times, as a share of the interval between pulses, at which the times determine it.
 const MAX_TIME_STEP: f64 = 0.2;
 
-/// When pulses leave.
+/// Times of pulses.
 #[derive(Clone, Debug)]
 pub struct PulseRate {
     /// Pulses per second: the reciprocal of the mean interval between neighbouring pulses.
     pub mean: f64,
-    /// Its standard deviation, 1/s; NaN if no two lines have enough pulses to tell.
+    /// Standard deviation of the mean, 1/s; NaN unless two lines have enough pulses.
     pub deviation: f64,
     /// Largest and smallest rate over the recorded part of the revolution, 1/s.
     pub range: (f64, f64),
@@ -37,8 +39,8 @@ pub struct PulseRate {
     pub of_lines: f64,
     /// Share of the pulses that have no return.
     pub lost: f64,
-    /// Step of the times, s, if it is too large to tell the intervals of pulses, and if the places of the
-    /// points do not, either.
+    /// Step of the times, s, if it is too large to determine the intervals of pulses, and if the positions of
+    /// the points do not determine them, either.
     pub coarse_step: Option<f64>,
     /// Factors of the intervals of successive pulses, which repeat; empty if they do not.
     pub dither: Vec<f64>,
@@ -59,65 +61,24 @@ fn bin(part: f64) -> usize {
 
 /// Number of the line at `time`, whose middle has the place `middle`.
 fn number(solution: &Solution, middle: f64, time: f64) -> i64 {
-    let p = solution.model.of_mirror();
-    (p[1] * time + solution.model.channel(0).phase / TAU - middle).round() as i64
+    let p = &solution.model.parameters;
+    (p.mirror.rate * time + p.channels[0].phase / TAU - middle).round() as i64
 }
 
 impl PulseRate {
     /// Estimates the rate.
     pub fn of(recording: &Recording, solution: &Solution) -> PulseRate {
         let model = &solution.model;
-        let bin_of = |i: usize| {
-            let pulse = &recording.pulses[i];
-            bin(model.part(usize::from(pulse.channel), pulse.time))
-        };
         let finer = finer_times(recording, solution);
         let interval_before = |i: usize| match finer.coarse.is_some() && finer.step == 0.0 {
             true => finer.times[i] - finer.times[i - 1],
             false => recording.interval_before(i),
         };
-        // First pulse, interval and line of each pair of neighbouring pulses.
-        let mut pairs = Vec::new();
-        let (mut recorded, mut lost) = (1.0, 0.0);
-        let all = recording.lines.iter().flat_map(|line| line.clone().skip(1));
-        let of_all = usual(&all.map(interval_before).collect::<Vec<_>>());
-        for (line, range) in recording.lines.iter().enumerate() {
-            let intervals: Vec<f64> = range.clone().skip(1).map(interval_before).collect();
-            // Of thinned lines, few intervals are those of neighbouring pulses.
-            let usual = Some(usual(&intervals)).filter(|usual| *usual < LOST * of_all).unwrap_or(of_all);
-            for (i, interval) in range.clone().zip(intervals) {
-                let missing = (interval / usual).round() - 1.0;
-                if missing < 1.0 {
-                    pairs.push((i, interval, line));
-                }
-                if missing <= MAX_LOST {
-                    recorded += 1.0;
-                    lost += missing.max(0.0);
-                }
-            }
-        }
-        let count = pairs.len().max(1) as f64;
-        let mean = pairs.iter().map(|pair| pair.1).sum::<f64>() / count;
-        let mut sums = vec![(0.0, 0usize); BINS];
-        for (i, interval, _) in &pairs {
-            let sum = &mut sums[bin_of(*i)];
-            *sum = (sum.0 + interval, sum.1 + 1);
-        }
-        let by_phase: Vec<Option<f64>> =
-            sums.iter().map(|(sum, count)| (*count >= MIN_INTERVALS).then(|| sum / *count as f64)).collect();
-        let mut of_line = vec![(0.0, 0usize); recording.lines.len()];
-        for (i, interval, line) in &pairs {
-            if let Some(usual) = by_phase[bin_of(*i)] {
-                of_line[*line] = (of_line[*line].0 + interval / usual, of_line[*line].1 + 1);
-            }
-        }
-        let times = recording.lines.iter().map(|line| recording.pulses[(line.start + line.end) / 2].time);
-        let lines: Vec<(f64, f64)> = times
-            .zip(&of_line)
-            .filter(|(_, (_, count))| *count >= MIN_INTERVALS)
-            .map(|(time, (sum, count))| (time, sum / *count as f64))
-            .collect();
-        let middle = mean_part(lines.iter().map(|(time, _)| model.part(0, *time)));
+        let (pairs, lost) = neighbour_pairs(recording, &interval_before);
+        let mean = pairs.iter().map(|pair| pair.interval).sum::<f64>() / pairs.len().max(1) as f64;
+        let by_phase = intervals_by_phase(recording, model, &pairs);
+        let lines = factors_of_lines(recording, model, &pairs, &by_phase);
+        let middle = mean_part(lines.iter().map(|(time, _)| model.fraction(0, *time)));
         let factors: BTreeMap<i64, f64> =
             lines.iter().map(|(time, factor)| (number(solution, middle, *time), *factor)).collect();
         let of_lines = spread(&lines.iter().map(|(_, factor)| *factor).collect::<Vec<_>>());
@@ -132,11 +93,11 @@ impl PulseRate {
             },
             range: (1.0 / longest, 1.0 / shortest),
             of_lines,
-            lost: lost / (recorded + lost),
+            lost,
             coarse_step: finer.coarse.filter(|_| finer.step > 0.0),
             dither: Vec::new(),
             // Lines of several channels have numbers of their own.
-            pattern: (model.senses.len() == 1).then(|| LinePattern::of(&factors)).flatten(),
+            pattern: (!model.has_channels()).then(|| LinePattern::of(&factors)).flatten(),
             by_phase,
             factors,
             middle,
@@ -146,7 +107,7 @@ impl PulseRate {
         }
         let deviations = rate.deviations(recording, solution, &finer.times);
         rate.dither = interval_pattern(&deviations);
-        // Deviations smaller than these are nothing, or what is left of the rounding of times.
+        // Smaller deviations are insignificant, or a residue of the rounding of times.
         let smallest = CONSTANT.max(0.5 * finer.step / mean);
         if rate.dither.iter().all(|factor| (factor - 1.0).abs() < smallest) {
             rate.dither.clear();
@@ -164,7 +125,8 @@ impl PulseRate {
             runs.push(Vec::new());
             for (i, interval) in range.clone().zip(intervals) {
                 let pulse = &recording.pulses[i];
-                let place = self.by_phase[bin(solution.model.part(usize::from(pulse.channel), pulse.time))];
+                let place =
+                    self.by_phase[bin(solution.model.fraction(usize::from(pulse.channel), pulse.time))];
                 let expected = place.map(|interval| interval * self.factor(solution, pulse.time));
                 let pulses = (interval / usual).round().max(1.0);
                 match (runs.last_mut(), expected) {
@@ -179,8 +141,8 @@ impl PulseRate {
         runs
     }
 
-    /// True if the rate depends neither on the place of the mirror nor on the line. A recording with too few
-    /// pulses to tell has a constant rate.
+    /// True if the rate depends neither on the phase of the mirror nor on the line, or if the recording has
+    /// too few pulses for a dependence.
     pub fn is_constant(&self) -> bool {
         let known: Vec<f64> = self.by_phase.iter().flatten().copied().collect();
         if known.is_empty() {
@@ -194,12 +156,12 @@ impl PulseRate {
     /// were not recorded have the level of their place in the pattern of lines, or else that of the recorded
     /// line next to them. `None` if there are fewer than two, or more than `max`.
     pub fn times(&self, solution: &Solution, duration: f64, max: usize) -> Option<Vec<f64>> {
-        let rate = solution.model.of_mirror()[1].abs();
-        let is_backward = solution.model.of_mirror()[1] < 0.0;
+        let rate = solution.model.parameters.mirror.rate.abs();
+        let is_backward = solution.model.parameters.mirror.rate < 0.0;
         let mut times = Vec::new();
         let mut time = 0.0;
         while time <= duration {
-            let (before, part) = (time, solution.model.part(0, time));
+            let (before, part) = (time, solution.model.fraction(0, time));
             let bin = bin(part);
             match self.by_phase[bin] {
                 Some(interval) => {
@@ -241,17 +203,91 @@ impl PulseRate {
     }
 }
 
+/// Neighbouring pulses of a line, without missing pulses between them.
+struct Pair {
+    /// Index of the first pulse.
+    first: usize,
+    /// s.
+    interval: f64,
+    /// Index of the line.
+    line: usize,
+}
+
+/// Pairs of neighbouring pulses, and the share of pulses that are lost. `interval_before` is the time from
+/// the pulse before to a pulse, s.
+fn neighbour_pairs(recording: &Recording, interval_before: &impl Fn(usize) -> f64) -> (Vec<Pair>, f64) {
+    let mut pairs = Vec::new();
+    let (mut recorded, mut lost) = (1.0, 0.0);
+    let all = recording.lines.iter().flat_map(|line| line.clone().skip(1));
+    let of_all = usual(&all.map(interval_before).collect::<Vec<_>>());
+    for (line, range) in recording.lines.iter().enumerate() {
+        let intervals: Vec<f64> = range.clone().skip(1).map(interval_before).collect();
+        // Of thinned lines, few intervals are those of neighbouring pulses.
+        let usual = Some(usual(&intervals)).filter(|usual| *usual < LOST * of_all).unwrap_or(of_all);
+        for (first, interval) in range.clone().zip(intervals) {
+            let missing = (interval / usual).round() - 1.0;
+            if missing < 1.0 {
+                pairs.push(Pair { first, interval, line });
+            }
+            if missing <= MAX_LOST {
+                recorded += 1.0;
+                lost += missing.max(0.0);
+            }
+        }
+    }
+    (pairs, lost / (recorded + lost))
+}
+
+/// Bin of the mirror's phase at the first pulse of a pair.
+fn bin_of(recording: &Recording, model: &Model, pair: &Pair) -> usize {
+    let pulse = &recording.pulses[pair.first];
+    bin(model.fraction(usize::from(pulse.channel), pulse.time))
+}
+
+/// Mean interval by phase of the mirror, s; `None` for bins of few intervals.
+fn intervals_by_phase(recording: &Recording, model: &Model, pairs: &[Pair]) -> Vec<Option<f64>> {
+    let mut sums = vec![(0.0, 0usize); BINS];
+    for pair in pairs {
+        let sum = &mut sums[bin_of(recording, model, pair)];
+        *sum = (sum.0 + pair.interval, sum.1 + 1);
+    }
+    sums.iter().map(|(sum, count)| (*count >= MIN_INTERVALS).then(|| sum / *count as f64)).collect()
+}
+
+/// Times of the middles of lines, s, and the factors of their intervals to those of their phase; without
+/// lines of few intervals.
+fn factors_of_lines(
+    recording: &Recording,
+    model: &Model,
+    pairs: &[Pair],
+    by_phase: &[Option<f64>],
+) -> Vec<(f64, f64)> {
+    let mut sums = vec![(0.0, 0usize); recording.lines.len()];
+    for pair in pairs {
+        if let Some(usual) = by_phase[bin_of(recording, model, pair)] {
+            let sum = &mut sums[pair.line];
+            *sum = (sum.0 + pair.interval / usual, sum.1 + 1);
+        }
+    }
+    let times = recording.lines.iter().map(|line| recording.pulses[(line.start + line.end) / 2].time);
+    times
+        .zip(&sums)
+        .filter(|(_, (_, count))| *count >= MIN_INTERVALS)
+        .map(|(time, (sum, count))| (time, sum / *count as f64))
+        .collect()
+}
+
 /// Times of pulses, of which only differences between neighbours are of use.
 struct FinerTimes {
     /// The step to which they are rounded, s.
     step: f64,
     /// s.
     times: Vec<f64>,
-    /// The step of the times in the file, s, if it is too large to tell the intervals of pulses.
+    /// The step of the times in the file, s, if it is too large to determine the intervals of pulses.
     coarse: Option<f64>,
 }
 
-/// Times of pulses as the places of their points tell them, where these are finer than the times in the file:
+/// Times of pulses from the positions of their points, where these are finer than the times in the file:
 /// the time at which the beam of the model passes the point.
 fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
     const STEP: f64 = 1e-7;
@@ -279,7 +315,7 @@ fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
                 < LOST * recording.interval;
             is_near.then(|| (times[i] - 2.0 * times[i - 1] + times[i - 2]).powi(2))
         });
-        median(changes.collect())
+        median(changes).unwrap_or(0.0)
     };
     let step = time_step(recording);
     let coarse = coarse_step(recording, step, &by_place);
@@ -291,10 +327,10 @@ fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
     }
 }
 
-/// The step of times that is too large to tell the intervals of pulses, s; `None` if the times tell them.
+/// The step of times that is too large to determine the intervals of pulses, s; `None` if the times do.
 ///
-/// If it is nearly an interval, most intervals have one value, which differs from what the places of the
-/// points say.
+/// If it is nearly an interval, most intervals have one value, which differs from that of the positions of
+/// the points.
 fn coarse_step(recording: &Recording, step: f64, by_place: &[f64]) -> Option<f64> {
     const MAX_DIFFERENCE: f64 = 0.05;
     if step > MAX_TIME_STEP * recording.interval {
@@ -330,7 +366,7 @@ fn usual(intervals: &[f64]) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let short = sorted.get(sorted.len() / 20).copied().unwrap_or(0.0);
     sorted.retain(|interval| *interval < LOST * short);
-    median(sorted)
+    median(sorted).unwrap_or(0.0)
 }
 
 /// Standard deviation.

@@ -7,22 +7,22 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::fixed;
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, read_points};
-use vlscan_geom::{DVec3, degrees, radians};
+use vlscan_geom::{DVec3, degrees, median, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
 const GAP_INTERVALS: f64 = 100.0;
 /// A pause of this many seconds ends a flight line; channels that look ahead and back pass a small place some
 /// seconds apart.
 const FLIGHT_PAUSE: f64 = 20.0;
-/// Pulses before and after one whose heights are compared with it.
+/// Number of pulses before and after a pulse with whose heights it is compared.
 const NEIGHBOURS: usize = 12;
-/// Points that lie farther from the median height of their neighbours are noise, m, or so many times as far
-/// as 95 % of the points.
+/// Points farther from the median height of their neighbours are noise: m, and multiples of the distance
+/// within which 95 % of the points lie.
 const MIN_OUTLIER: f64 = 50.0;
 const OUTLIER: f64 = 6.0;
-/// Fewer pulses say nothing of a flight.
+/// Minimum number of pulses of a flight line.
 const MIN_PULSES: usize = 500;
-/// Points that lie closer together are no flight line, m.
+/// Minimum extent of the points of a flight line, m.
 const MIN_EXTENT: f64 = 1.0;
 
 /// A pulse with at least one return.
@@ -42,7 +42,7 @@ pub struct Pulse {
     pub last: Option<DVec3>,
     /// Number of its channel in the file.
     pub file_channel: u16,
-    /// Number of its channel as the directions of lines tell, from 0.
+    /// Number of its channel by the directions of lines, from 0.
     pub channel: u8,
 }
 
@@ -59,7 +59,7 @@ pub struct Recording {
     pub source: u16,
     /// Pulses by channel of the file, then by time; no two of a channel have the same time.
     pub pulses: Vec<Pulse>,
-    /// Channels that the directions of lines tell apart.
+    /// Number of channels whose lines differ in direction.
     pub channels: usize,
     /// Runs of pulses without longer gaps: the lines or arcs of the scanner.
     pub lines: Vec<Range<usize>>,
@@ -152,7 +152,7 @@ impl Recording {
             }
         }
         let Some(longest) = flights.iter().max_by_key(|flight| flight.len()) else {
-            return Err(Error::input(format!("{name} holds no points with times and scan angles")));
+            return Err(Error::input(format!("{name} has no points with times and scan angles")));
         };
         let mut recording = Recording::of(longest, path, found)?;
         recording.wkt = sink.wkt.take();
@@ -161,14 +161,14 @@ impl Recording {
             let warning = found.warn(
                 Some(Place::of_file(path)),
                 format!(
-                    "{name} holds {} flight lines: the one with the most points is fitted (point source {}, \
-                     GPS time {:.1} s); {left_out} points of the others are left out",
+                    "{name} has {} flight lines: the one with the most points is fitted (point source {}, \
+                     GPS time {:.1} s); {left_out} points of the others are ignored",
                     flights.len(),
                     recording.source,
                     recording.start
                 ),
             );
-            warning.help("--flight-line N chooses another one by its point source");
+            warning.help("--flight-line N selects another one by its point source");
         }
         Ok(recording)
     }
@@ -178,32 +178,7 @@ impl Recording {
         let name = path.display();
         let origin = rows[rows.len() / 2].position.floor();
         let start = rows.iter().map(|row| row.time).fold(f64::INFINITY, f64::min);
-        let mut order: Vec<&Row> = rows.iter().collect();
-        order.sort_by(|a, b| {
-            a.channel.cmp(&b.channel).then(a.time.total_cmp(&b.time)).then(a.number.cmp(&b.number))
-        });
-        let mut pulses: Vec<Pulse> = Vec::new();
-        // Returns that are no further ones of the pulse of their time.
-        let mut others = 0;
-        let mut number = 0;
-        for row in order {
-            let (time, position) = (row.time - start, row.position - origin);
-            match pulses.last_mut().filter(|last| last.time == time && last.file_channel == row.channel) {
-                Some(_) if row.number <= number => others += 1,
-                Some(pulse) => pulse.last = Some(position),
-                None => pulses.push(Pulse {
-                    time,
-                    position,
-                    angle: radians(row.angle),
-                    returns: row.returns.max(1),
-                    class: row.class,
-                    last: None,
-                    file_channel: row.channel,
-                    channel: 0,
-                }),
-            }
-            number = row.number;
-        }
+        let (mut pulses, others) = pulses_of(rows, origin, start);
         if pulses.len() == 1 && rows.len() > 1 {
             return Err(Error::input_with_help(
                 format!("{name}: all points of the flight line have the GPS time {start}"),
@@ -224,8 +199,8 @@ impl Recording {
         let (outliers, distance) = remove_outliers(&mut pulses);
         if outliers > 0 {
             let message = format!(
-                "{outliers} of the points of {name} lie more than {distance:.0} m above or below those that \
-                 were recorded before and after them; they are left out as noise"
+                "{outliers} points of {name} lie more than {distance:.0} m above or below the points \
+                 recorded before and after them; they are ignored as noise"
             );
             found.warn(Some(Place::of_file(path)), message);
         }
@@ -237,8 +212,15 @@ impl Recording {
                  {FLIGHT_PAUSE} s in the GPS times, which are seconds, separate flight lines",
             ))
         })?;
+        recording.check(path)?;
+        Ok(Recording { origin, start, source: rows[0].source, ..recording })
+    }
+
+    /// Rejects points that lie together, and scan angles that do not change across the track.
+    fn check(&self, path: &Path) -> Result<()> {
+        let name = path.display();
         let (low, high) =
-            recording.pulses.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), pulse| {
+            self.pulses.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), pulse| {
                 (low.min(pulse.position), high.max(pulse.position))
             });
         let extent = (high.x - low.x).max(high.y - low.y);
@@ -248,8 +230,8 @@ impl Recording {
                  coordinates that are not lengths)"
             )));
         }
-        if recording.angle_spread() == 0.0 {
-            let angle = degrees(recording.pulses[0].angle);
+        if self.angle_spread() == 0.0 {
+            let angle = degrees(self.pulses[0].angle);
             return Err(Error::input_with_help(
                 format!(
                     "{name}: all scan angles are {angle}°, and a flight is estimated from how they change"
@@ -257,7 +239,7 @@ impl Recording {
                 "programs that convert clouds often lose them; fit the cloud as it was delivered",
             ));
         }
-        if let Some(channels) = recording.fixed_channels() {
+        if let Some(channels) = self.fixed_channels() {
             return Err(Error::input_with_help(
                 format!(
                     "{name}: each of its {channels} channels has one scan angle, as those of a sensor that \
@@ -266,7 +248,7 @@ impl Recording {
                 "a flight and its scanner are estimated from scan angles that change across the track",
             ));
         }
-        Ok(Recording { origin, start, source: rows[0].source, ..recording })
+        Ok(())
     }
 
     /// A recording of pulses in ascending order of channel of the file and time, at the origin of coordinates
@@ -277,7 +259,7 @@ impl Recording {
         }
         let is_same = |pair: &&[Pulse]| pair[0].file_channel == pair[1].file_channel;
         let steps = pulses.windows(2).filter(is_same).map(|pair| pair[1].time - pair[0].time);
-        let interval = median(steps.collect());
+        let interval = median(steps).unwrap_or(0.0);
         let is_end = |i: &usize| {
             pulses[*i].file_channel != pulses[i - 1].file_channel
                 || pulses[*i].time - pulses[i - 1].time > GAP_INTERVALS * interval
@@ -359,6 +341,37 @@ impl Recording {
     }
 }
 
+/// Pulses of the points of a flight line, in the order of channel of the file and time, and the number of
+/// points that have the time of another pulse.
+fn pulses_of(rows: &[Row], origin: DVec3, start: f64) -> (Vec<Pulse>, usize) {
+    let mut order: Vec<&Row> = rows.iter().collect();
+    order.sort_by(|a, b| {
+        a.channel.cmp(&b.channel).then(a.time.total_cmp(&b.time)).then(a.number.cmp(&b.number))
+    });
+    let mut pulses: Vec<Pulse> = Vec::new();
+    let mut others = 0;
+    let mut number = 0;
+    for row in order {
+        let (time, position) = (row.time - start, row.position - origin);
+        match pulses.last_mut().filter(|last| last.time == time && last.file_channel == row.channel) {
+            Some(_) if row.number <= number => others += 1,
+            Some(pulse) => pulse.last = Some(position),
+            None => pulses.push(Pulse {
+                time,
+                position,
+                angle: radians(row.angle),
+                returns: row.returns.max(1),
+                class: row.class,
+                last: None,
+                file_channel: row.channel,
+                channel: 0,
+            }),
+        }
+        number = row.number;
+    }
+    (pulses, others)
+}
+
 /// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their
 /// number, and the distance that is too far, m.
 fn remove_outliers(pulses: &mut Vec<Pulse>) -> (usize, f64) {
@@ -416,15 +429,6 @@ fn flight_lines(rows: Vec<Row>) -> Vec<Vec<Row>> {
         }
     }
     flights
-}
-
-/// The median; 0 for no values.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]

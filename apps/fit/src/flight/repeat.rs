@@ -2,20 +2,19 @@
 
 use std::collections::BTreeMap;
 
-/// Longest pattern of intervals that is sought, pulses.
+/// Maximum length of a pattern of intervals, pulses.
 const MAX_PULSES: usize = 64;
-/// Longest pattern of lines that is sought.
+/// Maximum length of a pattern of lines.
 const MAX_LINES: usize = 200;
-/// Fewer pairs of intervals say nothing.
+/// Minimum number of pairs of intervals.
 const MIN_PAIRS: f64 = 1000.0;
-/// Share of the variance of intervals that a pattern has to explain, and how it has to change sign within
-/// itself.
+/// Minimum share of the variance of intervals that a pattern explains, and minimum negative covariance within
+/// the pattern, as a share of that at its length.
 const MIN_EXPLAINED: f64 = 0.25;
 const MIN_REVERSAL: f64 = 0.3;
-/// A pattern that explains this share of what the best one does is as good; the shortest is taken.
+/// The shortest pattern is used that explains at least this share of what the best pattern explains.
 const AS_GOOD: f64 = 0.85;
-/// A pattern of lines has to leave less than this share of the squares that their mean or their neighbours
-/// leave.
+/// Maximum squared residual of a pattern of lines, as a share of that of their mean or their neighbours.
 const MAX_LEFT: f64 = 0.6;
 const ROUNDS: usize = 4;
 
@@ -93,8 +92,8 @@ pub struct LinePattern {
 }
 
 impl LinePattern {
-    /// The pattern of the values of lines by their number, if one tells the values of lines that are left out
-    /// better than their mean and their neighbours do.
+    /// The pattern of the values of lines by their number, if it predicts the values of lines that are left
+    /// out better than their mean and their neighbours do.
     pub fn of(lines: &BTreeMap<i64, f64>) -> Option<LinePattern> {
         let (first, last) = (*lines.first_key_value()?.0, *lines.last_key_value()?.0);
         let longest = MAX_LINES.min((last - first) as usize / 4).min(lines.len() / 3);

@@ -2,7 +2,7 @@
 
 use super::FlightFit;
 use super::mirror::Mirror;
-use super::model::{CHANNEL_PARAMETERS, FIRST_OF_CHANNELS, MAX_CHANNELS, MAX_FACETS, PLATFORM_PARAMETERS};
+use super::model::{MAX_CHANNELS, MAX_FACETS};
 use libm::{hypot, tan};
 use serde::Serialize;
 use vlscan_base::error::{Error, Result};
@@ -33,108 +33,139 @@ const OF_FACETS: [&str; MAX_FACETS] = [
 /// An estimated quantity.
 #[derive(Clone, Debug, Serialize)]
 pub struct Figure {
-    /// Kind of the entry.
+    /// Name of the quantity.
     pub name: &'static str,
-    /// Its value.
+    /// Value in `unit`.
     pub value: f64,
-    /// Its standard deviation, where it is known.
+    /// Standard deviation in `unit`, if known.
     pub deviation: Option<f64>,
-    /// Its unit.
+    /// Unit of value and deviation; empty for numbers.
     pub unit: &'static str,
+}
+
+/// Figures in the order in which they are shown.
+#[derive(Default)]
+struct Figures(Vec<Figure>);
+
+impl Figures {
+    fn add(&mut self, name: &'static str, value: f64, deviation: Option<f64>, unit: &'static str) {
+        let deviation = deviation.filter(|deviation| deviation.is_finite());
+        self.0.push(Figure { name, value, deviation, unit });
+    }
+
+    /// Adds an angle of radians in degrees.
+    fn add_angle(&mut self, name: &'static str, value: f64, deviation: Option<f64>) {
+        self.add(name, degrees(value), deviation.map(degrees), "deg");
+    }
 }
 
 impl FlightFit {
     /// The estimated quantities, in the order in which they are shown.
     pub fn figures(&self) -> Vec<Figure> {
-        let (solution, rate) = (&self.solution, &self.rate);
-        let (p, d) = (&solution.model.parameters, &solution.deviations);
-        let (of_mirror, mirror_deviations) = (solution.model.of_mirror(), &d[PLATFORM_PARAMETERS..]);
-        let mut figures = Vec::new();
-        let mut add = |name, value: f64, deviation: Option<f64>, unit| {
-            figures.push(Figure { name, value, deviation: deviation.filter(|d| d.is_finite()), unit });
-        };
-        add("speed", hypot(p[2], p[3]), Some(hypot(d[2], d[3])), "m/s");
-        let course = degrees(solution.model.course());
-        add("course", course.rem_euclid(360.0), Some(degrees(hypot(d[2], d[3]) / hypot(p[2], p[3]))), "deg");
-        let above = p[6] - self.mean_height();
-        // What least squares take for independent errors of the angles is in part one error of all.
-        let scale = solution.scale_deviation(&self.recording);
-        let of_height = hypot(d[6], scale * above);
-        let of_angle = degrees(hypot(mirror_deviations[0], scale * of_mirror[0]));
-        add("height of the platform", p[6] + self.recording.origin.z, Some(of_height), "m");
-        add("height above the points", above, Some(of_height), "m");
-        add("climb", p[7], Some(d[7]), "m/s");
-        add("roll", degrees(p[8]), Some(degrees(d[8])), "deg");
-        add("pitch", degrees(p[9]), Some(degrees(d[9])), "deg");
-        match solution.model.mirror {
-            Mirror::Cone => {
-                add("half angle of the cone", degrees(of_mirror[0]), Some(of_angle), "deg");
-                add("radius on the ground", above * tan(of_mirror[0]), None, "m");
-                add("revolutions", of_mirror[1].abs(), Some(mirror_deviations[1]), "1/s");
-            }
-            Mirror::EllipticCone => {
-                add("half angle across the flight", degrees(of_mirror[0].abs()), Some(of_angle), "deg");
-                let of_along = degrees(hypot(mirror_deviations[4], scale * of_mirror[4]));
-                add("half angle along the flight", degrees(of_mirror[4].abs()), Some(of_along), "deg");
-                add("revolutions", of_mirror[1].abs(), Some(mirror_deviations[1]), "1/s");
-                add("yaw of the ellipse", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
-            }
-            Mirror::Polygon => {
-                add("angle per line", degrees(of_mirror[0].abs()), Some(of_angle), "deg");
-                add("lines", of_mirror[1], Some(mirror_deviations[1]), "1/s");
-                add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
-                let tilts = solution.model.facet_tilts();
-                for (number, (tilt, name)) in tilts.iter().zip(OF_FACETS).enumerate() {
-                    add(name, degrees(*tilt), Some(degrees(d[FIRST_OF_CHANNELS + number])), "deg");
-                }
-                let channels = solution.model.senses.len();
-                if channels > 1 {
-                    add("channels", channels as f64, None, "");
-                }
-                for (number, (yaw, pitch)) in
-                    OF_CHANNELS.iter().enumerate().take(channels).filter(|_| channels > 1)
-                {
-                    let channel = solution.model.channel(number);
-                    // The last one's follow from the others'.
-                    let of = FIRST_OF_CHANNELS + CHANNEL_PARAMETERS * number.min(channels - 2);
-                    add(yaw, degrees(channel.yaw), Some(degrees(d[of + 1])), "deg");
-                    add(pitch, degrees(channel.pitch), Some(degrees(d[of + 2])), "deg");
-                }
-            }
-            Mirror::Oscillating => {
-                add("half angle", degrees(self.half_angle()), Some(of_angle), "deg");
-                add("periods", of_mirror[1], Some(mirror_deviations[1]), "1/s");
-                add("yaw of the lines", degrees(of_mirror[3]), Some(degrees(mirror_deviations[3])), "deg");
-            }
-        }
-        add("pulse rate", rate.mean, Some(rate.deviation), "1/s");
-        if !rate.is_constant() {
-            add("lowest pulse rate in a revolution", rate.range.0, None, "1/s");
-            add("highest pulse rate in a revolution", rate.range.1, None, "1/s");
-            add("deviation of the rates of lines", 100.0 * rate.of_lines, None, "%");
-        }
-        if let Some(pattern) = &rate.pattern {
-            add("lines after which their rates repeat", pattern.period as f64, None, "");
-        }
-        if !rate.dither.is_empty() {
-            add("pulses after which intervals repeat", rate.dither.len() as f64, None, "");
-            let shares = rate.dither.iter().map(|factor| 100.0 * (factor - 1.0).abs());
-            add("largest deviation of these intervals", shares.fold(0.0, f64::max), None, "%");
-        }
-        add("pulses without a point", 100.0 * rate.lost, None, "%");
+        let mut figures = Figures::default();
+        self.add_platform(&mut figures);
+        self.add_mirror(&mut figures);
+        self.add_rate(&mut figures);
         if let Some(noise) = self.noise {
-            add("range noise with roughness", noise, None, "m");
+            figures.add("range noise with roughness", noise, None, "m");
         }
-        add("attitude changes, root mean square", degrees(solution.attitude_spread()), None, "deg");
-        add("residual on the ground", solution.residual, None, "m");
-        add("residual of the scan angle", degrees(solution.angle_residual), None, "deg");
-        figures
+        let solution = &self.solution;
+        figures.add_angle("attitude changes, root mean square", solution.attitude_spread(), None);
+        figures.add("residual on the ground", solution.residual, None, "m");
+        figures.add_angle("residual of the scan angle", solution.angle_residual, None);
+        figures.0
     }
 
-    /// Mean height of the points, m, relative to the origin.
-    pub(super) fn mean_height(&self) -> f64 {
+    fn add_platform(&self, figures: &mut Figures) {
+        let solution = &self.solution;
+        let (p, d) = (&solution.model.parameters, &solution.deviations);
+        let (speed, of_speed) = (solution.model.speed(), hypot(d.velocity.x, d.velocity.y));
+        figures.add("speed", speed, Some(of_speed), "m/s");
+        let course = degrees(solution.model.course()).rem_euclid(360.0);
+        figures.add("course", course, Some(degrees(of_speed / speed)), "deg");
+        let above = self.height_above_points();
+        // Least squares assume independent errors of the angles; a part of the error is common to all angles.
+        let of_height = hypot(d.position.z, solution.scale_deviation(&self.recording) * above);
+        figures.add("height of the platform", p.position.z + self.recording.origin.z, Some(of_height), "m");
+        figures.add("height above the points", above, Some(of_height), "m");
+        figures.add("climb", p.velocity.z, Some(d.velocity.z), "m/s");
+        figures.add_angle("roll", p.roll, Some(d.roll));
+        figures.add_angle("pitch", p.pitch, Some(d.pitch));
+    }
+
+    fn add_mirror(&self, figures: &mut Figures) {
+        let (p, d) = (&self.solution.model.parameters.mirror, &self.solution.deviations.mirror);
+        let scale = self.solution.scale_deviation(&self.recording);
+        let of_angle = hypot(d.angle, scale * p.angle);
+        match self.solution.model.mirror {
+            Mirror::Cone => {
+                figures.add_angle("half angle of the cone", p.angle, Some(of_angle));
+                let radius = self.height_above_points() * tan(p.angle);
+                figures.add("radius on the ground", radius, None, "m");
+                figures.add("revolutions", p.rate.abs(), Some(d.rate), "1/s");
+            }
+            Mirror::EllipticCone => {
+                figures.add_angle("half angle across the flight", p.angle.abs(), Some(of_angle));
+                let of_along = hypot(d.angle_along, scale * p.angle_along);
+                figures.add_angle("half angle along the flight", p.angle_along.abs(), Some(of_along));
+                figures.add("revolutions", p.rate.abs(), Some(d.rate), "1/s");
+                figures.add_angle("yaw of the ellipse", p.yaw, Some(d.yaw));
+            }
+            Mirror::Polygon => {
+                figures.add_angle("angle per line", p.angle.abs(), Some(of_angle));
+                figures.add("lines", p.rate, Some(d.rate), "1/s");
+                figures.add_angle("yaw of the lines", p.yaw, Some(d.yaw));
+                self.add_facets_and_channels(figures);
+            }
+            Mirror::Oscillating => {
+                figures.add_angle("half angle", self.half_angle(), Some(of_angle));
+                figures.add("periods", p.rate, Some(d.rate), "1/s");
+                figures.add_angle("yaw of the lines", p.yaw, Some(d.yaw));
+            }
+        }
+    }
+
+    fn add_facets_and_channels(&self, figures: &mut Figures) {
+        let (p, d) = (&self.solution.model.parameters, &self.solution.deviations);
+        for ((tilt, deviation), name) in p.facet_tilts.iter().zip(&d.facet_tilts).zip(OF_FACETS) {
+            figures.add_angle(name, *tilt, Some(*deviation));
+        }
+        if !self.solution.model.has_channels() {
+            return;
+        }
+        figures.add("channels", p.channels.len() as f64, None, "");
+        for (number, (channel, (yaw, pitch))) in p.channels.iter().zip(OF_CHANNELS).enumerate() {
+            // The last channel follows from the others.
+            let deviation = &d.channels[number.min(p.channels.len() - 2)];
+            figures.add_angle(yaw, channel.yaw, Some(deviation.yaw));
+            figures.add_angle(pitch, channel.pitch, Some(deviation.pitch));
+        }
+    }
+
+    fn add_rate(&self, figures: &mut Figures) {
+        let rate = &self.rate;
+        figures.add("pulse rate", rate.mean, Some(rate.deviation), "1/s");
+        if !rate.is_constant() {
+            figures.add("lowest pulse rate in a revolution", rate.range.0, None, "1/s");
+            figures.add("highest pulse rate in a revolution", rate.range.1, None, "1/s");
+            figures.add("deviation of the rates of lines", 100.0 * rate.of_lines, None, "%");
+        }
+        if let Some(pattern) = &rate.pattern {
+            figures.add("lines after which their rates repeat", pattern.period as f64, None, "");
+        }
+        if !rate.dither.is_empty() {
+            figures.add("pulses after which intervals repeat", rate.dither.len() as f64, None, "");
+            let shares = rate.dither.iter().map(|factor| 100.0 * (factor - 1.0).abs());
+            figures.add("largest deviation of these intervals", shares.fold(0.0, f64::max), None, "%");
+        }
+        figures.add("pulses without a point", 100.0 * rate.lost, None, "%");
+    }
+
+    /// Height of the platform at time 0 above the mean of the points, m.
+    fn height_above_points(&self) -> f64 {
         let pulses = &self.recording.pulses;
-        pulses.iter().map(|pulse| pulse.position.z).sum::<f64>() / pulses.len() as f64
+        let mean = pulses.iter().map(|pulse| pulse.position.z).sum::<f64>() / pulses.len() as f64;
+        self.solution.model.parameters.position.z - mean
     }
 }
 
@@ -162,5 +193,31 @@ impl Figure {
         };
         let deviation = self.deviation.map_or(String::new(), |deviation| format!(" ± {deviation:.digits$}"));
         format!("{}{deviation} {}", fixed(self.value, digits), self.unit).trim_end().to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_follow_from_the_deviation() {
+        let text = |value, deviation, unit| Figure { name: "speed", value, deviation, unit }.text();
+        assert_eq!(text(58.912_34, Some(0.0123), "m/s"), "58.912 ± 0.012 m/s");
+        assert_eq!(text(1.64e6, Some(250.0), "1/s"), "1640000 ± 250 1/s");
+        assert_eq!(text(0.25, None, "%"), "0.25000 %");
+        assert_eq!(text(2.0, None, ""), "2.0000");
+        let figure = Figure { name: "climb", value: 0.5, deviation: Some(0.15), unit: "m/s" };
+        assert_eq!(table(&[figure]), format!("{:<36} 0.50 ± 0.15 m/s\n", "climb"));
+    }
+
+    #[test]
+    fn unknown_deviations_are_left_out() {
+        let mut figures = Figures::default();
+        figures.add("speed", 1.0, Some(f64::INFINITY), "m/s");
+        figures.add_angle("roll", std::f64::consts::PI, Some(0.5));
+        assert_eq!((figures.0[0].deviation, figures.0[1].value), (None, 180.0));
+        assert_eq!(figures.0[1].deviation, Some(degrees(0.5)));
+        assert!(json(&figures.0).unwrap().contains("\"deviation\": null"));
     }
 }

@@ -1,11 +1,13 @@
 //! A fitted flight, and how well its height is known.
 
-use super::model::{Attitude, MAX_PARAMETERS, Model};
-use super::recording::{Recording, median};
+use super::model::{Attitude, Model};
+use super::parameters::Parameters;
+use super::recording::Recording;
+use vlscan_geom::median;
 
-/// Returns of a pulse that lie farther apart in height than this tell the direction of its beam, m.
+/// Minimum difference in height between returns of a pulse that determine the direction of its beam, m.
 pub const MIN_DEPTH: f64 = 3.0;
-/// Places of points are not known better than this, m.
+/// Minimum error of the positions of points, m.
 const MIN_PLACE_ERROR: f64 = 0.01;
 
 /// A fitted flight.
@@ -14,7 +16,7 @@ pub struct Solution {
     /// The model.
     pub model: Model,
     /// Standard deviations of its parameters.
-    pub deviations: [f64; MAX_PARAMETERS],
+    pub deviations: Parameters,
     /// Mean times of the sections, s.
     pub times: Vec<f64>,
     /// Their attitudes.
@@ -29,23 +31,22 @@ impl Solution {
     /// Unexplained part of the points, m on the ground: residuals, and changes of the attitude from section
     /// to section.
     pub fn unexplained(&self) -> f64 {
-        let height = self.model.parameters[6].abs();
-        let pairs = self.attitudes.windows(2);
-        let changes: f64 =
-            pairs.flat_map(|pair| (0..3).map(move |k| (pair[1][k] - pair[0][k]).powi(2))).sum();
+        let height = self.model.parameters.position.z.abs();
+        let change = |pair: &[Attitude]| (pair[1].to_vector() - pair[0].to_vector()).length_squared();
+        let changes: f64 = self.attitudes.windows(2).map(change).sum();
         self.residual + height * (changes / self.attitudes.len().max(1) as f64).sqrt()
     }
 
     /// Root mean square of the attitudes of all sections, rad.
     pub fn attitude_spread(&self) -> f64 {
-        let squares: f64 = self.attitudes.iter().flatten().map(|angle| angle * angle).sum();
+        let squares: f64 = self.attitudes.iter().map(|attitude| attitude.to_vector().length_squared()).sum();
         (squares / self.attitudes.len().max(1) as f64).sqrt()
     }
 
     /// Relative standard deviation of height and mirror angle by an error that all scan angles have in common
-    /// and that grows across the track. It is taken to be as large as their residual, or as the error of
-    /// angles that are rounded to degrees. Where they are rounded, pulses of several returns tell the height,
-    /// too.
+    /// and that grows across the track. It is assumed to be as large as their residual, or as the error of
+    /// angles that are rounded to degrees. For rounded angles, pulses of several returns also determine the
+    /// height.
     pub fn scale_deviation(&self, recording: &Recording) -> f64 {
         if !recording.has_whole_angles() {
             return self.angle_residual / recording.angle_spread();
@@ -83,7 +84,7 @@ impl Solution {
                 lines.push((tangents / count, depths / count));
             }
         }
-        let error = (1.4826 * median(errors)).max(MIN_PLACE_ERROR);
+        let error = (1.4826 * median(errors).unwrap_or(0.0)).max(MIN_PLACE_ERROR);
         let middle = lines.iter().map(|line| line.0).sum::<f64>() / lines.len().max(1) as f64;
         // The error of a tangent is that of both places over the depth.
         lines.iter().map(|(tangent, depth)| ((tangent - middle) * depth / error).powi(2) / 2.0).sum()
@@ -95,11 +96,50 @@ impl Solution {
         match (after.checked_sub(1), self.times.get(after)) {
             (Some(before), Some(next)) => {
                 let share = (time - self.times[before]) / (next - self.times[before]);
-                let (a, b) = (self.attitudes[before], self.attitudes[after]);
-                std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
+                let (a, b) = (self.attitudes[before].to_vector(), self.attitudes[after].to_vector());
+                Attitude::from_vector(a + share * (b - a))
             }
             (Some(before), None) => self.attitudes[before],
             (None, _) => self.attitudes.first().copied().unwrap_or_default(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mirror::Mirror;
+    use super::*;
+    use vlscan_geom::DVec3;
+
+    /// A platform at 100 m that rolls from 0 to 0.02 rad between two sections, 2 s apart.
+    fn rolling() -> Solution {
+        let parameters = Parameters { position: DVec3::new(0.0, 0.0, 100.0), ..Parameters::default() };
+        Solution {
+            deviations: parameters.filled(0.0),
+            model: Model { mirror: Mirror::Cone, parameters },
+            times: vec![1.0, 3.0],
+            attitudes: vec![Attitude::default(), Attitude { roll: 0.02, ..Attitude::default() }],
+            residual: 0.5,
+            angle_residual: 0.0,
+        }
+    }
+
+    #[test]
+    fn attitudes_are_linear_between_sections_and_constant_beyond() {
+        let solution = rolling();
+        for (time, roll) in [(0.0, 0.0), (1.0, 0.0), (1.5, 0.005), (2.0, 0.01), (3.0, 0.02), (9.0, 0.02)] {
+            let found = solution.attitude(time);
+            assert!((found.roll - roll).abs() < 1e-15 && found.pitch == 0.0 && found.yaw == 0.0, "{time}");
+        }
+        let still = Solution { times: Vec::new(), attitudes: Vec::new(), ..rolling() };
+        assert_eq!(still.attitude(1.0), Attitude::default());
+    }
+
+    #[test]
+    fn changes_of_the_attitude_count_as_metres_on_the_ground() {
+        // Root mean square of the attitudes: 0.02 rad over √2 sections; of the changes too.
+        let expected = 0.02 / f64::sqrt(2.0);
+        assert!((rolling().attitude_spread() - expected).abs() < 1e-15);
+        assert!((rolling().unexplained() - (0.5 + 100.0 * expected)).abs() < 1e-12);
     }
 }

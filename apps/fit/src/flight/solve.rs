@@ -1,28 +1,30 @@
 //! Least squares for a flight: the parameters of the model together with the attitudes of all lines.
 //!
 //! The attitudes are a random walk whose variances are estimated from the data (expectation maximisation), so
-//! that they take up what moves the lines and no more. Their part of the normal equations is block
+//! that they follow the motion of the lines and no more. Their part of the normal equations is block
 //! tridiagonal and is eliminated (Schur complement): time and memory grow linearly with the number of lines.
 
-use super::mirror::Mirror;
-use super::model::{Attitude, FIRST_OF_CHANNELS, MAX_PARAMETERS, Model, PLATFORM_PARAMETERS};
-use super::recording::{Recording, median};
+use super::mirror::MirrorParameters;
+use super::model::{Attitude, Model};
+use super::parameters::{Channel, Parameters};
+use super::recording::Recording;
 use super::solution::Solution;
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
-use vlscan_geom::radians;
+use vlscan_geom::{DMat3, DVec2, DVec3, LeastSquares, median, radians};
 
 /// Pulses of a section that are used.
 const SECTION_PULSES: usize = 40;
-/// Errors of neighbouring pulses are correlated (heights of the ground, encoders): a section counts as so
-/// many independent pulses.
+/// Number of independent pulses that a section is worth: errors of neighbouring pulses are correlated
+/// (terrain height, encoders).
 const SECTION_WEIGHT: f64 = 20.0;
 /// Residuals beyond this many standard deviations get less weight (Huber).
 const HUBER: f64 = 2.5;
 const MAX_STEPS: usize = 60;
-/// Scan angles are held to the resolution of their file for at most so many steps of those.
+/// Maximum number of steps during which scan angles keep the resolution of their file.
 const STRICT_STEPS: usize = 30;
 /// Standard deviation of attitudes of single lines, rad.
 const ATTITUDE: f64 = 0.02;
+/// Change of an attitude for numeric derivatives, rad.
+const ATTITUDE_STEP: f64 = 1e-7;
 
 /// Pulses for which the attitude counts as constant.
 #[derive(Clone, Debug)]
@@ -62,39 +64,34 @@ pub fn sections(recording: &Recording, max_duration: f64, max_sections: usize) -
     found.into_iter().step_by(step).collect()
 }
 
-/// Standard deviations of what is known beforehand of the parameters, in their order; infinite for nothing.
-fn priors(model: &Model) -> [f64; MAX_PARAMETERS] {
-    let mut prior = [f64::INFINITY; MAX_PARAMETERS];
-    // Acceleration, climb, roll, pitch.
-    (prior[4], prior[5], prior[7]) = (0.3, 0.3, 1.0);
-    (prior[8], prior[9]) = (radians(2.0), radians(2.0));
-    if model.mirror != Mirror::Cone {
-        prior[PLATFORM_PARAMETERS + 3] = radians(10.0);
+/// Standard deviations of the parameters around 0 before the fit; infinite where nothing is known.
+fn priors(model: &Model) -> Parameters {
+    let unknown = model.parameters.filled(f64::INFINITY);
+    let of_channel = |channel: &Channel| Channel { pitch: radians(2.0), ..*channel };
+    Parameters {
+        velocity: DVec3::new(f64::INFINITY, f64::INFINITY, 1.0),
+        acceleration: DVec2::splat(0.3),
+        roll: radians(2.0),
+        pitch: radians(2.0),
+        mirror: MirrorParameters { yaw: radians(10.0), ..unknown.mirror },
+        channels: unknown.channels.iter().map(of_channel).collect(),
+        facet_tilts: vec![radians(20.0); unknown.facet_tilts.len()],
+        ..unknown
     }
-    if model.facets > 1 {
-        prior[FIRST_OF_CHANNELS..].fill(radians(20.0));
-    }
-    if model.mirror != Mirror::EllipticCone {
-        // Without effect.
-        prior[PLATFORM_PARAMETERS + 4] = 1.0;
-    }
-    // Pitch of the channels.
-    for k in (FIRST_OF_CHANNELS + 2..MAX_PARAMETERS).step_by(3).filter(|_| model.facets == 1) {
-        prior[k] = radians(2.0);
-    }
-    prior
 }
 
-/// Steps of numeric derivatives.
-fn increments(duration: f64) -> [f64; MAX_PARAMETERS] {
+/// Changes of the parameters for numeric derivatives, which move the beam by about a millimetre or less within
+/// `duration`.
+fn increments(model: &Model, duration: f64) -> Parameters {
     let t = duration.max(1.0);
-    let rate = 1e-7 / t;
-    let mut step = [1e-7; MAX_PARAMETERS];
-    (step[0], step[1], step[6]) = (1e-3, 1e-3, 1e-3);
-    (step[2], step[3], step[7]) = (1e-3 / t, 1e-3 / t, 1e-3 / t);
-    (step[4], step[5]) = (1e-3 / (t * t), 1e-3 / (t * t));
-    step[PLATFORM_PARAMETERS + 1] = rate;
-    step
+    let others = model.parameters.filled(1e-7);
+    Parameters {
+        position: DVec3::splat(1e-3),
+        velocity: DVec3::splat(1e-3 / t),
+        acceleration: DVec2::splat(1e-3 / (t * t)),
+        mirror: MirrorParameters { rate: 1e-7 / t, ..others.mirror },
+        ..others
+    }
 }
 
 /// Number of residuals of a pulse.
@@ -103,10 +100,11 @@ const RESIDUALS: usize = 5;
 /// Residuals of a pulse: on the ground (m), of the scan angle (rad), and at the height of its last return
 /// (m), if it has several.
 ///
-/// An angle that is rounded to degrees has no residual within the rounding: what is beyond it counts.
-fn residuals(recording: &Recording, model: &Model, attitude: &Attitude, i: usize) -> [f64; RESIDUALS] {
+/// The residual of an angle that is rounded to degrees is its distance from the interval of the rounding.
+fn residuals(recording: &Recording, model: &Model, attitude: DVec3, i: usize) -> [f64; RESIDUALS] {
     let pulse = &recording.pulses[i];
     let channel = usize::from(pulse.channel);
+    let attitude = &Attitude::from_vector(attitude);
     let at = model.footprint(attitude, channel, pulse.time, pulse.position.z);
     let mut angle = at.angle - pulse.angle;
     if recording.has_whole_angles() {
@@ -119,52 +117,55 @@ fn residuals(recording: &Recording, model: &Model, attitude: &Attitude, i: usize
     [at.x - pulse.position.x, at.y - pulse.position.y, angle, x, y]
 }
 
-/// The normal equations, reduced to what is needed of them.
+/// Normal equations of the parameters and of the attitudes of all sections.
 struct Normal {
-    /// Blocks of the attitudes on the diagonal.
-    diagonal: Vec<Matrix3<f64>>,
-    /// Attitudes times parameters.
-    mixed: Vec<Matrix3xX<f64>>,
-    /// Right sides of the attitudes.
-    right: Vec<Vector3<f64>>,
-    parameters: DMatrix<f64>,
-    right_parameters: DVector<f64>,
+    sections: Vec<SectionEquations>,
+    parameters: LeastSquares,
     cost: f64,
+}
+
+/// Part of the normal equations that holds the attitude of a section.
+#[derive(Clone)]
+struct SectionEquations {
+    /// Block on the diagonal.
+    matrix: DMat3,
+    /// Block of attitude times parameters: a column for each parameter.
+    mixed: Vec<DVec3>,
+    right: DVec3,
+}
+
+impl SectionEquations {
+    fn new(parameters: usize) -> SectionEquations {
+        SectionEquations { matrix: DMat3::ZERO, mixed: vec![DVec3::ZERO; parameters], right: DVec3::ZERO }
+    }
 }
 
 /// Fits a model to a recording from a first guess. Attitudes of sections are estimated if `has_attitudes`.
 pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_attitudes: bool) -> Solution {
     let mut model = first.clone();
-    let mut attitudes = vec![[0.0; 3]; sections.len()];
-    // Variance per second of the random walk: roll, pitch, yaw.
-    let mut walk = [1e-5, 1e-5, 1e-4];
+    // Roll, pitch, yaw.
+    let mut attitudes = vec![DVec3::ZERO; sections.len()];
+    // Variance per second of the random walk.
+    let mut walk = DVec3::new(1e-5, 1e-5, 1e-4);
     let (mut ground, mut angle) = spreads(recording, &model, sections, &attitudes);
-    let mut deviations = [f64::INFINITY; MAX_PARAMETERS];
+    let mut deviations = model.parameters.filled(f64::INFINITY);
     let mut damping = 1e-3;
     let mut latest = f64::INFINITY;
-    // A flight that does not meet the angles of the file would explain itself by their errors: its motion is
-    // taken for that of the mirror, or the other way round. Their errors are taken as small until the flight
-    // that meets them best is found.
+    // A flight that does not match the angles of the file would attribute its misfit to errors of the angles:
+    // the motion of the platform is taken for that of the mirror, or vice versa. The errors are assumed to be
+    // small until the flight that matches the angles best is found.
     let mut is_strict = has_attitudes;
     if is_strict {
         angle = min_angle(recording);
     }
     for number in 0..MAX_STEPS {
         let mut normal = normal_equations(recording, &model, sections, &attitudes, ground, angle);
-        add_priors(&mut normal, &model, &attitudes, sections, &walk, has_attitudes);
-        let Some(step) = reduce(&normal, sections, &walk, damping, has_attitudes) else { break };
-        let mut next = model.clone();
-        for (value, change) in next.parameters.iter_mut().zip(step.parameters.iter()) {
-            *value += change;
-        }
-        let mut next_attitudes = attitudes.clone();
-        if has_attitudes {
-            for (attitude, change) in next_attitudes.iter_mut().zip(&step.attitudes) {
-                (0..3).for_each(|k| attitude[k] += change[k]);
-            }
-        }
+        add_priors(&mut normal, &model, &attitudes, sections, walk, has_attitudes);
+        let Some(step) = reduce(&normal, sections, walk, damping, has_attitudes) else { break };
+        let next = moved(&model, &step.parameters);
+        let next_attitudes: Vec<DVec3> = attitudes.iter().zip(&step.attitudes).map(|(a, b)| a + b).collect();
         let mut after = normal_cost(recording, &next, sections, &next_attitudes, ground, angle);
-        after += prior_cost(&next, &next_attitudes, sections, &walk, has_attitudes);
+        after += prior_cost(&next, &next_attitudes, sections, walk, has_attitudes);
         if after > normal.cost * (1.0 + 1e-9) {
             damping *= 10.0;
             if damping > 1e9 {
@@ -173,15 +174,15 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
             continue;
         }
         damping = (damping * 0.2).max(1e-12);
-        (model, attitudes, deviations) = (next, next_attitudes, step.deviations);
+        deviations = model.parameters.filled(0.0).with_vector(model.mirror, &step.deviations);
+        (model, attitudes) = (next, next_attitudes);
         let change = (latest - after).abs() / after.max(1e-12);
         latest = after;
         let before = ground;
         let of_angle;
         (ground, of_angle) = spreads(recording, &model, sections, &attitudes);
-        if has_attitudes {
-            walk = step.walk(&attitudes, sections, &walk);
-        }
+        // Without effect on fits without attitudes.
+        walk = step.walk(&attitudes, sections, walk);
         let is_settled = (ground / before - 1.0).abs() <= 0.02 && change < 1e-6;
         if is_strict && (is_settled || number + 1 >= STRICT_STEPS) {
             (is_strict, latest) = (false, f64::INFINITY);
@@ -197,24 +198,37 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
     }
     let (residual, angle_residual) = spreads(recording, &model, sections, &attitudes);
     let times = sections.iter().map(|section| section.time).collect();
+    let attitudes = attitudes.into_iter().map(Attitude::from_vector).collect();
     Solution { model, deviations, times, attitudes, residual, angle_residual }
 }
 
+/// The model after a step of its estimated parameters.
+fn moved(model: &Model, step: &[f64]) -> Model {
+    let values = model.parameters.to_vector(model.mirror);
+    let values: Vec<f64> = values.iter().zip(step).map(|(value, change)| value + change).collect();
+    let mut parameters = model.parameters.with_vector(model.mirror, &values);
+    if model.has_channels() {
+        parameters.balance_channels();
+    }
+    Model { mirror: model.mirror, parameters }
+}
+
 /// Robust standard deviations of the residuals on the ground and of the scan angle.
-fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes: &[Attitude]) -> (f64, f64) {
+fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes: &[DVec3]) -> (f64, f64) {
     let (mut ground, mut angle) = (Vec::new(), Vec::new());
     for (section, attitude) in sections.iter().zip(attitudes) {
         for i in &section.pulses {
-            let r = residuals(recording, model, attitude, *i);
+            let r = residuals(recording, model, *attitude, *i);
             ground.push(r[0].abs());
             ground.push(r[1].abs());
             angle.push(r[2].abs());
         }
     }
-    ((1.4826 * median(ground)).max(0.005), (1.4826 * median(angle)).max(min_angle(recording)))
+    let spread = |residuals: Vec<f64>| 1.4826 * median(residuals).unwrap_or(0.0);
+    (spread(ground).max(0.005), spread(angle).max(min_angle(recording)))
 }
 
-/// Least standard deviation of scan angles: that of their step, or of what lies beyond the rounding to
+/// Minimum standard deviation of scan angles: that of their step, or of residuals beyond the rounding to
 /// degrees.
 fn min_angle(recording: &Recording) -> f64 {
     radians(if recording.has_whole_angles() { 0.1 } else { 0.01 })
@@ -235,7 +249,7 @@ fn normal_cost(
     recording: &Recording,
     model: &Model,
     sections: &[Section],
-    attitudes: &[Attitude],
+    attitudes: &[DVec3],
     ground: f64,
     angle: f64,
 ) -> f64 {
@@ -243,7 +257,7 @@ fn normal_cost(
     for (section, attitude) in sections.iter().zip(attitudes) {
         let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
         for i in &section.pulses {
-            let r = residuals(recording, model, attitude, *i);
+            let r = residuals(recording, model, *attitude, *i);
             let scaled = r.iter().zip(scales(ground, angle)).map(|(r, scale)| huber(r / scale).1);
             cost += share * scaled.sum::<f64>();
         }
@@ -255,84 +269,87 @@ fn normal_equations(
     recording: &Recording,
     model: &Model,
     sections: &[Section],
-    attitudes: &[Attitude],
+    attitudes: &[DVec3],
     ground: f64,
     angle: f64,
 ) -> Normal {
-    let count = model.count();
-    let step = increments(recording.duration());
+    let steps = increments(model, recording.duration()).to_vector(model.mirror);
+    let count = steps.len();
     let shifted: Vec<Model> = (0..count)
         .map(|k| {
-            let mut shifted = model.clone();
-            shifted.parameters[k] += step[k];
-            shifted
+            let step: Vec<f64> = (0..count).map(|other| if other == k { steps[k] } else { 0.0 }).collect();
+            moved(model, &step)
         })
         .collect();
     let mut normal = Normal {
-        diagonal: vec![Matrix3::zeros(); sections.len()],
-        mixed: vec![Matrix3xX::zeros(count); sections.len()],
-        right: vec![Vector3::zeros(); sections.len()],
-        parameters: DMatrix::zeros(count, count),
-        right_parameters: DVector::zeros(count),
+        sections: vec![SectionEquations::new(count); sections.len()],
+        parameters: LeastSquares::new(count),
         cost: 0.0,
     };
     let scale = scales(ground, angle);
-    for (k, (section, attitude)) in sections.iter().zip(attitudes).enumerate() {
+    let mut of_parameters = vec![0.0; count];
+    for ((section, attitude), equations) in sections.iter().zip(attitudes).zip(&mut normal.sections) {
         let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
         for i in &section.pulses {
-            let base = residuals(recording, model, attitude, *i);
+            let base = residuals(recording, model, *attitude, *i);
             let by_parameter: Vec<[f64; RESIDUALS]> =
-                shifted.iter().map(|model| residuals(recording, model, attitude, *i)).collect();
-            let by_attitude: [[f64; RESIDUALS]; 3] = std::array::from_fn(|axis| {
-                let mut shifted = *attitude;
-                shifted[axis] += 1e-7;
-                residuals(recording, model, &shifted, *i)
-            });
+                shifted.iter().map(|model| residuals(recording, model, *attitude, *i)).collect();
+            let by_attitude =
+                DVec3::AXES.map(|axis| residuals(recording, model, *attitude + ATTITUDE_STEP * axis, *i));
             let count_of = if recording.pulses[*i].last.is_some() { RESIDUALS } else { 3 };
             for j in 0..count_of {
                 let ratio = base[j] / scale[j];
                 let (weight, cost) = huber(ratio);
                 let weight = weight * share;
                 normal.cost += share * cost;
-                let of_parameters =
-                    DVector::from_fn(count, |c, _| (by_parameter[c][j] - base[j]) / (step[c] * scale[j]));
-                let of_attitude =
-                    Vector3::from_fn(|axis, _| (by_attitude[axis][j] - base[j]) / (1e-7 * scale[j]));
-                normal.parameters.syger(weight, &of_parameters, &of_parameters, 1.0);
-                normal.right_parameters.axpy(-weight * ratio, &of_parameters, 1.0);
-                normal.diagonal[k] += weight * of_attitude * of_attitude.transpose();
-                normal.mixed[k] += weight * of_attitude * of_parameters.transpose();
-                normal.right[k] -= weight * ratio * of_attitude;
+                for ((derivative, shifted), step) in of_parameters.iter_mut().zip(&by_parameter).zip(&steps) {
+                    *derivative = (shifted[j] - base[j]) / (step * scale[j]);
+                }
+                let of_attitude = DVec3::from(
+                    by_attitude.map(|shifted| (shifted[j] - base[j]) / (ATTITUDE_STEP * scale[j])),
+                );
+                normal.parameters.add(&of_parameters, -ratio, weight);
+                equations.add(of_attitude, &of_parameters, -ratio, weight);
             }
         }
     }
-    normal.parameters.fill_upper_triangle_with_lower_triangle();
     normal
 }
 
-/// Precisions of the random walk between two sections.
-fn walk_precision(before: &Section, after: &Section, walk: &[f64; 3]) -> [f64; 3] {
+impl SectionEquations {
+    /// Adds an observation: its derivatives by the attitude and by the parameters, its value and its weight.
+    fn add(&mut self, of_attitude: DVec3, of_parameters: &[f64], value: f64, weight: f64) {
+        let weighted = weight * of_attitude;
+        self.matrix +=
+            DMat3::from_cols(weighted * of_attitude.x, weighted * of_attitude.y, weighted * of_attitude.z);
+        for (column, derivative) in self.mixed.iter_mut().zip(of_parameters) {
+            *column += weighted * *derivative;
+        }
+        self.right += value * weighted;
+    }
+}
+
+/// Precision of the change of an attitude between two sections.
+fn walk_precision(before: &Section, after: &Section, walk: DVec3) -> DVec3 {
     let interval = (after.time - before.time).max(1e-6);
-    walk.map(|variance| 1.0 / (variance * interval))
+    1.0 / (walk * interval)
 }
 
 fn prior_cost(
     model: &Model,
-    attitudes: &[Attitude],
+    attitudes: &[DVec3],
     sections: &[Section],
-    walk: &[f64; 3],
+    walk: DVec3,
     has_attitudes: bool,
 ) -> f64 {
-    let prior = priors(model);
-    let known = model.parameters.iter().zip(prior).take(model.count());
-    let mut cost: f64 = known.map(|(value, deviation)| (value / deviation).powi(2)).sum();
+    let values = model.parameters.to_vector(model.mirror);
+    let prior = priors(model).to_vector(model.mirror);
+    let mut cost: f64 = values.iter().zip(prior).map(|(value, deviation)| (value / deviation).powi(2)).sum();
     if has_attitudes {
-        cost += attitudes.iter().flatten().map(|angle| (angle / ATTITUDE).powi(2)).sum::<f64>();
-        for k in 1..sections.len() {
-            let precision = walk_precision(&sections[k - 1], &sections[k], walk);
-            for axis in 0..3 {
-                cost += precision[axis] * (attitudes[k][axis] - attitudes[k - 1][axis]).powi(2);
-            }
+        cost += attitudes.iter().map(|attitude| (*attitude / ATTITUDE).length_squared()).sum::<f64>();
+        for (pair, sections) in attitudes.windows(2).zip(sections.windows(2)) {
+            let change = pair[1] - pair[0];
+            cost += walk_precision(&sections[0], &sections[1], walk).dot(change * change);
         }
     }
     cost
@@ -341,32 +358,32 @@ fn prior_cost(
 fn add_priors(
     normal: &mut Normal,
     model: &Model,
-    attitudes: &[Attitude],
+    attitudes: &[DVec3],
     sections: &[Section],
-    walk: &[f64; 3],
+    walk: DVec3,
     has_attitudes: bool,
 ) {
-    let prior = priors(model);
-    for (k, deviation) in prior.into_iter().enumerate().take(model.count()).filter(|(_, d)| d.is_finite()) {
+    let values = model.parameters.to_vector(model.mirror);
+    let prior = priors(model).to_vector(model.mirror);
+    for (k, (value, deviation)) in values.iter().zip(prior).enumerate() {
+        // 0 for an infinite deviation.
         let precision = 1.0 / (deviation * deviation);
-        normal.parameters[(k, k)] += precision;
-        normal.right_parameters[k] -= precision * model.parameters[k];
+        normal.parameters.matrix.add(k, k, precision);
+        normal.parameters.right[k] -= precision * value;
     }
     if has_attitudes {
         for (k, attitude) in attitudes.iter().enumerate() {
             let neighbours = [k.checked_sub(1), Some(k + 1).filter(|next| *next < sections.len())];
-            for axis in 0..3 {
-                let mut precision = 1.0 / (ATTITUDE * ATTITUDE);
-                let mut right = -precision * attitude[axis];
-                for other in neighbours.into_iter().flatten() {
-                    let (before, after) = (k.min(other), k.max(other));
-                    let of_walk = walk_precision(&sections[before], &sections[after], walk)[axis];
-                    precision += of_walk;
-                    right -= of_walk * (attitude[axis] - attitudes[other][axis]);
-                }
-                normal.diagonal[k][(axis, axis)] += precision;
-                normal.right[k][axis] += right;
+            let mut precision = DVec3::splat(1.0 / (ATTITUDE * ATTITUDE));
+            let mut right = -precision * *attitude;
+            for other in neighbours.into_iter().flatten() {
+                let (before, after) = (k.min(other), k.max(other));
+                let of_walk = walk_precision(&sections[before], &sections[after], walk);
+                precision += of_walk;
+                right -= of_walk * (*attitude - attitudes[other]);
             }
+            normal.sections[k].matrix += DMat3::from_diagonal(precision);
+            normal.sections[k].right += right;
         }
     }
     normal.cost += prior_cost(model, attitudes, sections, walk, has_attitudes);
@@ -374,102 +391,107 @@ fn add_priors(
 
 /// A step of the parameters and attitudes, with their covariances.
 struct Step {
-    parameters: DVector<f64>,
-    attitudes: Vec<Vector3<f64>>,
-    deviations: [f64; MAX_PARAMETERS],
+    /// Changes of the estimated parameters.
+    parameters: Vec<f64>,
+    /// Standard deviations of the parameters.
+    deviations: Vec<f64>,
+    attitudes: Vec<DVec3>,
     /// Variances of the attitudes' changes from section to section.
-    change_variances: Vec<Vector3<f64>>,
+    change_variances: Vec<DVec3>,
 }
 
 impl Step {
     /// Variances per second of the random walk that these attitudes and their uncertainties suggest.
-    fn walk(&self, attitudes: &[Attitude], sections: &[Section], before: &[f64; 3]) -> [f64; 3] {
-        let mut walk = *before;
-        for axis in 0..3 {
-            let (mut sum, mut count) = (0.0, 0.0);
-            for k in 1..sections.len() {
-                let interval = (sections[k].time - sections[k - 1].time).max(1e-6);
-                let change = attitudes[k][axis] - attitudes[k - 1][axis];
-                sum += (change * change + self.change_variances[k - 1][axis]) / interval;
-                count += 1.0;
-            }
-            if count > 0.0 {
-                walk[axis] = (sum / count).clamp(1e-12, 1.0);
-            }
+    fn walk(&self, attitudes: &[DVec3], sections: &[Section], before: DVec3) -> DVec3 {
+        let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+        for (k, pair) in sections.windows(2).enumerate() {
+            let interval = (pair[1].time - pair[0].time).max(1e-6);
+            let change = attitudes[k + 1] - attitudes[k];
+            sum += (change * change + self.change_variances[k]) / interval;
+            count += 1.0;
         }
-        walk
+        if count > 0.0 {
+            DVec3::from((sum / count).to_array().map(|variance| variance.clamp(1e-12, 1.0)))
+        } else {
+            before
+        }
     }
+}
+
+/// Sections after forward elimination.
+struct Eliminated {
+    inverse: DMat3,
+    /// Block of attitude times parameters.
+    mixed: Vec<DVec3>,
+    right: DVec3,
+    /// Negative precision of the random walk from the section before, which is the block that links them; 0
+    /// for the first section.
+    link: DVec3,
+}
+
+/// Forward elimination of the attitudes: D_k = A_k − E D⁻¹ E, with E = −precision of the walk; likewise for
+/// the right sides. `None` if a block is singular.
+fn eliminate(normal: &Normal, sections: &[Section], walk: DVec3) -> Option<Vec<Eliminated>> {
+    let mut done: Vec<Eliminated> = Vec::with_capacity(sections.len());
+    for (k, SectionEquations { matrix, mixed, right }) in normal.sections.iter().enumerate() {
+        let (mut matrix, mut mixed, mut right, mut link) = (*matrix, mixed.clone(), *right, DVec3::ZERO);
+        if let Some(before) = done.last() {
+            link = -walk_precision(&sections[k - 1], &sections[k], walk);
+            let gain = DMat3::from_diagonal(link) * before.inverse;
+            matrix -= gain * DMat3::from_diagonal(link);
+            for (column, before) in mixed.iter_mut().zip(&before.mixed) {
+                *column -= gain * *before;
+            }
+            right -= gain * before.right;
+        }
+        done.push(Eliminated { inverse: matrix.try_inverse()?, mixed, right, link });
+    }
+    Some(done)
 }
 
 /// Eliminates the attitudes and solves for the parameters; `None` for equations without a solution.
 fn reduce(
     normal: &Normal,
     sections: &[Section],
-    walk: &[f64; 3],
+    walk: DVec3,
     damping: f64,
     has_attitudes: bool,
 ) -> Option<Step> {
-    let count = normal.right_parameters.len();
     let mut reduced = normal.parameters.clone();
-    let mut right = normal.right_parameters.clone();
-    // Forward: D_k = A_k − E D⁻¹ E, with E = −precision of the walk; likewise for the right sides.
-    let (mut inverses, mut sides, mut links) = (Vec::new(), Vec::new(), Vec::new());
-    if has_attitudes {
-        for k in 0..sections.len() {
-            let mut block = normal.diagonal[k];
-            let mut side = Matrix3xX::zeros(count + 1);
-            side.columns_mut(0, count).copy_from(&normal.mixed[k]);
-            side.column_mut(count).copy_from(&normal.right[k]);
-            if k > 0 {
-                let precision = Vector3::from(walk_precision(&sections[k - 1], &sections[k], walk));
-                let link = Matrix3::from_diagonal(&-precision);
-                let inverse: &Matrix3<f64> = &inverses[k - 1];
-                let before: &Matrix3xX<f64> = &sides[k - 1];
-                block -= link * inverse * link;
-                side -= link * inverse * before;
-                links.push(link);
+    let count = reduced.right.len();
+    let eliminated = if has_attitudes { eliminate(normal, sections, walk)? } else { Vec::new() };
+    for Eliminated { inverse, mixed, right, .. } in &eliminated {
+        for (i, column) in mixed.iter().enumerate() {
+            let weighted = *inverse * *column;
+            for (j, other) in mixed.iter().enumerate().take(i + 1) {
+                reduced.matrix.add(i, j, -weighted.dot(*other));
             }
-            inverses.push(block.try_inverse()?);
-            sides.push(side);
-        }
-        for k in 0..sections.len() {
-            let of_parameters = sides[k].columns(0, count).into_owned();
-            let weighted = inverses[k] * &sides[k];
-            let product = of_parameters.transpose() * weighted;
-            reduced -= product.columns(0, count);
-            right -= product.column(count);
+            reduced.right[i] -= weighted.dot(*right);
         }
     }
-    // Parameters have different units: scale by the diagonal.
-    let scale = DVector::from_fn(count, |k, _| 1.0 / reduced[(k, k)].max(1e-300).sqrt());
-    let mut scaled = DMatrix::from_fn(count, count, |i, j| reduced[(i, j)] * scale[i] * scale[j]);
-    (0..count).for_each(|k| scaled[(k, k)] += damping);
-    let cholesky = scaled.cholesky()?;
-    let parameters = cholesky.solve(&right.component_mul(&scale)).component_mul(&scale);
-    let covariance = cholesky.inverse();
-    let mut deviations = [0.0; MAX_PARAMETERS];
-    for k in 0..count {
-        deviations[k] = covariance[(k, k)].max(0.0).sqrt() * scale[k];
-    }
-    let mut attitudes = vec![Vector3::zeros(); sections.len()];
-    let mut change_variances = vec![Vector3::zeros(); sections.len().saturating_sub(1)];
-    if has_attitudes {
-        let mut covariance = Matrix3::zeros();
-        for k in (0..sections.len()).rev() {
-            let mut side = sides[k].column(count) - sides[k].columns(0, count) * &parameters;
-            let own = inverses[k];
-            if k + 1 < sections.len() {
-                side -= links[k] * attitudes[k + 1];
-                let gain = -own * links[k];
+    let decomposition = reduced.matrix.scaled_cholesky(damping, 0.0)?;
+    let parameters = decomposition.solve(&reduced.right);
+    let covariance = decomposition.inverse();
+    let deviations = (0..count).map(|k| covariance.at(k, k).max(0.0).sqrt()).collect();
+    let mut attitudes = vec![DVec3::ZERO; sections.len()];
+    let mut change_variances = vec![DVec3::ZERO; sections.len().saturating_sub(1)];
+    // Backward substitution.
+    let mut covariance = DMat3::ZERO;
+    for (k, Eliminated { inverse, mixed, right, .. }) in eliminated.iter().enumerate().rev() {
+        let shift: DVec3 = mixed.iter().zip(&parameters).map(|(column, change)| *column * *change).sum();
+        let mut side = *right - shift;
+        covariance = match eliminated.get(k + 1) {
+            Some(Eliminated { link, .. }) => {
+                side -= *link * attitudes[k + 1];
+                let gain = -(*inverse * DMat3::from_diagonal(*link));
                 let cross = gain * covariance;
-                let here = own + gain * covariance * gain.transpose();
+                let here = *inverse + cross * gain.transpose();
                 change_variances[k] = (here + covariance - cross - cross.transpose()).diagonal();
-                covariance = here;
-            } else {
-                covariance = own;
+                here
             }
-            attitudes[k] = own * side;
-        }
+            None => *inverse,
+        };
+        attitudes[k] = *inverse * side;
     }
-    Some(Step { parameters, attitudes, deviations, change_variances })
+    Some(Step { parameters, deviations, attitudes, change_variances })
 }

@@ -18,7 +18,11 @@ fn flown_by(model: &Model, channel: usize, interval: impl Fn(f64) -> f64, durati
     while time < duration {
         k += 1;
         time += interval(time);
-        let attitude = [1e-4 * sin(40.0 * time), 1e-4 * cos(31.0 * time), 2e-3 * sin(5.0 * time)];
+        let attitude = Attitude {
+            roll: 1e-4 * sin(40.0 * time),
+            pitch: 1e-4 * cos(31.0 * time),
+            yaw: 2e-3 * sin(5.0 * time),
+        };
         let mut height = 0.0;
         let mut at = model.footprint(&attitude, channel, time, height);
         if at.x.abs() > 130.0 || at.y.abs() > 130.0 {
@@ -58,19 +62,23 @@ fn noise(k: u64) -> f64 {
     sum
 }
 
-fn model(mirror: Mirror, of_mirror: [f64; 4]) -> Model {
-    let mut parameters = [0.0; MAX_PARAMETERS];
-    (parameters[0], parameters[1], parameters[2], parameters[3]) = (-40.0, 350.0, 60.0, 4.0);
-    parameters[6] = 1200.0;
-    parameters[PLATFORM_PARAMETERS..][..4].copy_from_slice(&of_mirror);
-    Model::new(mirror, parameters)
+/// A flight with a mirror of this angle (rad) and rate.
+fn model(mirror: Mirror, angle: f64, rate: f64) -> Model {
+    let parameters = Parameters {
+        position: DVec3::new(-40.0, 350.0, 1200.0),
+        velocity: DVec3::new(60.0, 4.0, 0.0),
+        mirror: MirrorParameters { angle, rate, ..MirrorParameters::default() },
+        channels: vec![Channel { phase: 1.0, ..Channel::default() }],
+        ..Parameters::default()
+    };
+    Model { mirror, parameters }
 }
 
 /// A model that is known, without attitudes.
 fn known(model: &Model) -> Solution {
     Solution {
         model: model.clone(),
-        deviations: [0.0; MAX_PARAMETERS],
+        deviations: model.parameters.filled(0.0),
         times: Vec::new(),
         attitudes: Vec::new(),
         residual: 0.0,
@@ -78,7 +86,7 @@ fn known(model: &Model) -> Solution {
     }
 }
 
-/// Checks what is estimated of a flight, and that it predicts the lines that were left out.
+/// Checks the estimates of a flight, and that they predict the lines that were left out.
 fn check(truth: &Model, rate: f64) -> Solution {
     let recording = Recording::new(flown(truth, |_| 1.0 / rate, 3.0)).unwrap();
     let mut fitted = recording.clone();
@@ -87,10 +95,11 @@ fn check(truth: &Model, rate: f64) -> Solution {
         recording.lines.iter().enumerate().filter(|(k, _)| k % 3 != 1).map(|(_, l)| l.clone()).collect();
     let solution = best_solution(&fitted).unwrap();
     assert_eq!(solution.model.mirror, truth.mirror);
-    let height = solution.model.parameters[6];
+    let height = solution.model.parameters.position.z;
     assert!((height / 1200.0 - 1.0).abs() < 0.005, "height {height}");
-    let frequency = solution.model.of_mirror()[1].abs();
-    assert!((frequency / truth.of_mirror()[1].abs() - 1.0).abs() < 1e-4, "frequency {frequency}");
+    let frequency = solution.model.parameters.mirror.rate.abs();
+    let expected = truth.parameters.mirror.rate.abs();
+    assert!((frequency / expected - 1.0).abs() < 1e-4, "frequency {frequency}");
     let (mut squares, mut count) = (0.0, 0.0);
     for line in recording.lines.iter().enumerate().filter(|(k, _)| k % 3 == 1).map(|(_, line)| line.clone()) {
         for pulse in &recording.pulses[line] {
@@ -116,28 +125,28 @@ fn check(truth: &Model, rate: f64) -> Solution {
 #[test]
 fn a_cone_is_found_in_either_sense_from_a_part_of_its_circle() {
     for rate in [-140.0, 140.0] {
-        let solution = check(&model(Mirror::Cone, [radians(20.0), rate, 1.0, 0.0]), 400_000.0);
-        let half_angle = degrees(solution.model.of_mirror()[0]);
+        let solution = check(&model(Mirror::Cone, radians(20.0), rate), 400_000.0);
+        let half_angle = degrees(solution.model.parameters.mirror.angle);
         assert!((half_angle - 20.0).abs() < 0.1, "{half_angle}");
-        assert_eq!(solution.model.of_mirror()[1].signum(), rate.signum());
+        assert_eq!(solution.model.parameters.mirror.rate.signum(), rate.signum());
     }
 }
 
 #[test]
 fn lines_of_a_polygon_mirror_are_found() {
-    let solution = check(&model(Mirror::Polygon, [radians(58.0), 90.0, 1.0, 0.0]), 200_000.0);
-    assert!((degrees(solution.model.of_mirror()[0]) - 58.0).abs() < 0.5);
+    let solution = check(&model(Mirror::Polygon, radians(58.0), 90.0), 200_000.0);
+    assert!((degrees(solution.model.parameters.mirror.angle) - 58.0).abs() < 0.5);
 }
 
 #[test]
 fn a_mirror_that_swings_is_found() {
-    let solution = check(&model(Mirror::Oscillating, [radians(25.0), 50.0, 1.0, 0.0]), 200_000.0);
-    assert!((degrees(solution.model.of_mirror()[0]) - 25.0).abs() < 0.2);
+    let solution = check(&model(Mirror::Oscillating, radians(25.0), 50.0), 200_000.0);
+    assert!((degrees(solution.model.parameters.mirror.angle) - 25.0).abs() < 0.2);
 }
 
 #[test]
 fn the_rate_of_a_thinned_cloud_is_that_of_the_pulses_that_left() {
-    let truth = model(Mirror::Polygon, [radians(58.0), 90.0, 1.0, 0.0]);
+    let truth = model(Mirror::Polygon, radians(58.0), 90.0);
     let mut pulses = flown(&truth, |_| 5e-6, 3.0);
     let mut k = 0;
     pulses.retain(|_| {
@@ -153,9 +162,9 @@ fn the_rate_of_a_thinned_cloud_is_that_of_the_pulses_that_left() {
 
 #[test]
 fn a_rate_that_follows_the_mirror_is_told() {
-    let truth = model(Mirror::Cone, [radians(20.0), 140.0, 1.0, 0.0]);
+    let truth = model(Mirror::Cone, radians(20.0), 140.0);
     // Longer intervals in a part of the circle, which falls into the square.
-    let is_slow = |time: f64| truth.part(0, time) < 0.28;
+    let is_slow = |time: f64| truth.fraction(0, time) < 0.28;
     let pulses = flown(&truth, |time| if is_slow(time) { 3.5e-6 } else { 2.5e-6 }, 3.0);
     let slow = pulses.iter().filter(|pulse| is_slow(pulse.time)).count() as f64 / pulses.len() as f64;
     assert!((0.1..0.9).contains(&slow), "{slow}");
@@ -171,7 +180,7 @@ fn a_rate_that_follows_the_mirror_is_told() {
 
 #[test]
 fn intervals_that_repeat_are_found_in_times_that_are_rounded() {
-    let truth = model(Mirror::Cone, [radians(20.0), 140.0, 1.0, 0.0]);
+    let truth = model(Mirror::Cone, radians(20.0), 140.0);
     let dither = [1.05, 1.02, 0.97, 0.94, 0.98, 1.01, 1.03];
     let count = std::cell::Cell::new(0);
     let interval = |_| {
@@ -202,7 +211,7 @@ fn intervals_that_repeat_are_found_in_times_that_are_rounded() {
 /// Levels that repeat after 10 lines are foreseen for lines that were left out.
 #[test]
 fn levels_of_lines_that_repeat_are_foreseen() {
-    let truth = model(Mirror::Cone, [radians(20.0), 140.0, 1.0, 0.0]);
+    let truth = model(Mirror::Cone, radians(20.0), 140.0);
     let level = |time: f64| 1.0 + 0.02 * noise(((time * 140.0) as u64) % 10);
     let recording = Recording::new(flown(&truth, |time| 2.5e-6 * level(time), 3.0)).unwrap();
     let mut fitted = recording.clone();
@@ -222,10 +231,11 @@ fn levels_of_lines_that_repeat_are_foreseen() {
     assert!(levels[9] - levels[0] > 0.02, "{levels:?}");
 }
 
-/// Times in steps of nearly an interval do not tell the intervals of pulses, but the places of the points do.
+/// Times in steps of nearly an interval do not determine the intervals of pulses, but the positions of the
+/// points do.
 #[test]
 fn places_tell_the_rate_where_times_are_coarse() {
-    let truth = model(Mirror::Polygon, [radians(58.0), 90.0, 1.0, 0.0]);
+    let truth = model(Mirror::Polygon, radians(58.0), 90.0);
     let mut pulses = flown(&truth, |_| 5e-6, 2.0);
     pulses.iter_mut().for_each(|pulse| pulse.time = (pulse.time / 4e-6).round() * 4e-6);
     pulses.dedup_by_key(|pulse| pulse.time);

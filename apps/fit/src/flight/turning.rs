@@ -1,16 +1,16 @@
-//! Recordings of a scanner that stands and turns, which are no flights: their scan lines turn steadily.
+//! Detects recordings of a scanner that stands and turns: their scan lines turn steadily.
 
-use super::guess::slope;
+use super::phases::StraightLine;
 use super::recording::Pulse;
 use libm::{atan2, hypot, sqrt};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Scan lines whose mean direction is compared with that of the next ones.
+/// Number of scan lines whose mean direction is compared with that of the next group.
 const LINES: usize = 16;
-/// Lines of fewer pulses have no direction.
+/// Minimum number of pulses of a line with a direction.
 const MIN_PULSES: usize = 8;
-/// Directions that agree less have no mean: 1 if all are the same and all points are on straight lines seen
+/// Minimum agreement of directions with a mean: 1 if all are equal and all points are on straight lines seen
 /// from above.
 const MIN_AGREEMENT: f64 = 0.8;
 /// Smaller turns may be those of a curved flight, rad.
@@ -43,9 +43,9 @@ pub fn steady_turn(pulses: &[Pulse], lines: &[Range<usize>]) -> Option<f64> {
         doubled.push(doubled[doubled.len() - 1] + change - TAU * (change / TAU).round());
     }
     let times: Vec<f64> = groups.iter().map(|(time, _)| *time).collect();
-    let (rate, first) = slope(&times, &doubled);
-    let turn = 0.5 * (rate * (times[times.len() - 1] - times[0])).abs();
-    let square = |(time, angle): (&f64, &f64)| (0.5 * (angle - first - rate * time)).powi(2);
+    let even = StraightLine::through(&times, &doubled);
+    let turn = 0.5 * (even.slope * (times[times.len() - 1] - times[0])).abs();
+    let square = |(time, angle): (&f64, &f64)| (0.5 * (angle - even.at(*time))).powi(2);
     let uneven = sqrt(times.iter().zip(&doubled).map(square).sum::<f64>() / times.len() as f64);
     // False for NaN.
     (turn >= MIN_TURN && uneven <= MAX_UNEVEN * turn).then_some(turn)

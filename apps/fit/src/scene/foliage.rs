@@ -1,15 +1,15 @@
-//! Foliage as voxels: leaf area density by the law of Beer and Lambert from what beams lose in them.
+//! Foliage as voxels: leaf area density by the law of Beer and Lambert from the losses of beams.
 //!
 //! A return k of a pulse with n returns has intercepted 1/n of the beam, and (n − k)/n goes on. In every
 //! voxel the intercepted shares are added up, and so are the lengths of the beams within it, each weighted by
 //! the share that is left there. Their ratio is the estimate of the extinction σ with the greatest likelihood
 //! where paths are exponentially distributed (Pimont et al. 2018, *Estimators and confidence intervals for
 //! plant area density at voxel scale with T-LiDAR*, Remote Sensing of Environment 215), and the leaf area
-//! density is σ/G with G = 1/2 of leaves that face all directions alike. Neighbouring columns share what they
-//! know: both sums are smoothed over columns, along the ground or the canopy and never up or down, since tops
-//! of crowns are sharp, and what is known at one level of smoothing is the prior of the next finer one (a
-//! gamma distribution, conjugate to exponential paths). Which surface is followed and how much the prior
-//! counts is decided by the likelihood of a quarter of the pulses by what the other three quarters say.
+//! density is σ/G with G = 1/2 for leaves that face all directions alike. Both sums are smoothed over
+//! neighbouring columns, along the ground or the canopy and never up or down, since tops of crowns are sharp.
+//! The result of one level of smoothing is the prior of the next finer one (a gamma distribution, conjugate
+//! to exponential paths). Surface and weight of the prior are chosen by the likelihood of a quarter of the
+//! pulses, given the other three quarters.
 
 use super::recording::{Recording, Target};
 use super::sensor::SensorPath;
@@ -20,8 +20,8 @@ use vlscan_tools::neighbours::Neighbours;
 
 /// Mean projection of leaves that face all directions alike.
 pub(super) const PROJECTION: f64 = 0.5;
-/// Most voxels of the grid, filled or not; those of few points, and more for each of them: work and memory
-/// are those of points, not of the place over which they are spread.
+/// Maximum number of voxels of the grid, filled or not: a minimum for few points, and more for each point.
+/// Work and memory grow with the points, not with the area over which they are spread.
 const MAX_VOXELS: f64 = 40e6;
 const MIN_VOXELS: f64 = 4e6;
 const VOXELS_PER_POINT: f64 = 256.0;
@@ -33,7 +33,7 @@ const MAX_EXTINCTION: f32 = 20.0;
 /// A voxel that holds foliage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeafVoxel {
-    /// Its numbers along x, y and z.
+    /// Indices along x, y and z.
     pub index: [u32; 3],
     /// One-sided leaf area density, m²/m³.
     pub density: f64,
@@ -44,7 +44,7 @@ pub struct LeafVoxel {
 /// Foliage of a place.
 #[derive(Clone, Debug, Default)]
 pub struct Foliage {
-    /// Least corner of the grid, m.
+    /// Minimum corner of the grid, m.
     pub min: DVec3,
     /// Edge of a voxel, m.
     pub size: f64,
@@ -61,7 +61,7 @@ impl Foliage {
     }
 }
 
-/// The edge of voxels, at least `size`, at which a box has at most so many, m.
+/// Edge of voxels, at least `size`, at which a box has at most `most` voxels, m.
 fn size_within(extent: DVec3, size: f64, most: f64) -> f64 {
     let voxels = |size: f64| {
         let cells = extent / size + 3.0;
@@ -69,7 +69,7 @@ fn size_within(extent: DVec3, size: f64, most: f64) -> f64 {
     };
     let around = extent + 3.0 * size;
     let mut size = size.max((around.x * around.y * around.z / most).cbrt());
-    // Of a box that is flat the layers around it count most. Ends: 27 voxels are the fewest.
+    // In a flat box most voxels are in the layers around it. The loop ends: 27 voxels are the minimum.
     while voxels(size) > (2.0 * most).max(64.0) {
         size *= 1.25;
     }
@@ -211,7 +211,7 @@ struct Sums {
 pub(super) struct Extinctions {
     pub grid: Grid,
     pub sigma: Vec<f32>,
-    /// Class of most of the intercepted light of voxels with returns, [`NO_CLASS`] of others.
+    /// Class that intercepts most light in each voxel with returns, [`NO_CLASS`] for others.
     classes: Vec<u8>,
     /// Length of beams, m, for which the next coarser level of smoothing counts.
     pub prior: f64,
@@ -223,12 +223,12 @@ const NO_CLASS: u8 = u8::MAX;
 
 /// Passes of smoothing of the levels, finest first.
 const PASSES: [usize; 4] = [0, 2, 6, 18];
-/// Lengths of beam for which the coarser level counts, m, among which the likelihood of pulses that were left
-/// out decides.
+/// Lengths of beam that the coarser level may weigh, m; the likelihood of the pulses that are held out
+/// decides.
 const PRIOR_LENGTHS: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
 
 /// The extinctions by all pulses of a recording, and those by all but the ones that are held out; `None`
-/// without foliage. `is_leaf` tells which returns are from foliage, `terrain` is the height of the ground.
+/// without foliage. `is_leaf` is true for returns from foliage, `terrain` is the terrain height.
 pub(super) fn extinctions(
     recording: &Recording,
     paths: &[SensorPath],
@@ -256,7 +256,7 @@ pub(super) fn extinctions(
     all.hits.iter_mut().zip(&left_out.hits).for_each(|(a, b)| *a += b);
     all.lengths.iter_mut().zip(&left_out.lengths).for_each(|(a, b)| *a += b);
     let crowns = |counts: &dyn Fn(usize) -> bool| grid.levels_of(canopy(recording, counts));
-    // Alignment and prior by which the pulses that were left out are most likely.
+    // Alignment and prior for which the pulses that are held out are most likely.
     let mut best = (f64::NEG_INFINITY, false, 0.0, Vec::new());
     for along_canopy in [false, true] {
         let surface =
@@ -340,7 +340,7 @@ impl Sums {
         }
     }
 
-    /// Log-likelihood of what these sums count, by extinctions of other pulses.
+    /// Log-likelihood of these sums, given extinctions from other pulses.
     fn log_likelihood(&self, sigma: &[f32]) -> f64 {
         let of = |((hit, length), sigma): ((&f32, &f32), &f32)| {
             let s = f64::from(sigma.max(MIN_EXTINCTION));
@@ -455,8 +455,8 @@ impl Extinctions {
     }
 }
 
-/// Marks the returns from foliage: those of no surface, unless they are unclassified and as near to the
-/// terrain as its own points.
+/// Marks the returns from foliage: those of no surface, except unclassified ones as near to the terrain as
+/// ground points.
 pub(super) fn leaf_returns(recording: &Recording, near_terrain: impl Fn(DVec3) -> bool + Sync) -> Vec<bool> {
     let is_leaf = |r: &super::recording::Return| {
         r.target == Target::Foliage && !(r.class <= 1 && near_terrain(r.position))
@@ -510,7 +510,7 @@ mod tests {
         let sums = Sums { hits: vec![3.0, 6.0], lengths: vec![10.0, 20.0] };
         let at = |s: f32| sums.log_likelihood(&[s, s]);
         assert!(at(0.3) > at(0.29) && at(0.3) > at(0.31));
-        // Where beams say enough, no prior matters.
+        // With enough beams, the prior has no effect.
         let grid = Grid { min: DVec3::ZERO, size: 1.0, cells: [2, 1, 1] };
         let sums = Sums { hits: vec![3e6, 0.0], lengths: vec![10e6, 0.0] };
         let found = Levels::of(sums, &grid, &[0, 0]).extinctions(1.0);

@@ -1,14 +1,14 @@
-//! A scene from a classified point cloud: terrain, roofs with walls, foliage as voxels, and the instrument as
-//! far as returns tell it.
+//! A scene from a classified point cloud: terrain, roofs with walls, foliage as voxels, and the instrument
+//! parameters observable from the returns.
 //!
 //! The classes are those of the LAS specification 1.4. Ground, water, roads and rails become the terrain;
-//! buildings and bridges become roofs with walls; what else there is becomes foliage, of the class of its
+//! buildings and bridges become roofs with walls; all other points become foliage, of the class of its
 //! points. Everything is estimated from the cloud.
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `recording` | returns as pulses and flight lines |
-//! | `sensor` | where the instrument was |
+//! | `sensor` | positions of the instrument |
 //! | `terrain`, `roofs` | surfaces |
 //! | `foliage` | leaf area densities |
 //! | `receiver` | resolution and threshold of the receiver, size of the elements of foliage |
@@ -28,7 +28,7 @@ pub use roofs::Roofs;
 pub use sensor::{PathSource, SensorPath};
 pub use terrain::Terrain;
 
-use recording::Target;
+use recording::{Recording, Target};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::Observer;
@@ -37,15 +37,15 @@ use vlscan_base::error::Result;
 use vlscan_base::quantity::{amount, counted, duration};
 use vlscan_geom::DVec3;
 
-/// Voxels per distance between pulses, and their least and largest edge, m.
+/// Edge of voxels over the distance between pulses, and its minimum and maximum, m.
 const VOXEL_PER_SPACING: f64 = 1.0;
 const VOXEL_SIZES: [f64; 2] = [0.3, 0.75];
-/// Least and largest edge of the cells of roofs, m.
+/// Minimum and maximum edge of the cells of roofs, m.
 const ROOF_CELLS: [f64; 2] = [0.25, 2.0];
-/// Most flight lines that a message names.
+/// Maximum number of flight lines that a message names.
 const MAX_LISTED_LINES: usize = 5;
-/// Unclassified points within so many spreads of the terrain are of the terrain.
-const NEAR_SPREADS: f64 = 3.0;
+/// Unclassified points within this many standard deviations of the terrain count as terrain.
+const MAX_TERRAIN_DEVIATIONS: f64 = 3.0;
 
 /// Source and settings of a reconstruction.
 #[derive(Clone, Debug, PartialEq, clap::Args)]
@@ -105,7 +105,7 @@ pub struct ReconstructedScene {
     pub roofs: Roofs,
     /// Foliage; without voxels where there is none.
     pub foliage: Foliage,
-    /// Length of beams, m, for which what the surroundings of a voxel say counts in its density.
+    /// Length of beams, m, that the surroundings of a voxel weigh in its density.
     pub prior: f64,
     /// True if the surroundings lie along the canopy rather than along the ground.
     pub along_canopy: bool,
@@ -129,7 +129,7 @@ impl Stages<'_> {
     }
 }
 
-/// Estimates a scene from a classified point cloud. What is doubtful is told to `observer`.
+/// Estimates a scene from a classified point cloud. `observer` receives warnings of doubtful results.
 ///
 /// # Errors
 /// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that are no point cloud or have no
@@ -137,48 +137,14 @@ impl Stages<'_> {
 pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
     let mut found = Diagnostics::default();
     let mut stages = Stages { observer, begun: Instant::now() };
-    observer.step("reading the cloud");
-    let recording = recording::read(&options.cloud, &mut found)?;
-    let (returns, pulses) = (amount(recording.returns.len() as f64), amount(recording.pulses.len() as f64));
-    stages.done(format!(
-        "{returns} points of {pulses} pulses in {}",
-        counted(recording.lines.len() as u64, "flight line")
-    ));
-    observer.step("looking for the instrument");
-    let paths = sensor::paths(&recording);
-    stages.done(format!("paths of {}", counted(paths.len() as u64, "flight line")));
-    let unknown = paths.iter().filter(|p| p.found_by == PathSource::Nadir);
-    let unknown: Vec<String> = unknown.map(|path| path.source.to_string()).collect();
-    if !unknown.is_empty() {
-        let names: Vec<&str> = unknown.iter().map(String::as_str).collect();
-        let (line, are) = if names.len() == 1 { ("line", "it is") } else { ("lines", "they are") };
-        let message = format!(
-            "neither returns nor scan angles of {line} {} show where the instrument was; {are} taken to be \
-             recorded from straight above",
-            listed(&names, MAX_LISTED_LINES)
-        );
-        found.warn(Some(Place::of_file(&options.cloud)), message);
-    }
+    let recording = stages.read(&options.cloud, &mut found)?;
+    let paths = stages.paths(&recording);
+    warn_of_nadir_paths(&options.cloud, &paths, &mut found);
     observer.warnings(found)?;
-    let of = |target: Target| {
-        let returns = recording.returns.iter().filter(move |r| r.target == target);
-        returns.map(|r| (r.position, r.class)).unzip::<DVec3, u8, Vec<_>, Vec<_>>()
-    };
-    observer.step("making terrain and roofs");
-    let (ground, ground_classes) = of(Target::Ground);
-    let terrain = terrain::terrain(&ground, &ground_classes, recording.bounds);
-    let (on_roofs, roof_classes) = of(Target::Roof);
     let spacing = 1.0 / recording.density().sqrt();
-    let roofs =
-        roofs::roofs(&on_roofs, &roof_classes, (1.5 * spacing).clamp(ROOF_CELLS[0], ROOF_CELLS[1]), &terrain);
-    stages.done(format!(
-        "terrain of {} by {} nodes, {} cells of roofs",
-        terrain.nodes[0],
-        terrain.nodes[1],
-        amount(roofs.cells as f64)
-    ));
+    let (terrain, roofs) = stages.surfaces(&recording, spacing);
     observer.step("estimating the density of leaves");
-    let reach = NEAR_SPREADS * terrain.spread;
+    let reach = MAX_TERRAIN_DEVIATIONS * terrain.spread;
     let is_leaf = foliage::leaf_returns(&recording, |p| (p.z - terrain.height(p.x, p.y)).abs() <= reach);
     let size = options.voxel.unwrap_or((VOXEL_PER_SPACING * spacing).clamp(VOXEL_SIZES[0], VOXEL_SIZES[1]));
     let extinctions = foliage::extinctions(&recording, &paths, &is_leaf, size, |x, y| terrain.height(x, y));
@@ -197,17 +163,12 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     if foliage.size > size * 1.001 {
         observer.note(format!("voxels of {size:.2} m would be too many; they have {:.2} m", foliage.size));
     }
-    let ranges = recording.lines.iter().zip(&paths).flat_map(|(line, path)| {
-        line.pulses
-            .clone()
-            .map(|p| (path.at(recording.of_pulse(p)[0].time) - recording.of_pulse(p)[0].position).length())
-    });
     Ok(ReconstructedScene {
         points: recording.returns.len(),
         pulses: recording.pulses.len(),
         noise: recording.noise,
         density: recording.density(),
-        mean_range: ranges.sum::<f64>() / recording.pulses.len() as f64,
+        mean_range: mean_range(&recording, &paths),
         paths,
         terrain,
         roofs,
@@ -217,6 +178,74 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
         receiver,
         divergence: options.divergence,
     })
+}
+
+impl Stages<'_> {
+    fn read(&mut self, cloud: &Path, found: &mut Diagnostics) -> Result<Recording> {
+        self.observer.step("reading the cloud");
+        let recording = recording::read(cloud, found)?;
+        let (returns, pulses) =
+            (amount(recording.returns.len() as f64), amount(recording.pulses.len() as f64));
+        self.done(format!(
+            "{returns} points of {pulses} pulses in {}",
+            counted(recording.lines.len() as u64, "flight line")
+        ));
+        Ok(recording)
+    }
+
+    fn paths(&mut self, recording: &Recording) -> Vec<SensorPath> {
+        self.observer.step("looking for the instrument");
+        let paths = sensor::paths(recording);
+        self.done(format!("paths of {}", counted(paths.len() as u64, "flight line")));
+        paths
+    }
+
+    fn surfaces(&mut self, recording: &Recording, spacing: f64) -> (Terrain, Roofs) {
+        let of = |target: Target| {
+            let returns = recording.returns.iter().filter(move |r| r.target == target);
+            returns.map(|r| (r.position, r.class)).unzip::<DVec3, u8, Vec<_>, Vec<_>>()
+        };
+        self.observer.step("making terrain and roofs");
+        let (ground, ground_classes) = of(Target::Ground);
+        let terrain = terrain::terrain(&ground, &ground_classes, recording.bounds);
+        let (on_roofs, roof_classes) = of(Target::Roof);
+        let cell = (1.5 * spacing).clamp(ROOF_CELLS[0], ROOF_CELLS[1]);
+        let roofs = roofs::roofs(&on_roofs, &roof_classes, cell, &terrain);
+        self.done(format!(
+            "terrain of {} by {} nodes, {} cells of roofs",
+            terrain.nodes[0],
+            terrain.nodes[1],
+            amount(roofs.cells as f64)
+        ));
+        (terrain, roofs)
+    }
+}
+
+/// Warns of flight lines whose instrument is assumed to be straight above.
+fn warn_of_nadir_paths(cloud: &Path, paths: &[SensorPath], found: &mut Diagnostics) {
+    let unknown = paths.iter().filter(|path| path.found_by == PathSource::Nadir);
+    let unknown: Vec<String> = unknown.map(|path| path.source.to_string()).collect();
+    if unknown.is_empty() {
+        return;
+    }
+    let names: Vec<&str> = unknown.iter().map(String::as_str).collect();
+    let (line, are) = if names.len() == 1 { ("line", "it is") } else { ("lines", "they are") };
+    let message = format!(
+        "neither returns nor scan angles of {line} {} show where the instrument was; {are} assumed to be \
+         recorded from straight above",
+        listed(&names, MAX_LISTED_LINES)
+    );
+    found.warn(Some(Place::of_file(cloud)), message);
+}
+
+/// Mean distance from the instrument to the first returns of all pulses, m.
+fn mean_range(recording: &Recording, paths: &[SensorPath]) -> f64 {
+    let ranges = recording.lines.iter().zip(paths).flat_map(|(line, path)| {
+        line.pulses.clone().map(move |p| {
+            (path.at(recording.of_pulse(p)[0].time) - recording.of_pulse(p)[0].position).length()
+        })
+    });
+    ranges.sum::<f64>() / recording.pulses.len() as f64
 }
 
 impl ReconstructedScene {

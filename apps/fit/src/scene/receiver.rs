@@ -1,16 +1,16 @@
 //! The receiver and the grain of foliage, by how many returns pulses through foliage have.
 //!
-//! Two returns of a pulse are told apart from a distance on: the least one in the recording. An echo of a
-//! part of the beam is a return from a share of the energy on: the threshold. And how often a beam is divided
-//! at all follows from the size of the elements of foliage (shoots, clusters of leaves): a beam that is
-//! narrower than they are is intercepted as a whole. Threshold and size of the elements are estimated
-//! together, and in turn with them factors on the extinctions by height over the ground, since a first return
-//! is the nearest of all that a beam meets and not their mean: recorded beams are sent through the estimated
-//! foliage by the very rules by which `vlscan` simulates them (elements that intercept columns of the
-//! footprint at an exponentially distributed optical depth), with the same random numbers for every trial,
-//! until the shares of pulses with one, two, three and more returns, of pulses whose first return is from
-//! foliage, and of those whose last one is, are as recorded, and so are the heights of first returns. The
-//! extinctions are those by the other pulses: foliage that was estimated by a pulse fits that pulse too well.
+//! The resolution is the minimum distance between two returns of a pulse in the recording. The threshold is
+//! the minimum share of the energy that makes a return. The size of the elements of foliage (shoots, clusters
+//! of leaves) decides how often a beam is divided: an element intercepts a narrower beam as a whole.
+//!
+//! Threshold and size of the elements are estimated together, in turn with factors on the extinctions by
+//! height above the ground. The factors are needed since a first return is the nearest element in the beam,
+//! not the mean of all elements. Recorded beams are sent through the estimated foliage by the rules of the
+//! simulator: elements intercept columns of the footprint at an exponentially distributed optical depth. The
+//! random numbers are the same for every trial. The fit matches the shares of pulses with one, two, three and
+//! more returns, of pulses whose first or last return is from foliage, and the heights of first returns. The
+//! extinctions come from the other pulses: foliage that was estimated by a pulse fits that pulse too well.
 
 use super::foliage::{Beam, Extinctions, beam};
 use super::recording::Recording;
@@ -22,7 +22,7 @@ use vlscan_geom::DVec3;
 
 /// Pulses that are simulated.
 const MAX_SAMPLES: usize = 6000;
-/// Least pulses through foliage by which anything is estimated.
+/// Minimum number of pulses through foliage for an estimate.
 const MIN_SAMPLES: usize = 200;
 /// Optical depth from which on a beam counts as one through foliage.
 const MIN_DEPTH: f64 = 0.05;
@@ -38,17 +38,17 @@ const ROUNDS: usize = 3;
 const LAYER_STEPS: usize = 6;
 /// Bounds of the factor of a layer.
 const FACTORS: [f64; 2] = [0.2, 5.0];
-/// Quantile of the distances between consecutive returns that counts as the least one.
+/// Quantile of the distances between consecutive returns that counts as their minimum.
 const LEAST_DISTANCE_QUANTILE: f64 = 0.02;
-/// Least pairs of returns by which that distance is known.
+/// Minimum number of pairs of returns for that distance.
 const MIN_PAIRS: usize = 100;
-/// Distance at which returns are told apart where the recording does not say it, m: that of pulses of 4 ns.
+/// Default resolution for recordings with too few pairs, m: that of pulses of 4 ns.
 const USUAL_RESOLUTION: f64 = 0.6;
 
 /// Estimates about the receiver and foliage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Receiver {
-    /// Distance from which on two returns are told apart, m.
+    /// Minimum distance between two returns, m.
     pub resolution: f64,
     /// Pairs of returns by which it is known; 0: it is assumed.
     pub pairs: usize,
@@ -188,7 +188,7 @@ fn divide_into_layers(samples: &mut [Sample]) -> Vec<f64> {
     tops.into_iter().map(|top| if top.is_finite() { top } else { highest }).collect()
 }
 
-/// The least distance between consecutive returns of a pulse, m, and the number of pairs.
+/// Minimum distance between consecutive returns of a pulse, m, and the number of pairs.
 fn resolution(recording: &Recording) -> (f64, usize) {
     let mut distances: Vec<f64> = Vec::new();
     for pulse in 0..recording.pulses.len() {
@@ -307,8 +307,8 @@ fn simulated_shares(
         samples.par_iter().map(|sample| simulate(sample, settings, factors, resolution)).collect();
     let (mut counts, mut layers) = ([0.0; SHARES], [0.0; LAYERS]);
     let (mut n, mut firsts, mut lasts) = (0.0f64, 0.0f64, 0.0f64);
-    // A pulse without a return is not in a recording. Only where the recorded pulse tells it, first and last
-    // returns count, so that both are shares of the same pulses.
+    // A pulse without a return is not in a recording. First and last returns count only where the recorded
+    // pulse has them, so that both are shares of the same pulses.
     for (echoes, sample) in all.iter().zip(samples).filter_map(|(e, s)| Some((e.as_ref()?, s))) {
         n += 1.0;
         counts[echoes.count.clamp(1, 4) - 1] += 1.0;
@@ -381,7 +381,7 @@ fn simulate(
     (found.count > 0).then_some(found)
 }
 
-/// The least value of a function within bounds: a coarse grid, then steps along each axis that shrink.
+/// Minimum of a function within bounds: a coarse grid, then steps along each axis that shrink.
 fn minimise(cost: impl Fn(&[f64; 2]) -> f64, bounds: [[f64; 2]; 2]) -> [f64; 2] {
     const COARSE: usize = 9;
     let at = |axis: usize, i: usize| {

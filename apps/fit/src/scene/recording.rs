@@ -77,12 +77,12 @@ pub(super) struct Recording {
     /// Points of the noise classes 7 and 18, which are left out.
     pub noise: usize,
     pub has_scan_angles: bool,
-    /// For each pulse whether it is held out, to judge what the others say: every fourth of the recording, so
-    /// that a stray that is left out changes it for no other pulse.
+    /// True for each pulse that is held out for validation: every fourth of the recording, so that a stray
+    /// that is left out does not change the choice of other pulses.
     pub is_held_out: Vec<bool>,
 }
 
-/// Of so many pulses one is held out.
+/// Every n-th pulse is held out for validation.
 const FOLDS: usize = 4;
 
 struct Sink {
@@ -125,7 +125,7 @@ impl PointSink for Sink {
     }
 }
 
-/// Reads a point cloud; problems that do not prevent that are added to `found`.
+/// Reads a point cloud; problems that do not prevent reading are added to `found`.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, without classes, or without points of
@@ -142,7 +142,7 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let has = |attribute| sink.attributes.has(attribute);
     let kept = || sink.returns.iter().filter(|r| !r.is_left_out);
     let Some(first) = kept().next() else {
-        return Err(Error::input(format!("{name} has no points that could be a scene")));
+        return Err(Error::input(format!("{name} has no points for a scene")));
     };
     let count = kept().filter(|r| matches!(r.class, 2 | 8)).count();
     if count < 3 {
@@ -155,15 +155,15 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
         found.warn(Some(Place::of_file(path)), message);
     };
     if sink.skipped > 0 {
-        warn(&format!("{} points without coordinates are left out", sink.skipped));
+        warn(&format!("{} points without coordinates are ignored", sink.skipped));
     }
     if !has(Attribute::Time) {
-        warn("it has no times of pulses; every point is taken as a pulse of its own");
+        warn("the cloud has no times of pulses; each point counts as a separate pulse");
     }
     if !has(Attribute::NumberOfReturns) || !has(Attribute::ReturnNumber) {
         warn(
-            "it has no return numbers and numbers of returns; every point is taken as the only return of its \
-             pulse",
+            "the cloud has no return numbers and numbers of returns; each point counts as the only return \
+             of its pulse",
         );
     }
     let has_times = has(Attribute::Time);
@@ -182,7 +182,7 @@ pub(super) fn assemble(mut returns: Vec<Return>, has_times: bool) -> Recording {
     let ends_pulse = |r: &Return, next: Option<&Return>| {
         next.is_none_or(|next| !has_times || key(next) != key(r) || next.number <= r.number)
     };
-    // Numbers of pulses, those that are left out included.
+    // Numbers of pulses, including pulses that are left out.
     let mut numbers = Vec::with_capacity(returns.len());
     let mut number = 0usize;
     for (i, r) in returns.iter().enumerate() {

@@ -1,13 +1,13 @@
 //! Roofs with walls: square cells of planes, and vertical faces where neighbours do not meet.
 //!
-//! A recording from the air shows what is under the sky. Each cell of a building has the plane of the points
-//! around it; where the planes of neighbouring cells meet within a step they share their corners, elsewhere a
-//! wall closes the gap: between two roofs, or down to the terrain.
+//! A recording from the air shows surfaces under the open sky. Each cell of a building has the plane of the
+//! points around it; where the planes of neighbouring cells meet within a step they share their corners,
+//! elsewhere a wall closes the gap: between two roofs, or down to the terrain.
 
-use super::terrain::{Terrain, median};
+use super::terrain::Terrain;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, median};
 use vlscan_tools::neighbours::{Neighbours, plane_at};
 
 /// Difference in height that is a step between two roofs and no slope, m.
@@ -89,7 +89,7 @@ fn plane(
     let mut near: Vec<(f64, usize)> =
         near.iter().enumerate().filter(|(rank, n)| *rank < 4 || n.0 <= reach).map(|(_, n)| *n).collect();
     let class = classes[*own.first().unwrap_or(&near[0].1)];
-    // Of a cell that holds a wall and a roof the roof is what is seen from above: the middle of the points
+    // In a cell with a wall and a roof, the roof is visible from above: the middle of the points
     // near the highest ones.
     let mut heights: Vec<f64> = match own.is_empty() {
         true => near.iter().map(|n| points[n.1].z).collect(),
@@ -97,8 +97,8 @@ fn plane(
     };
     heights.sort_by(f64::total_cmp);
     let high = heights[(heights.len() - 1) * 4 / 5];
-    let mut top: Vec<f64> = heights.into_iter().filter(|z| (z - high).abs() < 1.0).collect();
-    let mut height = median(&mut top).unwrap_or(high);
+    let top = heights.into_iter().filter(|z| (z - high).abs() < 1.0);
+    let mut height = median(top).unwrap_or(high);
     let mut slope = [0.0; 2];
     for _ in 0..3 {
         let is_near = |n: &&(f64, usize)| {
@@ -172,8 +172,8 @@ fn add_cell(
     }
 }
 
-/// Height of a corner as a cell sees it: the mean of the planes there of the cells around that meet its own
-/// within a step.
+/// Height of a corner for a cell: the mean of the planes of the cells around the corner that are within a
+/// step of the cell's plane.
 fn corner_height(cells: &BTreeMap<(i64, i64), Cell>, own: (i64, i64), corner: (i64, i64), cell: f64) -> f64 {
     let height = |place: (i64, i64), c: &Cell| {
         let dx = (corner.1 as f64 - place.1 as f64 - 0.5) * cell;

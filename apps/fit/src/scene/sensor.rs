@@ -3,16 +3,16 @@
 //! All returns of a pulse lie on its beam, so that the beams of pulses with several returns meet in the
 //! instrument (Gatziolis and McGaughey 2019, *Reconstructing aircraft trajectories from multi-return airborne
 //! laser-scanning data*, Remote Sensing 11(19)). A pass over a place is short: the instrument moves along a
-//! straight line, x(t) = a + b·(t − t₀), whose six numbers are found by least squares of the distances of the
-//! beams. Where these are too few, or meet too badly, the scan angle tells the instrument's place across the
-//! track: its tangent grows by 1/height per metre, in the direction to the right of the flight.
+//! straight line, x(t) = a + b·(t − t₀), whose six numbers minimise the squared distances from the beams. If
+//! there are too few beams, or they meet too badly, the position across the track follows from the scan
+//! angle: its tangent grows by 1/height per metre, in the direction to the right of the flight.
 
 use super::recording::{Line, Recording};
 use vlscan_geom::DVec3;
 
-/// Least pulses with several returns by which a path is determined.
+/// Minimum number of pulses with several returns for a path.
 const MIN_BEAMS: usize = 50;
-/// Least distance between the first and the last return of such a pulse, m.
+/// Minimum distance between the first and the last return of such a pulse, m.
 const MIN_BEAM_LENGTH: f64 = 2.0;
 /// Largest standard deviation of the instrument's direction, as seen from the place, rad.
 const MAX_DIRECTION_ERROR: f64 = 0.01;
@@ -26,7 +26,7 @@ pub enum PathSource {
     Beams,
     /// Scan angles.
     ScanAngles,
-    /// Nothing: the instrument is taken to be above the place.
+    /// None: the instrument is assumed to be above the place.
     Nadir,
 }
 
@@ -98,8 +98,8 @@ struct Beam {
     weight: f64,
 }
 
-fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath) -> Option<SensorPath> {
-    let middle = 0.5 * (base.times[0] + base.times[1]);
+/// Beams of the pulses of a line with several returns; `middle` is the time of its middle, s.
+fn beams_of(recording: &Recording, line: &Line, place: DVec3, middle: f64) -> Vec<Beam> {
     let mut beams: Vec<Beam> = Vec::new();
     for pulse in line.pulses.clone() {
         let returns = recording.of_pulse(pulse);
@@ -110,6 +110,38 @@ fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath)
             beams.push(Beam { time, point, axis, length, weight: length * length });
         }
     }
+    beams
+}
+
+/// Normal equations of position and motion within `duration`: matrix and right side.
+fn equations(beams: &[Beam], duration: f64) -> ([[f64; 6]; 6], [f64; 6]) {
+    let mut normal = [[0.0; 6]; 6];
+    let mut right = [0.0; 6];
+    for beam in beams {
+        // The distance from the beam is (1 − a·aᵀ)(x + v·t − p).
+        let t = beam.time / duration;
+        for (i, ei) in DVec3::AXES.into_iter().enumerate() {
+            let across = (ei - beam.axis * beam.axis.dot(ei)) * beam.weight;
+            let r = across.dot(beam.point);
+            right[i] += r;
+            right[i + 3] += r * t;
+            for (j, ej) in DVec3::AXES.into_iter().enumerate() {
+                let n = across.dot(ej);
+                normal[i][j] += n;
+                normal[i][j + 3] += n * t;
+                normal[i + 3][j] += n * t;
+                normal[i + 3][j + 3] += n * t * t;
+            }
+        }
+    }
+    // Aircraft fly almost level, and the rate of climb is the least certain.
+    normal[5][5] += 1e6 * normal[0][0];
+    (normal, right)
+}
+
+fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath) -> Option<SensorPath> {
+    let middle = 0.5 * (base.times[0] + base.times[1]);
+    let mut beams = beams_of(recording, line, place, middle);
     if beams.len() < MIN_BEAMS {
         return None;
     }
@@ -117,31 +149,11 @@ fn by_beams(recording: &Recording, line: &Line, place: DVec3, base: &SensorPath)
     let mut solution = [0.0; 6];
     let mut errors = [[0.0; 6]; 6];
     for _ in 0..6 {
-        let mut normal = [[0.0; 6]; 6];
-        let mut right = [0.0; 6];
-        for beam in &beams {
-            // The distance from the beam is (1 − a·aᵀ)(x + v·t − p).
-            let t = beam.time / duration;
-            for (i, ei) in DVec3::AXES.into_iter().enumerate() {
-                let across = (ei - beam.axis * beam.axis.dot(ei)) * beam.weight;
-                let r = across.dot(beam.point);
-                right[i] += r;
-                right[i + 3] += r * t;
-                for (j, ej) in DVec3::AXES.into_iter().enumerate() {
-                    let n = across.dot(ej);
-                    normal[i][j] += n;
-                    normal[i][j + 3] += n * t;
-                    normal[i + 3][j] += n * t;
-                    normal[i + 3][j + 3] += n * t * t;
-                }
-            }
-        }
-        // Aircraft fly level, nearly; the rate of climb is determined worst.
-        normal[5][5] += 1e6 * normal[0][0];
+        let (normal, right) = equations(&beams, duration);
         let inverse = inverse(&normal)?;
         solution = std::array::from_fn(|i| (0..6).map(|j| inverse[i][j] * right[j]).sum());
-        // Residual angle of each beam; those far off are of lower weight (Cauchy), and the variance follows
-        // from all.
+        // Residual angle of each beam; beams far off have a lower weight (Cauchy). All beams count for the
+        // variance.
         let angle = |beam: &Beam| {
             let x = DVec3::new(solution[0], solution[1], solution[2])
                 + DVec3::new(solution[3], solution[4], solution[5]) * (beam.time / duration);
@@ -203,19 +215,18 @@ fn by_scan_angles(recording: &Recording, line: &Line, place: DVec3, base: &Senso
     let inverse = inverse(&sums)?;
     let [centre, gx, gy] = std::array::from_fn(|i| (0..3).map(|j| inverse[i][j] * right[j]).sum::<f64>());
     let slope = libm::hypot(gx, gy);
-    // Lower than 20 m and higher than 20 km no airborne scanner flies: whole degrees over a small place say
-    // too little.
+    // No airborne scanner flies lower than 20 m or higher than 20 km: such heights come from angles in whole
+    // degrees over a small place.
     let height = Some(1.0 / slope).filter(|h| (20.0..20_000.0).contains(h))?;
     let to_right = DVec3::new(gx, gy, 0.0) / slope;
     let position = place - to_right * (centre * height) + DVec3::Z * height;
-    // The beam lies in the plane across the flight: the instrument is as far along the track as what it
-    // meets.
+    // The beam lies in the plane across the flight: the instrument is as far along the track as its points.
     let forward = DVec3::new(-to_right.y, to_right.x, 0.0);
     let velocity = forward * speed_along(recording, line, place, forward);
     Some(SensorPath { position, velocity, found_by: PathSource::ScanAngles, ..base.clone() })
 }
 
-/// Metres along `forward` by which the points move on per second, by least squares.
+/// Speed of the points along `forward`, m/s, by least squares.
 fn speed_along(recording: &Recording, line: &Line, place: DVec3, forward: DVec3) -> f64 {
     let first = |pulse: usize| recording.of_pulse(pulse)[0];
     let n = line.pulses.len() as f64;
@@ -229,7 +240,8 @@ fn speed_along(recording: &Recording, line: &Line, place: DVec3, forward: DVec3)
     if square > 0.0 { product / square } else { 0.0 }
 }
 
-/// The inverse of a symmetric, positive matrix by Gauss and Jordan; `None` where it has none.
+/// Inverse of a matrix by Gauss-Jordan elimination with pivoting, for matrices that are nearly singular;
+/// `None` for singular ones.
 fn inverse<const N: usize>(matrix: &[[f64; N]; N]) -> Option<[[f64; N]; N]> {
     let mut a = *matrix;
     let mut b = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));

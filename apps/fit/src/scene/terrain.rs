@@ -1,24 +1,25 @@
 //! The terrain: heights on a grid, by planes through the nearest points of the ground.
 //!
 //! A plane by weighted least squares, rather than a triangulation, averages the noise of ranges and follows
-//! slopes. What the points scatter about it (noise of ranges, grass, stones) is estimated from each point and
+//! slopes. The scatter of points about it (noise of ranges, grass, stones) is estimated from each point and
 //! the plane of its neighbours without it.
 
 use rayon::prelude::*;
-use vlscan_geom::{Aabb, DVec3};
+use vlscan_geom::{Aabb, DVec3, median};
 use vlscan_tools::neighbours::{Neighbours, plane_at};
 
 /// Points through which the plane at a node goes.
 const POINTS_OF_PLANE: usize = 12;
 /// Nodes per point of the ground along each axis.
 const MIN_SPACING: f64 = 0.25;
-/// Most nodes of a terrain, those of few points, and more for each of them; larger places have wider grids.
+/// Maximum number of nodes: a minimum for few points, and more for each point; larger places have wider
+/// grids.
 const MAX_NODES: f64 = 16e6;
 const MIN_NODES: f64 = 65_536.0;
 const NODES_PER_POINT: f64 = 64.0;
 /// Points by which the spread is estimated.
 const MAX_SAMPLES: usize = 20_000;
-/// Width of the border around the points, m: what oblique beams meet there.
+/// Width of the border around the points, m, which oblique beams meet.
 const BORDER: f64 = 2.0;
 
 /// Heights on a square grid.
@@ -46,7 +47,7 @@ pub(super) fn terrain(points: &[DVec3], classes: &[u8], bounds: Aabb) -> Terrain
     let area = (max.x - min.x) * (max.y - min.y);
     let most = (MIN_NODES + NODES_PER_POINT * points.len() as f64).min(MAX_NODES);
     let (wide, long) = (max.x - min.x, max.y - min.y);
-    // Of a narrow place the rows at its borders count, too.
+    // In a narrow place the rows at the borders count, too.
     let least = (area / most).sqrt().max(wide.max(long) / most * 4.0);
     let spacing = spacing(points, &neighbours).max(MIN_SPACING).max(least);
     let nodes = [max.x - min.x, max.y - min.y].map(|d| (d / spacing).ceil() as usize + 1);
@@ -68,17 +69,14 @@ pub(super) fn terrain(points: &[DVec3], classes: &[u8], bounds: Aabb) -> Terrain
 /// density, nearly.
 fn spacing(points: &[DVec3], neighbours: &Neighbours) -> f64 {
     let step = points.len().div_ceil(MAX_SAMPLES);
-    let mut distances: Vec<f64> = (0..points.len())
-        .step_by(step)
-        .filter_map(|i| Some(neighbours.nearest(points[i].x, points[i].y, 3, Some(i)).last()?.0.sqrt()))
-        .collect();
-    median(&mut distances).unwrap_or(1.0)
+    let distance = |i: usize| Some(neighbours.nearest(points[i].x, points[i].y, 3, Some(i)).last()?.0.sqrt());
+    median((0..points.len()).step_by(step).filter_map(distance)).unwrap_or(1.0)
 }
 
 /// Distances of the points that count from the plane of their neighbours, as a robust standard deviation.
 fn spread(points: &[DVec3], neighbours: &Neighbours, counts: impl Fn(usize) -> bool + Sync) -> f64 {
     let step = points.len().div_ceil(MAX_SAMPLES);
-    let mut residuals: Vec<f64> = (0..points.len())
+    let residuals: Vec<f64> = (0..points.len())
         .into_par_iter()
         .step_by(step)
         .filter(|i| counts(*i))
@@ -88,13 +86,7 @@ fn spread(points: &[DVec3], neighbours: &Neighbours, counts: impl Fn(usize) -> b
             (p.z - plane_at(points, &near, [p.x, p.y])).abs()
         })
         .collect();
-    1.4826 * median(&mut residuals).unwrap_or(0.0)
-}
-
-/// The value in the middle; `None` of no values.
-pub(super) fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    1.4826 * median(residuals).unwrap_or(0.0)
 }
 
 impl Terrain {

@@ -172,7 +172,7 @@ fn document(parts: &[(String, String)]) -> String {
     text
 }
 
-/// Full width at half maximum of a pulse whose echoes are told apart at that distance, ns: two Gaussian
+/// Full width at half maximum of a pulse whose echoes are separate from that distance on, ns: two Gaussian
 /// pulses of the standard deviation σ have two maxima from 2σ on.
 fn pulse_width(resolution: f64) -> f64 {
     const NS_PER_M: f64 = 2.0 / 0.299_792_458;

@@ -6,7 +6,7 @@ use libm::{exp, log, sqrt};
 const PHOTONS: [u32; 14] = [1, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64, 90, 128];
 /// Steps of the threshold that is tried, from the weakest echo to the strongest.
 const THRESHOLDS: usize = 240;
-/// Least and largest share of dropouts that are tried, and steps between them.
+/// Minimum and maximum share of dropouts that are tried, and steps between them.
 const DROPOUTS: (f64, f64, usize) = (1e-4, 0.3, 48);
 const BINS: usize = 80;
 /// Strengths over the threshold beyond which every echo is detected.

@@ -10,7 +10,7 @@ use vlscan_survey::Scanner;
 
 /// Columns of a recording; the last ones may be missing.
 const COLUMNS: [&str; 5] = ["beam", "column", "range_mm", "reflectivity", "signal"];
-/// Largest range that is taken as one, m.
+/// Maximum valid range, m.
 const MAX_RANGE: f64 = 10_000.0;
 /// Reflectivities up to 100 are per cent of a Lambertian reflector; beyond, retroreflectors have a scale of
 /// their own.
@@ -43,7 +43,8 @@ pub struct Pixel {
     pub column: u32,
     /// Range from the origin of the beam, m; NaN without an echo.
     pub range: f64,
-    /// Reflectance of a Lambertian target that faces the beam, as the sensor says; NaN for retroreflectors.
+    /// Reflectance of a Lambertian target that faces the beam, as reported by the sensor; NaN for
+    /// retroreflectors.
     pub reflectance: f64,
     /// Strength of the echo, in the unit of the signal; NaN without an echo.
     pub strength: f64,

@@ -3,8 +3,7 @@
 //!
 //! Planes are found in the image of ranges, in patches of neighbouring pixels, from one half of the columns.
 //! The scatter of their ranges by strength, distance and incidence gives the law of noise, pulses without an
-//! echo give threshold, photon statistics and dropouts. The other half of the columns tells how well the law
-//! predicts.
+//! echo give threshold, photon statistics and dropouts. The other half of the columns validates the law.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -37,9 +36,9 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_survey::{RangeNoise, ReadOptions, Scanner, find_scanner};
 
-/// Fewest planes from which a law is estimated.
+/// Minimum number of planes for a law.
 const MIN_PLANES: usize = 25;
-/// Laws of fewer planes are told to be uncertain.
+/// Number of planes below which a warning calls the law uncertain.
 const FEW_PLANES: usize = 100;
 /// Rounds of noise and detection, each with the planes and the threshold of the other.
 const ROUNDS: usize = 3;
@@ -101,7 +100,7 @@ pub fn fit_spinning(
         .map_err(|problem| Error::input(format!("{}: {problem}", recording.display())))?;
     if fit.planes.len() < FEW_PLANES {
         let message = format!(
-            "{} planes are few for a law of noise, which differs from half to half of the columns then",
+            "{} planes are few for a law of noise: the law may differ between the halves of the columns",
             fit.planes.len()
         );
         found
@@ -111,7 +110,7 @@ pub fn fit_spinning(
     Ok(fit)
 }
 
-/// Estimates noise and detection from an image; the error says what the recording lacks.
+/// Estimates noise and detection from an image; the error names what the recording lacks.
 fn estimate(scanner: Scanner, image: RangeImage, half: Half) -> std::result::Result<SpinningFit, String> {
     let parity = u32::from(half == Half::Odd);
     let all = planes(&image, |column| column % 2 == parity);

@@ -1,7 +1,8 @@
 //! The law of range noise from the scatter around planes.
 
-use super::planes::{Patch, median};
+use super::planes::{Patch, median_of_numbers};
 use libm::{exp, log, sqrt};
+use vlscan_geom::LeastSquares;
 use vlscan_survey::RangeNoise;
 
 /// Parts of the variance: constant, by photons, by the amplifier, by the footprint.
@@ -11,8 +12,10 @@ const ROUNDS: usize = 20;
 const NORMAL_QUANTILE: f64 = 2.326;
 /// Noise of a good echo with which the search begins, m.
 const FIRST_NOISE: f64 = 0.01;
-/// Share of the patches that are planes at least, with which the search begins.
+/// Minimum share of patches that are planes, with which the search begins.
 const FIRST_SHARE: f64 = 0.3;
+/// Pivot, over its diagonal element, below which terms depend on each other.
+const MIN_PIVOT: f64 = 1e-9;
 
 /// The law of noise, and which patches are planes by it.
 #[derive(Clone, Debug)]
@@ -26,7 +29,7 @@ pub(super) struct NoiseLaw {
 }
 
 /// Weakness of a strength (threshold over strength) and standard deviation of the depths within the footprint
-/// of a beam of this divergence (rad): what the variance is linear in.
+/// of a beam of this divergence (rad): the terms in which the variance is linear.
 fn terms(patch: &Patch, threshold: f64, divergence: f64) -> [f64; PARTS] {
     let weakness = (threshold / patch.strength).min(1.0);
     let tangent = sqrt((1.0 / (patch.cosine * patch.cosine) - 1.0).max(0.0));
@@ -43,7 +46,7 @@ fn dot(a: &[f64; PARTS], b: &[f64; PARTS]) -> f64 {
 pub(super) fn noise_law(patches: &[Patch], threshold: f64, divergence: f64) -> Option<NoiseLaw> {
     let rows: Vec<[f64; PARTS]> = patches.iter().map(|p| terms(p, threshold, divergence)).collect();
     let mut variances: Vec<f64> = rows.iter().map(|row| FIRST_NOISE * FIRST_NOISE + row[3]).collect();
-    // The quietest share of the patches tells the level at first.
+    // The quietest share of the patches determines the first level.
     let mut ratios: Vec<f64> =
         patches.iter().zip(&variances).map(|(p, v)| p.scatter * p.scatter / v).collect();
     ratios.sort_by(f64::total_cmp);
@@ -83,8 +86,8 @@ impl NoiseLaw {
         sqrt(dot(&terms(patch, threshold, divergence), &self.parts))
     }
 
-    /// The law as a setting of an instrument whose ranges come in steps (m), whose rounding is a part of what
-    /// was seen.
+    /// The law as a setting of an instrument whose ranges come in steps (m). The observed noise includes
+    /// their rounding, which is removed.
     pub fn range_noise(&self, range_step: f64) -> RangeNoise {
         let [constant, shot, amplifier, footprint] = self.parts;
         let constant = (constant - range_step * range_step / 12.0).max(0.0);
@@ -109,65 +112,32 @@ impl NoiseLaw {
 /// Weighted least squares without negative coefficients: the best of all choices of coefficients that are 0.
 /// Each row has its terms, value and weight.
 fn least_squares_not_negative(rows: &[(&[f64; PARTS], f64, f64)]) -> Option<([f64; PARTS], [f64; PARTS])> {
-    let (mut matrix, mut right) = ([[0.0; PARTS]; PARTS], [0.0; PARTS]);
+    let mut sums = LeastSquares::new(PARTS);
     for (terms, value, weight) in rows {
-        for i in 0..PARTS {
-            right[i] += weight * terms[i] * value;
-            for j in 0..PARTS {
-                matrix[i][j] += weight * terms[i] * terms[j];
-            }
-        }
+        sums.add(&terms[..], *value, *weight);
     }
     let mut best: Option<(f64, [f64; PARTS], [f64; PARTS])> = None;
     for choice in 1u32..1 << PARTS {
         let chosen: Vec<usize> = (0..PARTS).filter(|i| choice >> i & 1 == 1).collect();
-        let Some(inverse) = inverse(&matrix, &chosen) else { continue };
+        let Some(decomposition) = sums.matrix.principal(&chosen).scaled_cholesky(0.0, MIN_PIVOT) else {
+            continue;
+        };
+        let right: Vec<f64> = chosen.iter().map(|i| sums.right[*i]).collect();
+        let (solution, inverse) = (decomposition.solve(&right), decomposition.inverse());
         let (mut parts, mut deviations) = ([0.0; PARTS], [0.0; PARTS]);
-        for (i, row) in chosen.iter().zip(&inverse) {
-            parts[*i] = row.iter().zip(&chosen).map(|(a, j)| a * right[*j]).sum();
-        }
         for (k, i) in chosen.iter().enumerate() {
-            deviations[*i] = sqrt(inverse[k][k].max(0.0));
+            (parts[*i], deviations[*i]) = (solution[k], sqrt(inverse.at(k, k).max(0.0)));
         }
         if parts.iter().any(|part| *part < 0.0 || !part.is_finite()) {
             continue;
         }
-        // What the solution takes off the sum of squares.
-        let gain: f64 = parts.iter().zip(&right).map(|(a, b)| a * b).sum();
+        // Reduction of the sum of squares.
+        let gain: f64 = parts.iter().zip(&sums.right).map(|(a, b)| a * b).sum();
         if best.as_ref().is_none_or(|(most, ..)| gain > *most) {
             best = Some((gain, parts, deviations));
         }
     }
     best.map(|(_, parts, deviations)| (parts, deviations))
-}
-
-/// Inverse of the rows and columns `chosen` of a matrix, by Gauss and Jordan with pivots of the diagonal.
-fn inverse(matrix: &[[f64; PARTS]; PARTS], chosen: &[usize]) -> Option<Vec<Vec<f64>>> {
-    let n = chosen.len();
-    // Scales make terms of different units comparable.
-    let scale: Vec<f64> = chosen.iter().map(|i| 1.0 / sqrt(matrix[*i][*i])).collect();
-    let mut left: Vec<Vec<f64>> = (0..n)
-        .map(|i| (0..n).map(|j| matrix[chosen[i]][chosen[j]] * scale[i] * scale[j]).collect())
-        .collect();
-    let mut right: Vec<Vec<f64>> =
-        (0..n).map(|i| (0..n).map(|j| f64::from(u8::from(i == j))).collect()).collect();
-    for i in 0..n {
-        let pivot = left[i][i];
-        if pivot.is_nan() || pivot.abs() <= 1e-9 {
-            return None;
-        }
-        for j in 0..n {
-            (left[i][j], right[i][j]) = (left[i][j] / pivot, right[i][j] / pivot);
-        }
-        for k in (0..n).filter(|k| *k != i) {
-            let factor = left[k][i];
-            for j in 0..n {
-                left[k][j] -= factor * left[i][j];
-                right[k][j] -= factor * right[i][j];
-            }
-        }
-    }
-    Some((0..n).map(|i| (0..n).map(|j| right[i][j] * scale[i] * scale[j]).collect()).collect())
 }
 
 /// Median of signal times squared range over reflectance: the strength of a white target at 1 m that faces
@@ -176,8 +146,32 @@ pub(super) fn white_strength<'p>(patches: impl Iterator<Item = &'p Patch>) -> f6
     let logarithms = patches
         .filter(|p| p.reflectance > MIN_REFLECTANCE)
         .map(|p| log(p.strength * p.range * p.range / p.reflectance));
-    exp(median(logarithms))
+    exp(median_of_numbers(logarithms))
 }
 
 /// Reflectance below which whole per cent are too coarse.
 const MIN_REFLECTANCE: f64 = 0.03;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coefficients_that_would_be_negative_are_zero() {
+        // Values 2 + 3·w with weakness w, and others that fall with it.
+        let rows: Vec<[f64; PARTS]> = (0..20).map(|k| [1.0, 0.05 * f64::from(k), 0.0, 0.0]).collect();
+        let fitted = |value: &dyn Fn(f64) -> f64| {
+            let rows: Vec<(&[f64; PARTS], f64, f64)> =
+                rows.iter().map(|row| (row, value(row[1]), 4.0)).collect();
+            least_squares_not_negative(&rows).unwrap()
+        };
+        let (parts, deviations) = fitted(&|w| 2.0 + 3.0 * w);
+        assert!((parts[0] - 2.0).abs() < 1e-9 && (parts[1] - 3.0).abs() < 1e-9, "{parts:?}");
+        assert!(deviations[0] > 0.0 && deviations[2..] == [0.0, 0.0], "{deviations:?}");
+        let (parts, deviations) = fitted(&|w| 2.0 - w);
+        assert!(parts[0] > 1.0 && parts[1..] == [0.0; 3], "{parts:?}");
+        // 20 observations of weight 4.
+        assert!((deviations[0] - sqrt(1.0 / 80.0)).abs() < 1e-12, "{deviations:?}");
+        assert!(least_squares_not_negative(&[]).is_none());
+    }
+}

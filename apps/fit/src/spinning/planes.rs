@@ -2,17 +2,19 @@
 
 use super::image::{Pixel, RangeImage};
 use libm::sqrt;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, LeastSquares, ScaledCholesky, median};
 
 /// Pixels of a patch: rows and columns.
 pub(super) const PATCH: [usize; 2] = [4, 8];
-/// Fewest echoes of the half that is fitted, and their least share.
+/// Minimum number of echoes of the half that is fitted, and their minimum share.
 const MIN_ECHOES: usize = 8;
 const MIN_SHARE: f64 = 0.6;
 /// Scatters beyond which a residual does not count (Tukey's biweight).
 const CUT: f64 = 5.0;
 const ITERATIONS: usize = 10;
-/// Least scatter that is told from none, m.
+/// Minimum share of the echoes within the cut.
+const MIN_KEPT: f64 = 0.9;
+/// Minimum scatter, m.
 const MIN_SCATTER: f64 = 1e-4;
 /// Cosine of the angle of incidence below which a plane is not fitted: 80°.
 const MIN_COSINE: f64 = 0.17;
@@ -79,45 +81,20 @@ fn plane(pixels: &[(Pixel, bool)]) -> Option<Patch> {
     if seen.len() < MIN_ECHOES || (seen.len() as f64) < MIN_SHARE * fitted().count() as f64 {
         return None;
     }
-    let middle = median(seen.iter().map(|p| p.range));
-    // The plane n·p = 1 by least squares first, then by ranges, with residuals beyond the cut without weight.
-    let mut normal = {
-        let mut sums = NormalEquations::default();
-        for pixel in &seen {
-            sums.add((pixel.origin + pixel.direction * pixel.range) / middle, 1.0, 1.0);
-        }
-        sums.solution()? / middle
-    };
-    let (mut sums, mut kept, mut squares) = (NormalEquations::default(), 0, 0.0);
-    for _ in 0..ITERATIONS {
-        let residuals: Vec<f64> = seen.iter().map(|p| p.range - expected(p, normal)).collect();
-        let scatter = (NORMAL_MEDIAN * median(residuals.iter().map(|r| r.abs()))).max(MIN_SCATTER);
-        (sums, kept, squares) = (NormalEquations::default(), 0, 0.0);
-        for (pixel, residual) in seen.iter().zip(residuals) {
-            let off = residual / (CUT * scatter);
-            if off.is_nan() || off.abs() >= 1.0 {
-                continue;
-            }
-            let weight = (1.0 - off * off) * (1.0 - off * off);
-            sums.add(slope(pixel, normal), residual, weight);
-            (kept, squares) = (kept + 1, squares + residual * residual);
-        }
-        normal += sums.solution()?;
-        if !normal.is_finite() {
-            return None;
-        }
-    }
-    if kept < MIN_ECHOES || (kept as f64) < 0.9 * seen.len() as f64 {
+    let Plane { normal, kept, squares, decomposition } = Plane::through(&seen)?;
+    if kept < MIN_ECHOES || (kept as f64) < MIN_KEPT * seen.len() as f64 {
         return None;
     }
+    // Variance of a value with this derivative, over that of an observation.
+    let variance = |by: DVec3| by.dot(DVec3::from_slice(&decomposition.solve(&by.to_array())));
     let samples: Vec<Sample> = pixels
         .iter()
         .map(|(pixel, is_fitted)| {
-            let (expected, slope) = (expected(pixel, normal), slope(pixel, normal));
+            let expected = expected(pixel, normal);
             Sample {
                 expected,
                 residual: pixel.range - expected,
-                leverage: sums.variance(slope),
+                leverage: variance(slope(pixel, normal)),
                 is_fitted: *is_fitted,
                 point: pixel.origin + pixel.direction * expected,
             }
@@ -134,12 +111,57 @@ fn plane(pixels: &[(Pixel, bool)]) -> Option<Patch> {
         normal,
         scatter: sqrt(squares / freedom).max(MIN_SCATTER),
         freedom,
-        range: median(seen.iter().map(|p| p.range)),
-        cosine: median(seen.iter().map(|p| cosine(p))),
-        strength: median(seen.iter().map(|p| p.strength)),
-        reflectance: median(seen.iter().map(|p| p.reflectance)),
+        range: median_of_numbers(seen.iter().map(|p| p.range)),
+        cosine: median_of_numbers(seen.iter().map(|p| cosine(p))),
+        strength: median_of_numbers(seen.iter().map(|p| p.strength)),
+        reflectance: median_of_numbers(seen.iter().map(|p| p.reflectance)),
         samples,
     })
+}
+
+/// Plane n·p = 1 through the points of pixels.
+struct Plane {
+    normal: DVec3,
+    /// Number of echoes within the cut.
+    kept: usize,
+    /// Sum of their squared residuals, m².
+    squares: f64,
+    decomposition: ScaledCholesky,
+}
+
+impl Plane {
+    /// Robust least squares of the ranges. `None` if the points do not determine a plane.
+    fn through(seen: &[&Pixel]) -> Option<Plane> {
+        let middle = median_of_numbers(seen.iter().map(|p| p.range));
+        // By distances from the origin first, then by ranges, where residuals beyond the cut have no weight.
+        let mut sums = LeastSquares::new(3);
+        for pixel in seen {
+            let point = (pixel.origin + pixel.direction * pixel.range) / middle;
+            sums.add(&point.to_array(), 1.0, 1.0);
+        }
+        let mut normal = DVec3::from_slice(&sums.solution()?) / middle;
+        let (mut kept, mut squares) = (0, 0.0);
+        for _ in 0..ITERATIONS {
+            let residuals: Vec<f64> = seen.iter().map(|p| p.range - expected(p, normal)).collect();
+            let scatter = NORMAL_MEDIAN * median_of_numbers(residuals.iter().map(|r| r.abs()));
+            let cut = CUT * scatter.max(MIN_SCATTER);
+            (sums, kept, squares) = (LeastSquares::new(3), 0, 0.0);
+            for (pixel, residual) in seen.iter().zip(residuals) {
+                let off = residual / cut;
+                if off.is_nan() || off.abs() >= 1.0 {
+                    continue;
+                }
+                let weight = (1.0 - off * off) * (1.0 - off * off);
+                sums.add(&slope(pixel, normal).to_array(), residual, weight);
+                (kept, squares) = (kept + 1, squares + residual * residual);
+            }
+            normal += DVec3::from_slice(&sums.solution()?);
+            if !normal.is_finite() {
+                return None;
+            }
+        }
+        Some(Plane { normal, kept, squares, decomposition: sums.matrix.scaled_cholesky(0.0, 0.0)? })
+    }
 }
 
 /// Range at which a beam meets the plane, m.
@@ -152,54 +174,7 @@ fn slope(pixel: &Pixel, normal: DVec3) -> DVec3 {
     (pixel.origin + pixel.direction * expected(pixel, normal)) * (-1.0 / pixel.direction.dot(normal))
 }
 
-/// The median of the values that are numbers, NaN of none.
-pub(super) fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.filter(|v| !v.is_nan()).collect();
-    values.sort_by(f64::total_cmp);
-    match values.len() {
-        0 => f64::NAN,
-        n if n % 2 == 1 => values[n / 2],
-        n => 0.5 * (values[n / 2 - 1] + values[n / 2]),
-    }
-}
-
-/// Sums of a linear fit of three unknowns.
-#[derive(Clone, Copy, Debug, Default)]
-struct NormalEquations {
-    /// xx, xy, xz, yy, yz, zz.
-    matrix: [f64; 6],
-    right: DVec3,
-}
-
-impl NormalEquations {
-    fn add(&mut self, by: DVec3, value: f64, weight: f64) {
-        let products = [by.x * by.x, by.x * by.y, by.x * by.z, by.y * by.y, by.y * by.z, by.z * by.z];
-        self.matrix.iter_mut().zip(products).for_each(|(sum, product)| *sum += weight * product);
-        self.right += by * (weight * value);
-    }
-
-    /// The inverse of the matrix, by cofactors.
-    fn inverse(&self) -> Option<[f64; 6]> {
-        let [xx, xy, xz, yy, yz, zz] = self.matrix;
-        let (a, b, c) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
-        let determinant = xx * a + xy * b + xz * c;
-        let inverse = [a, b, c, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy];
-        (determinant > 0.0).then(|| inverse.map(|cofactor| cofactor / determinant))
-    }
-
-    fn solution(&self) -> Option<DVec3> {
-        let [xx, xy, xz, yy, yz, zz] = self.inverse()?;
-        let r = self.right;
-        Some(DVec3::new(
-            xx * r.x + xy * r.y + xz * r.z,
-            xy * r.x + yy * r.y + yz * r.z,
-            xz * r.x + yz * r.y + zz * r.z,
-        ))
-    }
-
-    /// Variance of a value with this derivative, over that of an observation.
-    fn variance(&self, by: DVec3) -> f64 {
-        let whole = NormalEquations { right: by, ..*self };
-        whole.solution().map_or(f64::NAN, |solution| solution.dot(by))
-    }
+/// Median of the values that are numbers; NaN for none.
+pub(super) fn median_of_numbers(values: impl Iterator<Item = f64>) -> f64 {
+    median(values.filter(|value| !value.is_nan())).unwrap_or(f64::NAN)
 }

@@ -1,7 +1,7 @@
-//! Figures of a fitted sensor: what was estimated, and scatter and dropouts by class in both halves of the
+//! Figures of a fitted sensor: the estimates, and scatter and dropouts by class in both halves of the
 //! columns.
 
-use super::planes::{NORMAL_MEDIAN, Patch, Sample, median};
+use super::planes::{NORMAL_MEDIAN, Patch, Sample, median_of_numbers};
 use super::{SpinningFit, TARGET_REFLECTANCE};
 use libm::{acos, sqrt};
 use serde::Serialize;
@@ -25,7 +25,7 @@ pub struct SpinningFigures {
     pub product: String,
     /// Planes in the recording.
     pub planes: usize,
-    /// Standard deviation of ranges of strong echoes, m, and its own.
+    /// Standard deviation of ranges of strong echoes, m, and its standard deviation.
     pub constant_m: [f64; 2],
     /// By photons, of an echo at the threshold, m.
     pub shot_m: [f64; 2],
@@ -127,7 +127,7 @@ impl SpinningFit {
         }
         HalfFigures {
             echoes: residuals.len(),
-            scatter: NORMAL_MEDIAN * median(residuals.iter().copied()),
+            scatter: NORMAL_MEDIAN * median_of_numbers(residuals.iter().copied()),
             law: NORMAL_MEDIAN * median_of_mixture(&sigmas),
             dropouts: (pulses - residuals.len()) as f64 / f64::from(pulses.max(1) as u32),
             law_dropouts: lost / f64::from(pulses.max(1) as u32),

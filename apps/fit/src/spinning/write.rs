@@ -13,10 +13,10 @@ use vlscan_geom::DVec3;
 /// Pixels by which a plane reaches beyond the middles of the outermost ones: half a pixel, and half a column
 /// by which beams that look aside are off.
 const MARGIN: f64 = 0.75;
-/// Reflectances of planes come in so many steps per factor of e.
+/// Steps of reflectances of planes per factor of e.
 const STEPS: f64 = 20.0;
-/// Least and largest reflectance of a plane: those of retroreflectors are above 1, and above 2 they would be
-/// taken as per cent.
+/// Minimum and maximum reflectance of a plane: retroreflectors have more than 1; more than 2 would be read as
+/// per cent.
 const REFLECTANCES: (f64, f64) = (1e-4, 1.95);
 
 /// The files of a fitted sensor.
@@ -114,8 +114,8 @@ impl SpinningFit {
         text
     }
 
-    /// The planes as a Wavefront mesh of quadrangles and its table of materials: each reflects as much as the
-    /// recording says.
+    /// The planes as a Wavefront mesh of quadrangles and its table of materials, with reflectances from the
+    /// recording.
     fn scene(&self, materials: &Path) -> (String, String) {
         let name = materials.file_name().unwrap_or_default().to_string_lossy();
         let (mut mesh, mut table) = (format!("mtllib {name}\n"), String::new());

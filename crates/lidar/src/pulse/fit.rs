@@ -2,6 +2,7 @@
 
 use super::waveform::Waveform;
 use libm::exp;
+use vlscan_geom::solve_by_elimination;
 
 /// Maximum number of iterations of the reference's fit.
 const MAX_ITERATIONS: u32 = 10_000;
@@ -189,41 +190,15 @@ impl NormalEquations {
         }
     }
 
-    /// The step with damping `mu`, by LU decomposition with partial pivoting. `None` if a pivot is exactly
-    /// zero.
+    /// Step with damping `mu`. `None` if a pivot is exactly zero.
     fn step(&self, mu: f64) -> Option<[f64; 4]> {
-        let mut m: [[f64; 5]; 4] = std::array::from_fn(|a| {
-            std::array::from_fn(|b| match b {
-                4 => self.gradient[a],
-                _ if a == b => self.normal[a][a] * (1.0 + mu),
-                _ => self.normal[a.max(b)][a.min(b)],
+        let damped: [[f64; 4]; 4] = std::array::from_fn(|a| {
+            std::array::from_fn(|b| match a == b {
+                true => self.normal[a][a] * (1.0 + mu),
+                false => self.normal[a.max(b)][a.min(b)],
             })
         });
-        for column in 0..4 {
-            let mut pivot = column;
-            for row in column + 1..4 {
-                if m[row][column].abs() > m[pivot][column].abs() {
-                    pivot = row;
-                }
-            }
-            if m[pivot][column] == 0.0 {
-                return None;
-            }
-            m.swap(column, pivot);
-            for row in column + 1..4 {
-                let factor = m[row][column] / m[column][column];
-                let pivot_row = m[column];
-                for (value, above) in m[row].iter_mut().zip(pivot_row).skip(column) {
-                    *value -= factor * above;
-                }
-            }
-        }
-        let mut step = [0.0; 4];
-        for row in (0..4).rev() {
-            let known: f64 = (row + 1..4).map(|k| m[row][k] * step[k]).sum();
-            step[row] = (m[row][4] - known) / m[row][row];
-        }
-        Some(step)
+        solve_by_elimination(damped, self.gradient)
     }
 }
 
