@@ -6,7 +6,6 @@ use std::path::Path;
 use vlscan_base::diag::{Problem, ProblemKind};
 use vlscan_base::recognise::{Expected, Family, Foreign, Kind, foreign};
 use vlscan_tables::input::arrow::{ArrowDetection, detect_arrow};
-use vlscan_tables::input::arrow::{ArrowDetection, detect_arrow};
 
 /// Number of bytes by which a format is recognised, if the file has them.
 pub(super) const DETECTED_BYTES: usize = 4096;

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads::refuse_input_of;
 use vlscan_base::files::{FileGroup, free_name, refuse_existing};
-use vlscan_crs::{epsg, short_name, unit_problem};
 use vlscan_geom::{DVec3, degrees};
 
 /// Maximum number of pulse times: a larger file is not written.

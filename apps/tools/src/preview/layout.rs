@@ -132,7 +132,7 @@ impl Sheet {
 fn north_foot(frame: Frame, text: f64) -> Option<[f64; 2]> {
     let [x, y, width, height] = [frame.x, frame.y, frame.width, frame.height].map(f64::from);
     let has_room = width >= 24.0 * text && height >= (NORTH_HEIGHT + 8.0) * text;
-    has_room.then(|| [x + width - 8.0 * text, y + (NORTH_HEIGHT + 4.0) * text])
+    has_room.then_some([x + width - 8.0 * text, y + (NORTH_HEIGHT + 4.0) * text])
 }
 
 /// The view from above, with its caption. `wide` is what it shows, `lowest` the height of the points' origin,

@@ -11,7 +11,7 @@ use super::keys::{LengthUnit, METRES, System};
 use super::refusal::Refusal;
 use super::tile::Raster;
 use super::validity::{Doubts, NoData};
-use crate::builder::{MAX_COORDINATE, MAX_ELEMENTS};
+use crate::builder::MAX_ELEMENTS;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Place;
 use vlscan_survey::{RasterFiles, VirtualRaster};
