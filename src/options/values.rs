@@ -262,7 +262,7 @@ impl Crs {
             Crs::Wkt(text) => return Ok(text.clone()),
             Crs::File(path) => path,
         };
-        let bytes = read_file(path, MAX_WKT_BYTES).map_err(|e| Error::io("read", path, e))?;
+        let bytes = read_file(path, MAX_WKT_BYTES).map_err(|e| Error::open(path, e))?;
         if let Some(found) = foreign(path, &bytes, &Expected::SYSTEM) {
             return Err(found.error(path));
         }

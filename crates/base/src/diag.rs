@@ -40,6 +40,16 @@ pub enum ProblemKind {
     InUse,
 }
 
+impl From<&std::io::Error> for ProblemKind {
+    /// The kind of the problem that an input cannot be opened.
+    fn from(e: &std::io::Error) -> ProblemKind {
+        match e.kind() {
+            std::io::ErrorKind::NotFound => ProblemKind::NotFound,
+            _ => ProblemKind::Invalid,
+        }
+    }
+}
+
 /// A message during a run.
 #[derive(Clone, Debug)]
 pub enum Notice {

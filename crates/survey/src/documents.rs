@@ -75,7 +75,7 @@ impl Context {
                         std::io::ErrorKind::OutOfMemory => {
                             Error::input(format!("cannot read {}: {e}", path.display()))
                         }
-                        _ => Error::io("read", path, e),
+                        _ => Error::open(path, e),
                     };
                     self.failure.borrow_mut().get_or_insert(failure);
                     None
@@ -154,7 +154,7 @@ impl Context {
             }
             None => {
                 let message = format!("cannot find the file `{file}`");
-                self.error_help(place, message, self.assets.help_for_missing(file, folder));
+                self.not_found(place, message, self.assets.help_for_missing(file, folder));
                 None
             }
         }
@@ -216,7 +216,7 @@ impl Context {
         let place = place.into();
         let Some(Located { found, respelled }) = self.assets.file(name, folder) else {
             let help = self.assets.help_for_missing(name, folder);
-            self.error_help(place, format!("cannot find the file `{name}`"), help);
+            self.not_found(place, format!("cannot find the file `{name}`"), help);
             return None;
         };
         self.warn_of_spelling(name, respelled.as_deref(), place.clone());
@@ -289,7 +289,7 @@ fn in_catalogue(context: &Context, kind: &str, reference: &str, place: Option<Pl
         None => {
             let names: Vec<&str> = FILES.iter().map(|file| file.path).collect();
             let message = format!("the catalogue has no file `{name}`");
-            context.error_help(place, message, format!("it has {}", names.join(", ")));
+            context.not_found(place, message, format!("it has {}", names.join(", ")));
             None
         }
     }

@@ -5,7 +5,7 @@ use crate::text::is_wrong_name;
 use std::borrow::Cow;
 use std::io;
 use std::path::PathBuf;
-use vlscan_base::diag::Place;
+use vlscan_base::diag::{Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
 
 /// Problem of a raster that is too large.
@@ -26,8 +26,10 @@ pub(super) enum Refusal {
 impl Refusal {
     /// Reports it as an error of the part, at `place` if it has one of its own.
     pub fn report(self, scene: &mut SceneBuilder, part: &PartSource, place: Option<Place>) -> Result<()> {
+        let mut kind = ProblemKind::Invalid;
         let (message, help) = match self {
             Refusal::Unread(path, e) if is_wrong_name(&e) => {
+                kind = (&e).into();
                 (format!("cannot read {}: {e}", path.display()), Cow::Borrowed(""))
             }
             Refusal::Unread(path, e) | Refusal::Changed(path, e) => return Err(Error::io("read", &path, e)),
@@ -36,7 +38,7 @@ impl Refusal {
             }
             Refusal::Apart(message, help) => (message, help.into()),
         };
-        let error = scene.diagnostics.error(place.or_else(|| part.place.cloned()), message);
+        let error = scene.diagnostics.error(place.or_else(|| part.place.cloned()), message).of_kind(kind);
         if !help.is_empty() {
             error.help(help);
         }

@@ -1,0 +1,98 @@
+//! The library keeps the contract of the command: kinds of errors, defaults, limits.
+
+use crate::common::{fixture, folder};
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::Path;
+use vlscan::base::diag::ProblemKind;
+use vlscan::formats::{AttributeSet, PointRow, PointSink};
+use vlscan::survey::{PoseStream, find_platform, find_scanner};
+use vlscan::{DVec3, Diagnostics, Error, Mesh, ReadOptions, Result, Scan, read_scene, read_survey};
+
+/// A square floor of 20 m × 20 m.
+fn floor() -> Mesh {
+    let corners = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]];
+    let corners = corners.map(|[x, y]| DVec3::new(x, y, 0.0)).into();
+    Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]], Vec::new(), Vec::new()).unwrap()
+}
+
+/// A turn of a scanner over a floor.
+fn scan() -> Scan {
+    let (scanner, _) = find_scanner("vlp16", &ReadOptions::default()).unwrap();
+    let turn = std::f64::consts::TAU;
+    let scan = Scan::new(floor(), scanner).station(DVec3::Z * 1.5).threads(2);
+    scan.configure(|settings| (settings.head_rate, settings.head_stop) = (20.0 * turn, turn))
+}
+
+/// A sink without points.
+struct Ignore;
+
+impl PointSink for Ignore {
+    fn start(&mut self, _: AttributeSet) {}
+
+    fn point(&mut self, _: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+/// A part of a scene whose mesh is missing.
+const PART: &str = r#"<part><filter type="objloader">
+  <param type="string" key="filepath" value="none.obj"/></filter></part>"#;
+
+/// A survey of one station in a scene of its own document, which has these parts.
+fn survey(scene: &str, parts: &str) -> String {
+    format!(
+        r#"<document><scene id="s">{parts}</scene>
+<survey name="s" scene="{scene}" platform="data/platforms.xml#tripod" scanner="data/scanners_tls.xml#vlp16">
+  <leg><platformSettings x="0" y="0" z="0"/></leg></survey></document>"#
+    )
+}
+
+#[test]
+fn a_missing_file_is_not_found_at_every_entry_point() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let written = |name: &str, text: String| {
+        fs::write(at(name), text).unwrap();
+        at(name)
+    };
+    let named = |name: &str| at(name).display().to_string();
+    let without_scene = written("a.xml", survey("none.xml#s", ""));
+    let without_mesh = written("b.xml", survey("#s", PART));
+    let options = ReadOptions::default();
+    let read = |path: &Path| read_survey(path, &options).map(drop);
+    let points = |name: &str| {
+        vlscan::formats::read_points(&at(name), &mut Ignore, &mut Diagnostics::default()).map(drop)
+    };
+    let cases: Vec<(&str, Result<()>)> = vec![
+        ("survey", read(&at("none.xml"))),
+        ("scene of a survey", read(&without_scene)),
+        ("mesh of a survey", read(&without_mesh)),
+        ("scene", read_scene(&named("none.xml#s"), &options).map(drop)),
+        ("mesh", read_scene(&named("none.obj"), &options).map(drop)),
+        ("raster", read_scene(&named("none.tif"), &options).map(drop)),
+        ("virtual raster", read_scene(&named("none.vrt"), &options).map(drop)),
+        ("tiles", read_scene(&named("none*.tif"), &options).map(drop)),
+        ("voxels", read_scene(&named("none.vox"), &options).map(drop)),
+        ("instances", read_scene(&named("none.csv"), &options).map(drop)),
+        ("packed scene", read_scene(&named("none.vlscene"), &options).map(drop)),
+        ("scanner", find_scanner(&named("none.xml#a"), &options).map(drop)),
+        ("calibration", find_scanner(&named("none.json"), &options).map(drop)),
+        ("platform", find_platform(&named("none.xml#a"), &options).map(drop)),
+        ("trajectory", scan().trajectory(PoseStream::at(at("none.csv"))).run().map(drop)),
+        ("pulses", vlscan::PulseReader::open(&at("none.csv"), 1).map(drop)),
+        ("points", points("none.laz")),
+        ("table of points", points("none.csv")),
+        ("pipeline", vlscan::ResolvedRun::resolve(&at("none.toml"), &vlscan::Options::default()).map(drop)),
+        ("folder of an output", scan().output(at("none/points.laz")).and_then(Scan::run).map(drop)),
+    ];
+    for (what, outcome) in cases {
+        match outcome {
+            Err(Error::Input(problems)) => {
+                assert!(problems.has(ProblemKind::NotFound), "{what}: {}", problems.render(false));
+            }
+            other => panic!("{what}: {other:?}"),
+        }
+    }
+    assert!(read_survey(&fixture("room/survey.xml"), &options).is_ok());
+}
