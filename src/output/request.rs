@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_formats::{Column, FrameNames, LasSettings, Needs, PointFormat};
+use vlscan_lidar::flight::DEFAULT_DAY;
 
 /// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -180,7 +181,7 @@ impl Default for OutputRequest {
             companions: Vec::new(),
             counts_parts: false,
             crs_wkt: None,
-            creation: (0, 0),
+            creation: DEFAULT_DAY,
             run_stamp: None,
             shard: None,
             tables: Vec::new(),

@@ -5,7 +5,7 @@ use crate::shards::Records;
 use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Duration;
-use vlscan_lidar::flight::FlightOptions;
+use vlscan_lidar::flight::{FlightOptions, default_gps_start};
 use vlscan_lidar::pulse::{Corrections, PhysicsOptions};
 use vlscan_scene::LoadOptions;
 use vlscan_survey::Survey;
@@ -45,14 +45,16 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Default settings: the survey's seed, or 0, the physics of HELIOS++, all cores.
+    /// The settings of `vlscan run` without options: the survey's seed, or 0, the physics of HELIOS++, a clock
+    /// that starts at [`DEFAULT_DAY`](vlscan_lidar::flight::DEFAULT_DAY), all cores.
     pub fn new(survey: Survey) -> Settings {
         let seed = survey.seed.unwrap_or(0);
+        let gps_start_ns = default_gps_start(FlightOptions::default().kinematics.leap_seconds);
         Settings {
             strict: false,
             load: LoadOptions { seed, ..LoadOptions::default() }.with_wavelengths_of(&survey.scanner),
             tree: BuildOptions::default(),
-            flight: FlightOptions { seed, ..FlightOptions::default() },
+            flight: FlightOptions { seed, gps_start_ns, ..FlightOptions::default() },
             physics: PhysicsOptions { seed, ..PhysicsOptions::helios() },
             schedule: Schedule {
                 threads: available_parallelism().map_or(1, NonZero::get),
@@ -77,10 +79,16 @@ impl Settings {
         (self.tree.jobs, self.tree.geometry_jobs) = (threads, threads);
     }
 
-    /// Sets where physics, motions and materials depart from the reference's.
+    /// Sets where physics, motions and materials depart from the reference's. The default start of the clock
+    /// stays the same moment, with leap seconds or without.
     pub fn set_corrections(&mut self, corrections: Corrections) {
         self.physics.corrections = corrections;
-        self.flight.kinematics = corrections.and(Corrections::MOTION.or(Corrections::RECORD));
+        let kinematics = corrections.and(Corrections::MOTION.or(Corrections::RECORD));
+        let flight = &mut self.flight;
+        if flight.gps_start_ns == default_gps_start(flight.kinematics.leap_seconds) {
+            flight.gps_start_ns = default_gps_start(kinematics.leap_seconds);
+        }
+        flight.kinematics = kinematics;
         self.load.rules = corrections;
         self.load = std::mem::take(&mut self.load).with_wavelengths_of(&self.survey.scanner);
     }

@@ -1,13 +1,16 @@
 //! The library keeps the contract of the command: kinds of errors, defaults, limits.
 
-use crate::common::{fixture, folder};
+use crate::common::{fixture, folder, succeed};
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan::base::diag::ProblemKind;
 use vlscan::formats::{AttributeSet, PointRow, PointSink};
 use vlscan::survey::{PoseStream, find_platform, find_scanner};
-use vlscan::{DVec3, Diagnostics, Error, Mesh, ReadOptions, Result, Scan, read_scene, read_survey};
+use vlscan::{
+    DVec3, Diagnostics, Error, Mesh, OutputRequest, PointFormat, Progress, ReadOptions, Result, RunContext,
+    Scan, Session, Settings, Stop, Target, read_scene, read_survey,
+};
 
 /// A square floor of 20 m × 20 m.
 fn floor() -> Mesh {
@@ -95,4 +98,32 @@ fn a_missing_file_is_not_found_at_every_entry_point() {
         }
     }
     assert!(read_survey(&fixture("room/survey.xml"), &options).is_ok());
+}
+
+#[test]
+fn the_library_writes_the_bytes_of_the_command_for_every_fixture() {
+    let surveys = [
+        "forest/survey.xml",
+        "moving/survey.xml",
+        "room/survey.xml",
+        "street/spinning.xml",
+        "street/survey.xml",
+        "terrain/survey.xml",
+    ];
+    for name in surveys {
+        let folder = folder();
+        let survey = fixture(name);
+        for (format, extension) in [(PointFormat::Laz, "laz"), (PointFormat::Csv, "csv")] {
+            let by_command = format!("command.{extension}");
+            let by_library = folder.path().join(format!("library.{extension}"));
+            succeed(folder.path(), &["run", &survey.display().to_string(), "-o", &by_command]);
+            let (survey, _) = read_survey(&survey, &ReadOptions::default()).unwrap();
+            let mut session = Session::open(Settings::new(survey), |_| ()).unwrap();
+            let sinks = vec![(Target::File(by_library.clone()), format)];
+            let outputs = OutputRequest { sinks, ..OutputRequest::default() };
+            session.run(outputs, RunContext::new(&Progress::default(), &Stop::new())).unwrap();
+            let (command, library) = (fs::read(folder.path().join(by_command)), fs::read(by_library));
+            assert!(command.unwrap() == library.unwrap(), "{name}: {extension}");
+        }
+    }
 }
