@@ -56,7 +56,6 @@ impl Session {
     /// [`Error::Input`] for flights or outputs that are impossible, [`Error::Io`], [`Error::ClosedPipe`], and
     /// [`Error::Interrupted`] when a stop is requested before the first pulse or between two epochs.
     pub fn run(&mut self, outputs: OutputRequest, control: RunContext<'_>) -> Result<Report> {
-        control.stop.begin_run();
         let (flight, is_doubted) = self.plan_checked_flight(control.stop)?;
         let is_reported = Arc::new(AtomicBool::new(is_doubted));
         let mut poses = self.open_poses()?;
@@ -101,7 +100,6 @@ impl Session {
         outputs: OutputRequest,
         control: RunContext<'_>,
     ) -> Result<Report> {
-        control.stop.begin_run();
         let mut source = PulseSource::new(pulses);
         self.check_instrument()?;
         self.enter_epoch(0, control.stop)?;
@@ -205,7 +203,6 @@ impl Session {
         pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
         let ended = self.pass_epochs(&output, epochs, control, is_reported, pass_over);
-        control.stop.release();
         ended.map_err(|e| self.with_rescued(e, &output.rescued()))
     }
 
@@ -218,6 +215,7 @@ impl Session {
         mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
         let Epochs { range, options, is_checked } = epochs;
+        let open_outputs = control.stop.outputs();
         let (mut epoch, mut seconds, mut writer) = (*range.start(), 0.0, None);
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;
@@ -239,6 +237,7 @@ impl Session {
                     ground: output.has_heights().then(ground).transpose()?,
                     schedule: settings.schedule,
                     control,
+                    open_outputs: &open_outputs,
                     target: plausibility::target(&settings.survey, scene),
                     check: is_checked.then_some(YieldCheck {
                         settings,

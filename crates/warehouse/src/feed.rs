@@ -5,6 +5,7 @@ use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
 use super::record::ProducerRecord;
 use super::sizing::{ChunkSizer, IdleClock};
 use super::spin::spin_until;
+use super::stop::RunState;
 use crossbeam_channel::{Receiver, Select, Sender, TrySendError, bounded};
 use std::time::{Duration, Instant};
 use vlscan_base::error::{Error, Result};
@@ -67,6 +68,7 @@ impl LegBarrier {
 /// far behind, and fails when the collector has ended.
 pub struct Feed<'a, C, R, W> {
     pub(super) schedule: Schedule,
+    pub(super) state: &'a RunState<'a>,
     pub(super) queue: Sender<QueuedChunk<C, R>>,
     /// The workers' end of `queue`, from which the producer takes chunks back.
     pub(super) queue_end: Receiver<QueuedChunk<C, R>>,
@@ -82,6 +84,13 @@ pub struct Feed<'a, C, R, W> {
     pub(super) buffered: (Vec<Result<R>>, usize),
     pub(super) record: ProducerRecord<'a>,
     pub(super) work: W,
+}
+
+impl<'a, C, R, W> Feed<'a, C, R, W> {
+    /// The state of the run, which the producer checks between chunks and while it waits for input.
+    pub fn state(&self) -> &'a RunState<'a> {
+        self.state
+    }
 }
 
 impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {

@@ -24,7 +24,7 @@
 //! | `record` | idle times, queue depths, chunk sizes |
 //! | `jobs` | side jobs of the collector |
 //! | `spin` | spinning for a moment before sleep |
-//! | `stop` | the request to stop |
+//! | `stop` | the request to stop, and the state of a run |
 
 #![deny(unsafe_code)]
 
@@ -43,4 +43,4 @@ pub use policy::{MAX_BUFFERED_TASKS, Policy, PolicyKind, Schedule};
 pub use record::{Depth, LegEnd, Log, MAX_HISTORY, Recorder, Series, SizeChange, ThreadLog, thread_cpu_s};
 pub use run::{Collect, run};
 pub use sizing::ChunkSizer;
-pub use stop::Stop;
+pub use stop::{OpenOutputs, RunState, Stop};

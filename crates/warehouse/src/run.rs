@@ -6,7 +6,7 @@ use super::policy::{Policy, Schedule};
 use super::record::{ProducerRecord, Recorder, ThreadTimer};
 use super::sizing::{ChunkSizer, IdleClock};
 use super::spin::spin_until;
-use super::stop::Stop;
+use super::stop::{RunState, Stop};
 use crossbeam_channel::{Receiver, Sender, bounded, select};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -40,9 +40,9 @@ pub trait Collect<R>: Send {
 /// them fails.
 ///
 /// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent
-/// of the schedule. On any failure `stop` reads as requested until the next run, which `produce` should check
-/// between chunks. The first error in the order of the results is returned. A `recorder` records the activity
-/// of all threads.
+/// of the schedule. `produce` should check between chunks whether the run [is stopped](RunState::is_stopped),
+/// which [`Feed::state`] tells: by the request of the caller, or by a failure of a thread. The first error in
+/// the order of the results is returned. A `recorder` records the activity of all threads.
 pub fn run<C, R, W, K>(
     schedule: Schedule,
     jobs: &Arc<JobQueue>,
@@ -58,7 +58,7 @@ where
     W: FnMut(C) -> Result<R>,
     K: Collect<R>,
 {
-    stop.begin_run();
+    let state = &RunState::new(stop);
     let (queue, queue_end) = bounded::<QueuedChunk<C, R>>(schedule.queue_capacity());
     let (results, results_end) = bounded(schedule.results_capacity());
     let (announce_idle, idle_workers) = bounded(schedule.workers().max(1));
@@ -78,7 +78,7 @@ where
         context.announce_idle();
     }
     let make_worker = &make_worker;
-    let ended = std::thread::scope(|scope| {
+    std::thread::scope(|scope| {
         let mut workers = Vec::new();
         for _ in 0..schedule.workers() {
             let context = context.clone();
@@ -96,9 +96,9 @@ where
         // A producer that waits for an idle worker must notice when none is left.
         drop(context);
         let collecting = machine::spawn_scoped(scope, "collector", move || {
-            let outcome = collect(&results_end, stop, recorder, collector);
+            let outcome = collect(&results_end, state, recorder, collector);
             if outcome.is_err() {
-                stop.fail();
+                state.fail();
             }
             jobs.close();
             outcome
@@ -106,6 +106,7 @@ where
         .inspect_err(|_| jobs.close())?;
         let mut feed = Feed {
             schedule,
+            state,
             queue,
             queue_end,
             idle_workers,
@@ -129,7 +130,7 @@ where
         }));
         let produced = produced.unwrap_or_else(|_| Err(thread_ended("the producer")));
         if produced.is_err() {
-            stop.fail();
+            state.fail();
         }
         feed.record.finish();
         drop(feed);
@@ -152,10 +153,7 @@ where
             (Ok(_), Err(reason)) => Err(reason),
             (Ok(summary), Ok(())) => Ok(summary),
         }
-    });
-    // A failure of this run is no reason to stop what the process does next.
-    stop.begin_run();
-    ended
+    })
 }
 
 /// Channels of a worker thread.
@@ -250,7 +248,7 @@ impl<C: Tasks, R> WorkerContext<'_, C, R> {
 
 fn collect<R, K: Collect<R>>(
     pending: &Receiver<Pending<R>>,
-    stop: &Stop,
+    state: &RunState<'_>,
     recorder: Option<&Recorder>,
     mut collector: K,
 ) -> Result<K::Summary> {
@@ -274,7 +272,7 @@ fn collect<R, K: Collect<R>>(
             }
         }
     }
-    if stop.is_requested() {
+    if state.is_stopped() {
         return collector.cut();
     }
     timer.finish_collector();

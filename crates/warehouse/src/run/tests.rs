@@ -275,6 +275,42 @@ fn the_failure_of_a_run_does_not_stop_the_next() {
 }
 
 #[test]
+fn the_failure_of_a_run_does_not_stop_another_that_shares_its_stop() {
+    let stop = Stop::new();
+    let schedule =
+        Schedule { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false };
+    let jobs = || Arc::new(JobQueue::new(4));
+    let fail = || {
+        let work = || |_: u64| -> Result<u64> { Err(Error::input("failed")) };
+        let produce = |feed: &mut Feed<'_, _, _, _>| {
+            let put = (0..50).try_for_each(|x| feed.put(x));
+            while !feed.state().is_stopped() {
+                std::thread::yield_now();
+            }
+            put
+        };
+        run(schedule, &jobs(), &stop, None, work, produce, Each(|_: u64| Ok(()), || ()))
+    };
+    let taken = AtomicUsize::new(0);
+    let produce = |feed: &mut Feed<'_, _, _, _>| {
+        for x in 0..50 {
+            if x == 25 {
+                assert!(fail().is_err());
+            }
+            assert!(!feed.state().is_stopped());
+            feed.put(x)?;
+        }
+        Ok(())
+    };
+    let take = |_: u64| {
+        taken.fetch_add(1, Ordering::SeqCst);
+        Ok(())
+    };
+    run(schedule, &jobs(), &stop, None, || |x: u64| Ok(x), produce, Each(take, || ())).unwrap();
+    assert_eq!(taken.into_inner(), 50);
+}
+
+#[test]
 fn a_leg_begins_when_the_one_before_is_done() {
     for schedule in schedules(&[2, 4]).into_iter().filter(|s| s.leg_barrier) {
         let done = AtomicUsize::new(0);
