@@ -67,6 +67,7 @@ impl<'a> Collector<'a> {
 
 impl Collect<Pieces> for Collector<'_> {
     type Summary = Ended;
+    type Error = Error;
 
     fn take(&mut self, pieces: Pieces, more_waiting: bool) -> Result<()> {
         let last = pieces.0.len().saturating_sub(1);

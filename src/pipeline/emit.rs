@@ -132,6 +132,7 @@ struct Append<'a, W> {
 
 impl<W: Write + Send> Collect<Written> for Append<'_, W> {
     type Summary = W;
+    type Error = Error;
 
     fn take(&mut self, chunk: Written, more_waiting: bool) -> Result<()> {
         let failed = |e| Error::io("write", "standard output", e);

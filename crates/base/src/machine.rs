@@ -13,9 +13,19 @@ pub fn spawn_scoped<'scope, T: Send + 'scope>(
     name: &str,
     work: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>> {
-    let started =
-        fault::point().and_then(|()| Builder::new().name(name.to_owned()).spawn_scoped(scope, work));
-    started.map_err(|e| Error::io("start the thread", name, e))
+    try_spawn_scoped(scope, name, work).map_err(|e| Error::io("start the thread", name, e))
+}
+
+/// As [`spawn_scoped`], with the error of the system.
+///
+/// # Errors
+/// Those of [`Builder::spawn_scoped`].
+pub fn try_spawn_scoped<'scope, T: Send + 'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'scope,
+) -> io::Result<ScopedJoinHandle<'scope, T>> {
+    fault::point().and_then(|()| Builder::new().name(name.to_owned()).spawn_scoped(scope, work))
 }
 
 /// Memory that this process can have, bytes: the least of the machine's memory, the limit of its control

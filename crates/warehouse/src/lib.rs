@@ -18,6 +18,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `policy` | the four schedules and their settings |
+//! | `error` | limits of schedules; failures of a run |
 //! | `feed` | the producer's side: distribution of chunks |
 //! | `run` | the threads |
 //! | `sizing` | the size of dynamic chunks |
@@ -28,6 +29,7 @@
 
 #![deny(unsafe_code)]
 
+mod error;
 mod feed;
 mod jobs;
 mod policy;
@@ -37,6 +39,7 @@ mod sizing;
 mod spin;
 mod stop;
 
+pub use error::{MAX_CHUNK_SIZE, MAX_FACTOR, MAX_THREADS, RunError, ScheduleError};
 pub use feed::{Feed, Outcome, Tasks};
 pub use jobs::{Job, JobQueue};
 pub use policy::{MAX_BUFFERED_TASKS, Policy, PolicyKind, Schedule};

@@ -4,6 +4,7 @@ use super::super::policy::MAX_BUFFERED_TASKS;
 use super::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+use vlscan_base::error::{Error, Result};
 
 impl Outcome for u64 {}
 
@@ -22,6 +23,7 @@ where
     E: FnOnce() -> S + Send,
 {
     type Summary = S;
+    type Error = Error;
     fn take(&mut self, result: R, _: bool) -> Result<()> {
         (self.0)(result)
     }
@@ -234,6 +236,74 @@ fn a_producer_ahead_of_the_collector_computes_what_waits_in_the_warehouse() {
         run(schedule, &jobs, &Stop::new(), None, work, produce, collector).unwrap()
     };
     assert!((0..20).any(|_| computed_meanwhile() >= MANY));
+}
+
+#[test]
+fn a_panic_is_an_error_that_keeps_its_text() {
+    let work = || {
+        |x: u64| {
+            assert!(x != 7, "seven is {x}");
+            Ok(x)
+        }
+    };
+    for schedule in schedules(&[1, 2, 4]) {
+        match gather(schedule, None, None, work, |feed| distribute(feed, 0..1000)) {
+            Err(Error::Internal(message)) => {
+                assert!(message.ends_with("panicked: seven is 7"), "{schedule:?}: {message}");
+            }
+            other => panic!("{schedule:?}: {other:?}"),
+        }
+    }
+}
+
+/// An error type that is not that of the base.
+#[derive(Debug)]
+enum OwnError {
+    Seven,
+    Run(RunError),
+}
+
+impl From<RunError> for OwnError {
+    fn from(e: RunError) -> OwnError {
+        OwnError::Run(e)
+    }
+}
+
+/// Counts results.
+struct Count(u64);
+
+impl Collect<u64> for Count {
+    type Summary = u64;
+    type Error = OwnError;
+
+    fn take(&mut self, _: u64, _: bool) -> Result<(), OwnError> {
+        self.0 += 1;
+        Ok(())
+    }
+
+    fn finish(self) -> Result<u64, OwnError> {
+        Ok(self.0)
+    }
+
+    fn abort(self) {}
+}
+
+#[test]
+fn runs_have_an_error_type_of_their_own() {
+    let count = |threads, failing: u64| {
+        run(
+            Schedule { threads, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
+            &Arc::new(JobQueue::new(4)),
+            &Stop::new(),
+            None,
+            || move |x: u64| if x == failing { Err(OwnError::Seven) } else { Ok(x) },
+            |feed| (0..50).try_for_each(|x| feed.put(x)),
+            Count(0),
+        )
+    };
+    assert!(matches!(count(2, 99), Ok(50)));
+    assert!(matches!(count(2, 7), Err(OwnError::Seven)));
+    assert!(matches!(count(0, 7), Err(OwnError::Run(RunError::Schedule(_)))));
 }
 
 #[test]
