@@ -46,5 +46,5 @@ pub use python::python_module;
 pub use schema::{command_schema, pipeline_schema};
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
-pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed};
+pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, MAX_LATENCY_S, NotNegative, Positive, Seed};
 pub use words::OptionName;

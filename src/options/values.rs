@@ -16,6 +16,7 @@ use vlscan_base::recognise::{Expected, foreign};
 use vlscan_geom::UtmZone;
 use vlscan_lidar::flight::{calendar_day, gps_start};
 use vlscan_survey::{NavigationErrors, parse_seed};
+use vlscan_warehouse::MAX_CHUNK_SIZE;
 
 /// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with
 /// commas.
@@ -104,8 +105,8 @@ impl FromStr for ChunkSize {
 
     fn from_str(text: &str) -> Result<ChunkSize, String> {
         match text.parse() {
-            Ok(n @ 1..=16_777_216) => Ok(ChunkSize(n)),
-            _ => Err(format!("expected 1 to 16777216 pulses, found {text}")),
+            Ok(n @ 1..=MAX_CHUNK_SIZE) => Ok(ChunkSize(n)),
+            _ => Err(format!("expected 1 to {MAX_CHUNK_SIZE} pulses, found {text}")),
         }
     }
 }
@@ -221,7 +222,10 @@ impl FromStr for GpsStart {
     }
 }
 
-/// How long points may wait, at most an hour.
+/// Maximum time for which points may wait, s.
+pub const MAX_LATENCY_S: f64 = 3600.0;
+
+/// How long points may wait, at most [`MAX_LATENCY_S`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latency(pub Duration);
 
@@ -229,9 +233,11 @@ impl FromStr for Latency {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Latency, String> {
-        let seconds = text.trim().parse().ok().filter(|s| (0.0..=3600.0).contains(s));
+        let seconds = text.trim().parse().ok().filter(|s| (0.0..=MAX_LATENCY_S).contains(s));
         let latency = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
-        latency.map(Latency).ok_or_else(|| format!("expected seconds from 0 to 3600, found {text}"))
+        latency
+            .map(Latency)
+            .ok_or_else(|| format!("expected seconds from 0 to {MAX_LATENCY_S}, found {text}"))
     }
 }
 

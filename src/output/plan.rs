@@ -231,6 +231,9 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             "--height-above-ground needs the scene, which `vlscan merge` and streams do not have",
         );
     }
+    if request.tables.iter().any(|table| table.batch_rows == 0) {
+        problems.error(None, "batches of 0 rows: expected at least 1");
+    }
     let has_no_time = request.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
     for seconds in request.tables.iter().filter_map(|table| table.batch_seconds) {
         if has_no_time {

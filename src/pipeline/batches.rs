@@ -58,7 +58,7 @@ impl Session {
         Batches::spawn(MAX_WAITING, end, move |sink| {
             outputs.tables.push(TableRequest {
                 content: TableContent::Points,
-                batch_rows: rows.max(1),
+                batch_rows: rows,
                 batch_per_leg: false,
                 batch_seconds: None,
                 sink,

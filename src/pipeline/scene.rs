@@ -1,7 +1,7 @@
 //! A loaded scene: what sessions are opened over, facts about it, points on its surfaces.
 
 use super::load::{build_tree, check_raster_memory, load_scene};
-use super::settings::Settings;
+use super::settings::{Settings, check_jobs};
 use ::arrow_array::{Float64Array, Int32Array, RecordBatch};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
@@ -58,6 +58,7 @@ impl LoadedScene {
     /// # Errors
     /// As for [`LoadedScene::load`].
     pub fn of(settings: &Settings, notify: &dyn Fn(Notice)) -> Result<LoadedScene> {
+        settings.check()?;
         let Settings { survey, load, tree, strict, .. } = settings;
         LoadedScene::load(&survey.scene, load, tree, *strict, notify)
     }
@@ -70,6 +71,7 @@ impl LoadedScene {
         is_strict: bool,
         notify: &dyn Fn(Notice),
     ) -> Result<LoadedScene> {
+        check_jobs(options, trees)?;
         machine::start_pool()?;
         let recording = Recording::start();
         let epochs = vlscan_scene::count_epochs(recipe)?;

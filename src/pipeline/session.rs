@@ -58,7 +58,8 @@ impl Session {
     /// session.
     ///
     /// # Errors
-    /// [`Error::Input`] for scenes that are invalid or exceed the memory limit; [`Error::Io`].
+    /// [`Error::Input`] for settings outside of their [limits](Settings::check), and for scenes that are
+    /// invalid or exceed the memory limit; [`Error::Io`].
     pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
         let scene = LoadedScene::of(&settings, &observer)?;
         let session = Session::new(settings, scene, observer)?;
@@ -76,6 +77,7 @@ impl Session {
         settings: Settings,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
+        settings.check()?;
         let Settings { survey, load, tree, strict, .. } = &settings;
         let scene = LoadedScene::load_without_tree(&survey.scene, load, tree, *strict, &observer)?;
         Session::new(settings, scene, observer)
@@ -92,6 +94,7 @@ impl Session {
         scene: LoadedScene,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
+        settings.check()?;
         scene.check(&settings)?;
         let (found, note) = crs::adopt(&mut settings, scene.scene());
         observer(Notice::Warnings(found.finish(settings.strict)?));

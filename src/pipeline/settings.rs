@@ -1,16 +1,19 @@
 //! Settings of a session, with every choice resolved.
 
+use crate::options::MAX_LATENCY_S;
 use crate::output::OutputRequest;
 use crate::shards::Records;
 use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Duration;
+use vlscan_base::error::{Error, Result};
+use vlscan_base::machine;
 use vlscan_lidar::flight::{FlightOptions, default_gps_start};
 use vlscan_lidar::pulse::{Corrections, PhysicsOptions};
 use vlscan_scene::LoadOptions;
 use vlscan_survey::Survey;
 use vlscan_trace::BuildOptions;
-use vlscan_warehouse::{Policy, Schedule};
+use vlscan_warehouse::{MAX_THREADS, Policy, RunError, Schedule};
 
 /// Pulses per chunk: enough to make the cost of the queues negligible, few enough to keep all threads busy on
 /// short legs.
@@ -46,13 +49,14 @@ pub struct Settings {
 
 impl Settings {
     /// The settings of `vlscan run` without options: the survey's seed, or 0, the physics of HELIOS++, a clock
-    /// that starts at [`DEFAULT_DAY`](vlscan_lidar::flight::DEFAULT_DAY), all cores.
+    /// that starts at [`DEFAULT_DAY`](vlscan_lidar::flight::DEFAULT_DAY), all cores, the memory of the machine.
     pub fn new(survey: Survey) -> Settings {
         let seed = survey.seed.unwrap_or(0);
         let gps_start_ns = default_gps_start(FlightOptions::default().kinematics.leap_seconds);
         Settings {
             strict: false,
-            load: LoadOptions { seed, ..LoadOptions::default() }.with_wavelengths_of(&survey.scanner),
+            load: LoadOptions { seed, max_memory: machine::memory(), ..LoadOptions::default() }
+                .with_wavelengths_of(&survey.scanner),
             tree: BuildOptions::default(),
             flight: FlightOptions { seed, gps_start_ns, ..FlightOptions::default() },
             physics: PhysicsOptions { seed, ..PhysicsOptions::helios() },
@@ -71,10 +75,9 @@ impl Settings {
         (self.load.seed, self.flight.seed, self.physics.seed) = (seed, seed, seed);
     }
 
-    /// Sets the number of threads, at least 1, that load the scene, build the tree and trace pulses. Points
-    /// do not depend on it.
+    /// Sets the number of threads, from 1 to [`MAX_THREADS`], that load the scene, build the tree and trace
+    /// pulses. Points do not depend on it.
     pub fn set_threads(&mut self, threads: usize) {
-        let threads = threads.max(1);
         (self.load.jobs, self.schedule.threads) = (threads, threads);
         (self.tree.jobs, self.tree.geometry_jobs) = (threads, threads);
     }
@@ -93,8 +96,41 @@ impl Settings {
         self.load = std::mem::take(&mut self.load).with_wavelengths_of(&self.survey.scanner);
     }
 
+    /// Checks the limits that the command has: threads, sizes of chunks and of the queue, latency. Sessions
+    /// and scenes check them before they start anything.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for numbers outside of their limits.
+    pub fn check(&self) -> Result<()> {
+        if self.schedule.threads > MAX_THREADS {
+            return Err(too_many("--threads", self.schedule.threads));
+        }
+        check_jobs(&self.load, &self.tree)?;
+        self.schedule.check().map_err(RunError::from)?;
+        let latency = self.max_latency.as_secs_f64();
+        if latency > MAX_LATENCY_S {
+            return Err(Error::input(format!(
+                "--latency {latency}: expected seconds from 0 to {MAX_LATENCY_S}"
+            )));
+        }
+        Ok(())
+    }
+
     /// Returns the options of the physics, with everything recorded that the outputs need.
     pub(super) fn physics_for(&self, outputs: &OutputRequest) -> PhysicsOptions {
         Records::of(&self.physics).union(outputs.records()).recorded_by(self.physics)
     }
+}
+
+/// Checks the numbers of threads that load a scene and build the tree over it; 0 means all.
+pub(super) fn check_jobs(load: &LoadOptions, tree: &BuildOptions) -> Result<()> {
+    let jobs = [("--threads", load.jobs), ("--tree-jobs", tree.jobs), ("--tree-jobs", tree.geometry_jobs)];
+    match jobs.into_iter().find(|(_, jobs)| *jobs > MAX_THREADS) {
+        Some((option, jobs)) => Err(too_many(option, jobs)),
+        None => Ok(()),
+    }
+}
+
+fn too_many(option: &str, threads: usize) -> Error {
+    Error::input(format!("{option} {threads}: expected at most {MAX_THREADS}"))
 }

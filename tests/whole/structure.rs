@@ -448,6 +448,7 @@ fn warnings_about_files_have_a_place() {
         "src/cli/run.rs",
         "src/output/",
         "src/pipeline/crs.rs",
+        "src/pipeline/scan.rs",
     ];
     let found = calls(&["warn(None"], &of_options);
     assert!(found.is_empty(), "name the file and the line, or Place::of_file: {found:#?}");
