@@ -5,11 +5,11 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan::base::diag::ProblemKind;
-use vlscan::formats::{AttributeSet, PointRow, PointSink};
+use vlscan::formats::{AttributeSet, PointRow, PointSink, read_points};
 use vlscan::survey::{PoseStream, find_platform, find_scanner};
 use vlscan::{
-    DVec3, Diagnostics, Error, Mesh, OutputRequest, PointFormat, Progress, ReadOptions, Result, RunContext,
-    Scan, Session, Settings, Stop, Target, read_scene, read_survey,
+    DVec3, Error, Mesh, OutputRequest, PointFormat, Progress, ReadOptions, Result, RunContext, Scan, Session,
+    Settings, Stop, Target, read_scene, read_survey,
 };
 
 /// A square floor of 20 m × 20 m.
@@ -33,8 +33,8 @@ struct Ignore;
 impl PointSink for Ignore {
     fn start(&mut self, _: AttributeSet) {}
 
-    fn point(&mut self, _: &PointRow, _: Option<&str>) -> ControlFlow<()> {
-        ControlFlow::Continue(())
+    fn point(&mut self, _: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+        Ok(ControlFlow::Continue(()))
     }
 }
 
@@ -64,9 +64,7 @@ fn a_missing_file_is_not_found_at_every_entry_point() {
     let without_mesh = written("b.xml", survey("#s", PART));
     let options = ReadOptions::default();
     let read = |path: &Path| read_survey(path, &options).map(drop);
-    let points = |name: &str| {
-        vlscan::formats::read_points(&at(name), &mut Ignore, &mut Diagnostics::default()).map(drop)
-    };
+    let points = |name: &str| read_points(&at(name), &mut Ignore).map(drop);
     let cases: Vec<(&str, Result<()>)> = vec![
         ("survey", read(&at("none.xml"))),
         ("scene of a survey", read(&without_scene)),
@@ -125,5 +123,35 @@ fn the_library_writes_the_bytes_of_the_command_for_every_fixture() {
             let (command, library) = (fs::read(folder.path().join(by_command)), fs::read(by_library));
             assert!(command.unwrap() == library.unwrap(), "{name}: {extension}");
         }
+    }
+}
+
+#[test]
+fn points_of_damaged_and_foreign_files_are_errors_and_sinks_can_fail() {
+    struct Full(u32);
+    impl PointSink for Full {
+        fn start(&mut self, _: AttributeSet) {}
+
+        fn point(&mut self, _: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+            self.0 += 1;
+            if self.0 > 3 { Err(Error::input("the sink is full")) } else { Ok(ControlFlow::Continue(())) }
+        }
+    }
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let survey = fixture("room/survey.xml").display().to_string();
+    succeed(folder.path(), &["run", &survey, "-o", "whole.laz", "-o", "whole.csv", "-o", "whole.ply"]);
+    let whole = fs::read(at("whole.laz")).unwrap();
+    fs::write(at("cut.laz"), &whole[..whole.len() / 2]).unwrap();
+    fs::write(at("foreign.laz"), b"\x7fELF\x02\x01\x01\0\0\0\0\0\0\0\0\0").unwrap();
+    for name in ["cut.laz", "foreign.laz"] {
+        let read = read_points(&at(name), &mut Ignore);
+        assert!(matches!(read, Err(Error::Input(_))), "{name}: {read:?}");
+    }
+    for name in ["whole.laz", "whole.csv", "whole.ply"] {
+        assert!(read_points(&at(name), &mut Ignore).is_ok(), "{name}");
+        let mut sink = Full(0);
+        let failed = read_points(&at(name), &mut sink).unwrap_err().to_string();
+        assert_eq!((failed.as_str(), sink.0), ("the sink is full", 4), "{name}");
     }
 }

@@ -4,7 +4,7 @@
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
+use vlscan_base::Result;
 use vlscan_formats::{
     AttributeSet, CloudSettings, CloudWriter, PointFormat, PointRecord, PointRow, PointSink, read_points,
 };
@@ -19,9 +19,9 @@ struct Bounds(Aabb);
 impl PointSink for Bounds {
     fn start(&mut self, _: AttributeSet) {}
 
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
         self.0 = self.0.with(row.position);
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 }
 
@@ -30,25 +30,27 @@ struct Copy {
     settings: CloudSettings,
     writer: CloudWriter,
     block: Vec<PointRecord>,
-    failure: Option<vlscan_base::Error>,
 }
 
 impl Copy {
-    fn flush(&mut self) -> ControlFlow<()> {
-        self.failure = self.writer.write(&self.block).err();
+    fn flush(&mut self) -> Result<()> {
+        self.writer.write(&self.block)?;
         self.block.clear();
-        if self.failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        Ok(())
     }
 }
 
 impl PointSink for Copy {
     fn start(&mut self, _: AttributeSet) {}
 
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
         let mut record = PointRecord::from(row);
         record.position -= self.settings.origin;
         self.block.push(record);
-        if self.block.len() == BLOCK_POINTS { self.flush() } else { ControlFlow::Continue(()) }
+        if self.block.len() == BLOCK_POINTS {
+            self.flush()?;
+        }
+        Ok(ControlFlow::Continue(()))
     }
 }
 
@@ -58,22 +60,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("usage: convert FROM TO".into());
     };
     let format = PointFormat::of_file(Path::new(&to)).ok_or("the second name has no extension")??;
-    let mut found = Diagnostics::default();
-
     // Records are relative to the centre of the cloud, so that formats with short numbers keep its digits.
     let mut bounds = Bounds(Aabb::EMPTY);
-    read_points(Path::new(&from), &mut bounds, &mut found)?;
+    let mut found = read_points(Path::new(&from), &mut bounds)?;
     let origin = if bounds.0.is_empty() { Default::default() } else { bounds.0.centre().round() };
     let bounds = bounds.0.translated(-origin);
     let settings = CloudSettings { origin, bounds, ..CloudSettings::default() };
 
     let writer = CloudWriter::create(Path::new(&to), false, format, &settings, &mut found)?;
-    let mut copy = Copy { settings, writer, block: Vec::new(), failure: None };
-    read_points(Path::new(&from), &mut copy, &mut Diagnostics::default())?;
-    let _ = copy.flush();
-    if let Some(failure) = copy.failure {
-        return Err(failure.into());
-    }
+    let mut copy = Copy { settings, writer, block: Vec::new() };
+    read_points(Path::new(&from), &mut copy)?;
+    copy.flush()?;
     let tally = copy.writer.finish()?;
     eprint!("{}", found.render(false));
     println!("{} points in {to}", tally.records);

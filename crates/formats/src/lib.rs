@@ -89,6 +89,7 @@ struct Readme;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::counted;
 use vlscan_geom::DVec3;
 
@@ -151,7 +152,10 @@ pub trait PointSink {
 
     /// Takes the next point in the order of the file; `object` is the name of its object in files that have
     /// names. `Break` ends reading.
-    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()>;
+    ///
+    /// # Errors
+    /// Those of the sink: they end reading, and are returned by the reader.
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>>;
 }
 
 /// A file that is being read: where its points go and where its problems are recorded.
@@ -162,6 +166,8 @@ struct Reading<'a> {
     found: &'a mut Diagnostics,
     /// Number of points with a value that does not fit, by attribute, and the place of the first one.
     misfits: [(u64, Option<Place>); Attribute::COUNT],
+    /// The error of the sink, which has ended reading.
+    failure: Option<Error>,
 }
 
 impl<'a> Reading<'a> {
@@ -171,7 +177,7 @@ impl<'a> Reading<'a> {
         sink: &'a mut dyn PointSink,
         found: &'a mut Diagnostics,
     ) -> Reading<'a> {
-        Reading { path, selection, sink, found, misfits: Default::default() }
+        Reading { path, selection, sink, found, misfits: Default::default(), failure: None }
     }
 
     /// Tells the sink the format of the file, unless its reader knows more.
@@ -229,11 +235,20 @@ impl<'a> Reading<'a> {
                 first.get_or_insert_with(|| place(attribute));
             }
         }
-        self.sink.point(row, object)
+        match self.sink.point(row, object) {
+            Ok(flow) => flow,
+            Err(failure) => {
+                self.failure = Some(failure);
+                ControlFlow::Break(())
+            }
+        }
     }
 
     /// Warns of the values of all points that do not fit, as far as they are selected.
-    fn end(self) {
+    ///
+    /// # Errors
+    /// That of the sink.
+    fn end(self) -> Result<()> {
         let wanted = |attribute| self.selection == Selection::All || attribute == Attribute::Class;
         for (attribute, (count, place)) in Attribute::ALL.into_iter().zip(self.misfits) {
             if count > 0 && wanted(attribute) {
@@ -241,5 +256,6 @@ impl<'a> Reading<'a> {
                 self.found.warn(place, format!("{count} {points} {}", attribute.misfit()));
             }
         }
+        self.failure.map_or(Ok(()), Err)
     }
 }
