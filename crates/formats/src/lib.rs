@@ -30,6 +30,7 @@
 //! | `file`, `format` | opens files and streams that are read, and recognises their formats |
 //! | `point_format` | the table of the formats that are written |
 //! | `record`, `settings`, `objects` | points as they are written; facts about a cloud; numbers of objects |
+//! | `copy` | copies of clouds in other formats |
 //! | `strays` | the few points of a cloud that lie far from all others |
 //! | `encode`, `cloud_writer` | the two halves of a format; a writer for one thread |
 //! | `out`, `number` | buffered streams of bytes with jobs for idle threads; numbers as text |
@@ -39,6 +40,7 @@
 mod cloud_writer;
 mod columnar;
 mod columns;
+mod copy;
 #[cfg(feature = "e57")]
 mod e57;
 mod encode;
@@ -64,6 +66,7 @@ pub mod text;
 pub use cloud_writer::CloudWriter;
 pub use columnar::{Column, ColumnListError, ColumnType, Rows, TableColumn, point_schema, schema_of};
 pub use columns::{Attribute, AttributeSet, Columns, Misfits, PositionsError};
+pub use copy::copy;
 pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
 pub use file::{PointFile, read_points};
 pub use format::{CloudFormat, UnreadFormat};
@@ -76,7 +79,9 @@ pub use objects::ObjectIds;
 pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
 pub use ply::{PlyError, PlyNumbers, is_ply, ply_header};
 pub use point_format::{PointFormat, UnknownExtension};
-pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
+pub use record::{
+    Cause, EncodedPoints, Needs, PointBatch, PointFlags, PointRecord, StoredFields, Tally, Wave,
+};
 pub use settings::{CloudSettings, FrameNames};
 pub use strays::{Apart, StrayFinder, Strays};
 pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
@@ -91,7 +96,7 @@ use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::counted;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, radians};
 
 /// A point as stored in its file. Attributes that the file lacks are 0; an intensity that it marks as missing
 /// is NaN.
@@ -129,6 +134,43 @@ pub struct PointRow {
     pub misfits: Misfits,
 }
 
+/// Attributes of a point beside those of its [`PointRow`], for sinks that
+/// [take them](PointSink::takes_details).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointDetails {
+    /// Fields of the record as LAS has them.
+    pub stored: StoredFields,
+    /// Amplitude of the echo, with all its digits.
+    pub amplitude: Option<f64>,
+    /// Width of the echo, ns.
+    pub echo_width: Option<f64>,
+    /// Number of the pulse, modulo 2³².
+    pub pulse_number: Option<u64>,
+    /// Measured range, m.
+    pub range: Option<f64>,
+}
+
+impl PointDetails {
+    /// True if there is an attribute that LAS has in extra bytes.
+    pub fn has_extra(&self) -> bool {
+        let PointDetails { stored, amplitude, echo_width, pulse_number, range } = self;
+        let numbers = [*amplitude, *echo_width, *range];
+        numbers.iter().any(Option::is_some) || pulse_number.is_some() || stored.incidence_deg.is_some()
+    }
+
+    /// Sets what is known in a record.
+    pub fn add_to(&self, record: &mut PointRecord) {
+        record.stored = self.stored;
+        record.amplitude = self.amplitude.unwrap_or(record.amplitude);
+        record.echo_width = self.echo_width.unwrap_or(record.echo_width);
+        record.pulse_number = self.pulse_number.unwrap_or(record.pulse_number);
+        record.range = self.range.unwrap_or(record.range);
+        if let Some(angle) = self.stored.incidence_deg {
+            record.incidence_cosine = libm::cos(radians(f64::from(angle)));
+        }
+    }
+}
+
 /// Facts about a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileFacts {
@@ -149,6 +191,18 @@ pub trait PointSink {
     /// Called at most once, before the first point, with the system of the coordinates as WKT in files that
     /// name one.
     fn crs(&mut self, _wkt: &str) {}
+
+    /// True if [`PointSink::unread`] and [`PointSink::details`] are called, which takes time.
+    fn takes_details(&self) -> bool {
+        false
+    }
+
+    /// Called at most once, before the first point, with the names of attributes of the points that are not
+    /// read: of LAS, Arrow and Parquet.
+    fn unread(&mut self, _attributes: Vec<String>) {}
+
+    /// Takes the details of the next point, before the point itself: of LAS.
+    fn details(&mut self, _details: &PointDetails) {}
 
     /// Takes the next point in the order of the file; `object` is the name of its object in files that have
     /// names. `Break` ends reading.

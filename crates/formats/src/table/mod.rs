@@ -41,6 +41,9 @@ fn start(names: &[&str], reading: &mut Reading) -> Result<Columns> {
         reading.warn(remark);
     }
     reading.sink.start(columns.attributes());
+    if reading.sink.takes_details() {
+        reading.sink.unread(columns.unread(names));
+    }
     Ok(columns)
 }
 
