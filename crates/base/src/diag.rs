@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Result};
 use std::collections::HashMap;
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -164,7 +164,7 @@ pub struct Diagnostic {
 const MAX_LINES: usize = 5;
 
 /// The problems found so far. A repeated message about the same file is stored once, with a count.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct Diagnostics {
     items: Vec<Diagnostic>,
     /// Numbers of items by severity.
@@ -329,6 +329,13 @@ impl Diagnostics {
             text.push_str(&added);
         }
         text
+    }
+}
+
+impl fmt::Debug for Diagnostics {
+    /// The report, so that `fn main() -> Result<()>` shows it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.render(false).trim_end())
     }
 }
 
@@ -517,6 +524,15 @@ mod tests {
         for part in ["error: expected a number of metres", "s.xml:1:9", "^^^", "help: write z=\"0\""] {
             assert!(report.contains(part), "{part:?} is missing from\n{report}");
         }
+    }
+
+    #[test]
+    fn the_error_of_main_is_the_report() {
+        let mut d = Diagnostics::default();
+        d.error(Some(Place::of_file(Path::new("s.xml"))), "expected a number").help("write 0");
+        let shown = format!("{:?}", Error::Input(Box::new(d)));
+        assert!(shown.contains("error: expected a number") && shown.contains("help: write 0"), "{shown}");
+        assert!(!shown.contains("items"), "{shown}");
     }
 
     #[test]

@@ -503,8 +503,16 @@ pub trait ScanPattern: std::fmt::Debug + Send + Sync {
     /// The direction of the beam, of any length above 0, in the frame of the emitter: x to the right, y
     /// forward, z up. `time` is that since the first step of the leg, s.
     ///
-    /// A direction that is 0 or not finite ends the run with an error if the beam fires then.
+    /// A direction that is 0 or not finite ends the run with an error if the beam fires then: that of
+    /// [`ScanPattern::error`].
     fn direction(&self, time: f64) -> DVec3;
+
+    /// The reason why the pattern has no direction at that time; without one, the error of the run says what
+    /// the direction is.
+    fn error(&self, time: f64) -> Option<Box<dyn std::error::Error + Send + Sync>> {
+        let _ = time;
+        None
+    }
 
     /// True if a pulse is emitted at that time.
     fn is_firing(&self, time: f64) -> bool {
