@@ -208,7 +208,8 @@ pub(super) fn merge_echoes(
     }
     let (summary, interrupted) = merged?;
     let pulses = control.progress.snapshot().pulses;
-    Ok(Report { summary, pulses, seconds: started.elapsed().as_secs_f64(), interrupted })
+    let (seconds, warnings) = (started.elapsed().as_secs_f64(), output.warnings().clone());
+    Ok(Report { summary, pulses, seconds, interrupted, warnings })
 }
 
 fn merge_epochs(

@@ -75,6 +75,7 @@ impl Session {
                 pulses: 0,
                 seconds: 0.0,
                 interrupted: false,
+                warnings: self.warnings(),
             });
         }
         let request = OutputRequest { goes_on, ..outputs.clone() };
@@ -115,6 +116,7 @@ impl Session {
                     pulses,
                     seconds: 0.0,
                     interrupted: true,
+                    warnings: self.warnings(),
                 });
             }
             Err(error) => return Err(error),
@@ -132,7 +134,7 @@ impl Session {
             folder.mark(State::complete(run, &report.summary))?;
             self.remove_shards(folder, path)?;
         }
-        Ok(Report { seconds: seconds + report.seconds, ..report })
+        Ok(Report { seconds: seconds + report.seconds, warnings: self.warnings(), ..report })
     }
 
     /// Removes the shards of a run that is complete.

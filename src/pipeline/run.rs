@@ -19,7 +19,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
-use vlscan_base::diag::Notice;
+use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::HeightModel;
 use vlscan_lidar::flight::{FlightPlan, FlightState};
@@ -30,6 +30,7 @@ use vlscan_warehouse::Stop;
 
 /// Result of a run.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Report {
     /// Summary of the outputs.
     pub summary: OutputSummary,
@@ -39,6 +40,9 @@ pub struct Report {
     pub seconds: f64,
     /// True if the run was stopped: the outputs contain what was measured until then, and say so.
     pub interrupted: bool,
+    /// Warnings and notes, with an observer or without one: all that the session has had so far, of loading
+    /// its scene and of its runs.
+    pub warnings: Diagnostics,
 }
 
 /// The epochs of a run, and how each is measured.
@@ -274,7 +278,7 @@ impl Session {
             self.notify(Notice::Note(what_is_kept(file)));
         }
         let pulses = control.progress.snapshot().pulses;
-        Ok(Report { summary, pulses, seconds, interrupted })
+        Ok(Report { summary, pulses, seconds, interrupted, warnings: self.warnings() })
     }
 
     /// Adds to the error of a failed run where its partial outputs are.

@@ -181,7 +181,7 @@ impl Scan {
         Scan { is_strict: true, ..self }
     }
 
-    /// Passes warnings and notes to `observer`. Without one they are not seen.
+    /// Passes warnings and notes to `observer` as they come; they are also in the [report](Report::warnings).
     pub fn observer(self, observer: impl Fn(Notice) + Send + Sync + 'static) -> Scan {
         Scan { observer: Arc::new(observer), ..self }
     }
@@ -410,6 +410,20 @@ mod tests {
         let mut batches = flight.batches(10).unwrap();
         assert_eq!(batches.next().unwrap().unwrap().num_rows(), 10);
         assert!(batches.report().is_none());
+    }
+
+    #[test]
+    fn batches_have_progress_and_a_stop_and_reports_have_the_warnings() {
+        let mut batches = scan().station(DVec3::Z).batches(100).unwrap();
+        batches.by_ref().take(15).for_each(drop);
+        assert!(batches.progress().snapshot().pulses > 0);
+        batches.stop();
+        let rest = batches.by_ref().filter(|batch| batch.is_ok()).count();
+        assert!(batches.report().is_some_and(|report| report.interrupted), "{rest} batches after the stop");
+        let turning = scan().configure(|settings| settings.head_stop = 100.0).station(DVec3::Z);
+        let report = turning.sink(Target::File("/dev/null".into()), PointFormat::Xyz).run().unwrap();
+        let warnings = report.warnings.render(false);
+        assert!(warnings.contains("the head makes 15.9 turns"), "{warnings}");
     }
 
     #[test]
