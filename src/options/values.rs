@@ -317,6 +317,7 @@ fn hint(text: &str) -> String {
 }
 
 /// A UTM zone, such as 32N.
+#[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Zone(pub UtmZone);
 

@@ -36,12 +36,12 @@ pub enum Target {
     Helios(PathBuf),
 }
 
-/// The file of a shard of a run, see [`crate::shards`].
+/// The file of a shard of a run, see the module `shards`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShardOutput {
     /// The file; it is replaced if it exists.
     pub path: PathBuf,
-    /// Its head, as [`crate::shards::ShardHead::bytes`] returns it.
+    /// Its head, as `ShardHead::bytes` returns it.
     pub head: Vec<u8>,
 }
 

@@ -67,7 +67,7 @@ pub struct Scan {
     is_strict: bool,
     outputs: OutputRequest,
     observer: Observer,
-    /// Why the scan cannot be run, if an earlier call has found a reason.
+    /// The reason why the scan cannot be run, if an earlier call has found one.
     problem: Option<String>,
 }
 

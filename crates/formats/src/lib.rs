@@ -1,5 +1,6 @@
-//! Point clouds of many formats, read and written point by point in bounded memory. Reader and writer of a
-//! format stand side by side.
+#![doc = include_str!("../README.md")]
+//!
+//! ## Inside
 //!
 //! Every command and loader reads points through [`PointFile`] or [`read_points`], which recognise the format
 //! by the first bytes and pass the points one by one to a [`PointSink`]. Positions are metres.
@@ -11,11 +12,6 @@
 //! ```text
 //! PointRecord ─► PointEncoder::encode ─► EncodedPoints ─► FileBody::append ─► OutputStream
 //! ```
-//!
-//! The features `parquet` (with GeoParquet), `e57` and `mcap`, all on by default, build these formats.
-//! Without its feature a format is still recognised, and refused with a message that names the feature.
-//! `parquet-zstd`, off by default, reads Parquet files compressed with Zstandard; the build then needs a C
-//! compiler.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -71,13 +67,17 @@ pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
 pub use file::{PointFile, read_points};
 pub use format::{CloudFormat, UnreadFormat};
 pub use frames::{Frame, FramePoint, FramePose, read_frames};
+#[doc(hidden)]
+pub use las::packets_header;
 pub use las::{
     CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasFacts, LasReader, LasSettings,
-    LasVersion, PACKETS_HEADER_BYTES, PacketPlace, Selection, packets_header,
+    LasVersion, PACKETS_HEADER_BYTES, PacketPlace, Selection,
 };
 pub use objects::ObjectIds;
 pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
-pub use ply::{PlyError, PlyNumbers, is_ply, ply_header};
+pub use ply::{PlyError, PlyNumbers};
+#[doc(hidden)]
+pub use ply::{is_ply, ply_header};
 pub use point_format::{PointFormat, UnknownExtension};
 pub use record::{
     Cause, EncodedPoints, Needs, PointBatch, PointFlags, PointRecord, StoredFields, Tally, Wave,
@@ -85,11 +85,6 @@ pub use record::{
 pub use settings::{CloudSettings, FrameNames};
 pub use strays::{Apart, StrayFinder, Strays};
 pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
-
-/// The example of the README.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;
 
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -43,7 +43,9 @@ pub use error::{MAX_CHUNK_SIZE, MAX_FACTOR, MAX_THREADS, RunError, ScheduleError
 pub use feed::{Feed, Outcome, Tasks};
 pub use jobs::{Job, JobQueue};
 pub use policy::{MAX_BUFFERED_TASKS, Policy, PolicyKind, Schedule};
-pub use record::{Depth, LegEnd, Log, MAX_HISTORY, Recorder, Series, SizeChange, ThreadLog, thread_cpu_s};
+#[doc(hidden)]
+pub use record::thread_cpu_s;
+pub use record::{Depth, LegEnd, Log, MAX_HISTORY, Recorder, Series, SizeChange, ThreadLog};
 pub use run::{Collect, run};
 pub use sizing::ChunkSizer;
 pub use stop::{OpenOutputs, RunState, Stop};

@@ -278,7 +278,7 @@ impl<C: Tasks, R, E: From<RunError>> WorkerContext<'_, C, R, E> {
     }
 }
 
-/// How a collector has ended.
+/// Outcome of a collector without an error.
 enum Collected<S, E> {
     /// All results were taken.
     Finished(S),

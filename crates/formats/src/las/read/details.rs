@@ -7,7 +7,7 @@ use crate::{PointDetails, PointFlags, StoredFields};
 const READ: [&str; 7] =
     ["device", "hitObjectId", "heliosAmplitude", "echo_width", "fullwaveIndex", "range", "incidence_angle"];
 
-/// Where the details of a point are in its record.
+/// Places of the details of a point in its record.
 pub(super) struct DetailFields {
     is_extended: bool,
     amplitude: Option<ExtraDimension>,
