@@ -7,7 +7,7 @@ use std::fmt;
 use std::sync::{Arc, OnceLock};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{Reads, Recording};
+use vlscan_base::files::{FileLog, Reads};
 use vlscan_base::machine;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::{Aabb, DVec3};
@@ -73,10 +73,13 @@ impl LoadedScene {
     ) -> Result<LoadedScene> {
         check_jobs(options, trees)?;
         machine::start_pool()?;
-        let recording = Recording::start();
-        let epochs = vlscan_scene::count_epochs(recipe)?;
-        let scene = Arc::new(load_scene(recipe, options, is_strict, (0, None), notify)?);
-        let reads = Arc::new(recording.reads());
+        let log = FileLog::default();
+        let load = || -> Result<(u32, Scene)> {
+            let epochs = vlscan_scene::count_epochs(recipe)?;
+            Ok((epochs, load_scene(recipe, options, is_strict, (0, None), notify)?))
+        };
+        let (epochs, scene) = log.record(load)?;
+        let (scene, reads) = (Arc::new(scene), Arc::new(log.reads()));
         let mut conditions = Conditions::of(recipe, options);
         conditions.add(&scene);
         let frame = SceneFrame::of(&scene);
