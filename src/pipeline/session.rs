@@ -65,7 +65,8 @@ fn keeping(observer: impl Fn(Notice) + Send + Sync + 'static) -> (Observer, Arc<
         }
         observer(notice);
     };
-    (Arc::new(keep), warnings)
+    let observer: Observer = Arc::new(keep);
+    (observer, warnings)
 }
 
 impl Session {

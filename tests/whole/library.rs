@@ -8,8 +8,8 @@ use vlscan::base::diag::ProblemKind;
 use vlscan::formats::{AttributeSet, PointRow, PointSink, read_points};
 use vlscan::survey::{PoseStream, find_platform, find_scanner};
 use vlscan::{
-    DVec3, Error, Mesh, OutputRequest, PointFormat, Progress, ReadOptions, Result, RunContext, Scan, Session,
-    Settings, Stop, Target, read_scene, read_survey,
+    Batches, DVec3, Error, Mesh, OutputRequest, PointFormat, Progress, ReadOptions, Result, RunContext, Scan,
+    Session, Settings, Stop, Target, read_scene, read_survey,
 };
 
 /// A square floor of 20 m × 20 m.
@@ -64,6 +64,7 @@ fn a_missing_file_is_not_found_at_every_entry_point() {
     let without_mesh = written("b.xml", survey("#s", PART));
     let options = ReadOptions::default();
     let read = |path: &Path| read_survey(path, &options).map(drop);
+    let first = |mut batches: Batches| batches.next().unwrap_or_else(|| panic!("no batch")).map(drop);
     let points = |name: &str| read_points(&at(name), &mut Ignore).map(drop);
     let cases: Vec<(&str, Result<()>)> = vec![
         ("survey", read(&at("none.xml"))),
@@ -80,7 +81,7 @@ fn a_missing_file_is_not_found_at_every_entry_point() {
         ("scanner", find_scanner(&named("none.xml#a"), &options).map(drop)),
         ("calibration", find_scanner(&named("none.json"), &options).map(drop)),
         ("platform", find_platform(&named("none.xml#a"), &options).map(drop)),
-        ("trajectory", scan().trajectory(PoseStream::at(at("none.csv"))).run().map(drop)),
+        ("trajectory", scan().trajectory(PoseStream::at(at("none.csv"))).batches(10).and_then(first)),
         ("pulses", vlscan::PulseReader::open(&at("none.csv"), 1).map(drop)),
         ("points", points("none.laz")),
         ("table of points", points("none.csv")),
@@ -117,8 +118,8 @@ fn the_library_writes_the_bytes_of_the_command_for_every_fixture() {
             succeed(folder.path(), &["run", &survey.display().to_string(), "-o", &by_command]);
             let (survey, _) = read_survey(&survey, &ReadOptions::default()).unwrap();
             let mut session = Session::open(Settings::new(survey), |_| ()).unwrap();
-            let sinks = vec![(Target::File(by_library.clone()), format)];
-            let outputs = OutputRequest { sinks, ..OutputRequest::default() };
+            let mut outputs = OutputRequest::default();
+            outputs.sinks.push((Target::File(by_library.clone()), format));
             session.run(outputs, RunContext::new(&Progress::default(), &Stop::new())).unwrap();
             let (command, library) = (fs::read(folder.path().join(by_command)), fs::read(by_library));
             assert!(command.unwrap() == library.unwrap(), "{name}: {extension}");
@@ -154,4 +155,33 @@ fn points_of_damaged_and_foreign_files_are_errors_and_sinks_can_fail() {
         let failed = read_points(&at(name), &mut sink).unwrap_err().to_string();
         assert_eq!((failed.as_str(), sink.0), ("the sink is full", 4), "{name}");
     }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_run_that_fails_ends_no_other_that_shares_its_stop() {
+    let folder = folder();
+    let turning = |rate: f64| {
+        let scan = scan().configure(move |settings| settings.head_rate = rate);
+        scan.outputs(|outputs| outputs.force = true)
+    };
+    let run = |path: &Path, rate: f64, stop: &Stop| {
+        let scan = turning(rate).sink(Target::File(path.to_path_buf()), PointFormat::Xyz);
+        let (mut session, outputs) = scan.session()?;
+        session.run(outputs, RunContext::new(&Progress::default(), stop))
+    };
+    let alone = run(&folder.path().join("alone.xyz"), 10.0, &Stop::new()).unwrap();
+    let stop = Stop::new();
+    for round in 0..3 {
+        let shared = folder.path().join(format!("shared{round}.xyz"));
+        let (failed, complete) = std::thread::scope(|scope| {
+            let failing = scope.spawn(|| run(Path::new("/dev/full"), 60.0, &stop));
+            let complete = run(&shared, 10.0, &stop);
+            (failing.join().unwrap(), complete.unwrap())
+        });
+        assert!(matches!(failed, Err(Error::Io { .. })), "{failed:?}");
+        assert!(!complete.interrupted && complete.pulses == alone.pulses, "round {round}");
+        assert_eq!(fs::read(shared).unwrap(), fs::read(folder.path().join("alone.xyz")).unwrap());
+    }
+    assert!(!stop.is_requested());
 }

@@ -74,7 +74,9 @@ impl Tree {
             }
             first = end;
         }
-        take(&mut group, &mut numbers, &mut found);
+        if !numbers.is_empty() {
+            take(&mut group, &mut numbers, &mut found);
+        }
         found
     }
 }
