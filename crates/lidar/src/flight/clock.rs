@@ -33,8 +33,8 @@ const LEAP_SECONDS: [i64; 18] = [
     1_483_228_800, // 2017-01-01
 ];
 
-/// Year and day of the year (from 1) at which runs start unless they are told otherwise: fixed, so that equal
-/// runs give equal bytes.
+/// Year and day of the year (from 1) at which runs start by default: fixed, so that equal runs give equal
+/// bytes.
 pub const DEFAULT_DAY: (u16, u16) = (2024, 1);
 
 /// GPS time of week at the start of [`DEFAULT_DAY`], ns, as [`gps_start`] counts it.

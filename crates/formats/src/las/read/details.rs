@@ -20,8 +20,10 @@ pub(super) struct DetailFields {
 impl DetailFields {
     /// The fields of records with this header and these extra dimensions.
     pub fn of(header: &Header, extra: &[(String, ExtraDimension)]) -> DetailFields {
-        let named = |wanted: &str| extra.iter().find(|(name, d)| name == wanted && d.is_number());
-        let dimension = |wanted| named(wanted).map(|(_, dimension)| *dimension);
+        let dimension = |named: &str| {
+            let found = extra.iter().find(|(name, dimension)| name == named && dimension.is_number());
+            found.map(|(_, dimension)| *dimension)
+        };
         DetailFields {
             is_extended: header.format >= 6,
             amplitude: dimension("heliosAmplitude"),
