@@ -19,7 +19,7 @@ use vlscan::scene::{LoadOptions, load};
 use vlscan::survey::{PlatformKind, SceneRecipe};
 use vlscan::tools::cloud::{read_packet, read_points, read_wave};
 use vlscan::tools::preview::{PreviewOptions, draw};
-use vlscan::{Formula, PulseReader, ReadOptions, Stop, command_line, parse_seed, read_scene, read_survey};
+use vlscan::{Formula, PulseReader, ReadOptions, command_line, parse_seed, read_scene, read_survey};
 
 /// A folder with a small survey, into which a target writes its bytes.
 pub struct Bench {
@@ -356,9 +356,8 @@ impl Bench {
     }
 
     fn read_pulses(&self, file: &str) {
-        let stop = Stop::new();
         if let Ok(mut reader) = PulseReader::open(&self.path(file), 64) {
-            while let Ok(Some(block)) = reader.next_block(&stop) {
+            while let Ok(Some(block)) = reader.next_block(&|| false) {
                 drop(block);
             }
         }

@@ -62,7 +62,7 @@
 //! * [`trace`]: a watertight ray tracer in double precision for packets of rays; nothing of LiDAR
 //! * [`warehouse`]: producer, bounded queue, workers, ordered collector; nothing of LiDAR
 //! * [`survey`]: surveys, scenes and instruments as their files describe them, the catalogue
-//! * [`formats`]: readers of point clouds
+//! * [`formats`]: point clouds, read and written
 //! * [`scene`]: scenes that can be traced
 //! * [`lidar`]: the instrument: platform, scanner, flight, pulse
 //! * `vlscan-session`: sessions, outputs, shards and streams, all of which are re-exported here
@@ -142,6 +142,7 @@ pub use vlscan_trace as trace;
 pub use vlscan_warehouse as warehouse;
 
 pub use campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport, FailedCell};
+#[doc(hidden)]
 pub use cli::{command_line, main, scene_json};
 pub use options::{OneOf, OptionName, Options, ResolvedRun, schedule_of};
 pub use planning::plan_survey;

@@ -22,7 +22,7 @@ use vlscan::options::Crs;
 use vlscan::tools::cloud::{CloudSource, cloud_facts};
 use vlscan::tools::frames::{ForwardAxis, FrameLayout, FrameOptions};
 use vlscan::tools::raster::{CloudRasters, RasterKind, RasterOptions};
-use vlscan::{Column, Diagnostics, Error, Notice, Observer};
+use vlscan::{Column, Error, Notice, Observer};
 
 /// Collects the points of a file.
 #[derive(Default)]
@@ -50,7 +50,7 @@ impl PointSink for Columns {
         self.crs = Some(wkt.to_owned());
     }
 
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> vlscan::Result<ControlFlow<()>> {
         self.has_misses |= row.is_miss;
         self.position.iter_mut().zip(row.position.to_array()).for_each(|(axis, value)| axis.push(value));
         let has = |attribute| self.attributes.has(attribute);
@@ -78,7 +78,7 @@ impl PointSink for Columns {
         if has(Attribute::Channel) {
             self.device.push(row.channel);
         }
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 }
 
@@ -140,9 +140,8 @@ pub fn read_points(py: Python<'_>, path: PathBuf) -> PyResult<Table> {
     let notices = Notices::default();
     let own = notices.clone();
     let read = interruptible(py, move |_| {
-        let (mut columns, mut found) = (Columns::default(), Diagnostics::default());
-        vlscan::formats::read_points(&path, &mut columns, &mut found)?;
-        own.add(Notice::Warnings(found.finish(false)?));
+        let mut columns = Columns::default();
+        own.add(Notice::Warnings(vlscan::formats::read_points(&path, &mut columns)?));
         Ok(columns)
     })?;
     notices.issue(py)?;

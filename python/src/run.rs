@@ -166,7 +166,7 @@ impl Outcome {
             };
             found.push((name.clone(), Py::new(py, table)?));
         }
-        let Report { summary, pulses, seconds, interrupted } = report;
+        let Report { summary, pulses, seconds, interrupted, .. } = report;
         let files = summary.files.iter().filter_map(|file| {
             let path = file.path.as_ref()?.display().to_string();
             Some((path, file.records, file.bytes, file.partial))

@@ -49,7 +49,7 @@ impl Interruption {
         self.loading.store(true, Ordering::Relaxed);
         self.stop.request();
         let stage = self.stage.compare_exchange(COMPUTING, GIVEN_UP, Ordering::SeqCst, Ordering::SeqCst);
-        stage == Err(WRITING) || self.stop.is_heeded()
+        stage == Err(WRITING) || self.stop.has_open_outputs()
     }
 
     /// Lets the request end the loading of a session with these settings, too.

@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, Reads, Recording};
+use vlscan_base::files::{FileLog, FileWriter, Patched, Reads};
 use vlscan_geom::Aabb;
 use vlscan_session::output::{FileKind, PointFormat};
 use vlscan_session::{LoadedScene, PartTable, Progress, Report, RunContext, Session};
@@ -122,12 +122,11 @@ impl<'c> CellRunner<'c> {
         work: &Path,
         inputs: &mut Inputs,
     ) -> Result<(), Failure> {
-        let recording = Recording::start();
-        let ended = catch_unwind(AssertUnwindSafe(|| self.make(cell, work)));
+        let log = FileLog::default();
+        let ended = log.record(|| catch_unwind(AssertUnwindSafe(|| self.make(cell, work))));
         let ended =
             ended.unwrap_or_else(|panic| Err(Error::Internal(format!("a panic: {}", text_of(&*panic)))));
-        let mut reads = recording.reads();
-        drop(recording);
+        let mut reads = log.reads();
         // The scene may have been read for an earlier cell.
         reads.extend(self.reused.take().unwrap_or_default());
         // What a cell that failed has read and looked for decides when it is computed again, too.

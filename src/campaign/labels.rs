@@ -31,7 +31,7 @@ impl Labels {
     /// # Errors
     /// [`Error::Io`]; [`Error::Internal`] for a table that is none.
     pub fn read(path: &Path) -> Result<Labels> {
-        let text = vlscan_base::files::reads::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
+        let text = vlscan_base::files::reads::read_to_string(path).map_err(|e| Error::open(path, e))?;
         Labels::parse(&text).ok_or_else(|| Error::Internal(format!("{}: no table of labels", path.display())))
     }
 

@@ -230,7 +230,7 @@ impl Campaign {
         let (mut computed, started) = (0, Instant::now());
         let mut unkept = BTreeMap::new();
         for cell in chosen {
-            if is_interrupted(stop) {
+            if stop.is_requested() {
                 return Err(Error::Interrupted);
             }
             let wanted = self.wanted(cell);
@@ -359,12 +359,6 @@ impl Campaign {
     }
 }
 
-/// True if the stop was requested, and not only the run of a cell has failed.
-fn is_interrupted(stop: &Stop) -> bool {
-    stop.begin_run();
-    stop.is_requested()
-}
-
 /// Computes a cell that this process has locked, and keeps what it gave or why it failed. Returns why it
 /// failed if that is not kept.
 ///
@@ -383,7 +377,7 @@ fn compute(
     let started = Instant::now();
     let name = || cell.name.clone();
     let ended = runner.compute(cell, &mut record, &lock.work, inputs);
-    if is_interrupted(runner.stop) && ended.is_err() {
+    if runner.stop.is_requested() && ended.is_err() {
         return Err(Error::Interrupted);
     }
     let work = lock.work.clone();

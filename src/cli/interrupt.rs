@@ -11,7 +11,7 @@ use vlscan_warehouse::Stop;
 /// Stop request that a run checks between chunks.
 pub static STOP: Stop = Stop::new();
 
-/// True if a signal has arrived. Failures of a run request its stop, too.
+/// True if a signal has arrived.
 static SIGNALLED: AtomicBool = AtomicBool::new(false);
 
 /// How long a stopped run waits for the readers of its streams, and the end of the process for that of its
@@ -23,7 +23,7 @@ pub fn listen(console: &Console) {
     let console = console.clone();
     // A handler can be installed once per process; without one the signal ends the program.
     let _ = ctrlc::set_handler(move || {
-        if SIGNALLED.swap(true, Ordering::Relaxed) || !STOP.is_heeded() {
+        if SIGNALLED.swap(true, Ordering::Relaxed) || !STOP.has_open_outputs() {
             end(console.clone());
         }
         STOP.request();

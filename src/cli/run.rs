@@ -78,7 +78,7 @@ pub fn warn_of_few_points(console: &Console, report: &Report) -> Result<()> {
 /// # Errors
 /// [`Error::Interrupted`] when the run was interrupted.
 pub fn show_report(console: &Console, report: &Report, started: Instant) -> Result<()> {
-    let Report { summary, pulses, seconds, interrupted } = report;
+    let Report { summary, pulses, seconds, interrupted, .. } = report;
     for file in &summary.files {
         let name = file.path.as_ref().map_or_else(|| "stdout".into(), |p| p.display().to_string());
         let has_points = matches!(file.kind, FileKind::Points | FileKind::Shard);

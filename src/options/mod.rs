@@ -45,10 +45,14 @@ pub use groups::{
     ProfileOptions, ScheduleOptions, TreeOptions,
 };
 pub use keys::{PipelineKey, PipelineTable, pipeline_keys};
+#[doc(hidden)]
 pub use over::Over;
+#[doc(hidden)]
 pub use python::python_module;
 pub use resolve::{ResolvedRun, policy, schedule_of};
-pub use schema::{command_schema, pipeline_schema};
+#[doc(hidden)]
+pub use schema::command_schema;
+pub use schema::pipeline_schema;
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
 pub use values::{Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed, ValueError};

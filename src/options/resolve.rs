@@ -12,12 +12,10 @@ use vlscan_session::output::OutputRequest;
 use vlscan_session::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, Settings};
 use vlscan_survey::{NavigationErrors, PlatformKind, Survey};
 use vlscan_trace::BuildOptions;
-use vlscan_warehouse::{Policy, PolicyKind, Schedule};
+use vlscan_warehouse::{MAX_FACTOR, MAX_THREADS, Policy, PolicyKind, Schedule};
 
 /// Idle times that dynamic chunks ignore, in milliseconds.
 const DEFAULT_IDLE_THRESHOLD_MS: f64 = 0.1;
-
-const MAX_THREADS: usize = 1024;
 
 /// A run with every choice resolved.
 #[derive(Clone, Debug)]
@@ -136,7 +134,7 @@ fn check_threads(options: &Options) -> Result<()> {
 pub fn policy(kind: PolicyKind, size: u32, factor: usize, idle_threshold_ms: Option<f64>) -> Policy {
     let ms = idle_threshold_ms.unwrap_or(DEFAULT_IDLE_THRESHOLD_MS);
     match kind {
-        PolicyKind::Warehouse => Policy::Warehouse { size, factor: factor.clamp(1, 1 << 16) },
+        PolicyKind::Warehouse => Policy::Warehouse { size, factor: factor.clamp(1, MAX_FACTOR) },
         PolicyKind::Dynamic => Policy::Dynamic { size, significant_ns: (ms * 1e6).round() as u64 },
         PolicyKind::Static => Policy::Static { size },
         PolicyKind::Single => Policy::Single,

@@ -15,9 +15,11 @@ use vlscan_crs::EpsgError;
 use vlscan_formats::ColumnListError;
 use vlscan_geom::UtmZone;
 use vlscan_lidar::flight::{TimeError, calendar_day, gps_start};
+use vlscan_session::MAX_LATENCY_S;
 use vlscan_session::output::Column;
 use vlscan_survey::{NavigationErrors, NavigationKeyError, SeedError, parse_seed};
 use vlscan_tables::input::read_file;
+use vlscan_warehouse::MAX_CHUNK_SIZE;
 
 /// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with
 /// commas.
@@ -156,7 +158,7 @@ impl FromStr for ChunkSize {
 
     fn from_str(text: &str) -> Result<ChunkSize, ValueError> {
         match text.parse() {
-            Ok(n @ 1..=16_777_216) => Ok(ChunkSize(n)),
+            Ok(n @ 1..=MAX_CHUNK_SIZE) => Ok(ChunkSize(n)),
             _ => Err(NumberError { expected: "1 to 16777216 pulses", found: text.to_owned() }.into()),
         }
     }
@@ -273,7 +275,7 @@ impl FromStr for GpsStart {
     }
 }
 
-/// How long points may wait, at most an hour.
+/// How long points may wait, at most [`MAX_LATENCY_S`](vlscan_session::MAX_LATENCY_S).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latency(pub Duration);
 
@@ -281,7 +283,7 @@ impl FromStr for Latency {
     type Err = ValueError;
 
     fn from_str(text: &str) -> Result<Latency, ValueError> {
-        let seconds = text.trim().parse().ok().filter(|s| (0.0..=3600.0).contains(s));
+        let seconds = text.trim().parse().ok().filter(|s| (0.0..=MAX_LATENCY_S).contains(s));
         let latency = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
         let problem = || NumberError { expected: "seconds from 0 to 3600", found: text.to_owned() };
         Ok(Latency(latency.ok_or_else(problem)?))
@@ -315,7 +317,7 @@ impl Crs {
             Crs::Wkt(text) => return Ok(text.clone()),
             Crs::File(path) => path,
         };
-        let bytes = read_file(path, MAX_WKT_BYTES).map_err(|e| Error::io("read", path, e))?;
+        let bytes = read_file(path, MAX_WKT_BYTES).map_err(|e| Error::open(path, e))?;
         if let Some(found) = foreign(path, &bytes, &Expected::SYSTEM) {
             return Err(found.error(path));
         }
@@ -362,6 +364,7 @@ fn hint(text: &str) -> String {
 }
 
 /// A UTM zone, such as 32N.
+#[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Zone(pub UtmZone);
 

@@ -36,6 +36,7 @@ mod helios_surveys;
 mod hostile;
 mod instruments;
 mod interruption;
+mod library;
 mod limits;
 mod manual;
 mod mcap;

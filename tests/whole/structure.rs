@@ -476,6 +476,7 @@ fn warnings_about_files_have_a_place() {
         "src/cli/run.rs",
         "crates/session/src/output/",
         "crates/session/src/pipeline/crs.rs",
+        "crates/session/src/pipeline/scan.rs",
     ];
     let found = calls(&["warn(None"], &of_options);
     assert!(found.is_empty(), "name the file and the line, or Place::of_file: {found:#?}");

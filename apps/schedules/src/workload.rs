@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
-use vlscan_base::error::Result;
+use vlscan_base::error::{Error, Result};
 use vlscan_warehouse::{
     Collect, Feed, JobQueue, Log, Outcome, Policy, Recorder, Schedule, Stop, Tasks, ThreadLog, run,
     thread_cpu_s,
@@ -309,6 +309,7 @@ fn run_chunks(threads: usize, policy: Policy, chunks: u32, work: impl Fn() + Syn
 
     impl Collect<Nothing> for Discard {
         type Summary = ();
+        type Error = Error;
 
         fn take(&mut self, _: Nothing, _: bool) -> Result<()> {
             Ok(())

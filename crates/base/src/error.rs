@@ -8,6 +8,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// The errors that end a run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// Invalid input; each problem has its place. Exit status 2, or that of its kind.
     #[error("{}", .0.headline())]
@@ -36,6 +37,9 @@ pub enum Error {
     /// A thread of the pipeline failed; the message is meant for a bug report. Exit status 1.
     #[error("internal failure: {0}")]
     Internal(String),
+    /// An error of the program that uses the library: of a sink, a scan pattern, a closure. Exit status 1.
+    #[error(transparent)]
+    Other(Box<dyn std::error::Error + Send + Sync>),
 }
 
 impl Error {
@@ -66,6 +70,19 @@ impl Error {
     /// A single input problem without a place in a file (a command-line value, a combination of options).
     pub fn input(message: impl Into<String>) -> Error {
         Error::input_of(ProblemKind::Invalid, message)
+    }
+
+    /// An error of the program that uses the library, which a run returns as it is.
+    ///
+    /// ```
+    /// use vlscan_base::Error;
+    ///
+    /// let error = Error::other("full".parse::<u8>().unwrap_err());
+    /// let Error::Other(own) = error else { panic!() };
+    /// assert!(own.is::<std::num::ParseIntError>());
+    /// ```
+    pub fn other(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error {
+        Error::Other(error.into())
     }
 
     /// The error for an output that exists and is not to be replaced.
@@ -118,7 +135,7 @@ impl Error {
             Error::Input(_) => 2,
             Error::Limits(_) => 3,
             Error::Interrupted => 130,
-            Error::Io { .. } | Error::Internal(_) => 1,
+            Error::Io { .. } | Error::Internal(_) | Error::Other(_) => 1,
         }
     }
 }

@@ -1,21 +1,34 @@
 //! Threads, started in a way that reports a failure instead of panicking, and the memory of the machine.
 
 use crate::error::{Error, Result};
-use crate::files::fault;
+use crate::files::{ThreadLogs, fault};
 use std::error::Error as _;
 use std::io;
 use std::sync::OnceLock;
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
-/// Starts a thread in a scope. `name` is what the system shows of it, and appears in the error.
+/// Starts a thread in a scope. `name` is what the system shows of it, and appears in the error. The
+/// [logs](crate::files::FileLog) of the present thread record the new one, too.
 pub fn spawn_scoped<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     name: &str,
     work: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>> {
-    let started =
-        fault::point().and_then(|()| Builder::new().name(name.to_owned()).spawn_scoped(scope, work));
-    started.map_err(|e| Error::io("start the thread", name, e))
+    try_spawn_scoped(scope, name, work).map_err(|e| Error::io("start the thread", name, e))
+}
+
+/// As [`spawn_scoped`], with the error of the system.
+///
+/// # Errors
+/// Those of [`Builder::spawn_scoped`].
+pub fn try_spawn_scoped<'scope, T: Send + 'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'scope,
+) -> io::Result<ScopedJoinHandle<'scope, T>> {
+    let logs = ThreadLogs::of_this_thread();
+    let work = move || logs.record(work);
+    fault::point().and_then(|()| Builder::new().name(name.to_owned()).spawn_scoped(scope, work))
 }
 
 /// Memory that this process can have, bytes: the least of the machine's memory, the limit of its control
@@ -63,7 +76,8 @@ pub fn with_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Re
     let failed = |e| Error::io("start", "the threads that load the scene", e);
     fault::point().map_err(failed)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    Ok(pool.map_err(|e| failed(io::Error::other(e)))?.install(work))
+    let logs = ThreadLogs::of_this_thread();
+    Ok(pool.map_err(|e| failed(io::Error::other(e)))?.install(|| logs.record(work)))
 }
 
 /// The number of cases of a comparison that takes long: an eighth of `all`, and all with `VLSCAN_ALL_CASES`

@@ -1,81 +1,17 @@
 //! Converts a cloud to the format that the name of the second file tells:
 //! `cargo run -p vlscan-formats --example convert -- cloud.laz cloud.parquet`.
 
-use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::Path;
-use vlscan_base::diag::Diagnostics;
-use vlscan_formats::{
-    AttributeSet, CloudSettings, CloudWriter, PointFormat, PointRecord, PointRow, PointSink, read_points,
-};
-use vlscan_geom::Aabb;
+use vlscan_base::{Error, Result};
+use vlscan_formats::{CloudSettings, copy};
 
-/// Points that are written together.
-const BLOCK_POINTS: usize = 4096;
-
-/// The box around all points.
-struct Bounds(Aabb);
-
-impl PointSink for Bounds {
-    fn start(&mut self, _: AttributeSet) {}
-
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
-        self.0 = self.0.with(row.position);
-        ControlFlow::Continue(())
-    }
-}
-
-/// Writes points as they are read.
-struct Copy {
-    settings: CloudSettings,
-    writer: CloudWriter,
-    block: Vec<PointRecord>,
-    failure: Option<vlscan_base::Error>,
-}
-
-impl Copy {
-    fn flush(&mut self) -> ControlFlow<()> {
-        self.failure = self.writer.write(&self.block).err();
-        self.block.clear();
-        if self.failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-}
-
-impl PointSink for Copy {
-    fn start(&mut self, _: AttributeSet) {}
-
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
-        let mut record = PointRecord::from(row);
-        record.position -= self.settings.origin;
-        self.block.push(record);
-        if self.block.len() == BLOCK_POINTS { self.flush() } else { ControlFlow::Continue(()) }
-    }
-}
-
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<()> {
     let mut paths = std::env::args().skip(1);
     let (Some(from), Some(to)) = (paths.next(), paths.next()) else {
-        return Err("usage: convert FROM TO".into());
+        return Err(Error::input("usage: convert FROM TO"));
     };
-    let format = PointFormat::of_file(Path::new(&to)).ok_or("the second name has no extension")??;
-    let mut found = Diagnostics::default();
-
-    // Records are relative to the centre of the cloud, so that formats with short numbers keep its digits.
-    let mut bounds = Bounds(Aabb::EMPTY);
-    read_points(Path::new(&from), &mut bounds, &mut found)?;
-    let origin = if bounds.0.is_empty() { Default::default() } else { bounds.0.centre().round() };
-    let mut settings = CloudSettings::default();
-    (settings.origin, settings.bounds) = (origin, bounds.0.translated(-origin));
-
-    let writer = CloudWriter::create(Path::new(&to), false, format, &settings, &mut found)?;
-    let mut copy = Copy { settings, writer, block: Vec::new(), failure: None };
-    read_points(Path::new(&from), &mut copy, &mut Diagnostics::default())?;
-    let _ = copy.flush();
-    if let Some(failure) = copy.failure {
-        return Err(failure.into());
-    }
-    let tally = copy.writer.finish()?;
-    eprint!("{}", found.text());
+    let (tally, warnings) = copy(Path::new(&from), Path::new(&to), &CloudSettings::default())?;
+    eprint!("{}", warnings.text());
     println!("{} points in {to}", tally.records);
     Ok(())
 }

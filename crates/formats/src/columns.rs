@@ -346,6 +346,14 @@ impl Columns {
         remarks
     }
 
+    /// The names of the columns that are not read.
+    pub fn unread(&self, names: &[&str]) -> Vec<String> {
+        let is_unread = |(column, name): &(usize, &&str)| {
+            !name.is_empty() && !self.used().any(|(_, used)| used == *column)
+        };
+        names.iter().enumerate().filter(is_unread).map(|(_, name)| (*name).to_owned()).collect()
+    }
+
     /// Adds a column.
     pub fn with(mut self, attribute: Attribute, column: usize) -> Columns {
         self.columns[attribute as usize] = Some(column);

@@ -13,12 +13,21 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::store::FileBytes;
 
-/// Reads all points of a file, or of stdin for `-`. Problems of the content are recorded in `found`; the
-/// points before them may have been passed to the sink.
+/// Reads all points of a file, or of stdin for `-`. Returns warnings, and notes on how the file was
+/// interpreted.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read.
-pub fn read_points(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostics) -> Result<()> {
+/// [`Error::Input`] with all problems when the file does not exist, is of no format that is read, or damaged:
+/// the points before the damage may have been passed to the sink. [`Error::Io`] when it cannot be read. The
+/// errors of the sink.
+pub fn read_points(path: &Path, sink: &mut dyn PointSink) -> Result<Diagnostics> {
+    let mut found = Diagnostics::default();
+    read_into(path, sink, &mut found)?;
+    found.finish(false)
+}
+
+/// Reads all points of a file; problems of the content are recorded in `found`.
+fn read_into(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostics) -> Result<()> {
     let is_stdin = path.as_os_str() == "-";
     let name = if is_stdin { PathBuf::from("<stdin>") } else { path.to_path_buf() };
     let mut source: Box<dyn Read> = match is_stdin {
@@ -35,8 +44,7 @@ pub fn read_points(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostic
     if format.is_stream() {
         let source = BufReader::with_capacity(1 << 20, Cursor::new(first).chain(source));
         read_stream(source, format, &mut reading)?;
-        reading.end();
-        return Ok(());
+        return reading.end();
     }
     let file = match !is_stdin && path.is_file() {
         true => FileBytes::open(path).map_err(|e| Error::open(path, e))?,
@@ -50,7 +58,7 @@ pub fn read_points(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostic
         CloudFormat::Parquet => table::read_parquet(Bytes::from_owner(file.clone()), &mut reading)?,
         _ => read_binary(&file, format, &mut reading),
     }
-    reading.end();
+    reading.end()?;
     file.check_unchanged().map_err(|e| Error::io("read", &name, e))
 }
 
@@ -117,10 +125,10 @@ impl<'a> PointFile<'a> {
         self.format
     }
 
-    /// Reads all points.
+    /// Reads all points. Problems of the content are recorded in `found`.
     ///
     /// # Errors
-    /// As [`read_points`].
+    /// [`Error::Io`] when the file cannot be read, and the errors of the sink.
     pub fn read(
         &self,
         selection: Selection,
@@ -139,7 +147,6 @@ impl<'a> PointFile<'a> {
             format if format.is_stream() => read_stream(Cursor::new(self.bytes), format, &mut reading)?,
             format => read_binary(self.bytes, format, &mut reading),
         }
-        reading.end();
-        Ok(())
+        reading.end()
     }
 }

@@ -66,7 +66,7 @@ impl CloudFormat {
         matches!(self, CloudFormat::Text | CloudFormat::Pts | CloudFormat::Ptx | CloudFormat::Arrow)
     }
 
-    /// Recognises a format by the beginning of a file, at least [`DETECTED_BYTES`] if it has them.
+    /// Recognises a format by the beginning of a file, at least 4096 bytes if it has them.
     ///
     /// # Errors
     /// What the file is instead.

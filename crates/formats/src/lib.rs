@@ -1,5 +1,6 @@
-//! Point clouds of many formats, read and written point by point in bounded memory. Reader and writer of a
-//! format stand side by side.
+#![doc = include_str!("../README.md")]
+//!
+//! ## Inside
 //!
 //! Every command and loader reads points through [`PointFile`] or [`read_points`], which recognise the format
 //! by the first bytes and pass the points one by one to a [`PointSink`]. Positions are metres.
@@ -11,11 +12,6 @@
 //! ```text
 //! PointRecord ─► PointEncoder::encode ─► EncodedPoints ─► FileBody::append ─► OutputStream
 //! ```
-//!
-//! The features `parquet` (with GeoParquet), `e57` and `mcap`, all on by default, build these formats.
-//! Without its feature a format is still recognised, and refused with a message that names the feature.
-//! `parquet-zstd`, off by default, reads Parquet files compressed with Zstandard; the build then needs a C
-//! compiler.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -30,6 +26,7 @@
 //! | `file`, `format` | opens files and streams that are read, and recognises their formats |
 //! | `point_format` | the table of the formats that are written |
 //! | `record`, `settings`, `objects` | points as they are written; facts about a cloud; numbers of objects |
+//! | `copy` | copies of clouds in other formats |
 //! | `strays` | the few points of a cloud that lie far from all others |
 //! | `encode`, `cloud_writer` | the two halves of a format; a writer for one thread |
 //! | `out`, `number` | buffered streams of bytes with jobs for idle threads; numbers as text |
@@ -39,6 +36,7 @@
 mod cloud_writer;
 mod columnar;
 mod columns;
+mod copy;
 #[cfg(feature = "e57")]
 mod e57;
 mod encode;
@@ -64,36 +62,39 @@ pub mod text;
 pub use cloud_writer::CloudWriter;
 pub use columnar::{Column, ColumnListError, ColumnType, Rows, TableColumn, point_schema, schema_of};
 pub use columns::{Attribute, AttributeSet, Columns, Misfits, PositionsError};
+pub use copy::copy;
 #[cfg(feature = "e57")]
 pub use e57::{E57Error, ScanError};
 pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
 pub use file::{PointFile, read_points};
 pub use format::{CloudFormat, UnreadFormat};
 pub use frames::{Frame, FramePoint, FramePose, read_frames};
+#[doc(hidden)]
+pub use las::packets_header;
 pub use las::{
     CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasError, LasFacts, LasReader,
-    LasSettings, LasVersion, PACKETS_HEADER_BYTES, PacketPlace, PointsError, Selection, packets_header,
+    LasSettings, LasVersion, PACKETS_HEADER_BYTES, PacketPlace, PointsError, Selection,
 };
 pub use objects::ObjectIds;
 pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
 pub use pcd::PcdError;
-pub use ply::{PlyError, PlyNumbers, is_ply, ply_header};
+pub use ply::{PlyError, PlyNumbers};
+#[doc(hidden)]
+pub use ply::{is_ply, ply_header};
 pub use point_format::{PointFormat, UnknownExtension};
-pub use record::{Cause, EncodedPoints, Needs, PointBatch, PointRecord, Tally, Wave};
+pub use record::{
+    Cause, EncodedPoints, Needs, PointBatch, PointFlags, PointRecord, StoredFields, Tally, Wave,
+};
 pub use settings::{CloudSettings, FrameNames};
 pub use strays::{Apart, StrayFinder, Strays};
 pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
 
-/// The example of the README.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;
-
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place, Problem};
+use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::counted;
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, radians};
 
 /// A point as stored in its file. Attributes that the file lacks are 0; an intensity that it marks as missing
 /// is NaN.
@@ -131,6 +132,43 @@ pub struct PointRow {
     pub misfits: Misfits,
 }
 
+/// Attributes of a point beside those of its [`PointRow`], for sinks that
+/// [take them](PointSink::takes_details).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointDetails {
+    /// Fields of the record as LAS has them.
+    pub stored: StoredFields,
+    /// Amplitude of the echo, with all its digits.
+    pub amplitude: Option<f64>,
+    /// Width of the echo, ns.
+    pub echo_width: Option<f64>,
+    /// Number of the pulse, modulo 2³².
+    pub pulse_number: Option<u64>,
+    /// Measured range, m.
+    pub range: Option<f64>,
+}
+
+impl PointDetails {
+    /// True if there is an attribute that LAS has in extra bytes.
+    pub fn has_extra(&self) -> bool {
+        let PointDetails { stored, amplitude, echo_width, pulse_number, range } = self;
+        let numbers = [*amplitude, *echo_width, *range];
+        numbers.iter().any(Option::is_some) || pulse_number.is_some() || stored.incidence_deg.is_some()
+    }
+
+    /// Sets what is known in a record.
+    pub fn add_to(&self, record: &mut PointRecord) {
+        record.stored = self.stored;
+        record.amplitude = self.amplitude.unwrap_or(record.amplitude);
+        record.echo_width = self.echo_width.unwrap_or(record.echo_width);
+        record.pulse_number = self.pulse_number.unwrap_or(record.pulse_number);
+        record.range = self.range.unwrap_or(record.range);
+        if let Some(angle) = self.stored.incidence_deg {
+            record.incidence_cosine = libm::cos(radians(f64::from(angle)));
+        }
+    }
+}
+
 /// Facts about a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileFacts {
@@ -152,9 +190,24 @@ pub trait PointSink {
     /// name one.
     fn crs(&mut self, _wkt: &str) {}
 
+    /// True if [`PointSink::unread`] and [`PointSink::details`] are called, which takes time.
+    fn takes_details(&self) -> bool {
+        false
+    }
+
+    /// Called at most once, before the first point, with the names of attributes of the points that are not
+    /// read: of LAS, Arrow and Parquet.
+    fn unread(&mut self, _attributes: Vec<String>) {}
+
+    /// Takes the details of the next point, before the point itself: of LAS.
+    fn details(&mut self, _details: &PointDetails) {}
+
     /// Takes the next point in the order of the file; `object` is the name of its object in files that have
     /// names. `Break` ends reading.
-    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()>;
+    ///
+    /// # Errors
+    /// Those of the sink: they end reading, and are returned by the reader.
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>>;
 }
 
 /// A file that is being read: where its points go and where its problems are recorded.
@@ -165,6 +218,8 @@ struct Reading<'a> {
     found: &'a mut Diagnostics,
     /// Number of points with a value that does not fit, by attribute, and the place of the first one.
     misfits: [(u64, Option<Place>); Attribute::COUNT],
+    /// The error of the sink, which has ended reading.
+    failure: Option<Error>,
 }
 
 impl<'a> Reading<'a> {
@@ -174,7 +229,7 @@ impl<'a> Reading<'a> {
         sink: &'a mut dyn PointSink,
         found: &'a mut Diagnostics,
     ) -> Reading<'a> {
-        Reading { path, selection, sink, found, misfits: Default::default() }
+        Reading { path, selection, sink, found, misfits: Default::default(), failure: None }
     }
 
     /// Tells the sink the format of the file, unless its reader knows more.
@@ -239,11 +294,20 @@ impl<'a> Reading<'a> {
                 first.get_or_insert_with(|| place(attribute));
             }
         }
-        self.sink.point(row, object)
+        match self.sink.point(row, object) {
+            Ok(flow) => flow,
+            Err(failure) => {
+                self.failure = Some(failure);
+                ControlFlow::Break(())
+            }
+        }
     }
 
     /// Warns of the values of all points that do not fit, as far as they are selected.
-    fn end(self) {
+    ///
+    /// # Errors
+    /// That of the sink.
+    fn end(self) -> Result<()> {
         let wanted = |attribute| self.selection == Selection::All || attribute == Attribute::Class;
         for (attribute, (count, place)) in Attribute::ALL.into_iter().zip(self.misfits) {
             if count > 0 && wanted(attribute) {
@@ -251,5 +315,6 @@ impl<'a> Reading<'a> {
                 self.found.warn(place, format!("{count} {points} {}", attribute.misfit()));
             }
         }
+        self.failure.map_or(Ok(()), Err)
     }
 }

@@ -62,6 +62,82 @@ pub struct PointRecord {
     pub wave: u32,
     /// Number of the leg.
     pub leg: u16,
+    /// Fields of a record of LAS that replace those made of the values above.
+    pub stored: StoredFields,
+}
+
+/// Flags of a point, as point formats from 6 on of LAS have them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PointFlags(u8);
+
+impl PointFlags {
+    /// The point was not measured, but added.
+    pub const SYNTHETIC: PointFlags = PointFlags(1);
+    /// The point is to be kept when points are thinned out.
+    pub const KEY_POINT: PointFlags = PointFlags(1 << 1);
+    /// The point is not to be used, as if it were deleted.
+    pub const WITHHELD: PointFlags = PointFlags(1 << 2);
+    /// The point lies where flight lines overlap.
+    pub const OVERLAP: PointFlags = PointFlags(1 << 3);
+    /// The mirror moved from left to right.
+    pub const POSITIVE_SCAN: PointFlags = PointFlags(1 << 6);
+    /// The point is at the edge of its scan line.
+    pub const EDGE: PointFlags = PointFlags(1 << 7);
+    /// Bits of the byte that are flags; the others are the scanner channel.
+    const MASK: u8 = 0b1100_1111;
+
+    /// The flags in byte 15 of a record of format 6.
+    pub fn of_format_6(byte: u8) -> PointFlags {
+        PointFlags(byte & PointFlags::MASK)
+    }
+
+    /// The flags in bytes 14 and 15 of a record of format 1.
+    pub fn of_format_1(returns: u8, class: u8) -> PointFlags {
+        PointFlags(returns & 0b1100_0000 | class >> 5)
+    }
+
+    /// Byte 15 of a record of format 6, without the scanner channel.
+    #[inline]
+    pub(crate) fn format_6(self) -> u8 {
+        self.0
+    }
+
+    /// The flags of bytes 14 and 15 of a record of format 1, which has none for overlaps.
+    #[inline]
+    pub(crate) fn format_1(self) -> (u8, u8) {
+        (self.0 & 0b1100_0000, (self.0 & 0b111) << 5)
+    }
+
+    /// True if all flags of `other` are set.
+    pub fn has(self, other: PointFlags) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// The flags of both.
+    #[must_use]
+    pub fn with(self, other: PointFlags) -> PointFlags {
+        PointFlags(self.0 | other.0)
+    }
+
+    /// True if no flag is set.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+}
+
+/// Fields of a record of LAS that are written unchanged, for copies.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StoredFields {
+    /// The 16 bits of intensity; `None`: those of the [amplitude](PointRecord::digital_intensity).
+    pub intensity: Option<u16>,
+    /// Point source id; `None`: the number of the leg plus one.
+    pub point_source: Option<u16>,
+    /// Angle between beam and surface normal, degrees; `None`: that of the cosine.
+    pub incidence_deg: Option<f32>,
+    /// Flags.
+    pub flags: PointFlags,
+    /// User data.
+    pub user_data: u8,
 }
 
 /// The true cause of an echo. Positions are relative to
@@ -114,6 +190,7 @@ impl Default for PointRecord {
             class: 0,
             wave: u32::MAX,
             leg: 0,
+            stored: StoredFields::default(),
         }
     }
 }
@@ -141,14 +218,19 @@ impl PointRecord {
     /// Angle between beam and surface normal, degrees.
     #[inline]
     pub(crate) fn incidence_degrees(&self) -> f32 {
-        degrees(libm::acos(self.incidence_cosine.clamp(-1.0, 1.0))) as f32
+        let of_cosine = || degrees(libm::acos(self.incidence_cosine.clamp(-1.0, 1.0))) as f32;
+        self.stored.incidence_deg.unwrap_or_else(of_cosine)
     }
 
     /// The amplitude as 16-bit intensity of LAS: `10000 + 1000·log10(amplitude)`, hundredths of a decibel
     /// above −100 dB. Amplitudes of different surveys differ by ten powers of ten, and none of them comes out
-    /// as 0 or saturated. 0 for amplitudes that are not positive.
+    /// as 0 or saturated. 0 for amplitudes that are not positive. An intensity that was
+    /// [stored](StoredFields::intensity) stays as it is.
     #[inline]
     pub fn digital_intensity(&self) -> u16 {
+        if let Some(stored) = self.stored.intensity {
+            return stored;
+        }
         // The conversion saturates, and NaN becomes 0.
         match self.amplitude > 0.0 {
             true => round_half_even(10_000.0 + DECIBEL * libm::log(self.amplitude)).max(1.0) as u16,
@@ -156,10 +238,11 @@ impl PointRecord {
         }
     }
 
-    /// Number of the leg plus one, because 0 means "unknown" in LAS; saturated.
+    /// The stored point source id, or the number of the leg plus one, because 0 means "unknown" in LAS;
+    /// saturated.
     #[inline]
     pub(crate) fn source_id(&self) -> u16 {
-        self.leg.saturating_add(1)
+        self.stored.point_source.unwrap_or(self.leg.saturating_add(1))
     }
 
     /// Number of the return and of returns, saturated to 8 bits.

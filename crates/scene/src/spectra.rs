@@ -111,7 +111,8 @@ fn reflectances_in(path: &Path, wavelengths: &[f32], diagnostics: &mut Diagnosti
     let source = match Source::open(path) {
         Ok(source) => source,
         Err(e) => {
-            diagnostics.error(None, format!("cannot read the spectrum {}: {e}", path.display()));
+            let message = format!("cannot read the spectrum {}: {e}", path.display());
+            diagnostics.error(None, message).of_kind((&e).into());
             return None;
         }
     };

@@ -5,10 +5,10 @@ use super::xml::XmlDocument;
 use super::{PoseStream, SceneRecipe};
 use std::cell::RefCell;
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
-use vlscan_base::diag::{Diagnostic, Diagnostics, Place};
+use vlscan_base::diag::{Diagnostic, Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
 
 /// A scene that replaces that of a survey.
@@ -85,6 +85,23 @@ impl Context {
         help: impl Into<String>,
     ) {
         set_help(self.problems.borrow_mut().error(place.into(), message), help.into());
+    }
+
+    /// Records a file that does not exist, with a hint.
+    pub fn not_found(
+        &self,
+        place: impl Into<Option<Place>>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        let mut problems = self.problems.borrow_mut();
+        set_help(problems.error(place.into(), message).of_kind(ProblemKind::NotFound), help.into());
+    }
+
+    /// Records a file that cannot be read.
+    pub fn unread(&self, place: impl Into<Option<Place>>, path: &Path, e: &std::io::Error) {
+        let mut problems = self.problems.borrow_mut();
+        problems.error(place.into(), format!("cannot read {}: {e}", path.display())).of_kind(e.into());
     }
 
     /// Records a value that is replaced or ignored.

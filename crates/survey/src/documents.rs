@@ -76,7 +76,7 @@ impl Context {
                             let message = format!("cannot read {}: {e}", path.display());
                             Error::input_of(ProblemKind::TooLarge, message)
                         }
-                        _ => Error::io("read", path, e),
+                        _ => Error::open(path, e),
                     };
                     self.failure.borrow_mut().get_or_insert(failure);
                     None
@@ -155,7 +155,7 @@ impl Context {
             }
             None => {
                 let message = format!("cannot find the file `{file}`");
-                self.error_help(place, message, self.assets.help_for_missing(file, folder));
+                self.not_found(place, message, self.assets.help_for_missing(file, folder));
                 None
             }
         }
@@ -217,7 +217,7 @@ impl Context {
         let place = place.into();
         let Some(Located { found, respelled }) = self.assets.file(name, folder) else {
             let help = self.assets.help_for_missing(name, folder);
-            self.error_help(place, format!("cannot find the file `{name}`"), help);
+            self.not_found(place, format!("cannot find the file `{name}`"), help);
             return None;
         };
         self.warn_of_spelling(name, respelled.as_deref(), place.clone());
@@ -290,7 +290,7 @@ fn in_catalogue(context: &Context, kind: &str, reference: &str, place: Option<Pl
         None => {
             let names: Vec<&str> = FILES.iter().map(|file| file.path).collect();
             let message = format!("the catalogue has no file `{name}`");
-            context.error_help(place, message, format!("it has {}", names.join(", ")));
+            context.not_found(place, message, format!("it has {}", names.join(", ")));
             None
         }
     }

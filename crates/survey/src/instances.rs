@@ -125,7 +125,7 @@ fn read_text(context: &Context, path: &Path) -> Option<String> {
     let bytes = match context.read(path, MAX_TABLE_BYTES) {
         Ok(bytes) => bytes,
         Err(e) => {
-            context.error_help(None, format!("cannot read {}: {e}", path.display()), "");
+            context.unread(None, path, &e);
             return None;
         }
     };

@@ -60,7 +60,7 @@ pub(super) fn read_calibration(
     let bytes = match context.read(&path, MAX_FILE_BYTES) {
         Ok(bytes) => bytes,
         Err(e) => {
-            context.error_help(place, format!("cannot read {}: {e}", path.display()), "");
+            context.unread(place, &path, &e);
             return None;
         }
     };

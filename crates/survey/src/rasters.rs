@@ -136,7 +136,7 @@ impl Context {
             }
             Err(NoMatch::Nothing) => {
                 let help = self.assets.searched(written, folder);
-                self.error_help(place, format!("no file matches `{written}`"), help);
+                self.not_found(place, format!("no file matches `{written}`"), help);
                 None
             }
         }

@@ -62,7 +62,7 @@ pub(super) fn read_rows<const N: usize>(
     let bytes = match context.read(&path, max_bytes) {
         Ok(bytes) => bytes,
         Err(e) => {
-            context.error(place.clone(), format!("cannot read {}: {e}", path.display()));
+            context.unread(place.clone(), &path, &e);
             return None;
         }
     };

@@ -71,7 +71,7 @@ pub(super) fn read_virtual_raster(context: &Context, path: &Path) -> Option<Virt
     let bytes = match context.read(path, MAX_DOCUMENT_BYTES) {
         Ok(bytes) => bytes,
         Err(e) => {
-            context.failure.borrow_mut().get_or_insert(Error::io("read", path, e));
+            context.failure.borrow_mut().get_or_insert(Error::open(path, e));
             return None;
         }
     };
@@ -233,7 +233,7 @@ impl Reader<'_> {
                 false => self.context.assets.searched(written, name.folder()),
             };
             let message = format!("cannot find the raster `{written}` of <SourceFilename>");
-            self.context.error_help(name.place(), message, help);
+            self.context.not_found(name.place(), message, help);
             return None;
         };
         let known = self.files.iter().skip(1).position(|file| *file == path);

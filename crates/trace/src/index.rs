@@ -53,6 +53,8 @@ impl Tree {
     /// Builds a tree over all primitives of `geometry` that are part of no height field, over the boxes of
     /// height fields and over those of grids of voxels. Primitives with a coordinate that is NaN or
     /// infinite are left out; no ray hits them. The result does not depend on the number of threads.
+    ///
+    /// Vertices of triangles must exist; [`Tree::try_build`] checks that.
     pub fn build(geometry: &Geometry, options: &BuildOptions) -> Tree {
         Tree::build_where(geometry, options, |_| true)
     }

@@ -3,8 +3,9 @@
 //! ## Inside
 //!
 //! A [`Geometry`] holds triangles, cubes, height fields and grids of voxels, a [`Tree`] is built over it, and
-//! [`Tree::nearest_where`] finds the first hit of a ray, [`Tree::trace_group`] those of many ([`RayGroup`],
-//! [`Hits`]). [`Instances`] place a model many times.
+//! [`Tree::nearest_where`] finds the first hit of a ray, [`Tree::trace_rays`] those of many, and
+//! [`Tree::trace_group`] those of groups ([`RayGroup`], [`Hits`]). [`Instances`] place a model many times. All
+//! of them run in the thread of the caller: threads share the tree, and each has its own [`TraceScratch`].
 //!
 //! | file | contents |
 //! |---|---|
@@ -13,7 +14,8 @@
 //! | `options`, `build` | build options; the builders |
 //! | `index`, `frame`, `node`, `block` | the tree and its parts, in single precision around the scene's centre |
 //! | `frustum` | the filter: rays with one origin against planes, boxes and blocks of triangles |
-//! | `trace`, `trace_instances` | single rays |
+//! | `trace`, `trace_instances`, `scattered` | single rays; many of them |
+//! | `checked` | geometries that are checked before |
 //! | `instances` | models with several placements |
 //! | `heights` | terrain as a grid of heights, whose triangles are computed when they are tested |
 //! | `voxels` | cubes on a regular grid, which are computed when they are tested |
@@ -30,6 +32,7 @@
 
 mod block;
 mod build;
+mod checked;
 mod cube;
 mod frame;
 mod frustum;
@@ -46,13 +49,17 @@ mod parts;
 mod primitive;
 mod rays;
 mod residency;
+mod scattered;
+#[doc(hidden)]
 pub mod simd;
 mod stack;
 mod trace;
 mod trace_instances;
 mod voxels;
 
+#[doc(hidden)]
 pub use block::Block;
+pub use checked::GeometryError;
 pub use cube::Cube;
 pub use frame::Frame;
 pub use geometry::{Geometry, Hit};
@@ -60,8 +67,10 @@ pub use heights::{HeightField, HeightGrid, Heights, Similarity};
 pub use index::Tree;
 pub use instances::{Instance, Instances, Model, Placement};
 pub use kernel::TraceScratch;
+#[doc(hidden)]
 pub use node::{KdNode, WideNode};
 pub use options::{Accounting, Areas, Axes, BuildOptions, Builder, Statistics};
+#[doc(hidden)]
 pub use parts::{NodeArray, TreeParts};
 pub use primitive::PrimitiveRef;
 pub use rays::{Hits, RayGroup};

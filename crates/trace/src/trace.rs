@@ -13,7 +13,7 @@ use vlscan_geom::DVec3;
 impl Tree {
     /// First hit of the ray `origin + t·direction` among the primitives whose number `accept` accepts, with
     /// t > 0 in units of `direction`. Directions should be of about unit length; one shorter than 1e-100 hits
-    /// nothing. For many rays [`Tree::trace_group`] is several times faster.
+    /// nothing. For many rays [`Tree::trace_rays`] and [`Tree::trace_group`] are several times faster.
     pub fn nearest_where(
         &self,
         geometry: &Geometry,

@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 use std::time::Instant;
-use vlscan_base::Result;
+use vlscan_base::{Error, Result};
 use vlscan_warehouse::{Collect, JobQueue, Outcome, Policy, Schedule, Stop, Tasks, run};
 
 const CHUNKS: u32 = 100_000;
@@ -30,6 +30,7 @@ struct Discard;
 
 impl Collect<Done> for Discard {
     type Summary = ();
+    type Error = Error;
 
     fn take(&mut self, _: Done, _more_waiting: bool) -> Result<()> {
         Ok(())

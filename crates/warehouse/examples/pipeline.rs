@@ -25,6 +25,7 @@ struct Printer(BufWriter<std::io::Stdout>);
 
 impl Collect<Text> for Printer {
     type Summary = ();
+    type Error = Error;
 
     fn take(&mut self, Text(text): Text, _more_waiting: bool) -> Result<()> {
         self.0.write_all(text.as_bytes()).map_err(failed)

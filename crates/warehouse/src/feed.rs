@@ -1,13 +1,15 @@
 //! The producer's side of the queues, where the schedules differ.
 
+use super::error::RunError;
 use super::jobs::JobQueue;
 use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
 use super::record::ProducerRecord;
 use super::sizing::{ChunkSizer, IdleClock};
 use super::spin::spin_until;
+use super::stop::RunState;
 use crossbeam_channel::{Receiver, Select, Sender, TrySendError, bounded};
 use std::time::{Duration, Instant};
-use vlscan_base::error::{Error, Result};
+use vlscan_base::Error;
 
 /// Work that is distributed: a number of tasks.
 pub trait Tasks {
@@ -24,20 +26,20 @@ pub trait Outcome: Sized {
     }
 }
 
-pub(super) struct QueuedChunk<C, R> {
+pub(super) struct QueuedChunk<C, R, E> {
     pub chunk: C,
     /// Channel of the result.
-    pub result: flume::Sender<Result<R>>,
+    pub result: flume::Sender<Result<R, E>>,
     /// Clone of the leg barrier's sender, dropped when the chunk is done.
     pub barrier: Option<Sender<()>>,
 }
 
 /// The next results in order.
-pub(super) enum Pending<R> {
+pub(super) enum Pending<R, E> {
     /// Computed by the producer.
-    Ready(Vec<Result<R>>),
+    Ready(Vec<Result<R, E>>),
     /// A worker will send the result.
-    InFlight(flume::Receiver<Result<R>>),
+    InFlight(flume::Receiver<Result<R, E>>),
 }
 
 /// Barrier at the end of a leg: waits until all chunks of the leg are done, each of which holds a clone of
@@ -64,27 +66,35 @@ impl LegBarrier {
 /// schedule decides.
 ///
 /// Results keep the order of the chunks under every schedule. Every method blocks while the collector is too
-/// far behind, and fails when the collector has ended.
-pub struct Feed<'a, C, R, W> {
+/// far behind, and fails when the collector has ended. `E` is the error type of the run.
+pub struct Feed<'a, C, R, W, E = Error> {
     pub(super) schedule: Schedule,
-    pub(super) queue: Sender<QueuedChunk<C, R>>,
+    pub(super) state: &'a RunState<'a>,
+    pub(super) queue: Sender<QueuedChunk<C, R, E>>,
     /// The workers' end of `queue`, from which the producer takes chunks back.
-    pub(super) queue_end: Receiver<QueuedChunk<C, R>>,
+    pub(super) queue_end: Receiver<QueuedChunk<C, R, E>>,
     /// One message per idle worker; not used by the warehouse.
     pub(super) idle_workers: Receiver<()>,
-    pub(super) results: Sender<Pending<R>>,
+    pub(super) results: Sender<Pending<R, E>>,
     pub(super) jobs: &'a JobQueue,
     pub(super) sizer: Option<ChunkSizer>,
     pub(super) idle: &'a IdleClock,
     pub(super) measured_idle_ns: Option<u64>,
     pub(super) barrier: Option<LegBarrier>,
     /// Results not yet in the queue, and the number of chunks that they come from.
-    pub(super) buffered: (Vec<Result<R>>, usize),
+    pub(super) buffered: (Vec<Result<R, E>>, usize),
     pub(super) record: ProducerRecord<'a>,
     pub(super) work: W,
 }
 
-impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
+impl<'a, C, R, W, E> Feed<'a, C, R, W, E> {
+    /// The state of the run, which the producer checks between chunks and while it waits for input.
+    pub fn state(&self) -> &'a RunState<'a> {
+        self.state
+    }
+}
+
+impl<C: Tasks, R: Outcome, E: From<RunError>, W: FnMut(C) -> Result<R, E>> Feed<'_, C, R, W, E> {
     /// Number of tasks that the chunk under construction should hold.
     pub fn size(&self) -> u32 {
         self.sizer.map_or(self.schedule.policy.size(), |sizer| sizer.size())
@@ -92,7 +102,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Takes a chunk that has reached its size. Returns it when all workers are busy and the schedule wants
     /// the producer to [`Feed::compute`] its first task and continue filling the rest.
-    pub fn offer(&mut self, chunk: C) -> Result<Option<C>> {
+    pub fn offer(&mut self, chunk: C) -> Result<Option<C>, E> {
         if self.schedule.workers() == 0 {
             return self.compute(chunk).map(|()| None);
         }
@@ -103,7 +113,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
                 spin_until(|| !self.idle_workers.is_empty());
                 let idle = self.idle_workers.recv();
                 self.record.timer.add_idle();
-                idle.map_err(|_| thread_ended("every worker"))?;
+                idle.map_err(|_| RunError::Ended("every worker"))?;
                 self.send(chunk).map(|()| None)
             }
             Policy::Static { .. } | Policy::Dynamic { .. } => {
@@ -128,7 +138,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Takes a chunk that ends before it has reached its size. With a leg barrier it is computed by this
     /// thread.
-    pub fn put(&mut self, chunk: C) -> Result<()> {
+    pub fn put(&mut self, chunk: C) -> Result<(), E> {
         match self.schedule.policy {
             _ if self.schedule.workers() == 0 || self.barrier.is_some() => self.compute(chunk)?,
             Policy::Warehouse { .. } => self.store(chunk)?,
@@ -143,7 +153,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Computes a chunk on this thread. The result of a single task is buffered until [`Feed::flush`] or
     /// until there are [`MAX_BUFFERED_TASKS`] of them.
-    pub fn compute(&mut self, chunk: C) -> Result<()> {
+    pub fn compute(&mut self, chunk: C) -> Result<(), E> {
         if chunk.tasks() > 1 {
             return self.compute_and_flush(chunk, self.schedule.workers() == 0);
         }
@@ -154,7 +164,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         if is_error || self.buffered.1 >= MAX_BUFFERED_TASKS { self.flush() } else { Ok(()) }
     }
 
-    fn buffer(&mut self, result: Result<R>) {
+    fn buffer(&mut self, result: Result<R, E>) {
         let (results, count) = &mut self.buffered;
         *count += 1;
         // A few large results instead of many small ones, whose memory another thread would have to free.
@@ -167,7 +177,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Passes buffered results to the collector. Callers of [`Feed::compute`] must do this before they wait
     /// for something; all other methods do it themselves.
-    pub fn flush(&mut self) -> Result<()> {
+    pub fn flush(&mut self) -> Result<(), E> {
         if self.buffered.1 == 0 {
             return Ok(());
         }
@@ -180,7 +190,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Computes a chunk and then enqueues its result: no other chunk comes in between, and a sleeping
     /// collector is not woken only to wait for the result.
-    fn compute_and_flush(&mut self, chunk: C, runs_side_jobs: bool) -> Result<()> {
+    fn compute_and_flush(&mut self, chunk: C, runs_side_jobs: bool) -> Result<(), E> {
         self.record.add_tasks(chunk.tasks());
         if runs_side_jobs {
             self.run_side_jobs();
@@ -191,7 +201,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     }
 
     /// Ends a leg, all chunks of which have been passed. With a leg barrier this waits until they are done.
-    pub fn end_leg(&mut self) -> Result<()> {
+    pub fn end_leg(&mut self) -> Result<(), E> {
         self.flush()?;
         let mut waited = Duration::ZERO;
         if self.barrier.is_some() {
@@ -225,7 +235,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     }
 
     /// Stores the chunk in the warehouse, or computes it on this thread when the warehouse is full.
-    fn store(&mut self, chunk: C) -> Result<()> {
+    fn store(&mut self, chunk: C) -> Result<(), E> {
         if self.queue.is_full() {
             self.record.add_refusal();
             return self.compute_and_flush(chunk, true);
@@ -237,24 +247,24 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     }
 
     /// Sends the chunk to a worker that is known to be idle.
-    fn send(&mut self, chunk: C) -> Result<()> {
+    fn send(&mut self, chunk: C) -> Result<(), E> {
         let result = self.queue_chunk(chunk)?;
         self.record.add_handover(self.schedule.workers().saturating_sub(self.idle_workers.len()));
         self.enqueue_in_flight(result)
     }
 
     /// Queues the chunk for the workers. Returns the receiver of its result.
-    fn queue_chunk(&mut self, chunk: C) -> Result<flume::Receiver<Result<R>>> {
+    fn queue_chunk(&mut self, chunk: C) -> Result<flume::Receiver<Result<R, E>>, E> {
         self.record.add_tasks(chunk.tasks());
         let (sender, result) = flume::bounded(1);
         let barrier = self.barrier.as_ref().map(|barrier| barrier.guard.clone());
         let item = QueuedChunk { chunk, result: sender, barrier };
-        self.queue.send(item).map_err(|_| thread_ended("every worker"))?;
+        self.queue.send(item).map_err(|_| RunError::Ended("every worker"))?;
         Ok(result)
     }
 
     /// Enqueues a result that a worker is computing.
-    fn enqueue_in_flight(&mut self, result: flume::Receiver<Result<R>>) -> Result<()> {
+    fn enqueue_in_flight(&mut self, result: flume::Receiver<Result<R, E>>) -> Result<(), E> {
         self.flush()?;
         self.enqueue(Pending::InFlight(result))
     }
@@ -271,7 +281,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
         }
     }
 
-    fn work_on(&mut self, chunk: C) -> Result<R> {
+    fn work_on(&mut self, chunk: C) -> Result<R, E> {
         self.record.timer.discard_lap();
         let tasks = chunk.tasks();
         let result = (self.work)(chunk);
@@ -280,7 +290,7 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
     }
 
     /// Computes a chunk taken back from the warehouse.
-    fn take_back(&mut self, item: QueuedChunk<C, R>) {
+    fn take_back(&mut self, item: QueuedChunk<C, R, E>) {
         self.record.add_taken_back();
         let result = self.work_on(item.chunk);
         // A collector that has ended is detected when the next result is enqueued.
@@ -289,8 +299,8 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
 
     /// Passes results to the collector. While the collector is too far behind, this thread computes chunks
     /// from the warehouse, all of which are older than the results, and runs the collector's side jobs.
-    fn enqueue(&mut self, mut pending: Pending<R>) -> Result<()> {
-        let gone = || Error::Internal("the collector has ended early".to_owned());
+    fn enqueue(&mut self, mut pending: Pending<R, E>) -> Result<(), E> {
+        let gone = || E::from(RunError::Ended("the collector"));
         let (results, queue_end, jobs) = (self.results.clone(), self.queue_end.clone(), self.jobs);
         loop {
             pending = match results.try_send(pending) {
@@ -320,9 +330,4 @@ impl<C: Tasks, R: Outcome, W: FnMut(C) -> Result<R>> Feed<'_, C, R, W> {
             }
         }
     }
-}
-
-/// Returns the error for a thread that has ended.
-pub(super) fn thread_ended(who: &str) -> Error {
-    Error::Internal(format!("{who} stopped unexpectedly; see the message above"))
 }

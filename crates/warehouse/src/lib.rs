@@ -18,16 +18,18 @@
 //! | file | contents |
 //! |---|---|
 //! | `policy` | the four schedules and their settings |
+//! | `error` | limits of schedules; failures of a run |
 //! | `feed` | the producer's side: distribution of chunks |
 //! | `run` | the threads |
 //! | `sizing` | the size of dynamic chunks |
 //! | `record` | idle times, queue depths, chunk sizes |
 //! | `jobs` | side jobs of the collector |
 //! | `spin` | spinning for a moment before sleep |
-//! | `stop` | the request to stop |
+//! | `stop` | the request to stop, and the state of a run |
 
 #![deny(unsafe_code)]
 
+mod error;
 mod feed;
 mod jobs;
 mod policy;
@@ -37,10 +39,13 @@ mod sizing;
 mod spin;
 mod stop;
 
+pub use error::{MAX_CHUNK_SIZE, MAX_FACTOR, MAX_THREADS, RunError, ScheduleError};
 pub use feed::{Feed, Outcome, Tasks};
 pub use jobs::{Job, JobQueue};
 pub use policy::{MAX_BUFFERED_TASKS, Policy, PolicyKind, Schedule};
-pub use record::{Depth, LegEnd, Log, MAX_HISTORY, Recorder, Series, SizeChange, ThreadLog, thread_cpu_s};
+#[doc(hidden)]
+pub use record::thread_cpu_s;
+pub use record::{Depth, LegEnd, Log, MAX_HISTORY, Recorder, Series, SizeChange, ThreadLog};
 pub use run::{Collect, run};
 pub use sizing::ChunkSizer;
-pub use stop::Stop;
+pub use stop::{OpenOutputs, RunState, Stop};

@@ -1,5 +1,7 @@
 //! Schedules: how chunks are distributed.
 
+use super::error::{MAX_CHUNK_SIZE, MAX_FACTOR, MAX_THREADS, ScheduleError};
+
 /// The four schedules of spec kdtree-and-scheduling §3. With one thread there is no difference between them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
@@ -78,6 +80,28 @@ pub struct Schedule {
 }
 
 impl Schedule {
+    /// Checks the number of threads and the parameters of the policy; [`run`](crate::run()) does the same.
+    ///
+    /// # Errors
+    /// Numbers that are 0 or exceed their limits.
+    pub fn check(&self) -> Result<(), ScheduleError> {
+        if !(1..=MAX_THREADS).contains(&self.threads) {
+            return Err(ScheduleError::Threads(self.threads));
+        }
+        let (size, factor) = match self.policy {
+            Policy::Single => (1, 1),
+            Policy::Static { size } | Policy::Dynamic { size, .. } => (size, 1),
+            Policy::Warehouse { size, factor } => (size, factor),
+        };
+        if !(1..=MAX_CHUNK_SIZE).contains(&size) {
+            return Err(ScheduleError::Size(size));
+        }
+        if !(1..=MAX_FACTOR).contains(&factor) {
+            return Err(ScheduleError::Factor(factor));
+        }
+        Ok(())
+    }
+
     /// Threads besides the producer's.
     pub fn workers(&self) -> usize {
         self.threads.max(1) - 1
@@ -116,3 +140,27 @@ const MAX_TASKS_AHEAD: u32 = 4096;
 /// Single tasks that the producer computes before it passes their results to the collector, which may have to
 /// be woken.
 pub const MAX_BUFFERED_TASKS: usize = 64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn schedules_are_within_their_limits() {
+        let check = |threads, policy| Schedule { threads, policy, leg_barrier: false }.check();
+        let warehouse = |size, factor| Policy::Warehouse { size, factor };
+        for (threads, policy, expected) in [
+            (1, Policy::Single, Ok(())),
+            (MAX_THREADS, warehouse(MAX_CHUNK_SIZE, MAX_FACTOR), Ok(())),
+            (0, Policy::Single, Err(ScheduleError::Threads(0))),
+            (MAX_THREADS + 1, Policy::Single, Err(ScheduleError::Threads(MAX_THREADS + 1))),
+            (1, Policy::Static { size: 0 }, Err(ScheduleError::Size(0))),
+            (1, Policy::Dynamic { size: 0, significant_ns: 1 }, Err(ScheduleError::Size(0))),
+            (1, warehouse(MAX_CHUNK_SIZE + 1, 1), Err(ScheduleError::Size(MAX_CHUNK_SIZE + 1))),
+            (1, warehouse(1, 0), Err(ScheduleError::Factor(0))),
+            (1, warehouse(1, usize::MAX), Err(ScheduleError::Factor(usize::MAX))),
+        ] {
+            assert_eq!(check(threads, policy), expected, "{threads} {policy:?}");
+        }
+    }
+}

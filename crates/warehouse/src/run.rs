@@ -1,36 +1,39 @@
 //! The threads: one producer, the workers, one collector.
 
-use super::feed::{Feed, LegBarrier, Outcome, Pending, QueuedChunk, Tasks, thread_ended};
+use super::error::RunError;
+use super::feed::{Feed, LegBarrier, Outcome, Pending, QueuedChunk, Tasks};
 use super::jobs::{Job, JobQueue};
 use super::policy::{Policy, Schedule};
 use super::record::{ProducerRecord, Recorder, ThreadTimer};
 use super::sizing::{ChunkSizer, IdleClock};
 use super::spin::spin_until;
-use super::stop::Stop;
+use super::stop::{RunState, Stop};
 use crossbeam_channel::{Receiver, Sender, bounded, select};
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Instant;
-use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 
 /// Consumer of results in chunk order.
 pub trait Collect<R>: Send {
     /// Result of the run.
     type Summary: Send;
+    /// Error of the run: of its producer, its workers and this collector.
+    type Error: From<RunError> + Send;
     /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a
     /// live stream can be flushed when there is none.
-    fn take(&mut self, result: R, more_waiting: bool) -> Result<()>;
+    fn take(&mut self, result: R, more_waiting: bool) -> Result<(), Self::Error>;
     /// Ends a run, all results of which have been taken.
-    fn finish(self) -> Result<Self::Summary>;
+    fn finish(self) -> Result<Self::Summary, Self::Error>;
     /// Ends a run that the user has stopped; no further results follow. The summary is dropped if the
     /// producer has failed.
-    fn cut(self) -> Result<Self::Summary>
+    fn cut(self) -> Result<Self::Summary, Self::Error>
     where
         Self: Sized,
     {
         self.abort();
-        Err(Error::Interrupted)
+        Err(RunError::Interrupted.into())
     }
     /// Ends a run that has failed.
     fn abort(self);
@@ -40,26 +43,35 @@ pub trait Collect<R>: Send {
 /// them fails.
 ///
 /// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent
-/// of the schedule. On any failure `stop` reads as requested until the next run, which `produce` should check
-/// between chunks. The first error in the order of the results is returned. A `recorder` records the activity
-/// of all threads.
+/// of the schedule. `produce` should check between chunks whether the run [is stopped](RunState::is_stopped),
+/// which [`Feed::state`] tells: by the request of the caller, or by a failure of a thread. The first error in
+/// the order of the results is returned. A `recorder` records the activity of all threads.
+///
+/// # Errors
+/// Those of producer, workers and collector; a [`RunError`] for a schedule outside of its limits and for
+/// threads that cannot be started or panic.
 pub fn run<C, R, W, K>(
     schedule: Schedule,
     jobs: &Arc<JobQueue>,
     stop: &Stop,
     recorder: Option<&Recorder>,
     make_worker: impl Fn() -> W + Sync,
-    produce: impl FnOnce(&mut Feed<'_, C, R, W>) -> Result<()>,
+    produce: impl FnOnce(&mut Feed<'_, C, R, W, K::Error>) -> Result<(), K::Error>,
     collector: K,
-) -> Result<K::Summary>
+) -> Result<K::Summary, K::Error>
 where
     C: Tasks + Send,
     R: Outcome + Send,
-    W: FnMut(C) -> Result<R>,
+    W: FnMut(C) -> Result<R, K::Error>,
     K: Collect<R>,
 {
-    stop.begin_run();
-    let (queue, queue_end) = bounded::<QueuedChunk<C, R>>(schedule.queue_capacity());
+    if let Err(e) = schedule.check() {
+        collector.abort();
+        jobs.close();
+        return Err(RunError::from(e).into());
+    }
+    let state = &RunState::new(stop);
+    let (queue, queue_end) = bounded::<QueuedChunk<C, R, K::Error>>(schedule.queue_capacity());
     let (results, results_end) = bounded(schedule.results_capacity());
     let (announce_idle, idle_workers) = bounded(schedule.workers().max(1));
     let idle = IdleClock::new();
@@ -78,34 +90,38 @@ where
         context.announce_idle();
     }
     let make_worker = &make_worker;
-    let ended = std::thread::scope(|scope| {
+    std::thread::scope(|scope| -> Result<K::Summary, K::Error> {
         let mut workers = Vec::new();
         for _ in 0..schedule.workers() {
             let context = context.clone();
-            let worker = machine::spawn_scoped(scope, "worker", move || context.run(make_worker()));
+            let worker = machine::try_spawn_scoped(scope, "worker", move || context.run(make_worker()));
             match worker {
                 Ok(worker) => workers.push(worker),
-                Err(e) => {
+                Err(source) => {
                     collector.abort();
                     jobs.close();
-                    return Err(e);
+                    return Err(RunError::Thread { name: "worker", source }.into());
                 }
             }
         }
         let queue_end = context.queue_end.clone();
         // A producer that waits for an idle worker must notice when none is left.
         drop(context);
-        let collecting = machine::spawn_scoped(scope, "collector", move || {
-            let outcome = collect(&results_end, stop, recorder, collector);
+        let collecting = machine::try_spawn_scoped(scope, "collector", move || {
+            let outcome = collect(&results_end, state, recorder, collector);
             if outcome.is_err() {
-                stop.fail();
+                state.fail();
             }
             jobs.close();
             outcome
-        })
-        .inspect_err(|_| jobs.close())?;
+        });
+        let collecting = collecting.map_err(|source| {
+            jobs.close();
+            RunError::Thread { name: "collector", source }
+        })?;
         let mut feed = Feed {
             schedule,
+            state,
             queue,
             queue_end,
             idle_workers,
@@ -127,18 +143,21 @@ where
             let flushed = feed.flush();
             produced.and(flushed).map(|()| feed.drain())
         }));
-        let produced = produced.unwrap_or_else(|_| Err(thread_ended("the producer")));
+        let produced =
+            produced.unwrap_or_else(|panic| Err(RunError::panicked("the producer", &*panic).into()));
         if produced.is_err() {
-            stop.fail();
+            state.fail();
         }
         feed.record.finish();
         drop(feed);
         while let Ok(job) = jobs.queue_end().recv() {
             job();
         }
-        let collected = collecting.join().unwrap_or_else(|_| Err(thread_ended("the collector")));
+        let collected = collecting.join();
+        let collected =
+            collected.unwrap_or_else(|panic| Err(RunError::panicked("the collector", &*panic).into()));
         for worker in workers {
-            worker.join().map_err(|_| thread_ended("a worker"))?;
+            worker.join().map_err(|panic| RunError::panicked("a worker", &*panic))?;
         }
         if let Some(recorder) = recorder {
             recorder.end_run(&schedule);
@@ -147,20 +166,18 @@ where
         // error is the cause.
         match (collected, produced) {
             // The collector only followed the producer's stop.
-            (Err(Error::Interrupted), Err(reason)) => Err(reason),
+            (Ok(Collected::Cut(_)), Err(reason)) => Err(reason),
+            (Ok(Collected::Cut(summary)), Ok(())) => summary,
             (Err(reason), _) => Err(reason),
             (Ok(_), Err(reason)) => Err(reason),
-            (Ok(summary), Ok(())) => Ok(summary),
+            (Ok(Collected::Finished(summary)), Ok(())) => Ok(summary),
         }
-    });
-    // A failure of this run is no reason to stop what the process does next.
-    stop.begin_run();
-    ended
+    })
 }
 
 /// Channels of a worker thread.
-struct WorkerContext<'a, C, R> {
-    queue_end: Receiver<QueuedChunk<C, R>>,
+struct WorkerContext<'a, C, R, E> {
+    queue_end: Receiver<QueuedChunk<C, R, E>>,
     jobs: &'a JobQueue,
     /// Channel on which the producer waits for idle workers; `None` with a warehouse.
     announce_idle: Option<Sender<()>>,
@@ -168,7 +185,7 @@ struct WorkerContext<'a, C, R> {
     recorder: Option<&'a Recorder>,
 }
 
-impl<C, R> Clone for WorkerContext<'_, C, R> {
+impl<C, R, E> Clone for WorkerContext<'_, C, R, E> {
     fn clone(&self) -> Self {
         WorkerContext {
             queue_end: self.queue_end.clone(),
@@ -178,7 +195,7 @@ impl<C, R> Clone for WorkerContext<'_, C, R> {
     }
 }
 
-impl<C, R> WorkerContext<'_, C, R> {
+impl<C, R, E> WorkerContext<'_, C, R, E> {
     fn announce_idle(&self) {
         if let Some(sender) = &self.announce_idle {
             // There is a slot for every worker, and a producer that has ended needs no message.
@@ -187,9 +204,9 @@ impl<C, R> WorkerContext<'_, C, R> {
     }
 }
 
-impl<C: Tasks, R> WorkerContext<'_, C, R> {
-    /// Executes jobs and chunks until both queues are closed.
-    fn run(self, mut work: impl FnMut(C) -> Result<R>) {
+impl<C: Tasks, R, E: From<RunError>> WorkerContext<'_, C, R, E> {
+    /// Executes jobs and chunks until both queues are closed, or `work` panics.
+    fn run(self, mut work: impl FnMut(C) -> Result<R, E>) {
         let mut timer = ThreadTimer::start(self.recorder);
         let run_job = |timer: &mut ThreadTimer, job: Job| {
             timer.add_idle();
@@ -215,7 +232,11 @@ impl<C: Tasks, R> WorkerContext<'_, C, R> {
                     }
                 },
                 recv(self.queue_end) -> item => match item {
-                    Ok(item) => self.compute(item, &mut timer, &mut work),
+                    Ok(item) => {
+                        if self.compute(item, &mut timer, &mut work).is_break() {
+                            break;
+                        }
+                    }
                     Err(_) => {
                         while let Ok(job) = self.jobs.queue_end().recv() {
                             run_job(&mut timer, job);
@@ -228,38 +249,55 @@ impl<C: Tasks, R> WorkerContext<'_, C, R> {
         timer.finish_worker();
     }
 
+    /// Computes a chunk. A panic is its result, and the state that it leaves is not used again.
     fn compute(
         &self,
-        item: QueuedChunk<C, R>,
+        item: QueuedChunk<C, R, E>,
         timer: &mut ThreadTimer,
-        work: &mut impl FnMut(C) -> Result<R>,
-    ) {
+        work: &mut impl FnMut(C) -> Result<R, E>,
+    ) -> ControlFlow<()> {
         timer.add_idle();
         let QueuedChunk { chunk, result, barrier } = item;
         let tasks = chunk.tasks();
+        let computed = match catch_unwind(AssertUnwindSafe(|| work(chunk))) {
+            Ok(computed) => computed,
+            Err(panic) => {
+                let _ = result.send(Err(RunError::panicked("a worker", &*panic).into()));
+                return ControlFlow::Break(());
+            }
+        };
         // Fails when the collector has ended; the result is then not needed.
-        let _ = result.send(work(chunk));
+        let _ = result.send(computed);
         timer.add_chunk(tasks);
         drop(barrier);
         if let Some(idle) = self.idle {
             idle.start();
         }
         self.announce_idle();
+        ControlFlow::Continue(())
     }
 }
 
+/// Outcome of a collector without an error.
+enum Collected<S, E> {
+    /// All results were taken.
+    Finished(S),
+    /// The run was stopped.
+    Cut(Result<S, E>),
+}
+
 fn collect<R, K: Collect<R>>(
-    pending: &Receiver<Pending<R>>,
-    stop: &Stop,
+    pending: &Receiver<Pending<R, K::Error>>,
+    state: &RunState<'_>,
     recorder: Option<&Recorder>,
     mut collector: K,
-) -> Result<K::Summary> {
+) -> Result<Collected<K::Summary, K::Error>, K::Error> {
     let mut timer = ThreadTimer::start(recorder);
     for next in pending {
         let results = match next {
             Pending::Ready(results) => results,
             Pending::InFlight(result) => {
-                vec![result.recv().unwrap_or_else(|_| Err(thread_ended("a worker")))]
+                vec![result.recv().unwrap_or_else(|_| Err(RunError::Ended("a worker").into()))]
             }
         };
         let mut results = results.into_iter();
@@ -274,8 +312,8 @@ fn collect<R, K: Collect<R>>(
             }
         }
     }
-    if stop.is_requested() {
-        return collector.cut();
+    if state.is_stopped() {
+        return Ok(Collected::Cut(collector.cut()));
     }
     timer.finish_collector();
     let began = Instant::now();
@@ -283,7 +321,7 @@ fn collect<R, K: Collect<R>>(
     if let Some(recorder) = recorder {
         recorder.add_completing(began);
     }
-    finished
+    finished.map(Collected::Finished)
 }
 
 #[cfg(test)]

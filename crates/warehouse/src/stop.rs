@@ -1,25 +1,20 @@
 //! Request to stop a run early.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// A request to stop early, shared by all threads of a run. It outlives the run: the failure of one run does
-/// not stop the next.
+/// The caller's request to stop early. Any number of runs can share it: a request ends all of them, and the
+/// failure of one ends no other.
 #[derive(Debug, Default)]
 pub struct Stop {
     requested: AtomicBool,
-    /// True if a thread of the present run has failed.
-    failed: AtomicBool,
-    heeded: AtomicBool,
+    /// Number of runs with open outputs.
+    open: AtomicUsize,
 }
 
 impl Stop {
-    /// Creates a flag that is not set.
+    /// Creates a request that is not made yet.
     pub const fn new() -> Stop {
-        Stop {
-            requested: AtomicBool::new(false),
-            failed: AtomicBool::new(false),
-            heeded: AtomicBool::new(false),
-        }
+        Stop { requested: AtomicBool::new(false), open: AtomicUsize::new(0) }
     }
 
     /// Requests the stop.
@@ -27,34 +22,87 @@ impl Stop {
         self.requested.store(true, Ordering::Relaxed);
     }
 
-    /// True if the stop was requested, or the present run has failed.
+    /// True if the stop was requested.
     pub fn is_requested(&self) -> bool {
-        self.requested.load(Ordering::Relaxed) || self.failed.load(Ordering::Relaxed)
+        self.requested.load(Ordering::Relaxed)
     }
 
-    /// Records that the run has open outputs and checks for this request from now on.
-    pub fn heed(&self) {
-        self.heeded.store(true, Ordering::Relaxed);
+    /// The outputs of a run, which has not opened them yet.
+    pub fn outputs(&self) -> OpenOutputs<'_> {
+        OpenOutputs { stop: self, is_open: AtomicBool::new(false) }
     }
 
-    /// Records that the outputs of the run are closed: what follows is not ended by this request.
-    pub fn release(&self) {
-        self.heeded.store(false, Ordering::Relaxed);
+    /// True if a request ends a run in order, because outputs are open. Otherwise nothing has been measured
+    /// or everything is closed: the process can be ended at once.
+    pub fn has_open_outputs(&self) -> bool {
+        self.open.load(Ordering::Relaxed) > 0
+    }
+}
+
+/// The outputs of a run: from when they are open until this is dropped, [`Stop::has_open_outputs`].
+#[derive(Debug)]
+pub struct OpenOutputs<'a> {
+    stop: &'a Stop,
+    is_open: AtomicBool,
+}
+
+impl OpenOutputs<'_> {
+    /// Records that the outputs are open.
+    pub fn open(&self) {
+        if !self.is_open.swap(true, Ordering::Relaxed) {
+            self.stop.open.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Drop for OpenOutputs<'_> {
+    fn drop(&mut self) {
+        if *self.is_open.get_mut() {
+            self.stop.open.fetch_sub(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// State of one run, which its threads share.
+#[derive(Debug)]
+pub struct RunState<'a> {
+    stop: &'a Stop,
+    failed: AtomicBool,
+}
+
+impl<'a> RunState<'a> {
+    pub(super) fn new(stop: &'a Stop) -> RunState<'a> {
+        RunState { stop, failed: AtomicBool::new(false) }
     }
 
-    /// True if a request ends the run in order. Before that nothing has been measured, and behind it nothing
-    /// is open: the process can just be ended.
-    pub fn is_heeded(&self) -> bool {
-        self.heeded.load(Ordering::Relaxed)
+    /// True if the caller has requested the stop, or a thread of this run has failed.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.is_requested() || self.failed.load(Ordering::Relaxed)
     }
 
-    /// Forgets the failure of an earlier run.
-    pub fn begin_run(&self) {
-        self.failed.store(false, Ordering::Relaxed);
-    }
-
-    /// Stops the other threads of the present run.
+    /// Stops the other threads of this run.
     pub(super) fn fail(&self) {
         self.failed.store(true, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outputs_are_open_from_when_they_say_so_until_they_are_dropped() {
+        let stop = Stop::new();
+        let (one, other) = (stop.outputs(), stop.outputs());
+        assert!(!stop.has_open_outputs());
+        one.open();
+        one.open();
+        other.open();
+        drop(one);
+        assert!(stop.has_open_outputs(), "those of the other run");
+        drop(other);
+        assert!(!stop.has_open_outputs());
+        drop(stop.outputs());
+        assert!(!stop.has_open_outputs());
     }
 }

@@ -100,10 +100,10 @@ impl PointSink for Rows {
         self.wkt = Some(wkt.to_owned());
     }
 
-    fn point(&mut self, row: &PointRow, _object: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, _object: Option<&str>) -> Result<ControlFlow<()>> {
         if !row.is_miss && row.position.is_finite() && row.time.is_finite() && row.scan_angle.abs() < 90.0 {
             if NOISE.contains(&row.class) {
-                return ControlFlow::Continue(());
+                return Ok(ControlFlow::Continue(()));
             }
             self.rows.push(Row {
                 time: row.time,
@@ -117,7 +117,7 @@ impl PointSink for Rows {
                 channel: row.channel,
             });
         }
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 }
 
@@ -129,7 +129,7 @@ impl Recording {
     /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, or with too few pulses.
     pub fn read(path: &Path, source: Option<u16>, found: &mut Diagnostics) -> Result<Recording> {
         let mut sink = Rows::default();
-        read_points(path, &mut sink, found)?;
+        found.extend(read_points(path, &mut sink)?);
         let name = path.display();
         for (attribute, what) in [(Attribute::Time, "GPS times"), (Attribute::ScanAngle, "scan angles")] {
             if !sink.attributes.has(attribute) {

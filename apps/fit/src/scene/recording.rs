@@ -97,7 +97,7 @@ impl PointSink for Sink {
         self.attributes = attributes;
     }
 
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
         let is_placed = row.position.is_finite() && row.position.abs().max_element() <= MAX_COORDINATE;
         match Target::of_class(row.class) {
             _ if row.is_miss => {}
@@ -121,7 +121,7 @@ impl PointSink for Sink {
                 });
             }
         }
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 }
 
@@ -133,8 +133,7 @@ impl PointSink for Sink {
 pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let attributes = AttributeSet::default();
     let mut sink = Sink { returns: Vec::new(), attributes, noise: 0, skipped: 0 };
-    read_points(path, &mut sink, found)?;
-    *found = std::mem::take(found).finish(false)?;
+    found.extend(read_points(path, &mut sink)?);
     let strays = StrayFinder::of(sink.returns.iter().filter(|r| !r.is_left_out).map(|r| r.position));
     strays.warn(path, "left out", found);
     sink.returns.iter_mut().for_each(|r| r.is_left_out |= strays.contains(r.position));

@@ -77,12 +77,15 @@ pub fn check(
     Ok(Checked { prepared, fingerprint })
 }
 
+/// Name and content of a file with an area or a line of a request.
+type GeometryFile = (String, String);
+
 /// The inputs by the schema of a process, and the areas and lines among them that become files.
 fn checked_inputs(
     process: Process,
     inputs: &Map<String, Value>,
     schema: &Value,
-) -> Result<(Map<String, Value>, Vec<(String, String)>), RequestError> {
+) -> Result<(Map<String, Value>, Vec<GeometryFile>), RequestError> {
     let mut inputs = inputs.clone();
     let mut geometries = Vec::new();
     for (key, value) in &mut inputs {

@@ -108,7 +108,7 @@ pub fn checksum(path: &Path) -> Result<String> {
 mod tests {
     use super::*;
     use std::fs;
-    use vlscan_base::files::{Recording, reads};
+    use vlscan_base::files::{FileLog, reads};
 
     #[test]
     fn a_record_is_current_as_long_as_nothing_it_depends_on_changes() {
@@ -117,19 +117,13 @@ mod tests {
         fs::create_dir(at("models")).unwrap();
         fs::write(at("trees.csv"), "x,y").unwrap();
         fs::write(at("models/a.obj"), "").unwrap();
-        let recording = Recording::start();
-        reads::read(at("trees.csv")).unwrap();
-        assert!(!reads::is_file(at("materials.csv")));
-        reads::list(at("models")).unwrap();
-        let read = recording.reads();
-        drop(recording);
-        // Other tests of this process read at the same time.
-        let own = |path: &PathBuf| path.starts_with(dir.path());
-        let read = Reads {
-            files: read.files.into_iter().filter(|(path, _)| own(path)).collect(),
-            absent: read.absent.into_iter().filter(own).collect(),
-            folders: read.folders.into_iter().filter(own).collect(),
-        };
+        let log = FileLog::default();
+        log.record(|| {
+            reads::read(at("trees.csv")).unwrap();
+            assert!(!reads::is_file(at("materials.csv")));
+            reads::list(at("models")).unwrap();
+        });
+        let read = log.reads();
         let wanted =
             |version: &str| Record { cell: "a".to_owned(), version: version.to_owned(), ..Record::default() };
         let mut record = Record { points: 7, ..wanted("1") };

@@ -175,9 +175,9 @@ impl PointSink for CloudSummary {
         self.crs = Some(wkt.to_owned());
     }
 
-    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
         self.add(row, object);
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 }
 

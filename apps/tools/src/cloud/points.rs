@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::Result;
 use vlscan_base::quantity::counted;
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
@@ -360,9 +361,9 @@ impl PointSink for Points {
         self.crs = Some(wkt.to_owned());
     }
 
-    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
         self.push(row, object);
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 }
 

@@ -13,9 +13,8 @@ use vlscan_geom::MAX_COORDINATE;
 /// # Errors
 /// [`Error::Input`] when the file is of no format that is read or damaged, with the invalid lines of text.
 pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
-    let (mut points, mut found) = (Points::default(), Diagnostics::default());
-    vlscan_formats::read_points(path, &mut points, &mut found)?;
-    let found = found.finish(false)?;
+    let mut points = Points::default();
+    let found = vlscan_formats::read_points(path, &mut points)?;
     checked(points, path, found)
 }
 

@@ -5,6 +5,7 @@ use super::wave::{NearestPulses, Wave};
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::store::FileBytes;
@@ -173,7 +174,8 @@ impl Packet {
                     Error::input(format!("{} ends before the waveform packet", path.display()))
                 }
                 std::io::ErrorKind::NotFound => {
-                    Error::input(format!("{} with the waveform packets is missing", path.display()))
+                    let message = format!("{} with the waveform packets is missing", path.display());
+                    Error::input_of(ProblemKind::NotFound, message)
                 }
                 _ => Error::io("read", path.clone(), e),
             }

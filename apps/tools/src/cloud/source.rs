@@ -41,7 +41,7 @@ impl CloudSource {
     /// Passes the points to a sink.
     pub(crate) fn read(&self, sink: &mut dyn PointSink, found: &mut Diagnostics) -> Result<()> {
         match self {
-            CloudSource::File(path) => read_points(path, sink, found),
+            CloudSource::File(path) => read_points(path, sink).map(|warnings| found.extend(warnings)),
             CloudSource::Table(name, batch) => {
                 if let Some(wkt) = batch.schema_ref().metadata().get("crs").filter(|wkt| !wkt.is_empty()) {
                     sink.crs(wkt);

@@ -23,7 +23,6 @@ const SCALE: f64 = 1e-3;
 /// # Errors
 /// Those of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points.
 pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer) -> Result<u64> {
-    let mut found = Diagnostics::default();
     let mut copy = Copy {
         out,
         replace,
@@ -33,15 +32,11 @@ pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer
         batch: Vec::with_capacity(BATCH_POINTS),
         objects: HashMap::new(),
         found: Diagnostics::default(),
-        failure: None,
     };
-    read_points(cloud, &mut copy, &mut found)?;
-    let _ = copy.flush();
-    let Copy { writer, failure, found: written, .. } = copy;
+    let mut found = read_points(cloud, &mut copy)?;
+    copy.flush()?;
+    let Copy { writer, found: written, .. } = copy;
     found.extend(written);
-    if let Some(failure) = failure {
-        return Err(failure);
-    }
     let Some(writer) = writer else {
         return Err(Error::input(format!("{} contains no points", cloud.display())));
     };
@@ -68,7 +63,6 @@ struct Copy<'a> {
     batch: Vec<PointRecord>,
     objects: HashMap<String, i32>,
     found: Diagnostics,
-    failure: Option<Error>,
 }
 
 impl Copy<'_> {
@@ -83,20 +77,10 @@ impl Copy<'_> {
         Ok(())
     }
 
-    fn flush(&mut self) -> ControlFlow<()> {
+    fn flush(&mut self) -> Result<()> {
         let written = self.writer.as_mut().map_or(Ok(()), |writer| writer.write(&self.batch));
         self.batch.clear();
-        self.stop_at(written)
-    }
-
-    fn stop_at(&mut self, done: Result<()>) -> ControlFlow<()> {
-        match done {
-            Ok(()) => ControlFlow::Continue(()),
-            Err(failure) => {
-                self.failure.get_or_insert(failure);
-                ControlFlow::Break(())
-            }
-        }
+        written
     }
 }
 
@@ -107,10 +91,9 @@ impl PointSink for Copy<'_> {
         self.crs = Some(wkt.to_owned());
     }
 
-    fn point(&mut self, row: &PointRow, object: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
         if self.writer.is_none() && row.position.is_finite() {
-            let begun = self.begin(row);
-            self.stop_at(begun)?;
+            self.begin(row)?;
         }
         let mut record = PointRecord::from(row);
         record.position -= self.settings.origin;
@@ -123,9 +106,9 @@ impl PointSink for Copy<'_> {
         }
         self.batch.push(record);
         if self.batch.len() >= BATCH_POINTS && self.writer.is_some() {
-            return self.flush();
+            self.flush()?;
         }
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 }
 

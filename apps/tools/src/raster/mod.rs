@@ -108,23 +108,23 @@ impl PointSink for Sink {
         self.crs = Some(wkt.to_owned());
     }
 
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
         let p = row.position;
         // Also false for NaN.
         if !(p.is_finite() && p.abs().max_element() <= MAX_COORDINATE) {
             self.skipped += 1;
-            return ControlFlow::Continue(());
+            return Ok(ControlFlow::Continue(()));
         }
         if row.is_miss {
             self.misses += 1;
-            return ControlFlow::Continue(());
+            return Ok(ControlFlow::Continue(()));
         }
         if NOISE.contains(&row.class) {
             self.noise += 1;
-            return ControlFlow::Continue(());
+            return Ok(ControlFlow::Continue(()));
         }
         if self.left_out.is_some_and(|strays| strays.contains(p)) {
-            return ControlFlow::Continue(());
+            return Ok(ControlFlow::Continue(()));
         }
         let is_first = !self.attributes.has(Attribute::ReturnNumber) || row.return_number <= 1;
         let is_ground = row.class == GROUND;
@@ -133,7 +133,7 @@ impl PointSink for Sink {
         self.strays.add(p);
         let has_grown = self.cells.add(p, is_first, is_ground);
         self.is_too_large = has_grown && self.max_bytes.is_some_and(|max| self.cells.memory() > max);
-        if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 

@@ -41,7 +41,7 @@ mod writer;
 pub use group::FileGroup;
 pub use paths::{free_name, identity, is_special, is_stdout, means_stdout, with_suffix};
 pub use positioned::{PositionedFile, read_exact_at};
-pub use reads::{FileSet, ReadGuard, Reads, Recording, Stamp};
+pub use reads::{FileLog, FileSet, ReadGuard, Reads, Stamp, ThreadLogs};
 pub use stream::limit_waiting;
 pub use temporary::{
     NewFolder, is_taken, is_temporary_name, publish, refuse_existing, remove_litter, remove_temporary,

@@ -1,18 +1,20 @@
 //! Opening of files for reading. Every file that the user names, or that such a file refers to, is opened and
 //! looked for through this module, so that two questions have one answer each:
 //!
-//! * What did a result depend on? A [`Recording`] holds the files that were opened, those that were looked
-//!   for and not found, and the folders whose names were listed, while it exists.
+//! * What did a result depend on? A [`FileLog`] holds the files that were opened, those that were looked for
+//!   and not found, and the folders whose names were listed, by the work that it records.
 //! * Would an output replace an input? [`ReadGuard`] holds the identities of the files that a command has
-//!   read; [`refuse_input`] refuses them as outputs, under whatever name.
+//!   read; [`refuse_input`] refuses them as outputs, under whatever name. The command starts it, for its
+//!   process; it is never started by a library.
 
 use super::paths::{identity, is_special};
 use crate::error::{Error, Result};
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, Metadata};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Files that were read or searched for, by the paths that were used.
@@ -142,28 +144,28 @@ fn number(about: &Metadata) -> Option<(u64, u64)> {
     }
 }
 
-type Shared<T> = Arc<Mutex<T>>;
-
-static RECORDINGS: Mutex<Vec<Shared<Reads>>> = Mutex::new(Vec::new());
 static GUARDED: Mutex<Option<FileSet>> = Mutex::new(None);
-/// Number of recordings and guards.
-static LISTENERS: AtomicUsize = AtomicUsize::new(0);
+/// True while there is a guard.
+static IS_GUARDED: AtomicBool = AtomicBool::new(false);
+
+thread_local! {
+    /// The logs that record this thread, outer ones first.
+    static LOGS: RefCell<Vec<FileLog>> = const { RefCell::new(Vec::new()) };
+}
 
 fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Records what all threads of the process read, until it is dropped.
-#[derive(Debug)]
-pub struct Recording(Shared<Reads>);
+/// Log of the files that some work reads. Clones are the same log.
+#[derive(Clone, Debug, Default)]
+pub struct FileLog(Arc<Mutex<Reads>>);
 
-impl Recording {
-    /// Begins a recording. Several at the same time all record everything.
-    pub fn start() -> Recording {
-        let reads = Shared::default();
-        locked(&RECORDINGS).push(Arc::clone(&reads));
-        LISTENERS.fetch_add(1, Ordering::SeqCst);
-        Recording(reads)
+impl FileLog {
+    /// Does `work` and records what it reads: this thread, and the threads that [`crate::machine`] starts for
+    /// it. Logs that already record the thread go on.
+    pub fn record<T>(&self, work: impl FnOnce() -> T) -> T {
+        ThreadLogs(vec![self.clone()]).record(work)
     }
 
     /// Everything read so far.
@@ -172,10 +174,33 @@ impl Recording {
     }
 }
 
-impl Drop for Recording {
-    fn drop(&mut self) {
-        locked(&RECORDINGS).retain(|reads| !Arc::ptr_eq(reads, &self.0));
-        LISTENERS.fetch_sub(1, Ordering::SeqCst);
+/// The logs that record a thread, for another one that works for it.
+#[derive(Clone, Debug, Default)]
+pub struct ThreadLogs(Vec<FileLog>);
+
+impl ThreadLogs {
+    /// The logs of the present thread.
+    pub fn of_this_thread() -> ThreadLogs {
+        ThreadLogs(LOGS.try_with(|logs| logs.borrow().clone()).unwrap_or_default())
+    }
+
+    /// Does `work`, which the logs record.
+    pub fn record<T>(&self, work: impl FnOnce() -> T) -> T {
+        /// Removes the logs, after a panic, too.
+        struct Leave(usize);
+        impl Drop for Leave {
+            fn drop(&mut self) {
+                let _ = LOGS.try_with(|logs| logs.borrow_mut().truncate(self.0));
+            }
+        }
+        let before = LOGS.try_with(|logs| {
+            let mut logs = logs.borrow_mut();
+            let before = logs.len();
+            logs.extend(self.0.iter().cloned());
+            before
+        });
+        let _leave = before.ok().map(Leave);
+        work()
     }
 }
 
@@ -188,15 +213,15 @@ impl ReadGuard {
     /// Guards the files that are read from now on, and the one that is standard input.
     pub fn start() -> ReadGuard {
         *locked(&GUARDED) = Some(FileSet::of(["/dev/stdin"]));
-        LISTENERS.fetch_add(1, Ordering::SeqCst);
+        IS_GUARDED.store(true, Ordering::SeqCst);
         ReadGuard(())
     }
 }
 
 impl Drop for ReadGuard {
     fn drop(&mut self) {
+        IS_GUARDED.store(false, Ordering::SeqCst);
         *locked(&GUARDED) = None;
-        LISTENERS.fetch_sub(1, Ordering::SeqCst);
     }
 }
 
@@ -245,9 +270,14 @@ pub fn is_read(path: &Path) -> String {
     format!("{} is read by this command, so it cannot be replaced; choose another name", path.display())
 }
 
+fn is_recorded() -> bool {
+    LOGS.try_with(|logs| !logs.borrow().is_empty()).unwrap_or(false)
+}
+
 fn note(path: &Path, add: impl Fn(&mut Reads)) {
-    if LISTENERS.load(Ordering::SeqCst) > 0 && !path.as_os_str().is_empty() {
-        locked(&RECORDINGS).iter().for_each(|reads| add(&mut locked(reads)));
+    if !path.as_os_str().is_empty() {
+        // A thread that ends reads nothing.
+        let _ = LOGS.try_with(|logs| logs.borrow().iter().for_each(|log| add(&mut locked(&log.0))));
     }
 }
 
@@ -260,15 +290,15 @@ fn note_absent(path: &Path) {
 /// Notes that a file was opened, or why it could not be. To be called for files that are opened otherwise
 /// than by this module.
 pub fn note_opened<T>(path: &Path, opened: &io::Result<T>) {
-    if LISTENERS.load(Ordering::SeqCst) == 0 {
-        return;
-    }
+    let (is_recorded, is_guarded) = (is_recorded(), IS_GUARDED.load(Ordering::SeqCst));
     match opened {
-        Ok(_) => {
-            let stamp = fs::metadata(path).ok().and_then(|about| Stamp::of(&about));
-            note(path, |reads| {
-                reads.files.entry(path.to_path_buf()).or_insert(stamp);
-            });
+        Ok(_) if is_recorded || is_guarded => {
+            if is_recorded {
+                let stamp = fs::metadata(path).ok().and_then(|about| Stamp::of(&about));
+                note(path, |reads| {
+                    reads.files.entry(path.to_path_buf()).or_insert(stamp);
+                });
+            }
             if let Some(set) = &mut *locked(&GUARDED) {
                 set.insert(path);
             }
@@ -276,7 +306,7 @@ pub fn note_opened<T>(path: &Path, opened: &io::Result<T>) {
         Err(e) if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
             note_absent(path);
         }
-        Err(_) => {}
+        _ => {}
     }
 }
 
@@ -383,21 +413,52 @@ mod tests {
     use super::*;
 
     #[test]
-    fn recordings_hold_what_was_read_and_what_was_missing() {
+    fn logs_hold_what_was_read_and_what_was_missing() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::write(at("a"), "text").unwrap();
-        let recording = Recording::start();
-        assert_eq!(read_to_string(at("a")).unwrap(), "text");
-        assert!(read(at("b")).is_err() && !is_file(at("c")) && is_file(at("a")));
-        assert_eq!(list(folder.path()).unwrap(), [at("a")]);
-        let reads = recording.reads();
-        drop(recording);
-        let own = |path: &&PathBuf| path.starts_with(folder.path());
-        assert_eq!(reads.files.keys().filter(own).collect::<Vec<_>>(), [&at("a")]);
+        let log = FileLog::default();
+        log.record(|| {
+            assert_eq!(read_to_string(at("a")).unwrap(), "text");
+            assert!(read(at("b")).is_err() && !is_file(at("c")) && is_file(at("a")));
+            assert_eq!(list(folder.path()).unwrap(), [at("a")]);
+        });
+        assert!(!is_file(at("d")));
+        let reads = log.reads();
+        assert_eq!(reads.files.keys().collect::<Vec<_>>(), [&at("a")]);
         assert_eq!(reads.files[&at("a")].unwrap().bytes, 4);
-        assert_eq!(reads.absent.iter().filter(own).collect::<Vec<_>>(), [&at("b"), &at("c")]);
-        assert!(reads.folders.contains(folder.path()));
+        assert_eq!(reads.absent.iter().collect::<Vec<_>>(), [&at("b"), &at("c")]);
+        assert_eq!(reads.folders.iter().collect::<Vec<_>>(), [folder.path()]);
+    }
+
+    #[test]
+    fn logs_record_their_own_work_with_the_threads_that_are_started_for_it() {
+        let absent =
+            |log: &FileLog| log.reads().absent.iter().map(|p| p.display().to_string()).collect::<Vec<_>>();
+        let (outer, inner) = (FileLog::default(), FileLog::default());
+        let other = std::thread::spawn(|| {
+            let log = FileLog::default();
+            log.record(|| is_file("of another thread"));
+            log
+        });
+        outer.record(|| {
+            is_file("a");
+            inner.record(|| {
+                crate::machine::with_pool(2, || is_file("b")).unwrap();
+                std::thread::scope(|scope| {
+                    let started = crate::machine::spawn_scoped(scope, "reader", || is_file("c")).unwrap();
+                    started.join().unwrap();
+                });
+            });
+            let fail = || FileLog::default().record(|| assert!(std::hint::black_box(false), "on purpose"));
+            let failed = std::panic::catch_unwind(fail);
+            assert!(failed.is_err());
+            is_file("d");
+        });
+        assert_eq!(absent(&outer), ["a", "b", "c", "d"]);
+        assert_eq!(absent(&inner), ["b", "c"]);
+        assert_eq!(absent(&other.join().unwrap()), ["of another thread"]);
+        assert!(!is_recorded());
     }
 
     #[cfg(unix)]

@@ -179,9 +179,9 @@ mod tests {
     impl PointSink for Rows {
         fn start(&mut self, _: crate::AttributeSet) {}
 
-        fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
             self.0.push(*row);
-            ControlFlow::Continue(())
+            Ok(ControlFlow::Continue(()))
         }
     }
 

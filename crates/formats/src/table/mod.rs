@@ -41,6 +41,9 @@ fn start(names: &[&str], reading: &mut Reading) -> Result<Columns> {
         reading.warn(remark);
     }
     reading.sink.start(columns.attributes());
+    if reading.sink.takes_details() {
+        reading.sink.unread(columns.unread(names));
+    }
     Ok(columns)
 }
 
@@ -83,7 +86,7 @@ pub(super) fn read_arrow(mut source: impl Read, reading: &mut Reading) -> Result
 ///
 /// # Errors
 /// [`Error::Input`] for tables without the columns X, Y and Z, and for columns of other numbers than integers
-/// and floats of 32 and 64 bits.
+/// and floats of 32 and 64 bits. The errors of the sink.
 pub fn read_record_batch(
     batch: &RecordBatch,
     name: &str,
@@ -110,8 +113,7 @@ pub fn read_record_batch(
     }
     // Nothing follows the rows, whether or not the sink has enough.
     let _ = take_rows(&columns, &values, batch.num_rows(), &mut reading);
-    reading.end();
-    Ok(())
+    reading.end()
 }
 
 /// Passes rows of columns to the sink.

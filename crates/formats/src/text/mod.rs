@@ -15,7 +15,9 @@ mod read;
 mod rows;
 mod write;
 
-pub use archive::{begin_archive, expand, unzip};
+pub use archive::expand;
+#[doc(hidden)]
+pub use archive::{begin_archive, unzip};
 pub use layout::{Layout, LayoutFinder};
 pub use lines::{float, is_skipped};
 pub(super) use lines::{is_line_end, last_of_line_ends, read_line};

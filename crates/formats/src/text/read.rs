@@ -81,9 +81,9 @@ mod tests {
     impl PointSink for Count {
         fn start(&mut self, _: AttributeSet) {}
 
-        fn point(&mut self, _: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        fn point(&mut self, _: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
             self.0 += 1;
-            ControlFlow::Continue(())
+            Ok(ControlFlow::Continue(()))
         }
     }
 

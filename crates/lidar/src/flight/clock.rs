@@ -33,6 +33,15 @@ const LEAP_SECONDS: [i64; 18] = [
     1_483_228_800, // 2017-01-01
 ];
 
+/// Year and day of the year (from 1) at which runs start by default: fixed, so that equal runs give equal
+/// bytes.
+pub const DEFAULT_DAY: (u16, u16) = (2024, 1);
+
+/// GPS time of week at the start of [`DEFAULT_DAY`], ns, as [`gps_start`] counts it.
+pub const fn default_gps_start(leap_seconds: bool) -> f64 {
+    if leap_seconds { 86_418e9 } else { 86_391e9 }
+}
+
 /// A text that is no time.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TimeError {
@@ -121,6 +130,15 @@ mod tests {
         assert_eq!(calendar_day("0"), Ok((1970, 1)));
         assert_eq!(calendar_day("951782400"), Ok((2000, 60)));
         assert!(calendar_day("noon").is_err());
+    }
+
+    #[test]
+    fn the_default_start_is_the_first_of_january_2024() {
+        let start = "2024-01-01 00:00:00";
+        assert_eq!(calendar_day(start), Ok(DEFAULT_DAY));
+        for leap_seconds in [false, true] {
+            assert_eq!(gps_start(start, leap_seconds), Ok(default_gps_start(leap_seconds)));
+        }
     }
 
     #[test]

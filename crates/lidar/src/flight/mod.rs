@@ -34,7 +34,7 @@ mod testing;
 mod tests;
 
 pub use advance::Skipped;
-pub use clock::{TimeError, calendar_day, gps_start};
+pub use clock::{DEFAULT_DAY, TimeError, calendar_day, default_gps_start, gps_start};
 pub use jump::LegClock;
 pub use plan::{FlightOptions, FlightPlan};
 pub use positions::PlannedPosition;

@@ -39,8 +39,7 @@ pub fn read_trajectories(
     let mut usable = true;
     let mut georeference = Georeference::of_grid(settings.grid);
     for (i, file) in settings.files.iter().enumerate() {
-        let bytes =
-            input::read_file(&file.path, MAX_FILE_BYTES).map_err(|e| Error::io("read", &file.path, e))?;
+        let bytes = input::read_file(&file.path, MAX_FILE_BYTES).map_err(|e| Error::open(&file.path, e))?;
         let threshold = if i == 0 { file.slope_filter } else { 0.0 };
         match read_file(file, &bytes, settings, &mut georeference, threshold, problems) {
             Some(rows) => {

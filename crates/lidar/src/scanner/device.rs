@@ -208,6 +208,9 @@ impl DeviceState {
             (&self.deflector, &plan.deflector)
         {
             let time = steps * step;
+            if let Some(error) = pattern.error(time) {
+                return Error::Other(error);
+            }
             let found = pattern.direction(time);
             return Error::input(format!(
                 "the scan pattern points to {found} at {time} s, expected a direction whose length is above \

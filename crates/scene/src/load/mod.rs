@@ -337,7 +337,7 @@ fn leaf_angles(scene: &mut SceneBuilder, part: &PartRecipe) -> Option<Arc<LadTab
         }
         Err(e) => {
             let message = format!("cannot read the leaf angle table {}: {e}", path.display());
-            scene.diagnostics.error(part.place.clone(), message);
+            scene.diagnostics.error(part.place.clone(), message).of_kind((&e).into());
             None
         }
     }
@@ -466,7 +466,8 @@ fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Opti
             Ok(Some(source))
         }
         Err(e) if is_wrong_name(&e) => {
-            scene.diagnostics.error(part.place.clone(), format!("cannot read {}: {e}", file.display()));
+            let message = format!("cannot read {}: {e}", file.display());
+            scene.diagnostics.error(part.place.clone(), message).of_kind((&e).into());
             Ok(None)
         }
         Err(e) => Err(Error::io("read", file, e)),

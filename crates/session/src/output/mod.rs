@@ -50,18 +50,27 @@ mod text;
 mod writer;
 
 pub use context::OutputContext;
-pub use division::{Division, Ring};
+pub use division::Division;
+#[doc(hidden)]
+pub use division::Ring;
 pub use encode::Encoded;
-pub use join::{JOINED_POINTS, Segment, join};
-pub use plan::{CheckedOutputs, OutputPlan};
+#[doc(hidden)]
+pub use join::JOINED_POINTS;
+pub use join::{Segment, join};
+pub use plan::CheckedOutputs;
+#[doc(hidden)]
+pub use plan::OutputPlan;
 pub use points::{CloudFacts, write_points};
 pub use request::{
     OutputRequest, ShardOutput, TableContent, TableRequest, TableSink, Target, TrajectoryFormat,
 };
 pub use summary::{FileKind, FileSummary, OutputSummary};
-pub use vlscan_formats::text::{expand, unzip};
+pub use vlscan_formats::text::expand;
+#[doc(hidden)]
+pub use vlscan_formats::text::unzip;
 pub use vlscan_formats::{
     CloudSettings, Column, ExtraDimensions, FrameNames, LasSettings, LasVersion, NoOffload, ObjectIds,
     Offload, PacketPlace, PointFormat,
 };
+#[doc(hidden)]
 pub use writer::Writer;

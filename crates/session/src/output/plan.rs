@@ -282,6 +282,9 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             "--height-above-ground needs the scene, which `vlscan merge` and streams do not have",
         );
     }
+    if request.tables.iter().any(|table| table.batch_rows == 0) {
+        problems.error(None, "batches of 0 rows: expected at least 1");
+    }
     let has_no_time =
         request.cloud.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
     for seconds in request.tables.iter().filter_map(|table| table.batch_seconds) {
@@ -436,8 +439,9 @@ fn check_path(path: &Path, made: &[PathBuf], may_exist: bool, inputs: &Inputs, p
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() && !made.iter().any(|d| d == folder) {
-        problems
-            .error(None, format!("{} is not a directory, so {shown} cannot be written", folder.display()));
+        let kind = if folder.exists() { ProblemKind::Invalid } else { ProblemKind::NotFound };
+        let message = format!("{} is not a directory, so {shown} cannot be written", folder.display());
+        problems.error(None, message).of_kind(kind);
     }
     if !may_exist && is_taken(path) {
         let problem = problems.error(None, format!("{shown} exists already")).of_kind(ProblemKind::Exists);

@@ -8,7 +8,7 @@ use ::arrow_array::types::{
 use ::arrow_array::{Array, RecordBatch};
 use ::arrow_schema::DataType;
 use vlscan_base::error::{Error, Result};
-use vlscan_formats::{Cause, Column, MISSES_KEY, ObjectIds, PointRecord};
+use vlscan_formats::{Cause, Column, MISSES_KEY, ObjectIds, PointRecord, StoredFields};
 use vlscan_geom::{DVec3, Rotation, degrees, radians};
 
 /// The values of a column.
@@ -229,6 +229,7 @@ impl<'t> PointTable<'t> {
             class: self.whole(SurfaceClass, row, class),
             wave: u32::MAX,
             leg: self.leg(row),
+            stored: StoredFields::default(),
         }
     }
 

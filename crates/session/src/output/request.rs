@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_formats::{CloudSettings, Column, Needs, PointFormat};
+use vlscan_lidar::flight::DEFAULT_DAY;
 
 /// Format of a trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,12 +36,12 @@ pub enum Target {
     Helios(PathBuf),
 }
 
-/// The file of a shard of a run, see [`crate::shards`].
+/// The file of a shard of a run, see the module `shards`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShardOutput {
     /// The file; it is replaced if it exists.
     pub path: PathBuf,
-    /// Its head, as [`crate::shards::ShardHead::bytes`] returns it.
+    /// Its head, as `ShardHead::bytes` returns it.
     pub head: Vec<u8>,
 }
 
@@ -161,9 +162,11 @@ pub struct OutputRequest {
 
 impl Default for OutputRequest {
     fn default() -> OutputRequest {
+        let mut cloud = CloudSettings::default();
+        cloud.creation = DEFAULT_DAY;
         OutputRequest {
             sinks: Vec::new(),
-            cloud: CloudSettings::default(),
+            cloud,
             waveforms: false,
             pulses: false,
             zip: false,

@@ -22,6 +22,7 @@ pub struct Batches {
     batches: Option<Receiver<RecordBatch>>,
     worker: Option<JoinHandle<Result<Report>>>,
     end: Box<dyn Fn() -> bool + Send + Sync>,
+    progress: Arc<Progress>,
     report: Option<Report>,
     facts: Arc<OnceLock<CloudFacts>>,
 }
@@ -49,17 +50,19 @@ impl Session {
     /// `outputs` asks for. The run waits while its batches wait, so memory stays flat. The columns are
     /// [`CloudSettings::columns`](crate::output::CloudSettings::columns).
     pub fn into_batches(mut self, mut outputs: OutputRequest, rows: usize) -> Batches {
-        let stop = Arc::new(Stop::new());
-        let requested = stop.clone();
+        let (stop, progress) = (Arc::new(Stop::new()), Arc::new(Progress::default()));
+        let (requested, counters) = (stop.clone(), progress.clone());
         let end = move || {
             requested.request();
             true
         };
-        Batches::spawn(MAX_WAITING, end, move |sink| {
+        let mut batches = Batches::spawn(MAX_WAITING, end, move |sink| {
             let table = TableRequest::new(TableContent::Points, sink);
-            outputs.tables.push(TableRequest { batch_rows: rows.max(1), ..table });
-            self.run(outputs, RunContext::new(&Progress::default(), &stop))
-        })
+            outputs.tables.push(TableRequest { batch_rows: rows, ..table });
+            self.run(outputs, RunContext::new(&counters, &stop))
+        });
+        batches.progress = progress;
+        batches
     }
 }
 
@@ -75,7 +78,26 @@ impl Batches {
         let facts = Arc::<OnceLock<CloudFacts>>::default();
         let sink = Sender { batches: sender, facts: facts.clone() };
         let worker = std::thread::spawn(move || run(Arc::new(sink)));
-        Batches { batches: Some(batches), worker: Some(worker), end: Box::new(end), report: None, facts }
+        Batches {
+            batches: Some(batches),
+            worker: Some(worker),
+            end: Box::new(end),
+            progress: Arc::default(),
+            report: None,
+            facts,
+        }
+    }
+
+    /// Counters of the work done so far, for a display of progress. Those of [`Batches::spawn`] belong to its
+    /// `run`, and these stay 0.
+    pub fn progress(&self) -> &Progress {
+        &self.progress
+    }
+
+    /// Requests the end of the run. What has been measured by then still arrives, and the
+    /// [report](Batches::report) says that the run was interrupted.
+    pub fn stop(&self) {
+        (self.end)();
     }
 
     /// Facts about the points beside their columns, from the first batch on.

@@ -93,7 +93,7 @@ impl Chunk {
 
 /// Steps from `state`, the beginning of a flight, to its end and passes every chunk that is not empty to
 /// `feed`. A chunk ends when it reaches the size set by the schedule, at the end of its leg, or when the next
-/// pose takes longer than the stream's maximum latency. Returns early when `stop` is requested, and after the
+/// pose takes longer than the stream's maximum latency. Returns early when the run is stopped, and after the
 /// step that emits pulse number `limit`, counted from 1.
 pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     plan: &FlightPlan,
@@ -101,9 +101,9 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
     state: &mut FlightState,
     mut poses: Option<PoseReader>,
     limit: u64,
-    stop: &Stop,
     feed: &mut Feed<'_, Chunk, R, W>,
 ) -> Result<()> {
+    let run = feed.state();
     let mut moving = motion.map(|motion| MotionState::after_steps(motion, state.steps()));
     let mut left = limit;
     if left == 0 {
@@ -124,7 +124,7 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
             if let (Some(state), Some(plan)) = (&mut moving, motion) {
                 (0..skipped.steps).for_each(|_| state.step(plan, |_, _| ()));
             }
-            if skipped.last == Step::NeedsPoses && chunk.has_content() && !stop.is_requested() {
+            if skipped.last == Step::NeedsPoses && chunk.has_content() && !run.is_stopped() {
                 feed.flush()?;
                 let since = *first.get_or_insert_with(Instant::now);
                 let latency = poses.as_ref().map_or(Duration::ZERO, PoseReader::max_latency);
@@ -154,12 +154,12 @@ pub fn produce<R: Outcome, W: FnMut(Chunk) -> Result<R>>(
                 feed.end_leg()?;
                 return Ok(());
             }
-            _ if stop.is_requested() => return Ok(()),
+            _ if run.is_stopped() => return Ok(()),
             Step::Advanced => {}
             Step::LegChanged => feed.end_leg()?,
             Step::NeedsPoses => {
                 feed.flush()?;
-                wait_for_poses(plan, &mut poses, state, stop)?;
+                wait_for_poses(plan, &mut poses, state, &|| run.is_stopped())?;
             }
         }
         chunk = match rest {
@@ -191,7 +191,7 @@ pub fn skip(
         total += u64::from(skipped.pulses);
         match skipped.last {
             Step::Advanced | Step::LegChanged => {}
-            Step::NeedsPoses => wait_for_poses(plan, poses, state, stop)?,
+            Step::NeedsPoses => wait_for_poses(plan, poses, state, &|| stop.is_requested())?,
             Step::Ended => break,
         }
         if stop.is_requested() {
@@ -214,12 +214,13 @@ fn feed_poses_within(
     true
 }
 
-/// Waits for poses and appends them, or ends the flight where none are to come.
+/// Waits for poses and appends them, or ends the flight where none are to come. Returns early when
+/// `is_stopped` does.
 pub(super) fn wait_for_poses(
     plan: &FlightPlan,
     poses: &mut Option<PoseReader>,
     state: &mut FlightState,
-    stop: &Stop,
+    is_stopped: &dyn Fn() -> bool,
 ) -> Result<()> {
     let Some(poses) = poses else {
         state.end_poses();
@@ -235,7 +236,7 @@ pub(super) fn wait_for_poses(
                 state.end_poses();
                 return Ok(());
             }
-            PollResult::TimedOut if stop.is_requested() => return Ok(()),
+            PollResult::TimedOut if is_stopped() => return Ok(()),
             PollResult::TimedOut => {}
         }
     }

@@ -6,7 +6,7 @@ use super::worker::{Measured, Pieces};
 use crate::output::{OutputSummary, Writer};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_warehouse::Collect;
+use vlscan_warehouse::{Collect, OpenOutputs};
 
 /// End of a pass.
 #[derive(Clone, Copy)]
@@ -17,6 +17,8 @@ pub(super) struct PassEnd<'a> {
     pub is_last: bool,
     /// True if the outputs are worth keeping when the run fails.
     pub keeps_partial: bool,
+    /// The outputs of the run, which stay open from pass to pass.
+    pub open_outputs: &'a OpenOutputs<'a>,
 }
 
 pub(super) struct Collector<'a> {
@@ -65,6 +67,7 @@ impl<'a> Collector<'a> {
 
 impl Collect<Pieces> for Collector<'_> {
     type Summary = Ended;
+    type Error = Error;
 
     fn take(&mut self, pieces: Pieces, more_waiting: bool) -> Result<()> {
         let last = pieces.0.len().saturating_sub(1);

@@ -82,8 +82,8 @@ pub fn emit<W: Write + Send>(
 ) -> Result<W> {
     let Emission { flight, epochs, mut poses, schedule, .. } = emission;
     let RunContext { progress, stop, .. } = control;
-    stop.begin_run();
-    stop.heed();
+    let open_outputs = stop.outputs();
+    open_outputs.open();
     let flight = &flight;
     let mut state = FlightState::start(flight);
     for epoch in (0..epochs).take_while(|_| !stop.is_requested()) {
@@ -103,9 +103,8 @@ pub fn emit<W: Write + Send>(
             }
         };
         let collector = Append { out, progress };
-        let fly = |feed: &mut Feed<'_, _, _, _>| {
-            produce(flight, None, &mut state, poses.take(), u64::MAX, stop, feed)
-        };
+        let fly =
+            |feed: &mut Feed<'_, _, _, _>| produce(flight, None, &mut state, poses.take(), u64::MAX, feed);
         out = vlscan_warehouse::run(schedule, &jobs, stop, control.recorder, make_worker, fly, collector)?;
     }
     Ok(out)
@@ -133,6 +132,7 @@ struct Append<'a, W> {
 
 impl<W: Write + Send> Collect<Written> for Append<'_, W> {
     type Summary = W;
+    type Error = Error;
 
     fn take(&mut self, chunk: Written, more_waiting: bool) -> Result<()> {
         let failed = |e| Error::io("write", "standard output", e);

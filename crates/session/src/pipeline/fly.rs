@@ -34,7 +34,7 @@ pub fn fly(
             let mut worker = FlightWorker::new(pass, flight);
             move |chunk| worker.measure(chunk)
         },
-        |feed| chunk::produce(flight, pass.motion, state, poses, limit, pass.control.stop, feed),
+        |feed| chunk::produce(flight, pass.motion, state, poses, limit, feed),
     )
 }
 
@@ -57,8 +57,8 @@ pub(super) fn trace(
             move |block| worker.measure(&block)
         },
         |feed| {
-            source.produce(epoch, pass.control.stop, feed)?;
-            if pass.is_last { source.check_end(epoch, pass.control.stop) } else { Ok(()) }
+            source.produce(epoch, feed)?;
+            if pass.is_last { source.check_end(epoch, feed.state()) } else { Ok(()) }
         },
     )
 }
@@ -74,7 +74,12 @@ impl Pass<'_> {
         C: Tasks + Send,
         W: FnMut(C) -> Result<Pieces>,
     {
-        let end = PassEnd { check: self.check.as_ref(), is_last: self.is_last, keeps_partial: true };
+        let end = PassEnd {
+            check: self.check.as_ref(),
+            is_last: self.is_last,
+            keeps_partial: true,
+            open_outputs: self.open_outputs,
+        };
         run_stages(self.schedule, self.control, &self.output, writer, end, make_worker, produce)
     }
 }
@@ -103,7 +108,7 @@ where
         }
     };
     let RunContext { stop, recorder, .. } = control;
-    stop.heed();
+    end.open_outputs.open();
     let collector = Collector::new(control.progress, end, writer);
     vlscan_warehouse::run(schedule, &jobs, stop, recorder, make_worker, produce, collector)
 }

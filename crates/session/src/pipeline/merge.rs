@@ -17,7 +17,7 @@ use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::pulse::Batch;
-use vlscan_warehouse::{Feed, Outcome, Schedule, Stop, Tasks};
+use vlscan_warehouse::{Feed, Outcome, Schedule, Tasks};
 
 /// A block of an open shard.
 struct Block {
@@ -130,10 +130,9 @@ impl Blocks<'_> {
     fn produce<R: Outcome, W: FnMut(BlockTask) -> Result<R>>(
         &mut self,
         epoch: u32,
-        stop: &Stop,
         feed: &mut Feed<'_, BlockTask, R, W>,
     ) -> Result<()> {
-        while !stop.is_requested() {
+        while !feed.state().is_stopped() {
             match self.take(epoch)? {
                 // A block is as large as a chunk of the run that wrote it, so it is complete for every
                 // schedule.
@@ -206,12 +205,12 @@ pub(super) fn merge_echoes(
     let blocks = Blocks { shards, current: None, next_shard: 0, wanted, echoes: 0, pulses: 0 };
     let merged = merge_epochs(blocks, &output, epochs, schedule, control, &is_damaged);
     if merged.is_err() && is_damaged.load(Relaxed) {
-        // The request to stop is set by the failure itself.
-        shards.verify(&Stop::new())?;
+        shards.verify(control.stop)?;
     }
     let (summary, interrupted) = merged?;
     let pulses = control.progress.snapshot().pulses;
-    Ok(Report { summary, pulses, seconds: started.elapsed().as_secs_f64(), interrupted })
+    let (seconds, warnings) = (started.elapsed().as_secs_f64(), output.warnings().clone());
+    Ok(Report { summary, pulses, seconds, interrupted, warnings })
 }
 
 fn merge_epochs(
@@ -223,8 +222,10 @@ fn merge_epochs(
     is_damaged: &AtomicBool,
 ) -> Result<(OutputSummary, bool)> {
     let mut writer = None;
+    let open_outputs = &control.stop.outputs();
     for epoch in 0..epochs {
-        let end = PassEnd { check: None, is_last: epoch + 1 == epochs, keeps_partial: false };
+        let is_last = epoch + 1 == epochs;
+        let end = PassEnd { check: None, is_last, keeps_partial: false, open_outputs };
         let ended = run_stages(
             schedule,
             control,
@@ -235,7 +236,7 @@ fn merge_epochs(
                 let (mut batch, mut buffer) = (Batch::default(), Vec::new());
                 move |task: BlockTask| encode(output, &task, &mut batch, &mut buffer, is_damaged)
             },
-            |feed| blocks.produce(epoch, control.stop, feed),
+            |feed| blocks.produce(epoch, feed),
         )?;
         match ended {
             Ended::Complete(summary) => return Ok((summary, false)),

@@ -76,5 +76,5 @@ pub use scan::Scan;
 pub use scene::{LoadedScene, SceneFacts};
 pub use segment::{join_segments, merge_segment};
 pub use session::Session;
-pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, Settings};
+pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, MAX_LATENCY_S, Settings};
 pub use stream::LegRule;

@@ -10,7 +10,7 @@ use vlscan_geom::HeightModel;
 use vlscan_lidar::pulse::Physics;
 use vlscan_scene::{MotionPlan, Tiles};
 use vlscan_trace::BuildOptions;
-use vlscan_warehouse::{Recorder, Schedule, Stop};
+use vlscan_warehouse::{OpenOutputs, Recorder, Schedule, Stop};
 
 /// Progress, stop request and recorder that the caller of a run shares with it.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +43,8 @@ pub struct Pass<'a> {
     pub ground: Option<Arc<dyn HeightModel>>,
     pub schedule: Schedule,
     pub control: RunContext<'a>,
+    /// The outputs of the run, which stay open from pass to pass.
+    pub open_outputs: &'a OpenOutputs<'a>,
     pub target: AimTarget,
     /// Check for too few points, run before the outputs get their names.
     pub check: Option<YieldCheck<'a>>,

@@ -75,6 +75,7 @@ impl Session {
                 pulses: 0,
                 seconds: 0.0,
                 interrupted: false,
+                warnings: self.warnings(),
             });
         }
         let request = OutputRequest { goes_on, ..outputs.clone() };
@@ -89,7 +90,13 @@ impl Session {
         }
         let Some(seconds) = self.complete_or_replace(&flight, &outputs, how, control, &mut folder)? else {
             let pulses = control.progress.snapshot().pulses;
-            return Ok(Report { summary: OutputSummary::default(), pulses, seconds: 0.0, interrupted: true });
+            return Ok(Report {
+                summary: OutputSummary::default(),
+                pulses,
+                seconds: 0.0,
+                interrupted: true,
+                warnings: self.warnings(),
+            });
         };
         self.drop_tree();
         let progress = Progress::default();
@@ -104,7 +111,7 @@ impl Session {
             folder.mark(State::complete(run, &report.summary))?;
             self.remove_shards(folder, path)?;
         }
-        Ok(Report { seconds: seconds + report.seconds, ..report })
+        Ok(Report { seconds: seconds + report.seconds, warnings: self.warnings(), ..report })
     }
 
     /// Removes the shards of a run that is complete.

@@ -20,7 +20,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
-use vlscan_base::diag::Notice;
+use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::HeightModel;
 use vlscan_lidar::flight::{FlightPlan, FlightState};
@@ -31,6 +31,7 @@ use vlscan_warehouse::Stop;
 
 /// Result of a run.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Report {
     /// Summary of the outputs.
     pub summary: OutputSummary,
@@ -40,6 +41,9 @@ pub struct Report {
     pub seconds: f64,
     /// True if the run was stopped: the outputs contain what was measured until then, and say so.
     pub interrupted: bool,
+    /// Warnings and notes, with an observer or without one: all that the session has had so far, of loading
+    /// its scene and of its runs.
+    pub warnings: Diagnostics,
 }
 
 /// The epochs of a run, and how each is measured.
@@ -57,7 +61,6 @@ impl Session {
     /// [`Error::Input`] for flights or outputs that are impossible, [`Error::Io`], [`Error::ClosedPipe`], and
     /// [`Error::Interrupted`] when a stop is requested before the first pulse or between two epochs.
     pub fn run(&mut self, outputs: OutputRequest, control: RunContext<'_>) -> Result<Report> {
-        control.stop.begin_run();
         let (flight, is_doubted) = self.plan_checked_flight(control.stop)?;
         let is_reported = Arc::new(AtomicBool::new(is_doubted));
         let mut poses = self.open_poses()?;
@@ -101,7 +104,6 @@ impl Session {
         outputs: OutputRequest,
         control: RunContext<'_>,
     ) -> Result<Report> {
-        control.stop.begin_run();
         let mut source = PulseSource::new(pulses);
         self.check_instrument()?;
         self.enter_epoch(0, control.stop)?;
@@ -212,7 +214,6 @@ impl Session {
         pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
         let ended = self.pass_epochs(&output, epochs, control, is_reported, pass_over);
-        control.stop.release();
         ended.map_err(|e| self.with_rescued(e, &output.rescued()))
     }
 
@@ -225,6 +226,7 @@ impl Session {
         mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
         let Epochs { range, options, is_checked } = epochs;
+        let open_outputs = control.stop.outputs();
         let (mut epoch, mut seconds, mut writer) = (*range.start(), 0.0, None);
         let (summary, interrupted) = loop {
             self.enter_epoch(epoch, control.stop)?;
@@ -246,6 +248,7 @@ impl Session {
                     ground: output.has_heights().then(ground).transpose()?,
                     schedule: settings.schedule,
                     control,
+                    open_outputs: &open_outputs,
                     target: plausibility::target(&settings.survey, scene),
                     check: is_checked.then_some(YieldCheck {
                         settings,
@@ -282,7 +285,7 @@ impl Session {
             self.notify(Notice::Note(what_is_kept(file)));
         }
         let pulses = control.progress.snapshot().pulses;
-        Ok(Report { summary, pulses, seconds, interrupted })
+        Ok(Report { summary, pulses, seconds, interrupted, warnings: self.warnings() })
     }
 
     /// Adds to the error of a failed run where its partial outputs are.

@@ -9,10 +9,11 @@ use super::session::{Observer, Session};
 use super::settings::Settings;
 use crate::output::{OutputRequest, PointFormat, TableRequest, Target};
 use ::arrow_array::RecordBatch;
+use std::f64::consts::{PI, TAU};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use vlscan_base::diag::Notice;
+use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
@@ -67,7 +68,12 @@ pub struct Scan {
     is_strict: bool,
     outputs: OutputRequest,
     observer: Observer,
+    /// The reason why the scan cannot be run, if an earlier call has found one.
+    problem: Option<String>,
 }
+
+/// Maximum number of turns of a head that is not suspected of being written in degrees.
+const MAX_TURNS: f64 = 10.0;
 
 impl Scan {
     /// A scan of a scene, which is a [`Mesh`](vlscan_survey::Mesh) in memory or what
@@ -88,6 +94,7 @@ impl Scan {
             is_strict: false,
             outputs: OutputRequest::default(),
             observer: Arc::new(|_| ()),
+            problem: None,
         }
     }
 
@@ -100,12 +107,20 @@ impl Scan {
     /// Adds a position from which the scanner measures, world coordinates, m. It does so until its head has
     /// turned from `head_start` to `head_stop`, or for `max_duration`; see [`Scan::configure`].
     pub fn station(self, position: DVec3) -> Scan {
-        self.path([position], 0.0)
+        self.through([position], 0.0)
     }
 
     /// Adds positions through which the platform moves in straight lines, world coordinates, m, at a speed in
-    /// m/s. It measures from the first one to the last.
+    /// m/s, above 0. It measures from the first one to the last.
     pub fn path(mut self, positions: impl IntoIterator<Item = DVec3>, speed: f64) -> Scan {
+        if !(speed.is_finite() && speed > 0.0) {
+            let problem = || format!("a path at {speed} m/s: expected a speed above 0");
+            self.problem.get_or_insert_with(problem);
+        }
+        self.through(positions, speed)
+    }
+
+    fn through(mut self, positions: impl IntoIterator<Item = DVec3>, speed: f64) -> Scan {
         let settings =
             |position| PlatformSettings { speed, has_speed: true, ..PlatformSettings::at(position) };
         self.waypoints.extend(positions.into_iter().map(settings));
@@ -135,7 +150,8 @@ impl Scan {
     }
 
     /// Changes the settings of the scanner: scan rate, angles, rotation of the head, duration. They begin as
-    /// [`Scanner::own_settings`].
+    /// [`Scanner::own_settings`]. Angles are radians; [`ScannerSettings::set_head_turn_deg`] and its
+    /// neighbours take degrees.
     pub fn configure(mut self, change: impl FnOnce(&mut ScannerSettings)) -> Scan {
         change(&mut self.scanner_settings);
         self
@@ -156,7 +172,7 @@ impl Scan {
         Scan { seed, ..self }
     }
 
-    /// Sets the number of threads; otherwise those of the machine. Points do not depend on it.
+    /// Sets the number of threads, at least 1; otherwise those of the machine. Points do not depend on it.
     pub fn threads(self, threads: usize) -> Scan {
         Scan { threads: Some(threads), ..self }
     }
@@ -166,7 +182,7 @@ impl Scan {
         Scan { is_strict: true, ..self }
     }
 
-    /// Passes warnings and notes to `observer`. Without one they are not seen.
+    /// Passes warnings and notes to `observer` as they come; they are also in the [report](Report::warnings).
     pub fn observer(self, observer: impl Fn(Notice) + Send + Sync + 'static) -> Scan {
         Scan { observer: Arc::new(observer), ..self }
     }
@@ -204,8 +220,15 @@ impl Scan {
     /// The survey that the scan is.
     ///
     /// # Errors
-    /// [`Error::Input`] without a station, a path or a trajectory.
+    /// [`Error::Input`] without a station, a path or a trajectory, and for speeds and durations that are not
+    /// above 0.
     pub fn survey(&self) -> Result<Survey> {
+        if let Some(problem) = &self.problem {
+            return Err(Error::input(problem.clone()));
+        }
+        if let Some(seconds) = self.scanner_settings.max_duration.filter(|s| s.is_nan() || *s <= 0.0) {
+            return Err(Error::input(format!("max_duration is {seconds} s: expected more than 0")));
+        }
         if self.waypoints.is_empty() && self.poses.is_none() {
             return Err(Error::input("a scan needs a station, a path or a trajectory"));
         }
@@ -263,6 +286,23 @@ impl Scan {
         Ok(settings)
     }
 
+    /// Angles that were hardly meant as radians.
+    fn doubts(&self) -> Diagnostics {
+        let mut found = Diagnostics::default();
+        let ScannerSettings { head_rate, head_start, head_stop, scan_angle, .. } = self.scanner_settings;
+        let turns = (head_stop - head_start).abs() / TAU;
+        // Ten turns in degrees are a little more in radians.
+        if head_rate != 0.0 && turns > MAX_TURNS * (1.0 + 1e-9) {
+            let message = format!("head_stop is {head_stop} rad: the head makes {turns:.1} turns");
+            found.warn(None, message).help("set_head_turn_deg takes degrees");
+        }
+        if scan_angle.abs() > PI {
+            let message = format!("scan_angle is {scan_angle} rad, more than half a turn to each side");
+            found.warn(None, message).help("set_scan_angle_deg takes degrees");
+        }
+        found
+    }
+
     /// A session of the scan, and the outputs to run it with: for progress, for requests to stop, for several
     /// runs.
     ///
@@ -270,6 +310,7 @@ impl Scan {
     /// As for [`Session::open`] and [`Scan::survey`].
     pub fn session(self) -> Result<(Session, OutputRequest)> {
         let settings = self.settings()?;
+        let doubts = self.doubts().finish(self.is_strict)?;
         let Scan { loaded, poses, outputs, observer, .. } = self;
         let outputs = OutputRequest { live: poses.is_some(), ..outputs };
         let observer = move |notice| observer(notice);
@@ -277,14 +318,25 @@ impl Scan {
             Some(loaded) => Session::new(settings, loaded, observer)?,
             None => Session::open(settings, observer)?,
         };
+        if !doubts.is_empty() {
+            session.notify(Notice::Warnings(doubts));
+        }
         Ok((session, outputs))
     }
 
     /// Runs the scan.
     ///
     /// # Errors
-    /// As for [`Scan::session`] and [`Session::run`].
+    /// As for [`Scan::session`] and [`Session::run`]; [`Error::Input`] without an output.
     pub fn run(self) -> Result<Report> {
+        self.survey()?;
+        let OutputRequest { sinks, tables, trajectory, shard, .. } = &self.outputs;
+        if sinks.is_empty() && tables.is_empty() && trajectory.is_none() && shard.is_none() {
+            return Err(Error::input_with_help(
+                "the scan has no output, so its points would be lost",
+                "add one with Scan::output, Scan::sink or Scan::table, or take Scan::batches",
+            ));
+        }
         let (mut session, outputs) = self.session()?;
         session.run(outputs, RunContext::new(&Progress::default(), &Stop::new()))
     }
@@ -292,8 +344,12 @@ impl Scan {
     /// Runs the scan on another thread and returns its points, `rows` at a time, while it runs.
     ///
     /// # Errors
-    /// As for [`Scan::session`]; errors of the run are items of the iterator.
+    /// As for [`Scan::session`]; [`Error::Input`] for batches of 0 rows. Errors of the run are items of the
+    /// iterator.
     pub fn batches(self, rows: usize) -> Result<Batches> {
+        if rows == 0 {
+            return Err(Error::input("batches of 0 rows: expected at least 1"));
+        }
         let (session, outputs) = self.session()?;
         Ok(session.into_batches(outputs, rows))
     }
@@ -357,6 +413,20 @@ mod tests {
     }
 
     #[test]
+    fn batches_have_progress_and_a_stop_and_reports_have_the_warnings() {
+        let mut batches = scan().station(DVec3::Z).batches(100).unwrap();
+        batches.by_ref().take(15).for_each(drop);
+        assert!(batches.progress().snapshot().pulses > 0);
+        batches.stop();
+        let rest = batches.by_ref().filter(|batch| batch.is_ok()).count();
+        assert!(batches.report().is_some_and(|report| report.interrupted), "{rest} batches after the stop");
+        let turning = scan().configure(|settings| settings.head_stop = 100.0).station(DVec3::Z);
+        let report = turning.sink(Target::File("/dev/null".into()), PointFormat::Xyz).run().unwrap();
+        let warnings = report.warnings.text();
+        assert!(warnings.contains("the head makes 15.9 turns"), "{warnings}");
+    }
+
+    #[test]
     fn poses_of_a_table_are_followed() {
         use ::arrow_array::{ArrayRef, Float64Array, cast::AsArray, types::Float64Type};
         let column =
@@ -373,6 +443,45 @@ mod tests {
         let x = found[0]["X"].as_primitive::<Float64Type>().values();
         let mean = x.iter().sum::<f64>() / x.len() as f64;
         assert!(x.len() > 10_000 && (mean - 5.0).abs() < 1.0, "{} points around x {mean}", x.len());
+    }
+
+    #[test]
+    fn numbers_outside_of_their_limits_are_refused() {
+        let at = || scan().station(DVec3::Z);
+        let path = |speed| scan().path([DVec3::Z, DVec3::new(1.0, 0.0, 1.0)], speed);
+        let lasting = |seconds| at().configure(move |settings| settings.max_duration = Some(seconds));
+        for (scan, expected) in [
+            (at().threads(100_000), "--threads 100000: expected at most 1024"),
+            (at().threads(0), "a schedule of 0 threads"),
+            (path(0.0), "expected a speed above 0"),
+            (path(-1.0), "expected a speed above 0"),
+            (path(f64::NAN), "expected a speed above 0"),
+            (lasting(0.0), "max_duration is 0 s"),
+            (lasting(-1.0), "max_duration is -1 s"),
+            (lasting(f64::NAN), "max_duration is NaN s"),
+        ] {
+            let Err(error) = scan.batches(10) else { panic!("{expected}") };
+            assert!(error.to_string().contains(expected), "{error}");
+        }
+        assert!(at().batches(0).is_err());
+        let error = at().run().unwrap_err().to_string();
+        assert!(error.contains("no output"), "{error}");
+        let (session, outputs) = at().session().unwrap();
+        assert!(session.into_batches(outputs, 0).any(|batch| batch.is_err()));
+    }
+
+    #[test]
+    fn degrees_in_place_of_radians_are_warned_of() {
+        let doubts = |change: fn(&mut ScannerSettings)| scan().configure(change).doubts();
+        let turn = doubts(|settings| (settings.head_rate, settings.head_stop) = (3600.0, 360.0)).headline();
+        assert_eq!(turn, "head_stop is 360 rad: the head makes 57.3 turns");
+        let angle = doubts(|settings| settings.scan_angle = 30.0).headline();
+        assert_eq!(angle, "scan_angle is 30 rad, more than half a turn to each side");
+        let in_degrees = doubts(|settings| {
+            settings.set_head_turn_deg(3600.0, 0.0, 3600.0);
+            settings.set_scan_angle_deg(15.0);
+        });
+        assert!(in_degrees.is_empty());
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! A loaded scene: what sessions are opened over, facts about it, points on its surfaces.
 
 use super::load::{build_tree, check_raster_memory, load_scene};
-use super::settings::Settings;
+use super::settings::{Settings, check_jobs};
 use ::arrow_array::{Float64Array, Int32Array, RecordBatch};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{Reads, Recording};
+use vlscan_base::files::{FileLog, Reads};
 use vlscan_base::machine;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::{Aabb, DVec3};
@@ -58,6 +58,7 @@ impl LoadedScene {
     /// # Errors
     /// As for [`LoadedScene::load`].
     pub fn of(settings: &Settings, notify: &dyn Fn(Notice)) -> Result<LoadedScene> {
+        settings.check()?;
         let Settings { survey, load, tree, strict, .. } = settings;
         LoadedScene::load(&survey.scene, load, tree, *strict, notify)
     }
@@ -70,11 +71,15 @@ impl LoadedScene {
         is_strict: bool,
         notify: &dyn Fn(Notice),
     ) -> Result<LoadedScene> {
+        check_jobs(options, trees)?;
         machine::start_pool()?;
-        let recording = Recording::start();
-        let epochs = vlscan_scene::count_epochs(recipe)?;
-        let scene = Arc::new(load_scene(recipe, options, is_strict, (0, None), notify)?);
-        let reads = Arc::new(recording.reads());
+        let log = FileLog::default();
+        let load = || -> Result<(u32, Scene)> {
+            let epochs = vlscan_scene::count_epochs(recipe)?;
+            Ok((epochs, load_scene(recipe, options, is_strict, (0, None), notify)?))
+        };
+        let (epochs, scene) = log.record(load)?;
+        let (scene, reads) = (Arc::new(scene), Arc::new(log.reads()));
         let mut conditions = Conditions::of(recipe, options);
         conditions.add(&scene);
         let frame = SceneFrame::of(&scene);

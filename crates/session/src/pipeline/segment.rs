@@ -236,7 +236,8 @@ pub fn join_segments(shards: &ShardSet, outputs: &OutputRequest, control: RunCon
     let points = file.records;
     let summary = OutputSummary { files: vec![file], points, ..OutputSummary::default() };
     let seconds = started.elapsed().as_secs_f64();
-    Ok(Report { summary, pulses: shards.head.total, seconds, interrupted: false })
+    let warnings = Diagnostics::default();
+    Ok(Report { summary, pulses: shards.head.total, seconds, interrupted: false, warnings })
 }
 
 fn check_out(out: &Path, force: bool) -> Result<()> {

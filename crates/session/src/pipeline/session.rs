@@ -6,8 +6,8 @@ use super::scene::LoadedScene;
 use super::settings::Settings;
 use crate::output::OutputRequest;
 use std::path::PathBuf;
-use std::sync::Arc;
-use vlscan_base::diag::Notice;
+use std::sync::{Arc, Mutex, PoisonError};
+use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::flight::FlightPlan;
 use vlscan_lidar::platform::PoseReader;
@@ -51,6 +51,22 @@ pub struct Session {
     /// The scene of the current epoch, with the tree over its static parts.
     scene: LoadedScene,
     motion: Option<MotionPlan>,
+    /// All warnings and notes so far.
+    warnings: Arc<Mutex<Diagnostics>>,
+}
+
+/// An observer that keeps warnings and notes, and passes everything on.
+fn keeping(observer: impl Fn(Notice) + Send + Sync + 'static) -> (Observer, Arc<Mutex<Diagnostics>>) {
+    let warnings = Arc::<Mutex<Diagnostics>>::default();
+    let kept = warnings.clone();
+    let keep = move |notice: Notice| {
+        if let Notice::Warnings(found) = &notice {
+            kept.lock().unwrap_or_else(PoisonError::into_inner).extend(found.clone());
+        }
+        observer(notice);
+    };
+    let observer: Observer = Arc::new(keep);
+    (observer, warnings)
 }
 
 impl Session {
@@ -58,10 +74,12 @@ impl Session {
     /// session.
     ///
     /// # Errors
-    /// [`Error::Input`] for scenes that are invalid or exceed the memory limit; [`Error::Io`].
+    /// [`Error::Input`] for settings outside of their [limits](Settings::check), and for scenes that are
+    /// invalid or exceed the memory limit; [`Error::Io`].
     pub fn open(settings: Settings, observer: impl Fn(Notice) + Send + Sync + 'static) -> Result<Session> {
-        let scene = LoadedScene::of(&settings, &observer)?;
-        let session = Session::new(settings, scene, observer)?;
+        let (observer, warnings) = keeping(observer);
+        let scene = LoadedScene::of(&settings, &*observer)?;
+        let session = Session::watched(settings, scene, observer, warnings)?;
         session.settings.load.check_stop()?;
         session.tree()?;
         Ok(session)
@@ -76,9 +94,11 @@ impl Session {
         settings: Settings,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
+        settings.check()?;
+        let (observer, warnings) = keeping(observer);
         let Settings { survey, load, tree, strict, .. } = &settings;
-        let scene = LoadedScene::load_without_tree(&survey.scene, load, tree, *strict, &observer)?;
-        Session::new(settings, scene, observer)
+        let scene = LoadedScene::load_without_tree(&survey.scene, load, tree, *strict, &*observer)?;
+        Session::watched(settings, scene, observer, warnings)
     }
 
     /// A session over a loaded scene, which is the one that the settings describe. The tree is built when it
@@ -88,10 +108,22 @@ impl Session {
     /// [`Error::Input`] if the scene does not [suit](LoadedScene::suits) the settings, and for coordinate
     /// reference systems that contradict one another.
     pub fn new(
-        mut settings: Settings,
+        settings: Settings,
         scene: LoadedScene,
         observer: impl Fn(Notice) + Send + Sync + 'static,
     ) -> Result<Session> {
+        let (observer, warnings) = keeping(observer);
+        Session::watched(settings, scene, observer, warnings)
+    }
+
+    /// [`Session::new`] with an observer that adds to `warnings`.
+    fn watched(
+        mut settings: Settings,
+        scene: LoadedScene,
+        observer: Observer,
+        warnings: Arc<Mutex<Diagnostics>>,
+    ) -> Result<Session> {
+        settings.check()?;
         scene.check(&settings)?;
         let (found, note) = crs::adopt(&mut settings, scene.scene());
         observer(Notice::Warnings(found.finish(settings.strict)?));
@@ -107,7 +139,7 @@ impl Session {
         let rate = first_pulse_rate(&settings);
         let found = vlscan_scene::check_time_step(scene.scene(), &settings.survey.scene.path, rate);
         observer(Notice::Warnings(found.finish(settings.strict)?));
-        Ok(Session { settings, observer: Arc::new(observer), scene, motion })
+        Ok(Session { settings, observer, scene, motion, warnings })
     }
 
     /// The scene and its tree, for further sessions; `None` in later epochs.
@@ -152,6 +184,11 @@ impl Session {
 
     pub(super) fn observer(&self) -> &(dyn Fn(Notice) + Send + Sync) {
         &*self.observer
+    }
+
+    /// All warnings and notes so far.
+    pub(super) fn warnings(&self) -> Diagnostics {
+        self.warnings.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Passes a notice to the observer.

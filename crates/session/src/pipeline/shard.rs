@@ -256,7 +256,8 @@ impl ShardRunner<'_> {
             border.filter(|border| is_last || border.pulses < range.end)
         else {
             let summary = output.open(Arc::new(NoOffload))?.finish()?;
-            return Ok(Report { summary, pulses: 0, seconds: 0.0, interrupted: false });
+            let warnings = self.session.warnings();
+            return Ok(Report { summary, pulses: 0, seconds: 0.0, interrupted: false, warnings });
         };
         self.check_once(first, control.stop)?;
         let mut left = if is_last { u64::MAX } else { range.end - begin };

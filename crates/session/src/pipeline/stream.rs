@@ -10,7 +10,7 @@ use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::{InstrumentTable, PhysicsOptions};
 use vlscan_scene::MotionState;
 use vlscan_survey::Survey;
-use vlscan_warehouse::{Feed, Outcome, Stop, Tasks};
+use vlscan_warehouse::{Feed, Outcome, RunState, Tasks};
 
 /// Mapping of the legs of a stream to legs of the outputs and of the physics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,17 +54,17 @@ impl PulseSource {
     ///
     /// # Errors
     /// As for [`PulseReader::next_block`].
-    fn next_epoch(&mut self, stop: &Stop) -> Result<Option<u32>> {
+    fn next_epoch(&mut self, run: &RunState<'_>) -> Result<Option<u32>> {
         if self.next.is_none() {
-            self.next = self.reader.next_block(stop)?;
+            self.next = self.reader.next_block(&|| run.is_stopped())?;
         }
         Ok(self.next.as_ref().map(RowBlock::first_epoch))
     }
 
     /// Fails if a pulse follows those of the last epoch.
-    pub(super) fn check_end(&mut self, last: u32, stop: &Stop) -> Result<()> {
-        match self.next_epoch(stop)? {
-            Some(next) if !stop.is_requested() => Err(Error::input(format!(
+    pub(super) fn check_end(&mut self, last: u32, run: &RunState<'_>) -> Result<()> {
+        match self.next_epoch(run)? {
+            Some(next) if !run.is_stopped() => Err(Error::input(format!(
                 "after epoch {last} comes a pulse of epoch {next}; epochs ascend, and the scene has {}",
                 last + 1
             ))),
@@ -76,11 +76,11 @@ impl PulseSource {
     pub(super) fn produce<R: Outcome, W: FnMut(RowBlock) -> Result<R>>(
         &mut self,
         epoch: u32,
-        stop: &Stop,
         feed: &mut Feed<'_, RowBlock, R, W>,
     ) -> Result<()> {
-        while !stop.is_requested() {
-            match self.take(epoch, stop)? {
+        let run = feed.state();
+        while !run.is_stopped() {
+            match self.take(epoch, run)? {
                 Some(block) => feed.put(block)?,
                 None => break,
             }
@@ -89,8 +89,8 @@ impl PulseSource {
     }
 
     /// Returns the next pulses of `epoch`; `None` when another epoch begins or the stream ends.
-    fn take(&mut self, epoch: u32, stop: &Stop) -> Result<Option<RowBlock>> {
-        if self.next_epoch(stop)? != Some(epoch) {
+    fn take(&mut self, epoch: u32, run: &RunState<'_>) -> Result<Option<RowBlock>> {
+        if self.next_epoch(run)? != Some(epoch) {
             return Ok(None);
         }
         let Some(block) = self.next.take() else { return Ok(None) };

@@ -12,7 +12,6 @@ use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
 use vlscan_tables::input::rows::{self, RowDecoder};
 use vlscan_tables::input::{InputStream, ReadEvent, is_stdin};
-use vlscan_warehouse::Stop;
 
 /// Interval at which the stop flag is polled while no bytes arrive.
 const STOP_POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -60,12 +59,12 @@ impl PulseReader {
     }
 
     /// Waits for at least one row and returns the rows that have arrived; `None` at the end of the stream, or
-    /// when `stop` is requested.
+    /// when `is_stopped` returns true.
     ///
     /// # Errors
     /// [`Error::Input`] for an invalid header or schema and for a stream that is empty or truncated;
     /// [`Error::Io`] when it cannot be read.
-    pub fn next_block(&mut self, stop: &Stop) -> Result<Option<RowBlock>> {
+    pub fn next_block(&mut self, is_stopped: &dyn Fn() -> bool) -> Result<Option<RowBlock>> {
         loop {
             let block = self.decoder.next_block(self.max_rows, self.ended)?;
             let has_rows = block.is_some();
@@ -74,8 +73,8 @@ impl PulseReader {
             {
                 return Ok(Some(RowBlock { rows, schema }));
             }
-            if !has_rows && (self.ended || !self.receive(stop)?) {
-                return self.finish(stop);
+            if !has_rows && (self.ended || !self.receive(is_stopped)?) {
+                return self.finish(is_stopped);
             }
         }
     }
@@ -97,8 +96,8 @@ impl PulseReader {
         Ok(if has_header { block.split_at(1).1 } else { Some(block) })
     }
 
-    /// Waits for the next bytes; `false` when `stop` is requested.
-    fn receive(&mut self, stop: &Stop) -> Result<bool> {
+    /// Waits for the next bytes; `false` when `is_stopped` returns true.
+    fn receive(&mut self, is_stopped: &dyn Fn() -> bool) -> Result<bool> {
         loop {
             match self.input.next(Some(STOP_POLL_INTERVAL)) {
                 ReadEvent::Bytes(bytes) => {
@@ -106,7 +105,7 @@ impl PulseReader {
                     self.receive_available();
                     return Ok(true);
                 }
-                ReadEvent::Timeout if stop.is_requested() => return Ok(false),
+                ReadEvent::Timeout if is_stopped() => return Ok(false),
                 ReadEvent::Timeout => {}
                 ReadEvent::End => {
                     self.ended = true;
@@ -128,8 +127,8 @@ impl PulseReader {
         }
     }
 
-    fn finish(&self, stop: &Stop) -> Result<Option<RowBlock>> {
-        if stop.is_requested() || self.decoder.has_begun() {
+    fn finish(&self, is_stopped: &dyn Fn() -> bool) -> Result<Option<RowBlock>> {
+        if is_stopped() || self.decoder.has_begun() {
             return Ok(None);
         }
         let mut problems = Diagnostics::default();

@@ -25,7 +25,7 @@ use super::{Formula, WrittenKey};
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::diag::Place;
-use vlscan_geom::{DVec3, Rotation};
+use vlscan_geom::{DVec3, Rotation, radians};
 
 pub use identity::{Identity, MaterialChanges};
 pub use mesh::{MaterialChange, MaterialDefinition, Mesh, Replaced, UnusedOptics};
@@ -329,6 +329,21 @@ pub struct ScannerSettings {
 }
 
 impl ScannerSettings {
+    /// Sets the speed of the head, degrees per second, and the angles at which it starts and stops, degrees.
+    pub fn set_head_turn_deg(&mut self, rate: f64, start: f64, stop: f64) {
+        (self.head_rate, self.head_start, self.head_stop) = (radians(rate), radians(start), radians(stop));
+    }
+
+    /// Sets the half opening angle, degrees.
+    pub fn set_scan_angle_deg(&mut self, angle: f64) {
+        self.scan_angle = radians(angle);
+    }
+
+    /// Sets the deflection angles between which the scanner fires, degrees.
+    pub fn set_vertical_limits_deg(&mut self, min: f64, max: f64) {
+        (self.vertical_min, self.vertical_max) = (Some(radians(min)), Some(radians(max)));
+    }
+
     /// Pulses per second, on average where they have times of their own.
     pub fn pulse_rate(&self) -> f64 {
         self.pulse_times.as_ref().map_or(f64::from(self.pulse_freq), PulseTimes::mean_rate)
@@ -488,8 +503,16 @@ pub trait ScanPattern: std::fmt::Debug + Send + Sync {
     /// The direction of the beam, of any length above 0, in the frame of the emitter: x to the right, y
     /// forward, z up. `time` is that since the first step of the leg, s.
     ///
-    /// A direction that is 0 or not finite ends the run with an error if the beam fires then.
+    /// A direction that is 0 or not finite ends the run with an error if the beam fires then: that of
+    /// [`ScanPattern::error`].
     fn direction(&self, time: f64) -> DVec3;
+
+    /// The reason why the pattern has no direction at that time; without one, the error of the run says what
+    /// the direction is.
+    fn error(&self, time: f64) -> Option<Box<dyn std::error::Error + Send + Sync>> {
+        let _ = time;
+        None
+    }
 
     /// True if a pulse is emitted at that time.
     fn is_firing(&self, time: f64) -> bool {

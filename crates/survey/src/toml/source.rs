@@ -11,7 +11,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue, Deserializer, ValueDeserializer};
-use vlscan_base::diag::{Diagnostic, Diagnostics, Place, nearest};
+use vlscan_base::diag::{Diagnostic, Diagnostics, Place, ProblemKind, nearest};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
 use vlscan_base::recognise::{Expected, foreign};
@@ -35,7 +35,7 @@ impl Source {
     /// # Errors
     /// [`Error::Io`], or [`Error::Input`] for bytes that are not text.
     pub fn read(path: &Path) -> Result<Source> {
-        let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::io("read", path, e))?;
+        let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::open(path, e))?;
         if let Some(found) = foreign(path, &bytes, &Expected::PIPELINE) {
             return Err(found.error(path));
         }
@@ -288,7 +288,8 @@ impl<'t> Tables<'t> {
         let name = name.to_string_lossy();
         let Some(located) = assets.file(&near(self.source, &name), self.source.folder()) else {
             let help = assets.help_for_missing(&name, self.source.folder());
-            self.problems.error(place, format!("cannot find the file `{name}`")).help(help);
+            let message = format!("cannot find the file `{name}`");
+            self.problems.error(place, message).of_kind(ProblemKind::NotFound).help(help);
             return None;
         };
         if let Some(spelling) = located.respelled {

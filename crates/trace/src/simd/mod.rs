@@ -25,6 +25,7 @@ use std::sync::OnceLock;
 
 /// The array of `$e` for `$i` in 0, 1, 2 (or as many as listed). `array::map` and `array::from_fn` are not
 /// always inlined, and a closure that is not inlined lacks the target features; this macro needs no closure.
+#[doc(hidden)]
 #[macro_export]
 macro_rules! each_of {
     ([$($n:literal),+], $i:ident => $e:expr) => {
@@ -38,6 +39,7 @@ pub use each_of;
 
 /// Evaluates `$body` in a function compiled for the instruction set of `$level`, with `$simd` as the token of
 /// the set.
+#[doc(hidden)]
 #[macro_export]
 macro_rules! dispatch {
     ($level:expr, $simd:ident => $body:expr) => {

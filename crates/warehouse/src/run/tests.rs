@@ -4,6 +4,7 @@ use super::super::policy::MAX_BUFFERED_TASKS;
 use super::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+use vlscan_base::error::{Error, Result};
 
 impl Outcome for u64 {}
 
@@ -22,6 +23,7 @@ where
     E: FnOnce() -> S + Send,
 {
     type Summary = S;
+    type Error = Error;
     fn take(&mut self, result: R, _: bool) -> Result<()> {
         (self.0)(result)
     }
@@ -237,6 +239,74 @@ fn a_producer_ahead_of_the_collector_computes_what_waits_in_the_warehouse() {
 }
 
 #[test]
+fn a_panic_is_an_error_that_keeps_its_text() {
+    let work = || {
+        |x: u64| {
+            assert!(x != 7, "seven is {x}");
+            Ok(x)
+        }
+    };
+    for schedule in schedules(&[1, 2, 4]) {
+        match gather(schedule, None, None, work, |feed| distribute(feed, 0..1000)) {
+            Err(Error::Internal(message)) => {
+                assert!(message.ends_with("panicked: seven is 7"), "{schedule:?}: {message}");
+            }
+            other => panic!("{schedule:?}: {other:?}"),
+        }
+    }
+}
+
+/// An error type that is not that of the base.
+#[derive(Debug)]
+enum OwnError {
+    Seven,
+    Run(RunError),
+}
+
+impl From<RunError> for OwnError {
+    fn from(e: RunError) -> OwnError {
+        OwnError::Run(e)
+    }
+}
+
+/// Counts results.
+struct Count(u64);
+
+impl Collect<u64> for Count {
+    type Summary = u64;
+    type Error = OwnError;
+
+    fn take(&mut self, _: u64, _: bool) -> Result<(), OwnError> {
+        self.0 += 1;
+        Ok(())
+    }
+
+    fn finish(self) -> Result<u64, OwnError> {
+        Ok(self.0)
+    }
+
+    fn abort(self) {}
+}
+
+#[test]
+fn runs_have_an_error_type_of_their_own() {
+    let count = |threads, failing: u64| {
+        run(
+            Schedule { threads, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
+            &Arc::new(JobQueue::new(4)),
+            &Stop::new(),
+            None,
+            || move |x: u64| if x == failing { Err(OwnError::Seven) } else { Ok(x) },
+            |feed| (0..50).try_for_each(|x| feed.put(x)),
+            Count(0),
+        )
+    };
+    assert!(matches!(count(2, 99), Ok(50)));
+    assert!(matches!(count(2, 7), Err(OwnError::Seven)));
+    assert!(matches!(count(0, 7), Err(OwnError::Run(RunError::Schedule(_)))));
+}
+
+#[test]
 fn a_stop_ends_the_run_as_interrupted() {
     let stop = Stop::new();
     let outcome = run(
@@ -272,6 +342,42 @@ fn the_failure_of_a_run_does_not_stop_the_next() {
     assert!(run_until(20).is_err() && !stop.is_requested());
     run_until(50).unwrap();
     assert!(!stop.is_requested());
+}
+
+#[test]
+fn the_failure_of_a_run_does_not_stop_another_that_shares_its_stop() {
+    let stop = Stop::new();
+    let schedule =
+        Schedule { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false };
+    let jobs = || Arc::new(JobQueue::new(4));
+    let fail = || {
+        let work = || |_: u64| -> Result<u64> { Err(Error::input("failed")) };
+        let produce = |feed: &mut Feed<'_, _, _, _>| {
+            let put = (0..50).try_for_each(|x| feed.put(x));
+            while !feed.state().is_stopped() {
+                std::thread::yield_now();
+            }
+            put
+        };
+        run(schedule, &jobs(), &stop, None, work, produce, Each(|_: u64| Ok(()), || ()))
+    };
+    let taken = AtomicUsize::new(0);
+    let produce = |feed: &mut Feed<'_, _, _, _>| {
+        for x in 0..50 {
+            if x == 25 {
+                assert!(fail().is_err());
+            }
+            assert!(!feed.state().is_stopped());
+            feed.put(x)?;
+        }
+        Ok(())
+    };
+    let take = |_: u64| {
+        taken.fetch_add(1, Ordering::SeqCst);
+        Ok(())
+    };
+    run(schedule, &jobs(), &stop, None, || |x: u64| Ok(x), produce, Each(take, || ())).unwrap();
+    assert_eq!(taken.into_inner(), 50);
 }
 
 #[test]

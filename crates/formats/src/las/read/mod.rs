@@ -6,10 +6,12 @@
 //! | `error` | errors |
 //! | `header` | header and variable length records |
 //! | `extra` | extra dimensions |
+//! | `details` | fields that only copies need |
 //! | `compressed` | compressed records |
 //! | `units` | units of positions |
 
 mod compressed;
+mod details;
 mod error;
 mod extra;
 mod header;
@@ -23,6 +25,7 @@ pub use header::{Header, LasFacts};
 
 use crate::{Attribute, AttributeSet, CloudFormat, Columns, FileFacts, Misfits, PointRow, Reading};
 use compressed::{Compressed, without_panic};
+use details::DetailFields;
 use header::Fields;
 use std::io::ErrorKind;
 use std::ops::ControlFlow;
@@ -212,6 +215,10 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
     if let Some(wkt) = units.crs.as_ref().filter(|_| units.metres.is_none()) {
         reading.sink.crs(wkt);
     }
+    let details = reading.sink.takes_details().then(|| DetailFields::of(&reader.header, &extra));
+    if details.is_some() {
+        reading.sink.unread(DetailFields::unread(&reader.header, &extra));
+    }
     let (header, metres) = (reader.header.clone(), units.metres.unwrap_or(DVec3::ONE));
     let mut are_degrees = units.is_angle;
     let mut more = true;
@@ -227,6 +234,9 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
                     "its coordinate reference system is in degrees, its coordinates are not; they are taken \
                      as metres",
                 );
+            }
+            if let Some(details) = &details {
+                reading.sink.details(&details.read(&header, record));
             }
             let raw_intensity = u16::from_le_bytes([record[12], record[13]]);
             let mut misfits = Misfits::default();

@@ -59,9 +59,9 @@ fn read_with_causes(bytes: &[u8]) -> (Vec<PointRow>, Diagnostics) {
     struct Rows(Vec<PointRow>);
     impl PointSink for Rows {
         fn start(&mut self, _: AttributeSet) {}
-        fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+        fn point(&mut self, row: &PointRow, _: Option<&str>) -> vlscan_base::Result<ControlFlow<()>> {
             self.0.push(*row);
-            ControlFlow::Continue(())
+            Ok(ControlFlow::Continue(()))
         }
     }
     let (mut rows, mut found) = (Rows(Vec::new()), Diagnostics::default());

@@ -49,28 +49,32 @@ impl LasFormat {
                 // Return number, number of returns
                 record.put([clamped(point.return_number, 15) | clamped(point.number_of_returns, 15) << 4]);
                 // Classification flags, scanner channel, scan direction flag, edge of flight line
-                record.put([((point.device & 3) as u8) << 4 | if withheld { WITHHELD_6 } else { 0 }]);
+                record.put([((point.device & 3) as u8) << 4
+                    | point.stored.flags.format_6()
+                    | if withheld { WITHHELD_6 } else { 0 }]);
                 // Classification
                 record.put([u8::try_from(point.class).unwrap_or(0)]);
                 // User data
-                record.put([0]);
+                record.put([point.stored.user_data]);
                 // Scan angle, 0.006 degrees
                 let steps = round_half_even((angle / 0.006).clamp(-30_000.0, 30_000.0));
                 record.put((steps as i16).to_le_bytes());
             }
             LasVersion::V10 => {
+                let (line_flags, class_flags) = point.stored.flags.format_1();
                 // Return number, number of returns, scan direction flag, edge of flight line
-                record.put([clamped(point.return_number, 7) | clamped(point.number_of_returns, 7) << 3]);
+                let returns = clamped(point.return_number, 7) | clamped(point.number_of_returns, 7) << 3;
+                record.put([returns | line_flags]);
                 // Classification and its flags
                 let class = match point.class {
                     class @ 0..=MAX_CLASS_1 => class as u8,
                     _ => 0,
                 };
-                record.put([class | if withheld { WITHHELD_1 } else { 0 }]);
+                record.put([class | class_flags | if withheld { WITHHELD_1 } else { 0 }]);
                 // Scan angle rank, degrees
                 record.put([angle.clamp(-90.0, 90.0).round_ties_even() as i8 as u8]);
                 // User data
-                record.put([0]);
+                record.put([point.stored.user_data]);
             }
         }
         // Point source ID

@@ -75,3 +75,26 @@ fn a_pulse_without_a_direction_is_an_error() {
         assert!(error.to_string().contains("scan pattern") && error.exit_status() == 2, "{error}");
     }
 }
+
+/// A pattern that has an error of its own.
+#[derive(Debug)]
+struct Broken;
+
+impl ScanPattern for Broken {
+    fn direction(&self, _: f64) -> DVec3 {
+        DVec3::NAN
+    }
+
+    fn error(&self, time: f64) -> Option<Box<dyn std::error::Error + Send + Sync>> {
+        Some(format!("the motor is off at {time} s").into())
+    }
+}
+
+#[test]
+fn a_pattern_fails_with_its_own_error() {
+    let legs = vec![leg([0.0; 3], 0.0, |leg| leg.scanner.max_duration = Some(2.0))];
+    let survey = survey(PlatformKind::Static, Mount::IDENTITY, Deflector::Custom(Arc::new(Broken)), legs);
+    let plan = plan_with(&survey, options());
+    let error = FlightState::start(&plan).step(&plan, &mut Count::default()).unwrap_err();
+    assert!(error.to_string().starts_with("the motor is off at") && error.exit_status() == 1, "{error}");
+}

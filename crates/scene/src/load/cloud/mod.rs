@@ -325,10 +325,10 @@ impl<F: FnMut(&[Vec<PointRow>]) -> bool> Batches<F> {
 impl<F: FnMut(&[Vec<PointRow>]) -> bool> PointSink for Batches<F> {
     fn start(&mut self, _: AttributeSet) {}
 
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> ControlFlow<()> {
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
         if row.is_miss {
             self.misses += 1;
-            return ControlFlow::Continue(());
+            return Ok(ControlFlow::Continue(()));
         }
         let is_full = self.batches.last().is_none_or(|batch| batch.len() >= BATCH_POINTS);
         if is_full && self.batches.len() >= rayon::current_num_threads() {
@@ -339,7 +339,7 @@ impl<F: FnMut(&[Vec<PointRow>]) -> bool> PointSink for Batches<F> {
         if let Some(batch) = self.batches.last_mut() {
             batch.push(*row);
         }
-        if self.is_ended { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        Ok(if self.is_ended { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 

@@ -48,8 +48,8 @@ impl MaterialTable {
         let text = match read_text(&table) {
             Ok(text) => text,
             Err(e) => {
-                diagnostics
-                    .error(None, format!("cannot read the table of materials {}: {e}", table.display()));
+                let message = format!("cannot read the table of materials {}: {e}", table.display());
+                diagnostics.error(None, message).of_kind((&e).into());
                 return None;
             }
         };

@@ -6,7 +6,7 @@ use crate::text::is_wrong_name;
 use std::borrow::Cow;
 use std::io;
 use std::path::PathBuf;
-use vlscan_base::diag::Place;
+use vlscan_base::diag::{Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
 
 /// Why a raster cannot be used.
@@ -29,8 +29,10 @@ impl Refusal {
 
     /// Reports it as an error of the part, at `place` if it has one of its own.
     pub fn report(self, scene: &mut SceneBuilder, part: &PartSource, place: Option<Place>) -> Result<()> {
+        let mut kind = ProblemKind::Invalid;
         let (message, help, problem) = match self {
             Refusal::Unread(path, e) if is_wrong_name(&e) => {
+                kind = (&e).into();
                 let message = format!("cannot read {}: {e}", path.display());
                 (message, Cow::Borrowed(""), Some(RasterError::Io(e)))
             }
@@ -43,6 +45,9 @@ impl Refusal {
         let error = scene.diagnostics.error(place.or_else(|| part.place.cloned()), message);
         if let Some(problem) = problem {
             error.because_of(problem);
+        }
+        if kind != ProblemKind::Invalid {
+            error.of_kind(kind);
         }
         if !help.is_empty() {
             error.help(help);

@@ -172,7 +172,6 @@ impl Session {
         started: Instant,
         control: RunContext<'_>,
     ) -> Result<DryRunReport> {
-        control.stop.begin_run();
         let (flight, _) = self.plan_checked_flight(control.stop)?;
         let outputs = &self.complete(outputs.clone());
         let context = self.output_context();
@@ -245,7 +244,6 @@ impl Session {
     /// # Errors
     /// As for [`Session::run`].
     pub fn sketch(&mut self, control: RunContext<'_>) -> Result<FlightCoverage> {
-        control.stop.begin_run();
         self.enter_epoch(0, control.stop)?;
         let flight = self.plan_flight()?;
         let context = self.output_context();

@@ -105,14 +105,14 @@ pub fn measure(pass: &Pass<'_>, flight: &FlightPlan, timeline: &Timeline) -> Res
             Ok(pieces)
         }
     };
-    let end = PassEnd { check: None, is_last: true, keeps_partial: false };
+    let end = PassEnd { check: None, is_last: true, keeps_partial: false, open_outputs: pass.open_outputs };
     let ended = run_stages(pass.schedule, pass.control, &pass.output, None, end, make_worker, |feed| {
         // A false point costs about as much as a ray.
         let alarms = pass.physics.instruments().false_alarms().map_or(0.0, |alarms| alarms.per_pulse);
         let rays_per_pulse = pass.physics.max_rays() as u64 + alarms.ceil() as u64;
         let mut rays = 0;
         for stratum in spread(timeline.starts.len()) {
-            if rays > 0 && (rays >= MAX_RAYS || pass.control.stop.is_requested()) {
+            if rays > 0 && (rays >= MAX_RAYS || feed.state().is_stopped()) {
                 break;
             }
             rays += if pass.tiles.is_some() { RAYS_PER_TILED_STRATUM } else { 1 };

@@ -84,7 +84,7 @@ pub fn step_through(flight: &FlightPlan, stop: &Stop) -> Result<Option<Timeline>
         taken += u64::from(skipped.steps) + (STEPS_PER_SINGLE - 1) * u64::from(skipped.single_steps);
         match skipped.last {
             Step::Ended => break,
-            Step::NeedsPoses => wait_for_poses(flight, &mut None, &mut state, stop)?,
+            Step::NeedsPoses => wait_for_poses(flight, &mut None, &mut state, &|| stop.is_requested())?,
             Step::Advanced | Step::LegChanged => {}
         }
         if since >= interval {

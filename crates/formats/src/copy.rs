@@ -1,0 +1,327 @@
+//! Copies of clouds in other formats.
+
+use crate::record::WEEK_S;
+use crate::{
+    Attribute, AttributeSet, CloudFormat, CloudSettings, CloudWriter, ExtraDimensions, FileFacts,
+    PointDetails, PointFormat, PointRecord, PointRow, PointSink, Tally, read_points,
+};
+use std::collections::HashMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_base::error::{Error, Result};
+use vlscan_geom::Aabb;
+
+/// Points that are written together.
+const BLOCK_POINTS: usize = 4096;
+
+/// Copies a cloud to a new file, whose extension names its format; the file is read twice. Bounds, origin and
+/// coordinate reference system are those of the cloud unless the settings have them. Returns the counts of
+/// the points, and warnings: one for each attribute that the copy lacks. From LAS to LAS everything is copied
+/// but colours, waveform packets and extra dimensions of other programs.
+///
+/// # Errors
+/// Those of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a stream, and for an extension that
+/// names no format.
+pub fn copy(from: &Path, to: &Path, settings: &CloudSettings) -> Result<(Tally, Diagnostics)> {
+    let format = PointFormat::required(to);
+    let format = format.map_err(|unknown| Error::input(format!("{}: {unknown}", to.display())))?;
+    if from.exists() && !from.is_file() || from.as_os_str() == "-" {
+        let message = format!("{} is a stream; a copy reads its file twice", from.display());
+        return Err(Error::input_with_help(message, "save it as a file"));
+    }
+    let mut facts = SourceFacts::default();
+    let mut found = read_points(from, &mut facts)?;
+    facts.warn(from, format, &mut found);
+    let settings = facts.settings(settings, format);
+    let mut writer = CopyWriter {
+        writer: CloudWriter::create(to, false, format, &settings, &mut found)?,
+        settings,
+        has_exact_times: !format.has_frames(),
+        details: None,
+        objects: HashMap::new(),
+        block: Vec::with_capacity(BLOCK_POINTS),
+    };
+    read_points(from, &mut writer)?;
+    writer.flush()?;
+    Ok((writer.writer.finish()?, found))
+}
+
+/// Facts about the points that must be known before the first one is written.
+#[derive(Default)]
+struct SourceFacts {
+    format: Option<CloudFormat>,
+    attributes: AttributeSet,
+    crs: Option<String>,
+    bounds: Option<Aabb>,
+    highest_class: u8,
+    has_adjusted_times: bool,
+    has_flags: bool,
+    has_user_data: bool,
+    /// True if a point has a detail that is an extra dimension of this program.
+    has_extra: bool,
+    unread: Vec<String>,
+}
+
+impl SourceFacts {
+    fn warn(&self, from: &Path, format: PointFormat, found: &mut Diagnostics) {
+        let is_las = format.is_las();
+        let has_normals = Attribute::NORMAL.iter().all(|attribute| self.attributes.has(*attribute));
+        let others = [
+            (has_normals, "normals"),
+            (self.has_flags && !is_las, "flags"),
+            (self.has_user_data && !is_las, "user data"),
+        ];
+        let others = others.into_iter().filter(|(is_there, _)| *is_there).map(|(_, name)| name);
+        for name in self.unread.iter().map(String::as_str).chain(others) {
+            let message = format!("the copy lacks an attribute of the points: {name}");
+            found.warn(Some(Place::of_file(from)), message);
+        }
+        let is_named =
+            matches!(self.format, Some(CloudFormat::Las | CloudFormat::Arrow | CloudFormat::Parquet));
+        if !is_named {
+            let message = "positions, intensities, classes, returns, times, scan angles, objects, legs and \
+                           channels are copied, other attributes are not";
+            found.note(Some(Place::of_file(from)), message);
+        }
+    }
+
+    /// The settings of the copy.
+    fn settings(&self, chosen: &CloudSettings, format: PointFormat) -> CloudSettings {
+        let mut settings = chosen.clone();
+        if settings.bounds.is_empty()
+            && let Some(bounds) = self.bounds
+        {
+            // Records are relative to the centre of the cloud, so that short numbers keep its digits.
+            settings.origin = bounds.centre().round();
+            settings.bounds = bounds.translated(-settings.origin);
+        }
+        settings.crs = settings.crs.or_else(|| self.crs.clone());
+        settings.highest_class = settings.highest_class.max(self.highest_class.into());
+        settings.adjusted_times |= self.has_adjusted_times;
+        if format.is_las() && !self.has_extra && settings.las.extra == ExtraDimensions::All {
+            // They would be zeros.
+            settings.las.extra = ExtraDimensions::None;
+        }
+        settings
+    }
+}
+
+impl PointSink for SourceFacts {
+    fn start(&mut self, attributes: AttributeSet) {
+        self.attributes = attributes;
+    }
+
+    fn file(&mut self, facts: &FileFacts) {
+        self.format = Some(facts.format);
+    }
+
+    fn crs(&mut self, wkt: &str) {
+        self.crs = Some(wkt.to_owned());
+    }
+
+    fn takes_details(&self) -> bool {
+        true
+    }
+
+    fn unread(&mut self, attributes: Vec<String>) {
+        self.unread = attributes;
+    }
+
+    fn details(&mut self, details: &PointDetails) {
+        self.has_flags |= !details.stored.flags.is_empty();
+        self.has_user_data |= details.stored.user_data != 0;
+        self.has_extra |= details.has_extra();
+    }
+
+    fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+        if row.position.is_finite() {
+            self.bounds = Some(self.bounds.unwrap_or(Aabb::EMPTY).with(row.position));
+        }
+        self.highest_class = self.highest_class.max(row.class);
+        self.has_adjusted_times |= !(0.0..=WEEK_S).contains(&row.time) && row.time.is_finite();
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// Writes points as they are read.
+struct CopyWriter {
+    writer: CloudWriter,
+    settings: CloudSettings,
+    /// True if times need not be those of one time origin, so that no digit of them is lost.
+    has_exact_times: bool,
+    /// Details of the next point.
+    details: Option<PointDetails>,
+    /// Numbers of objects with names, in order of appearance.
+    objects: HashMap<String, i32>,
+    block: Vec<PointRecord>,
+}
+
+impl CopyWriter {
+    fn flush(&mut self) -> Result<()> {
+        self.writer.write(&self.block)?;
+        self.block.clear();
+        Ok(())
+    }
+}
+
+impl PointSink for CopyWriter {
+    fn start(&mut self, _: AttributeSet) {}
+
+    fn takes_details(&self) -> bool {
+        true
+    }
+
+    fn details(&mut self, details: &PointDetails) {
+        self.details = Some(*details);
+    }
+
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
+        let mut record = PointRecord::from(row);
+        record.position -= self.settings.origin;
+        if self.has_exact_times {
+            (record.time_origin, record.time_ns) = (row.time, 0.0);
+        }
+        if let Some(details) = self.details.take() {
+            details.add_to(&mut record);
+        }
+        if let Some(name) = object {
+            let next = self.objects.len() as i32 + 1;
+            record.object = match self.objects.get(name) {
+                Some(number) => *number,
+                None => *self.objects.entry(name.to_owned()).or_insert(next),
+            };
+        }
+        self.block.push(record);
+        if self.block.len() == BLOCK_POINTS {
+            self.flush()?;
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{PointFlags, StoredFields};
+    use vlscan_geom::DVec3;
+
+    /// All rows of a file with their details.
+    #[derive(Default)]
+    struct Rows {
+        rows: Vec<PointRow>,
+        details: Vec<PointDetails>,
+    }
+
+    impl PointSink for Rows {
+        fn start(&mut self, _: AttributeSet) {}
+
+        fn takes_details(&self) -> bool {
+            true
+        }
+
+        fn details(&mut self, details: &PointDetails) {
+            self.details.push(*details);
+        }
+
+        fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+            self.rows.push(*row);
+            Ok(ControlFlow::Continue(()))
+        }
+    }
+
+    fn lacking(found: &Diagnostics) -> usize {
+        found.items().iter().filter(|item| item.message.contains("the copy lacks")).count()
+    }
+
+    fn read(path: &Path) -> Rows {
+        let mut rows = Rows::default();
+        read_points(path, &mut rows).unwrap();
+        rows
+    }
+
+    #[test]
+    fn copies_of_las_keep_every_field() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let settings = CloudSettings { origin: DVec3::new(4e5, 5e6, 100.0), ..CloudSettings::default() };
+        let point = |i: u32| PointRecord {
+            position: DVec3::new(f64::from(i) * 0.01, 1.0, 2.0),
+            amplitude: f64::from(i) * 1e-9,
+            range: 10.0 + f64::from(i),
+            echo_width: 0.1 * f64::from(i),
+            incidence_cosine: 1.0 / f64::from(i),
+            time_origin: 3.9e8,
+            time_ns: f64::from(i) * 123_456.0,
+            pulse_number: u64::from(u32::MAX - i),
+            object: i as i32,
+            class: 6,
+            leg: i as u16,
+            stored: StoredFields {
+                intensity: (i % 2 == 0).then_some(60_000 + i as u16),
+                point_source: (i % 3 == 0).then_some(0),
+                flags: PointFlags::of_format_6(i as u8),
+                user_data: i as u8,
+                ..StoredFields::default()
+            },
+            ..PointRecord::default()
+        };
+        let points: Vec<PointRecord> = (1..5000).map(point).collect();
+        let create = |name: &str| {
+            let format = PointFormat::required(Path::new(name)).unwrap();
+            CloudWriter::create(&at(name), false, format, &settings, &mut Diagnostics::default()).unwrap()
+        };
+        for (from, to) in [("a.las", "b.laz"), ("c.laz", "d.las")] {
+            let mut writer = create(from);
+            writer.write(&points).unwrap();
+            writer.finish().unwrap();
+            let (tally, found) = copy(&at(from), &at(to), &CloudSettings::default()).unwrap();
+            assert!(tally.records == 4999 && lacking(&found) == 0, "{}", found.text());
+            let (before, after) = (read(&at(from)), read(&at(to)));
+            assert_eq!(before.details, after.details);
+            for (old, new) in before.rows.iter().zip(&after.rows) {
+                assert!((old.position - new.position).abs().max_element() < 1e-6, "{old:?} {new:?}");
+                assert_eq!(PointRow { position: new.position, ..*old }, *new);
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_copy_lacks_is_warned_of_and_foreign_files_keep_their_fields() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        // Format 2 of LAS 1.2: 26 bytes with a colour; a header of 227 bytes.
+        let mut file = vec![0; 227];
+        file[..4].copy_from_slice(b"LASF");
+        (file[24], file[25], file[104]) = (1, 2, 2);
+        file[94..96].copy_from_slice(&227_u16.to_le_bytes());
+        file[96..100].copy_from_slice(&227_u32.to_le_bytes());
+        file[105..107].copy_from_slice(&26_u16.to_le_bytes());
+        file[107..111].copy_from_slice(&1_u32.to_le_bytes());
+        for scale in [131, 139, 147] {
+            file[scale..scale + 8].copy_from_slice(&0.01_f64.to_le_bytes());
+        }
+        let mut record = [0; 26];
+        record[..2].copy_from_slice(&[100, 1]);
+        record[12..14].copy_from_slice(&41_332_u16.to_le_bytes());
+        // The first of two returns; the scan direction is positive; withheld, class 2.
+        (record[14], record[15], record[17]) = (1 | 2 << 3 | 1 << 6, 2 | 1 << 7, 77);
+        record[18..20].copy_from_slice(&9_u16.to_le_bytes());
+        file.extend_from_slice(&record);
+        std::fs::write(at("a.las"), &file).unwrap();
+        let (_, found) = copy(&at("a.las"), &at("b.las"), &CloudSettings::default()).unwrap();
+        let said = found.text();
+        assert!(lacking(&found) == 1 && said.contains("attribute of the points: colour"), "{said}");
+        let (before, after) = (read(&at("a.las")), read(&at("b.las")));
+        assert_eq!(before.details, after.details);
+        let stored = after.details[0].stored;
+        assert_eq!((stored.intensity, stored.point_source, stored.user_data), (Some(41_332), Some(9), 77));
+        let (before, after) = (before.rows[0], after.rows[0]);
+        assert_eq!(PointRow { position: after.position, ..before }, after);
+        let (_, found) = copy(&at("a.las"), &at("c.ply"), &CloudSettings::default()).unwrap();
+        let said = found.text();
+        assert!(said.contains("points: flags") && said.contains("points: user data"), "{said}");
+        assert!(copy(&at("a.las"), &at("b.las"), &CloudSettings::default()).is_err(), "it exists");
+        assert!(copy(folder.path(), &at("d.las"), &CloudSettings::default()).is_err());
+    }
+}

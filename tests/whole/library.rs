@@ -1,0 +1,187 @@
+//! The library keeps the contract of the command: kinds of errors, defaults, limits.
+
+use crate::common::{fixture, folder, succeed};
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::Path;
+use vlscan::base::diag::ProblemKind;
+use vlscan::formats::{AttributeSet, PointRow, PointSink, read_points};
+use vlscan::survey::{PoseStream, find_platform, find_scanner};
+use vlscan::{
+    Batches, DVec3, Error, Mesh, OutputRequest, PointFormat, Progress, ReadOptions, Result, RunContext, Scan,
+    Session, Settings, Stop, Target, read_scene, read_survey,
+};
+
+/// A square floor of 20 m × 20 m.
+fn floor() -> Mesh {
+    let corners = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]];
+    let corners = corners.map(|[x, y]| DVec3::new(x, y, 0.0)).into();
+    Mesh::new(corners, vec![[0, 1, 2], [0, 2, 3]], Vec::new(), Vec::new()).unwrap()
+}
+
+/// A turn of a scanner over a floor.
+fn scan() -> Scan {
+    let (scanner, _) = find_scanner("vlp16", &ReadOptions::default()).unwrap();
+    let turn = std::f64::consts::TAU;
+    let scan = Scan::new(floor(), scanner).station(DVec3::Z * 1.5).threads(2);
+    scan.configure(|settings| (settings.head_rate, settings.head_stop) = (20.0 * turn, turn))
+}
+
+/// A sink without points.
+struct Ignore;
+
+impl PointSink for Ignore {
+    fn start(&mut self, _: AttributeSet) {}
+
+    fn point(&mut self, _: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// A part of a scene whose mesh is missing.
+const PART: &str = r#"<part><filter type="objloader">
+  <param type="string" key="filepath" value="none.obj"/></filter></part>"#;
+
+/// A survey of one station in a scene of its own document, which has these parts.
+fn survey(scene: &str, parts: &str) -> String {
+    format!(
+        r#"<document><scene id="s">{parts}</scene>
+<survey name="s" scene="{scene}" platform="data/platforms.xml#tripod" scanner="data/scanners_tls.xml#vlp16">
+  <leg><platformSettings x="0" y="0" z="0"/></leg></survey></document>"#
+    )
+}
+
+#[test]
+fn a_missing_file_is_not_found_at_every_entry_point() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let written = |name: &str, text: String| {
+        fs::write(at(name), text).unwrap();
+        at(name)
+    };
+    let named = |name: &str| at(name).display().to_string();
+    let without_scene = written("a.xml", survey("none.xml#s", ""));
+    let without_mesh = written("b.xml", survey("#s", PART));
+    let options = ReadOptions::default();
+    let read = |path: &Path| read_survey(path, &options).map(drop);
+    let first = |mut batches: Batches| batches.next().unwrap_or_else(|| panic!("no batch")).map(drop);
+    let points = |name: &str| read_points(&at(name), &mut Ignore).map(drop);
+    let cases: Vec<(&str, Result<()>)> = vec![
+        ("survey", read(&at("none.xml"))),
+        ("scene of a survey", read(&without_scene)),
+        ("mesh of a survey", read(&without_mesh)),
+        ("scene", read_scene(&named("none.xml#s"), &options).map(drop)),
+        ("mesh", read_scene(&named("none.obj"), &options).map(drop)),
+        ("raster", read_scene(&named("none.tif"), &options).map(drop)),
+        ("virtual raster", read_scene(&named("none.vrt"), &options).map(drop)),
+        ("tiles", read_scene(&named("none*.tif"), &options).map(drop)),
+        ("voxels", read_scene(&named("none.vox"), &options).map(drop)),
+        ("instances", read_scene(&named("none.csv"), &options).map(drop)),
+        ("packed scene", read_scene(&named("none.vlscene"), &options).map(drop)),
+        ("scanner", find_scanner(&named("none.xml#a"), &options).map(drop)),
+        ("calibration", find_scanner(&named("none.json"), &options).map(drop)),
+        ("platform", find_platform(&named("none.xml#a"), &options).map(drop)),
+        ("trajectory", scan().trajectory(PoseStream::at(at("none.csv"))).batches(10).and_then(first)),
+        ("pulses", vlscan::PulseReader::open(&at("none.csv"), 1).map(drop)),
+        ("points", points("none.laz")),
+        ("table of points", points("none.csv")),
+        ("pipeline", vlscan::ResolvedRun::resolve(&at("none.toml"), &vlscan::Options::default()).map(drop)),
+        ("folder of an output", scan().output(at("none/points.laz")).and_then(Scan::run).map(drop)),
+    ];
+    for (what, outcome) in cases {
+        match outcome {
+            Err(Error::Input(problems)) => {
+                assert!(problems.has(ProblemKind::NotFound), "{what}: {}", problems.text());
+            }
+            other => panic!("{what}: {other:?}"),
+        }
+    }
+    assert!(read_survey(&fixture("room/survey.xml"), &options).is_ok());
+}
+
+#[test]
+fn the_library_writes_the_bytes_of_the_command_for_every_fixture() {
+    let surveys = [
+        "forest/survey.xml",
+        "moving/survey.xml",
+        "room/survey.xml",
+        "street/spinning.xml",
+        "street/survey.xml",
+        "terrain/survey.xml",
+    ];
+    for name in surveys {
+        let folder = folder();
+        let survey = fixture(name);
+        for (format, extension) in [(PointFormat::Laz, "laz"), (PointFormat::Csv, "csv")] {
+            let by_command = format!("command.{extension}");
+            let by_library = folder.path().join(format!("library.{extension}"));
+            succeed(folder.path(), &["run", &survey.display().to_string(), "-o", &by_command]);
+            let (survey, _) = read_survey(&survey, &ReadOptions::default()).unwrap();
+            let mut session = Session::open(Settings::new(survey), |_| ()).unwrap();
+            let mut outputs = OutputRequest::default();
+            outputs.sinks.push((Target::File(by_library.clone()), format));
+            session.run(outputs, RunContext::new(&Progress::default(), &Stop::new())).unwrap();
+            let (command, library) = (fs::read(folder.path().join(by_command)), fs::read(by_library));
+            assert!(command.unwrap() == library.unwrap(), "{name}: {extension}");
+        }
+    }
+}
+
+#[test]
+fn points_of_damaged_and_foreign_files_are_errors_and_sinks_can_fail() {
+    struct Full(u32);
+    impl PointSink for Full {
+        fn start(&mut self, _: AttributeSet) {}
+
+        fn point(&mut self, _: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+            self.0 += 1;
+            if self.0 > 3 { Err(Error::input("the sink is full")) } else { Ok(ControlFlow::Continue(())) }
+        }
+    }
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let survey = fixture("room/survey.xml").display().to_string();
+    succeed(folder.path(), &["run", &survey, "-o", "whole.laz", "-o", "whole.csv", "-o", "whole.ply"]);
+    let whole = fs::read(at("whole.laz")).unwrap();
+    fs::write(at("cut.laz"), &whole[..whole.len() / 2]).unwrap();
+    fs::write(at("foreign.laz"), b"\x7fELF\x02\x01\x01\0\0\0\0\0\0\0\0\0").unwrap();
+    for name in ["cut.laz", "foreign.laz"] {
+        let read = read_points(&at(name), &mut Ignore);
+        assert!(matches!(read, Err(Error::Input(_))), "{name}: {read:?}");
+    }
+    for name in ["whole.laz", "whole.csv", "whole.ply"] {
+        assert!(read_points(&at(name), &mut Ignore).is_ok(), "{name}");
+        let mut sink = Full(0);
+        let failed = read_points(&at(name), &mut sink).unwrap_err().to_string();
+        assert_eq!((failed.as_str(), sink.0), ("the sink is full", 4), "{name}");
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_run_that_fails_ends_no_other_that_shares_its_stop() {
+    let folder = folder();
+    let turning = |rate: f64| {
+        let scan = scan().configure(move |settings| settings.head_rate = rate);
+        scan.outputs(|outputs| outputs.force = true)
+    };
+    let run = |path: &Path, rate: f64, stop: &Stop| {
+        let scan = turning(rate).sink(Target::File(path.to_path_buf()), PointFormat::Xyz);
+        let (mut session, outputs) = scan.session()?;
+        session.run(outputs, RunContext::new(&Progress::default(), stop))
+    };
+    let alone = run(&folder.path().join("alone.xyz"), 10.0, &Stop::new()).unwrap();
+    let stop = Stop::new();
+    for round in 0..3 {
+        let shared = folder.path().join(format!("shared{round}.xyz"));
+        let (failed, complete) = std::thread::scope(|scope| {
+            let failing = scope.spawn(|| run(Path::new("/dev/full"), 60.0, &stop));
+            let complete = run(&shared, 10.0, &stop);
+            (failing.join().unwrap(), complete.unwrap())
+        });
+        assert!(matches!(failed, Err(Error::Io { .. })), "{failed:?}");
+        assert!(!complete.interrupted && complete.pulses == alone.pulses, "round {round}");
+        assert_eq!(fs::read(shared).unwrap(), fs::read(folder.path().join("alone.xyz")).unwrap());
+    }
+    assert!(!stop.is_requested());
+}
