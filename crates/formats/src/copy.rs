@@ -258,8 +258,8 @@ mod tests {
             class: 6,
             leg: i as u16,
             stored: StoredFields {
-                intensity: (i % 2 == 0).then_some(60_000 + i as u16),
-                point_source: (i % 3 == 0).then_some(0),
+                intensity: i.is_multiple_of(2).then_some(60_000 + i as u16),
+                point_source: i.is_multiple_of(3).then_some(0),
                 flags: PointFlags::of_format_6(i as u8),
                 user_data: i as u8,
                 ..StoredFields::default()

@@ -93,7 +93,7 @@ fn a_damaged_list_of_results_is_an_error_and_not_an_empty_list() {
     store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
     store.take_job("w", Lane::Any).unwrap();
     std::fs::create_dir_all(store.job_folder("a").join("out")).unwrap();
-    store.finish("a", "w", &Outcome::Successful(Vec::new(), String::new())).unwrap();
+    store.finish("a", "w", &Outcome::Successful(Vec::new(), Said::default())).unwrap();
     assert!(store.results_in("a").unwrap().is_empty());
     store.database().execute("UPDATE jobs SET results = '[{' WHERE id = 'a'", []).unwrap();
     let error = store.results_in("a").unwrap_err();
