@@ -202,7 +202,7 @@ impl Attack<'_> {
         };
         let (mut silent, mut count) = (Vec::new(), 0);
         for place in &self.places {
-            for change in changes(place, self.content) {
+            for change in sampled(&place.label, changes(place, self.content)) {
                 std::fs::write(folder.path().join(self.file), &change.content).expect("a file");
                 let changed = outcome(folder.path(), &self.subject.args, limit);
                 count += 1;
@@ -215,7 +215,17 @@ impl Attack<'_> {
     }
 }
 
-/// Tries all changes to all subjects on two threads.
+/// Of this many changes of a value one is tried, unless `VLSCAN_ALL_CASES` is set, as it is every week.
+const SAMPLING: usize = 4;
+
+/// The changes of a value that are tried, the same ones in every run; values differ in where they begin.
+fn sampled(label: &str, changes: Vec<Change>) -> impl Iterator<Item = Change> {
+    let step = if std::env::var_os("VLSCAN_ALL_CASES").is_some() { 1 } else { SAMPLING };
+    let first = label.bytes().map(usize::from).sum::<usize>() % step;
+    changes.into_iter().skip(first).step_by(step)
+}
+
+/// Tries the changes to all subjects on two threads.
 fn attack_all(subjects: &[Subject]) -> (Vec<Silent>, usize) {
     let attacks = assign(subjects);
     let next = AtomicUsize::new(0);
@@ -255,5 +265,5 @@ fn no_change_of_an_input_is_silent_unless_documented() {
     let list: Vec<String> =
         rows.iter().map(|((label, what), names)| format!("{label}: {what}: {}", names.join(", "))).collect();
     assert!(list.is_empty(), "of {count} changes, silent:\n{}", list.join("\n"));
-    assert!(count > 3000, "only {count} changes were tried");
+    assert!(count > 3000 / SAMPLING, "only {count} changes were tried");
 }
