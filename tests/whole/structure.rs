@@ -453,6 +453,7 @@ fn every_input_is_opened_where_it_is_noted() {
         // The service has a folder of its own.
         "apps/serve/src/",
         "crates/base/src/machine.rs",
+        "apps/schedules/src/measure.rs",
         "src/cli/bench/measure.rs",
         "crates/session/src/output/plan.rs",
         "crates/session/src/shards/",

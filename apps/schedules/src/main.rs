@@ -13,6 +13,7 @@
 //! | `workload`, `replay` | costs of tasks from records of flights; a schedule in simulated time |
 //! | `forecast`, `nodes` | replays with more threads, and on the nodes of a cluster |
 //! | `report`, `table`, `picture` | the results compared, as text and as charts |
+//! | `rows` | rows of a table as text |
 //! | `paper` | the paper's own results |
 
 mod args;
@@ -24,6 +25,7 @@ mod paper;
 mod picture;
 mod replay;
 mod report;
+mod rows;
 mod table;
 mod workload;
 

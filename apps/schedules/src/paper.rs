@@ -1,6 +1,6 @@
 //! The paper's results: Tables 3 to 6.
 
-use crate::table::table;
+use crate::rows::table;
 use serde_json::{Value, json};
 
 /// Table 3: SCALED_COG, 6 cores; build, simulation, total in seconds.

@@ -2,21 +2,10 @@
 
 use crate::matrix::Combination;
 use crate::report::{ClusterForecast, Report};
-use vlscan_base::aligned::{Side, aligned};
+use crate::rows::table;
 use vlscan_base::quantity::amount;
 
 /// The heading of a column and its text in every row.
-type Column<T> = (&'static str, fn(&T) -> String);
-
-/// Formats rows in aligned columns, two spaces apart: the first column left-aligned, all others
-/// right-aligned.
-pub fn table<T>(rows: &[T], columns: &[Column<T>]) -> String {
-    let head = columns.iter().map(|(head, _)| (*head).to_owned()).collect();
-    let body = rows.iter().map(|row| columns.iter().map(|(_, text)| text(row)).collect());
-    let lines: Vec<Vec<String>> = std::iter::once(head).chain(body).collect();
-    aligned(&lines, Side::Right)
-}
-
 pub fn of(report: &Report) -> String {
     let mut text = format!(
         "{}: {} primitives, {} legs, {} pulses, {} echoes; loaded in {:.2} s; points as {}\n\n",

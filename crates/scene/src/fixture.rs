@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
+use vlscan_render::Render as _;
 use vlscan_survey::{Loader, MeshReading, MotionTiming, PartRecipe, SceneRecipe, Transform};
 
 /// The rules of the reference: no departures.
@@ -90,7 +91,7 @@ impl Fixture {
 /// The text of an error as shown to the user.
 pub(super) fn report(e: &Error) -> String {
     match e {
-        Error::Input(d) => d.text(),
+        Error::Input(d) => d.render(false),
         other => other.to_string(),
     }
 }

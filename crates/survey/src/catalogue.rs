@@ -43,11 +43,12 @@ mod tests {
     use super::*;
     use crate::shipped::find;
     use crate::{Deflector, PlatformKind};
+    use vlscan_render::Render as _;
 
     #[test]
     fn every_entry_loads_without_a_warning() {
         let (catalogue, warnings) = catalogue().unwrap_or_else(|e| panic!("{e}"));
-        assert!(warnings.is_empty(), "{}", warnings.text());
+        assert!(warnings.is_empty(), "{}", warnings.render(false));
         assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (50, 12));
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();

@@ -310,6 +310,7 @@ mod tests {
     use super::*;
     use crate::{ReadOptions, read_scene};
     use std::fs;
+    use vlscan_render::Render as _;
 
     fn folder() -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
@@ -397,9 +398,9 @@ mod tests {
             fs::write(folder.path().join("t.csv"), format!("{heading}\n{row}\n")).unwrap();
             let path = folder.path().join("t.csv");
             read_scene(&path.to_string_lossy(), &ReadOptions::default())
-                .map(|(scene, found)| (scene.parts[0].transform, found.text()))
+                .map(|(scene, found)| (scene.parts[0].transform, found.render(false)))
                 .map_err(|e| match e {
-                    vlscan_base::Error::Input(problems) => problems.text(),
+                    vlscan_base::Error::Input(problems) => problems.render(false),
                     other => panic!("{other}"),
                 })
         };

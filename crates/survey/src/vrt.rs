@@ -355,6 +355,7 @@ fn folder_shown(folder: &Path) -> String {
 mod tests {
     use super::*;
     use crate::ReadOptions;
+    use vlscan_render::Render as _;
 
     const SOURCE: &str = "<SourceFilename relativeToVRT=\"1\">a.tif</SourceFilename><SourceBand>1</SourceBand>
         <SourceProperties RasterXSize=\"9\" RasterYSize=\"7\" DataType=\"Float32\" BlockXSize=\"9\" BlockYSize=\"7\"/>
@@ -377,7 +378,7 @@ mod tests {
         let context = Context::new(&ReadOptions::default());
         let raster = read_virtual_raster(&context, &path);
         context.finish(raster).map(|found| found.0).map_err(|e| match e {
-            Error::Input(problems) => problems.text(),
+            Error::Input(problems) => problems.render(false),
             other => other.to_string(),
         })
     }

@@ -274,12 +274,13 @@ impl Element {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_render::Render as _;
 
     fn parse(text: &str) -> Result<Element, String> {
         let mut problems = Diagnostics::default();
         XmlDocument::parse(Path::new("a.xml"), text.as_bytes(), &mut problems)
             .map(|d| d.root())
-            .ok_or_else(|| problems.text())
+            .ok_or_else(|| problems.render(false))
     }
 
     #[test]
@@ -301,7 +302,7 @@ mod tests {
         let root = XmlDocument::parse(Path::new("a.xml"), text.as_bytes(), &mut problems).unwrap().root();
         let place = root.child("leg").unwrap().value_place("z");
         assert_eq!((place.line, place.column), (3, 19));
-        let report = problems.text();
+        let report = problems.render(false);
         assert!(report.contains("warning: the XML declaration") && report.contains("a.xml:2:2"), "{report}");
         for wrong in ["\n<?xml version='1.0'", "\n<?xml version='1.0'?>", "x<?xml version='1.0'?><document/>"]
         {

@@ -8,6 +8,7 @@ use super::sizing::{ChunkSizer, IdleClock};
 use super::spin::spin_until;
 use super::stop::RunState;
 use crossbeam_channel::{Receiver, Select, Sender, TrySendError, bounded};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::time::{Duration, Instant};
 use vlscan_base::Error;
 
@@ -292,9 +293,18 @@ impl<C: Tasks, R: Outcome, E: From<RunError>, W: FnMut(C) -> Result<R, E>> Feed<
     /// Computes a chunk taken back from the warehouse.
     fn take_back(&mut self, item: QueuedChunk<C, R, E>) {
         self.record.add_taken_back();
-        let result = self.work_on(item.chunk);
+        let computed = catch_unwind(AssertUnwindSafe(|| self.work_on(item.chunk)));
         // A collector that has ended is detected when the next result is enqueued.
-        let _ = item.result.send(result);
+        match computed {
+            Ok(result) => {
+                let _ = item.result.send(result);
+            }
+            Err(panic) => {
+                // Else the collector might report a lost result before the cause.
+                let _ = item.result.send(Err(RunError::panicked("the producer", &*panic).into()));
+                resume_unwind(panic);
+            }
+        }
     }
 
     /// Passes results to the collector. While the collector is too far behind, this thread computes chunks

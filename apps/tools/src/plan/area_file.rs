@@ -444,6 +444,7 @@ fn missing(wanted: Expected, format: Format, others: &BTreeMap<String, usize>) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_render::Render as _;
 
     fn l_shape() -> Area {
         Area::new(vec![[0.0, 0.0], [40.0, 0.0], [40.0, 10.0], [10.0, 10.0], [10.0, 30.0], [0.0, 30.0]])
@@ -460,12 +461,12 @@ mod tests {
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
         let found = read_area(path.to_str().unwrap(), scene, buffer);
-        found.map(|(area, found)| (area, found.text()))
+        found.map(|(area, found)| (area, found.render(false)))
     }
 
     fn refused<T: std::fmt::Debug>(found: Result<T>) -> String {
         match found {
-            Err(Error::Input(problems)) => problems.text(),
+            Err(Error::Input(problems)) => problems.render(false),
             other => panic!("{other:?}"),
         }
     }
@@ -479,7 +480,7 @@ mod tests {
 
     #[test]
     fn polygons_are_read_in_all_notations() {
-        let told = |found: (Area, Diagnostics)| (found.0, found.1.text());
+        let told = |found: (Area, Diagnostics)| (found.0, found.1.render(false));
         let wkt = "POLYGON ((0 0, 40 0, 40 10, 10 10, 10 30, 0 30, 0 0))";
         assert_eq!(told(read_area(wkt, None, None).unwrap()), (l_shape(), String::new()));
         let polygon = format!(r#"{{"type":"Polygon","coordinates":[{RING}]}}"#);
@@ -513,7 +514,11 @@ mod tests {
         // Text of the command line has no file.
         let hole = "POLYGON ((0 0, 40 0, 40 40, 0 0), (1 1, 2 1, 2 2, 1 1))";
         let (_, found) = read_area(hole, None, None).unwrap();
-        assert!(found.text().contains("POLYGON ((0 0, 40 0, 40 40, 0 0), (1 1"), "{}", found.text());
+        assert!(
+            found.render(false).contains("POLYGON ((0 0, 40 0, 40 40, 0 0), (1 1"),
+            "{}",
+            found.render(false)
+        );
     }
 
     #[test]
@@ -631,7 +636,9 @@ mod tests {
         let (line, found) = read_line(wkt, Some(&zone("32N"))).unwrap();
         assert!((line[0][0] - 5e5).abs() < 1e-6);
         assert!(
-            found.text().contains("note: LINESTRING (9 49, 9.01 49): its coordinates are read as longitude")
+            found
+                .render(false)
+                .contains("note: LINESTRING (9 49, 9.01 49): its coordinates are read as longitude")
         );
     }
 }

@@ -12,6 +12,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `scene` | a loaded scene with its tree; facts about it, points on its surfaces |
+//! | `settings` | everything that is chosen before the start |
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
 //! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches while the run goes |
 //! | `dry_run` | what a run will cost and give, from a measured sample |

@@ -4,6 +4,7 @@ use crate::{ReadOptions, Survey, read_survey};
 use std::path::PathBuf;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Error;
+use vlscan_render::Render as _;
 
 /// A folder of files that is removed when it is dropped.
 pub struct Folder(pub tempfile::TempDir);
@@ -52,7 +53,7 @@ pub fn document(extra: &str, attributes: &str, content: &str) -> String {
 /// The report of an input error.
 pub fn report(error: &Error) -> String {
     match error {
-        Error::Input(problems) | Error::Limits(problems) => problems.text(),
+        Error::Input(problems) | Error::Limits(problems) => problems.render(false),
         other => other.to_string(),
     }
 }
@@ -60,7 +61,7 @@ pub fn report(error: &Error) -> String {
 /// The report of the input error that `result` must be.
 pub fn refused<T>(result: vlscan_base::Result<(T, Diagnostics)>) -> String {
     match result {
-        Ok((_, warnings)) => panic!("should have been refused; warnings:\n{}", warnings.text()),
+        Ok((_, warnings)) => panic!("should have been refused; warnings:\n{}", warnings.render(false)),
         Err(e) => report(&e),
     }
 }

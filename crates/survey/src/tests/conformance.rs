@@ -24,11 +24,11 @@ fn surveys_of_the_conformance_suite() {
         let options = ReadOptions { assets: vec![case.path()], ..ReadOptions::default() };
         match read_survey(&path, &options) {
             Err(Error::Input(problems) | Error::Limits(problems)) => {
-                panic!("{}\n{}", path.display(), problems.text())
+                panic!("{}\n{}", path.display(), problems.render(false))
             }
             Err(e) => panic!("{}: {e}", path.display()),
             Ok((survey, warnings)) => {
-                println!("{}", warnings.text());
+                println!("{}", warnings.render(false));
                 assert!(!survey.legs.is_empty() && !survey.scene.parts.is_empty(), "{}", path.display());
             }
         }
@@ -43,7 +43,7 @@ fn surveys_of_the_fixtures() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures").join(case).join("survey.xml");
         let (survey, warnings) =
             read_survey(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{}", report(&e)));
-        assert!(warnings.is_empty(), "{}", warnings.text());
+        assert!(warnings.is_empty(), "{}", warnings.render(false));
         assert_eq!(survey.scene.id, case);
     }
 }

@@ -19,7 +19,7 @@ fn answer(text: &str) {
     let folder = Folder::new(&[("survey.xml", text), ("a.obj", "")]);
     let result = folder.read(&ReadOptions::default());
     match result {
-        Ok((_, warnings)) => drop(warnings.text()),
+        Ok((_, warnings)) => drop(warnings.render(false)),
         Err(e) => drop(report(&e)),
     }
 }

@@ -13,7 +13,7 @@ fn scanner_of(scanner: &str) -> vlscan_base::Result<(Scanner, Diagnostics)> {
 
 fn fine(scanner: &str) -> Scanner {
     let (scanner, warnings) = scanner_of(scanner).unwrap_or_else(|e| panic!("{}", report(&e)));
-    assert!(warnings.is_empty(), "{}", warnings.text());
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
     scanner
 }
 
@@ -41,7 +41,7 @@ fn the_closed_list_of_optics() {
         );
         let (mut scanner, warnings) = scanner_of(&text).unwrap_or_else(|e| panic!("{}", report(&e)));
         if optics != "risley" {
-            contains(&warnings.text(), &[&format!("`angle1_deg` has no effect with {optics} optics")]);
+            contains(&warnings.render(false), &[&format!("`angle1_deg` has no effect with {optics} optics")]);
         }
         scanner.devices.remove(0).deflector
     };
@@ -138,7 +138,7 @@ fn legs_can_name_other_platforms() {
         contains(&refused(on(platform, name)), &[message, "survey.xml:"]);
     }
     let (_, warnings) = on("plane", "shaking").unwrap_or_else(|e| panic!("{}", report(&e)));
-    contains(&warnings.text(), &["the noise of the platform `shaking` has no effect"]);
+    contains(&warnings.render(false), &["the noise of the platform `shaking` has no effect"]);
 }
 
 #[test]
@@ -241,7 +241,7 @@ fn wrong_instruments() {
 fn mirrors_that_never_fire_are_pointed_out() {
     let (_, warnings) =
         scanner_of("<scanner id='mine' optics='rotating' pulseFreqs_Hz='5' scanAngleMax_deg='30'/>").unwrap();
-    contains(&warnings.text(), &["rotating optics without `scanAngleEffectiveMax_deg` emit no pulse"]);
+    contains(&warnings.render(false), &["rotating optics without `scanAngleEffectiveMax_deg` emit no pulse"]);
 }
 
 #[test]

@@ -5,6 +5,7 @@ use crate::testkit::documents::*;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::Error;
+use vlscan_render::Render as _;
 
 mod conformance;
 mod hostile;
@@ -28,7 +29,7 @@ fn survey_of(extra: &str, attributes: &str, content: &str) -> vlscan_base::Resul
 fn clean(extra: &str, content: &str) -> Survey {
     let (survey, warnings) =
         survey_of(extra, "platform='plane'", content).unwrap_or_else(|e| panic!("{}", report(&e)));
-    assert!(warnings.is_empty(), "{}", warnings.text());
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
     survey
 }
 

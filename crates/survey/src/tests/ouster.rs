@@ -42,7 +42,7 @@ fn of_json(json: &str, keys: &str) -> vlscan_base::Result<(Survey, Diagnostics)>
 fn all_versions_of_the_format_are_the_same_instrument() {
     for json in [FLAT, NESTED, REDUCED] {
         let (survey, warnings) = of_json(json, "").unwrap_or_else(|e| panic!("{}", report(&e)));
-        assert!(warnings.is_empty(), "{}", warnings.text());
+        assert!(warnings.is_empty(), "{}", warnings.render(false));
         let scanner = &survey.scanner;
         assert_eq!((scanner.name.as_str(), scanner.pulse_freqs.as_slice()), ("OS-1-32", &[10240][..]));
         assert_eq!(scanner.devices.len(), 3);
@@ -87,8 +87,8 @@ fn what_a_file_lacks_is_said() {
     ] {
         assert!(FLAT.contains(from), "{from}");
         let (_, warnings) = of_json(&FLAT.replace(from, to), "").unwrap_or_else(|e| panic!("{}", report(&e)));
-        assert_eq!(warnings.items().len(), 1, "{}", warnings.text());
-        assert!(warnings.text().contains(said), "{}", warnings.text());
+        assert_eq!(warnings.items().len(), 1, "{}", warnings.render(false));
+        assert!(warnings.render(false).contains(said), "{}", warnings.render(false));
     }
     // Firmware 1.12 has a text in place of the format.
     let old = NESTED.replace(

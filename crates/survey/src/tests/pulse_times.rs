@@ -28,7 +28,7 @@ fn settings(common: &str, own: &str) -> vlscan_base::Result<(Vec<ScannerSettings
 fn legs_have_the_times_of_all_or_their_own() {
     let recorded = PulseTimes::Recorded([0.25, 0.5, 1.25].into());
     let (legs, warnings) = settings("pulse_times = \"t.txt\"", "").unwrap();
-    assert!(warnings.is_empty(), "{}", warnings.text());
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
     assert_eq!(legs[0].pulse_times, Some(recorded.clone()));
     assert_eq!((legs[0].pulse_freq, legs[0].pulse_rate()), (2, 2.0));
     let (legs, _) = settings("pulse_times = \"t.txt\"", "pulse_intervals_us = [100, 300]").unwrap();
@@ -37,7 +37,7 @@ fn legs_have_the_times_of_all_or_their_own() {
     let (legs, warnings) = settings("pulse_times = \"t.txt\"", "pulse_freq_hz = 5000").unwrap();
     assert!(warnings.is_empty() && legs[0].pulse_times.is_none() && legs[0].pulse_freq == 5000);
     let (_, warnings) = settings("pulse_times = \"t.txt\"\npulse_freq_hz = 7", "").unwrap();
-    contains(&warnings.text(), &["`pulse_freq_hz` has no effect beside `pulse_times`"]);
+    contains(&warnings.render(false), &["`pulse_freq_hz` has no effect beside `pulse_times`"]);
 }
 
 #[test]

@@ -29,7 +29,7 @@ fn of_toml(keys: &str) -> vlscan_base::Result<(Scanner, Diagnostics)> {
 
 fn fine(scanner: vlscan_base::Result<(Scanner, Diagnostics)>) -> Vec<Device> {
     let (scanner, warnings) = scanner.unwrap_or_else(|e| panic!("{}", report(&e)));
-    assert!(warnings.is_empty(), "{}", warnings.text());
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
     scanner.devices
 }
 
@@ -297,7 +297,7 @@ fn keys_that_a_physics_passes_over_are_told_with_their_line() {
             assert!(
                 other.items().iter().all(|item| !item.message.contains(&format!("`{}`", key.key))),
                 "{channel}: {}",
-                other.text()
+                other.render(false)
             );
             count += 1;
         }
@@ -324,7 +324,7 @@ fn attributes_that_a_physics_passes_over_are_told_with_their_line() {
         lines,
         [("nep_W", 5), ("maxRange", 5), ("saturation_W", 7), ("rangeWalk_m", 10)],
         "{}",
-        found.text()
+        found.render(false)
     );
     // The built-in catalogue serves all physics.
     let (scanner, _) = find_scanner("riegl_vz400", &ReadOptions::default()).unwrap();
@@ -396,7 +396,7 @@ fn receivers_that_count_photons() {
     let error = report(&of_toml("detector = \"photons\"\n").unwrap_err());
     assert!(error.contains("needs `threshold_photons`"), "{error}");
     let (_, warnings) = of_toml("detector = \"photons\"\nthreshold_photons = 1\nnep_w = 1e-9\n").unwrap();
-    assert!(warnings.text().contains("no amplifier"), "{}", warnings.text());
+    assert!(warnings.render(false).contains("no amplifier"), "{}", warnings.render(false));
 }
 
 #[test]

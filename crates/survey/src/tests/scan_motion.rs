@@ -82,6 +82,6 @@ fn what_cannot_be_is_named_with_its_place() {
     }
     contains(&refused(of_xml("optics='conic' scanAxisTilt_deg='1;2;3'")), &["two angles", "^"]);
     let (device, warnings) = of_xml("optics='line' scanWander='w.txt' scanReverse='1'").unwrap();
-    contains(&warnings.text(), &["`scanWander` has no effect with line optics"]);
+    contains(&warnings.render(false), &["`scanWander` has no effect with line optics"]);
     assert!(device.scan_motion.wander.is_none() && device.scan_motion.is_reversed);
 }

@@ -16,13 +16,13 @@ fn scene_of(content: &str) -> vlscan_base::Result<(SceneRecipe, Diagnostics)> {
 
 fn clean_scene(content: &str) -> SceneRecipe {
     let (scene, warnings) = scene_of(content).unwrap_or_else(|e| panic!("{}", report(&e)));
-    assert!(warnings.is_empty(), "{}", warnings.text());
+    assert!(warnings.is_empty(), "{}", warnings.render(false));
     scene
 }
 
 fn warned(content: &str) -> (SceneRecipe, String) {
     let (scene, warnings) = scene_of(content).unwrap_or_else(|e| panic!("{}", report(&e)));
-    (scene, warnings.text())
+    (scene, warnings.render(false))
 }
 
 fn param(kind: &str, key: &str, value: &str) -> String {

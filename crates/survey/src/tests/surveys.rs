@@ -30,7 +30,7 @@ fn settings_merge_by_value() {
         <leg><platformSettings/><scannerSettings template='slow' scanFreq_hz='20' active='false'/></leg>";
     let (survey, warnings) = survey_of(templates, "platform='plane'", legs).unwrap();
     contains(
-        &warnings.text(),
+        &warnings.render(false),
         &[
             "`pulseFreq_hz` of 0 is a default and treated as not given; 100000 is used",
             "`beamDivergence_rad` of 0.003",
@@ -66,7 +66,7 @@ fn platform_settings_inherit_all_but_the_yaw() {
     );
     let (survey, warnings) = survey_of(templates, "platform='plane'", &legs).unwrap();
     contains(
-        &warnings.text(),
+        &warnings.render(false),
         &["`yawAtDeparture_deg` of this template has no effect", "`smoothTurn` has no effect"],
     );
     let p = &survey.legs[0].platform;
@@ -110,7 +110,7 @@ fn resolutions_replace_frequency_and_head_speed() {
     let settings =
         "verticalResolution_deg='0.1' horizontalResolution_deg='0.2' headRotateStop_deg='90' scanFreq_hz='7'";
     let (survey, warnings) = survey_of("", "platform='plane'", &leg(settings)).unwrap();
-    contains(&warnings.text(), &["`scanFreq_hz` has no effect beside `verticalResolution_deg`"]);
+    contains(&warnings.render(false), &["`scanFreq_hz` has no effect beside `verticalResolution_deg`"]);
     let s = &survey.legs[0].scanner;
     assert!((s.scan_freq - 83.333333333).abs() < 1e-6 && (s.head_rate - radians(16.6666666667)).abs() < 1e-9);
     let only_one = refused(survey_of("", "platform='plane'", &leg("verticalResolution_deg='0.1'")));
@@ -196,7 +196,7 @@ fn long_chains_of_templates_are_no_recursion() {
 fn unparsable_values_warn_and_name_what_is_used() {
     let legs = "<leg><platformSettings onGround='True' x=' 5'/><scannerSettings pulseFreq_hz='1e5' scanFreq_hz='50'/></leg>";
     let (survey, warnings) = survey_of("", "platform='plane'", legs).unwrap();
-    let text = warnings.text();
+    let text = warnings.render(false);
     contains(
         &text,
         &["for `onGround`, found `True`; false is used", "found ` 5`; 0 is used", "found `1e5`; 0 is used"],
@@ -213,7 +213,7 @@ fn misspelt_names_are_reported_with_what_was_meant() {
     let legs = "<leg><platformSettings onground='true'/><scannerSettings scanFreq_Hz='50' scanFreq_hz='50'/><pause/></leg>";
     let (_, warnings) = survey_of("<scannerSetting id='x'/>", "platform='plane' sed='5'", legs).unwrap();
     contains(
-        &warnings.text(),
+        &warnings.render(false),
         &[
             "unknown attribute `onground` of <platformSettings>",
             "did you mean `onGround`?",
@@ -278,7 +278,7 @@ fn references() {
 fn survey_attributes() {
     let attributes = "platform='plane' name='two lines' seed='7' numRuns='2' simSpeed='3' legRandomOffset='1' legRandomOffsetStdev='0.5'";
     let (survey, warnings) = survey_of("", attributes, LEG).unwrap();
-    contains(&warnings.text(), &["`numRuns` has no effect", "`simSpeed` has no effect"]);
+    contains(&warnings.render(false), &["`numRuns` has no effect", "`simSpeed` has no effect"]);
     assert_eq!(
         (survey.name.as_str(), survey.seed, survey.leg_offset),
         ("two lines", Some(7), Some((0.0, 0.5)))
@@ -351,7 +351,7 @@ fn interpolated_platforms() {
          <leg><platformSettings trajectory='f.csv' trajectory_seperator=',' teleportToStart='true'/>{settings}"
     );
     let (survey, warnings) = flown(FLIGHT, &legs).unwrap();
-    let report = warnings.text();
+    let report = warnings.render(false);
     contains(
         &report,
         &[
@@ -430,5 +430,5 @@ fn encodings_and_line_ends() {
     let (survey, warnings) =
         folder.read(&ReadOptions::default()).unwrap_or_else(|e| panic!("{}", report(&e)));
     assert_eq!(survey.name, "Tübingen");
-    contains(&warnings.text(), &["byte 0xfc is not UTF-8", "survey.xml:6:"]);
+    contains(&warnings.render(false), &["byte 0xfc is not UTF-8", "survey.xml:6:"]);
 }

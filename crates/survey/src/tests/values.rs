@@ -15,7 +15,7 @@ fn model(survey: &Survey) -> String {
 pub(super) fn read(text: &str) -> Option<(String, String)> {
     let folder = Folder::new(&[("survey.xml", text), ("a.obj", ""), ("way.txt", "")]);
     let (survey, warnings) = folder.read(&ReadOptions::default()).ok()?;
-    Some((model(&survey), warnings.text()))
+    Some((model(&survey), warnings.render(false)))
 }
 
 /// Values that are out of range, no numbers, or in another unit.
@@ -515,7 +515,10 @@ fn a_usable_angle_and_an_ellipse_of_0_are_told_in_pipeline_files() {
     assert!(matches!(survey.scanner.devices[0].deflector, Deflector::EllipticConic { along_max: 0.0 }));
     let dark = "optics = 'rotating'\npulse_freqs_hz = [1000]\nscan_angle_max_deg = 20\nscan_angle_effective_max_deg = 0";
     let (_, warnings) = pipeline(dark, "", "").unwrap();
-    contains(&warnings.text(), &["rotating optics without `scan_angle_effective_max_deg` emit no pulse"]);
+    contains(
+        &warnings.render(false),
+        &["rotating optics without `scan_angle_effective_max_deg` emit no pulse"],
+    );
 }
 
 #[test]

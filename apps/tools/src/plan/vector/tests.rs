@@ -8,6 +8,7 @@ use std::io::{Cursor, Write};
 use std::path::Path;
 use vlscan_crs as crs;
 use vlscan_geom::UtmZone;
+use vlscan_render::Render as _;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -68,11 +69,11 @@ fn read_both(name: &str, bytes: &[u8], prj: Option<&str>) -> (Vec<[f64; 2]>, Vec
     prj.into_iter().for_each(|wkt| std::fs::write(path.with_extension("prj"), wkt).unwrap());
     let source = path.to_str().unwrap();
     let (corners, of_area) = match read_area(source, Some(&zone()), None) {
-        Ok((area, found)) => (<[_; 2]>::from(area.bounds()).to_vec(), found.text()),
+        Ok((area, found)) => (<[_; 2]>::from(area.bounds()).to_vec(), found.render(false)),
         Err(error) => (Vec::new(), error.to_string()),
     };
     let (line, of_line) = match read_line(source, Some(&zone())) {
-        Ok((line, found)) => (line, found.text()),
+        Ok((line, found)) => (line, found.render(false)),
         Err(error) => (Vec::new(), error.to_string()),
     };
     let told = format!("{of_area}\n{of_line}");

@@ -201,7 +201,7 @@ mod tests {
         let (helios, refined) = (Corrections::NONE, Corrections::REFINED);
         assert!(report(helios, |d| d.detector.range_min = 0.0).contains("minimum range of 0 m"));
         assert!(report(helios, |d| d.beam.divergence = 0.0).contains("divergence of 0 rad"));
-        assert!(report(helios, |d| d.detector.range_min = 0.0).contains("--> test.xml"));
+        assert!(report(helios, |d| d.detector.range_min = 0.0).contains("test.xml"));
         let both = |d: &mut Device| (d.detector.range_min, d.beam.divergence) = (0.0, 0.0);
         assert_eq!(report(refined, both), "");
     }
