@@ -27,7 +27,9 @@ fn is_foreign(headers: &HeaderMap) -> bool {
         return !matches!(site, "same-origin" | "none");
     }
     match (text(header::ORIGIN), text(header::HOST)) {
-        (Some(origin), Some(host)) => origin.split_once("://").is_none_or(|(_, from)| from != host),
+        (Some(origin), Some(host)) => {
+            origin.split_once("://").is_none_or(|(_, from)| !from.eq_ignore_ascii_case(host))
+        }
         (Some(_), None) => true,
         (None, _) => false,
     }
@@ -124,6 +126,7 @@ mod tests {
             (vec![("origin", "http://127.0.0.1:8080"), ("host", "127.0.0.1:8080")], false),
             (vec![("origin", "http://127.0.0.1:9090"), ("host", "127.0.0.1:8080")], true),
             (vec![("origin", "null"), ("host", "127.0.0.1:8080")], true),
+            (vec![("origin", "http://localhost:8080"), ("host", "LOCALHOST:8080")], false),
         ] {
             assert_eq!(is_foreign(&headers(&pairs)), foreign, "{pairs:?}");
         }
