@@ -1,7 +1,7 @@
 //! From a request to a job in the queue, for programs and pages alike.
 
 use crate::processes::Process;
-use crate::request::{RequestError, check};
+use crate::request::{Outputs, RequestError, check};
 use crate::store::{Job, Listed, Status, StoreError, now};
 use crate::tokens::random_name;
 use crate::worker::Workshop;
@@ -49,7 +49,8 @@ impl Workshop {
         Ok(like.map_or(Ok(None), |job| self.store.job(owner, &job.id))?)
     }
 
-    /// Accepts a job. One that was computed before is finished at once, with the results of then.
+    /// Accepts a job. One that was computed before is finished at once, with the results of then. `outputs`
+    /// are those that a program requests.
     ///
     /// # Errors
     /// [`SubmitError`].
@@ -58,8 +59,10 @@ impl Workshop {
         owner: &str,
         process: Process,
         inputs: &Map<String, Value>,
+        outputs: Option<Outputs>,
     ) -> Result<Job, SubmitError> {
-        let checked = check(process, inputs, owner, &self.store, &self.program)?;
+        let mut checked = check(process, inputs, owner, &self.store, &self.program)?;
+        checked.prepared.outputs = outputs;
         let answer = self.store.same_job(owner, &checked.fingerprint)?;
         // A repeated request takes a row.
         let stored = self.store.stored_bytes(owner)?;
