@@ -137,6 +137,7 @@ pub fn media_type(path: &str) -> &'static str {
         "jsonl" => "application/jsonl",
         "toml" => "application/toml",
         "html" => "text/html",
+        "xml" => "application/xml",
         "png" => "image/png",
         "tif" => "image/tiff",
         "csv" => "text/csv",

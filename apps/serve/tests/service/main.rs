@@ -5,6 +5,7 @@
 //! | `client` | starting the service; a small HTTP client |
 //! | `command` | the commands, and the restrictions of processes |
 //! | `interface` | the interface for programs |
+//! | `ogc` | the requirements of OGC API - Processes |
 //! | `jobs` | queue, results, interruptions |
 //! | `messages` | warnings and errors of jobs |
 //! | `engine` | jobs that an engine computes |
@@ -23,5 +24,6 @@ mod interface;
 mod jobs;
 mod limits;
 mod messages;
+mod ogc;
 mod opening;
 mod takeover;
