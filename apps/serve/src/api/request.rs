@@ -65,6 +65,10 @@ impl Request {
             return Err(Failure::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, message));
         }
         let wrong = |message: String| Failure::new(StatusCode::BAD_REQUEST, message);
+        // The library takes a list for an object whose members have this order.
+        if body.trim_ascii_start().first() == Some(&b'[') {
+            return Err(wrong("expected a request such as {\"inputs\": {…}}, found a list".to_owned()));
+        }
         let Body { inputs, outputs, response: form, subscriber, .. } =
             serde_json::from_slice::<Body>(body)
                 .map_err(|e| wrong(format!("the request is not as the process takes it: {e}")))?;
@@ -200,6 +204,7 @@ mod tests {
                 "reference",
             ),
             ("plan", r#"{"response": "xml"}"#, "xml"),
+            ("plan", " []", "found a list"),
             ("plan", r#"{"inputz": {}}"#, "inputz"),
             ("plan", r#"{"subscriber": {}}"#, "/jobs/JOB/events"),
         ] {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `client` | starting the service; a small HTTP client |
 //! | `command` | the commands, and the restrictions of processes |
+//! | `http` | versions of files, tokens, cookies and names of hosts |
 //! | `interface` | the interface for programs |
 //! | `ogc` | the requirements of OGC API - Processes |
 //! | `jobs` | queue, results, interruptions |
@@ -20,6 +21,7 @@ mod client;
 mod command;
 mod engine;
 mod hostile;
+mod http;
 mod interface;
 mod jobs;
 mod limits;

@@ -120,7 +120,7 @@ fn every_error_is_a_problem() {
         ("POST", "/processes/plan/execution", vec![json_type], large.as_str(), 413),
         ("POST", "/processes/plan/execution", vec![("Content-Type", "text/plain")], "{}", 415),
         ("POST", "/processes/plan/execution", vec![json_type], "{", 400),
-        ("POST", "/processes/plan/execution", vec![json_type], "[1]", 400),
+        ("POST", "/processes/plan/execution", vec![json_type], "[]", 400),
         ("POST", "/uploads", vec![json_type], "{}", 415),
         ("GET", "/jobs/%ff", vec![], "", 400),
         ("GET", "/jobs?limit=1&unknown=2", vec![], "", 400),
