@@ -5,6 +5,11 @@ use crate::request::suggestion;
 use axum::http::{StatusCode, Uri};
 use std::collections::BTreeMap;
 
+/// Most jobs or processes of a list, as the standard has it.
+pub const MAX_LISTED: u32 = 10_000;
+/// Jobs or processes of a list, unless the request says how many.
+pub const DEFAULT_LISTED: u32 = 10;
+
 /// Parameters of a request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Parameters(BTreeMap<String, String>);

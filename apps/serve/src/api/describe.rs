@@ -1,11 +1,10 @@
 //! Description of the service: landing page, conformance, processes.
 
-use super::{DEFAULT_LISTED, MAX_LISTED};
 use crate::answers::{Failure, document, link, wants_page};
 use crate::app::{App, Identity};
 use crate::pages;
 use crate::processes::Process;
-use crate::query::Parameters;
+use crate::query::{DEFAULT_LISTED, MAX_LISTED, Parameters};
 use axum::Extension;
 use axum::extract::{Path, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode};

@@ -1,10 +1,10 @@
 //! Jobs: list, state, results, progress, dismissal.
 
-use super::{DEFAULT_LISTED, MAX_LISTED, OF_JOBS};
+use super::OF_JOBS;
 use crate::answers::{Failure, document, link, wants_page};
 use crate::app::{App, Identity, blocking};
 use crate::pages;
-use crate::query::Parameters;
+use crate::query::{DEFAULT_LISTED, MAX_LISTED, Parameters};
 use crate::store::{Job, Listed, Selection, Status, time_text};
 use axum::Extension;
 use axum::extract::{Path, Query, RawQuery, State};

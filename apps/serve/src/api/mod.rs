@@ -78,10 +78,6 @@ async fn check_parameters(request: Request, next: Next) -> Response {
 /// The parameters of lists of jobs.
 const OF_JOBS: [&str; 9] =
     ["f", "status", "processID", "type", "datetime", "minDuration", "maxDuration", "limit", "offset"];
-/// Most jobs or processes of a list, as the standard has it.
-const MAX_LISTED: u32 = 10_000;
-/// Jobs or processes of a list, unless the request says how many.
-const DEFAULT_LISTED: u32 = 10;
 
 fn known_parameters(path: &str) -> &'static [&'static str] {
     let parts: Vec<&str> = path.trim_matches('/').split('/').collect();

@@ -1,10 +1,10 @@
 //! The definition of the interface, OpenAPI 3.0.
 
-use super::{DEFAULT_LISTED, MAX_LISTED};
 use crate::answers::{document, wants_page};
 use crate::app::{App, Identity};
 use crate::pages;
 use crate::processes::Process;
+use crate::query::{DEFAULT_LISTED, MAX_LISTED};
 use axum::Extension;
 use axum::extract::{RawQuery, State};
 use axum::http::HeaderMap;

@@ -48,36 +48,45 @@ pub async fn answer(app: &Arc<App>, job: &Job, headers: &HeaderMap) -> Result<Re
     let chosen = chosen(job.result_files(), prepared.outputs.as_ref())?;
     let form = prepared.outputs.map_or(Form::Document, |outputs| outputs.form);
     let default = Process::named(&job.process).map_or(Transmission::Reference, Process::transmission);
-    let is_value = |output: &Chosen| output.transmission.unwrap_or(default) == Transmission::Value;
-    match (form, chosen.as_slice()) {
-        (Form::Document, _) => whole(app, job, chosen).await,
-        (Form::Raw, [output]) if is_value(output) => {
-            let ResultFile { path, bytes } = &output.file;
-            let mut response = kept(app, (Kind::Results, &job.folder), path, Some(*bytes), headers).await?;
-            set_location(&mut response, &href(job, path));
-            Ok(response)
-        }
-        (Form::Raw, outputs) if outputs.iter().any(is_value) => {
-            let values: Vec<bool> = outputs.iter().map(is_value).collect();
-            parts(app, job, chosen, values).await
-        }
-        (Form::Raw, outputs) => {
-            let links =
-                outputs.iter().map(|output| format!("<{}>; rel=\"item\"", href(job, &output.file.path)));
-            let links = links.collect::<Vec<_>>().join(", ");
-            if links.len() > MAX_LINKS {
-                return whole(app, job, chosen).await;
-            }
-            let mut response = StatusCode::NO_CONTENT.into_response();
-            if let Ok(links) = HeaderValue::from_str(&links)
-                && !links.is_empty()
-            {
-                response.headers_mut().insert(header::LINK, links);
-            }
-            set_location(&mut response, &format!("/jobs/{}", job.id));
-            Ok(response)
-        }
+    let given = |output: &Chosen| output.transmission.unwrap_or(default);
+    let values: Vec<bool> = chosen.iter().map(|output| given(output) == Transmission::Value).collect();
+    match form {
+        Form::Raw if values == [true] => single(app, job, &chosen[0].file, headers).await,
+        Form::Raw if values.contains(&true) => parts(app, job, chosen, values).await,
+        Form::Raw => match linked(job, &chosen) {
+            Some(response) => Ok(response),
+            None => whole(app, job, chosen).await,
+        },
+        Form::Document => whole(app, job, chosen).await,
     }
+}
+
+/// An output as it is.
+async fn single(
+    app: &Arc<App>,
+    job: &Job,
+    file: &ResultFile,
+    headers: &HeaderMap,
+) -> Result<Response, Failure> {
+    let kept = kept(app, (Kind::Results, &job.folder), &file.path, Some(file.bytes), headers).await;
+    let mut response = kept?;
+    set_location(&mut response, &href(job, &file.path));
+    Ok(response)
+}
+
+/// Links to outputs, unless they are too many for a header.
+fn linked(job: &Job, chosen: &[Chosen]) -> Option<Response> {
+    let links = chosen.iter().map(|output| format!("<{}>; rel=\"item\"", href(job, &output.file.path)));
+    let links = links.collect::<Vec<_>>().join(", ");
+    if links.len() > MAX_LINKS {
+        return None;
+    }
+    let mut response = StatusCode::NO_CONTENT.into_response();
+    if !links.is_empty() {
+        response.headers_mut().insert(header::LINK, HeaderValue::from_str(&links).ok()?);
+    }
+    set_location(&mut response, &format!("/jobs/{}", job.id));
+    Some(response)
 }
 
 /// The outputs that a request names, or all.
