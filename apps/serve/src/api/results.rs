@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 /// Largest output in a document or in an answer of several parts, bytes; larger ones are links.
 const MAX_VALUE: u64 = 4 << 20;
-/// Most bytes of an answer of several parts.
+/// Most bytes of all values of a document, or of an answer of several parts; further ones are links.
 const MAX_PARTS: u64 = 16 << 20;
 /// Longest header with links, bytes: clients accept no longer ones. More links are a document.
 const MAX_LINKS: usize = 8 << 10;
@@ -128,6 +128,7 @@ async fn whole(app: &Arc<App>, job: &Job, chosen: Vec<Chosen>) -> Result<Respons
 /// Outputs as values and links. Without a choice of the request, JSON is a value, and other files are links.
 fn results_document(job: &Job, chosen: &[Chosen], store: &Store) -> StoreResult<Value> {
     let mut results = Map::new();
+    let mut left = MAX_PARTS;
     for Chosen { file, transmission } in chosen {
         let media = media_type(&file.path);
         let is_value = match transmission {
@@ -135,7 +136,9 @@ fn results_document(job: &Job, chosen: &[Chosen], store: &Store) -> StoreResult<
             None => media == "application/json",
         };
         let read = || store.read(Kind::Results, &job.folder, &file.path, MAX_VALUE);
-        let content = (is_value && file.bytes <= MAX_VALUE).then(read).transpose()?.flatten();
+        let is_value = is_value && file.bytes <= MAX_VALUE.min(left);
+        let content = is_value.then(read).transpose()?.flatten();
+        left = left.saturating_sub(content.as_ref().map_or(0, |content| content.len() as u64));
         let title = format!("{} bytes", file.bytes);
         let linked = || link(&href(job, &file.path), "item", media, &title);
         let value = content.and_then(|content| value_of(&content, media));
