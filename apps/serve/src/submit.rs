@@ -49,12 +49,24 @@ impl Workshop {
         Ok(like.map_or(Ok(None), |job| self.store.job(owner, &job.id))?)
     }
 
-    /// Accepts a job. One that was computed before is finished at once, with the results of then. `outputs`
-    /// are those that a program requests.
+    /// Accepts a job. One that was computed before is finished at once, with the results of then.
     ///
     /// # Errors
     /// [`SubmitError`].
     pub fn submit(
+        &self,
+        owner: &str,
+        process: Process,
+        inputs: &Map<String, Value>,
+    ) -> Result<Job, SubmitError> {
+        self.submit_for(owner, process, inputs, None)
+    }
+
+    /// Accepts a job, as [`Workshop::submit`] does, with the outputs that a program requests.
+    ///
+    /// # Errors
+    /// [`SubmitError`].
+    pub fn submit_for(
         &self,
         owner: &str,
         process: Process,

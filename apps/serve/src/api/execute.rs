@@ -28,7 +28,7 @@ pub async fn execute(
     let Request { process, inputs, outputs, prefers_job } = Request::parse(&id, &headers, &body)?;
     let owner = identity.owner.clone();
     let job =
-        blocking(&app, move |workshop| workshop.submit(&owner, process, &inputs, Some(outputs))).await?;
+        blocking(&app, move |workshop| workshop.submit_for(&owner, process, &inputs, Some(outputs))).await?;
     if prefers_job || !process.is_quick() {
         let mut response = created(&job);
         if prefers_job {

@@ -20,7 +20,7 @@ type Answer = Result<Response, Failure>;
 /// Adds a job and leads to its page.
 async fn submit(app: &Arc<App>, identity: &Identity, process: Process, inputs: Map<String, Value>) -> Answer {
     let owner = identity.owner.clone();
-    let job = blocking(app, move |workshop| workshop.submit(&owner, process, &inputs, None)).await?;
+    let job = blocking(app, move |workshop| workshop.submit(&owner, process, &inputs)).await?;
     Ok(Redirect::to(&format!("/jobs/{}", job.id)).into_response())
 }
 
