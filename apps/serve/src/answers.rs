@@ -65,6 +65,10 @@ impl IntoResponse for Failure {
 impl From<StoreError> for Failure {
     fn from(error: StoreError) -> Failure {
         eprintln!("vlscan serve: {error}");
+        if error.is_full_disk() {
+            let message = "the disk of the service is full; try again when its operator has made room";
+            return Failure::new(StatusCode::INSUFFICIENT_STORAGE, message);
+        }
         Failure::new(
             StatusCode::INTERNAL_SERVER_ERROR,
             "the service has a fault; its operator finds the reason in its log",
@@ -133,6 +137,7 @@ pub fn media_type(path: &str) -> &'static str {
         "jsonl" => "application/jsonl",
         "toml" => "application/toml",
         "html" => "text/html",
+        "xml" => "application/xml",
         "png" => "image/png",
         "tif" => "image/tiff",
         "csv" => "text/csv",
@@ -154,6 +159,21 @@ pub fn encoded(path: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_full_disk_is_insufficient_storage() {
+        for (error, status) in [
+            (std::io::ErrorKind::StorageFull, 507),
+            (std::io::ErrorKind::QuotaExceeded, 507),
+            (std::io::ErrorKind::PermissionDenied, 500),
+        ] {
+            let failure = Failure::from(UploadError::from(std::io::Error::from(error)));
+            assert_eq!(failure.status.as_u16(), status, "{error}");
+        }
+        let full = rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_FULL);
+        let full = StoreError::Database(rusqlite::Error::SqliteFailure(full, None));
+        assert_eq!(Failure::from(full).status, StatusCode::INSUFFICIENT_STORAGE);
+    }
 
     #[test]
     fn addresses_are_encoded() {

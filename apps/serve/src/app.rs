@@ -80,9 +80,12 @@ impl App {
             return Some(Identity { owner: LOCAL.to_owned(), is_ambient: true });
         }
         if let Some(value) = headers.get(header::AUTHORIZATION) {
-            let token = value.to_str().ok().and_then(|value| value.strip_prefix("Bearer "))?;
+            let (scheme, token) = value.to_str().ok()?.trim().split_once(' ')?;
+            if !scheme.eq_ignore_ascii_case("bearer") {
+                return None;
+            }
             let owner = self.tokens.owner_of(token.trim())?;
-            return Some(Identity { owner: owner.name.clone(), is_ambient: false });
+            return Some(Identity { owner: owner.name, is_ambient: false });
         }
         self.sessions.owner(headers).map(|owner| Identity { owner, is_ambient: true })
     }
@@ -95,12 +98,20 @@ impl App {
             Some(rest) => rest.split(']').next().unwrap_or_default(),
             None => host.split(':').next().unwrap_or_default(),
         };
-        let is_named = self.hosts.iter().any(|known| known.eq_ignore_ascii_case(name));
+        let is_named = self.hosts.iter().any(|known| is_same_host(known, name));
         match self.tokens.is_empty() {
-            true => is_named || matches!(name, "localhost" | "127.0.0.1" | "::1"),
+            true => {
+                is_named || ["localhost", "127.0.0.1", "::1"].iter().any(|known| is_same_host(known, name))
+            }
             false => is_named || self.hosts.is_empty(),
         }
     }
+}
+
+/// True if two names are those of one host: case does not matter, nor a dot at the end.
+fn is_same_host(known: &str, name: &str) -> bool {
+    let bare = |name: &str| name.strip_suffix('.').unwrap_or(name).to_ascii_lowercase();
+    !name.is_empty() && bare(known) == bare(name)
 }
 
 /// Does work with the store or files beside the threads that answer.
@@ -125,6 +136,26 @@ where
                 StatusCode::INTERNAL_SERVER_ERROR,
                 "the service has a fault; its operator finds the reason in its log",
             ))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_same_host;
+
+    #[test]
+    fn names_of_hosts_have_no_case() {
+        for (known, name, is_same) in [
+            ("localhost", "LocalHost", true),
+            ("localhost", "localhost.", true),
+            ("Scans.example.org", "scans.EXAMPLE.org.", true),
+            ("::1", "::1", true),
+            ("localhost", "localhost..", false),
+            ("localhost", "localhos", false),
+            (".", "", false),
+        ] {
+            assert_eq!(is_same_host(known, name), is_same, "{known} {name}");
         }
     }
 }

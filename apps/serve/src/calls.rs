@@ -3,10 +3,11 @@
 //!
 //! | denied | why |
 //! |---|---|
-//! | processes: fork, clone without a thread, ptrace, signals to others, prctl(PR_SET_PDEATHSIG) | a job is one process, which ends with the service |
+//! | processes: fork, clone without a thread, ptrace, signals to others, prctl(PR_SET_PDEATHSIG, PR_SET_DUMPABLE) | a job is one process, which ends with the service and shows it its open files |
 //! | sockets of every kind, message queues, shared memory, io_uring | sockets of the file system, which Landlock does not cover; TCP before Linux 6.7 |
 //! | modes, owners, times, attributes and flags of files | Landlock does not cover them |
 //! | truncate(2), symbolic links, pipes and devices | truncation before Linux 6.2; names that lead elsewhere |
+//! | fallocate(2) with any mode | space on the disk that the size of a file does not tell |
 //! | namespaces, mounts, credentials, limits and priorities of others, modules, clocks, keys, tracing | nothing of it belongs to a job |
 
 use std::io;
@@ -203,7 +204,16 @@ mod denied {
             (libc::SYS_kill, vec![rule(&[(0, Ne, own)])?]),
             (libc::SYS_tkill, vec![rule(&[(0, Ne, own)])?]),
             (libc::SYS_tgkill, vec![rule(&[(0, Ne, own)])?]),
-            (libc::SYS_prctl, vec![rule(&[(0, Eq, libc::PR_SET_PDEATHSIG as u64)])?]),
+            // A process that cannot be dumped hides its open files from the service, which counts them.
+            (
+                libc::SYS_prctl,
+                vec![
+                    rule(&[(0, Eq, libc::PR_SET_PDEATHSIG as u64)])?,
+                    rule(&[(0, Eq, libc::PR_SET_DUMPABLE as u64)])?,
+                ],
+            ),
+            // Space beyond the end of a file is not part of its size, which the service counts and limits.
+            (libc::SYS_fallocate, vec![rule(&[(1, Ne, 0)])?]),
             (libc::SYS_prlimit64, vec![another()?]),
             (libc::SYS_sched_setaffinity, vec![another()?]),
             (libc::SYS_sched_setscheduler, vec![another()?]),

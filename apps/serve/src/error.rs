@@ -1,5 +1,6 @@
 //! Errors of the store.
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// Why the store fails.
@@ -60,6 +61,19 @@ pub enum StoreError {
          help: start the service with the --store that has their files, or without --store if they are in the folder --data; nothing was changed"
     )]
     NoObjects,
+}
+
+impl StoreError {
+    /// True if there is no room on the disk, or in the share of the service's user.
+    pub fn is_full_disk(&self) -> bool {
+        match self {
+            StoreError::Database(error) => error.sqlite_error_code() == Some(rusqlite::ErrorCode::DiskFull),
+            StoreError::Files(error) | StoreError::Bucket(error) => {
+                matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// A result of the store.

@@ -72,9 +72,11 @@ pub(crate) fn results(folder: &Path) -> Result<std::result::Result<Vec<ResultFil
         if entry.kind == EntryKind::Folder || is_note {
             continue;
         }
-        let path = entry.path.to_string_lossy().replace('\\', "/");
-        // What requests could not fetch under its name is no result.
-        if entry.kind == EntryKind::Other || relative_path(&path).is_none() {
+        let name = entry.path.to_string_lossy();
+        let path = if cfg!(windows) { name.replace('\\', "/") } else { name.into_owned() };
+        // What requests could not fetch under its name is no result: their backslashes separate parts.
+        let is_exact = entry.path.to_str().is_some() && !path.contains('\\');
+        if entry.kind == EntryKind::Other || !is_exact || relative_path(&path).is_none() {
             return Ok(Err(UnservableName(path)));
         }
         found.push(ResultFile { path, bytes: entry.bytes });
@@ -185,7 +187,7 @@ mod tests {
         let names =
             || results(out).unwrap().map(|files| files.into_iter().map(|file| file.path).collect::<Vec<_>>());
         assert_eq!(names(), Ok(vec!["dataset/cells/a/record.json".to_owned(), "points.laz".to_owned()]));
-        for name in [".hidden.xyz", "-o.laz", "dataset/a:b"] {
+        for name in [".hidden.xyz", "-o.laz", "dataset/a:b", "a\\b.laz"] {
             write(name, "");
             assert_eq!(names(), Err(UnservableName(name.to_owned())));
             fs::remove_file(out.join(name)).unwrap();

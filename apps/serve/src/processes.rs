@@ -2,6 +2,7 @@
 //! file.
 
 use crate::program::Program;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 /// A process.
@@ -32,6 +33,16 @@ pub struct Output {
     pub about: &'static str,
     /// Its media type, and whether it is given as a value in results.
     pub media: &'static str,
+}
+
+/// Way in which an output is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Transmission {
+    /// As it is, in the answer.
+    Value,
+    /// As a link.
+    Reference,
 }
 
 impl Process {
@@ -112,6 +123,17 @@ impl Process {
         !matches!(self, Process::Run | Process::Campaign)
     }
 
+    /// Way in which outputs are given unless a request names another one. Processes with many files only link
+    /// them.
+    pub fn transmission(self) -> Transmission {
+        match self {
+            Process::Campaign | Process::Stand => Transmission::Reference,
+            Process::Run | Process::Plan | Process::DryRun | Process::Compare | Process::Preview => {
+                Transmission::Value
+            }
+        }
+    }
+
     /// Outputs. Runs and campaigns have files of other names, too.
     pub fn outputs(self) -> &'static [Output] {
         match self {
@@ -185,13 +207,17 @@ impl Process {
         } else {
             json!(["async-execute", "dismiss"])
         };
+        let transmissions: &[Transmission] = match self.transmission() {
+            Transmission::Value => &[Transmission::Value, Transmission::Reference],
+            Transmission::Reference => &[Transmission::Reference],
+        };
         json!({
             "id": self.id(),
             "version": program.version,
             "title": self.title(),
             "description": self.about(),
             "jobControlOptions": control,
-            "outputTransmission": ["reference", "value"],
+            "outputTransmission": transmissions,
             "links": [{
                 "href": format!("/processes/{}", self.id()), "rel": "self", "type": "application/json", "title": "Description"
             }],

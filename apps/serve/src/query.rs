@@ -5,6 +5,11 @@ use crate::request::suggestion;
 use axum::http::{StatusCode, Uri};
 use std::collections::BTreeMap;
 
+/// Most jobs or processes of a list, as the standard has it.
+pub const MAX_LISTED: u32 = 10_000;
+/// Jobs or processes of a list, unless the request says how many.
+pub const DEFAULT_LISTED: u32 = 10;
+
 /// Parameters of a request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Parameters(BTreeMap<String, String>);
@@ -41,12 +46,21 @@ impl Parameters {
         self.0.get(name).map(String::as_str)
     }
 
-    /// The query with another value of a parameter.
-    pub fn with(&self, name: &str, value: &str) -> String {
+    /// The address of a path with these parameters.
+    pub fn address(&self, path: &str) -> String {
+        let pairs = self.0.iter().map(|(name, value)| format!("{}={}", encoded(name), encoded(value)));
+        match pairs.collect::<Vec<_>>().join("&") {
+            query if query.is_empty() => path.to_owned(),
+            query => format!("{path}?{query}"),
+        }
+    }
+
+    /// The parameters with another value of one.
+    #[must_use]
+    pub fn with(&self, name: &str, value: &str) -> Parameters {
         let mut all = self.0.clone();
         all.insert(name.to_owned(), value.to_owned());
-        let pairs = all.iter().map(|(name, value)| format!("{}={}", encoded(name), encoded(value)));
-        pairs.collect::<Vec<_>>().join("&")
+        Parameters(all)
     }
 }
 
@@ -100,8 +114,10 @@ mod tests {
             Parameters::of(Some("status=failed%2Crunning&limit=7&f=a+b&status=accepted"), &KNOWN).unwrap();
         assert_eq!(found.get("status"), Some("failed,running,accepted"));
         assert_eq!((found.get("f"), found.get("offset")), (Some("a b"), None));
-        assert_eq!(found.with("limit", "9"), "f=a%20b&limit=9&status=failed%2Crunning%2Caccepted");
+        let address = found.with("limit", "9").address("/jobs");
+        assert_eq!(address, "/jobs?f=a%20b&limit=9&status=failed%2Crunning%2Caccepted");
         assert_eq!(Parameters::of(None, &KNOWN).unwrap(), Parameters::default());
+        assert_eq!(Parameters::default().address("/jobs"), "/jobs");
     }
 
     #[test]

@@ -168,6 +168,23 @@ pub struct Job {
     pub updated: i64,
 }
 
+/// Selection of jobs for a list.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// States; any if there are none.
+    pub statuses: Vec<Status>,
+    /// Processes; any if there are none.
+    pub processes: Vec<String>,
+    /// Earliest and latest time of acceptance, ms since 1970.
+    pub created: (Option<i64>, Option<i64>),
+    /// Shortest and longest time of the computation, ms; up to now if it is not finished.
+    pub duration: (Option<i64>, Option<i64>),
+    /// Newer jobs to leave out.
+    pub skip: u32,
+    /// Maximum number of jobs.
+    pub limit: u32,
+}
+
 /// A file of a job's results.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, serde::Deserialize)]
 pub struct ResultFile {

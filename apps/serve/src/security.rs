@@ -27,7 +27,9 @@ fn is_foreign(headers: &HeaderMap) -> bool {
         return !matches!(site, "same-origin" | "none");
     }
     match (text(header::ORIGIN), text(header::HOST)) {
-        (Some(origin), Some(host)) => origin.split_once("://").is_none_or(|(_, from)| from != host),
+        (Some(origin), Some(host)) => {
+            origin.split_once("://").is_none_or(|(_, from)| !from.eq_ignore_ascii_case(host))
+        }
         (Some(_), None) => true,
         (None, _) => false,
     }
@@ -43,6 +45,7 @@ pub async fn guard(State(app): State<Arc<App>>, mut request: Request, next: Next
                 Ok(()) => next.run(request).await,
                 Err(failure) => failure.into_response(),
             };
+            let response = as_problem(response);
             match response.extensions().get::<Failure>() {
                 Some(failure) if is_page => pages::failure(&app, &identity, failure),
                 _ => response,
@@ -51,6 +54,32 @@ pub async fn guard(State(app): State<Arc<App>>, mut request: Request, next: Next
         Err(response) => *response,
     };
     with_headers(response)
+}
+
+/// Gives errors that are no failures of the service, but of what reads requests, the form of all others.
+fn as_problem(response: Response) -> Response {
+    let status = response.status();
+    let is_error = status.is_client_error() || status.is_server_error();
+    let media = response.headers().get(header::CONTENT_TYPE).and_then(|media| media.to_str().ok());
+    let is_plain = media.is_none_or(|media| media.starts_with("text/plain"));
+    if !is_error || !is_plain || response.extensions().get::<Failure>().is_some() {
+        return response;
+    }
+    let allowed = response.headers().get(header::ALLOW).cloned();
+    let methods = allowed.as_ref().and_then(|methods| methods.to_str().ok()).unwrap_or("other methods");
+    let detail = match status {
+        StatusCode::METHOD_NOT_ALLOWED => format!("the address has no such method; it has {methods}"),
+        StatusCode::PAYLOAD_TOO_LARGE => "the request is larger than the service takes".to_owned(),
+        StatusCode::UNSUPPORTED_MEDIA_TYPE => {
+            "the request is of another type than the service takes".to_owned()
+        }
+        _ => "the request cannot be read".to_owned(),
+    };
+    let mut response = Failure::new(status, detail).into_response();
+    if let Some(methods) = allowed {
+        response.headers_mut().insert(header::ALLOW, methods);
+    }
+    response
 }
 
 fn admit(app: &App, request: &Request) -> Result<Identity, Box<Response>> {
@@ -114,6 +143,24 @@ mod tests {
     }
 
     #[test]
+    fn errors_of_the_framework_become_problems() {
+        let bare = (StatusCode::METHOD_NOT_ALLOWED, [(header::ALLOW, "GET,HEAD")]).into_response();
+        let problem = as_problem(bare);
+        assert_eq!(problem.headers()[header::CONTENT_TYPE], "application/problem+json");
+        assert_eq!(problem.headers()[header::ALLOW], "GET,HEAD");
+        let told = problem.extensions().get::<Failure>().map(|failure| failure.detail.clone());
+        assert!(told.is_some_and(|told| told.contains("GET,HEAD")));
+        let text = (StatusCode::PAYLOAD_TOO_LARGE, "Failed to buffer").into_response();
+        assert_eq!(as_problem(text).headers()[header::CONTENT_TYPE], "application/problem+json");
+        for response in [StatusCode::NO_CONTENT.into_response(), "text".into_response()] {
+            assert!(as_problem(response).extensions().get::<Failure>().is_none());
+        }
+        // Pages of errors stay pages.
+        let page = (StatusCode::FORBIDDEN, [(header::CONTENT_TYPE, "text/html")], "<p>").into_response();
+        assert_eq!(as_problem(page).headers()[header::CONTENT_TYPE], "text/html");
+    }
+
+    #[test]
     fn requests_of_other_sites_are_recognised() {
         for (pairs, foreign) in [
             (vec![], false),
@@ -124,6 +171,7 @@ mod tests {
             (vec![("origin", "http://127.0.0.1:8080"), ("host", "127.0.0.1:8080")], false),
             (vec![("origin", "http://127.0.0.1:9090"), ("host", "127.0.0.1:8080")], true),
             (vec![("origin", "null"), ("host", "127.0.0.1:8080")], true),
+            (vec![("origin", "http://localhost:8080"), ("host", "LOCALHOST:8080")], false),
         ] {
             assert_eq!(is_foreign(&headers(&pairs)), foreign, "{pairs:?}");
         }

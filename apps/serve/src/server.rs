@@ -5,6 +5,7 @@ use crate::app::App;
 use crate::config::ServeArgs;
 use crate::engine::{Engine, EngineError};
 use crate::files::Files;
+use crate::opening::read_id;
 use crate::pages;
 use crate::program::{Program, ProgramError, sandbox};
 use crate::security;
@@ -111,6 +112,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     let listener = listener.map_err(|e| ServeError::Listen(args.listen, e))?;
     let holds = hold(&args.data)?;
     let store = Arc::new(Store::open(&args.data, Files::of(args.store.as_deref(), runtime.handle())?)?);
+    let id = read_id(store.root())?.unwrap_or_default();
     let workshop = Arc::new(Workshop::new(store, program, args.clone(), tokens.owners(), engine));
     if let Some(id) = workshop.resume()? {
         return Err(ServeError::WithoutEngine(id));
@@ -119,7 +121,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     let app = Arc::new(App {
         workshop: Arc::clone(&workshop),
         tokens,
-        sessions: Sessions::default(),
+        sessions: Sessions::of(&id),
         secret: random_name(32),
         hosts: args.host.clone(),
         streams: Shares::new(MAX_STREAMS.0, MAX_STREAMS.1),
@@ -192,6 +194,7 @@ async fn listen(listener: tokio::net::TcpListener, app: Arc<App>) -> std::io::Re
     let address = listener.local_addr()?;
     // Before the service says that it is there: whoever reads that may end it.
     let ended = told_to_end()?;
+    reload_on_hangup(&app)?;
     eprintln!("vlscan serve: http://{address}/ (Ctrl-C ends it)");
     axum::serve(listener, router(app)).with_graceful_shutdown(ended).await
 }
@@ -204,6 +207,35 @@ pub fn router(app: Arc<App>) -> Router {
         .fallback(api::absent)
         .layer(guard)
         .with_state(app)
+}
+
+/// Reads the file of tokens again whenever the process gets SIGHUP.
+#[cfg(unix)]
+fn reload_on_hangup(app: &Arc<App>) -> std::io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    if !app.tokens.has_file() {
+        return Ok(());
+    }
+    let mut hangup = signal(SignalKind::hangup())?;
+    let app = Arc::clone(app);
+    tokio::spawn(async move {
+        while hangup.recv().await.is_some() {
+            match app.tokens.reload() {
+                Ok(lost) => {
+                    app.sessions.end_of(&lost);
+                    app.workshop.set_owners(app.tokens.owners());
+                    eprintln!("vlscan serve: the token file was read again");
+                }
+                Err(error) => eprintln!("vlscan serve: the tokens stay the same: {error}"),
+            }
+        }
+    });
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn reload_on_hangup(_: &Arc<App>) -> std::io::Result<()> {
+    Ok(())
 }
 
 #[cfg(unix)]

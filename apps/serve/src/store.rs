@@ -23,7 +23,7 @@ use crate::beneath::BLOCK;
 pub use crate::error::{Result, StoreError};
 use crate::files::{Fetches, Files};
 use crate::records::Kind;
-pub use crate::records::{FileKind, Job, ResultFile, Status, Upload, UploadFile, now, time_text};
+pub use crate::records::{FileKind, Job, ResultFile, Selection, Status, Upload, UploadFile, now, time_text};
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -261,29 +261,49 @@ impl Store {
         skip: u32,
         limit: u32,
     ) -> Result<Vec<Job>> {
-        let statuses: Vec<&str> = statuses.iter().map(|status| status.name()).collect();
+        let (statuses, processes) = (statuses.to_vec(), processes.to_vec());
+        self.select(listed, owner, &Selection { statuses, processes, skip, limit, ..Selection::default() })
+    }
+
+    /// The newest jobs of an owner among those of a selection, as [`Store::jobs`] lists them.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn select(&self, listed: Listed, owner: &str, selection: &Selection) -> Result<Vec<Job>> {
+        let statuses: Vec<&str> = selection.statuses.iter().map(|status| status.name()).collect();
         let database = self.database();
         let results = match listed {
-            Listed::States => "'[]'",
+            Listed::States | Listed::Bare => "'[]'",
             Listed::Results => "CASE WHEN octet_length(results) <= 65536 THEN results ELSE '[]' END",
+        };
+        let inputs = match listed {
+            Listed::Bare => "'{}'",
+            Listed::States | Listed::Results => SHORT_INPUTS,
         };
         let columns = COLUMNS
             .replace("prepared,", "'{}',")
-            .replace("inputs,", &format!("{SHORT_INPUTS},"))
+            .replace("inputs,", &format!("{inputs},"))
             .replace("results,", &format!("{results},"))
             .replace("updated, warnings", "updated, '[]'");
         let mut query = database.prepare_cached(&format!(
-            "SELECT {columns} FROM jobs WHERE owner = ?
+            "SELECT {columns} FROM jobs WHERE owner = ?1
              AND (?2 = '[]' OR status IN (SELECT value FROM json_each(?2))) AND (?3 = '[]' OR process IN (SELECT value FROM json_each(?3)))
-             ORDER BY number DESC LIMIT ? OFFSET ?"
+             AND (?4 IS NULL OR created >= ?4) AND (?5 IS NULL OR created <= ?5)
+             AND (?6 IS NULL OR {DURATION} >= ?6) AND (?7 IS NULL OR {DURATION} <= ?7)
+             ORDER BY number DESC LIMIT ?9 OFFSET ?10"
         ))?;
         let rows = query.query_map(
             params![
                 owner,
                 serde_json::json!(statuses).to_string(),
-                serde_json::json!(processes).to_string(),
-                limit,
-                skip
+                serde_json::json!(selection.processes).to_string(),
+                selection.created.0,
+                selection.created.1,
+                selection.duration.0,
+                selection.duration.1,
+                now(),
+                selection.limit,
+                selection.skip
             ],
             job_of,
         )?;
@@ -374,10 +394,15 @@ impl Store {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Listed {
     /// Nothing.
+    Bare,
+    /// The inputs, as titles show them.
     States,
-    /// The files of results.
+    /// The inputs, and the files of results.
     Results,
 }
+
+/// Time of the computation of a job, ms; null for a job that waits. The time now is parameter 8.
+const DURATION: &str = "CASE status WHEN 'running' THEN ?8 - started ELSE finished - started END";
 
 /// Bytes that a row takes besides its texts.
 const ROW: u64 = 1024;

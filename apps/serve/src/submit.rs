@@ -1,7 +1,7 @@
 //! From a request to a job in the queue, for programs and pages alike.
 
 use crate::processes::Process;
-use crate::request::{RequestError, check};
+use crate::request::{Outputs, RequestError, check};
 use crate::store::{Job, Listed, Status, StoreError, now};
 use crate::tokens::random_name;
 use crate::worker::Workshop;
@@ -59,7 +59,22 @@ impl Workshop {
         process: Process,
         inputs: &Map<String, Value>,
     ) -> Result<Job, SubmitError> {
-        let checked = check(process, inputs, owner, &self.store, &self.program)?;
+        self.submit_for(owner, process, inputs, None)
+    }
+
+    /// Accepts a job, as [`Workshop::submit`] does, with the outputs that a program requests.
+    ///
+    /// # Errors
+    /// [`SubmitError`].
+    pub fn submit_for(
+        &self,
+        owner: &str,
+        process: Process,
+        inputs: &Map<String, Value>,
+        outputs: Option<Outputs>,
+    ) -> Result<Job, SubmitError> {
+        let mut checked = check(process, inputs, owner, &self.store, &self.program)?;
+        checked.prepared.outputs = outputs;
         let answer = self.store.same_job(owner, &checked.fingerprint)?;
         // A repeated request takes a row.
         let stored = self.store.stored_bytes(owner)?;

@@ -2,7 +2,8 @@
 
 use crate::config::amount;
 use sha2::{Digest as _, Sha256};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{PoisonError, RwLock};
 use subtle::{Choice, ConditionallySelectable as _, ConstantTimeEq as _};
 
 /// The owner of everything where there are no tokens.
@@ -54,8 +55,16 @@ pub enum TokenError {
 }
 
 /// All tokens.
-#[derive(Clone, Debug, Default)]
-pub struct Tokens(Vec<(Owner, [u8; 32])>);
+#[derive(Debug, Default)]
+pub struct Tokens {
+    file: Option<PathBuf>,
+    /// Hash of the token of the environment.
+    environment: Option<[u8; 32]>,
+    known: RwLock<Vec<Known>>,
+}
+
+/// An owner, and the hash of a token.
+type Known = (Owner, [u8; 32]);
 
 impl Tokens {
     /// Reads the tokens of a file and of the environment.
@@ -63,51 +72,80 @@ impl Tokens {
     /// # Errors
     /// [`TokenError`].
     pub fn read(file: Option<&Path>, environment: Option<&str>) -> Result<Tokens, TokenError> {
-        let mut tokens = Vec::new();
-        if let Some(path) = file {
-            let text = std::fs::read_to_string(path).map_err(|e| TokenError::Read(path.to_owned(), e))?;
-            for (at, line) in text.lines().enumerate() {
-                if line.trim().is_empty() || line.trim_start().starts_with('#') {
-                    continue;
-                }
-                let wrong = || TokenError::Line { file: path.to_owned(), line: at + 1 };
-                tokens.push(parse_line(line).ok_or_else(wrong)?);
-            }
-            // Without tokens everybody would be let in, which is the opposite of what the file is for.
-            if tokens.is_empty() {
-                return Err(TokenError::None(path.to_owned()));
-            }
-        }
+        let mut tokens = Tokens { file: file.map(Path::to_owned), ..Tokens::default() };
         if let Some(token) = environment {
             if token.chars().count() < MIN_CHARACTERS {
                 return Err(TokenError::Short);
             }
-            tokens.push((Owner { name: ADMIN.to_owned(), quota: None }, hash(token)));
+            tokens.environment = Some(hash(token));
         }
-        Ok(Tokens(tokens))
+        tokens.reload()?;
+        Ok(tokens)
+    }
+
+    /// Reads the file again. Returns the owners who lost a token. After an error the tokens are the same as
+    /// before.
+    ///
+    /// # Errors
+    /// [`TokenError`].
+    pub fn reload(&self) -> Result<Vec<String>, TokenError> {
+        let mut next = self.file.as_deref().map_or(Ok(Vec::new()), read_file)?;
+        next.extend(self.environment.map(|hash| (Owner { name: ADMIN.to_owned(), quota: None }, hash)));
+        let mut known = self.known.write().unwrap_or_else(PoisonError::into_inner);
+        let gone = known.iter().filter(|(owner, hash)| {
+            !next.iter().any(|(other, kept)| other.name == owner.name && kept == hash)
+        });
+        let lost: Vec<String> = gone.map(|(owner, _)| owner.name.clone()).collect();
+        *known = next;
+        Ok(lost)
+    }
+
+    /// True if the tokens are in a file, which may change.
+    pub fn has_file(&self) -> bool {
+        self.file.is_some()
     }
 
     /// True if there are none.
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.known.read().unwrap_or_else(PoisonError::into_inner).is_empty()
     }
 
     /// All owners.
     pub fn owners(&self) -> Vec<Owner> {
-        self.0.iter().map(|(owner, _)| owner.clone()).collect()
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.iter().map(|(owner, _)| owner.clone()).collect()
     }
 
     /// The owner of a token. The time does not depend on how much of it is right.
-    pub fn owner_of(&self, token: &str) -> Option<&Owner> {
+    pub fn owner_of(&self, token: &str) -> Option<Owner> {
         let given = hash(token);
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
         // One past the last: none.
-        let mut found = self.0.len() as u64;
-        for (at, (_, known)) in self.0.iter().enumerate() {
-            let is_same: Choice = known.ct_eq(&given);
+        let mut found = known.len() as u64;
+        for (at, (_, hash)) in known.iter().enumerate() {
+            let is_same: Choice = hash.ct_eq(&given);
             found.conditional_assign(&(at as u64), is_same);
         }
-        self.0.get(found as usize).map(|(owner, _)| owner)
+        known.get(found as usize).map(|(owner, _)| owner.clone())
     }
+}
+
+/// Reads the tokens of a file.
+fn read_file(path: &Path) -> Result<Vec<Known>, TokenError> {
+    let text = std::fs::read_to_string(path).map_err(|e| TokenError::Read(path.to_owned(), e))?;
+    let mut tokens = Vec::new();
+    for (at, line) in text.lines().enumerate() {
+        if line.trim().is_empty() || line.trim_start().starts_with('#') {
+            continue;
+        }
+        let wrong = || TokenError::Line { file: path.to_owned(), line: at + 1 };
+        tokens.push(parse_line(line).ok_or_else(wrong)?);
+    }
+    // Without tokens everybody would be let in, which is the opposite of what the file is for.
+    if tokens.is_empty() {
+        return Err(TokenError::None(path.to_owned()));
+    }
+    Ok(tokens)
 }
 
 /// Makes a token; returns it and its line of the token file.
@@ -171,10 +209,31 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(&file, format!("# tokens\n\n{line}\n{second}\n")).unwrap();
         let tokens = Tokens::read(Some(file.path()), Some("a token of the environment")).unwrap();
-        assert_eq!(tokens.owner_of(&anna), Some(&Owner { name: "anna".to_owned(), quota: Some(5) }));
+        assert_eq!(tokens.owner_of(&anna), Some(Owner { name: "anna".to_owned(), quota: Some(5) }));
         assert_eq!(tokens.owner_of(&ben).unwrap().name, "ben");
         assert_eq!(tokens.owner_of("a token of the environment").unwrap().name, ADMIN);
         assert!(tokens.owner_of("").is_none() && tokens.owner_of(&line).is_none());
+    }
+
+    #[test]
+    fn a_token_file_that_is_read_again_replaces_its_tokens() {
+        let (anna, line) = make("anna", None).unwrap();
+        let (ben, second) = make("ben", None).unwrap();
+        let (new, third) = make("anna", Some(7)).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(&file, format!("{line}\n{second}\n")).unwrap();
+        let tokens = Tokens::read(Some(file.path()), Some("a token of the environment")).unwrap();
+        assert!(tokens.has_file() && tokens.reload().unwrap().is_empty());
+        std::fs::write(&file, format!("{second}\n{third}\n")).unwrap();
+        assert_eq!(tokens.reload().unwrap(), ["anna"]);
+        assert_eq!((tokens.owner_of(&anna), tokens.owner_of(&new).unwrap().quota), (None, Some(7)));
+        // What cannot be read changes nothing.
+        for text in ["", "anna\n"] {
+            std::fs::write(&file, text).unwrap();
+            assert!(tokens.reload().is_err());
+            assert_eq!(tokens.owner_of(&ben).unwrap().name, "ben");
+        }
+        assert_eq!(tokens.owner_of("a token of the environment").unwrap().name, ADMIN);
     }
 
     #[test]

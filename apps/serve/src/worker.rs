@@ -25,7 +25,7 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -57,7 +57,7 @@ pub struct Workshop {
     /// The limits.
     pub limits: ServeArgs,
     /// The owners with quotas of their own.
-    pub owners: Vec<Owner>,
+    owners: RwLock<Vec<Owner>>,
     /// Engine that computes runs and campaigns in place of this machine.
     engine: Option<Engine>,
     wake: Condvar,
@@ -78,7 +78,7 @@ impl Workshop {
             store,
             program,
             limits,
-            owners,
+            owners: RwLock::new(owners),
             engine,
             wake: Condvar::new(),
             is_ending: AtomicBool::new(false),
@@ -158,8 +158,14 @@ impl Workshop {
 
     /// The quota of an owner.
     pub fn quota(&self, owner: &str) -> Option<u64> {
-        let own = self.owners.iter().find(|known| known.name == owner).and_then(|known| known.quota);
+        let owners = self.owners.read().unwrap_or_else(PoisonError::into_inner);
+        let own = owners.iter().find(|known| known.name == owner).and_then(|known| known.quota);
         own.or(self.limits.quota)
+    }
+
+    /// Replaces the owners with quotas of their own.
+    pub fn set_owners(&self, owners: Vec<Owner>) {
+        *self.owners.write().unwrap_or_else(PoisonError::into_inner) = owners;
     }
 
     fn work(&self, lane: Lane) {

@@ -125,20 +125,21 @@ def use(program: str, vlscan: str, folder: pathlib.Path, s3: object, expected: b
         job = wait(url, submit(url, SHORT))
         assert requests.get(f"{url}/jobs/{job['jobID']}/view/view.png").content.startswith(b"\x89PNG")
         cloud = f"jobs/{job['jobID']}/points.laz"
-        inputs = {"inputs": {"first": cloud, "second": cloud}}
+        inputs = {"inputs": {"first": cloud, "second": cloud}, "response": "document"}
         job = wait(url, requests.post(f"{url}/processes/compare/execution", json=inputs, headers={"Prefer": "respond-async"}).json())
         assert job["status"] == "successful", job
         report = requests.get(f"{url}/jobs/{job['jobID']}/results").json()
         assert "value" in report["report.json"] and "href" in report["report.html"], report
         plan = {"kind": "airborne", "scene": "field/field.obj", "scanner": "riegl_vux-1uav", "height": 50, "density": 5}
-        plan = requests.post(f"{url}/processes/plan/execution", json={"inputs": plan}).json()["plan.toml"]["href"]
+        plan = {"inputs": plan, "response": "document"}
+        plan = requests.post(f"{url}/processes/plan/execution", json=plan).json()["plan.toml"]["href"]
         again = {"pipeline": plan.removeprefix("/").replace("/results/", "/")}
         forecast = requests.post(f"{url}/processes/dry-run/execution", json={"inputs": again})
         assert forecast.status_code == 200, forecast.text
         assert files(folder) == [], files(folder)
         # The same run is answered with the results of then.
         assert submit(url, LONG)["status"] == "successful"
-        for job in requests.get(f"{url}/jobs").json()["jobs"]:
+        for job in requests.get(f"{url}/jobs", params={"limit": 1000}).json()["jobs"]:
             requests.delete(f"{url}/jobs/{job['jobID']}").raise_for_status()
         requests.delete(f"{url}/uploads/field").raise_for_status()
         assert keys(s3) == [], keys(s3)

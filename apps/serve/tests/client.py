@@ -9,6 +9,7 @@ import os
 import pathlib
 import sys
 import tempfile
+from collections.abc import Callable
 
 import jsonschema
 import laspy
@@ -47,11 +48,11 @@ def use(url: str, folder: pathlib.Path) -> None:
     upload = requests.post(f"{url}/uploads", data={"name": "forest"}, files=files)
     assert upload.status_code == 201, upload.text
     inputs = {"kind": "airborne", "scene": "forest/scene.xml", "scanner": "riegl_vux-1uav", "height": 60, "density": 10, "overlap": 30}
-    plan = requests.post(f"{url}/processes/plan/execution", json={"inputs": inputs})
+    plan = requests.post(f"{url}/processes/plan/execution", json={"inputs": inputs, "response": "document"})
     assert plan.status_code == 200, plan.text
     check("results", plan.json())
     file = plan.json()["plan.toml"]["href"].removeprefix("/").replace("/results/", "/")
-    job = requests.post(f"{url}/processes/run/execution", json={"inputs": {"pipeline": file, "seed": 1}})
+    job = requests.post(f"{url}/processes/run/execution", json={"inputs": {"pipeline": file, "seed": 1}, "response": "document"})
     assert job.status_code == 201 and job.headers["Location"] == f"/jobs/{job.json()['jobID']}", job.text
     check("statusInfo", job.json())
     with requests.get(f"{url}/jobs/{job.json()['jobID']}/events", stream=True) as events:
@@ -62,9 +63,40 @@ def use(url: str, folder: pathlib.Path) -> None:
     results = requests.get(f"{url}/jobs/{job.json()['jobID']}/results").json()
     check("results", results)
     (folder / "points.laz").write_bytes(requests.get(url + results["points.laz"]["href"]).content)
+    check_forms(url, inputs, plan.json()["plan.toml"]["href"])
+    check_list(url, check)
     points = laspy.read(folder / "points.laz")
     assert len(points) > 10_000, len(points)
     print(f"{len(points)} points")
+
+
+def check_forms(url: str, inputs: dict, href: str) -> None:
+    """Without `response` an output is the answer itself; several are parts, and references are links."""
+    execution = f"{url}/processes/plan/execution"
+    raw = requests.post(execution, json={"inputs": inputs})
+    assert raw.status_code == 200 and raw.headers["Content-Type"] == "application/toml", raw.headers
+    assert raw.content == requests.get(url + href).content
+    reference = {"plan.toml": {"transmissionMode": "reference"}}
+    linked = requests.post(execution, json={"inputs": inputs, "outputs": reference})
+    assert linked.status_code == 204 and linked.links["item"]["url"].endswith("/results/plan.toml"), linked.headers
+    value = {"inputs": inputs, "outputs": {"plan.toml": {"transmissionMode": "value"}}, "response": "document"}
+    assert requests.post(execution, json=value).json()["plan.toml"]["value"] == raw.content.decode()
+
+
+def check_list(url: str, check: Callable[[str, dict], None]) -> None:
+    """Filters of jobs, and links that keep them."""
+    jobs = requests.get(f"{url}/jobs", params={"processID": "plan,run", "status": "successful"}).json()["jobs"]
+    ids, created = [job["jobID"] for job in jobs], [job["created"] for job in jobs]
+    assert len(ids) > 2, ids
+    page = requests.get(f"{url}/jobs", params={"datetime": f"{created[-1]}/..", "processID": "plan", "limit": 1}).json()
+    check("jobList", page)
+    following = {link["rel"]: link["href"] for link in page["links"]}["next"]
+    other = requests.get(url + following).json()["jobs"]
+    assert {page["jobs"][0]["processID"], other[0]["processID"]} == {"plan"} and page["jobs"] != other
+    assert requests.get(f"{url}/jobs", params={"datetime": "../2020-01-01T00:00:00Z"}).json()["jobs"] == []
+    refused = requests.put(f"{url}/jobs")
+    assert refused.status_code == 405 and refused.headers["Content-Type"] == "application/problem+json", refused.headers
+    check("exception", refused.json())
 
 
 # What OGC's definition calls what ours does.

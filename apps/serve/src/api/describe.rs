@@ -4,7 +4,7 @@ use crate::answers::{Failure, document, link, wants_page};
 use crate::app::{App, Identity};
 use crate::pages;
 use crate::processes::Process;
-use crate::query::Parameters;
+use crate::query::{DEFAULT_LISTED, MAX_LISTED, Parameters};
 use axum::Extension;
 use axum::extract::{Path, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode};
@@ -47,18 +47,23 @@ pub async fn conformance() -> Response {
 }
 
 pub async fn processes(State(app): State<Arc<App>>, RawQuery(query): RawQuery) -> Result<Response, Failure> {
-    let limit = match Parameters::of(query.as_deref(), &["f", "limit"])?.get("limit") {
-        None => Process::ALL.len(),
-        Some(limit) => limit.parse::<usize>().ok().filter(|limit| *limit > 0).ok_or_else(|| {
-            let message = format!("limit: expected a whole number of at least 1, found `{limit}`");
-            Failure::new(StatusCode::BAD_REQUEST, message)
-        })?,
+    let parameters = Parameters::of(query.as_deref(), &["f", "limit"])?;
+    let limit = match parameters.get("limit") {
+        None => DEFAULT_LISTED,
+        Some(limit) => {
+            let number = limit.parse::<u32>().ok().filter(|limit| (1..=MAX_LISTED).contains(limit));
+            number.ok_or_else(|| {
+                let message =
+                    format!("limit: expected a whole number from 1 to {MAX_LISTED}, found `{limit}`");
+                Failure::new(StatusCode::BAD_REQUEST, message)
+            })?
+        }
     };
-    let shown = Process::ALL.iter().take(limit);
+    let shown = Process::ALL.iter().take(limit as usize);
     let summaries: Vec<_> = shown.map(|process| process.summary(&app.workshop.program)).collect();
     Ok(document(&json!({
         "processes": summaries,
-        "links": [link("/processes", "self", "application/json", "This document")],
+        "links": [link(&parameters.address("/processes"), "self", "application/json", "This document")],
     })))
 }
 

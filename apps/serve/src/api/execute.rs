@@ -1,13 +1,11 @@
 //! Execution of processes.
 
-use super::files::no_file;
-use super::jobs::{results_document, status_info};
-use super::request::{Form, Request};
-use crate::answers::{Failure, encoded};
+use super::jobs::status_info;
+use super::request::Request;
+use super::results::answer;
+use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
-use crate::records::Kind;
 use crate::store::{Job, Status};
-use crate::worker::Workshop;
 use axum::Extension;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
@@ -27,9 +25,10 @@ pub async fn execute(
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Failure> {
-    let Request { process, inputs, form, prefers_job } = Request::parse(&id, &headers, &body)?;
+    let Request { process, inputs, outputs, prefers_job } = Request::parse(&id, &headers, &body)?;
     let owner = identity.owner.clone();
-    let job = blocking(&app, move |workshop| workshop.submit(&owner, process, &inputs)).await?;
+    let job =
+        blocking(&app, move |workshop| workshop.submit_for(&owner, process, &inputs, Some(outputs))).await?;
     if prefers_job || !process.is_quick() {
         let mut response = created(&job);
         if prefers_job {
@@ -46,7 +45,8 @@ pub async fn execute(
         job = found.ok_or_else(|| Failure::no_job(&job.id))?;
     }
     match job.status {
-        Status::Successful => answer(&app, &job, form).await,
+        // Fields of the request are about its execution, not about a file.
+        Status::Successful => answer(&app, &job, &HeaderMap::new()).await,
         Status::Failed => Err(Failure::new(StatusCode::UNPROCESSABLE_ENTITY, job.message)),
         Status::Dismissed => Err(Failure::new(StatusCode::GONE, "the job was dismissed")),
         Status::Accepted | Status::Running => Ok(created(&job)),
@@ -63,32 +63,4 @@ fn created(job: &Job) -> Response {
         body,
     )
         .into_response()
-}
-
-/// Results as a document, or, raw: a single JSON output as it is, others as links.
-async fn answer(app: &Arc<App>, job: &Job, form: Form) -> Result<Response, Failure> {
-    let files = job.result_files();
-    if form == Form::Raw {
-        if let [file] = files.as_slice()
-            && file.path.ends_with(".json")
-        {
-            let (folder, path, most) = (job.folder.clone(), file.path.clone(), file.bytes);
-            let read = move |workshop: &Workshop| workshop.store.read(Kind::Results, &folder, &path, most);
-            let text = blocking(app, read).await?.ok_or_else(|| no_file(&file.path))?;
-            return Ok(([(header::CONTENT_TYPE, "application/json")], text).into_response());
-        }
-        let links: Vec<String> = files
-            .iter()
-            .map(|file| format!("</jobs/{}/results/{}>; rel=\"item\"", job.id, encoded(&file.path)))
-            .collect();
-        return Ok((StatusCode::NO_CONTENT, [(header::LINK, links.join(", "))]).into_response());
-    }
-    let job = job.clone();
-    let document = blocking(app, move |workshop| results_document(&job, &workshop.store)).await?;
-    let location = format!("/jobs/{}", document.0);
-    Ok((
-        [(header::CONTENT_TYPE, "application/json".to_owned()), (header::CONTENT_LOCATION, location)],
-        document.1.to_string(),
-    )
-        .into_response())
 }

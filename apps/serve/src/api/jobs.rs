@@ -1,31 +1,30 @@
 //! Jobs: list, state, results, progress, dismissal.
 
 use super::OF_JOBS;
-use crate::answers::{Failure, document, encoded, link, media_type, wants_page};
+use crate::answers::{Failure, document, link, wants_page};
 use crate::app::{App, Identity, blocking};
 use crate::pages;
-use crate::query::Parameters;
-use crate::records::Kind;
-use crate::store::{Job, Listed, Result as StoreResult, Status, Store, time_text};
+use crate::query::{DEFAULT_LISTED, MAX_LISTED, Parameters};
+use crate::store::{Job, Listed, Selection, Status, time_text};
 use axum::Extension;
 use axum::extract::{Path, Query, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse as _, Response};
+use chrono::DateTime;
 use futures_util::stream;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Largest JSON output that results contain as a value, bytes.
-const MAX_VALUE: u64 = 4 << 20;
 const EVENT_PERIOD: Duration = Duration::from_millis(500);
 /// Longest time of a stream of progress.
 const MAX_STREAM: Duration = Duration::from_secs(3600);
-const MAX_LISTED: u32 = 1000;
+/// Jobs of a page.
+const PAGE_LISTED: u32 = 100;
 
 /// The state of a job, as the standard has it.
 pub fn status_info(job: &Job) -> Value {
@@ -67,61 +66,62 @@ pub fn status_info(job: &Job) -> Value {
     info
 }
 
-/// The results of a job: JSON as values, other files as links. With the job's id.
-///
-/// # Errors
-/// Errors of reading.
-pub fn results_document(job: &Job, store: &Store) -> StoreResult<(String, Value)> {
-    let mut results = Map::new();
-    for file in job.result_files() {
-        let is_value = file.path.ends_with(".json") && file.bytes <= MAX_VALUE;
-        let read = || store.read(Kind::Results, &job.folder, &file.path, MAX_VALUE);
-        let value = match is_value.then(read).transpose()?.flatten() {
-            Some(bytes) => {
-                let value: Option<Value> = serde_json::from_slice(&bytes).ok();
-                value.map(|value| json!({ "value": value, "mediaType": "application/json" }))
-            }
-            None => None,
-        };
-        let href = format!("/jobs/{}/results/{}", job.id, encoded(&file.path));
-        let linked = || json!({ "href": href, "rel": "item", "type": media_type(&file.path), "title": format!("{} bytes", file.bytes) });
-        results.insert(file.path.clone(), value.unwrap_or_else(linked));
-    }
-    Ok((job.id.clone(), Value::Object(results)))
-}
-
-/// Parameters of a query.
-#[derive(Debug)]
-struct Filter {
-    statuses: Vec<Status>,
-    processes: Vec<String>,
-    limit: u32,
-    offset: u32,
-}
-
-impl Filter {
-    fn of(parameters: &Parameters) -> Result<Filter, Failure> {
-        let wrong = |key: &str, value: &str| {
-            Failure::new(StatusCode::BAD_REQUEST, format!("{key}: `{value}` is not known"))
-        };
-        let list = |key: &str| parameters.get(key).into_iter().flat_map(|value| value.split(','));
-        let status = |name: &str| Status::named(name).ok_or_else(|| wrong("status", name));
-        let number = |key: &str, default: u32, range: RangeInclusive<u32>| match parameters.get(key) {
-            None => Ok(default),
-            Some(value) => {
-                value.parse::<u32>().ok().filter(|n| range.contains(n)).ok_or_else(|| wrong(key, value))
-            }
-        };
-        if let Some(kind) = parameters.get("type").filter(|kind| *kind != "process") {
-            return Err(wrong("type", kind));
+/// The jobs that parameters select.
+fn selection(parameters: &Parameters, default_limit: u32) -> Result<Selection, Failure> {
+    let wrong = |key: &str, value: &str| {
+        Failure::new(StatusCode::BAD_REQUEST, format!("{key}: `{value}` is not known"))
+    };
+    let list = |key: &str| parameters.get(key).into_iter().flat_map(|value| value.split(','));
+    let status = |name: &str| Status::named(name).ok_or_else(|| wrong("status", name));
+    let number = |key: &str, range: RangeInclusive<u32>| match parameters.get(key) {
+        None => Ok(None),
+        Some(value) => {
+            let number = value.parse::<u32>().ok().filter(|n| range.contains(n));
+            let expected = || {
+                let (least, most) = (range.start(), range.end());
+                let message =
+                    format!("{key}: expected a whole number from {least} to {most}, found `{value}`");
+                Failure::new(StatusCode::BAD_REQUEST, message)
+            };
+            number.map(Some).ok_or_else(expected)
         }
-        Ok(Filter {
-            statuses: list("status").map(status).collect::<Result<_, _>>()?,
-            processes: list("processID").map(str::to_owned).collect(),
-            limit: number("limit", 100, 1..=MAX_LISTED)?,
-            offset: number("offset", 0, 0..=u32::MAX)?,
-        })
+    };
+    let duration = |key: &str| {
+        let seconds = number(key, 0..=u32::MAX)?;
+        Ok::<_, Failure>(seconds.map(|seconds| i64::from(seconds) * 1000))
+    };
+    if let Some(kind) = list("type").find(|kind| *kind != "process") {
+        return Err(wrong("type", kind));
     }
+    let created = parameters.get("datetime").map_or(Ok((None, None)), |text| {
+        interval(text).ok_or_else(|| {
+            let message = format!(
+                "datetime: expected a time such as 2026-01-31T12:00:00Z, or START/END, where .. is an open end; found `{text}`"
+            );
+            Failure::new(StatusCode::BAD_REQUEST, message)
+        })
+    })?;
+    Ok(Selection {
+        statuses: list("status").map(status).collect::<Result<_, _>>()?,
+        processes: list("processID").map(str::to_owned).collect(),
+        created,
+        duration: (duration("minDuration")?, duration("maxDuration")?),
+        limit: number("limit", 1..=MAX_LISTED)?.unwrap_or(default_limit),
+        skip: number("offset", 0..=u32::MAX)?.unwrap_or(0),
+    })
+}
+
+/// Earliest and latest time, ms since 1970, of a time or an interval, as the standard writes them.
+fn interval(text: &str) -> Option<(Option<i64>, Option<i64>)> {
+    // A + that is not encoded stands for a blank.
+    let time = |text: &str| DateTime::parse_from_rfc3339(&text.replace(' ', "+")).ok();
+    let end = |text: &str| match text {
+        "" | ".." => Some(None),
+        text => time(text).map(|time| Some(time.timestamp_millis())),
+    };
+    let (start, stop) = text.split_once('/').unwrap_or((text, text));
+    let ends = (end(start)?, end(stop)?);
+    (ends != (None, None)).then_some(ends)
 }
 
 pub async fn list(
@@ -132,31 +132,31 @@ pub async fn list(
 ) -> Result<Response, Failure> {
     let is_page = wants_page(&headers, query.as_deref());
     let parameters = Parameters::of(query.as_deref(), &OF_JOBS)?;
-    let filter = Filter::of(&parameters)?;
+    let mut selection = selection(&parameters, if is_page { PAGE_LISTED } else { DEFAULT_LISTED })?;
+    let (skip, limit) = (selection.skip, selection.limit);
+    let listed = if is_page { Listed::States } else { Listed::Bare };
     let owner = identity.owner.clone();
-    let limit = filter.limit;
-    let next = filter.offset.saturating_add(limit).to_string();
-    let next = format!("/jobs?{}", parameters.with("offset", &next));
-    let jobs = blocking(&app, move |workshop| {
-        workshop.store.jobs(
-            Listed::States,
-            &owner,
-            &filter.statuses,
-            &filter.processes,
-            filter.offset,
-            filter.limit,
-        )
-    })
-    .await?;
+    // One more tells whether there are older ones.
+    selection.limit += 1;
+    let mut jobs = blocking(&app, move |workshop| workshop.store.select(listed, &owner, &selection)).await?;
+    let at = |offset: u32| parameters.with("offset", &offset.to_string()).address("/jobs");
+    let next = (jobs.len() > limit as usize).then(|| at(skip.saturating_add(limit)));
+    jobs.truncate(limit as usize);
     if is_page {
-        let next = (jobs.len() == limit as usize).then_some(next.as_str());
         let shown = jobs.into_iter().filter(|job| job.status != Status::Dismissed).collect();
         let jobs = blocking(&app, move |workshop| pages::titled(&workshop.store, shown)).await?;
-        return Ok(pages::jobs(&app, &identity, &jobs, next));
+        return Ok(pages::jobs(&app, &identity, &jobs, next.as_deref()));
     }
-    let mut links = vec![link("/jobs", "self", "application/json", "This document")];
-    if jobs.len() == limit as usize {
-        links.push(link(&next, "next", "application/json", "Older jobs"));
+    let json = "application/json";
+    let mut links = vec![
+        link(&parameters.address("/jobs"), "self", json, "This document"),
+        link(&parameters.with("f", "html").address("/jobs"), "alternate", "text/html", "This list as a page"),
+    ];
+    if let Some(next) = next {
+        links.push(link(&next, "next", json, "Older jobs"));
+    }
+    if skip > 0 {
+        links.push(link(&at(skip.saturating_sub(limit)), "prev", json, "Newer jobs"));
     }
     Ok(document(&json!({ "jobs": jobs.iter().map(status_info).collect::<Vec<_>>(), "links": links })))
 }
@@ -211,16 +211,6 @@ pub async fn dismiss(
     Ok(document(&status_info(&find(&app, &identity, &id).await?)))
 }
 
-pub async fn results(
-    State(app): State<Arc<App>>,
-    Extension(identity): Extension<Identity>,
-    Path(id): Path<String>,
-) -> Result<Response, Failure> {
-    let job = find_successful(&app, &identity, &id).await?;
-    let (_, results) = blocking(&app, move |workshop| results_document(&job, &workshop.store)).await?;
-    Ok(document(&results))
-}
-
 /// The state of a job whenever it changes, until it is final.
 pub async fn events(
     State(app): State<Arc<App>>,
@@ -256,4 +246,32 @@ pub async fn events(
         None
     });
     Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_intervals_are_those_of_the_standard() {
+        let (noon, evening) = (1_767_268_800_000, 1_767_290_400_000);
+        for (text, expected) in [
+            ("2026-01-01T12:00:00Z", Some((Some(noon), Some(noon)))),
+            ("2026-01-01T13:00:00 01:00", Some((Some(noon), Some(noon)))),
+            ("2026-01-01T12:00:00Z/2026-01-01T18:00:00.000Z", Some((Some(noon), Some(evening)))),
+            ("../2026-01-01T12:00:00Z", Some((None, Some(noon)))),
+            ("/2026-01-01T12:00:00Z", Some((None, Some(noon)))),
+            ("2026-01-01T12:00:00Z/..", Some((Some(noon), None))),
+            ("2026-01-01T12:00:00Z/", Some((Some(noon), None))),
+            ("../..", None),
+            ("/", None),
+            ("", None),
+            ("2026-01-01", None),
+            ("2026-01-01 12:00:00Z", None),
+            ("2026-01-01T12:00:00", None),
+            ("yesterday/..", None),
+        ] {
+            assert_eq!(interval(text), expected, "{text}");
+        }
+    }
 }

@@ -5,7 +5,8 @@
 //! | `describe` | landing page, conformance, processes |
 //! | `openapi` | the definition of the interface |
 //! | `request`, `execute` | requests for executions, and their answers |
-//! | `jobs` | jobs, their results and progress |
+//! | `results` | results: documents, outputs as they are, links |
+//! | `jobs` | jobs, their list and progress |
 //! | `files` | files of results and uploads, in whole or in part |
 //! | `received` | uploads |
 
@@ -16,6 +17,7 @@ mod jobs;
 mod openapi;
 mod received;
 mod request;
+mod results;
 
 use crate::answers::Failure;
 use crate::app::App;
@@ -46,7 +48,7 @@ pub fn router(limits: &ServeArgs) -> Router<Arc<App>> {
         .route("/processes/{id}/execution", post(execute::execute))
         .route("/jobs", get(jobs::list))
         .route("/jobs/{id}", get(jobs::status).delete(jobs::dismiss))
-        .route("/jobs/{id}/results", get(jobs::results))
+        .route("/jobs/{id}/results", get(results::results))
         .route("/jobs/{id}/results/{*path}", get(files::result))
         .route("/jobs/{id}/view/{name}", get(files::view))
         .route("/jobs/{id}/events", get(jobs::events))
@@ -74,7 +76,8 @@ async fn check_parameters(request: Request, next: Next) -> Response {
 }
 
 /// The parameters of lists of jobs.
-const OF_JOBS: [&str; 6] = ["f", "status", "processID", "type", "limit", "offset"];
+const OF_JOBS: [&str; 9] =
+    ["f", "status", "processID", "type", "datetime", "minDuration", "maxDuration", "limit", "offset"];
 
 fn known_parameters(path: &str) -> &'static [&'static str] {
     let parts: Vec<&str> = path.trim_matches('/').split('/').collect();

@@ -4,6 +4,7 @@ use crate::answers::{document, wants_page};
 use crate::app::{App, Identity};
 use crate::pages;
 use crate::processes::Process;
+use crate::query::{DEFAULT_LISTED, MAX_LISTED};
 use axum::Extension;
 use axum::extract::{RawQuery, State};
 use axum::http::HeaderMap;
@@ -46,9 +47,9 @@ fn in_query(name: &str, about: &str, schema: &Value) -> Value {
 /// An operation: summary, answers by status, and what else it has.
 fn operation(id: &str, summary: &str, answers: &[(&str, Value)], more: Value) -> Value {
     let mut operation = json!({ "operationId": id, "summary": summary });
-    operation["responses"] = Value::Object(
-        answers.iter().map(|(status, answer)| ((*status).to_owned(), answer.clone())).collect(),
-    );
+    let answers = answers.iter().map(|(status, answer)| ((*status).to_owned(), answer.clone()));
+    let others = ("default".to_owned(), failure("Any other error"));
+    operation["responses"] = Value::Object(answers.chain([others]).collect());
     if let Value::Object(more) = more {
         more.into_iter().for_each(|(key, value)| operation[key] = value);
     }
@@ -67,6 +68,30 @@ fn no_job() -> (&'static str, Value) {
     ("404", failure("There is no such job"))
 }
 
+/// The schema of the length of a list.
+fn limit() -> Value {
+    json!({ "type": "integer", "minimum": 1, "maximum": MAX_LISTED, "default": DEFAULT_LISTED })
+}
+
+/// Results in all their forms.
+fn results() -> Value {
+    json!({ "description": "Results", "content": {
+        JSON: { "schema": {} },
+        "multipart/related": { "schema": bytes() },
+        "*/*": { "schema": bytes() },
+    } })
+}
+
+/// Raw results that are given by reference.
+fn linked() -> (&'static str, Value) {
+    ("204", json!({ "description": "Results by reference: fields `Link` with the relation `item`" }))
+}
+
+/// The answer to `If-None-Match`.
+fn unchanged() -> (&'static str, Value) {
+    ("304", json!({ "description": "The sender has the file already" }))
+}
+
 /// The schema of the content of a file.
 fn bytes() -> Value {
     json!({ "type": "string", "format": "binary" })
@@ -79,7 +104,7 @@ fn process_paths() -> Value {
         "/conformance": { "get": operation("getConformance", "Conformance classes", &[("200", as_json("Classes", "confClasses"))], Value::Null) },
         "/api": { "get": operation("getApi", "This definition", &[("200", answer("Definition", "application/vnd.oai.openapi+json;version=3.0", &json!({ "type": "object" })))], Value::Null) },
         "/processes": { "get": operation("getProcesses", "All processes", &[("200", as_json("Processes", "processList"))], json!({ "parameters": [
-            in_query("limit", "Most processes", &json!({ "type": "integer", "minimum": 1 })),
+            in_query("limit", "Most processes", &limit()),
         ] })) },
         "/processes/{processID}": { "get": operation(
             "getProcessDescription", "Inputs and outputs of a process",
@@ -95,7 +120,11 @@ fn job_paths() -> Value {
         "/jobs": { "get": operation("getJobs", "Jobs, newest first", &[("200", as_json("Jobs", "jobList"))], json!({ "parameters": [
             in_query("status", "States, separated by commas", &json!({ "type": "array", "items": reference("statusCode") })),
             in_query("processID", "Processes, separated by commas", &json!({ "type": "array", "items": { "type": "string" } })),
-            in_query("limit", "Most jobs", &json!({ "type": "integer", "minimum": 1, "maximum": 1000, "default": 100 })),
+            in_query("type", "Types of jobs", &json!({ "type": "array", "items": { "type": "string", "enum": ["process"] } })),
+            in_query("datetime", "Time of acceptance, or START/END, where .. is an open end", &json!({ "type": "string" })),
+            in_query("minDuration", "Shortest duration, seconds", &json!({ "type": "integer", "minimum": 0 })),
+            in_query("maxDuration", "Longest duration, seconds", &json!({ "type": "integer", "minimum": 0 })),
+            in_query("limit", "Most jobs", &limit()),
             in_query("offset", "Jobs to leave out", &json!({ "type": "integer", "minimum": 0, "default": 0 })),
         ] })) },
         "/jobs/{jobId}": {
@@ -107,13 +136,13 @@ fn job_paths() -> Value {
             ),
         },
         "/jobs/{jobId}/results": { "get": operation(
-            "getResult", "Results of a job: JSON as values, other files as links",
-            &[("200", as_json("Results", "results")), ("404", failure("No such job, or no results yet")), ("422", failure("The job has failed"))],
+            "getResult", "Results of a job in the form that its request names: the output itself, several as parts, or a document",
+            &[("200", results()), linked(), ("404", failure("No such job, or no results yet")), ("422", failure("The job has failed"))],
             json!({ "parameters": [in_path("jobId")] }),
         ) },
         "/jobs/{jobId}/results/{path}": { "get": operation(
             "getResultFile", "A file of results; ranges of bytes are understood",
-            &[("200", answer("File", "application/octet-stream", &bytes())), ("206", answer("Part", "application/octet-stream", &bytes())), no_job()],
+            &[("200", answer("File", "application/octet-stream", &bytes())), ("206", answer("Part", "application/octet-stream", &bytes())), unchanged(), no_job()],
             json!({ "parameters": [in_path("jobId"), in_path("path")] }),
         ) },
         "/jobs/{jobId}/events": { "get": operation(
@@ -144,7 +173,7 @@ fn upload_paths() -> Value {
         },
         "/uploads/{name}/files/{path}": { "get": operation(
             "getUploadedFile", "A file of an upload; ranges of bytes are understood",
-            &[("200", answer("File", "application/octet-stream", &bytes())), ("206", answer("Part", "application/octet-stream", &bytes())), ("404", failure("There is none"))],
+            &[("200", answer("File", "application/octet-stream", &bytes())), ("206", answer("Part", "application/octet-stream", &bytes())), unchanged(), ("404", failure("There is none"))],
             json!({ "parameters": [in_path("name"), in_path("path")] }),
         ) },
     })
@@ -163,7 +192,7 @@ fn execution(process: Process, app: &App) -> (String, Value) {
         ("429", failure("Too many jobs wait")),
     ];
     if process.is_quick() {
-        answers.push(("200", as_json("Results", "results")));
+        answers.extend([("200", results()), linked()]);
         answers.push(("422", failure("The computation failed")));
     }
     let inputs = process.description(&app.workshop.program)["inputs"].clone();
@@ -175,7 +204,8 @@ fn execution(process: Process, app: &App) -> (String, Value) {
         .collect();
     let mut schema = reference("execute");
     schema = json!({ "allOf": [schema, { "type": "object", "properties": { "inputs": { "type": "object", "properties": properties } } }] });
-    let more = json!({ "requestBody": { "required": true, "content": { JSON: { "schema": schema } } } });
+    let prefer = json!({ "name": "Prefer", "in": "header", "required": false, "description": "`respond-async` for a job", "schema": { "type": "string" } });
+    let more = json!({ "parameters": [prefer], "requestBody": { "required": true, "content": { JSON: { "schema": schema } } } });
     (
         path,
         json!({ "post": operation(&format!("execute-{}", process.id()), process.title(), &answers, more) }),
@@ -236,8 +266,11 @@ fn schemas() -> Value {
         } }] },
         "execute": { "type": "object", "properties": {
             "inputs": { "type": "object" },
-            "outputs": { "type": "object" },
-            "response": { "type": "string", "enum": ["raw", "document"], "default": "document" },
+            "outputs": { "type": "object", "additionalProperties": { "type": "object", "properties": {
+                "format": { "type": "object" },
+                "transmissionMode": { "type": "string", "enum": ["value", "reference"] },
+            } } },
+            "response": { "type": "string", "enum": ["raw", "document"], "default": "raw" },
         } },
         "statusCode": { "type": "string", "enum": ["accepted", "running", "successful", "failed", "dismissed"] },
         "statusInfo": { "type": "object", "required": ["jobID", "status", "type"], "properties": {

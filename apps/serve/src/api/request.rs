@@ -3,8 +3,8 @@
 use crate::answers::Failure;
 use crate::job_folder::DATASET;
 use crate::names::relative_path;
-use crate::processes::Process;
-use crate::request::suggestion;
+use crate::processes::{Process, Transmission};
+use crate::request::{Form, Outputs, suggestion};
 use axum::http::{HeaderMap, StatusCode, header};
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -17,21 +17,10 @@ pub struct Request {
     pub process: Process,
     /// Its inputs, which the queue checks.
     pub inputs: Map<String, Value>,
-    /// Form of results.
-    pub form: Form,
+    /// The outputs, and the form of results.
+    pub outputs: Outputs,
     /// True if the answer is to be the job, not its results.
     pub prefers_job: bool,
-}
-
-/// The form of results.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Form {
-    /// A document that lists all.
-    #[default]
-    Document,
-    /// A single output as it is.
-    Raw,
 }
 
 /// The body of a request, as the standard has it.
@@ -40,9 +29,8 @@ pub enum Form {
 struct Body {
     #[serde(default)]
     inputs: Map<String, Value>,
-    /// Outputs that are wanted; results list all.
     #[serde(default)]
-    outputs: BTreeMap<String, WantedOutput>,
+    outputs: BTreeMap<String, RequestedOutput>,
     #[serde(default)]
     response: Form,
     #[serde(default)]
@@ -52,23 +40,15 @@ struct Body {
     _mode: Option<String>,
 }
 
-/// The form in which an output is wanted. The service chooses: JSON is a value, other files are links.
+/// The form in which an output is requested. Its format is that of its file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "camelCase")]
-struct WantedOutput {
+struct RequestedOutput {
     #[serde(default)]
     #[serde(rename = "format")]
     _format: Option<Value>,
     #[serde(default)]
-    #[serde(rename = "transmissionMode")]
-    _transmission_mode: Option<TransmissionMode>,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum TransmissionMode {
-    Value,
-    Reference,
+    transmission_mode: Option<Transmission>,
 }
 
 impl Request {
@@ -85,6 +65,10 @@ impl Request {
             return Err(Failure::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, message));
         }
         let wrong = |message: String| Failure::new(StatusCode::BAD_REQUEST, message);
+        // The library takes a list for an object whose members have this order.
+        if body.trim_ascii_start().first() == Some(&b'[') {
+            return Err(wrong("expected a request such as {\"inputs\": {…}}, found a list".to_owned()));
+        }
         let Body { inputs, outputs, response: form, subscriber, .. } =
             serde_json::from_slice::<Body>(body)
                 .map_err(|e| wrong(format!("the request is not as the process takes it: {e}")))?;
@@ -99,7 +83,18 @@ impl Request {
                 process.id()
             )));
         }
-        Ok(Request { process, inputs, form, prefers_job: prefers_job(headers) })
+        let chosen: BTreeMap<String, Option<Transmission>> =
+            outputs.into_iter().map(|(name, output)| (name, output.transmission_mode)).collect();
+        if process.transmission() == Transmission::Reference
+            && let Some((name, _)) = chosen.iter().find(|(_, mode)| **mode == Some(Transmission::Value))
+        {
+            return Err(wrong(format!(
+                "outputs: the process {} gives `{name}` by reference only; leave `transmissionMode` out",
+                process.id()
+            )));
+        }
+        let outputs = Outputs { form, chosen };
+        Ok(Request { process, inputs, outputs, prefers_job: prefers_job(headers) })
     }
 }
 
@@ -116,11 +111,33 @@ fn is_output(process: Process, inputs: &Map<String, Value>, name: &str) -> bool 
         || (may_be_named && relative_path(name).is_some())
 }
 
-/// True if a header prefers a job (RFC 7240): names are of any case, and may have parameters.
+/// True if a header prefers a job (RFC 7240): names are of any case, and may have parameters; an empty value
+/// counts as none.
 fn prefers_job(headers: &HeaderMap) -> bool {
     let prefers = headers.get_all("prefer").iter().filter_map(|value| value.to_str().ok());
-    let mut names = prefers.flat_map(|value| value.split(',')).filter_map(|one| one.split(';').next());
-    names.any(|name| name.trim().eq_ignore_ascii_case("respond-async"))
+    let mut preferences = prefers.flat_map(|value| split(value, ',')).filter_map(|one| {
+        let preference = split(one, ';').into_iter().next()?;
+        let (name, value) = preference.split_once('=').unwrap_or((preference, ""));
+        Some((name.trim(), value.trim()))
+    });
+    preferences
+        .any(|(name, value)| name.eq_ignore_ascii_case("respond-async") && matches!(value, "" | "\"\""))
+}
+
+/// Splits the value of a header at a separator, but not within quotes.
+fn split(text: &str, separator: char) -> Vec<&str> {
+    let (mut is_quoted, mut is_escaped) = (false, false);
+    text.split(move |c: char| {
+        let is_separator = c == separator && !is_quoted;
+        match c {
+            _ if is_escaped => is_escaped = false,
+            '\\' if is_quoted => is_escaped = true,
+            '"' => is_quoted = !is_quoted,
+            _ => {}
+        }
+        is_separator
+    })
+    .collect()
 }
 
 #[cfg(test)]
@@ -139,12 +156,38 @@ mod tests {
     fn requests_are_parsed() {
         let body = r#"{"inputs": {"points": "a/b.laz"}, "outputs": {"preview.png": {"transmissionMode": "value"}}, "response": "raw"}"#;
         let request = parsed("preview", body, "wait=5, Respond-Async;x=1").unwrap();
-        assert_eq!((request.process, request.form, request.prefers_job), (Process::Preview, Form::Raw, true));
+        assert_eq!((request.process, request.outputs.form), (Process::Preview, Form::Raw));
+        let chosen = BTreeMap::from([("preview.png".to_owned(), Some(Transmission::Value))]);
+        assert!(request.prefers_job && request.outputs.chosen == chosen);
         assert_eq!(request.inputs["points"], "a/b.laz");
         assert!(!parsed("run", "{}", "wait=5").unwrap().prefers_job);
         let own = r#"{"inputs": {"output": [{"path": "a/b.las"}]}, "outputs": {"a/b.las": {}}}"#;
         assert!(parsed("run", own, "").is_ok());
         assert!(parsed("campaign", r#"{"outputs": {"dataset/train/x/points.laz": {}}}"#, "").is_ok());
+        assert_eq!(parsed("run", "{}", "").unwrap().outputs, Outputs::default());
+        let whole = parsed("run", r#"{"response": "document"}"#, "").unwrap();
+        assert_eq!(whole.outputs.form, Form::Document);
+    }
+
+    #[test]
+    fn preferences_are_those_of_rfc_7240() {
+        for (prefer, is_job) in [
+            ("respond-async", true),
+            ("RESPOND-ASYNC", true),
+            ("respond-async; wait=1", true),
+            ("respond-async=\"\"", true),
+            ("return=minimal, respond-async", true),
+            ("foo=\"a, b\", respond-async", true),
+            ("foo=\"a \\\" , respond-async\"", false),
+            ("foo=\"a, respond-async, b\"", false),
+            ("foo; respond-async", false),
+            ("respond-asynchronously", false),
+            ("\"respond-async\"", false),
+            ("wait=5", false),
+            ("", false),
+        ] {
+            assert_eq!(parsed("plan", "{}", prefer).unwrap().prefers_job, is_job, "{prefer}");
+        }
     }
 
     #[test]
@@ -155,6 +198,13 @@ mod tests {
             ("run", r#"{"inputs": {"output": []}, "outputs": {"../x": {}}}"#, "no output `../x`"),
             ("plan", r#"{"outputs": {"plan.toml": {"transmissionMode": "pigeon"}}}"#, "pigeon"),
             ("plan", r#"{"outputs": {"plan.toml": {"transmission": "value"}}}"#, "transmission"),
+            (
+                "campaign",
+                r#"{"outputs": {"dataset/manifest.jsonl": {"transmissionMode": "value"}}}"#,
+                "reference",
+            ),
+            ("plan", r#"{"response": "xml"}"#, "xml"),
+            ("plan", " []", "found a list"),
             ("plan", r#"{"inputz": {}}"#, "inputz"),
             ("plan", r#"{"subscriber": {}}"#, "/jobs/JOB/events"),
         ] {

@@ -16,7 +16,7 @@ mod prepared;
 mod values;
 
 pub use named::name_of;
-pub use prepared::{Prepared, RequestError};
+pub use prepared::{Form, Outputs, Prepared, RequestError};
 pub(crate) use values::suggestion;
 
 use crate::processes::Process;

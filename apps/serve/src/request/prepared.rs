@@ -1,9 +1,10 @@
 //! Prepared requests, and reasons to refuse one.
 
+use crate::processes::Transmission;
 use crate::queue::Use;
 use crate::store::StoreError;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Why a request is refused.
 #[derive(Debug, thiserror::Error)]
@@ -43,4 +44,26 @@ pub struct Prepared {
     pub shown: String,
     /// Uploads and results that it reads.
     pub uses: BTreeSet<Use>,
+    /// The outputs that a program requests; pages request none.
+    pub outputs: Option<Outputs>,
+}
+
+/// Requested outputs, and the form of the results.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Outputs {
+    /// The form.
+    pub form: Form,
+    /// Names of outputs, and how they are given; all if there are none.
+    pub chosen: BTreeMap<String, Option<Transmission>>,
+}
+
+/// The form of results.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Form {
+    /// The outputs as they are, or links to them.
+    #[default]
+    Raw,
+    /// A document that has or links all.
+    Document,
 }

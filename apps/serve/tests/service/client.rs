@@ -95,6 +95,12 @@ impl Service {
         }
     }
 
+    /// Sends the service a signal.
+    pub fn signal(&self, name: &str) {
+        let id = self.process.id().to_string();
+        assert!(Command::new("kill").args([&format!("-{name}"), &id]).status().unwrap().success());
+    }
+
     /// Kills the service.
     pub fn kill(&mut self) {
         self.process.kill().unwrap();
@@ -103,8 +109,7 @@ impl Service {
 
     /// Ends the service, as its operator does.
     pub fn stop(&mut self) {
-        let id = self.process.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+        self.signal("TERM");
         assert!(self.process.wait().unwrap().success());
     }
 
@@ -175,7 +180,7 @@ impl Service {
     pub fn execute(&self, process: &str, inputs: &Value) -> Answer {
         self.post_json(
             &format!("/processes/{process}/execution"),
-            &serde_json::json!({ "inputs": inputs }),
+            &serde_json::json!({ "inputs": inputs, "response": "document" }),
             &[],
         )
     }
@@ -189,8 +194,8 @@ impl Service {
     /// Adds a job.
     pub fn submit(&self, process: &str, inputs: &Value) -> String {
         let path = format!("/processes/{process}/execution");
-        let answer =
-            self.post_json(&path, &serde_json::json!({ "inputs": inputs }), &[("Prefer", "respond-async")]);
+        let request = serde_json::json!({ "inputs": inputs, "response": "document" });
+        let answer = self.post_json(&path, &request, &[("Prefer", "respond-async")]);
         assert_eq!(answer.status, 201, "{}", answer.text());
         answer.json()["jobID"].as_str().unwrap().to_owned()
     }

@@ -4,7 +4,9 @@
 //! |---|---|
 //! | `client` | starting the service; a small HTTP client |
 //! | `command` | the commands, and the restrictions of processes |
+//! | `http` | versions of files, tokens, cookies and names of hosts |
 //! | `interface` | the interface for programs |
+//! | `ogc` | the requirements of OGC API - Processes |
 //! | `jobs` | queue, results, interruptions |
 //! | `messages` | warnings and errors of jobs |
 //! | `engine` | jobs that an engine computes |
@@ -19,9 +21,11 @@ mod client;
 mod command;
 mod engine;
 mod hostile;
+mod http;
 mod interface;
 mod jobs;
 mod limits;
 mod messages;
+mod ogc;
 mod opening;
 mod takeover;

@@ -129,6 +129,9 @@ static void multiplies(void) {
   errno = posix_spawn(&child, "/bin/sh", NULL, NULL, words, environ);
   attempt("spawn", "", errno == 0);
   attempt("death signal", "", prctl(PR_SET_PDEATHSIG, 0) == 0);
+  attempt("hidden files", "", prctl(PR_SET_DUMPABLE, 0) == 0);
+  /* FALLOC_FL_KEEP_SIZE */
+  attempt("hidden space", "", fallocate(fileno(out), 1, 0, 1 << 20) == 0);
 }
 
 static void interferes(void) {
