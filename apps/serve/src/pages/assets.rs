@@ -23,6 +23,7 @@ const ASSETS: &[(&str, &str, &[u8])] = assets! {
     "icon.svg": "image/svg+xml",
     "follow.js": SCRIPT,
     "draw.js": SCRIPT,
+    "upload.js": SCRIPT,
     "viewer/viewer.js": SCRIPT,
     "viewer/hands.js": SCRIPT,
     "viewer/camera.js": SCRIPT,

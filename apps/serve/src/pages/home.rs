@@ -1,5 +1,6 @@
 //! The first page, with uploads and the newest jobs; and the list of all jobs.
 
+use super::examples::EXAMPLES;
 use super::layout::{bytes_text, form_token, page, short_time};
 use super::titles::{Titled, titled};
 use crate::answers::Failure;
@@ -17,6 +18,24 @@ const NEWEST: u32 = 10;
 /// # Errors
 /// Errors of the store.
 pub async fn home(app: &Arc<App>, identity: &Identity) -> Result<Response, Failure> {
+    with_problem(app, identity, "").await
+}
+
+/// The first page with the problem of an upload at its form.
+///
+/// # Errors
+/// Errors of the store.
+pub async fn upload_failed(
+    app: &Arc<App>,
+    identity: &Identity,
+    failure: &Failure,
+) -> Result<Response, Failure> {
+    let mut response = with_problem(app, identity, &failure.detail).await?;
+    *response.status_mut() = failure.status;
+    Ok(response)
+}
+
+async fn with_problem(app: &Arc<App>, identity: &Identity, problem: &str) -> Result<Response, Failure> {
     let owner = identity.owner.clone();
     let (uploads, jobs) = blocking(app, move |workshop| -> StoreResult<_> {
         let states = [Status::Accepted, Status::Running, Status::Successful, Status::Failed];
@@ -24,30 +43,17 @@ pub async fn home(app: &Arc<App>, identity: &Identity) -> Result<Response, Failu
         Ok((workshop.store.uploads(&owner)?, titled(&workshop.store, jobs)?))
     })
     .await?;
-    let limits = &app.workshop.limits;
     let content = html! {
         h1 { "Virtual laser scanning" }
         @if uploads.is_empty() {
             p .lead { "Upload a scene, then choose an instrument: " a href="/new" { "New scan" } "." }
+            (examples(app, identity))
         } @else {
             p .lead { a .button href="/new" { "New scan" } }
         }
         section aria-labelledby="files" {
             h2 #files { "Files" }
-            form method="post" action="/uploads" enctype="multipart/form-data" .card {
-                (form_token(app, identity))
-                label { "Name " small { "(default: that of the file)" } input name="name" maxlength="60" autocomplete="off" pattern="[\\p{L}\\p{N}._+\\-]+" title="letters, digits and . _ + - without blanks"; }
-                label {
-                    "Files of a scene, a survey, a trajectory, or one zip archive of them"
-                    input type="file" name="file" multiple;
-                }
-                label { "or a folder" input type="file" name="file" webkitdirectory multiple; }
-                button type="submit" { "Upload" }
-                p { small {
-                    "Meshes (OBJ, PLY, STL, OFF, glTF), terrain (GeoTIFF, ESRI grids), point clouds (LAZ …), voxels, surveys, inventories, areas; at most "
-                    (bytes_text(limits.max_upload)) " and " (limits.max_files) " files."
-                } }
-            }
+            (upload_form(app, identity, problem))
             (upload_list(app, identity, &uploads))
         }
         section aria-labelledby="jobs" {
@@ -57,6 +63,58 @@ pub async fn home(app: &Arc<App>, identity: &Identity) -> Result<Response, Failu
         }
     };
     Ok(page(app, identity, "Files and jobs", &content))
+}
+
+/// The form of uploads, with the problem of one that has failed. A script adds progress, and files can be
+/// dropped on it.
+fn upload_form(app: &App, identity: &Identity, problem: &str) -> Markup {
+    let limits = &app.workshop.limits;
+    html! {
+        script src="/static/upload.js" defer {}
+        form #upload method="post" action="/uploads" enctype="multipart/form-data" .card {
+            (form_token(app, identity))
+            input type="hidden" name="taken" value="number";
+            p #upload-problem .problem role="alert" { (problem) }
+            label {
+                "Name " small { "(default: that of the file; a number is added to a name that is taken)" }
+                input name="name" maxlength="60" autocomplete="off" pattern="[\\p{L}\\p{N}._+\\-]+" title="letters, digits and . _ + - without blanks";
+            }
+            div .drop {
+                label {
+                    "Files of a scene, a survey, a trajectory, or one zip archive of them"
+                    input type="file" name="file" multiple;
+                }
+                label { "or a folder" input type="file" name="file" webkitdirectory multiple; }
+                p #dropped role="status" {}
+            }
+            progress #uploaded max="100" value="0" hidden aria-label="Progress of the upload" {}
+            button type="submit" { "Upload" }
+            p { small {
+                "Meshes (OBJ, PLY, STL, OFF, glTF), terrain (GeoTIFF, ESRI grids), point clouds (LAZ …), voxels, surveys, inventories, areas; at most "
+                (bytes_text(limits.max_upload)) " and " (limits.max_files) " files."
+            } }
+        }
+    }
+}
+
+/// Scans of examples, for visitors without files.
+fn examples(app: &App, identity: &Identity) -> Markup {
+    html! {
+        section .card aria-labelledby="examples" {
+            h2 #examples { "Try an example" }
+            form method="post" action="/forms/example" {
+                (form_token(app, identity))
+                div .row {
+                    @for example in &EXAMPLES {
+                        div {
+                            button type="submit" name="example" value=(example.id) { (example.title) }
+                            p { small { (example.about) } }
+                        }
+                    }
+                }
+            }
+        }
+    }
 }
 
 fn upload_list(app: &App, identity: &Identity, uploads: &[Upload]) -> Markup {

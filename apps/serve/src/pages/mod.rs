@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `layout` | what all pages have |
 //! | `home` | uploads and jobs |
+//! | `examples` | scans that visitors without files can try |
 //! | `titles` | what jobs are called |
 //! | `new`, `scan_form`, `choices` | forms of new jobs, by their kind; files to choose from |
 //! | `upload` | an upload, and what can be done with its files |
@@ -20,6 +21,7 @@
 mod assets;
 mod choices;
 mod cloud;
+mod examples;
 mod form_body;
 mod forms;
 mod home;
@@ -33,7 +35,7 @@ mod scan_form;
 mod titles;
 mod upload;
 
-pub use home::{home, jobs};
+pub use home::{home, jobs, upload_failed};
 pub use job::job;
 pub use layout::{failure, interface};
 pub use titles::titled;
@@ -57,6 +59,7 @@ pub fn router() -> Router<Arc<App>> {
         .route("/instruments/{number}/pattern.svg", get(instruments::pattern))
         .route("/login", get(forms::login_page).post(forms::login))
         .route("/forms/logout", post(forms::logout))
+        .route("/forms/example", post(examples::example))
         .route("/forms/run", post(forms::run))
         .route("/forms/plan", post(forms::plan))
         .route("/forms/trajectory", post(forms::trajectory))

@@ -13,6 +13,7 @@
 //! | `takeover` | a program in place of vlscan that tries to leave its sandbox |
 //! | `hostile` | what others may send: files, names, requests |
 //! | `browser` | pages, as a browser without scripts uses them |
+//! | `pages` | examples, uploads, forms that are shown again, lists of jobs |
 
 mod browser;
 mod client;
@@ -24,4 +25,5 @@ mod jobs;
 mod limits;
 mod messages;
 mod opening;
+mod pages;
 mod takeover;
