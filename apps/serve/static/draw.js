@@ -190,7 +190,15 @@
       picture.src = address;
       picture.alt = `Scan pattern of ${option.textContent.trim()}`;
     };
-    list.addEventListener('change', show);
+    const { height } = list.form.elements;
+    const offered = () => list.selectedOptions[0]?.dataset.height || '80';
+    let before = offered();
+    list.addEventListener('change', () => {
+      // A height that nobody has typed follows the range of the instrument.
+      if (height && height.value === before) height.value = offered();
+      before = offered();
+      show();
+    });
     show();
   }
 

@@ -151,7 +151,7 @@ pub async fn list(
     if is_page {
         let next = (jobs.len() == limit as usize).then_some(next.as_str());
         let shown = jobs.into_iter().filter(|job| job.status != Status::Dismissed).collect();
-        let jobs = blocking(&app, move |workshop| pages::titled(&workshop.store, shown)).await?;
+        let jobs = blocking(&app, move |workshop| pages::titled(workshop, shown)).await?;
         return Ok(pages::jobs(&app, &identity, &jobs, next));
     }
     let mut links = vec![link("/jobs", "self", "application/json", "This document")];

@@ -22,6 +22,7 @@ const ASSETS: &[(&str, &str, &[u8])] = assets! {
     "style.css": "text/css; charset=utf-8",
     "icon.svg": "image/svg+xml",
     "follow.js": SCRIPT,
+    "page.js": SCRIPT,
     "draw.js": SCRIPT,
     "upload.js": SCRIPT,
     "viewer/viewer.js": SCRIPT,

@@ -6,6 +6,7 @@ use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::processes::Process;
 use crate::store::{Job, Status};
+use crate::submit::SubmitError;
 use crate::uploads::{Received, UploadError};
 use crate::worker::Workshop;
 use axum::Extension;
@@ -123,7 +124,14 @@ async fn submitted(
 ) -> Result<Job, Failure> {
     let owner = identity.owner.clone();
     let inputs = if let Value::Object(inputs) = inputs { inputs } else { Map::new() };
-    blocking(app, move |workshop| workshop.submit(&owner, process, &inputs)).await
+    // A second click leads to the jobs of the first one.
+    let submit = move |workshop: &Workshop| -> Result<Job, SubmitError> {
+        match workshop.newest_like(&owner, process, &inputs)? {
+            Some(job) => Ok(job),
+            None => workshop.submit(&owner, process, &inputs),
+        }
+    };
+    blocking(app, submit).await
 }
 
 /// A job, finished unless it takes long.

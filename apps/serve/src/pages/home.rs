@@ -1,11 +1,11 @@
 //! The first page, with uploads and the newest jobs; and the list of all jobs.
 
 use super::examples::EXAMPLES;
-use super::layout::{bytes_text, form_token, page, short_time};
-use super::titles::{Titled, titled};
+use super::layout::{bytes_text, form_token, local_time, page};
+use super::titles::{Titled, step_title, titled};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
-use crate::store::{Listed, Result as StoreResult, Status, Upload, time_text};
+use crate::store::{Job, Listed, Result as StoreResult, Status, Upload};
 use axum::response::Response;
 use maud::{Markup, html};
 use std::sync::Arc;
@@ -40,7 +40,7 @@ async fn with_problem(app: &Arc<App>, identity: &Identity, problem: &str) -> Res
     let (uploads, jobs) = blocking(app, move |workshop| -> StoreResult<_> {
         let states = [Status::Accepted, Status::Running, Status::Successful, Status::Failed];
         let jobs = workshop.store.jobs(Listed::States, &owner, &states, &[], 0, NEWEST)?;
-        Ok((workshop.store.uploads(&owner)?, titled(&workshop.store, jobs)?))
+        Ok((workshop.store.uploads(&owner)?, titled(workshop, jobs)?))
     })
     .await?;
     let content = html! {
@@ -162,26 +162,50 @@ pub fn encoded(text: &str) -> String {
         .collect()
 }
 
+/// Jobs in the order of their scans, the scan with the newest job first.
+fn scans(jobs: &[Titled]) -> Vec<Vec<&Titled>> {
+    let mut scans: Vec<Vec<&Titled>> = Vec::new();
+    for job in jobs {
+        match scans.iter_mut().find(|scan| scan.iter().any(|other| other.scan.0 == job.scan.0)) {
+            Some(scan) => scan.push(job),
+            None => scans.push(vec![job]),
+        }
+    }
+    scans
+}
+
+/// Jobs as a table, those of one scan below its title.
 fn job_list(jobs: &[Titled]) -> Markup {
     html! {
         @if jobs.is_empty() {
             p { "None yet." }
         } @else {
-            table {
+            table .jobs {
                 thead { tr { th { "Job" } th { "State" } th { "Accepted" } } }
-                tbody {
-                    @for Titled { job, title } in jobs {
-                        tr {
-                            td { a href=(format!("/jobs/{}", job.id)) { (title) } }
-                            td {
-                                span .state .(job.status.name()) { (job.status.name()) }
-                                @if job.status == Status::Running { " " (job.progress) " %" }
-                            }
-                            td { time datetime=(time_text(job.created)) { (short_time(job.created)) } }
+                @for scan in scans(jobs) {
+                    tbody {
+                        @if let [first, _, ..] = scan.as_slice() {
+                            tr { th colspan="3" scope="rowgroup" { (first.scan.1) } }
+                            @for one in &scan { (job_row(&one.job, &step_title(&one.job))) }
+                        } @else {
+                            @for one in &scan { (job_row(&one.job, &one.title)) }
                         }
                     }
                 }
             }
+        }
+    }
+}
+
+fn job_row(job: &Job, title: &str) -> Markup {
+    html! {
+        tr {
+            td { a href=(format!("/jobs/{}", job.id)) { (title) } }
+            td {
+                span .state .(job.status.name()) { (job.status.name()) }
+                @if job.status == Status::Running { " " (job.progress) " %" }
+            }
+            td { (local_time(job.created)) }
         }
     }
 }

@@ -4,8 +4,10 @@
 use super::cloud::{cloud, is_cloud, is_octree, show_form};
 use super::home::encoded as in_query;
 use super::layout::{bytes_text, form_token, page};
+use super::new::failed_plan;
 use super::plan_fields::{address, in_words_of_the_page};
-use super::titles::title;
+use super::titles::{inputs_of, next_seed, title};
+use super::trail::{path, trail_of};
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
 use crate::messages::{place_of, rounded};
@@ -81,14 +83,18 @@ pub async fn job(
     points: Option<&str>,
 ) -> Result<Response, Failure> {
     let reads = job.clone();
-    let (shown, title) = blocking(app, move |workshop| -> StoreResult<_> {
-        Ok((Shown::of(&reads, &workshop.store), title(&workshop.store, &reads)?))
+    let (shown, title, trail) = blocking(app, move |workshop| -> StoreResult<_> {
+        Ok((Shown::of(&reads, &workshop.store), title(workshop, &reads)?, trail_of(workshop, &reads)?))
     })
     .await?;
+    let is_failed_plan = job.status == Status::Failed && job.process == Process::Plan.id();
+    let form = if is_failed_plan { Some(failed_plan(app, identity, job).await?) } else { None };
     let content = html! {
+        (path(&trail))
         h1 { (title) }
         (state(job))
         (change(job))
+        @if let Some(form) = form { (form) }
         @if job.status == Status::Successful { (results(app, identity, job, &shown, points)) }
         (command(job, &shown))
         form method="post" action="/forms/dismiss" {
@@ -198,9 +204,21 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown, points: Opt
             _ => {
                 @let drawn = html! { @if shown.has_picture { (picture(&own, "The points from above and from the side")) } };
                 (cloud(app, identity, job, &files, points, &drawn))
+                @if process == Some(Process::Run) { (again(app, identity, job)) }
             }
         }
         (downloads(job, &files, |name| show_form(app, identity, name, "show")))
+    }
+}
+
+/// A form that runs a job once more with the next seed.
+fn again(app: &App, identity: &Identity, job: &Job) -> Markup {
+    html! {
+        form .inline method="post" action="/forms/again" {
+            (form_token(app, identity))
+            input type="hidden" name="id" value=(job.id);
+            button .quiet type="submit" { "Again with seed " (next_seed(&inputs_of(job))) }
+        }
     }
 }
 

@@ -7,6 +7,7 @@
 //! | `home` | uploads and jobs |
 //! | `examples` | scans that visitors without files can try |
 //! | `titles` | what jobs are called |
+//! | `trail` | the path from the files to a page |
 //! | `new`, `scan_form`, `choices` | forms of new jobs, by their kind; files to choose from |
 //! | `upload` | an upload, and what can be done with its files |
 //! | `map` | pictures of scenes to draw on |
@@ -17,11 +18,14 @@
 //! | `forms` | what forms do |
 //! | `form_body` | the fields that a form sends |
 //! | `plan_fields` | the fields of the forms of plans |
+//! | `fixes` | problems of plans at their fields, and what solves them |
+//! | `mesh` | the height of level ground below a mesh |
 
 mod assets;
 mod choices;
 mod cloud;
 mod examples;
+mod fixes;
 mod form_body;
 mod forms;
 mod home;
@@ -29,10 +33,12 @@ mod instruments;
 mod job;
 mod layout;
 mod map;
+mod mesh;
 mod new;
 mod plan_fields;
 mod scan_form;
 mod titles;
+mod trail;
 mod upload;
 
 pub use home::{home, jobs, upload_failed};
@@ -67,6 +73,7 @@ pub fn router() -> Router<Arc<App>> {
         .route("/forms/corner", post(new::corner))
         .route("/forms/compare", post(forms::compare))
         .route("/forms/view", post(forms::view))
+        .route("/forms/again", post(forms::again))
         .route("/forms/dismiss", post(forms::dismiss))
         .route("/forms/remove-upload", post(forms::remove_upload))
 }

@@ -21,7 +21,7 @@ const fn above(name: &'static str, label: &'static str, range: [f64; 2]) -> Numb
     Number { name, label, range, from: false, is_whole: false }
 }
 
-const NUMBERS: [Number; 10] = [
+static NUMBERS: [Number; 10] = [
     above("height", "Height above ground", [0.0, 100_000.0]),
     above("density", "Density", [0.0, 1e6]),
     Number { name: "overlap", label: "Overlap", range: [-1000.0, 99.0], from: true, is_whole: false },
@@ -81,6 +81,24 @@ pub enum FieldError {
     /// A text that is not a place.
     #[error("Centre: expected x and y, for example `500000 5400000`, found `{0}`")]
     Place(String),
+}
+
+impl FieldError {
+    /// The name of the field that is wrong.
+    pub fn field(&self) -> Option<&'static str> {
+        let named = |wanted: &str| labels().find(|(_, label)| *label == wanted).map(|(name, _)| name);
+        match self {
+            FieldError::Choose(label)
+            | FieldError::Number { label, .. }
+            | FieldError::NoNumber(label)
+            | FieldError::TwoShapes(label)
+            | FieldError::NoShape(label) => named(label),
+            FieldError::Overdetermined => Some("speed"),
+            FieldError::NoSpeed => Some("density"),
+            FieldError::CircleAndGrid => Some("spacing"),
+            FieldError::NoPositions | FieldError::Place(_) => Some("around"),
+        }
+    }
 }
 
 impl Number {
@@ -210,9 +228,16 @@ fn place(text: &str) -> Result<String, FieldError> {
 
 /// The address of the form of a plan or a stand with these inputs in its fields.
 pub fn address(process: Process, inputs: &Map<String, Value>) -> Option<String> {
-    let mut address = match process {
-        Process::Plan => "/new?again=1".to_owned(),
-        Process::Stand => "/new?again=1&kind=stand".to_owned(),
+    let fields = fields(process, inputs)?;
+    let pairs = fields.iter().map(|(field, text)| format!("&{field}={}", encoded(text)));
+    Some(format!("/new?again=1{}", pairs.collect::<String>()))
+}
+
+/// The fields of the form of a plan or a stand with these inputs.
+pub fn fields(process: Process, inputs: &Map<String, Value>) -> Option<Fields> {
+    let mut fields = match process {
+        Process::Plan => Fields::new(),
+        Process::Stand => Fields::from([("kind".to_owned(), "stand".to_owned())]),
         _ => return None,
     };
     for (key, value) in inputs {
@@ -225,28 +250,41 @@ pub fn address(process: Process, inputs: &Map<String, Value>) -> Option<String> 
         };
         // Texts of shapes have brackets.
         let is_file = matches!(key.as_str(), "area" | "along") && !text.contains(['(', '{']);
-        let field = if is_file { format!("{key}_file") } else { key.clone() };
-        address += &format!("&{field}={}", encoded(&text));
+        fields.insert(if is_file { format!("{key}_file") } else { key.clone() }, text);
     }
-    Some(address)
+    Some(fields)
+}
+
+/// Fields that are not numbers: the option of `vlscan plan` with underscores, and the label.
+const OTHERS: [(&str, &str); 6] = [
+    ("scene", "Scene"),
+    ("scanner", "Instrument"),
+    ("area", "Area"),
+    ("along", "Line"),
+    ("around", "Centre"),
+    ("follow_terrain", "Follow the terrain"),
+];
+
+/// Names and labels of all fields.
+fn labels() -> impl Iterator<Item = (&'static str, &'static str)> {
+    NUMBERS.iter().map(|number| (number.name, number.label)).chain(OTHERS)
+}
+
+/// The field whose option a message of `vlscan plan` names first.
+pub fn field_of_message(message: &str) -> Option<&'static str> {
+    let mut parts = message.split("--").skip(1);
+    parts.find_map(|part| {
+        let end = part.find(|c: char| !c.is_ascii_alphanumeric() && c != '-').unwrap_or(part.len());
+        let option = part[..end].replace('-', "_");
+        labels().map(|(name, _)| name).find(|name| *name == option)
+    })
 }
 
 /// A message of `vlscan plan` with the fields in place of its options.
 pub fn in_words_of_the_page(message: &str) -> String {
-    let others = [
-        ("scene", "Scene"),
-        ("scanner", "Instrument"),
-        ("area", "Area"),
-        ("along", "Line"),
-        ("around", "Centre"),
-    ];
-    let numbers = NUMBERS.iter().map(|number| (number.name, number.label));
-    numbers
-        .chain(others)
-        .chain([("follow_terrain", "Follow the terrain")])
-        .fold(message.to_owned(), |text, (name, label)| {
-            with_label(&text, &format!("--{}", name.replace('_', "-")), label)
-        })
+    labels().fold(message.to_owned(), |text, (name, label)| {
+        with_label(&text, &format!("--{}", name.replace('_', "-")), label)
+    })
 }
 
 /// The text with a label in place of an option.

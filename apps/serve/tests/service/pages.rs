@@ -1,6 +1,7 @@
 //! Examples, uploads from pages, forms that are shown again with a fix, and the way through the jobs of a scan.
 
 use super::browser::{finished, page, send, token_of};
+use super::jobs::with_field;
 use crate::client::{Service, form};
 
 const HTML: (&str, &str) = ("Accept", "text/html");
@@ -17,9 +18,9 @@ fn examples_are_scanned_by_one_click() {
         let done = finished(&service, begun.header("location"));
         assert!(done.contains("/results/points.copc.laz\""), "{done}");
         assert!(page(&service, &format!("/uploads/{upload}")).contains(upload));
-        // The second click uses the same upload, and the results that there are.
+        // The second click leads to the same results.
         let again = send(&service, "/forms/example", &token, &[("example", example)]);
-        assert_eq!(service.json(again.header("location"))["status"], "successful");
+        assert_eq!(again.header("location"), begun.header("location"));
     }
     assert_eq!(service.json("/uploads")["uploads"].as_array().unwrap().len(), 2);
     assert!(!page(&service, "/").contains("/forms/example"), "examples are for empty pages");
@@ -46,4 +47,90 @@ fn uploads_of_pages_get_a_number_and_keep_their_form() {
     let text = failed.text();
     assert_eq!(failed.status, 400);
     assert!(text.contains("the upload has no files") && text.contains("action=\"/uploads\""), "{text}");
+}
+
+const UAV: &str = "data/scanners_als.xml#riegl_vux-1uav";
+
+#[test]
+fn a_failed_plan_shows_its_form_with_a_fix() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    let new = page(&service, "/new?kind=terrestrial&scene=field/field.obj");
+    let token = token_of(&new).to_owned();
+    assert!(new.contains("name=\"ground\" value=\"0\""), "the lowest place of a mesh without ground: {new}");
+    let terrestrial = new.find("Terrestrial and mobile").unwrap();
+    assert!(terrestrial < new.find("label=\"Airborne\"").unwrap(), "{new}");
+    let fields = [
+        ("kind", "terrestrial"),
+        ("scene", "field/field.obj"),
+        ("scanner", "data/scanners_tls.xml#riegl_vz400"),
+        ("around", "0,0"),
+        ("radius", "10"),
+        ("positions", "3"),
+        ("resolution", "0.1"),
+    ];
+    let begun = send(&service, "/forms/plan", &token, &fields);
+    let failed = finished(&service, begun.header("location"));
+    assert!(failed.contains("Level ground at 0 m") && failed.contains("aria-invalid=\"true\""), "{failed}");
+    assert!(failed.contains("name=\"around\"") && failed.contains("0,0</textarea>"), "{failed}");
+    // The button sends the fields with the value.
+    let button = failed.split("Level ground at 0 m").next().unwrap().rsplit("<form").next().unwrap();
+    for (field, value) in fields.iter().chain(&[("ground", "0")]) {
+        assert!(button.contains(&format!("name=\"{field}\" value=\"{value}\"")), "{field}: {button}");
+    }
+    let fixed = send(&service, "/forms/plan", &token, &[&fields[..], &[("ground", "0")]].concat());
+    let planned = finished(&service, fixed.header("location"));
+    assert!(planned.contains("plan.toml"), "{planned}");
+    // A request that is refused leads back to its form, too.
+    let mut absent = fields;
+    absent[1] = ("scene", "jobs/0123/stand/stand.xml");
+    let refused = send(&service, "/forms/plan", &token, &absent);
+    assert_eq!(refused.status, 400);
+    assert!(refused.text().contains("action=\"/forms/plan\""), "{}", refused.text());
+}
+
+#[test]
+fn pages_of_a_scan_lead_back_to_its_files() {
+    let service = Service::start(&[]);
+    service.upload_fixture("terrain");
+    let token = token_of(&page(&service, "/")).to_owned();
+    let area = "POLYGON ((-15 -15, 15 -15, 15 15, -15 15))";
+    let fields = [
+        ("kind", "airborne"),
+        ("scene", "terrain/scene.xml"),
+        ("scanner", UAV),
+        ("height", "60"),
+        ("density", "2"),
+        ("overlap", "20"),
+        ("area", area),
+    ];
+    let plan = send(&service, "/forms/plan", &token, &fields).header("location").to_owned();
+    assert!(finished(&service, &plan).contains("RIEGL VUX-1UAV, 60 m</h1>"));
+    let file = format!("{}/plan.toml", plan.trim_start_matches('/'));
+    let next = |action: &str| {
+        let fields = [("file", file.as_str()), ("action", action), ("format", "copc.laz"), ("seed", "3")];
+        send(&service, "/forms/run", &token, &fields).header("location").to_owned()
+    };
+    let forecast = next("dry-run");
+    finished(&service, &forecast);
+    let run = next("run");
+    let points = finished(&service, &run);
+    let path = points.split("aria-label=\"Path\"").nth(1).unwrap().split("</nav>").next().unwrap();
+    let steps = [("/", "Files"), ("/uploads/terrain", "terrain"), (&plan, "Plan"), (&forecast, "Forecast")];
+    let mut rest = path;
+    for (address, label) in steps {
+        let link = format!("<a href=\"{address}\">{label}</a>");
+        rest = rest.split_once(&link).unwrap_or_else(|| panic!("{link}: {path}")).1;
+    }
+    assert!(rest.contains("aria-current=\"page\">Points<"), "{path}");
+    // Jobs of one scan are below its title.
+    let jobs = page(&service, "/jobs");
+    assert_eq!(jobs.matches("scope=\"rowgroup\"").count(), 1, "{jobs}");
+    assert!(jobs.contains("RIEGL VUX-1UAV, 60 m</th>") && jobs.contains(">Points, seed 3</a>"), "{jobs}");
+    assert!(points.contains("Again with seed 4"), "{points}");
+    let id = run.trim_start_matches("/jobs/");
+    let again = send(&service, "/forms/again", &token, &[("id", id)]).header("location").to_owned();
+    assert!(again != run && finished(&service, &again).contains("seed 4</h1>"));
+    let of_plan = plan.trim_start_matches("/jobs/");
+    assert_eq!(send(&service, "/forms/again", &token, &[("id", of_plan)]).status, 404);
 }
