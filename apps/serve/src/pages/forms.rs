@@ -8,7 +8,7 @@ use super::{new, plan_fields};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::processes::Process;
-use crate::store::{Result as StoreResult, Status};
+use crate::store::Status;
 use axum::Extension;
 use axum::extract::{Form, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -195,15 +195,10 @@ pub async fn dismiss(
     let owner = identity.owner.clone();
     let name = id.clone();
     let workshop = Arc::clone(&app.workshop);
-    let (before, is_known) = blocking(&app, move |_| -> StoreResult<_> {
-        Ok((workshop.store.job(&owner, &name)?, workshop.dismiss(&owner, &name)?))
-    })
-    .await?;
-    match before.filter(|_| is_known) {
-        // What was removed is gone; what was given up has a page that says so.
-        Some(job) if job.status.is_final() => Ok(Redirect::to("/").into_response()),
-        Some(_) => Ok(Redirect::to(&format!("/jobs/{id}")).into_response()),
-        None => Err(Failure::no_job(&id)),
+    match blocking(&app, move |_| workshop.dismiss(&owner, &name)).await? {
+        // The page of the job says that it is removed or given up.
+        true => Ok(Redirect::to(&format!("/jobs/{id}")).into_response()),
+        false => Err(Failure::no_job(&id)),
     }
 }
 

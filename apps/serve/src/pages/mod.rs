@@ -18,6 +18,7 @@
 //! | `forms` | what forms do |
 //! | `form_body` | the fields that a form sends |
 //! | `plan_fields` | the fields of the forms of plans |
+//! | `plan_words` | a plan in words, and its figures |
 //! | `fixes` | problems of plans at their fields, and what solves them |
 //! | `mesh` | the height of level ground below a mesh |
 
@@ -36,6 +37,7 @@ mod map;
 mod mesh;
 mod new;
 mod plan_fields;
+mod plan_words;
 mod scan_form;
 mod titles;
 mod trail;

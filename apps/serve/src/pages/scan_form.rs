@@ -394,8 +394,8 @@ fn map_address(scene: &str) -> String {
 fn actions() -> Markup {
     html! {
         div .row {
-            button type="submit" name="action" value="dry-run" { "Forecast" }
             button type="submit" name="action" value="run" { "Run" }
+            button .quiet type="submit" name="action" value="dry-run" { "Forecast" }
         }
     }
 }

@@ -146,7 +146,7 @@ fn subject(workshop: &Workshop, job: &Job, steps: usize) -> Result<String> {
 }
 
 /// The name of an instrument of the catalogue, by its reference or id; the id of another one.
-fn instrument<'t>(program: &'t Program, scanner: &'t str) -> &'t str {
+pub(super) fn instrument<'t>(program: &'t Program, scanner: &'t str) -> &'t str {
     let scanner = scanner.trim_start_matches(CATALOGUE);
     let id = |reference: &'t str| reference.rsplit('#').next().unwrap_or(reference);
     let mut entries = program.entries("scanners");

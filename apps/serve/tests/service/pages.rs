@@ -1,7 +1,7 @@
 //! Examples, uploads from pages, forms that are shown again with a fix, and the way through the jobs of a scan.
 
 use super::browser::{finished, page, send, token_of};
-use super::jobs::with_field;
+use super::jobs::{flight, with_field};
 use crate::client::{Service, form};
 
 const HTML: (&str, &str) = ("Accept", "text/html");
@@ -116,7 +116,12 @@ fn pages_of_a_scan_lead_back_to_its_files() {
     let run = next("run");
     let points = finished(&service, &run);
     let path = points.split("aria-label=\"Path\"").nth(1).unwrap().split("</nav>").next().unwrap();
-    let steps = [("/", "Files"), ("/uploads/terrain", "terrain"), (&plan, "Plan"), (&forecast, "Forecast")];
+    let steps = [
+        ("/", "Files"),
+        ("/uploads/terrain", "terrain"),
+        (plan.as_str(), "Plan"),
+        (forecast.as_str(), "Forecast"),
+    ];
     let mut rest = path;
     for (address, label) in steps {
         let link = format!("<a href=\"{address}\">{label}</a>");
@@ -133,4 +138,32 @@ fn pages_of_a_scan_lead_back_to_its_files() {
     assert!(again != run && finished(&service, &again).contains("seed 4</h1>"));
     let of_plan = plan.trim_start_matches("/jobs/");
     assert_eq!(send(&service, "/forms/again", &token, &[("id", of_plan)]).status, 404);
+}
+
+#[test]
+fn jobs_tell_their_place_in_the_queue_and_are_removed_after_a_question() {
+    let mut service = Service::start(&["--workers", "0"]);
+    with_field(&service);
+    let ids = [1, 2].map(|seed| service.submit("run", &flight(seed, 1)));
+    for (id, place) in ids.iter().zip(["Next in the queue", "1 job before this one"]) {
+        let text = page(&service, &format!("/jobs/{id}"));
+        assert!(text.contains(place) && text.contains("<summary>Give up</summary>"), "{text}");
+    }
+    let token = token_of(&page(&service, "/")).to_owned();
+    let path = format!("/jobs/{}", ids[1]);
+    let gone = send(&service, "/forms/dismiss", &token, &[("id", &ids[1])]);
+    assert_eq!((gone.status, gone.header("location")), (303, path.as_str()));
+    assert!(page(&service, &path).contains("given up"));
+    service.kill();
+    let service = Service::at(&service.data, &[]);
+    assert_eq!(service.wait(&ids[0])["status"], "successful");
+    let path = format!("/jobs/{}", ids[0]);
+    let done = page(&service, &path);
+    assert!(done.contains("<summary>Remove</summary>") && done.contains("The picture is drawn"), "{done}");
+    assert!(done.contains("<script src=\"/static/page.js\" defer>"), "{done}");
+    let token = token_of(&done).to_owned();
+    assert_eq!(send(&service, "/forms/dismiss", &token, &[("id", &ids[0])]).header("location"), path);
+    let removed = page(&service, &path);
+    assert!(removed.contains(">removed<") && !removed.contains("/forms/dismiss"), "{removed}");
+    assert!(!page(&service, "/jobs").contains(&ids[0]));
 }
