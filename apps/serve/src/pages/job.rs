@@ -2,6 +2,7 @@
 //! shell.
 
 use super::cloud::{cloud, is_cloud, is_octree, show_form};
+use super::compared::REPORT;
 use super::home::encoded as in_query;
 use super::layout::{bytes_text, form_token, page};
 use super::new::failed_plan;
@@ -234,7 +235,7 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown, points: Opt
             Some(Process::Stand) => {
                 p { a .button href=(format!("/new?kind=airborne&scene={}", in_query(&format!("jobs/{}/stand/stand.xml", job.id)))) { "Plan a scan of it" } }
             }
-            Some(Process::Compare) => { (viewer(&format!("{own}/results/report.html"), "Comparison")) }
+            Some(Process::Compare) => { (viewer(&format!("/compared/{}/{REPORT}", job.id), "Comparison")) }
             Some(Process::Preview) => {
                 @for file in &files {
                     @if file.path.ends_with(".png") { img .picture src=(format!("{own}/results/{}", encoded(&file.path))) alt="The picture"; }

@@ -13,6 +13,7 @@
 //! | `map` | pictures of scenes to draw on |
 //! | `job` | a job and its results |
 //! | `cloud` | points to turn around |
+//! | `compared` | reports of comparisons |
 //! | `assets` | styles and scripts |
 //! | `instruments` | the catalogue |
 //! | `forms` | what forms do |
@@ -25,6 +26,7 @@
 mod assets;
 mod choices;
 mod cloud;
+mod compared;
 mod examples;
 mod fixes;
 mod form_body;
@@ -60,6 +62,7 @@ pub fn router() -> Router<Arc<App>> {
         .route("/static/{*path}", get(assets::asset))
         .route("/new", get(new::new))
         .route("/compare", get(new::compare))
+        .route("/compared/{id}/report.html", get(compared::report))
         .route("/map.png", get(map::picture))
         .route("/map.json", get(map::frame))
         .route("/instruments", get(instruments::list))

@@ -3,6 +3,7 @@
 use super::browser::{finished, page, send, token_of};
 use super::jobs::{flight, with_field};
 use crate::client::{Service, form};
+use serde_json::json;
 
 const HTML: (&str, &str) = ("Accept", "text/html");
 
@@ -166,4 +167,39 @@ fn jobs_tell_their_place_in_the_queue_and_are_removed_after_a_question() {
     let removed = page(&service, &path);
     assert!(removed.contains(">removed<") && !removed.contains("/forms/dismiss"), "{removed}");
     assert!(!page(&service, "/jobs").contains(&ids[0]));
+}
+
+#[test]
+fn comparisons_name_their_clouds() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    let ids = [1, 2].map(|seed| service.run("run", &flight(seed, 1))["jobID"].as_str().unwrap().to_owned());
+    let clouds = ids.clone().map(|id| format!("jobs/{id}/points.laz"));
+    let token = token_of(&page(&service, "/compare")).to_owned();
+    let fields = [("first", clouds[0].as_str()), ("second", clouds[1].as_str())];
+    let path = send(&service, "/forms/compare", &token, &fields).header("location").to_owned();
+    let compared = finished(&service, &path);
+    let address = format!("/compared/{}/report.html", path.trim_start_matches("/jobs/"));
+    assert!(compared.contains(&format!("src=\"{address}\"")), "{compared}");
+    let report = service.get(&address);
+    let text = report.text();
+    assert!(report.header("content-security-policy").starts_with("sandbox"), "{text}");
+    assert!(text.contains("points.laz of field/field.obj, RIEGL VUX-1UAV, seed 2"), "{text}");
+    assert!(ids.iter().all(|id| !text.contains(id)), "{text}");
+    assert_eq!(service.get(&format!("/compared/{}/report.html", ids[0])).status, 404);
+}
+
+#[test]
+fn controls_of_points_are_above_them() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    let mut inputs = flight(1, 1);
+    inputs["output"] = json!([{ "path": "points.copc.laz" }]);
+    let job = service.run("run", &inputs);
+    let text = page(&service, &format!("/jobs/{}", job["jobID"].as_str().unwrap()));
+    let place = |part: &str| text.find(part).unwrap_or_else(|| panic!("{part}: {text}"));
+    assert!(place("name=\"colouring\"") < place("<canvas"), "{text}");
+    assert!(place("<canvas") < place("class=\"ruler\"") && place("class=\"ramp\"") > 0, "{text}");
+    // A finger that moves up or down scrolls the page.
+    assert!(service.get("/static/style.css").text().contains("touch-action: pan-y"));
 }
