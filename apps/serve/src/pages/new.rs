@@ -68,7 +68,7 @@ pub async fn corner(
         let (scene, mapped) = (text("scene"), text("mapped"));
         // Another scene was chosen since: its picture comes first.
         let is_same = scene == mapped;
-        let mut corners: Vec<String> = match is_same && shape.kind != "point" {
+        let mut corners: Vec<String> = match is_same {
             true => text("corners").split(", ").filter(|one| !one.is_empty()).map(str::to_owned).collect(),
             false => Vec::new(),
         };

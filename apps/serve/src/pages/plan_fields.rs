@@ -66,11 +66,13 @@ pub enum FieldError {
     /// Neither density nor speed.
     #[error("Density: expected a number here, or a Speed instead")]
     NoSpeed,
-    /// Positions on a circle and in a grid.
-    #[error("Centre, Spacing of a grid: leave one of them empty: positions are on a circle or in a grid")]
-    CircleAndGrid,
+    /// Positions in several ways.
+    #[error("Places of the tripod, Centre, Spacing of a grid: fill in only one of them")]
+    SeveralWays,
     /// Positions without a place.
-    #[error("Centre: click on the scene, or type x and y; or give the Spacing of a grid instead")]
+    #[error(
+        "Places of the tripod: click on the scene, or type x and y in each line; or give a Centre or the Spacing of a grid instead"
+    )]
     NoPositions,
     /// A shape as text and as a file.
     #[error("{0}: choose a file or give a text, not both")]
@@ -81,6 +83,9 @@ pub enum FieldError {
     /// A text that is not a place.
     #[error("Centre: expected x and y, for example `500000 5400000`, found `{0}`")]
     Place(String),
+    /// A line that is not a place.
+    #[error("Places of the tripod: expected x and y in each line, for example `500000 5400000`, found `{0}`")]
+    Places(String),
 }
 
 impl FieldError {
@@ -95,8 +100,9 @@ impl FieldError {
             | FieldError::NoShape(label) => named(label),
             FieldError::Overdetermined => Some("speed"),
             FieldError::NoSpeed => Some("density"),
-            FieldError::CircleAndGrid => Some("spacing"),
-            FieldError::NoPositions | FieldError::Place(_) => Some("around"),
+            FieldError::SeveralWays => Some("spacing"),
+            FieldError::Place(_) => Some("around"),
+            FieldError::NoPositions | FieldError::Places(_) => Some("at"),
         }
     }
 }
@@ -137,15 +143,16 @@ pub fn inputs(fields: &Fields) -> Result<Map<String, Value>, FieldError> {
     let mut inputs = Map::new();
     for (key, value) in fields {
         let value = value.trim();
-        // A grid needs no circle.
+        // A grid needs no circle, and neither do places.
         let is_of_circle = matches!(key.as_str(), "radius" | "positions");
-        if is_of_circle && has("spacing") {
+        if is_of_circle && (has("spacing") || has("at")) {
             continue;
         }
         match key.as_str() {
             "area_file" => drop(inputs.insert("area".to_owned(), json!(value))),
             "along_file" => drop(inputs.insert("along".to_owned(), json!(value))),
             "follow_terrain" => drop(inputs.insert(key.clone(), json!(true))),
+            "at" => drop(inputs.insert(key.clone(), json!(places(value)?))),
             "around" => drop(inputs.insert(key.clone(), json!(place(value)?))),
             "kind" | "scene" | "scanner" | "area" | "along" => {
                 drop(inputs.insert(key.clone(), json!(value)));
@@ -177,11 +184,12 @@ fn check_flight(fields: &Fields) -> Result<(), FieldError> {
 
 fn check_positions(fields: &Fields) -> Result<(), FieldError> {
     let has = |key: &str| fields.contains_key(key);
-    match (has("around"), has("spacing")) {
-        (true, true) => Err(FieldError::CircleAndGrid),
-        (false, false) => Err(FieldError::NoPositions),
-        (true, false) if !has("radius") => Err(FieldError::NoNumber("Radius")),
-        _ => Ok(()),
+    let ways = ["at", "around", "spacing"].into_iter().filter(|way| has(way)).collect::<Vec<_>>();
+    match ways.as_slice() {
+        [] => Err(FieldError::NoPositions),
+        ["around"] if !has("radius") => Err(FieldError::NoNumber("Radius")),
+        [_] => Ok(()),
+        _ => Err(FieldError::SeveralWays),
     }
 }
 
@@ -226,6 +234,12 @@ fn place(text: &str) -> Result<String, FieldError> {
     }
 }
 
+/// Places, one in each line.
+fn places(text: &str) -> Result<Vec<String>, FieldError> {
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    lines.map(|line| place(line).map_err(|_| FieldError::Places(line.to_owned()))).collect()
+}
+
 /// The address of the form of a plan or a stand with these inputs in its fields.
 pub fn address(process: Process, inputs: &Map<String, Value>) -> Option<String> {
     let fields = fields(process, inputs)?;
@@ -243,6 +257,9 @@ pub fn fields(process: Process, inputs: &Map<String, Value>) -> Option<Fields> {
     for (key, value) in inputs {
         let text = match value {
             Value::String(text) => text.clone(),
+            Value::Array(several) if key == "at" => {
+                several.iter().filter_map(Value::as_str).collect::<Vec<_>>().join("\n")
+            }
             Value::Array(several) => several.first().and_then(Value::as_str).unwrap_or_default().to_owned(),
             Value::Bool(true) => "on".to_owned(),
             Value::Number(number) => number.to_string(),
@@ -256,12 +273,13 @@ pub fn fields(process: Process, inputs: &Map<String, Value>) -> Option<Fields> {
 }
 
 /// Fields that are not numbers: the option of `vlscan plan` with underscores, and the label.
-const OTHERS: [(&str, &str); 6] = [
+const OTHERS: [(&str, &str); 7] = [
     ("scene", "Scene"),
     ("scanner", "Instrument"),
     ("area", "Area"),
     ("along", "Line"),
     ("around", "Centre"),
+    ("at", "Places of the tripod"),
     ("follow_terrain", "Follow the terrain"),
 ];
 
@@ -325,8 +343,12 @@ mod tests {
                 &[("kind", "terrestrial"), ("around", "0 0"), ("radius", "5"), ("positions", "2,5")],
                 "Positions: expected a whole number",
             ),
-            (&[("kind", "terrestrial"), ("radius", "5")], "Centre: click on the scene"),
-            (&[("kind", "terrestrial"), ("around", "0 0"), ("spacing", "5")], "leave one of them empty"),
+            (&[("kind", "terrestrial"), ("radius", "5")], "Places of the tripod: click on the scene"),
+            (&[("kind", "terrestrial"), ("around", "0 0"), ("spacing", "5")], "fill in only one of them"),
+            (
+                &[("kind", "terrestrial"), ("at", "1,2\n3"), ("radius", "5")],
+                "in each line, for example `500000 5400000`, found `3`",
+            ),
             (&[("kind", "mobile")], "Line: draw it"),
         ] {
             let message = inputs(&fields(&[&flight[..], given].concat())).unwrap_err().to_string();
@@ -386,6 +408,16 @@ mod tests {
         ] {
             assert!(address.contains(part), "{address}");
         }
+    }
+
+    #[test]
+    fn places_are_lines() {
+        let given =
+            [("kind", "terrestrial"), ("at", "1,2\r\n\r\n3,5; -4"), ("radius", "10"), ("positions", "4")];
+        let inputs = inputs(&fields(&given)).unwrap();
+        assert_eq!(inputs["at"], json!(["1,2", "3.5,-4"]));
+        assert!(!inputs.contains_key("radius") && !inputs.contains_key("positions"), "{inputs:?}");
+        assert!(address(Process::Plan, &inputs).unwrap().contains("&at=1%2C2%0A3.5%2C-4"));
     }
 
     #[test]

@@ -29,6 +29,10 @@ fn in_words(program: &Program, inputs: &Map<String, Value>) -> String {
     let with = text("scanner").map(|scanner| format!(" with the {}", instrument(program, scanner)));
     let mut parts = vec![
         match text("kind") {
+            Some("terrestrial") if inputs.contains_key("at") => {
+                let count = inputs["at"].as_array().map_or(1, Vec::len);
+                format!("{count} tripod {}", if count == 1 { "position" } else { "positions" })
+            }
             Some("terrestrial") => match (number("spacing"), number("radius"), text("around")) {
                 (Some(spacing), ..) => format!("Tripod positions every {spacing} m"),
                 (_, Some(radius), Some(around)) => {
@@ -124,6 +128,8 @@ mod tests {
             ),
             "3 tripod positions 10 m around 1,2 with the b2, a point every 0.1°."
         );
+        let places = json!({ "kind": "terrestrial", "at": ["1,2", "3,4"] });
+        assert_eq!(said(places), "2 tripod positions.");
         assert_eq!(said(json!({ "kind": "mobile", "speed": 8 })), "A drive along a line, 8 m/s.");
     }
 }

@@ -128,19 +128,26 @@ impl Form<'_> {
     /// Positions of a tripod.
     fn terrestrial(&self) -> Markup {
         let values = self.values;
-        let [.., around] = SHAPES;
+        let [.., at] = SHAPES;
+        let is_other = ["around", "spacing"].iter().any(|key| !values.of(key, "").is_empty());
         html! {
             form method="post" action="/forms/plan" {
                 (self.begin("Tripod positions"))
                 (self.scene_choice())
                 (self.scanners())
-                (values.with_problem("around", &values.shape(around, self.scene)))
-                div .row {
-                    (values.number("radius", "Radius", "10", "10", "m"))
-                    (values.number("positions", "Positions on it", "4", "4", ""))
-                    (values.number("spacing", "or, instead of centre and radius, spacing of a grid", "", "15", "m"))
-                    (values.number("resolution", "Resolution", "0.1", "", "°"))
+                (values.with_problem("at", &values.shape(at, self.scene)))
+                details open[is_other] {
+                    summary { "On a circle or a grid instead" }
+                    div .row {
+                        (values.with_problem("around", &html! {
+                            label { "Centre x,y" input name="around" value=(values.of("around", "")) placeholder="0,0" autocomplete="off"; }
+                        }))
+                        (values.number("radius", "Radius", "10", "10", "m"))
+                        (values.number("positions", "Positions on it", "4", "4", ""))
+                        (values.number("spacing", "Spacing of a grid", "", "15", "m"))
+                    }
                 }
+                div .row { (values.number("resolution", "Resolution", "0.1", "", "°")) }
                 (self.ground())
                 button type="submit" { "Plan the positions" }
             }
@@ -371,7 +378,7 @@ pub(super) const SHAPES: [Shape; 3] = [
         label: "Line (WKT or GeoJSON)",
         example: "LINESTRING (0 0, 50 0, 80 40)",
     },
-    Shape { field: "around", kind: "point", label: "Centre x,y", example: "0,0" },
+    Shape { field: "at", kind: "points", label: "Places of the tripod, x,y in each line", example: "0,0" },
 ];
 
 impl Shape {
@@ -381,7 +388,9 @@ impl Shape {
         match (self.kind, corners) {
             ("polygon", [first, _, _, ..]) => format!("POLYGON (({all}, {first}))"),
             ("line", [_, _, ..]) => format!("LINESTRING ({all})"),
-            ("point", [.., last]) => last.replace(' ', ","),
+            ("points", [_, ..]) => {
+                corners.iter().map(|at| at.replace(' ', ",")).collect::<Vec<_>>().join("\n")
+            }
             _ => String::new(),
         }
     }

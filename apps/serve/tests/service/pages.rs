@@ -73,7 +73,10 @@ fn a_failed_plan_shows_its_form_with_a_fix() {
     let begun = send(&service, "/forms/plan", &token, &fields);
     let failed = finished(&service, begun.header("location"));
     assert!(failed.contains("Level ground at 0 m") && failed.contains("aria-invalid=\"true\""), "{failed}");
-    assert!(failed.contains("name=\"around\"") && failed.contains("0,0</textarea>"), "{failed}");
+    assert!(
+        failed.contains("name=\"around\" value=\"0,0\"") && failed.contains("<details open>"),
+        "{failed}"
+    );
     // The button sends the fields with the value.
     let button = failed.split("Level ground at 0 m").next().unwrap().rsplit("<form").next().unwrap();
     for (field, value) in fields.iter().chain(&[("ground", "0")]) {
@@ -202,4 +205,43 @@ fn controls_of_points_are_above_them() {
     assert!(place("<canvas") < place("class=\"ruler\"") && place("class=\"ramp\"") > 0, "{text}");
     // A finger that moves up or down scrolls the page.
     assert!(service.get("/static/style.css").text().contains("touch-action: pan-y"));
+}
+
+#[test]
+fn tripods_stand_at_the_places_that_are_clicked() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    let token = token_of(&page(&service, "/new?kind=terrestrial")).to_owned();
+    let mut corners = String::new();
+    let mut places = String::new();
+    for (x, y) in [("100", "100"), ("300", "200")] {
+        let fields = [
+            ("kind", "terrestrial"),
+            ("scene", "field/field.obj"),
+            ("mapped", "field/field.obj"),
+            ("corners", &corners),
+            ("at.x", x),
+            ("at.y", y),
+        ];
+        let again = send(&service, "/forms/corner", &token, &fields).text();
+        places = again.split("</textarea>").next().unwrap().rsplit('>').next().unwrap().to_owned();
+        corners =
+            again.split("name=\"corners\" value=\"").nth(1).unwrap().split('"').next().unwrap().to_owned();
+    }
+    assert_eq!(places.lines().count(), 2, "{places}");
+    let fields = [
+        ("kind", "terrestrial"),
+        ("scene", "field/field.obj"),
+        ("scanner", "data/scanners_tls.xml#riegl_vz400"),
+        ("at", &places),
+        ("radius", "10"),
+        ("positions", "4"),
+        ("resolution", "0.1"),
+        ("ground", "0"),
+    ];
+    let path = send(&service, "/forms/plan", &token, &fields).header("location").to_owned();
+    let planned = finished(&service, &path);
+    assert!(planned.contains("2 tripod positions with the RIEGL VZ-400"), "{planned}");
+    let plan = service.get(&format!("{path}/results/plan.toml")).text();
+    assert_eq!(plan.matches("[[leg]]").count(), 2, "{plan}");
 }
