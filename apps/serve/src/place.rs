@@ -40,7 +40,7 @@ impl Store {
         };
         let lane = serde_json::json!(lane).to_string();
         let database = self.database();
-        // Of each other owner no more jobs come first than of the owner.
+        // Owners take turns: no more jobs of another owner come first than of this one.
         let mut query = database.prepare_cached(
             "WITH lane AS (SELECT owner, number FROM jobs WHERE status IN ('accepted', 'running')
                 AND (?3 = '[]' OR process IN (SELECT value FROM json_each(?3)))),

@@ -119,7 +119,11 @@ fn scan(workshop: &Workshop, job: &Job) -> Result<(String, String)> {
         let Some(parent) = parent else { break };
         first = parent;
     }
-    let title = subject(workshop, &first, MAX_STEPS)?;
+    // A job that was removed has no inputs any more.
+    let title = match subject(workshop, &first, MAX_STEPS)? {
+        title if title.is_empty() => step(&first).to_owned(),
+        title => title,
+    };
     Ok((first.id, title))
 }
 
