@@ -8,7 +8,7 @@ use super::home::encoded;
 use super::layout::{form_token, page};
 use super::mesh::level;
 use super::plan_fields;
-use super::scan_form::{SHAPES, Values, form};
+use super::scan_form::{SHAPES, Values, form, shown_scene};
 use super::trail::{Crumb, path};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
@@ -85,11 +85,10 @@ pub async fn corner(
 }
 
 async fn show(app: &Arc<App>, identity: &Identity, values: &Values) -> Result<Response, Failure> {
-    let (owner, scene) = (identity.owner.clone(), values.of("scene", "").to_owned());
-    let (files, level) = blocking(app, move |workshop| -> StoreResult<_> {
-        Ok((Files::of(workshop, &owner)?, level(&workshop.store, &owner, &scene)?))
-    })
-    .await?;
+    let owner = identity.owner.clone();
+    let files = blocking(app, move |workshop| Files::of(workshop, &owner)).await?;
+    let (owner, scene) = (identity.owner.clone(), shown_scene(&files, values).to_owned());
+    let level = blocking(app, move |workshop| level(&workshop.store, &owner, &scene)).await?;
     let (kind, name) = kind_of(values);
     let content = html! {
         (path(&[Crumb::files(), Crumb::here(name)]))

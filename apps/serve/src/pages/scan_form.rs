@@ -28,14 +28,8 @@ pub(super) fn form(
     level: Option<f64>,
 ) -> Markup {
     let scenes = files.scenes();
-    let wanted = match (values.of("scene", ""), values.of("upload", "")) {
-        ("", "") if !values.is_again => files.newest().to_owned(),
-        ("", upload) => format!("{upload}/"),
-        (scene, _) => scene.to_owned(),
-    };
-    // The one that the list shows.
-    let shown = scenes.iter().find(|name| !wanted.is_empty() && name.starts_with(&wanted));
-    let scene = shown.copied().unwrap_or_default();
+    let wanted = first_scene(files, values);
+    let scene = shown_scene(files, values);
     let form = Form { app, identity, kind, files, values, scenes, scene, wanted, level };
     match kind {
         "terrestrial" => form.terrestrial(),
@@ -45,6 +39,22 @@ pub(super) fn form(
         "stand" => form.stand(),
         _ => form.airborne(),
     }
+}
+
+/// Beginning of the name of the scene that is chosen first; empty for none.
+fn first_scene(files: &Files, values: &Values) -> String {
+    match (values.of("scene", ""), values.of("upload", "")) {
+        ("", "") if !values.is_again => files.newest().to_owned(),
+        ("", upload) => format!("{upload}/"),
+        (scene, _) => scene.to_owned(),
+    }
+}
+
+/// The scene that the list of a form shows; empty if there is none.
+pub(super) fn shown_scene<'f>(files: &'f Files, values: &Values) -> &'f str {
+    let wanted = first_scene(files, values);
+    let is_first = |name: &&str| !wanted.is_empty() && name.starts_with(&wanted);
+    files.scenes().into_iter().find(is_first).unwrap_or_default()
 }
 
 /// Common parts of the forms of all kinds.
