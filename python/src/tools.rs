@@ -86,7 +86,7 @@ fn request(kind: &str, fields: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
             let options = of_fields!(
                 TerrestrialOptions,
                 fields,
-                [spacing, around, radius, positions, at_centre, resolution]
+                [spacing, around, radius, positions, at_centre, at, resolution]
             );
             PlanRequest::Terrestrial(Box::new(TerrestrialRequest { area: area(fields)?, common, options }))
         }

@@ -28,6 +28,8 @@ def test_plans_are_those_of_the_command(command, tmp_path):
     assert 5000 < len(points) < 50_000
     tripods = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=10, at_centre=True, resolution=0.1, scene=scene, ground=0)
     assert tripods.text.count("[[leg]]") == 5
+    tripods = vlscan.plan_terrestrial("riegl_vz400", at=[(0, 0), (4, -2.5)], resolution=0.1, scene=scene, ground=0)
+    assert tripods.text.count("[[leg]]") == 2 and "position_m = [4, -2.5, 0]" in tripods.text
     assert "vlp16" in vlscan.plan_mobile("vlp16", "LINESTRING (0 0, 40 0)", scene=scene, ground=0).text
     with pytest.raises(vlscan.InputError, match="height=-5"):
         vlscan.plan_airborne("riegl_vux-1uav", -5, density=5, area=SQUARE)

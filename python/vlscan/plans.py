@@ -275,6 +275,7 @@ def plan_terrestrial(
     radius: float | None = None,
     positions: int | None = None,
     at_centre: bool = False,
+    at: Iterable[tuple[float, float]] = (),
     resolution: float = 0.04,
     platform: str | None = None,
     scene: Scene | Part | PathLike | None = None,
@@ -301,6 +302,8 @@ def plan_terrestrial(
         Number of positions around it.
     at_centre : bool
         Whether there is one at its centre, too.
+    at : iterable of tuple of float
+        Places of the tripod, m, instead of a grid or a plot.
     resolution : float
         Angle between points, degrees.
     platform : str, optional
@@ -388,6 +391,8 @@ def _plan(kind: str, fields: dict[str, Any]) -> Plan:
     fields["assets"] = [os.fspath(folder) for folder in fields["assets"]]
     if fields.get("area") is not None:
         fields["area"] = area_of(fields["area"])
+    if "at" in fields:
+        fields["at"] = [tuple(place) for place in fields["at"]]
     if "along" in fields:
         along = area_of(fields["along"])
         fields["along"] = along if isinstance(along, str) else f"LINESTRING ({', '.join(f'{x} {y}' for x, y in along)})"

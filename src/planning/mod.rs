@@ -167,9 +167,9 @@ impl Planner<'_> {
 
     fn terrestrial(&self, request: &TerrestrialRequest) -> Result<Planned> {
         let options = &request.options;
-        let area = match options.around {
-            Some(_) => None,
-            None => Some(self.area(request.area.as_ref(), None)?),
+        let area = match options.around.is_some() || !options.at.is_empty() {
+            true => None,
+            false => Some(self.area(request.area.as_ref(), None)?),
         };
         let on_ground = self.is_ground_used()?;
         if let Some(area) = area.as_ref().filter(|_| on_ground) {

@@ -436,6 +436,20 @@ fn mistakes_are_answered() {
     assert!(text(&refused.stderr).contains("cannot be used with") && !refused.status.success());
 }
 
+#[test]
+fn a_tripod_stands_at_the_places_that_are_given() {
+    let dir = folder();
+    let at = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--at", "1,2", "--at=-3,4.5"];
+    let plan = text(&succeed(dir.path(), &at).stdout);
+    for place in ["position_m = [1, 2, 0]", "position_m = [-3, 4.5, 0]"] {
+        assert_eq!(plan.matches(place).count(), 1, "{place}: {plan}");
+    }
+    for other in [["--spacing", "5"], ["--around", "0,0"], ["--area", "POLYGON ((0 0, 9 0, 9 9))"]] {
+        let refused = run(dir.path(), &[&at[..], &other[..]].concat());
+        assert!(text(&refused.stderr).contains("cannot be used with"), "{other:?}");
+    }
+}
+
 /// A file `own.xml` with the scanner `own`: one beam of a mirror of 20° to either side, on a head of up to
 /// ten turns a second, and `attributes`.
 fn own_scanner(folder: &Path, attributes: &str) {

@@ -13,6 +13,7 @@
 //! | `processes` | the processes, as they are described to programs |
 //! | `request` | from inputs to a command, the files it reads and the hash of all that determines its result |
 //! | `records`, `error`, `schema`, `store`, `queue` | uploads, jobs and leases, in SQLite |
+//! | `place` | the place of a job in the queue, and when it is expected to be finished |
 //! | `opening`, `inspect` | whether folder, database and bucket belong together, and what the database does not list |
 //! | `uploads`, `missing` | files that are received, archives that are expanded, and files that are named and not there |
 //! | `submit` | from a request to a job in the queue |
@@ -58,6 +59,7 @@ pub mod opening;
 #[cfg(target_os = "linux")]
 mod own_root;
 pub mod pages;
+pub mod place;
 pub mod processes;
 pub mod program;
 pub mod query;

@@ -117,7 +117,8 @@ fn in_words(progress: &ProgressMessage) -> String {
     [percent, leg, pulses, points, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-fn time_in_words(seconds: f64) -> String {
+/// A time with its unit.
+pub(crate) fn time_in_words(seconds: f64) -> String {
     match seconds {
         seconds if seconds < 100.0 => format!("{seconds:.0} s"),
         seconds if seconds < 6000.0 => format!("{:.0} min", seconds / 60.0),

@@ -25,6 +25,8 @@ const MAX_WAIT: Duration = Duration::from_secs(60);
 pub const MAX_TIME: Duration = Duration::from_secs(3600);
 /// Longest text of a form's field, bytes.
 const MAX_TEXT: usize = 4096;
+/// Highest number that is added to a name that is taken.
+const MAX_NUMBER: u32 = 1000;
 /// Memory and processor time of the process that expands an archive.
 const EXPAND_MEMORY: u64 = 1 << 30;
 const EXPAND_SECONDS: u64 = 300;
@@ -68,6 +70,8 @@ pub struct Received {
     folder: tempfile::TempDir,
     /// The name that the form gives, if any.
     name: Option<String>,
+    /// True if a number is added to a name that is taken.
+    is_numbered: bool,
     first: String,
     files: BTreeSet<PathBuf>,
 }
@@ -84,7 +88,8 @@ pub async fn receive(
     is_genuine: Option<&(dyn Fn(&str) -> bool + Sync)>,
 ) -> Result<Received, UploadError> {
     let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
-    let mut received = Received { folder, name: None, first: String::new(), files: BTreeSet::new() };
+    let mut received =
+        Received { folder, name: None, is_numbered: false, first: String::new(), files: BTreeSet::new() };
     let mut bytes = 0;
     let mut is_admitted = is_genuine.is_none();
     while let Some(mut field) = form.next_field().await? {
@@ -94,6 +99,7 @@ pub async fn receive(
             match key.as_str() {
                 "csrf" => is_admitted = is_admitted || is_genuine.is_some_and(|is_genuine| is_genuine(&text)),
                 "name" if !text.trim().is_empty() => received.name = Some(text.trim().to_owned()),
+                "taken" => received.is_numbered = text == "number",
                 _ => {}
             }
             continue;
@@ -173,6 +179,25 @@ async fn text_of(field: &mut Field<'_>) -> Result<String, UploadError> {
 }
 
 impl Received {
+    /// Texts of the program itself as an upload under a name, or a name with a number if that is taken.
+    ///
+    /// # Errors
+    /// [`UploadError`].
+    pub fn of_texts(
+        store: &Store,
+        name: &str,
+        texts: &[(&'static str, String)],
+    ) -> Result<Received, UploadError> {
+        let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
+        let mut files = BTreeSet::new();
+        for (file, text) in texts {
+            fs::write(folder.path().join(file), text)?;
+            files.insert(PathBuf::from(file));
+        }
+        let name = Some(name.to_owned());
+        Ok(Received { folder, name, is_numbered: true, first: String::new(), files })
+    }
+
     /// Expands archives, hashes the files and lists the upload.
     ///
     /// # Errors
@@ -209,7 +234,7 @@ impl Received {
                 limits.max_stored
             )));
         }
-        let upload = Upload {
+        let mut upload = Upload {
             id: random_name(16),
             name: name.clone(),
             files: files.len() as u64,
@@ -226,8 +251,12 @@ impl Received {
             store.discard(Kind::Upload, &upload.id)?;
             return Err(error.into());
         }
-        if store.add_upload(owner, &upload, &files)? {
-            return Ok(upload);
+        let most = if self.is_numbered { MAX_NUMBER } else { 1 };
+        for number in 1..=most {
+            upload.name = if number == 1 { name.clone() } else { format!("{name}-{number}") };
+            if store.add_upload(owner, &upload, &files)? {
+                return Ok(upload);
+            }
         }
         store.discard(Kind::Upload, &upload.id)?;
         Err(UploadError::Taken(name))

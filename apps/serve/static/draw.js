@@ -1,5 +1,5 @@
 'use strict';
-// Forms of new scans: shows the pattern of the instrument, and draws an area, a line or a place on the scene seen from above, with mouse,
+// Forms of new scans: shows the pattern of the instrument, and draws an area, a line or places on the scene seen from above, with mouse,
 // touch or keys; the shape goes into a field of the form as text.
 (() => {
   const SVG = 'http://www.w3.org/2000/svg';
@@ -8,7 +8,7 @@
       least: 3, name: 'area', text: (all) => `POLYGON ((${[...all, all[0]].map((p) => p.join(' ')).join(', ')}))`,
     },
     line: { least: 2, name: 'line', text: (all) => `LINESTRING (${all.map((p) => p.join(' ')).join(', ')})` },
-    point: { least: 1, name: 'place', text: (all) => all[all.length - 1].join(',') },
+    points: { least: 1, name: 'places', text: (all) => all.map((p) => p.join(',')).join('\n') },
   };
 
   function element(name, attributes, parent) {
@@ -30,8 +30,10 @@
       this.sheet = element('div', {
         class: 'sheet', tabindex: '0', role: 'application', 'aria-label': `The scene from above, to draw the ${this.kind.name} on`,
       }, place);
-      this.picture = element('img', { alt: '', draggable: 'false' }, this.sheet);
-      this.svg = element('svg', { 'aria-hidden': 'true', preserveAspectRatio: 'none' }, this.sheet);
+      this.paper = element('div', { class: 'paper' }, this.sheet);
+      this.picture = element('img', { alt: '', draggable: 'false' }, this.paper);
+      this.svg = element('svg', { 'aria-hidden': 'true', preserveAspectRatio: 'none' }, this.paper);
+      this.enlarged = 1;
       this.status = element('p', { role: 'status', class: 'facts' }, place);
       const tools = element('div', { class: 'views' }, place);
       const button = (label, act) => {
@@ -39,12 +41,15 @@
         made.textContent = label;
         made.addEventListener('click', act);
       };
-      const isPlace = this.kind === KINDS.point;
-      if (!isPlace) button('Remove the last corner', () => this.change(this.corners.slice(0, -1)));
-      button(isPlace ? 'Remove' : 'Remove all', () => this.change([]));
-      const [what, one] = isPlace ? ['the place', 'it'] : ['corners', 'a corner'];
-      this.hint.textContent = `Click on the scene to set ${what}; or move the cross with the arrow keys (Shift: farther) and set ${one} with `
-        + `Enter, remove ${isPlace ? 'it' : 'the last one'} with Backspace.`;
+      const one = this.kind === KINDS.points ? 'place' : 'corner';
+      button(`Remove the last ${one}`, () => this.change(this.corners.slice(0, -1)));
+      button('Remove all', () => this.change([]));
+      button('Enlarge the map', () => this.zoom(2));
+      button('Reduce the map', () => this.zoom(0.5));
+      this.hint.textContent = `Click on the scene to set ${one}s; or move the cross with the arrow keys (Shift: farther) and set a ${one} with `
+        + 'Enter, remove the last one with Backspace, enlarge with + and reduce with −.';
+      window.addEventListener('resize', () => this.zoom(0));
+      this.picture.addEventListener('load', () => this.zoom(0));
       this.sheet.addEventListener('click', (event) => this.click(event));
       this.sheet.addEventListener('keydown', (event) => this.key(event));
       this.picture.addEventListener('load', () => this.draw());
@@ -111,14 +116,41 @@
       } else if (event.key === 'Enter' || event.key === ' ') {
         this.cursor = this.cursor || size.map((length) => length / 2);
         this.add();
-      } else if (event.key === 'Backspace' || event.key === 'Delete') this.change(this.corners.slice(0, -1));
+      } else if (event.key === '+' || event.key === '=') this.zoom(2);
+      else if (event.key === '-') this.zoom(0.5);
+      else if (event.key === 'Backspace' || event.key === 'Delete') this.change(this.corners.slice(0, -1));
       else return;
       event.preventDefault();
     }
 
     add() {
       const corner = this.world(this.cursor);
-      this.change(this.kind === KINDS.point ? [corner] : [...this.corners, corner]);
+      this.change([...this.corners, corner]);
+    }
+
+    // Enlarges the map by a factor, within a sheet that stays as it is and scrolls; 0 shows all of it.
+    zoom(factor) {
+      const { sheet, paper, picture } = this;
+      const before = this.enlarged;
+      this.enlarged = Math.min(Math.max(before * factor, 1), 8);
+      if (this.enlarged === before && factor !== 0) return;
+      // The place in the middle stays there, that of the cross if there is one.
+      const middle = this.cursor
+        ? [this.cursor[0] / picture.naturalWidth, this.cursor[1] / picture.naturalHeight]
+        : [(sheet.scrollLeft + sheet.clientWidth / 2) / paper.clientWidth, (sheet.scrollTop + sheet.clientHeight / 2) / paper.clientHeight];
+      if (this.enlarged === 1) {
+        sheet.classList.remove('enlarged');
+        for (const part of [sheet, paper]) [part.style.width, part.style.height] = ['', ''];
+      } else {
+        if (!sheet.classList.contains('enlarged')) this.size = [sheet.offsetWidth, sheet.offsetHeight];
+        sheet.classList.add('enlarged');
+        [sheet.style.width, sheet.style.height] = this.size.map((length) => `${length}px`);
+        [paper.style.width, paper.style.height] = this.size.map((length) => `${length * this.enlarged}px`);
+        sheet.scrollTo(
+          middle[0] * paper.clientWidth - sheet.clientWidth / 2, middle[1] * paper.clientHeight - sheet.clientHeight / 2,
+        );
+      }
+      this.draw();
     }
 
     change(corners) {
@@ -126,17 +158,17 @@
       const { least, name, text } = this.kind;
       this.field.value = corners.length >= least ? text(corners) : '';
       const missing = least - corners.length;
-      const which = this.kind === KINDS.point ? 'Place' : `Corner ${corners.length}`;
+      const which = `${this.kind === KINDS.points ? 'Place' : 'Corner'} ${corners.length}`;
       const last = corners.length > 0 ? `${which} at ${corners[corners.length - 1].join(', ')}. ` : '';
       this.unfinished(missing > 0 && corners.length > 0 ? `${missing} more for the ${name}, or remove all` : '');
-      this.say(last + (missing > 0 ? `${missing} more for the ${name}.` : `The ${name} is set.`));
+      this.say(last + (missing > 0 ? `${missing} more for the ${name}.` : `The ${name} ${this.kind === KINDS.points ? 'are' : 'is'} set.`));
       this.draw();
     }
 
     // Shows what the field says, if it is one of the texts that are written here.
     read() {
       const found = this.field.value.match(/^\s*(?:POLYGON\s*\(\(|LINESTRING\s*\(|(?=[-\d]))([^()]*)\)*\s*$/i);
-      const numbers = found ? found[1].split(this.kind === KINDS.point ? /$/ : ',').map((pair) => pair.trim().split(/[\s,]+/).map(Number)) : [];
+      const numbers = found ? found[1].split(this.kind === KINDS.points ? '\n' : ',').map((pair) => pair.trim().split(/[\s,;]+/).map(Number)) : [];
       const corners = numbers.filter((pair) => pair.length >= 2 && pair.every(Number.isFinite)).map((pair) => pair.slice(0, 2));
       // The first corner may be repeated at the end, or not.
       const isClosed = corners.length > 1 && corners[0].every((value, axis) => value === corners[corners.length - 1][axis]);
@@ -157,8 +189,15 @@
       const unit = width / this.picture.clientWidth;
       const stroke = { 'stroke-width': 2 * unit };
       if (this.kind === KINDS.polygon) element('polygon', { points, class: 'area', ...stroke }, this.svg);
-      else element('polyline', { points, class: 'line', ...stroke }, this.svg);
+      else if (this.kind === KINDS.line) element('polyline', { points, class: 'line', ...stroke }, this.svg);
       places.forEach(([cx, cy]) => element('circle', { cx, cy, r: 5 * unit, class: 'corner', ...stroke }, this.svg));
+      // Positions are named by their numbers in the plan.
+      if (this.kind === KINDS.points) {
+        places.forEach(([x, y], at) => {
+          const number = element('text', { x: x + 9 * unit, y: y + 5 * unit, class: 'number', 'font-size': 16 * unit }, this.svg);
+          number.textContent = at + 1;
+        });
+      }
       if (this.cursor) {
         const [x, y] = this.cursor;
         const arm = 12 * unit;
@@ -190,7 +229,15 @@
       picture.src = address;
       picture.alt = `Scan pattern of ${option.textContent.trim()}`;
     };
-    list.addEventListener('change', show);
+    const { height } = list.form.elements;
+    const offered = () => list.selectedOptions[0]?.dataset.height || '80';
+    let before = offered();
+    list.addEventListener('change', () => {
+      // A height that nobody has typed follows the range of the instrument.
+      if (height && height.value === before) height.value = offered();
+      before = offered();
+      show();
+    });
     show();
   }
 

@@ -45,6 +45,7 @@ def main() -> None:
 
 
 def with_a_mouse(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathlib.Path) -> None:
+    an_example(browser, url)
     browser.go(f"{url}/")
     browser.attach("input[name=file]", sorted((FIXTURES / "terrain").iterdir()))
     browser.run("document.querySelector('input[name=name]').value = 'terrain'")
@@ -106,6 +107,42 @@ def with_a_mouse(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathl
     browser.leads(lambda: browser.click("main button[type=submit]"), "/jobs/")
     browser.wait("document.querySelector('iframe')?.src.endsWith('report.html')")
     browser.picture("compared")
+    tripods(browser, url)
+
+
+def an_example(browser: Browser, url: str) -> None:
+    """From the empty page to the points by one click."""
+    browser.go(f"{url}/")
+    browser.picture("empty")
+    browser.leads(lambda: browser.click("button[value=terrain]"), "/jobs/")
+    browser.wait("document.querySelector('#cloud')")
+    assert drawn(browser) > 1000
+    ticks = browser.run("[...document.querySelectorAll('.ticks span')].map((one) => parseFloat(one.textContent))")
+    assert len(ticks) == 5 and ticks == sorted(ticks), ticks
+    assert browser.run("/^[125]0* (m|cm)$/.test(document.querySelector('.ruler').textContent.trim())"), "the scale bar has a round length"
+    # The page scrolls past points that nobody has clicked.
+    x, y = browser.place("#cloud canvas")
+    before = browser.run("[scrollY, document.documentElement.scrollHeight - innerHeight]")
+    browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=200)
+    if before[0] < before[1]:
+        browser.wait(f"scrollY > {before[0]}")
+    browser.picture("example")
+
+
+def tripods(browser: Browser, url: str) -> None:
+    """Places of a tripod, clicked on a map that is enlarged."""
+    browser.go(f"{url}/new?kind=terrestrial&scene=terrain/scene.xml")
+    browser.wait("document.querySelector('.sheet img')?.naturalWidth > 0 && !document.querySelector('.sheet').hidden")
+    browser.click(".sheet", (0.4, 0.4))
+    width = browser.run("document.querySelector('.sheet img').clientWidth")
+    browser.run("[...document.querySelectorAll('.map button')].find((one) => one.textContent.includes('Enlarge')).click()")
+    assert browser.run("document.querySelector('.sheet img').clientWidth") > 1.5 * width, "the map is not enlarged"
+    browser.click(".sheet", (0.6, 0.6))
+    places = browser.run("document.querySelector('textarea[name=at]').value")
+    (left, top), (right, bottom) = ([float(number) for number in line.split(",")] for line in places.splitlines())
+    assert right > left and top > bottom, places
+    assert browser.run("[...document.querySelectorAll('.sheet .number')].map((one) => one.textContent).join()") == "1,2"
+    browser.picture("tripods")
 
 
 def computed_again(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathlib.Path) -> None:

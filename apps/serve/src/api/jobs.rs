@@ -144,7 +144,7 @@ pub async fn list(
     jobs.truncate(limit as usize);
     if is_page {
         let shown = jobs.into_iter().filter(|job| job.status != Status::Dismissed).collect();
-        let jobs = blocking(&app, move |workshop| pages::titled(&workshop.store, shown)).await?;
+        let jobs = blocking(&app, move |workshop| pages::titled(workshop, shown)).await?;
         return Ok(pages::jobs(&app, &identity, &jobs, next.as_deref()));
     }
     let json = "application/json";

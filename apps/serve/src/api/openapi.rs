@@ -163,7 +163,8 @@ fn upload_paths() -> Value {
                 &[("201", answer("Upload", JSON, &json!({ "type": "object" }))), ("409", failure("The name is taken")), ("413", failure("Too large"))],
                 json!({ "requestBody": { "required": true, "content": { "multipart/form-data": { "schema": {
                     "type": "object",
-                    "properties": { "name": { "type": "string" }, "file": { "type": "array", "items": bytes() } },
+                    "properties": { "name": { "type": "string" }, "file": { "type": "array", "items": bytes() },
+                        "taken": { "type": "string", "enum": ["number"], "description": "Adds a number to a name that is taken" } },
                 } } } } }),
             ),
         },

@@ -87,7 +87,13 @@ pub async fn receive(
     headers: HeaderMap,
     form: Result<Multipart, MultipartRejection>,
 ) -> Result<Response, Failure> {
-    let upload = received(&app, &identity, form).await?;
+    let upload = match received(&app, &identity, form).await {
+        Ok(upload) => upload,
+        Err(failure) if wants_page(&headers, None) => {
+            return pages::upload_failed(&app, &identity, &failure).await;
+        }
+        Err(failure) => return Err(failure),
+    };
     let location = format!("/uploads/{}", encoded(&upload.name));
     if wants_page(&headers, None) {
         return Ok(Redirect::to(&location).into_response());

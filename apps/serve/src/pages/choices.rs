@@ -1,7 +1,8 @@
 //! Files of an owner to choose from in forms.
 
 use super::titles::file_title;
-use crate::store::{FileKind, Listed, Result as StoreResult, Status, Store, UploadFile};
+use crate::store::{FileKind, Listed, Result as StoreResult, Status, UploadFile};
+use crate::worker::Workshop;
 use maud::{Markup, html};
 
 /// Most files in a list to choose from.
@@ -48,7 +49,8 @@ pub(super) struct Files(Vec<Named>);
 
 impl Files {
     /// The files of all uploads, and the newest stands.
-    pub fn of(store: &Store, owner: &str) -> StoreResult<Files> {
+    pub fn of(workshop: &Workshop, owner: &str) -> StoreResult<Files> {
+        let store = &workshop.store;
         let mut files = Vec::new();
         for upload in store.uploads(owner)? {
             let named = |file: UploadFile| {
@@ -60,7 +62,7 @@ impl Files {
         for job in
             store.jobs(Listed::States, owner, &[Status::Successful], &["stand".to_owned()], 0, MAX_STANDS)?
         {
-            let label = file_title(store, &job, "stand")?;
+            let label = file_title(workshop, &job, "stand")?;
             files.push(Named {
                 name: format!("jobs/{}/stand/stand.xml", job.id),
                 label,
@@ -71,13 +73,15 @@ impl Files {
     }
 
     /// The clouds of the newest jobs, then the files of [`Files::of`].
-    pub fn with_results(store: &Store, owner: &str) -> StoreResult<Files> {
-        let mut files = Files::of(store, owner)?;
+    pub fn with_results(workshop: &Workshop, owner: &str) -> StoreResult<Files> {
+        let mut files = Files::of(workshop, owner)?;
         let mut results = Vec::new();
         let processes = ["run", "preview"].map(str::to_owned);
-        for job in store.jobs(Listed::Results, owner, &[Status::Successful], &processes, 0, MAX_COMPARED)? {
+        for job in
+            workshop.store.jobs(Listed::Results, owner, &[Status::Successful], &processes, 0, MAX_COMPARED)?
+        {
             for file in job.result_files().iter().filter(|file| has_ending(&file.path, &CLOUDS)) {
-                let label = file_title(store, &job, &file.path)?;
+                let label = file_title(workshop, &job, &file.path)?;
                 results.push(Named {
                     name: format!("jobs/{}/{}", job.id, file.path),
                     label,

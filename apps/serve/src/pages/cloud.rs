@@ -65,24 +65,63 @@ pub fn viewer(address: &str, picture: &Markup) -> Markup {
     html! {
         script type="module" src="/static/viewer/viewer.js" {}
         section #cloud .cloud data-cloud=(address) aria-label="The points, to turn around" {
-            canvas tabindex="0" role="img" aria-label="The points" aria-describedby="hands" {}
+            (controls())
+            div .stage {
+                canvas tabindex="0" role="img" aria-label="The points" aria-describedby="hands" {}
+                p .ruler hidden { span {} }
+            }
             p .facts { span .count {} " " span .slab {} }
             p .said role="status" {}
             // Where there is no WebGL.
             div .instead hidden { (picture) }
+            div .bar hidden role="img" { div .ramp {} div .ticks {} }
             ul .legend aria-label="Colours" {}
-            form .controls hidden autocomplete="off" {
-                div .row {
-                    label {
-                        "Colour"
-                        select name="colouring" {
-                            option value="height" { "Height" }
-                            option value="intensity" { "Intensity" }
-                            option value="return" { "Return" }
-                            option value="class" { "Class" }
-                            option value="object" { "Object" }
-                        }
+            p #hands { small {
+                "Drag to turn, Shift or the right button to move. The wheel enlarges after a click on the points, or with Ctrl. One finger to the side "
+                "turns, up and down scrolls the page; two fingers move and enlarge; on the full screen one finger turns in all directions. Keys: arrows "
+                "turn, Shift and arrows move, + and − enlarge, Home shows all."
+            } }
+            noscript { p { "Turning the points needs JavaScript." } (picture) }
+        }
+    }
+}
+
+/// The controls of the viewer, above the points.
+fn controls() -> Markup {
+    html! {
+        form .controls hidden autocomplete="off" {
+            div .row {
+                label {
+                    "Colour"
+                    select name="colouring" {
+                        option value="height" { "Height" }
+                        option value="intensity" { "Intensity" }
+                        option value="return" { "Return" }
+                        option value="class" { "Class" }
+                        option value="object" { "Object" }
                     }
+                }
+                label {
+                    "Section"
+                    select name="section" {
+                        option value="" { "none" }
+                        option value="x" { "across x" }
+                        option value="y" { "across y" }
+                        option value="z" { "across z" }
+                    }
+                }
+                label .of-section hidden { "Place of the section" input type="range" name="at" min="0" max="1" step="0.002" value="0.5" disabled; }
+                label .of-section hidden { "Thickness" input type="range" name="thickness" min="0" max="1" step="0.01" value="0.25" disabled; }
+            }
+            div .views {
+                @for (view, name) in [("home", "Whole cloud"), ("above", "From above"), ("south", "From the south"), ("east", "From the east")] {
+                    button .quiet type="button" data-view=(view) { (name) }
+                }
+                button .quiet type="button" data-full { "Full screen" }
+            }
+            details .more {
+                summary { "Points" }
+                div .row {
                     label { "Size of points" input type="range" name="size" min="1" max="8" step="0.5" value="2"; }
                     label {
                         "Most points"
@@ -93,30 +132,8 @@ pub fn viewer(address: &str, picture: &Markup) -> Markup {
                             option value="8000000" { "8 million" }
                         }
                     }
-                    label {
-                        "Section"
-                        select name="section" {
-                            option value="" { "none" }
-                            option value="x" { "across x" }
-                            option value="y" { "across y" }
-                            option value="z" { "across z" }
-                        }
-                    }
-                    label { "Place of the section" input type="range" name="at" min="0" max="1" step="0.002" value="0.5" disabled; }
-                    label { "Thickness" input type="range" name="thickness" min="0" max="1" step="0.01" value="0.25" disabled; }
                 }
-                div .views {
-                    @for (view, name) in [("home", "Whole cloud"), ("above", "From above"), ("south", "From the south"), ("east", "From the east")] {
-                        button .quiet type="button" data-view=(view) { (name) }
-                    }
-                    button .quiet type="button" data-full { "Full screen" }
-                }
-                p #hands { small {
-                    "Drag to turn, Shift or the right button or two fingers to move, wheel or two fingers to enlarge. Keys: arrows turn, Shift and arrows "
-                    "move, + and − enlarge, Home shows all."
-                } }
             }
-            noscript { p { "Turning the points needs JavaScript." } (picture) }
         }
     }
 }

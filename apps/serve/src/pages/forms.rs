@@ -1,12 +1,14 @@
 //! Actions of forms: each form is checked to come from a page of the service, and leads to another page.
 
+use super::fixes::Problem;
 use super::form_body::{Fields, FormBody, genuine};
 use super::layout::{bad, page};
+use super::titles::{inputs_of, next_seed};
 use super::{new, plan_fields};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::processes::Process;
-use crate::store::Result as StoreResult;
+use crate::store::Status;
 use axum::Extension;
 use axum::extract::{Form, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -98,6 +100,21 @@ async fn run_or_forecast(
     submit(app, identity, process, inputs).await
 }
 
+/// A run once more, with the next seed.
+pub async fn again(
+    State(app): State<Arc<App>>,
+    Extension(identity): Extension<Identity>,
+    form: FormBody,
+) -> Answer {
+    let id = genuine(&app, &identity, form)?.remove("id").unwrap_or_default();
+    let (owner, name) = (identity.owner.clone(), id.clone());
+    let job = blocking(&app, move |workshop| workshop.store.job(&owner, &name)).await?;
+    let job = job.filter(|job| job.process == Process::Run.id() && job.status == Status::Successful);
+    let mut inputs = inputs_of(&job.ok_or_else(|| Failure::no_job(&id))?);
+    inputs.insert("seed".to_owned(), json!(next_seed(&inputs)));
+    submit(&app, &identity, Process::Run, inputs).await
+}
+
 /// A scene of the trees of an inventory.
 pub async fn stand(
     State(app): State<Arc<App>>,
@@ -124,9 +141,15 @@ pub async fn plan(
     form: FormBody,
 ) -> Answer {
     let fields = genuine(&app, &identity, form)?;
-    match plan_fields::inputs(&fields) {
-        Ok(inputs) => submit(&app, &identity, Process::Plan, inputs).await,
-        Err(error) => new::again(&app, &identity, fields, &error.to_string()).await,
+    let inputs = match plan_fields::inputs(&fields) {
+        Ok(inputs) => inputs,
+        Err(error) => return new::again(&app, &identity, fields, Problem::of_fields(&error)).await,
+    };
+    match submit(&app, &identity, Process::Plan, inputs).await {
+        Err(failure) if failure.status == StatusCode::BAD_REQUEST => {
+            new::again(&app, &identity, fields, Problem::of_request(&failure.detail)).await
+        }
+        answer => answer,
     }
 }
 
@@ -172,15 +195,10 @@ pub async fn dismiss(
     let owner = identity.owner.clone();
     let name = id.clone();
     let workshop = Arc::clone(&app.workshop);
-    let (before, is_known) = blocking(&app, move |_| -> StoreResult<_> {
-        Ok((workshop.store.job(&owner, &name)?, workshop.dismiss(&owner, &name)?))
-    })
-    .await?;
-    match before.filter(|_| is_known) {
-        // What was removed is gone; what was given up has a page that says so.
-        Some(job) if job.status.is_final() => Ok(Redirect::to("/").into_response()),
-        Some(_) => Ok(Redirect::to(&format!("/jobs/{id}")).into_response()),
-        None => Err(Failure::no_job(&id)),
+    match blocking(&app, move |_| workshop.dismiss(&owner, &name)).await? {
+        // The page of the job says that it is removed or given up.
+        true => Ok(Redirect::to(&format!("/jobs/{id}")).into_response()),
+        false => Err(Failure::no_job(&id)),
     }
 }
 

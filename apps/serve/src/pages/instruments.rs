@@ -1,6 +1,7 @@
 //! The catalogue: scanners with their figures and scan patterns.
 
 use super::layout::page;
+use super::trail::{Crumb, path};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::program::ProgramError;
@@ -101,7 +102,9 @@ pub async fn show(
         return Err(no_instrument());
     };
     let name = scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference);
+    let instruments = Crumb { label: "Instruments".to_owned(), address: Some("/instruments".to_owned()) };
     let content = html! {
+        (path(&[instruments, Crumb::here(name)]))
         h1 { (name) }
         p { code { (reference) } " · " a .button href=(format!("/new?scanner={}", super::home::encoded(reference))) { "Use it" } }
         figure {

@@ -2,13 +2,18 @@
 //! shell.
 
 use super::cloud::{cloud, is_cloud, is_octree, show_form};
+use super::compared::REPORT;
 use super::home::encoded as in_query;
 use super::layout::{bytes_text, form_token, page};
+use super::new::failed_plan;
 use super::plan_fields::{address, in_words_of_the_page};
-use super::titles::title;
+use super::plan_words::plan;
+use super::titles::{inputs_of, next_seed, title};
+use super::trail::{path, trail_of};
 use crate::answers::{Failure, encoded};
 use crate::app::{App, Identity, blocking};
-use crate::messages::{place_of, rounded};
+use crate::messages::{place_of, rounded, time_in_words};
+use crate::place::Place;
 use crate::processes::Process;
 use crate::records::Kind;
 use crate::request::Prepared;
@@ -81,26 +86,63 @@ pub async fn job(
     points: Option<&str>,
 ) -> Result<Response, Failure> {
     let reads = job.clone();
-    let (shown, title) = blocking(app, move |workshop| -> StoreResult<_> {
-        Ok((Shown::of(&reads, &workshop.store), title(&workshop.store, &reads)?))
+    let workers = app.workshop.limits.workers;
+    let (shown, title, trail, place) = blocking(app, move |workshop| -> StoreResult<_> {
+        let shown = Shown::of(&reads, &workshop.store);
+        let place = workshop.store.place(&reads)?;
+        Ok((shown, title(workshop, &reads)?, trail_of(workshop, &reads)?, place))
     })
     .await?;
+    let is_failed_plan = job.status == Status::Failed && job.process == Process::Plan.id();
+    let form = if is_failed_plan { Some(failed_plan(app, identity, job).await?) } else { None };
     let content = html! {
+        (path(&trail))
         h1 { (title) }
-        (state(job))
+        (state(job, &place.map(|place| queued(&place, workers)).unwrap_or_default()))
         (change(job))
+        @if let Some(form) = form { (form) }
         @if job.status == Status::Successful { (results(app, identity, job, &shown, points)) }
-        (command(job, &shown))
-        form method="post" action="/forms/dismiss" {
-            (form_token(app, identity))
-            input type="hidden" name="id" value=(job.id);
-            button .quiet type="submit" { @if job.status.is_final() { "Remove this job and its files" } @else { "Give up" } }
+        @if job.status != Status::Dismissed {
+            (command(job, &shown))
+            (removal(app, identity, job))
         }
     };
     Ok(page(app, identity, &title, &content))
 }
 
-fn state(job: &Job) -> Markup {
+/// The place of a job in the queue, in words.
+fn queued(place: &Place, workers: usize) -> String {
+    let before = match place.before {
+        0 => "Next in the queue".to_owned(),
+        1 => "1 job before this one".to_owned(),
+        many => format!("{many} jobs before this one"),
+    };
+    let time =
+        place.seconds(workers).map(|seconds| format!(", finished in about {}", time_in_words(seconds)));
+    before + &time.unwrap_or_default()
+}
+
+/// A form that gives up a job or removes it, after a question.
+fn removal(app: &App, identity: &Identity, job: &Job) -> Markup {
+    let (question, answer, after) = match job.status.is_final() {
+        true => ("Remove", "Remove this job and its files", "The files cannot be restored."),
+        false => ("Give up", "Give up this job", "What has been computed so far is lost."),
+    };
+    html! {
+        details {
+            summary { (question) }
+            p { (after) }
+            form method="post" action="/forms/dismiss" {
+                (form_token(app, identity))
+                input type="hidden" name="id" value=(job.id);
+                button .quiet type="submit" { (answer) }
+            }
+        }
+    }
+}
+
+/// The state of a job, which is `queued` if it waits.
+fn state(job: &Job, queued: &str) -> Markup {
     html! {
         @match job.status {
             Status::Accepted | Status::Running => {
@@ -109,6 +151,7 @@ fn state(job: &Job) -> Markup {
                 script src="/static/follow.js" defer {}
                 div #follow .card data-job=(job.id) {
                     p { span .state .(job.status.name()) #state { (job.status.name()) } }
+                    p #queue { (queued) }
                     progress #progress max="100" value=(job.progress) aria-label="Progress" {}
                     p #message role="status" { (job.message) }
                 }
@@ -129,7 +172,12 @@ fn state(job: &Job) -> Markup {
                 };
                 pre .message role="alert" { (message) }
             }
-            Status::Dismissed => { p { span .state .dismissed { "given up" } } }
+            Status::Dismissed => {
+                // The dismissal of an unfinished job is its end.
+                @let is_removed = job.finished != Some(job.updated);
+                p { span .state .dismissed { @if is_removed { "removed" } @else { "given up" } } }
+                p { a href="/" { "Back to files and jobs" } }
+            }
         }
     }
 }
@@ -162,14 +210,14 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown, points: Opt
         @match process {
             Some(Process::Plan) => {
                 @if shown.has_picture { (picture(&own, "Flight lines over the scene, from above and from the side")) }
-                pre .facts { (comments(&shown.document)) }
+                (plan(&app.workshop.program, &inputs_of(job), &shown.document))
                 form .card method="post" action="/forms/run" {
                     (form_token(app, identity))
                     input type="hidden" name="file" value=(format!("jobs/{}/plan.toml", job.id));
                     (run_fields())
                     div .row {
-                        button type="submit" name="action" value="dry-run" { "Forecast density and time" }
                         button type="submit" name="action" value="run" { "Run" }
+                        button .quiet type="submit" name="action" value="dry-run" { "Forecast density and time" }
                     }
                 }
             }
@@ -187,7 +235,7 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown, points: Opt
             Some(Process::Stand) => {
                 p { a .button href=(format!("/new?kind=airborne&scene={}", in_query(&format!("jobs/{}/stand/stand.xml", job.id)))) { "Plan a scan of it" } }
             }
-            Some(Process::Compare) => { (viewer(&format!("{own}/results/report.html"), "Comparison")) }
+            Some(Process::Compare) => { (viewer(&format!("/compared/{}/{REPORT}", job.id), "Comparison")) }
             Some(Process::Preview) => {
                 @for file in &files {
                     @if file.path.ends_with(".png") { img .picture src=(format!("{own}/results/{}", encoded(&file.path))) alt="The picture"; }
@@ -198,14 +246,31 @@ fn results(app: &App, identity: &Identity, job: &Job, shown: &Shown, points: Opt
             _ => {
                 @let drawn = html! { @if shown.has_picture { (picture(&own, "The points from above and from the side")) } };
                 (cloud(app, identity, job, &files, points, &drawn))
+                @if process == Some(Process::Run) { (again(app, identity, job)) }
             }
         }
         (downloads(job, &files, |name| show_form(app, identity, name, "show")))
     }
 }
 
+/// A form that runs a job once more with the next seed.
+fn again(app: &App, identity: &Identity, job: &Job) -> Markup {
+    html! {
+        form .inline method="post" action="/forms/again" {
+            (form_token(app, identity))
+            input type="hidden" name="id" value=(job.id);
+            button .quiet type="submit" { "Again with seed " (next_seed(&inputs_of(job))) }
+        }
+    }
+}
+
 fn picture(own: &str, about: &str) -> Markup {
-    html! { img .picture src=(format!("{own}/view/{PICTURE}")) width="1200" height="800" alt=(about); }
+    html! {
+        div .drawn {
+            span .waiting role="status" { "The picture is drawn …" }
+            img .picture src=(format!("{own}/view/{PICTURE}")) width="1200" height="800" alt=(about);
+        }
+    }
 }
 
 fn viewer(address: &str, about: &str) -> Markup {
@@ -249,14 +314,6 @@ fn downloads(job: &Job, files: &[ResultFile], show: impl Fn(&str) -> Markup) -> 
             @if files.len() > MAX_LISTED { p { "and " (files.len() - MAX_LISTED) " more, which the results list: " a href=(format!("/jobs/{}/results", job.id)) { "JSON" } } }
         }
     }
-}
-
-/// The comments at the start of a plan: duration, pulses, density, spacing; without its command.
-fn comments(plan: &str) -> String {
-    let lines = plan.lines().take_while(|line| line.starts_with('#') || line.is_empty());
-    let lines = lines.map(|line| line.trim_start_matches('#').trim());
-    // The command has a place of its own on the page.
-    lines.filter(|line| !line.starts_with("vlscan plan")).collect::<Vec<_>>().join("\n").trim().to_owned()
 }
 
 /// The figures of a dry run.
@@ -311,11 +368,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn comments_of_a_plan_are_shown_without_its_command() {
-        assert_eq!(
-            comments("# vlscan plan airborne\n# a plan\n# 3 lines\n\nscene = 1\n# later"),
-            "a plan\n3 lines"
-        );
+    fn places_in_the_queue_are_told_with_the_expected_time() {
+        let told = |before, mean| queued(&Place { before, mean }, 2);
+        assert_eq!(told(0, None), "Next in the queue");
+        assert_eq!(told(1, Some(10.0)), "1 job before this one, finished in about 15 s");
+        assert_eq!(told(4, Some(100.0)), "4 jobs before this one, finished in about 5 min");
     }
 
     #[test]
@@ -339,7 +396,7 @@ mod tests {
             finished: None,
             updated: 0,
         };
-        let page = html! { (downloads(&job, &files, |_| html! {})) (state(&job)) (command(&job, &Shown { document: "<b>".into(), ..Shown::default() })) }.into_string();
+        let page = html! { (downloads(&job, &files, |_| html! {})) (state(&job, "<b>")) (command(&job, &Shown { document: "<b>".into(), ..Shown::default() })) }.into_string();
         for unsafe_text in ["<script>", "<img", "<b>"] {
             assert!(!page.contains(unsafe_text), "{page}");
         }

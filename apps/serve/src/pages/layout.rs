@@ -22,6 +22,7 @@ pub fn page(app: &App, identity: &Identity, title: &str, content: &Markup) -> Re
                 title { (title) " · vlscan" }
                 link rel="stylesheet" href="/static/style.css";
                 link rel="icon" href="/static/icon.svg";
+                script src="/static/page.js" defer {}
             }
             body {
                 a .skip href="#content" { "To the content" }
@@ -121,6 +122,11 @@ pub fn bytes_text(bytes: u64) -> String {
 /// A time to the minute.
 pub fn short_time(ms: i64) -> String {
     time_text(ms).get(..16).unwrap_or_default().replace('T', " ") + " UTC"
+}
+
+/// A time, which a script shows in the zone of the browser.
+pub fn local_time(ms: i64) -> Markup {
+    html! { time datetime=(time_text(ms)) { (short_time(ms)) } }
 }
 
 /// A failure of a form's field.

@@ -21,7 +21,7 @@ const fn above(name: &'static str, label: &'static str, range: [f64; 2]) -> Numb
     Number { name, label, range, from: false, is_whole: false }
 }
 
-const NUMBERS: [Number; 10] = [
+static NUMBERS: [Number; 10] = [
     above("height", "Height above ground", [0.0, 100_000.0]),
     above("density", "Density", [0.0, 1e6]),
     Number { name: "overlap", label: "Overlap", range: [-1000.0, 99.0], from: true, is_whole: false },
@@ -66,11 +66,13 @@ pub enum FieldError {
     /// Neither density nor speed.
     #[error("Density: expected a number here, or a Speed instead")]
     NoSpeed,
-    /// Positions on a circle and in a grid.
-    #[error("Centre, Spacing of a grid: leave one of them empty: positions are on a circle or in a grid")]
-    CircleAndGrid,
+    /// Positions in several ways.
+    #[error("Places of the tripod, Centre, Spacing of a grid: fill in only one of them")]
+    SeveralWays,
     /// Positions without a place.
-    #[error("Centre: click on the scene, or type x and y; or give the Spacing of a grid instead")]
+    #[error(
+        "Places of the tripod: click on the scene, or type x and y in each line; or give a Centre or the Spacing of a grid instead"
+    )]
     NoPositions,
     /// A shape as text and as a file.
     #[error("{0}: choose a file or give a text, not both")]
@@ -81,6 +83,28 @@ pub enum FieldError {
     /// A text that is not a place.
     #[error("Centre: expected x and y, for example `500000 5400000`, found `{0}`")]
     Place(String),
+    /// A line that is not a place.
+    #[error("Places of the tripod: expected x and y in each line, for example `500000 5400000`, found `{0}`")]
+    Places(String),
+}
+
+impl FieldError {
+    /// The name of the field that is wrong.
+    pub fn field(&self) -> Option<&'static str> {
+        let named = |wanted: &str| labels().find(|(_, label)| *label == wanted).map(|(name, _)| name);
+        match self {
+            FieldError::Choose(label)
+            | FieldError::Number { label, .. }
+            | FieldError::NoNumber(label)
+            | FieldError::TwoShapes(label)
+            | FieldError::NoShape(label) => named(label),
+            FieldError::Overdetermined => Some("speed"),
+            FieldError::NoSpeed => Some("density"),
+            FieldError::SeveralWays => Some("spacing"),
+            FieldError::Place(_) => Some("around"),
+            FieldError::NoPositions | FieldError::Places(_) => Some("at"),
+        }
+    }
 }
 
 impl Number {
@@ -119,15 +143,16 @@ pub fn inputs(fields: &Fields) -> Result<Map<String, Value>, FieldError> {
     let mut inputs = Map::new();
     for (key, value) in fields {
         let value = value.trim();
-        // A grid needs no circle.
+        // A grid needs no circle, and neither do places.
         let is_of_circle = matches!(key.as_str(), "radius" | "positions");
-        if is_of_circle && has("spacing") {
+        if is_of_circle && (has("spacing") || has("at")) {
             continue;
         }
         match key.as_str() {
             "area_file" => drop(inputs.insert("area".to_owned(), json!(value))),
             "along_file" => drop(inputs.insert("along".to_owned(), json!(value))),
             "follow_terrain" => drop(inputs.insert(key.clone(), json!(true))),
+            "at" => drop(inputs.insert(key.clone(), json!(places(value)?))),
             "around" => drop(inputs.insert(key.clone(), json!(place(value)?))),
             "kind" | "scene" | "scanner" | "area" | "along" => {
                 drop(inputs.insert(key.clone(), json!(value)));
@@ -159,11 +184,12 @@ fn check_flight(fields: &Fields) -> Result<(), FieldError> {
 
 fn check_positions(fields: &Fields) -> Result<(), FieldError> {
     let has = |key: &str| fields.contains_key(key);
-    match (has("around"), has("spacing")) {
-        (true, true) => Err(FieldError::CircleAndGrid),
-        (false, false) => Err(FieldError::NoPositions),
-        (true, false) if !has("radius") => Err(FieldError::NoNumber("Radius")),
-        _ => Ok(()),
+    let ways = ["at", "around", "spacing"].into_iter().filter(|way| has(way)).collect::<Vec<_>>();
+    match ways.as_slice() {
+        [] => Err(FieldError::NoPositions),
+        ["around"] if !has("radius") => Err(FieldError::NoNumber("Radius")),
+        [_] => Ok(()),
+        _ => Err(FieldError::SeveralWays),
     }
 }
 
@@ -208,16 +234,32 @@ fn place(text: &str) -> Result<String, FieldError> {
     }
 }
 
+/// Places, one in each line.
+fn places(text: &str) -> Result<Vec<String>, FieldError> {
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    lines.map(|line| place(line).map_err(|_| FieldError::Places(line.to_owned()))).collect()
+}
+
 /// The address of the form of a plan or a stand with these inputs in its fields.
 pub fn address(process: Process, inputs: &Map<String, Value>) -> Option<String> {
-    let mut address = match process {
-        Process::Plan => "/new?again=1".to_owned(),
-        Process::Stand => "/new?again=1&kind=stand".to_owned(),
+    let fields = fields(process, inputs)?;
+    let pairs = fields.iter().map(|(field, text)| format!("&{field}={}", encoded(text)));
+    Some(format!("/new?again=1{}", pairs.collect::<String>()))
+}
+
+/// The fields of the form of a plan or a stand with these inputs.
+pub fn fields(process: Process, inputs: &Map<String, Value>) -> Option<Fields> {
+    let mut fields = match process {
+        Process::Plan => Fields::new(),
+        Process::Stand => Fields::from([("kind".to_owned(), "stand".to_owned())]),
         _ => return None,
     };
     for (key, value) in inputs {
         let text = match value {
             Value::String(text) => text.clone(),
+            Value::Array(several) if key == "at" => {
+                several.iter().filter_map(Value::as_str).collect::<Vec<_>>().join("\n")
+            }
             Value::Array(several) => several.first().and_then(Value::as_str).unwrap_or_default().to_owned(),
             Value::Bool(true) => "on".to_owned(),
             Value::Number(number) => number.to_string(),
@@ -225,28 +267,42 @@ pub fn address(process: Process, inputs: &Map<String, Value>) -> Option<String> 
         };
         // Texts of shapes have brackets.
         let is_file = matches!(key.as_str(), "area" | "along") && !text.contains(['(', '{']);
-        let field = if is_file { format!("{key}_file") } else { key.clone() };
-        address += &format!("&{field}={}", encoded(&text));
+        fields.insert(if is_file { format!("{key}_file") } else { key.clone() }, text);
     }
-    Some(address)
+    Some(fields)
+}
+
+/// Fields that are not numbers: the option of `vlscan plan` with underscores, and the label.
+const OTHERS: [(&str, &str); 7] = [
+    ("scene", "Scene"),
+    ("scanner", "Instrument"),
+    ("area", "Area"),
+    ("along", "Line"),
+    ("around", "Centre"),
+    ("at", "Places of the tripod"),
+    ("follow_terrain", "Follow the terrain"),
+];
+
+/// Names and labels of all fields.
+fn labels() -> impl Iterator<Item = (&'static str, &'static str)> {
+    NUMBERS.iter().map(|number| (number.name, number.label)).chain(OTHERS)
+}
+
+/// The field whose option a message of `vlscan plan` names first.
+pub fn field_of_message(message: &str) -> Option<&'static str> {
+    let mut parts = message.split("--").skip(1);
+    parts.find_map(|part| {
+        let end = part.find(|c: char| !c.is_ascii_alphanumeric() && c != '-').unwrap_or(part.len());
+        let option = part[..end].replace('-', "_");
+        labels().map(|(name, _)| name).find(|name| *name == option)
+    })
 }
 
 /// A message of `vlscan plan` with the fields in place of its options.
 pub fn in_words_of_the_page(message: &str) -> String {
-    let others = [
-        ("scene", "Scene"),
-        ("scanner", "Instrument"),
-        ("area", "Area"),
-        ("along", "Line"),
-        ("around", "Centre"),
-    ];
-    let numbers = NUMBERS.iter().map(|number| (number.name, number.label));
-    numbers
-        .chain(others)
-        .chain([("follow_terrain", "Follow the terrain")])
-        .fold(message.to_owned(), |text, (name, label)| {
-            with_label(&text, &format!("--{}", name.replace('_', "-")), label)
-        })
+    labels().fold(message.to_owned(), |text, (name, label)| {
+        with_label(&text, &format!("--{}", name.replace('_', "-")), label)
+    })
 }
 
 /// The text with a label in place of an option.
@@ -287,8 +343,12 @@ mod tests {
                 &[("kind", "terrestrial"), ("around", "0 0"), ("radius", "5"), ("positions", "2,5")],
                 "Positions: expected a whole number",
             ),
-            (&[("kind", "terrestrial"), ("radius", "5")], "Centre: click on the scene"),
-            (&[("kind", "terrestrial"), ("around", "0 0"), ("spacing", "5")], "leave one of them empty"),
+            (&[("kind", "terrestrial"), ("radius", "5")], "Places of the tripod: click on the scene"),
+            (&[("kind", "terrestrial"), ("around", "0 0"), ("spacing", "5")], "fill in only one of them"),
+            (
+                &[("kind", "terrestrial"), ("at", "1,2\n3"), ("radius", "5")],
+                "in each line, for example `500000 5400000`, found `3`",
+            ),
             (&[("kind", "mobile")], "Line: draw it"),
         ] {
             let message = inputs(&fields(&[&flight[..], given].concat())).unwrap_err().to_string();
@@ -348,6 +408,16 @@ mod tests {
         ] {
             assert!(address.contains(part), "{address}");
         }
+    }
+
+    #[test]
+    fn places_are_lines() {
+        let given =
+            [("kind", "terrestrial"), ("at", "1,2\r\n\r\n3,5; -4"), ("radius", "10"), ("positions", "4")];
+        let inputs = inputs(&fields(&given)).unwrap();
+        assert_eq!(inputs["at"], json!(["1,2", "3.5,-4"]));
+        assert!(!inputs.contains_key("radius") && !inputs.contains_key("positions"), "{inputs:?}");
+        assert!(address(Process::Plan, &inputs).unwrap().contains("&at=1%2C2%0A3.5%2C-4"));
     }
 
     #[test]

@@ -1,30 +1,36 @@
 //! Forms of new scans, by their kind.
 
 use super::choices::{AREAS, Files, TABLES, TERRAINS, TRAJECTORIES};
+use super::fixes::Problem;
 use super::home::encoded;
 use super::job::run_fields;
 use super::layout::form_token;
 use crate::app::{App, Identity};
 use maud::{Markup, html};
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Prefix of references of airborne scanners.
 const AIRBORNE: &str = "data/scanners_als.xml#";
+/// Height of a flight above the ground that is offered first, m.
+const HEIGHT: f64 = 80.0;
 /// The platform of recorded flights that is offered first.
 const PLATFORM: &str = "data/platforms.xml#copter_linearpath";
 
 /// The form of a kind of scan.
-pub(super) fn form(app: &App, identity: &Identity, kind: &str, files: &Files, values: &Values) -> Markup {
+/// `level` is where level ground would be, m, of a scene without ground.
+pub(super) fn form(
+    app: &App,
+    identity: &Identity,
+    kind: &str,
+    files: &Files,
+    values: &Values,
+    level: Option<f64>,
+) -> Markup {
     let scenes = files.scenes();
-    let wanted = match (values.of("scene", ""), values.of("upload", "")) {
-        ("", "") if !values.is_again => files.newest().to_owned(),
-        ("", upload) => format!("{upload}/"),
-        (scene, _) => scene.to_owned(),
-    };
-    // The one that the list shows.
-    let shown = scenes.iter().find(|name| !wanted.is_empty() && name.starts_with(&wanted));
-    let scene = shown.copied().unwrap_or_default();
-    let form = Form { app, identity, kind, files, values, scenes, scene, wanted };
+    let wanted = first_scene(files, values);
+    let scene = shown_scene(files, values);
+    let form = Form { app, identity, kind, files, values, scenes, scene, wanted, level };
     match kind {
         "terrestrial" => form.terrestrial(),
         "mobile" => form.mobile(),
@@ -33,6 +39,22 @@ pub(super) fn form(app: &App, identity: &Identity, kind: &str, files: &Files, va
         "stand" => form.stand(),
         _ => form.airborne(),
     }
+}
+
+/// Beginning of the name of the scene that is chosen first; empty for none.
+fn first_scene(files: &Files, values: &Values) -> String {
+    match (values.of("scene", ""), values.of("upload", "")) {
+        ("", "") if !values.is_again => files.newest().to_owned(),
+        ("", upload) => format!("{upload}/"),
+        (scene, _) => scene.to_owned(),
+    }
+}
+
+/// The scene that the list of a form shows; empty if there is none.
+pub(super) fn shown_scene<'f>(files: &'f Files, values: &Values) -> &'f str {
+    let wanted = first_scene(files, values);
+    let is_first = |name: &&str| !wanted.is_empty() && name.starts_with(&wanted);
+    files.scenes().into_iter().find(is_first).unwrap_or_default()
 }
 
 /// Common parts of the forms of all kinds.
@@ -47,6 +69,8 @@ struct Form<'f> {
     scene: &'f str,
     /// Beginning of the names of files that are chosen first; empty for none.
     wanted: String,
+    /// Height of level ground, m, of a scene without ground.
+    level: Option<f64>,
 }
 
 impl Form<'_> {
@@ -59,11 +83,23 @@ impl Form<'_> {
     }
 
     fn scene_choice(&self) -> Markup {
-        self.files.choice("scene", "Scene", &self.scenes, None, &self.wanted)
+        let choice = self.files.choice("scene", "Scene", &self.scenes, None, &self.wanted);
+        self.values.with_problem("scene", &choice)
     }
 
     fn scanners(&self) -> Markup {
-        scanners(self.app, self.values.of("scanner", ""))
+        let is_airborne = matches!(self.kind, "airborne" | "trajectory");
+        let choice = scanners(self.app, self.values.of("scanner", ""), is_airborne);
+        self.values.with_problem("scanner", &choice)
+    }
+
+    /// Height of level ground, where the scene has no terrain.
+    fn ground(&self) -> Markup {
+        let level = self.level.map(|level| level.to_string()).unwrap_or_default();
+        html! {
+            div .row { (self.values.number("ground", "Height of level ground", &level, "0", "m")) }
+            p { small { "Only for scenes without terrain, such as the mesh of a house: rasters are terrain, and meshes whose materials are ground." } }
+        }
     }
 
     /// Beginning of the name of the file that is chosen first in a list.
@@ -77,19 +113,20 @@ impl Form<'_> {
         let values = self.values;
         let areas = self.files.with(&AREAS);
         let [area, ..] = SHAPES;
+        let height = height_for(self.app, values.of("scanner", ""));
         html! {
             form method="post" action="/forms/plan" {
                 (self.begin("A flight over a scene"))
                 (self.scene_choice())
                 (self.scanners())
                 div .row {
-                    (values.number("height", "Height above ground", "80", "", "m"))
+                    (values.number("height", "Height above ground", &height, "", "m"))
                     (values.number("density", "Density", "10", "", "pulses per m²"))
                     (values.number("overlap", "Overlap", "30", "", "%"))
                     (values.number("speed", "Speed, instead of one of them", "", "8", "m/s"))
                 }
                 div .row { (values.number("pulse_rate", "Pulse rate", "", "the instrument's", "Hz")) }
-                (values.shape(area, self.scene))
+                (values.with_problem("area", &values.shape(area, self.scene)))
                 p { small { "Without an area the whole scene is flown." } }
                 (self.files.choice("area_file", "or a file with an area", &areas, Some("none"), values.of("area_file", "")))
                 label .flag { input type="checkbox" name="follow_terrain" checked[!values.of("follow_terrain", "").is_empty()]; " Follow the terrain" }
@@ -101,20 +138,27 @@ impl Form<'_> {
     /// Positions of a tripod.
     fn terrestrial(&self) -> Markup {
         let values = self.values;
-        let [.., around] = SHAPES;
+        let [.., at] = SHAPES;
+        let is_other = ["around", "spacing"].iter().any(|key| !values.of(key, "").is_empty());
         html! {
             form method="post" action="/forms/plan" {
                 (self.begin("Tripod positions"))
                 (self.scene_choice())
                 (self.scanners())
-                (values.shape(around, self.scene))
-                div .row {
-                    (values.number("radius", "Radius", "10", "10", "m"))
-                    (values.number("positions", "Positions on it", "4", "4", ""))
-                    (values.number("spacing", "or, instead of centre and radius, spacing of a grid", "", "15", "m"))
-                    (values.number("resolution", "Resolution", "0.1", "", "°"))
+                (values.with_problem("at", &values.shape(at, self.scene)))
+                details open[is_other] {
+                    summary { "On a circle or a grid instead" }
+                    div .row {
+                        (values.with_problem("around", &html! {
+                            label { "Centre x,y" input name="around" value=(values.of("around", "")) placeholder="0,0" autocomplete="off"; }
+                        }))
+                        (values.number("radius", "Radius", "10", "10", "m"))
+                        (values.number("positions", "Positions on it", "4", "4", ""))
+                        (values.number("spacing", "Spacing of a grid", "", "15", "m"))
+                    }
                 }
-                (ground(values))
+                div .row { (values.number("resolution", "Resolution", "0.1", "", "°")) }
+                (self.ground())
                 button type="submit" { "Plan the positions" }
             }
         }
@@ -131,8 +175,8 @@ impl Form<'_> {
                 (self.scene_choice())
                 (self.scanners())
                 div .row { (values.number("speed", "Speed", "8", "", "m/s")) }
-                (ground(values))
-                (values.shape(along, self.scene))
+                (self.ground())
+                (values.with_problem("along", &values.shape(along, self.scene)))
                 (self.files.choice("along_file", "or a file with a line", &areas, Some("none"), values.of("along_file", "")))
                 button type="submit" { "Plan the drive" }
             }
@@ -203,17 +247,37 @@ impl Form<'_> {
     }
 }
 
-fn scanners(app: &App, wanted: &str) -> Markup {
+/// The first height of a flight, m, within the range of an instrument.
+fn first_height(scanner: &Value) -> f64 {
+    let [near, far] = [&scanner["range_min_m"], &scanner["range_max_m"]].map(Value::as_f64);
+    // To the sides of the flight the ground is farther away, and hills are nearer.
+    let least = (near.unwrap_or(0.0) * 1.25 / 10.0).ceil() * 10.0;
+    let most = far.map_or(f64::INFINITY, |far| (far * 0.5 / 5.0).floor() * 5.0);
+    HEIGHT.max(least).min(most).max(1.0)
+}
+
+/// The first height for an instrument by its reference, as text.
+fn height_for(app: &App, wanted: &str) -> String {
+    let known = app.workshop.program.entries("scanners").find(|(reference, _)| *reference == wanted);
+    known.map_or(HEIGHT, |(_, scanner)| first_height(scanner)).to_string()
+}
+
+fn scanners(app: &App, wanted: &str, is_airborne: bool) -> Markup {
+    let mut groups = [("Airborne", true), ("Terrestrial and mobile", false)];
+    // The usual ones of a kind of scan come first.
+    if !is_airborne {
+        groups.reverse();
+    }
     html! {
         label {
             "Instrument"
             select name="scanner" required {
                 option value="" { "choose …" }
-                @for (label, is_of_group) in [("Airborne", true), ("Terrestrial and mobile", false)] {
+                @for (label, is_of_group) in groups {
                     optgroup label=(label) {
                         @for (number, (reference, scanner)) in app.workshop.program.entries("scanners").enumerate() {
                             @if reference.starts_with(AIRBORNE) == is_of_group {
-                                option value=(reference) data-picture=(format!("/instruments/{number}/pattern.svg")) selected[reference == wanted] {
+                                option value=(reference) data-picture=(format!("/instruments/{number}/pattern.svg")) data-height=(first_height(scanner).to_string()) selected[reference == wanted] {
                                     (scanner["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(reference)) " (" (reference.rsplit('#').next().unwrap_or(reference)) ")"
                                 }
                             }
@@ -233,7 +297,7 @@ pub(super) struct Values {
     /// True if fields without a value are empty.
     pub is_again: bool,
     /// A problem of one of them.
-    pub wrong: String,
+    pub problem: Option<Problem>,
 }
 
 impl Values {
@@ -246,14 +310,34 @@ impl Values {
         }
     }
 
+    /// The message of the problem of a field.
+    fn problem_of(&self, field: &str) -> Option<&str> {
+        self.problem
+            .as_ref()
+            .filter(|problem| problem.field == Some(field))
+            .map(|problem| problem.text.as_str())
+    }
+
+    /// Fields with the message of their problem.
+    fn with_problem(&self, field: &str, fields: &Markup) -> Markup {
+        html! {
+            @if let Some(text) = self.problem_of(field) {
+                div .wrong { (fields) p #wrong .problem { (text) } }
+            } @else { (fields) }
+        }
+    }
+
     /// A field for a number, with an example of one.
     fn number(&self, name: &str, label: &str, first: &str, example: &str, unit: &str) -> Markup {
-        html! {
+        let is_wrong = self.problem_of(name).is_some();
+        let field = html! {
             label {
                 (label) small { " " (unit) }
-                input name=(name) value=(self.of(name, first)) placeholder=(example) inputmode="decimal" size="8";
+                input name=(name) value=(self.of(name, first)) placeholder=(example) inputmode="decimal" size="8"
+                    aria-invalid=[is_wrong.then_some("true")] aria-describedby=[is_wrong.then_some("wrong")];
             }
-        }
+        };
+        self.with_problem(name, &field)
     }
 
     /// A field for a shape as text, which a script has drawn on the scene; without scripts a click on the
@@ -304,7 +388,7 @@ pub(super) const SHAPES: [Shape; 3] = [
         label: "Line (WKT or GeoJSON)",
         example: "LINESTRING (0 0, 50 0, 80 40)",
     },
-    Shape { field: "around", kind: "point", label: "Centre x,y", example: "0,0" },
+    Shape { field: "at", kind: "points", label: "Places of the tripod, x,y in each line", example: "0,0" },
 ];
 
 impl Shape {
@@ -314,7 +398,9 @@ impl Shape {
         match (self.kind, corners) {
             ("polygon", [first, _, _, ..]) => format!("POLYGON (({all}, {first}))"),
             ("line", [_, _, ..]) => format!("LINESTRING ({all})"),
-            ("point", [.., last]) => last.replace(' ', ","),
+            ("points", [_, ..]) => {
+                corners.iter().map(|at| at.replace(' ', ",")).collect::<Vec<_>>().join("\n")
+            }
             _ => String::new(),
         }
     }
@@ -324,19 +410,27 @@ fn map_address(scene: &str) -> String {
     format!("/map.png?scene={}", encoded(scene))
 }
 
-/// The ground, where the scene has no terrain.
-fn ground(values: &Values) -> Markup {
-    html! {
-        div .row { (values.number("ground", "Height of level ground", "", "0", "m")) }
-        p { small { "Only for scenes without terrain, such as the mesh of a house: rasters are terrain, and meshes whose materials are ground." } }
-    }
-}
-
 fn actions() -> Markup {
     html! {
         div .row {
-            button type="submit" name="action" value="dry-run" { "Forecast" }
             button type="submit" name="action" value="run" { "Run" }
+            button .quiet type="submit" name="action" value="dry-run" { "Forecast" }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn the_first_height_is_within_the_range() {
+        for (near, far, expected) in
+            [(json!(5), json!(1000), 80.0), (json!(100), json!(null), 130.0), (json!(0.5), json!(50), 25.0)]
+        {
+            let scanner = json!({ "range_min_m": near, "range_max_m": far });
+            assert_eq!(first_height(&scanner), expected, "{scanner}");
         }
     }
 }

@@ -4,6 +4,7 @@ use super::choices::{is_scene, is_table, is_trajectory};
 use super::cloud::{is_cloud, is_octree, show_form, viewer};
 use super::home::{encoded, remove_form};
 use super::layout::{bytes_text, page};
+use super::trail::{Crumb, path};
 use crate::answers::encoded as in_path;
 use crate::app::{App, Identity};
 use crate::store::{FileKind, Upload, UploadFile};
@@ -33,6 +34,7 @@ pub fn upload(
     };
     sorted.sort_by_key(|(file, actions)| (actions.is_empty(), rank(file.kind)));
     let content = html! {
+        (path(&[Crumb::files(), Crumb::here(&upload.name)]))
         h1 { (upload.name) }
         @if let Some(file) = shown {
             p { strong { (file.path) } }

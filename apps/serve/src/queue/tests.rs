@@ -66,6 +66,26 @@ fn a_job_is_taken_once_and_finished_by_its_holder() {
 }
 
 #[test]
+fn the_place_of_a_job_counts_turns_of_owners() {
+    let (_folder, store) = store();
+    for (owner, id) in [("ben", "1"), ("ben", "2"), ("ben", "3"), ("anna", "a"), ("anna", "b"), ("carl", "c")]
+    {
+        assert!(store.add_job(&job(owner, id), &BTreeSet::new(), None, 9).unwrap());
+    }
+    let before = |owner: &str, id: &str| {
+        let place = store.place(&store.job(owner, id).unwrap().unwrap()).unwrap().unwrap();
+        (place.before, place.mean)
+    };
+    assert_eq!(before("anna", "a"), (2, None), "one of ben, one of carl");
+    assert_eq!(before("anna", "b"), (4, None), "a, two of ben, one of carl");
+    let plan = Job { process: "plan".to_owned(), ..job("anna", "p") };
+    assert!(store.add_job(&plan, &BTreeSet::new(), None, 9).unwrap());
+    assert_eq!(before("anna", "p"), (0, None), "plans do not wait for runs");
+    let taken = store.take_job("w", Lane::Any).unwrap().unwrap();
+    assert_eq!(store.place(&taken).unwrap(), None, "it is computed");
+}
+
+#[test]
 fn results_are_given_again_and_kept_while_a_job_names_them() {
     let (_folder, store) = store();
     store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();

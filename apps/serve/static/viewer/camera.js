@@ -62,6 +62,11 @@ export class Camera {
     return sum(this.target, this.axes().back, this.distance);
   }
 
+  // Metres per pixel at the point around which the camera turns.
+  metres() {
+    return (2 * Math.tan(FIELD / 2) * this.distance) / this.height;
+  }
+
   // Pixels per metre at a distance of one metre.
   pixels() {
     return this.height / (2 * Math.tan(FIELD / 2));

@@ -46,6 +46,8 @@ export function follow(viewer) {
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());
 
   canvas.addEventListener('wheel', (event) => {
+    // The page scrolls past points that nobody has clicked.
+    if (!event.ctrlKey && document.activeElement !== canvas && !document.fullscreenElement) return;
     event.preventDefault();
     camera.zoom(Math.exp(Math.sign(event.deltaY) * Math.min(Math.abs(event.deltaY), 200) * 0.001));
     viewer.redraw();

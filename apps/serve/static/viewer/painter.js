@@ -97,7 +97,7 @@ export const CLASSES = {
   9: ['Water', '#4a8fe0'], 10: ['Rail', '#8a6fd1'], 11: ['Road surface', '#8d8d8d'], 14: ['Wire, conductor', '#e5c15a'],
   15: ['Transmission tower', '#d18a4a'], 17: ['Bridge deck', '#b99be0'], 18: ['High noise', '#f08ad8'],
 };
-const RAMPS = [
+export const RAMPS = [
   ['#2b3a9c', '#1f78b8', '#1fa8a0', '#4fc06a', '#b5d34a', '#f3c93f', '#ef8a35', '#d7432f'],
   ['#161a20', '#f2f4f6'],
   ['#e6194b', '#f58231', '#ffe119', '#bfef45', '#3cb44b', '#42d4f4', '#4363d8', '#911eb4', '#f032e6', '#e6194b'],

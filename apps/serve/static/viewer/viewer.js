@@ -3,7 +3,7 @@
 import { Camera } from './camera.js';
 import { Copc } from './copc.js';
 import { follow } from './hands.js';
-import { COLOURINGS, Painter, RETURNS, classOf } from './painter.js';
+import { COLOURINGS, Painter, RAMPS, RETURNS, classOf } from './painter.js';
 
 const MAX_REQUESTS = 6;
 // A node is divided where its points are farther apart than this, pixels.
@@ -11,6 +11,9 @@ const MIN_GAP = 1.5;
 // Nodes that are kept beyond those in the picture, as a multiple of the budget.
 const KEPT = 2;
 const MAX_WORKERS = 4;
+// Marks of a colour bar, and the longest scale bar as a share of the picture's width.
+const TICKS = 5;
+const RULER = 0.25;
 // Share of the picture that points should cover, and the most that they are enlarged for it.
 const MIN_COVERAGE = 0.25;
 const MAX_GAP = 3;
@@ -193,7 +196,22 @@ class Viewer {
     this.forget(wanted);
     this.painter.draw(shown, this.camera, { ...this.options, size: this.size(points) });
     const isComplete = needed.every((node) => node.state === 'ready' || node.state === 'failed');
+    this.ruler();
     this.tell(points, shown.length, isComplete);
+  }
+
+  // The scale bar: a round length at the point around which the camera turns.
+  ruler() {
+    const { place, canvas, camera } = this;
+    const most = camera.metres() * (window.devicePixelRatio || 1) * canvas.clientWidth * RULER;
+    if (!(most > 0)) return;
+    const unit = 10 ** Math.floor(Math.log10(most));
+    const length = [5, 2, 1].find((factor) => factor * unit <= most) * unit;
+    const bar = place.querySelector('.ruler');
+    bar.hidden = false;
+    bar.style.width = `${(100 * RULER * length) / most}%`;
+    const text = length >= 1000 ? `${length / 1000} km` : length >= 1 ? `${length} m` : `${Number((length * 100).toPrecision(1))} cm`;
+    bar.firstElementChild.textContent = text;
   }
 
   // Size of points, pixels: few points are drawn larger.
@@ -266,6 +284,7 @@ class Viewer {
       options.budget = Number(field('budget').value);
       const axis = ['x', 'y', 'z'].indexOf(field('section').value);
       for (const name of ['at', 'thickness']) field(name).disabled = axis < 0;
+      for (const label of place.querySelectorAll('.of-section')) label.hidden = axis < 0;
       if (axis < 0) options.slab = null;
       else {
         const length = this.high[axis] - this.low[axis];
@@ -278,6 +297,7 @@ class Viewer {
       this.legend();
       this.redraw();
     };
+    place.querySelector('[data-full]').hidden = !place.requestFullscreen;
     place.querySelector('.controls').addEventListener('input', change);
     place.querySelector('.controls').addEventListener('click', ({ target }) => {
       const views = { home: [], above: [0, 2], south: [0, 0], east: [Math.PI / 2, 0] };
@@ -287,16 +307,35 @@ class Viewer {
     change();
   }
 
+  // The colour bar with its marks; hidden where colours are not along a scale.
+  bar(colours, ticks) {
+    const bar = this.place.querySelector('.bar');
+    bar.hidden = ticks.length === 0;
+    if (bar.hidden) return;
+    bar.setAttribute('aria-label', `Colours from ${ticks[0]} to ${ticks[ticks.length - 1]}`);
+    bar.querySelector('.ramp').style.background = `linear-gradient(to right, ${colours.join(', ')})`;
+    bar.querySelector('.ticks').replaceChildren(...ticks.map((text) => {
+      const tick = document.createElement('span');
+      tick.textContent = text;
+      return tick;
+    }));
+  }
+
   legend() {
     const { place, options, copc } = this;
     const [lowest, highest] = options.heights;
     // So many decimals that a hundredth of the span is seen.
     const digits = Math.min(Math.max(2 - Math.floor(Math.log10(highest - lowest)), 1), 4);
     const rounded = (value) => (value + copc.centre[2]).toFixed(digits).replace(/^-(0\.0+)$/, '$1');
-    const [low, high] = [`up to ${rounded(lowest)} m`, `from ${rounded(highest)} m`];
+    const shares = Array.from({ length: TICKS }, (_, at) => at / (TICKS - 1));
+    const bars = {
+      height: () => shares.map((share) => `${rounded(lowest + share * (highest - lowest))} m`),
+      intensity: () => ['weak', 'strong'],
+    };
+    this.bar(options.colouring === 'height' ? RAMPS[0] : RAMPS[1], bars[options.colouring]?.() || []);
     const entries = {
-      height: () => [[low, '#2b3a9c'], [high, '#d7432f']],
-      intensity: () => [['weak', '#161a20'], ['strong', '#f2f4f6']],
+      height: () => [],
+      intensity: () => [],
       return: () => RETURNS,
       class: () => [...this.classes].sort((a, b) => a - b).map(classOf),
       object: () => [[copc.object ? 'each object has a colour' : 'the points have no objects', '#e6194b']],

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 const HTML: (&str, &str) = ("Accept", "text/html");
 
 /// A page.
-fn page(service: &Service, path: &str) -> String {
+pub fn page(service: &Service, path: &str) -> String {
     let answer = service.ask("GET", path, &[HTML], b"");
     assert_eq!(answer.status, 200, "{path}: {}", answer.text());
     assert!(answer.header("content-type").starts_with("text/html"), "{path}");
@@ -16,12 +16,12 @@ fn page(service: &Service, path: &str) -> String {
 }
 
 /// The hidden field of a page's forms.
-fn token_of(page: &str) -> &str {
+pub fn token_of(page: &str) -> &str {
     page.split("name=\"csrf\" value=\"").nth(1).unwrap().split('"').next().unwrap()
 }
 
 /// Sends a form.
-fn send(service: &Service, path: &str, token: &str, fields: &[(&str, &str)]) -> Answer {
+pub fn send(service: &Service, path: &str, token: &str, fields: &[(&str, &str)]) -> Answer {
     let encoded = |text: &str| {
         text.bytes()
             .map(|byte| {
@@ -42,7 +42,7 @@ fn send(service: &Service, path: &str, token: &str, fields: &[(&str, &str)]) -> 
 }
 
 /// The page of a job when it is finished: it is loaded again as browsers do that it asks to.
-fn finished(service: &Service, path: &str) -> String {
+pub fn finished(service: &Service, path: &str) -> String {
     let start = Instant::now();
     loop {
         let text = page(service, path);

@@ -15,6 +15,7 @@
 //! | `takeover` | a program in place of vlscan that tries to leave its sandbox |
 //! | `hostile` | what others may send: files, names, requests |
 //! | `browser` | pages, as a browser without scripts uses them |
+//! | `pages` | examples, uploads, forms that are shown again, lists of jobs |
 
 mod browser;
 mod client;
@@ -28,4 +29,5 @@ mod limits;
 mod messages;
 mod ogc;
 mod opening;
+mod pages;
 mod takeover;

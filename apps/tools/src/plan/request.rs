@@ -48,7 +48,11 @@ impl PlanRequest {
     pub fn within(&mut self, area: &Area) {
         let place = match self {
             PlanRequest::Airborne(request) => &mut request.area,
-            PlanRequest::Terrestrial(request) if request.options.around.is_none() => &mut request.area,
+            PlanRequest::Terrestrial(request)
+                if request.options.around.is_none() && request.options.at.is_empty() =>
+            {
+                &mut request.area
+            }
             _ => return,
         };
         place.get_or_insert_with(|| AreaSource::Given(area.clone()));
@@ -145,7 +149,7 @@ pub struct AirborneRequest {
 pub struct TerrestrialRequest {
     /// The area in the scene's coordinates: a file (GeoJSON, KML, KMZ, GPX, shapefile, GeoPackage, WKT), or
     /// "POLYGON ((x y, …))". [default: the scene's box]
-    #[arg(long, value_name = "AREA", conflicts_with = "around")]
+    #[arg(long, value_name = "AREA", conflicts_with_all = ["around", "at"])]
     pub area: Option<AreaSource>,
     /// Instrument, scene and output.
     #[command(flatten)]

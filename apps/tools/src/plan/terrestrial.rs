@@ -16,11 +16,12 @@ const MAX_POSITIONS: usize = 100_000;
 /// Positions around a plot if no number is given.
 const DEFAULT_POSITIONS: u32 = 4;
 
-/// Requirements of a terrestrial survey: positions on a grid if there is a spacing, else around a plot.
+/// Requirements of a terrestrial survey: the positions themselves, or a grid if there is a spacing, else
+/// positions around a plot.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TerrestrialOptions {
     /// Distance of the positions on a square grid over the area, m.
-    #[arg(long, value_name = "M", required_unless_present = "around", conflicts_with = "around", value_parser = args::positive)]
+    #[arg(long, value_name = "M", required_unless_present_any = ["around", "at"], conflicts_with_all = ["around", "at"], value_parser = args::positive)]
     pub spacing: Option<f64>,
     /// Centre of a plot; the positions are on a circle around it.
     #[arg(long, value_name = "X,Y", requires = "radius", allow_hyphen_values = true, value_parser = args::position)]
@@ -34,6 +35,9 @@ pub struct TerrestrialOptions {
     /// One position at the plot's centre as well.
     #[arg(long, requires = "around")]
     pub at_centre: bool,
+    /// Place of the tripod, repeatable, instead of a grid or a plot.
+    #[arg(long, value_name = "X,Y", conflicts_with = "around", allow_hyphen_values = true, value_parser = args::position)]
+    pub at: Vec<[f64; 2]>,
     /// Angle between points, degrees.
     #[arg(long, value_name = "DEG", default_value = "0.04", value_parser = args::positive)]
     pub resolution: f64,
@@ -176,6 +180,7 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
 
 fn positions(area: Option<&Area>, options: &TerrestrialOptions) -> Result<Vec<[f64; 2]>, PlanError> {
     let places = match (options.around.zip(options.radius), area.zip(options.spacing)) {
+        _ if !options.at.is_empty() => options.at.clone(),
         // The first one stands to the north.
         (Some(([x, y], radius)), _) => {
             let count = options.positions.unwrap_or(DEFAULT_POSITIONS);
@@ -260,6 +265,7 @@ mod tests {
             radius: None,
             positions: None,
             at_centre: false,
+            at: Vec::new(),
             resolution: 0.04,
         }
     }
@@ -285,6 +291,12 @@ mod tests {
         assert_eq!(places.len(), 5);
         assert_eq!(places[0], [100.0, 50.0]);
         assert!((places[1][1] - 65.0).abs() < 1e-12 && (places[2][0] - 115.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn places_are_positions_in_their_order() {
+        let places = vec![[5.0, -2.0], [0.0, 7.5]];
+        assert_eq!(positions(None, &TerrestrialOptions { at: places.clone(), ..options() }).unwrap(), places);
     }
 
     #[test]
