@@ -674,6 +674,11 @@ class Part:
         """
         return self._placed(id=id)
 
+    @property
+    def id(self) -> str | None:
+        """What the column ``ObjectId`` reports, if the part was named."""
+        return self._place.id
+
     def _of_file(self, old: str, new: str) -> Part:
         arguments = tuple(new if isinstance(value, str) and value == old else value for value in self._arguments)
         return Part(self._kind, arguments, self._place, self._faces)

@@ -83,6 +83,42 @@ class Points(Table):
         return points
 
     @staticmethod
+    def concat(parts: Iterable[Points]) -> Points:
+        """Return the points of several tables with the same columns as one: of batches, or of runs.
+
+        Parameters
+        ----------
+        parts : iterable of Points
+            The tables.
+
+        Returns
+        -------
+        Points
+            The points, in the order of the tables.
+
+        Raises
+        ------
+        ValueError
+            There are no tables, or their columns or coordinate reference systems differ.
+
+        Examples
+        --------
+        >>> survey = vlscan.Survey.open("fixtures/room/survey.xml")
+        >>> points = vlscan.Points.concat(survey.run_batches(1000, seed=1))
+        >>> len(points) == survey.run(seed=1).point_count
+        True
+        """
+        tables = list(parts)
+        if not tables:
+            raise ValueError("there are no points to join; concat() needs at least one table")
+        wrong = next((table for table in tables if not isinstance(table, Points)), None)
+        if wrong is not None:
+            raise TypeError(f"expected Points, found {type(wrong).__name__}; Points.of() converts tables")
+        if len({table.crs for table in tables}) > 1:
+            raise ValueError("the points have different coordinate reference systems")
+        return Points(_vlscan.Table.concat([table._table for table in tables])) if len(tables) > 1 else tables[0]
+
+    @staticmethod
     def read(path: PathLike) -> Points:
         """Read a point cloud: LAS, LAZ, PLY, PCD, E57, PTS, text, Arrow or Parquet.
 

@@ -658,6 +658,11 @@ class ScenePart(Model):
         return BoundingBox.of_bounds(Scene([self.engine()], get_asset_directories()).bounds)
 
     @property
+    def id(self) -> str:
+        """Id of a part of a scene file; empty for others."""
+        return "" if self._part is None else self._part.id or ""
+
+    @property
     def is_of_file(self) -> bool:
         """Whether it is a part of a scene file."""
         return self._is_of_file

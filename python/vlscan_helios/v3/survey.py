@@ -219,7 +219,7 @@ class Survey(Model):
             with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(), engine_errors():
                 if is_silent:
                     warnings.simplefilter("ignore")
-                run = _Run(self, self._engine(Path(folder)), self._words(execution, output), output)
+                run = _Run(self, self.engine(Path(folder)), self._words(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:
             if bars is not None:
@@ -281,8 +281,19 @@ class Survey(Model):
     def _has_own_waveform(self) -> bool:
         return "full_waveform_settings" in self.model_fields_set
 
-    def _engine(self, folder: Path) -> EngineSurvey:
-        """Return the survey for the engine: its file, or one that is written to ``folder``."""
+    def engine(self, folder: Path) -> EngineSurvey:
+        """Return the survey for the engine: its file, or one that is written to a folder.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            The folder, which exists as long as the survey is used.
+
+        Returns
+        -------
+        vlscan.Survey
+            The survey.
+        """
         is_scene_of_file = self._as_read is not None and self.scene._file == self._as_read.scene._file and self.scene.is_as_read
         if self._document is not None and self._is_as_read():
             return EngineSurvey.open(self._document.path, None if is_scene_of_file else self.scene.engine())
