@@ -679,6 +679,11 @@ class Part:
         """What the column ``ObjectId`` reports, if the part was named."""
         return self._place.id
 
+    @property
+    def face_count(self) -> int | None:
+        """Number of faces of a part of arrays; ``None`` for one of a file, which is not read yet."""
+        return self._faces[0] if self._faces else None
+
     def _of_file(self, old: str, new: str) -> Part:
         arguments = tuple(new if isinstance(value, str) and value == old else value for value in self._arguments)
         return Part(self._kind, arguments, self._place, self._faces)

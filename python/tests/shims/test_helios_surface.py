@@ -4,6 +4,7 @@ import enum
 import importlib
 import inspect
 import math
+import os
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from vlscan.helios import callbacks, platforms, scanner, settings, validation
 
 NAN, NEEDED = math.nan, inspect.Parameter.empty
 LARGEST = [np.finfo(np.float64).max] * 3
+THREADS = os.cpu_count() or 1
 
 #: Names of each module.
 NAMES = {
@@ -98,9 +100,9 @@ FIELDS = {
     helios.ScenePart: {"force_on_ground": settings.ForceOnGroundStrategy.NONE},
     helios.StaticScene: {"scene_parts": ()},
     helios.ExecutionSettings: {
-        "parallelization": settings.ParallelizationStrategy.CHUNK, "num_threads": None, "chunk_size": 32, "warehouse_factor": 4,
+        "parallelization": settings.ParallelizationStrategy.CHUNK, "num_threads": THREADS, "chunk_size": 32, "warehouse_factor": 4,
         "log_file": False, "log_file_only": False, "verbosity": settings.LogVerbosity.SILENT,
-        "factory_type": settings.KDTreeFactoryType.SAH_APPROXIMATION, "kdt_num_threads": None, "kdt_geom_num_threads": None,
+        "factory_type": settings.KDTreeFactoryType.SAH_APPROXIMATION, "kdt_num_threads": THREADS, "kdt_geom_num_threads": THREADS,
         "sah_nodes": 32, "discard_shutdown": True, "progressbar": settings.ProgressBarStrategy.PER_LEG_TIME,
     },
     helios.OutputSettings: {

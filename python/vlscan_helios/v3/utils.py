@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import html
 import os
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from datetime import datetime, timezone
 from glob import glob, has_magic
 from itertools import product
 from pathlib import Path
+from string import Formatter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +26,11 @@ if TYPE_CHECKING:
     from .settings import ExecutionSettings
     from .survey import Survey
 
+
+class _OfClassError(TypeError, AttributeError):
+    """A method of a class that is called on an instance, which has no such attribute."""
+
+
 if TYPE_CHECKING:
     classonlymethod = classmethod
 else:
@@ -33,7 +40,7 @@ else:
 
         def __get__(self, instance: object, owner: type | None = None) -> Any:
             if instance is not None:
-                raise AttributeError(f"{self.__func__.__name__}() belongs to the class, not to its instances")
+                raise _OfClassError(f"{self.__func__.__name__}() belongs to the class, not to its instances")
             return super().__get__(instance, owner)
 
 
@@ -70,6 +77,10 @@ class _AssetDirectoryRegistration:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
         _asset_directories.append(directory)
+
+    def __repr__(self) -> str:
+        # Notebooks show the value of their last line.
+        return ""
 
     def __enter__(self) -> Self:
         return self
@@ -237,9 +248,11 @@ def combine_parameters(groups: list[list[str]] | None = None, **parameters: Any)
     Parameters
     ----------
     groups : list of list of str, optional
-        Names of parameters that vary together: the first values of all, then the second ones.
+        Names of parameters that vary together: the first values of all, then the second ones. Collections outside of groups are
+        values then; without groups each collection varies for itself.
     **parameters : Any
-        Values by name: a collection, or one value for all combinations.
+        Values by name: a collection, or one value for all combinations. Texts are templates over the other parameters:
+        ``"x={x}"``.
 
     Returns
     -------
@@ -256,7 +269,11 @@ def combine_parameters(groups: list[list[str]] | None = None, **parameters: Any)
     >>> vlscan.helios.combine_parameters(groups=[["x", "y"]], x=[0, 5], y=[1, 6], z=2)
     [{'x': 0, 'y': 1, 'z': 2}, {'x': 5, 'y': 6, 'z': 2}]
     """
-    columns = {name: list(value) if is_real_iterable(value) else [value] for name, value in parameters.items()}
+    grouped = None if groups is None else {name for group in groups for name in group}
+    columns = {
+        name: list(value) if is_real_iterable(value) and (grouped is None or name in grouped) else [value]
+        for name, value in parameters.items()
+    }
     group_of: dict[str, tuple[str, ...]] = {}
     for group in groups or []:
         for name in group:
@@ -272,7 +289,19 @@ def combine_parameters(groups: list[list[str]] | None = None, **parameters: Any)
     rows = {names: zip(*(columns[name] for name in names), strict=True) for names in blocks}
     choices = [[dict(zip(names, values, strict=True)) for values in rows[names]] for names in blocks]
     combined = ({name: value for part in parts for name, value in part.items()} for parts in product(*choices))
-    return [{name: values[name] for name in columns} for values in combined]
+    return [{name: _filled(values[name], values) for name in columns} for values in combined]
+
+
+def _filled(value: Any, values: Mapping[str, Any]) -> Any:
+    """Return a text whose fields name parameters with their values; all else as it is."""
+    if not isinstance(value, str) or "{" not in value:
+        return value
+    try:
+        fields = [re.split(r"[.\[]", field)[0] for _, field, _, _ in Formatter().parse(value) if field is not None]
+    except ValueError:
+        # Braces that are no fields.
+        return value
+    return value.format(**values) if fields and all(field in values for field in fields) else value
 
 
 class XmlText(str):
