@@ -262,6 +262,13 @@ impl Table {
     }
 }
 
+impl Column {
+    /// A column of numbers.
+    pub fn new(array: ArrayRef) -> Column {
+        Column(array)
+    }
+}
+
 // The structures of the C data interface are the first and only fields, so that a pointer to a holder is one
 // to the structure.
 #[repr(transparent)]

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from .points import Points
     from .previews import preview
     from .results import Result
-    from .scene import Scene
+    from .scene import RayHits, Scene
     from .shards import check_shards, index_shards, merge_shards, run_shard
     from .survey import Leg, Survey, dry_run, pulses, run, run_batches, trace, trajectory
     from .tables import Table, Waveforms
@@ -62,7 +62,7 @@ _MODULES = {
     "points": ["Points"],
     "previews": ["preview"],
     "results": ["Result"],
-    "scene": ["Scene"],
+    "scene": ["RayHits", "Scene"],
     "shards": ["check_shards", "index_shards", "merge_shards", "run_shard"],
     "survey": ["Leg", "Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
     "tables": ["Table", "Waveforms"],
@@ -90,6 +90,7 @@ __all__ = [
     "Points",
     "Problem",
     "Rasters",
+    "RayHits",
     "Reconstruction",
     "Result",
     "RunOptions",

@@ -19,7 +19,7 @@ from .instruments import Platform, Scanner
 from .parts import Part
 from .points import Points
 from .results import Result
-from .scene import Scene
+from .scene import Scene, rays_of
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -664,17 +664,7 @@ def trace(
     if pulses is None:
         if origins is None or directions is None:
             raise TypeError("trace() needs origins and directions, or pulses")
-        starts, ends = np.atleast_2d(np.asarray(origins, float)), np.atleast_2d(np.asarray(directions, float))
-        try:
-            starts, ends = np.broadcast_arrays(starts, ends)
-            fits = ends.ndim == 2 and ends.shape[1] == 3
-        except ValueError:
-            fits = False
-        if not fits:
-            shapes = " and ".join(
-                f"{name} of shape {np.shape(array)}" for name, array in (("origins", origins), ("directions", directions))
-            )
-            raise ValueError(f"expected origins and directions of n by 3 numbers each, or one of either for all; found {shapes}")
+        starts, ends = rays_of(origins, directions)
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
