@@ -382,7 +382,7 @@ def test_pictures_warn_of_what_is_not_used_as_it_stands():
     ):
         with pytest.warns(vlscan.VlscanWarning) as caught:
             draw()
-        text = str(caught[0].message)
+        text = "\n".join(str(warning.message) for warning in caught)
         assert "not read: omnivariance" in text and "1 point has a class" in text and "1 point without coordinates" in text
         assert caught[0].filename == __file__
 

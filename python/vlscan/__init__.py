@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from .plans import Plan, PlanLine, plan_airborne, plan_mobile, plan_terrestrial
     from .points import Points
     from .previews import preview
-    from .results import Result
+    from .results import Batches, Result
     from .scene import RayHits, Scene
     from .shards import check_shards, index_shards, merge_shards, run_shard
     from .survey import Leg, Survey, dry_run, pulses, run, run_batches, trace, trajectory
@@ -61,7 +61,7 @@ _MODULES = {
     "plans": ["Plan", "PlanLine", "plan_airborne", "plan_mobile", "plan_terrestrial"],
     "points": ["Points"],
     "previews": ["preview"],
-    "results": ["Result"],
+    "results": ["Batches", "Result"],
     "scene": ["RayHits", "Scene"],
     "shards": ["check_shards", "index_shards", "merge_shards", "run_shard"],
     "survey": ["Leg", "Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
@@ -70,6 +70,7 @@ _MODULES = {
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Batches",
     "CampaignReport",
     "ChangeMap",
     "CloudInfo",

@@ -27,6 +27,7 @@ __all__ = [
     "fit_flight",
     "fit_sensor",
     "fly",
+    "keys",
     "make_scene",
     "make_stand",
     "merge_shards",
@@ -63,6 +64,9 @@ def catalogue() -> tuple[list[tuple[str, str]], list[str]]:
 
 def options() -> list[tuple[str, str, bool, bool, bool]]:
     """Return the options of a run: name, help, whether it takes a value, may be given more than once, only says how files are written."""
+
+def keys() -> list[tuple[str, list[str]]]:
+    """Return the tables of pipeline files with their keys."""
 
 def columns() -> list[tuple[str, str, str]]:
     """Return the columns of points: name, unit, meaning."""

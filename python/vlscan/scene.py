@@ -34,7 +34,7 @@ _DEFAULT_SCANNER = "data/scanners_tls.xml#riegl_vz400"
 class RayHits(NamedTuple):
     """First hits of rays, one row per ray.
 
-    Attributes
+    Parameters
     ----------
     distance : numpy.ndarray
         Distance from the origin, m; NaN without a hit.
@@ -70,6 +70,8 @@ class Scene:
     ------
     InputError
         A file that is missing or no scene.
+    TypeError
+        Anything but a file or parts.
 
     Examples
     --------
@@ -86,7 +88,7 @@ class Scene:
             self._source: str | list[Part] = self._name
             self._scene = _vlscan.Scene.read(self._name, folders)
         else:
-            parts = [source] if isinstance(source, Part) else list(source)
+            parts = _parts(source)
             self._source = parts
             self._name = f"{len(parts)} parts"
             self._scene = _vlscan.Scene.of_parts([part._made() for part in parts], [*folders, ".", "assets"])
@@ -338,6 +340,20 @@ def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float
         shapes = " and ".join(f"{name} of shape {np.shape(array)}" for name, array in (("origins", origins), ("directions", directions)))
         raise ValueError(f"expected origins and directions of n by 3 numbers each, or one of either for all; found {shapes}")
     return starts, ways
+
+
+def _parts(source: object) -> list[Part]:
+    """Return parts as a list."""
+    advice = "Part.of() makes a part of a mesh of another library"
+    if isinstance(source, Part):
+        return [source]
+    if not isinstance(source, Iterable) or hasattr(source, "vertices"):
+        raise TypeError(f"a scene is a file or made of parts, found {type(source).__name__}; {advice}")
+    parts = list(source)
+    wrong = next((part for part in parts if not isinstance(part, Part)), None)
+    if wrong is not None:
+        raise TypeError(f"a scene is made of parts, found {type(wrong).__name__}; {advice}")
+    return parts
 
 
 def _loading(scanner: str | None, options: Mapping[str, object]) -> tuple[str, list[str]]:
