@@ -150,7 +150,8 @@ def test_nothing_is_replaced_without_force(points, tmp_path):
         points.save_preview(tmp_path / "own.png")
     assert (tmp_path / "own.png").read_text() == "mine"
     points.save_preview(tmp_path / "own.png", force=True)
-    plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=3, resolution=0.2, scene=FIXTURES / "forest/ground.obj")
+    ground = FIXTURES / "forest/ground.obj"
+    plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=3, resolution=0.2, scene=ground)
     plan.save(tmp_path / "own.toml")
     with pytest.raises(vlscan.InputError, match="force=True"):
         plan.save(tmp_path / "own.toml")

@@ -184,8 +184,8 @@ class Points(Table):
         Parameters
         ----------
         path : str, path-like or binary file object
-            The file, or a file object with ``format``: ``.las``, ``.laz``, ``.copc.laz``, ``.ply``, ``.raycloud.ply``, ``.pcd``, ``.e57``, ``.mcap``, ``.xyz``, ``.csv``,
-            ``.arrow``, ``.parquet``, ``.geo.parquet``.
+            The file, or a file object with ``format``: ``.las``, ``.laz``, ``.copc.laz``, ``.ply``, ``.raycloud.ply``, ``.pcd``,
+            ``.e57``, ``.mcap``, ``.xyz``, ``.csv``, ``.arrow``, ``.parquet``, ``.geo.parquet``.
         columns : iterable of str, optional
             Columns of text, Arrow and Parquet; all by default.
         format : str, optional

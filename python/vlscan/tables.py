@@ -30,8 +30,8 @@ class Table:
 
     ``table["X"]`` is a NumPy array without a copy, which is read-only. Whatever takes Arrow takes the whole table without a
     copy, too: ``polars.DataFrame(table)``, ``pyarrow.table(table)``, ``pandas.DataFrame.from_arrow(table)``,
-    ``duckdb.sql("select * from table")`` (over ``table.to_arrow()``); ``numpy.asarray(table)`` is a structured copy. ``table[mask]``, ``table[indices]`` and ``table[10:20]`` are
-    tables of some of the rows. Tables pickle.
+    ``duckdb.sql("select * from table")`` (over ``table.to_arrow()``); ``numpy.asarray(table)`` is a structured copy.
+    ``table[mask]``, ``table[indices]`` and ``table[10:20]`` are tables of some of the rows. Tables pickle.
 
     Parameters
     ----------
