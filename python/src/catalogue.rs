@@ -3,7 +3,7 @@
 use crate::errors::exception;
 use pyo3::prelude::*;
 use vlscan::Options;
-use vlscan::survey::{SURVEY_TABLES, catalogue as shipped};
+use vlscan::survey::{KeyTable, SURVEY_TABLES, catalogue as shipped};
 
 /// References and names.
 type Named = Vec<(String, String)>;
@@ -38,6 +38,7 @@ pub fn columns() -> Vec<(&'static str, &'static str, &'static str)> {
 /// The tables of pipeline files with their keys.
 #[pyfunction]
 pub fn keys() -> Vec<(&'static str, Vec<&'static str>)> {
-    let names = |table: &vlscan::survey::KeyTable| table.keys.iter().map(|(name, _)| *name).collect();
+    let names =
+        |table: &KeyTable| -> Vec<&'static str> { table.keys.iter().map(|(name, _)| *name).collect() };
     SURVEY_TABLES.iter().map(|table| (table.name, names(table))).collect()
 }
