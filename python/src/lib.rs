@@ -39,7 +39,7 @@ mod _vlscan {
     #[pymodule_export]
     use super::batches::BatchIterator;
     #[pymodule_export]
-    use super::catalogue::{catalogue, columns, keys, options};
+    use super::catalogue::{catalogue, catalogue_files, columns, keys, options};
     #[pymodule_export]
     use super::clouds::{cloud_info, raster, read_points, write_frames};
     #[pymodule_export]

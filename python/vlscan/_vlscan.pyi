@@ -18,6 +18,7 @@ __all__ = [
     "Table",
     "campaign_cells",
     "catalogue",
+    "catalogue_files",
     "cloud_info",
     "columns",
     "command",
@@ -64,6 +65,9 @@ def catalogue() -> tuple[list[tuple[str, str]], list[str]]:
 
 def options() -> list[tuple[str, str, bool, bool, bool]]:
     """Return the options of a run: name, help, whether it takes a value, may be given more than once, only says how files are written."""
+
+def catalogue_files() -> list[tuple[str, str]]:
+    """Return the files of the catalogue that ships: the path by which surveys refer to each, and its text."""
 
 def keys() -> list[tuple[str, list[str]]]:
     """Return the tables of pipeline files with their keys."""

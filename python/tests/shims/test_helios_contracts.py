@@ -163,6 +163,15 @@ def test_yaml_and_bundles_are_not_offered():
             call("file")
 
 
+def test_the_files_of_the_catalogue_are_files(tmp_path):
+    with helios.add_asset_directory(tmp_path):
+        first, *_, last = helios.utils.get_asset_directories()
+        assert first == tmp_path and (last / "scanners_tls.xml").is_file() and len(helios.utils.get_asset_directories()) == 4
+    assert "tripod" in helios.display_xml("data/platforms.xml", "tripod")
+    assert helios.Platform.from_xml("data/platforms.xml", "tripod").reference == "data/platforms.xml#tripod"
+    assert helios.Scanner.from_xml(last / "scanners_tls.xml", "riegl_vz400").name == "riegl_vz400"
+
+
 def test_handles_of_folders_show_nothing(tmp_path):
     with helios.add_asset_directory(tmp_path) as handle:
         assert repr(handle) == ""

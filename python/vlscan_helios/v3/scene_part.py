@@ -21,7 +21,7 @@ from vlscan.scene import Scene
 
 from .materials import Material, MaterialDict, read_materials
 from .settings import ForceOnGroundStrategy
-from .utils import classonlymethod, detect_separator, get_asset_directories
+from .utils import classonlymethod, detect_separator, own_directories
 from .validation import Angle, AssetPath, Model, MultiAssetPath, Quaternion, R3Vector, existing_files
 
 _ARBITRARY = ConfigDict(arbitrary_types_allowed=True)
@@ -664,7 +664,7 @@ class ScenePart(Model):
     @property
     def bbox(self) -> BoundingBox:
         """The box around the part where it stands now."""
-        return BoundingBox.of_bounds(Scene([self.engine()], get_asset_directories()).bounds)
+        return BoundingBox.of_bounds(Scene([self.engine()], own_directories()).bounds)
 
     @property
     def id(self) -> str:

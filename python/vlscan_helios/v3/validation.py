@@ -22,7 +22,7 @@ try:
 except ImportError as failure:  # pragma: no cover
     raise ImportError("vlscan.helios needs pint and pydantic: pip install 'vlscan[helios]'") from failure
 
-from .utils import find_file, find_files
+from .utils import find_files, named_file
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -140,7 +140,7 @@ ThreadCount: TypeAlias = PositiveInt | None
 #: A number from 0 to 9, or a name.
 CompressionLevel = Annotated[int, BeforeValidator(_compression)]
 #: An existing file, as named or in an asset directory.
-AssetPath = Annotated[Path, BeforeValidator(find_file)]
+AssetPath = Annotated[Path, BeforeValidator(named_file)]
 #: Existing files: a pattern, or several of them.
 MultiAssetPath = Annotated[list[Path], BeforeValidator(existing_files)]
 #: A folder that is created if it does not exist.
