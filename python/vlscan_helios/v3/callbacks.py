@@ -342,9 +342,7 @@ class HookDispatcher:
         else:
             hook.callback(context)
 
-    def _context(
-        self, point: HookPoint, scheduled: float, points: NDArray[np.void] | None, poses: NDArray[np.void] | None
-    ) -> HookContext:
+    def _context(self, point: HookPoint, scheduled: float, points: NDArray[np.void] | None, poses: NDArray[np.void] | None) -> HookContext:
         known = self._facts.durations
         duration = known[self._leg] if 0 <= self._leg < len(known) else math.nan
         elapsed = self._now - self._leg_begin
