@@ -348,7 +348,7 @@ impl LoadedScene {
     }
 }
 
-/// What a ray, scene frame, has hit.
+/// Converts the hit of a ray in the scene frame.
 fn ray_hit(scene: &Scene, (origin, direction): (DVec3, DVec3), hit: Hit) -> RayHit {
     let normal = match scene.triangle(hit.primitive) {
         Some([a, b, c]) => (b - a).cross(c - a).normalize_or_zero(),
