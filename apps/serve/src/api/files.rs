@@ -89,6 +89,7 @@ pub async fn view(
     let folder = app.workshop.store.job_folder(&job.folder).join("view");
     let absent = || Failure::new(StatusCode::NOT_FOUND, "there is no picture of these results");
     let (known, wanted) = (job.clone(), name.clone());
+    let tag = tag_of(Kind::Results, &job.folder, &format!("view/{name}"));
     let is_there = blocking(&app, move |workshop| Ok::<_, StoreError>(workshop.has_view(&known, &wanted)));
     if !is_there.await? {
         let turn = app.turn_to_draw(&identity.owner).await?;
@@ -103,7 +104,6 @@ pub async fn view(
             return Err(absent());
         }
     }
-    let tag = tag_of(Kind::Results, &job.folder, &format!("view/{name}"));
     send(&folder, &name, media_type(&name), &headers, &tag).await
 }
 

@@ -87,7 +87,11 @@ fn interrupted(kills: u32, seeds: u64, seconds: u32) -> BTreeMap<u64, Vec<u8>> {
         (*seed, points(&service, id))
     });
     let done = done.collect();
-    assert_eq!(service.json("/jobs?limit=1000")["jobs"].as_array().unwrap().len(), jobs.len(), "no job is lost");
+    assert_eq!(
+        service.json("/jobs?limit=1000")["jobs"].as_array().unwrap().len(),
+        jobs.len(),
+        "no job is lost"
+    );
     assert_eq!(std::fs::read_dir(service.data.join("incoming")).unwrap().count(), 0);
     done
 }
