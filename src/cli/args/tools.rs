@@ -150,8 +150,8 @@ pub struct PreviewArgs {
     )]
     pub height: u32,
     /// Maximum number of points in a page, evenly sampled; 500k is understood.
-    #[arg(long, value_name = "N", default_value = "5M")]
-    pub most_points: Count<1>,
+    #[arg(long, alias = "most-points", value_name = "N", default_value = "5M")]
+    pub max_points: Count<1>,
     /// Of a survey: folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,

@@ -119,7 +119,7 @@ fn resolved_scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Resul
 /// that far apart (spec kinematics §4.2: pulses are counted over the mirror's whole mechanical angle); of a
 /// scanner whose channels the head alone turns the steps of the head.
 fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<Scan, PlanError> {
-    let (rate, most_head) = (f64::from(pulse_rate), instrument.head_rate());
+    let (rate, max_head) = (f64::from(pulse_rate), instrument.head_rate());
     let step = radians(resolution);
     let name = || instrument.name().to_owned();
     let requested = Resolution { degrees: resolution, pulse_rate: rate };
@@ -128,14 +128,14 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
             return Err(PlanError::NoLines { instrument: name() });
         }
         let head_rate = step * rate;
-        return match head_rate <= most_head * (1.0 + 1e-9) {
+        return match head_rate <= max_head * (1.0 + 1e-9) {
             true => Ok(Scan { half_angle: None, pulse_rate, scan_freq: 0.0, line_rate: 0.0, head_rate }),
             false => Err(PlanError::ChannelHead {
                 resolution: requested,
                 instrument: name(),
                 rate: degrees(head_rate),
-                max: degrees(most_head),
-                possible: degrees(most_head / rate),
+                max: degrees(max_head),
+                possible: degrees(max_head / rate),
             }),
         };
     }
@@ -156,12 +156,12 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
             possible: [least, most].map(resolution_at),
         });
     }
-    if head_rate > most_head * (1.0 + 1e-9) {
+    if head_rate > max_head * (1.0 + 1e-9) {
         return Err(PlanError::MirrorHead {
             resolution: requested,
             instrument: name(),
             rate: degrees(head_rate),
-            max: degrees(most_head),
+            max: degrees(max_head),
         });
     }
     let scan_freq = scan_freq.max(least).min(most);
@@ -170,7 +170,7 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
         pulse_rate,
         scan_freq,
         line_rate: scan_freq,
-        head_rate: head_rate.min(most_head),
+        head_rate: head_rate.min(max_head),
     })
 }
 
