@@ -175,7 +175,8 @@ fn check_steps(context: &Context, part: &Element, scene: &Element) {
         context.warn_help(
             part.place(),
             "this part moves at every pulse: neither it nor its scene says how often",
-            "give the <scene> a `dynTimeStep` in seconds, or `dynStep` in pulses; dynStep=\"1\" is every pulse",
+            "give the <scene> a `dynTimeStep` in seconds, or `dynStep` in pulses; dynStep=\"1\" is every \
+             pulse",
         );
     }
 }

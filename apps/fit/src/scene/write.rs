@@ -163,7 +163,8 @@ fn voxel_filter(file: &str, class: u8) -> String {
 
 fn document(parts: &[(String, String)]) -> String {
     let mut text = String::from(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<document paths=\"beside\">\n  <scene id=\"reconstructed\">\n",
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+         <document paths=\"beside\">\n  <scene id=\"reconstructed\">\n",
     );
     for (id, filter) in parts {
         let _ = writeln!(text, "    <part id=\"{id}\">\n      {filter}\n    </part>");
@@ -212,7 +213,8 @@ fn pipeline(scene: &ReconstructedScene) -> String {
     let pitch = scene.paths.iter().map(|p| p.times[1] - p.times[0]).sum::<f64>().max(1e-9);
     let rate = (scene.pulses as f64 / pitch).clamp(1.0, 10e6).round();
     format!(
-        "# The scene, and the instrument that recorded it as far as its returns tell. The same pulses again:\n\
+        "# The scene, and the instrument that recorded it as far as its returns tell. The same pulses \
+         again:\n\
          #   vlscan trace --scanner scene.toml pulses.csv -o points.laz\n\
          scene = \"scene.xml\"\n\n\
          [scanner]\n\

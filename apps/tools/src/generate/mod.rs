@@ -220,7 +220,8 @@ impl Materials {
     fn text(&self) -> String {
         let material = |&(name, colour, reflectance, class, is_ground): &_| {
             format!(
-                "newmtl {name}\nKd {colour}\nhelios_reflectance {reflectance}\nhelios_classification {class}\n\
+                "newmtl {name}\nKd {colour}\nhelios_reflectance {reflectance}\n\
+                 helios_classification {class}\n\
                  helios_isGround {is_ground}\n"
             )
         };

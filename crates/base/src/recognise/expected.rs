@@ -194,8 +194,8 @@ impl Expected {
     fn advice(&self, kind: &Kind) -> Option<String> {
         let text = match (self.role, kind.family) {
             (Role::Scene, Points) => {
-                "a point cloud becomes voxels: a scene of XML with <filter type=\"xyzloader\"> and a voxelSize, or `vlscan scene \
-                 reconstruct {f} -o DIR`"
+                "a point cloud becomes voxels: a scene of XML with <filter type=\"xyzloader\"> and a \
+                 voxelSize, or `vlscan scene reconstruct {f} -o DIR`"
             }
             (Role::Scene, Terrain) => {
                 "a terrain raster is read by <filter type=\"geotiffloader\">, or as `--scene {f}`"
@@ -225,7 +225,8 @@ impl Expected {
                 "`vlscan run` flies a survey (.xml) or a pipeline (.toml); docs/start.md shows both"
             }
             (Role::Scene, Table) => {
-                "a table of instances ends in .csv; points become voxels: a scene of XML with <filter type=\"xyzloader\">"
+                "a table of instances ends in .csv; points become voxels: a scene of XML with <filter \
+                 type=\"xyzloader\">"
             }
             (_, Binary | Text | Empty | Markup) => "",
             _ => return None,

@@ -67,8 +67,10 @@ fn head(offset: DVec3, count: u64, state: &str, viewpoint: Option<Option<DVec3>>
     let padding = " ".repeat(2 * (20 - count.len()) + room);
     let DVec3 { x, y, z } = offset;
     format!(
-        "# .PCD v0.7 - Point Cloud Data file format\n# {SOFTWARE}; state {state:40}\n# add {x} {y} {z} to x y z{padding}\n\
-         VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT {place} 1 0 0 0\n\
+        "# .PCD v0.7 - Point Cloud Data file format\n# {SOFTWARE}; state {state:40}\n\
+         # add {x} {y} {z} to x y z{padding}\n\
+         VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {count}\nHEIGHT 1\n\
+         VIEWPOINT {place} 1 0 0 0\n\
          POINTS {count}\nDATA binary\n",
         list(&|f| f.0.to_owned()),
         list(&|f| f.1.to_string()),

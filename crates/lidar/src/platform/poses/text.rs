@@ -36,8 +36,8 @@ const NAME_COLUMNS: &str = "name the columns in a first line, or with --trajecto
 const NAME_W_FIRST: &str = "name the columns in a first line, or with --trajectory-columns: \
                             time,x,y,z,qw,qx,qy,qz or time,x,y,z,qx,qy,qz,qw";
 /// Hint where poses have no times.
-const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`, or at 10 Hz: \
-     `awk '{ print (NR - 1) / 10, $0 }' poses.txt > timed.txt`";
+const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`, or \
+     at 10 Hz: `awk '{ print (NR - 1) / 10, $0 }' poses.txt > timed.txt`";
 /// Hint where seven numbers are poses without times, or poses with times and angles.
 const NAME_OR_ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > \
                                  timed.txt`; if the columns are time, x, y, z, roll, pitch, yaw, name them \

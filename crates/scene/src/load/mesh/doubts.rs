@@ -60,7 +60,8 @@ fn report(
     let place = Some(Place::of_file(file));
     if let (None, Some(message)) = (reading.unit_m, unit_doubt(size)) {
         scene.diagnostics.warn(place.clone(), message).help(
-            "`unit` of its loader converts it (unit = \"mm\", <param type=\"string\" key=\"unit\" value=\"mm\"/>); \"m\" confirms metres",
+            "`unit` of its loader converts it (unit = \"mm\", <param type=\"string\" key=\"unit\" \
+             value=\"mm\"/>); \"m\" confirms metres",
         );
     }
     if reading.up.is_some() || part.transform.rotation.apply(DVec3::Z).z <= 0.999 {
@@ -70,11 +71,13 @@ fn report(
     let (doubt, help) = match super::expand::is_gltf(file) {
         true => (
             turned_doubt(own),
-            "`up` of its loader reads it as it is (up = \"z\", <param type=\"string\" key=\"up\" value=\"z\"/>); \"y\" confirms that y is up, the standard of glTF",
+            "`up` of its loader reads it as it is (up = \"z\", <param type=\"string\" key=\"up\" \
+             value=\"z\"/>); \"y\" confirms that y is up, the standard of glTF",
         ),
         false => (
             axis_doubt(own),
-            "`up` of its loader turns it (up = \"y\", <param type=\"string\" key=\"up\" value=\"y\"/>); \"z\" confirms that it is right",
+            "`up` of its loader turns it (up = \"y\", <param type=\"string\" key=\"up\" value=\"y\"/>); \
+             \"z\" confirms that it is right",
         ),
     };
     if let Some(message) = doubt {

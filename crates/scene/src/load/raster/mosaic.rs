@@ -20,7 +20,8 @@ use vlscan_trace::{HeightGrid, Heights};
 /// Advice for a virtual raster that cannot be read.
 const ONE_RASTER: &str = "gdal_translate in.vrt out.tif makes one raster of it";
 /// Advice for a virtual raster whose type differs from that of a source.
-const OTHER_TYPE: &str = "write dataType=\"Float64\" in its <VRTRasterBand>, or give all files one type with gdal_translate -ot Float32 in.tif out.tif and make it anew with gdalbuildvrt";
+const OTHER_TYPE: &str = "write dataType=\"Float64\" in its <VRTRasterBand>, or give all files one type with \
+                          gdal_translate -ot Float32 in.tif out.tif and make it anew with gdalbuildvrt";
 
 /// Maximum distance of the pixels of a tile from those of the grid, pixels: coordinates of tiles are rounded.
 const MAX_OFFSET: f64 = 0.01;

@@ -21,7 +21,8 @@ pub fn describe_idle_mirror(survey: &Survey) -> Option<String> {
     }
     let frequency = f64::from(leg.scanner.pulse_freq);
     Some(format!(
-        "{} of {} pulses per second are fired: pulse_freq_hz counts over ±{:.0}° of the mirror, which fires within ±{:.0}°",
+        "{} of {} pulses per second are fired: pulse_freq_hz counts over ±{:.0}° of the mirror, which fires \
+         within ±{:.0}°",
         amount(share * frequency),
         amount(frequency),
         all.to_degrees(),

@@ -63,8 +63,8 @@ impl YieldCheck<'_> {
         let scene = self.scene;
         let (target, aim) = (target(&self.settings.survey, scene), &log.sum);
         if pulses == 0 {
-            let help = "a leg fires when it is active and lasts for at least one pulse period; an oscillating or rotating mirror \
-                        fires within its scan angle";
+            let help = "a leg fires when it is active and lasts for at least one pulse period; an \
+                        oscillating or rotating mirror fires within its scan angle";
             return Some(Finding::new("no pulse was fired: no leg is active, or all are too short", help));
         }
         let fired = pulses as f64;
@@ -144,19 +144,22 @@ impl YieldCheck<'_> {
         } else if above > MAX_HEIGHT {
             format!("the flight is {} above the scene; heights of both must be in metres", metres(above))
         } else if towards < 0.5 && mount.rotation == Rotation::IDENTITY {
-            "no mount turns the scanner towards the scene: name the platform it is mounted on ([platform] catalogue = \
-             \"data/platforms.xml#sr22\"), or give it a mount of its own"
+            "no mount turns the scanner towards the scene: name the platform it is mounted on ([platform] \
+             catalogue = \"data/platforms.xml#sr22\"), or give it a mount of its own"
                 .to_owned()
         } else if of_sampled(aim.upwards) > MIN_SHARE_UPWARDS {
-            "all beams point upwards: the scanner's mount, or roll and pitch of the flight, turn it the wrong way"
+            "all beams point upwards: the scanner's mount, or roll and pitch of the flight, turn it the \
+             wrong way"
                 .to_owned()
         } else if towards < 0.5 {
-            "the beams miss the scene: attitude, mount or scan angle point them elsewhere, or the flight passes beside it; `vlscan pulses` shows origins and directions"
+            "the beams miss the scene: attitude, mount or scan angle point them elsewhere, or the flight \
+             passes beside it; `vlscan pulses` shows origins and directions"
                 .to_owned()
         } else if let Some(advice) = self.limits_missed(log, ranges) {
             advice
         } else {
-            "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene info` shows what it contains"
+            "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene \
+             info` shows what it contains"
                 .to_owned()
         }
     }
@@ -187,12 +190,14 @@ impl YieldCheck<'_> {
             amount(pulses.saturating_sub(weak.count + echoes) as f64)
         );
         let help = if corrections.radiometry {
-            "fly lower (the power falls with the square of the range), or give the scanner more pulse_energy_uj (the energy of a pulse \
-             falls with the pulse rate if only average_power_w is given), more receiver_diameter_m, a lower received_energy_min_w, a \
-             max_range, or more visibility_km for a long way through haze; `vlscan scene info` lists the reflectances (0 to 1)"
+            "fly lower (the power falls with the square of the range), or give the scanner more \
+             pulse_energy_uj (the energy of a pulse falls with the pulse rate if only average_power_w is \
+             given), more receiver_diameter_m, a lower received_energy_min_w, a max_range, or more \
+             visibility_km for a long way through haze; `vlscan scene info` lists the reflectances (0 to 1)"
         } else {
-            "--physics refined computes received power in watts; in --physics helios it falls with the fourth power of the range, so \
-             fly lower, or give reflectances (`vlscan scene info` lists them) and the threshold in its units"
+            "--physics refined computes received power in watts; in --physics helios it falls with the \
+             fourth power of the range, so fly lower, or give reflectances (`vlscan scene info` lists them) \
+             and the threshold in its units"
         };
         Finding::new(message, height.map_or(help.to_owned(), |hint| format!("{hint}; {help}")))
     }
