@@ -37,7 +37,9 @@ impl<T> Over for Vec<T> {
 /// Defines a struct of options and its precedence, field by field; `with opposites` adds the opposites of its
 /// switches.
 macro_rules! group {
-    ($(#[$about:meta])* pub struct $name:ident with opposites { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
+    ($(#[$about:meta])* pub struct $name:ident with opposites {
+        $($(#[$doc:meta])* pub $field:ident: $type:ty,)*
+    }) => {
         $(#[$about])*
         pub struct $name {
             $($(#[$doc])* pub $field: $type,)*

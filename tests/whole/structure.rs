@@ -522,6 +522,46 @@ fn imports_are_read() {
 /// is true.
 const RIDDLES: [&str; 7] = ["Whether", "What", "Those", "So", "Nobody", "Which", "Where"];
 
+/// Width of a line of code and comments, characters.
+const LINE_WIDTH: usize = 110;
+
+/// Files with wide code: a row of a table, of markup or of JSON stays on one line.
+const WIDE_CODE: [&str; 5] = [
+    "apps/serve/src/",
+    "crates/formats/src/columnar/mod.rs",
+    "crates/survey/src/keys/tables.rs",
+    "crates/tables/src/vocabulary.rs",
+    // The text of a Python module.
+    "src/options/python.rs",
+];
+
+/// The lines of a file that are wider than [`LINE_WIDTH`], without code of tests and rows of tables.
+fn wide_lines(path: &str, text: &str) -> Vec<usize> {
+    let is_table = WIDE_CODE.iter().any(|prefix| path.starts_with(prefix));
+    let tests = text.find("#[cfg(test)]\nmod tests {").map_or(usize::MAX, |at| text[..at].lines().count());
+    let is_wide = |(number, line): &(usize, &str)| {
+        let is_comment = line.trim_start().starts_with("//");
+        let is_row = line.contains("//! |") || line.contains("/// |");
+        let is_checked = if is_comment { !is_row } else { !is_table && *number <= tests };
+        is_checked && line.chars().count() > LINE_WIDTH
+    };
+    (1..).zip(text.lines()).filter(is_wide).map(|(number, _)| number).collect()
+}
+
+#[test]
+fn lines_fit_into_their_width() {
+    let wide = "a".repeat(LINE_WIDTH + 1);
+    let text = format!("/// {wide}\n//! | {wide}\n{wide}\n#[cfg(test)]\nmod tests {{\n{wide}\n");
+    assert_eq!(wide_lines("src/a.rs", &text), [1, 3]);
+    assert_eq!(wide_lines("apps/serve/src/a.rs", &text), [1]);
+    let mut found = Vec::new();
+    for file in crates().iter().flat_map(|of| sources(of)) {
+        let lines = wide_lines(&file.path, &file.text);
+        found.extend(lines.into_iter().map(|line| format!("{}:{line}", file.path)));
+    }
+    assert!(found.is_empty(), "wrap these at {LINE_WIDTH} characters: {found:#?}");
+}
+
 /// The lines of `text` that begin the comment of an item or a module with one of [`RIDDLES`].
 fn riddles(text: &str) -> Vec<usize> {
     let marker = |line: &str| ["///", "//!"].into_iter().find(|marker| line.trim_start().starts_with(marker));

@@ -279,7 +279,8 @@ impl Diagnostics {
     /// use vlscan_base::Error;
     /// use vlscan_base::diag::ProblemKind;
     ///
-    /// let Err(error) = std::fs::read("missing.xml").map_err(|e| Error::open("missing.xml", e)) else { return };
+    /// let read = std::fs::read("missing.xml").map_err(|e| Error::open("missing.xml", e));
+    /// let Err(error) = read else { return };
     /// match error {
     ///     Error::Input(problems) if problems.has(ProblemKind::NotFound) => println!("nothing to read yet"),
     ///     other => panic!("{other}"),

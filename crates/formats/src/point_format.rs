@@ -51,7 +51,8 @@ const FRAMES: u8 = 16;
 macro_rules! formats {
     ($(
         $(#[cfg(feature = $feature:literal)])?
-        $variant:ident $name:literal $aliases:tt $extension:literal [$($flag:ident)*] $encoder:ident $help:literal;
+        $variant:ident $name:literal $aliases:tt $extension:literal [$($flag:ident)*] $encoder:ident
+            $help:literal;
     )*) => {
         /// Format of a point file.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Deserialize)]

@@ -11,8 +11,8 @@ const OPAQUE_MODELS: std::ops::RangeInclusive<f64> = 0.0..=3.0;
 /// Transparency of one material as its file states it.
 #[derive(Default)]
 pub(super) struct Optics {
-    /// Opacity `d`, transparency `Tr`, illumination model, texture of the opacity, and share `Tf` of the light
-    /// that passes, if they are given.
+    /// Opacity `d`, transparency `Tr`, illumination model, texture of the opacity, and share `Tf` of the
+    /// light that passes, if they are given.
     statements: [Option<Statement>; 5],
 }
 

@@ -20,16 +20,34 @@ const DEFAULT_POSITIONS: u32 = 4;
 #[derive(Clone, Debug, clap::Args)]
 pub struct TerrestrialOptions {
     /// Distance of the positions on a square grid over the area, m.
-    #[arg(long, value_name = "M", required_unless_present = "around", conflicts_with = "around", value_parser = args::positive)]
+    #[arg(
+        long,
+        value_name = "M",
+        required_unless_present = "around",
+        conflicts_with = "around",
+        value_parser = args::positive,
+    )]
     pub spacing: Option<f64>,
     /// Centre of a plot; the positions are on a circle around it.
-    #[arg(long, value_name = "X,Y", requires = "radius", allow_hyphen_values = true, value_parser = args::position)]
+    #[arg(
+        long,
+        value_name = "X,Y",
+        requires = "radius",
+        allow_hyphen_values = true,
+        value_parser = args::position,
+    )]
     pub around: Option<[f64; 2]>,
     /// Radius of that circle, m.
     #[arg(long, value_name = "M", requires = "around", value_parser = args::positive)]
     pub radius: Option<f64>,
     /// Positions around the plot. [default: 4]
-    #[arg(short = 'n', long, value_name = "N", conflicts_with = "spacing", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(
+        short = 'n',
+        long,
+        value_name = "N",
+        conflicts_with = "spacing",
+        value_parser = clap::value_parser!(u32).range(1..=100_000),
+    )]
     pub positions: Option<u32>,
     /// One position at the plot's centre as well.
     #[arg(long, requires = "around")]

@@ -1,7 +1,8 @@
 //! File format of named arrays and values. Values are encoded by postcard, without names of their fields.
 //!
 //! ```text
-//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ table: offset, length, checksum │ file length │ checksum │ 0 u64
+//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ table: offset, length, checksum │ file length
+//!      │ checksum │ 0 u64
 //! 64   arrays, one after the other
 //!      table, a value: for each array its name, bytes, bytes of an element, checksums of its blocks
 //! ```

@@ -93,8 +93,9 @@ impl Scan {
             (None, Some(columns)) => (Position::Spherical(columns), RecordName::SphericalInvalidState),
             (None, None) => (Position::None, RecordName::CartesianInvalidState),
         };
-        let class = cloud.prototype.iter().position(|record| {
-            matches!(&record.name, RecordName::Unknown { name, .. } if name.to_ascii_lowercase().contains("classification"))
+        let class = cloud.prototype.iter().position(|record| match &record.name {
+            RecordName::Unknown { name, .. } => name.to_ascii_lowercase().contains("classification"),
+            _ => false,
         });
         Scan {
             position,

@@ -432,7 +432,10 @@ fn similarity(transform: &Transform) -> Similarity {
 /// are alike.
 fn keeps_voxel_grids(part: &PartRecipe) -> bool {
     let Transform { rotation, scale, .. } = part.transform;
-    let is_scaled = |loader: &Loader| matches!(loader, Loader::DetailedVoxels(voxels) if matches!(voxels.mode, VoxelMode::Scaled(_)));
+    let is_scaled = |loader: &Loader| match loader {
+        Loader::DetailedVoxels(voxels) => matches!(voxels.mode, VoxelMode::Scaled(_)),
+        _ => false,
+    };
     rotation == Rotation::IDENTITY
         && scale > 0.0
         && scale.is_finite()

@@ -4,9 +4,9 @@
 //!
 //! ```text
 //! Scan ────────┐
-//! ResolvedRun ─┴► Settings ─► LoadedScene ─► Session ─► run ────────────────► fly ──┐ pass over   ┌─► next epoch
-//!                                                     ├ trace(stream of pulses) ────┴─ an epoch ──┴─► Report
-//!                                                     └ into_emission ─► emit: poses or pulses without tracing
+//! ResolvedRun ─┴► Settings ─► LoadedScene ─► Session ─► run ──────────────► fly ──┐ pass over   ┌─► next epoch
+//!                                                     ├ trace(stream of pulses) ──┴─ an epoch ──┴─► Report
+//!                                                     └ into_emission ─► emit: poses or pulses, not traced
 //! ```
 //!
 //! | file | contents |

@@ -51,8 +51,9 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The settings of `vlscan run` without options: the survey's seed, or 0, the physics of HELIOS++, a clock
-    /// that starts at [`DEFAULT_DAY`](vlscan_lidar::flight::DEFAULT_DAY), all cores, the memory of the machine.
+    /// The settings of `vlscan run` without options: the survey's seed, or 0, the physics of HELIOS++, a
+    /// clock that starts at [`DEFAULT_DAY`](vlscan_lidar::flight::DEFAULT_DAY), all cores, the memory of the
+    /// machine.
     pub fn new(survey: Survey) -> Settings {
         let seed = survey.seed.unwrap_or(0);
         let gps_start_ns = default_gps_start(FlightOptions::default().kinematics.leap_seconds);

@@ -2,8 +2,9 @@
 //!
 //! ```text
 //! 0    magic
-//! 8    words of the head, u64 each: leg, epoch, number of the leg in records, pulses emitted, numbers of echoes, truths,
-//!      waveforms, samples, pulse records and poses, length of the columns, checksum of the bytes before it and of the columns
+//! 8    words of the head, u64 each: leg, epoch, number of the leg in records, pulses emitted, numbers of
+//!      echoes, truths, waveforms, samples, pulse records and poses, length of the columns, checksum of the
+//!      bytes before it and of the columns
 //! 104  columns of echoes, truths, waveforms, samples, pulse records, poses
 //! ```
 
@@ -24,8 +25,8 @@ const NO_LEG_NUMBER: u32 = u32::MAX;
 words! {
     Echo by convert_position {
         position, origin, direction, scanner, range, true_range, intensity, echo_width, return_number,
-        number_of_returns, pulse_number, device, part, primitive, classification, incidence_cosine, scan_angle,
-        time_ns, truth_index,
+        number_of_returns, pulse_number, device, part, primitive, classification, incidence_cosine,
+        scan_angle, time_ns, truth_index,
     }
     EchoTruth { beam, surface, normal, fraction, subray }
     WaveformRecord {

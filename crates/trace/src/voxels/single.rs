@@ -20,13 +20,14 @@ impl VoxelGrid {
         limit: f32,
         visit: impl FnMut(u32, Cube) -> f32,
     ) {
+        let best = Level::best();
         // A shorter stack is made faster.
         match self.hierarchy.root().level as usize <= USUAL_LEVELS {
             true => {
-                dispatch!(Level::best(), simd => self.walk_on::<_, USUAL_STACK>(simd, frame, frustum, limit, visit))
+                dispatch!(best, simd => self.walk_on::<_, USUAL_STACK>(simd, frame, frustum, limit, visit))
             }
             false => {
-                dispatch!(Level::best(), simd => self.walk_on::<_, MAX_GRID_STACK>(simd, frame, frustum, limit, visit))
+                dispatch!(best, simd => self.walk_on::<_, MAX_GRID_STACK>(simd, frame, frustum, limit, visit))
             }
         }
     }

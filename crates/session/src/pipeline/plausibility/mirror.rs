@@ -6,8 +6,8 @@ use vlscan_survey::{Deflector, Survey};
 /// Share of a mirror's turn without pulses above which a note is given.
 const MIN_IDLE_SHARE: f64 = 0.25;
 
-/// Notes how many pulses a pipeline fires where its mirror turns farther than the scan angle: the pulse frequency counts over
-/// the complete turn.
+/// Reports how many pulses a pipeline fires if its mirror turns farther than the scan angle: the pulse
+/// frequency counts over the complete turn.
 pub fn describe_idle_mirror(survey: &Survey) -> Option<String> {
     let leg = survey.legs.iter().find(|leg| leg.scanner.active)?;
     let device = survey.scanner.devices.first()?;
