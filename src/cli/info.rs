@@ -232,12 +232,12 @@ impl Facts<'_> {
         let areas = material_areas(self.scene, &self.parts);
         let materials: Vec<_> =
             self.scene.materials.iter().zip(&i.of_material).zip(areas).map(material).collect();
-        let told = |severity| {
+        let messages = |severity| {
             let found = self.warnings.items().iter().filter(move |d| d.severity == severity);
             found.map(|d| d.message.clone())
         };
-        let warnings: Vec<_> = told(Severity::Warning).chain(self.inventory.faults()).collect();
-        let notes: Vec<_> = told(Severity::Note).collect();
+        let warnings: Vec<_> = messages(Severity::Warning).chain(self.inventory.faults()).collect();
+        let notes: Vec<_> = messages(Severity::Note).collect();
         let (scene, tree, s) = (self.scene.memory(), self.tree.memory(), self.tree.statistics());
         let leaves = self.parts.iter().filter_map(|facts| facts.leaf_area(self.scene));
         let leaf_area = leaves.reduce(|sum, area| sum + area);

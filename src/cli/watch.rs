@@ -57,14 +57,14 @@ pub fn during<T>(console: &Console, step: &'static str, work: impl FnOnce() -> T
 /// `is_complete` is true of the outcome of work that was done to its end.
 pub fn watched<T>(
     console: &Console,
-    lines_wanted: bool,
+    shows_lines: bool,
     legs: usize,
     progress: &Progress,
     work: impl FnOnce() -> T,
     is_complete: impl FnOnce(&T) -> bool,
 ) -> T {
     let terminal = stderr().is_terminal() && console.draws();
-    if !console.shows(Verbosity::Normal) || !(terminal || lines_wanted || console.is_json()) {
+    if !console.shows(Verbosity::Normal) || !(terminal || shows_lines || console.is_json()) {
         return work();
     }
     let start = Instant::now();

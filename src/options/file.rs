@@ -2,7 +2,7 @@
 
 use super::groups::Options;
 use super::outputs::OutputKeys;
-use super::over::Over;
+use super::precedence::Precedence;
 use super::trajectory::TrajectoryOptions;
 use super::values::{Crs, GpsStart, NavigationError, Vector};
 use serde::Deserialize;

@@ -1,7 +1,7 @@
 //! Options of recorded trajectories.
 
 use super::choice::choice;
-use super::over::group;
+use super::precedence::group;
 use super::values::{Finite, Latency, Positive, Vector, Zone};
 use clap::Args;
 use serde::Deserialize;

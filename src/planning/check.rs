@@ -40,7 +40,7 @@ pub struct Check<'c> {
     /// The scene, if there is one.
     pub scene: Option<(&'c SceneRecipe, &'c LoadedScene)>,
     /// Warnings that have been shown.
-    pub told: &'c Diagnostics,
+    pub reported: &'c Diagnostics,
     pub observer: &'c Observer,
     pub stop: &'c Stop,
 }
@@ -96,7 +96,7 @@ impl Check<'_> {
         let options =
             Options { input, profile, scene: Some(Arc::new(self.flat_ground()?)), ..Options::default() };
         let (job, warnings) = ResolvedRun::of_text(&name, self.plan.text("vlscan plan"), &options)?;
-        self.observer.warnings(warnings.without(self.told))?;
+        self.observer.warnings(warnings.without(self.reported))?;
         Ok(job.settings)
     }
 
@@ -166,7 +166,7 @@ impl Check<'_> {
     /// Measures a sample of a flight over the scene. Returns what the user should know of it.
     fn check_below(&self, session: &mut Session) -> Result<Option<String>> {
         let forecast = self.dry_run(session)?;
-        if is_beside_scene(&forecast) {
+        if misses_scene(&forecast) {
             self.check_area(&forecast)?;
         }
         check_echoes(&forecast)?;
@@ -273,7 +273,7 @@ fn other_scene() -> Error {
 }
 
 /// True if all pulses, but for rounding, point beside the scene.
-fn is_beside_scene(forecast: &DryRunReport) -> bool {
+fn misses_scene(forecast: &DryRunReport) -> bool {
     1.0 - forecast.missed.beside_scene < 0.01
 }
 
@@ -284,7 +284,7 @@ fn check_echoes(forecast: &DryRunReport) -> Result<()> {
     }
     let missed = &forecast.missed;
     let towards = 1.0 - missed.beside_scene;
-    let why = if is_beside_scene(forecast) {
+    let why = if misses_scene(forecast) {
         "all beams miss the scene"
     } else if missed.out_of_range > 0.9 * towards {
         "the scene is outside the instrument's range"

@@ -518,6 +518,30 @@ fn imports_are_read() {
     assert_eq!(declared_module("model;"), None);
 }
 
+/// Names that act like people: a field or variable has the name of its content.
+const UNCLEAR_NAMES: [&str; 10] =
+    ["Aim", "Over", "asked", "goes_on", "heed", "judged", "rescued", "told", "unheeded", "wanted"];
+
+/// The words of [`UNCLEAR_NAMES`] among the identifiers of `code`; words of texts do not count.
+fn unclear_names(code: &str) -> BTreeSet<&str> {
+    // Parts with odd numbers are texts; a quotation mark within one is escaped or a character.
+    let code = code.split('\n').flat_map(|line| line.split('"').step_by(2));
+    let words = code.flat_map(|part| part.split(|c: char| !(c.is_alphanumeric() || c == '_')));
+    words.filter(|word| UNCLEAR_NAMES.contains(word)).collect()
+}
+
+#[test]
+fn names_say_what_they_hold() {
+    let code = "let told = 1;\nlet (retold, b) = (\"told, asked\", wanted(told));\n";
+    assert_eq!(unclear_names(code), BTreeSet::from(["told", "wanted"]));
+    let own = crates().into_iter().filter(|of| of == "src" || of.starts_with("crates/"));
+    let mut found = Vec::new();
+    for file in own.flat_map(|of| sources(&of)) {
+        found.extend(unclear_names(&file.code).into_iter().map(|name| format!("{}: {name}", file.path)));
+    }
+    assert!(found.is_empty(), "name the content or the condition: {found:#?}");
+}
+
 /// The first words with which no comment of an item begins: it names the item, says what it does, or when it
 /// is true.
 const RIDDLES: [&str; 7] = ["Whether", "What", "Those", "So", "Nobody", "Which", "Where"];

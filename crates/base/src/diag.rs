@@ -252,12 +252,12 @@ impl Diagnostics {
         }
     }
 
-    /// The problems that `told` does not have. Files may be named otherwise there: lines and messages count.
-    pub fn without(&self, told: &Diagnostics) -> Diagnostics {
+    /// The problems that `reported` does not have. Files may be named otherwise there: lines and messages count.
+    pub fn without(&self, reported: &Diagnostics) -> Diagnostics {
         let line = |d: &Diagnostic| d.place.as_ref().map(|place| place.line);
-        let is_told =
-            |d: &&Diagnostic| told.items.iter().any(|t| t.message == d.message && line(t) == line(d));
-        let items = self.items.iter().filter(|d| !is_told(d)).cloned().collect();
+        let is_reported =
+            |d: &&Diagnostic| reported.items.iter().any(|t| t.message == d.message && line(t) == line(d));
+        let items = self.items.iter().filter(|d| !is_reported(d)).cloned().collect();
         let mut rest = Diagnostics::default();
         rest.extend(Diagnostics { items, ..Diagnostics::default() });
         rest
@@ -571,12 +571,12 @@ mod tests {
     fn what_has_been_told_is_left_out() {
         let text = "<a>\n<b/>\n</a>";
         let place = |path: &str, at: usize| Some(Place::in_text(Path::new(path), text, at..at + 1));
-        let (mut told, mut found) = (Diagnostics::default(), Diagnostics::default());
-        told.warn(place("s.xml", 4), "unknown element <b>");
+        let (mut reported, mut found) = (Diagnostics::default(), Diagnostics::default());
+        reported.warn(place("s.xml", 4), "unknown element <b>");
         found.warn(place("./s.xml", 4), "unknown element <b>");
         found.warn(place("s.xml", 0), "unknown element <b>").help("write <c>");
         found.warn(None, "a slow flight");
-        let rest = found.without(&told);
+        let rest = found.without(&reported);
         let messages: Vec<&str> = rest.items().iter().map(|d| d.message.as_str()).collect();
         assert_eq!(messages, ["unknown element <b>", "a slow flight"]);
         assert_eq!(rest.items()[0].help.as_deref(), Some("write <c>"));

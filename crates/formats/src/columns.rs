@@ -125,7 +125,7 @@ const MAX_LISTED_NAMES: usize = 8;
 
 /// Two names of an attribute that tables usually have together, with different values, so that both are no
 /// mistake: those of this program's own tables, and intensity and amplitude of other scanners' programs.
-const USUAL_PAIRS: [[&str; 2]; 5] = [
+const COMMON_PAIRS: [[&str; 2]; 5] = [
     ["intensity", "amplitude"],
     ["intensity", "heliosamplitude"],
     ["surfaceclass", "classification"],
@@ -296,7 +296,7 @@ impl Columns {
                 let (name, own) = (plain[*column].as_str(), plain[chosen].as_str());
                 // One letter is a name of a coordinate only where there is no better one.
                 let may_differ = name.len() == 1
-                    || USUAL_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
+                    || COMMON_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
                 name == own || (!may_differ && attribute.has_name(name))
             };
             if let Some(other) = (0..names.len()).find(|column| *column != chosen && is_alike(column)) {

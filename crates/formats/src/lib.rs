@@ -308,9 +308,9 @@ impl<'a> Reading<'a> {
     /// # Errors
     /// That of the sink.
     fn end(self) -> Result<()> {
-        let wanted = |attribute| self.selection == Selection::All || attribute == Attribute::Class;
+        let is_selected = |attribute| self.selection == Selection::All || attribute == Attribute::Class;
         for (attribute, (count, place)) in Attribute::ALL.into_iter().zip(self.misfits) {
-            if count > 0 && wanted(attribute) {
+            if count > 0 && is_selected(attribute) {
                 let points = if count == 1 { "point has" } else { "points have" };
                 self.found.warn(place, format!("{count} {points} {}", attribute.misfit()));
             }

@@ -90,14 +90,14 @@ impl End {
 /// each other, and not above or below the core, where clouds, birds and multiple reflections give points.
 fn has_place(points: &[(f64, u64, DVec3)], core: &Aabb) -> bool {
     let margin = core.size();
-    let is_beside = |p: &DVec3| {
+    let is_neighbour = |p: &DVec3| {
         (0..2).any(|axis| p[axis] < core.min[axis] - margin[axis] || p[axis] > core.max[axis] + margin[axis])
     };
-    let beside: Vec<DVec3> = points.iter().map(|(_, _, p)| *p).filter(is_beside).collect();
-    beside.iter().any(|p| {
+    let neighbours: Vec<DVec3> = points.iter().map(|(_, _, p)| *p).filter(is_neighbour).collect();
+    neighbours.iter().any(|p| {
         let reach = PLACE_REACH * distance(core, *p);
         let mut near: Vec<DVec3> = Vec::new();
-        for q in &beside {
+        for q in &neighbours {
             // Damaged files have many points at one position.
             if (*q - *p).length() <= reach && !near.contains(q) {
                 near.push(*q);

@@ -441,8 +441,8 @@ impl Library {
         };
         let Some(index) = index else {
             let known: Vec<&str> = definitions.iter().map(|d| d.name.as_str()).collect();
-            let wanted = choice.name.as_ref().map_or("material".to_owned(), |n| format!("material \"{n}\""));
-            let message = format!("{} defines no {wanted}", path.display());
+            let missing = choice.name.as_ref().map_or("material".to_owned(), |n| format!("material \"{n}\""));
+            let message = format!("{} defines no {missing}", path.display());
             diagnostics.error(place.cloned(), message).help(format!("it defines: {}", known.join(", ")));
             return None;
         };

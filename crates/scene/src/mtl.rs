@@ -290,9 +290,9 @@ mod tests {
             ("Kd 0.1 0.2 0.3 1", "\"1\" after Kd 0.3"),
         ] {
             let (_, d) = read_text(format!("newmtl a\n{line} # note\n").as_bytes());
-            let [told] = d.items() else { panic!("{line}: {}", d.text()) };
-            assert!(told.message.contains(expected), "{line}: {}", told.message);
-            assert!(told.severity == Severity::Warning && told.place.as_ref().unwrap().line == 2);
+            let [reported] = d.items() else { panic!("{line}: {}", d.text()) };
+            assert!(reported.message.contains(expected), "{line}: {}", reported.message);
+            assert!(reported.severity == Severity::Warning && reported.place.as_ref().unwrap().line == 2);
         }
     }
 

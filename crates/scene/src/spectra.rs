@@ -139,7 +139,7 @@ fn reflectances_in(path: &Path, wavelengths: &[f32], diagnostics: &mut Diagnosti
 
 fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
     let mut rows = Vec::new();
-    let (mut is_told_of_header, mut is_told_of_columns) = (false, false);
+    let (mut has_reported_header, mut has_reported_columns) = (false, false);
     for line in Lines::new(source.bytes(), false) {
         let mut words = Words::new(&line.text, 0);
         let Some((first, at)) = words.next() else { continue };
@@ -147,8 +147,8 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
         let values = parsed(first).zip(words.next().and_then(|(word, _)| parsed(word)));
         let at = line.start + at.start..line.start + line.text.len();
         if line.number <= HEADER_LINES {
-            if values.is_some() && !is_told_of_header {
-                is_told_of_header = true;
+            if values.is_some() && !has_reported_header {
+                has_reported_header = true;
                 problems.warn(line.number, at, || {
                     format!(
                         "a row among the first {HEADER_LINES} lines, which are the header and are not read; \
@@ -170,8 +170,8 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
             });
             continue;
         };
-        if words.next().is_some() && !is_told_of_columns {
-            is_told_of_columns = true;
+        if words.next().is_some() && !has_reported_columns {
+            has_reported_columns = true;
             problems.warn(line.number, at.clone(), || {
                 "what follows the wavelength and the reflectance in a row is not read".to_owned()
             });
@@ -349,15 +349,16 @@ mod tests {
         ] {
             let (value, found) = read(rows);
             assert!((value.unwrap() - expected).abs() < 1e-3, "{rows}: {value:?}");
-            let told: Vec<_> = found.items().iter().filter(|item| item.message.contains(message)).collect();
-            assert_eq!(told.len(), 1, "{rows}:\n{}", found.text());
-            assert_eq!(told[0].place.as_ref().unwrap().line, line, "{rows}");
+            let reported: Vec<_> =
+                found.items().iter().filter(|item| item.message.contains(message)).collect();
+            assert_eq!(reported.len(), 1, "{rows}:\n{}", found.text());
+            assert_eq!(reported[0].place.as_ref().unwrap().line, line, "{rows}");
             assert!(found.is_fatal(true) && !found.is_fatal(false), "{rows}");
             let used = format!("it reflects {} per cent", number(value.unwrap().max(0.0)));
             assert!(
-                message.contains("what follows") || told[0].message.contains(&used),
+                message.contains("what follows") || reported[0].message.contains(&used),
                 "{}",
-                told[0].message
+                reported[0].message
             );
         }
         let fine =
@@ -382,9 +383,9 @@ mod tests {
         .unwrap();
         let mut d = Diagnostics::default();
         Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", &mut d);
-        let [told] = d.items() else { panic!("{}", d.text()) };
-        assert!(told.message.contains("the first 26 lines"), "{}", told.message);
-        assert_eq!(told.place.as_ref().unwrap().line, 25);
+        let [reported] = d.items() else { panic!("{}", d.text()) };
+        assert!(reported.message.contains("the first 26 lines"), "{}", reported.message);
+        assert_eq!(reported.place.as_ref().unwrap().line, 25);
     }
 
     #[test]

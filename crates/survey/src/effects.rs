@@ -109,18 +109,18 @@ impl LegCheck<'_> {
     }
 
     fn head(&self) {
-        let wanted = self.leg.scanner.head_rate;
+        let requested = self.leg.scanner.head_rate;
         let limit = self.devices().iter().map(|d| d.head.max_rate).fold(f64::INFINITY, f64::min);
-        if wanted.abs() <= limit {
+        if requested.abs() <= limit {
             return;
         }
         if limit == 0.0 {
             return self.warn(K.head_rate_deg_per_s, "has no effect: the scanner's head does not turn");
         }
-        let (wanted, limit) = (number(degrees(wanted)), number(degrees(limit)));
+        let (requested, limit) = (number(degrees(requested)), number(degrees(limit)));
         self.warn(
             K.head_rate_deg_per_s,
-            format!("of {wanted} °/s is beyond the scanner's limit; its head turns by {limit} °/s"),
+            format!("of {requested} °/s is beyond the scanner's limit; its head turns by {limit} °/s"),
         );
     }
 

@@ -240,7 +240,7 @@ impl Reader<'_> {
                 None
             }
             (name, _) => {
-                self.context.file_beside(name, self.path.parent().unwrap_or(Path::new("")), place.clone())
+                self.context.sibling_file(name, self.path.parent().unwrap_or(Path::new("")), place.clone())
             }
         };
         self.files.insert(name.to_owned(), file.clone());

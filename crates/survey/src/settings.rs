@@ -204,7 +204,7 @@ impl ScannerLayer {
     }
 
     /// Warns of attributes of `element`, read as these settings, whose values count as not given in merging.
-    pub fn report_unheeded(&self, context: &Context, element: &Element, merged: &ScannerLayer) {
+    pub fn report_unused(&self, context: &Context, element: &Element, merged: &ScannerLayer) {
         let (mut own, mut merged) = (self.clone(), merged.clone());
         for &(key, kind, value_of) in ScannerLayer::ROWS {
             let name = key.attribute;

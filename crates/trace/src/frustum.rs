@@ -171,8 +171,8 @@ impl Frustum {
             let overlaps =
                 (min3(x) - pad <= i1) & (max3(x) + pad >= i0) & (min3(y) - pad <= j1) & (max3(y) + pad >= j0);
             // Slopes of corners are meaningless beside or behind the apex.
-            let beside = near < 16.0 * slack;
-            mask |= u32::from((overlaps | beside) & (near <= hi) & (far >= lo)) << l;
+            let is_near = near < 16.0 * slack;
+            mask |= u32::from((overlaps | is_near) & (near <= hi) & (far >= lo)) << l;
         }
         mask
     }

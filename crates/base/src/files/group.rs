@@ -159,8 +159,8 @@ impl Member {
         let failed = |e| Error::io("give its name to", &path, e);
         if !self.is_own && is_input(&path) {
             // It was read after this file was created.
-            let beside = self.temporary.rename_beside(&path).map_err(failed)?;
-            let message = format!("{}; the complete output is {}", is_read(&path), beside.display());
+            let sibling = self.temporary.rename_to_sibling(&path).map_err(failed)?;
+            let message = format!("{}; the complete output is {}", is_read(&path), sibling.display());
             return Ok(Some(Error::input(message)));
         }
         match self.temporary.rename(&path, self.replace) {
@@ -168,10 +168,10 @@ impl Member {
                 if self.keeps_equal && self.temporary.is_equal(&path).unwrap_or(false) {
                     return Ok(None);
                 }
-                let beside = self.temporary.rename_beside(&path).map_err(failed)?;
+                let sibling = self.temporary.rename_to_sibling(&path).map_err(failed)?;
                 let message = format!(
                     "a file of this name has appeared meanwhile and is kept; the complete output is {}",
-                    beside.display()
+                    sibling.display()
                 );
                 Ok(Some(failed(io::Error::new(io::ErrorKind::AlreadyExists, message))))
             }

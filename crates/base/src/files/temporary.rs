@@ -272,14 +272,14 @@ impl TemporaryFile {
     }
 
     /// Renames a complete file to `NAME.new.EXT`, or `NAME.new-2.EXT` …, and returns that name.
-    pub fn rename_beside(&mut self, path: &Path) -> io::Result<PathBuf> {
+    pub fn rename_to_sibling(&mut self, path: &Path) -> io::Result<PathBuf> {
         let exists = io::ErrorKind::AlreadyExists;
         for number in 1..100 {
             let suffix = if number == 1 { ".new".to_owned() } else { format!(".new-{number}") };
-            let beside = with_suffix(path, &suffix, None);
-            match self.rename(&beside, false) {
+            let sibling = with_suffix(path, &suffix, None);
+            match self.rename(&sibling, false) {
                 Err(e) if e.kind() == exists => {}
-                renamed => return renamed.map(|()| beside),
+                renamed => return renamed.map(|()| sibling),
             }
         }
         Err(exists.into())

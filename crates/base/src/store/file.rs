@@ -178,9 +178,9 @@ impl ArrayFile {
         self.length
     }
 
-    /// Bytes of all arrays whose names are `wanted`.
-    pub fn bytes_of(&self, wanted: impl Fn(&str) -> bool) -> u64 {
-        self.table.iter().filter(|entry| wanted(&entry.name)).map(Entry::length).sum()
+    /// Bytes of all arrays whose names pass `is_counted`.
+    pub fn bytes_of(&self, is_counted: impl Fn(&str) -> bool) -> u64 {
+        self.table.iter().filter(|entry| is_counted(&entry.name)).map(Entry::length).sum()
     }
 
     /// Bytes of an element of an array; `None` without an array of this name.

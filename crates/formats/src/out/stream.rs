@@ -68,7 +68,7 @@ impl OutputStream {
 
     /// Creates a file that is removed when it is dropped: beside this one, where its handle can be closed, or
     /// in the folder for temporary files if this is no file.
-    pub fn scratch_beside(&self) -> Result<FileWriter> {
+    pub fn sibling_scratch(&self) -> Result<FileWriter> {
         match self.out.target() {
             Some(target) => FileWriter::create(target, true, Patched::Always),
             None => FileWriter::scratch(),

@@ -122,8 +122,8 @@ mod tests {
             let attitude = FileAxes::of(convention, is_matrix).unwrap().attitude(rotation);
             [attitude.apply(DVec3::X), attitude.forward(), attitude.apply(DVec3::Z)]
         };
-        let close = |found: [DVec3; 3], wanted: [DVec3; 3]| {
-            found.iter().zip(wanted).all(|(a, b)| (*a - b).length() < 1e-12)
+        let close = |found: [DVec3; 3], reference: [DVec3; 3]| {
+            found.iter().zip(reference).all(|(a, b)| (*a - b).length() < 1e-12)
         };
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
         assert!(close(attitude(AngleConvention::Ros, false, Rotation::IDENTITY), [-y, x, z]));

@@ -359,8 +359,8 @@ fn load_files(
     };
     let Some(materials) = chosen else { return Ok(()) };
     let start = scene.end();
-    let are_wanted = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
-    scene.faces = FaceNumbers { are_wanted, ..FaceNumbers::default() };
+    let are_requested = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
+    scene.faces = FaceNumbers { are_requested, ..FaceNumbers::default() };
     let mut densities = Vec::new();
     match &part.loader {
         Loader::Mesh(triangles) => mesh::memory::load(scene, &target, triangles)?,

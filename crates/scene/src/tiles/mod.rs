@@ -196,14 +196,14 @@ impl Tiles {
         let _ = ahead.into_iter().all(|(_, tile)| self.items.prefetch(tile));
     }
 
-    /// Calls `visit` with the tiles that are `wanted`, one after the other, so that one has to be in memory
+    /// Calls `visit` with the tiles that pass `is_selected`, one after the other, so that one has to be in memory
     /// at a time. A tile that cannot be loaded is reported by [`Tiles::check`].
     pub(crate) fn for_each(
         self: &Arc<Self>,
-        wanted: impl Fn(&TileFacts) -> bool,
+        is_selected: impl Fn(&TileFacts) -> bool,
         mut visit: impl FnMut(&TileFacts, &Tile),
     ) {
-        for (i, facts) in self.facts.iter().enumerate().filter(|(_, facts)| wanted(facts)) {
+        for (i, facts) in self.facts.iter().enumerate().filter(|(_, facts)| is_selected(facts)) {
             self.read(|reader| reader.get(i).map(|tile| visit(facts, tile)));
         }
     }

@@ -36,11 +36,11 @@ impl Encoded {
 
     /// Appends the next batch, or returns it when the pieces cannot be joined.
     pub fn join(&mut self, next: Encoded) -> Option<Encoded> {
-        let goes_on = |(mine, next): (&Piece, &Piece)| {
+        let continues = |(mine, next): (&Piece, &Piece)| {
             mine.slot == next.slot && mine.points.is_joinable() && next.points.is_joinable()
         };
         let alike = self.leg == next.leg && self.pieces.len() == next.pieces.len();
-        if !alike || !self.pieces.iter().zip(&next.pieces).all(goes_on) {
+        if !alike || !self.pieces.iter().zip(&next.pieces).all(continues) {
             return Some(next);
         }
         self.pieces.iter_mut().zip(&next.pieces).for_each(|(mine, next)| mine.points.append(&next.points));

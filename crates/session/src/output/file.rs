@@ -81,7 +81,7 @@ impl OutputFile {
         // Processes that compute the same shard write the same bytes.
         let replace = plan.request.force || content == Content::Shard;
         let out = OutputStream::open(destination, replace, patched)?
-            .keeping_equal(plan.request.goes_on)
+            .keeping_equal(plan.request.is_resuming)
             .writing_in_parallel(plan.keeps_files_open());
         let begin = |out: &mut OutputStream| -> Result<Box<dyn FileBody>> {
             match (content, &encoder) {
@@ -184,7 +184,7 @@ impl Packets {
                     plan.request.force,
                     Patched::Always,
                 )?;
-                (Some(path), out.keeping_equal(plan.request.goes_on))
+                (Some(path), out.keeping_equal(plan.request.is_resuming))
             }
             _ => (None, OutputStream::unnamed()?),
         };

@@ -37,8 +37,8 @@ impl CloudFacts {
         let chosen = settings.columns.take().unwrap_or_default();
         let chosen: Vec<Column> =
             chosen.into_iter().filter(|column| !Column::EXACT.contains(column)).collect();
-        let is_usual = chosen.is_empty() || chosen == settings.table_columns();
-        settings.columns = (!is_usual).then_some(chosen);
+        let is_default = chosen.is_empty() || chosen == settings.table_columns();
+        settings.columns = (!is_default).then_some(chosen);
         CloudFacts { settings, legs }
     }
 
@@ -254,10 +254,10 @@ fn check_columns(
     if format.is_las() && settings.las.extra == ExtraDimensions::All && missing(&extra).is_some() {
         settings.las.extra = ExtraDimensions::None;
     }
-    let usual = [ReturnNumber, NumberOfReturns, Classification, ScanAngle, PointSourceId, GpsTime];
+    let common = [ReturnNumber, NumberOfReturns, Classification, ScanAngle, PointSourceId, GpsTime];
     let mut absent: Vec<&str> = Vec::new();
     if format.is_las() {
-        absent.extend(usual.iter().filter(|c| !rows.has(**c)).map(|c| c.name()));
+        absent.extend(common.iter().filter(|c| !rows.has(**c)).map(|c| c.name()));
         if !rows.has(Amplitude) && !rows.has(Intensity) {
             absent.push(Intensity.name());
         }

@@ -143,7 +143,7 @@ pub struct OutputRequest {
     /// If set, existing files are replaced, and binary data may go to a terminal.
     pub force: bool,
     /// If set, the run resumes an interrupted one: an existing output with the same bytes is kept.
-    pub goes_on: bool,
+    pub is_resuming: bool,
     /// Files that the run reads; no output may replace them.
     pub inputs: Vec<PathBuf>,
     /// Files that the caller writes besides the outputs, which are checked with them.
@@ -177,7 +177,7 @@ impl Default for OutputRequest {
             clip: None,
             live: false,
             force: false,
-            goes_on: false,
+            is_resuming: false,
             inputs: Vec::new(),
             companions: Vec::new(),
             counts_parts: false,

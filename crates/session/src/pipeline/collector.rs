@@ -60,7 +60,7 @@ impl<'a> Collector<'a> {
         }
         let progress = self.progress;
         progress.add(m.pulses, m.echoes, m.leg, m.done);
-        progress.add_aim(&m.aim);
+        progress.add_beam_counts(&m.beam_counts);
         Ok(())
     }
 }

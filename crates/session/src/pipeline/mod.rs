@@ -27,12 +27,12 @@
 //! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `part_table` | the parts of the scene as a table beside labelled points |
 //! | `emit`, `flight_rows` | the flight alone, written as poses or pulses; their rows |
-//! | `plausibility`, `aim` | detection of inputs that are valid but hardly intended |
+//! | `plausibility`, `beam_counts` | detection of inputs that are valid but hardly intended |
 //! | `crs` | the coordinate reference system of a run |
 //! | `progress` | counters of the work done |
 
-mod aim;
 mod batches;
+mod beam_counts;
 mod chunk;
 mod collector;
 mod crs;

@@ -214,7 +214,7 @@ impl Session {
         pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
         let ended = self.pass_epochs(&output, epochs, control, is_reported, pass_over);
-        ended.map_err(|e| self.with_rescued(e, &output.rescued()))
+        ended.map_err(|e| self.with_partial_files(e, &output.partial_files()))
     }
 
     fn pass_epochs(
@@ -289,7 +289,7 @@ impl Session {
     }
 
     /// Adds to the error of a failed run where its partial outputs are.
-    fn with_rescued(&self, mut error: Error, files: &[FileSummary]) -> Error {
+    fn with_partial_files(&self, mut error: Error, files: &[FileSummary]) -> Error {
         for file in files.iter().filter(|file| file.path.is_some()) {
             let kept = what_is_kept(file);
             match &mut error {

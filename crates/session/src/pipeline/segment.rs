@@ -55,7 +55,7 @@ impl<'a> Segments<'a> {
             (las.at_most.is_some(), "not a stream"),
             (las.version != LasVersion::V14, "of version 1.4"),
         ];
-        if let Some((_, what)) = others.iter().find(|(is_wanted, _)| *is_wanted) {
+        if let Some((_, what)) = others.iter().find(|(is_set, _)| *is_set) {
             return refuse(what);
         }
         let (sinks, inputs, companions) = (Vec::new(), Vec::new(), Vec::new());

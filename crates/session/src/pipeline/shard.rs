@@ -145,10 +145,10 @@ impl Session {
             }
             builder.begin_epoch(pulses);
             loop {
-                let wanted = builder.next().saturating_sub(pulses);
-                let skipped = chunk::skip(flight, &mut state, &mut poses, wanted, stop)?;
+                let needed = builder.next().saturating_sub(pulses);
+                let skipped = chunk::skip(flight, &mut state, &mut poses, needed, stop)?;
                 pulses += skipped;
-                if skipped < wanted {
+                if skipped < needed {
                     break;
                 }
                 builder.add(pulses, &state)?;

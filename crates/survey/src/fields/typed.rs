@@ -307,8 +307,8 @@ impl<'c> Fields<'c> {
         let key = key.into();
         if let Origin::Table(source, ..) = self.origin {
             let name = self.text(key)?;
-            let beside = source.folder().join(&name).to_string_lossy().into_owned();
-            return Some(if self.context.are_tiles(&beside) { beside } else { near(source, &name) });
+            let sibling = source.folder().join(&name).to_string_lossy().into_owned();
+            return Some(if self.context.are_tiles(&sibling) { sibling } else { near(source, &name) });
         }
         self.near_name(key)
     }

@@ -20,7 +20,7 @@ pub enum KeyUse {
     /// In the scanner and its first channel always, in later channels only with the correction of that name.
     InLaterChannelsWith(&'static str),
     /// Unless the device has another key and the correction of that name is on.
-    UnlessBeside {
+    UnlessSet {
         /// The TOML name of the other key.
         key: &'static str,
         /// The correction by which that key has its effect.
@@ -114,7 +114,7 @@ pub const SURVEY_TABLES: [KeyTable; 16] = [
     AxisKeys::TABLE,
 ];
 
-use KeyUse::{InLaterChannelsWith, UnlessBeside, With, Without};
+use KeyUse::{InLaterChannelsWith, UnlessSet, With, Without};
 
 /// All keys of an instrument that pipeline files have.
 pub const INSTRUMENT_KEYS: &[Key] = InstrumentKeys::ALL;
@@ -207,15 +207,15 @@ pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool,
                     "leave it out, or use `--physics helios`".to_owned(),
                 )
             }
-            UnlessBeside { key: other, correction } if is_on(correction) => {
+            UnlessSet { key: other, correction } if is_on(correction) => {
                 let holds = |w: &&WrittenKey| {
                     w.key.key == other
                         && w.place.path == place.path
                         && (w.channel.is_none() || w.channel == *channel)
                 };
-                let Some(beside) = written.iter().find(holds) else { continue };
+                let Some(replacing) = written.iter().find(holds) else { continue };
                 (
-                    format!("`{name}` has no effect beside `{}`, which replaces it", beside.name),
+                    format!("`{name}` has no effect beside `{}`, which replaces it", replacing.name),
                     "leave one of them out".to_owned(),
                 )
             }

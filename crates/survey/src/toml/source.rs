@@ -339,13 +339,13 @@ fn remove(table: &mut DeTable, at: &Range<usize>) -> bool {
     remove_where(table, &exact) || remove_where(table, &around)
 }
 
-fn remove_where(table: &mut DeTable, wanted: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
+fn remove_where(table: &mut DeTable, is_removed: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
     let mut name = None;
     for (key, value) in table.iter_mut() {
-        if remove_within(value.get_mut(), wanted) {
+        if remove_within(value.get_mut(), is_removed) {
             return true;
         }
-        if wanted(&key.span(), &value.span()) {
+        if is_removed(&key.span(), &value.span()) {
             name = Some(key.clone());
             break;
         }
@@ -353,10 +353,10 @@ fn remove_where(table: &mut DeTable, wanted: &dyn Fn(&Range<usize>, &Range<usize
     name.is_some_and(|name| table.remove(&name).is_some())
 }
 
-fn remove_within(value: &mut DeValue, wanted: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
+fn remove_within(value: &mut DeValue, is_removed: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
     match value {
-        DeValue::Table(table) => remove_where(table, wanted),
-        DeValue::Array(items) => items.iter_mut().any(|item| remove_within(item.get_mut(), wanted)),
+        DeValue::Table(table) => remove_where(table, is_removed),
+        DeValue::Array(items) => items.iter_mut().any(|item| remove_within(item.get_mut(), is_removed)),
         _ => false,
     }
 }
@@ -367,11 +367,11 @@ pub(crate) fn near(source: &Source, reference: &str) -> String {
         Some((file, id)) => (file, Some(id)),
         None => (reference, None),
     };
-    let beside = source.folder().join(file);
-    let is_beside = reads::is_file(&beside) || reads::is_file(source.folder().join(&*slashes(file)));
-    match (is_beside, id) {
+    let sibling = source.folder().join(file);
+    let is_sibling = reads::is_file(&sibling) || reads::is_file(source.folder().join(&*slashes(file)));
+    match (is_sibling, id) {
         (false, _) => reference.to_owned(),
-        (true, None) => beside.to_string_lossy().into_owned(),
-        (true, Some(id)) => format!("{}#{id}", beside.to_string_lossy()),
+        (true, None) => sibling.to_string_lossy().into_owned(),
+        (true, Some(id)) => format!("{}#{id}", sibling.to_string_lossy()),
     }
 }

@@ -30,8 +30,8 @@ const MAX_LEVELS: usize = 20;
 pub(crate) const MAX_GRID_STACK: usize = stack_of(MAX_LEVELS);
 
 /// Number of levels that grids have rarely more of, and their pending visits.
-pub(super) const USUAL_LEVELS: usize = 7;
-pub(super) const USUAL_STACK: usize = stack_of(USUAL_LEVELS);
+pub(super) const COMMON_LEVELS: usize = 7;
+pub(super) const COMMON_STACK: usize = stack_of(COMMON_LEVELS);
 
 const fn stack_of(levels: usize) -> usize {
     levels * (CHILDREN - 1) + CHILDREN

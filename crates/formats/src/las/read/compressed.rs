@@ -75,7 +75,7 @@ impl<'a> Compressed<'a> {
         }
         let mut source = Cursor::new(file.0);
         source.set_position(header.data_at as u64);
-        let wanted = match selection {
+        let selected_fields = match selection {
             // With flags and intensity, which mark pulses without a return.
             Selection::PositionAndClass => DecompressionSelection::xy_returns_channel()
                 .decompress_z()
@@ -85,7 +85,7 @@ impl<'a> Compressed<'a> {
             Selection::All => DecompressionSelection::all(),
         };
         let decompressor =
-            LasZipDecompressor::selective(source, vlr, wanted).map_err(LasError::of_library)?;
+            LasZipDecompressor::selective(source, vlr, selected_fields).map_err(LasError::of_library)?;
         Ok(Some(Compressed { decompressor, layers, next_chunk: 0 }))
     }
 

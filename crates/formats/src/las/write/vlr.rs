@@ -68,7 +68,7 @@ fn dimensions(
         ExtraDimensions::None => &[],
     };
     let all = extra == ExtraDimensions::All;
-    let of = |wanted: bool, group: &'static [_]| if all && wanted { group } else { &[] };
+    let of = |is_included: bool, group: &'static [_]| if all && is_included { group } else { &[] };
     let labels = of(groups.labels, &LABELS);
     let directions = of(groups.directions, &DIRECTIONS);
     let positions = of(groups.true_positions, &TRUE_POSITIONS);

@@ -455,7 +455,7 @@ mod tests {
         let helios = |text: &str| {
             format!("#TIME_COLUMN: 0\n#HEADER: \"t\",\"x\",\"y\",\"z\",\"roll\",\"pitch\",\"yaw\"\n{text}")
         };
-        for (found, wanted) in [
+        for (found, reference) in [
             (of(None, row), recorded),
             (of(Some(AngleConvention::Helios), row), of_reference),
             (of(None, &helios(row)), of_reference),
@@ -464,8 +464,8 @@ mod tests {
             (of(Some(AngleConvention::Yaw), "1 0 0 0 20 10 60\n"), recorded),
             (of(Some(AngleConvention::Ros), row), ros),
         ] {
-            assert!((found.forward() - wanted.forward()).length() < 1e-12);
-            assert!((found.apply(DVec3::X) - wanted.apply(DVec3::X)).length() < 1e-12);
+            assert!((found.forward() - reference.forward()).length() < 1e-12);
+            assert!((found.apply(DVec3::X) - reference.apply(DVec3::X)).length() < 1e-12);
         }
         assert!((recorded.forward() - of_reference.forward()).length() > 0.05);
     }

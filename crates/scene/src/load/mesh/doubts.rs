@@ -297,8 +297,8 @@ mod tests {
             warnings_of_gltf([0.0, 0.0, 200.0], [500.0, 400.0, 230.0], |_| {}),
             warnings_of_gltf([476_000.0, 5_429_000.0, 110.0], [476_050.0, 5_429_050.0, 120.0], |_| {}),
         ] {
-            let is_told = lying.contains("lies on its side") && lying.contains("up = \"z\"");
-            assert!(is_told && lying.contains("town.gltf"), "{lying}");
+            let is_reported = lying.contains("lies on its side") && lying.contains("up = \"z\"");
+            assert!(is_reported && lying.contains("town.gltf"), "{lying}");
         }
         let up = |part: &mut PartRecipe, axis: UpAxis| {
             let Loader::MeshFiles { reading, .. } = &mut part.loader else { panic!() };

@@ -39,8 +39,8 @@ impl MaterialTable {
     /// The table that the loader names, or the one beside the mesh file `path`; `None` if there is none, and
     /// after an error in it.
     pub fn of(path: &Path, reading: &MeshReading, diagnostics: &mut Diagnostics) -> Option<MaterialTable> {
-        let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| reads::is_file(table));
-        let table = reading.materials.clone().or_else(beside)?;
+        let sibling = || Some(path.with_file_name(FILE_NAME)).filter(|table| reads::is_file(table));
+        let table = reading.materials.clone().or_else(sibling)?;
         if let Some(found) = foreign_file(&table, &Expected::MATERIAL_TABLE) {
             found.report(&table, diagnostics);
             return None;

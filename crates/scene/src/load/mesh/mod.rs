@@ -303,7 +303,7 @@ fn load_obj(
     }
     let start = scene.end();
     let y_up = reading.up == Some(UpAxis::Y);
-    let (drop_polygons, number_faces) = (scene.options.drop_polygons, scene.faces.are_wanted);
+    let (drop_polygons, number_faces) = (scene.options.drop_polygons, scene.faces.are_requested);
     let lines = obj::Reading { y_up, drop_polygons, number_faces };
     obj::load(scene, part, source, lines, names)?;
     let unit_m = reading.metres_per_unit();

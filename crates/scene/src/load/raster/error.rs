@@ -133,7 +133,7 @@ pub enum RasterError {
         height: usize,
     },
     /// A mask that cannot be used.
-    #[error("its mask{}: {source}", beside(.file))]
+    #[error("its mask{}: {source}", of_file(.file))]
     Mask {
         /// The file of the mask, if it has one.
         file: Option<PathBuf>,
@@ -401,7 +401,7 @@ fn shown(bytes: &u64) -> String {
     quantity::bytes(*bytes)
 }
 
-fn beside(file: &Option<PathBuf>) -> String {
+fn of_file(file: &Option<PathBuf>) -> String {
     file.as_ref().map_or_else(String::new, |file| format!(" {}", file.display()))
 }
 

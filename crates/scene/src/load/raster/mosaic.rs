@@ -114,7 +114,7 @@ impl Mosaic {
         let least = |axis: usize| starts.iter().map(|start| start[axis]).min().unwrap_or(0);
         let [left, top] = [least(0), least(1)];
         let placed = |at: usize| rasters[at].georeference.unwrap_or(grid).origin;
-        let of = |wanted: &dyn Fn(&[i64; 2]) -> bool| starts.iter().position(wanted).map(placed);
+        let of = |is_chosen: &dyn Fn(&[i64; 2]) -> bool| starts.iter().position(is_chosen).map(placed);
         let origin = match of(&|start| *start == [left, top]) {
             Some(origin) => origin,
             None if grid.is_upright() => {

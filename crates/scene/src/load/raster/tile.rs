@@ -82,9 +82,9 @@ impl Raster {
             });
         }
         let Some(mask) = &self.mask else { return Ok((all, doubts)) };
-        let beside = mask.file.as_ref().map(RasterFile::open).transpose()?;
+        let mask_file = mask.file.as_ref().map(RasterFile::open).transpose()?;
         for block in mask.blocks.within(window) {
-            let found = mask.blocks.decode(beside.as_ref().unwrap_or(&open), block, &[0]);
+            let found = mask.blocks.decode(mask_file.as_ref().unwrap_or(&open), block, &[0]);
             let found = found.map_err(|e| RasterError::Mask { file: None, source: Box::new(e) })?;
             each_common(&window, &mask.blocks.extent(block), |to, from| {
                 if found.as_ref().is_none_or(|bands| bands[0][from] == 0.0) {

@@ -14,7 +14,7 @@ use vlscan_survey::PixelType;
 /// No-data value of rasters that state none (spec input-formats §4.3).
 const DEFAULT_NO_DATA: f64 = -1e10;
 /// Values that often stand for missing heights.
-const USUAL_NO_DATA: [f64; 5] = [-9999.0, -99_999.0, -32_768.0, -32_767.0, 65_535.0];
+const COMMON_NO_DATA: [f64; 5] = [-9999.0, -99_999.0, -32_768.0, -32_767.0, 65_535.0];
 /// Bit of the kind of an image that is a mask.
 const IS_MASK: u64 = 4;
 /// Photometric interpretation of masks.
@@ -52,10 +52,10 @@ impl Mask {
                 return Ok(Some(Mask { blocks, file: None }));
             }
         }
-        Mask::beside(path, of)
+        Mask::in_sibling(path, of)
     }
 
-    fn beside(path: &Path, of: &Blocks) -> Result<Option<Mask>, RasterError> {
+    fn in_sibling(path: &Path, of: &Blocks) -> Result<Option<Mask>, RasterError> {
         let file = mask_file(path);
         if !reads::is_file(&file) {
             return Ok(None);
@@ -102,7 +102,7 @@ pub(super) struct Doubts {
     /// Number of pixels beyond what can be a coordinate.
     beyond: usize,
     /// Number of pixels of each of the usual no-data values.
-    usual: [usize; USUAL_NO_DATA.len()],
+    common: [usize; COMMON_NO_DATA.len()],
 }
 
 impl NoData {
@@ -130,9 +130,9 @@ impl NoData {
             return false;
         }
         if !self.is_stated
-            && let Some(i) = USUAL_NO_DATA.iter().position(|usual| *usual == number)
+            && let Some(i) = COMMON_NO_DATA.iter().position(|common| *common == number)
         {
-            doubts.usual[i] += 1;
+            doubts.common[i] += 1;
         }
         true
     }
@@ -141,7 +141,7 @@ impl NoData {
 impl Doubts {
     pub fn add(&mut self, other: Doubts) {
         self.beyond += other.beyond;
-        self.usual.iter_mut().zip(other.usual).for_each(|(count, more)| *count += more);
+        self.common.iter_mut().zip(other.common).for_each(|(count, more)| *count += more);
     }
 
     /// The warnings about them.
@@ -154,7 +154,7 @@ impl Doubts {
                 self.beyond
             ));
         }
-        for (value, count) in USUAL_NO_DATA.iter().zip(self.usual).filter(|(_, count)| *count > 0) {
+        for (value, count) in COMMON_NO_DATA.iter().zip(self.common).filter(|(_, count)| *count > 0) {
             all.push(format!(
                 "{count} pixels are {value}, which often means no data; the file states no such value, and \
                  they are taken as heights (gdal_edit.py -a_nodata {value} in.tif makes them holes)"

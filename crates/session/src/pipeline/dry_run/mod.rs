@@ -336,13 +336,15 @@ impl Observations<'_> {
             threads: session.settings().schedule.threads,
         };
         let legs = self.legs();
-        let aim = control.progress.aim().sum;
-        let of_aim = |count: u64| if aim.sampled > 0 { count as f64 / aim.sampled as f64 } else { 0.0 };
+        let beam_counts = control.progress.beam_counts().sum;
+        let of_sampled = |count: u64| {
+            if beam_counts.sampled > 0 { count as f64 / beam_counts.sampled as f64 } else { 0.0 }
+        };
         let is_empty = |leg: &&LegEstimate| leg.pulses > 0.0 && leg.points == Some(0.0);
         let missed = Missed {
             pulses: if sampled_pulses > 0.0 { 1.0 - sum(|s| s.hits) / sampled_pulses } else { 0.0 },
-            beside_scene: of_aim(aim.sampled - aim.towards),
-            out_of_range: of_aim(aim.towards - aim.within),
+            beside_scene: of_sampled(beam_counts.sampled - beam_counts.towards),
+            out_of_range: of_sampled(beam_counts.towards - beam_counts.within),
             area: if coverage.scene > 0.0 { 1.0 - coverage.covered / coverage.scene } else { 0.0 },
             legs: legs.iter().filter(is_empty).map(|leg| leg.leg).collect(),
         };
@@ -394,9 +396,9 @@ impl Observations<'_> {
     /// The files with their sizes, in proportion to those of the sample.
     fn files(&self, [empty, written]: &[OutputSummary; 2], scale: f64) -> Vec<FileEstimate> {
         // A file of the sample, scaled but for what an empty one has already.
-        let bytes_of = |is_wanted: &dyn Fn(&FileSummary) -> bool| {
+        let bytes_of = |is_selected: &dyn Fn(&FileSummary) -> bool| {
             let sum = |of: &OutputSummary| {
-                of.files.iter().filter(|f| is_wanted(f)).map(|f| f.bytes as f64).sum::<f64>()
+                of.files.iter().filter(|f| is_selected(f)).map(|f| f.bytes as f64).sum::<f64>()
             };
             let (fixed, all) = (sum(empty), sum(written));
             fixed + (all - fixed).max(0.0) * scale

@@ -117,9 +117,9 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
 /// A hint at a height in centimetres or millimetres, where a flight in metres would be a usual distance above
 /// the scene.
 pub(super) fn in_centimetres(scene: &Aabb, height: f64) -> Option<String> {
-    let usual = scene.max.z + MIN_CLEARANCE..=scene.max.z + MAX_CLEARANCE;
+    let plausible = scene.max.z + MIN_CLEARANCE..=scene.max.z + MAX_CLEARANCE;
     let units = [("centimetres", "cm", 0.01), ("millimetres", "mm", 0.001)];
-    let (unit, symbol, factor) = units.into_iter().find(|(.., unit)| usual.contains(&(height * unit)))?;
+    let (unit, symbol, factor) = units.into_iter().find(|(.., unit)| plausible.contains(&(height * unit)))?;
     let hint = format!("if its heights are in {unit}, {height:.0} {symbol} are {:.0} m", height * factor);
     Some(hint + "; `z[cm]` and `z[mm]` in the heading of a trajectory convert them")
 }

@@ -195,8 +195,11 @@ mod tests {
             check_wavelengths(&survey(devices)).text()
         };
         assert_eq!((wavelengths(&[532.0]), wavelengths(&[905.0, 905.0])), (String::new(), String::new()));
-        let told = wavelengths(&[1064.0, 1064.0, 532.0]);
-        assert!(told.contains("at the 1064 nm of the first channel") && told.contains("532 nm"), "{told}");
+        let reported = wavelengths(&[1064.0, 1064.0, 532.0]);
+        assert!(
+            reported.contains("at the 1064 nm of the first channel") && reported.contains("532 nm"),
+            "{reported}"
+        );
     }
 
     #[test]

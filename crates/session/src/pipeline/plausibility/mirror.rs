@@ -12,8 +12,8 @@ pub fn describe_idle_mirror(survey: &Survey) -> Option<String> {
     let leg = survey.legs.iter().find(|leg| leg.scanner.active)?;
     let device = survey.scanner.devices.first()?;
     let Deflector::Polygon { effective_max, .. } = device.deflector else { return None };
-    let (all, wanted) = (device.scan_angle_max, leg.scanner.scan_angle);
-    let usable = if wanted > 0.0 { effective_max.min(wanted) } else { effective_max };
+    let (all, requested) = (device.scan_angle_max, leg.scanner.scan_angle);
+    let usable = if requested > 0.0 { effective_max.min(requested) } else { effective_max };
     let share = usable / all;
     let is_pipeline = survey.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     if !(is_pipeline && share > 0.0 && share <= 1.0 - MIN_IDLE_SHARE) {

@@ -113,7 +113,7 @@ impl Pace {
     /// Finds a flight that hardly moves, or lasts for days.
     pub fn find_slow(&self) -> Option<Finding> {
         let (Some(first), Some((last, _))) = (self.first, self.last) else { return None };
-        Pace::judge(last - first, self.length)
+        Pace::assess(last - first, self.length)
     }
 
     fn find_fast(&self) -> Option<Finding> {
@@ -140,7 +140,7 @@ impl Pace {
         ))
     }
 
-    fn judge(seconds: f64, length: f64) -> Option<Finding> {
+    fn assess(seconds: f64, length: f64) -> Option<Finding> {
         let speed = length / seconds;
         let is_slow = length >= MIN_LENGTH && speed < MIN_SPEED;
         (is_slow || seconds > MAX_DURATION).then(|| Pace::finding(seconds, length))

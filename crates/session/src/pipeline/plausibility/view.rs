@@ -3,7 +3,7 @@
 
 use super::boxes;
 use super::finding::Finding;
-use crate::pipeline::aim::SampledBeam;
+use crate::pipeline::beam_counts::SampledBeam;
 use vlscan_base::quantity::metres;
 use vlscan_geom::{Aabb, DVec3, Rotation};
 use vlscan_lidar::flight::PlannedPosition;

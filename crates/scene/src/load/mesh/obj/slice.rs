@@ -82,14 +82,14 @@ pub(super) fn read(bytes: &[u8], reading: Reading) -> Slice {
     slice
 }
 
-/// The line (from 1) and the bytes of the face that became triangle `wanted` of a piece.
-pub(super) fn locate(bytes: &[u8], reading: Reading, wanted: usize) -> Option<(usize, Range<usize>)> {
+/// The line (from 1) and the bytes of the face that became triangle `target` of a piece.
+pub(super) fn locate(bytes: &[u8], reading: Reading, target: usize) -> Option<(usize, Range<usize>)> {
     let mut slice = Slice::default();
     let mut corners = Vec::new();
     Lines::new(bytes, true).find_map(|line| {
         slice.statement(&line, reading, &mut corners);
         let at = line.start..line.start + line.text.trim_ascii_end().len();
-        (slice.triangles.len() > wanted).then_some((line.number, at))
+        (slice.triangles.len() > target).then_some((line.number, at))
     })
 }
 

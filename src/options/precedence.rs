@@ -3,31 +3,31 @@
 use super::switch::Switch;
 
 /// Options that may be given in two places.
-pub trait Over {
+pub trait Precedence {
     /// These options, and those of `file` where nothing is chosen here. Lists are joined, those of the file
     /// first.
     fn over(self, file: Self) -> Self;
 }
 
-impl<T> Over for Option<T> {
+impl<T> Precedence for Option<T> {
     fn over(self, file: Self) -> Self {
         self.or(file)
     }
 }
 
-impl Over for bool {
+impl Precedence for bool {
     fn over(self, file: Self) -> Self {
         self || file
     }
 }
 
-impl Over for Switch {
+impl Precedence for Switch {
     fn over(self, file: Self) -> Self {
         if self == Switch::Unset { file } else { self }
     }
 }
 
-impl<T> Over for Vec<T> {
+impl<T> Precedence for Vec<T> {
     fn over(self, mut file: Self) -> Self {
         file.extend(self);
         file
@@ -49,7 +49,7 @@ macro_rules! group {
             pub opposites: $crate::options::switch::Opposites,
         }
 
-        impl $crate::options::Over for $name {
+        impl $crate::options::Precedence for $name {
             fn over(self, file: Self) -> Self {
                 $name { $($field: self.$field.over(file.$field),)* opposites: self.opposites }
             }
@@ -61,7 +61,7 @@ macro_rules! group {
             $($(#[$doc])* pub $field: $type,)*
         }
 
-        impl $crate::options::Over for $name {
+        impl $crate::options::Precedence for $name {
             fn over(self, file: Self) -> Self {
                 $name { $($field: self.$field.over(file.$field),)* }
             }
