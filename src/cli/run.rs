@@ -51,7 +51,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
 fn name_directories(report: &Report) {
     let mut stdout = std::io::stdout().lock();
     for directory in &report.summary.directories {
-        // Nobody may be reading.
+        // Stdout may be closed.
         let _ = writeln!(stdout, "Output directory: \"{}\"", directory.display());
     }
 }

@@ -252,7 +252,8 @@ impl Diagnostics {
         }
     }
 
-    /// The problems that `reported` does not have. Files may be named otherwise there: lines and messages count.
+    /// The problems that `reported` does not contain. Lines and messages are compared, since files may have
+    /// other names there.
     pub fn without(&self, reported: &Diagnostics) -> Diagnostics {
         let line = |d: &Diagnostic| d.place.as_ref().map(|place| place.line);
         let is_reported =

@@ -162,7 +162,7 @@ pub enum UnreadFormat {
         expected: String,
     },
     /// A file that is not in the format of its name.
-    #[error("is expected to be {expected} by its name, found a file that begins with \"{beginning}\"")]
+    #[error("the extension says {expected}, but the file starts with \"{beginning}\"")]
     Misnamed {
         /// The format of its name.
         expected: String,

@@ -34,7 +34,7 @@ const MAX_SAMPLE: usize = 1 << 14;
 #[derive(Clone, Debug)]
 pub struct StrayFinder {
     count: u64,
-    /// Of so many points one is in the sample.
+    /// Every n-th point is in the sample.
     stride: u64,
     sample: Vec<DVec3>,
     /// The lower and the upper end of each axis.

@@ -101,9 +101,9 @@ pub struct ShowArgs {
 /// `vlscan unzip`.
 #[derive(Debug, Args)]
 pub struct UnzipArgs {
-    /// The compressed text; - for stdin.
+    /// Compressed file; - for stdin.
     pub file: PathBuf,
-    /// The text; - for stdout.
+    /// Output file; - for stdout.
     #[arg(default_value = "-")]
     pub out: PathBuf,
     /// Replace an existing file.

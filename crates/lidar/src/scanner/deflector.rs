@@ -44,7 +44,7 @@ pub enum DeflectorState {
         /// The last direction that left the prisms, where total reflection is possible.
         last: Option<DVec3>,
     },
-    /// A pattern of a program's own.
+    /// User-defined pattern.
     Custom {
         /// Steps since the first one of the leg; a fraction between two steps.
         steps: f64,
@@ -210,7 +210,7 @@ impl DeflectorState {
         }
     }
 
-    /// Moves a pattern of a program's own on by `count` steps or a fraction of one.
+    /// Advances a user-defined pattern by `count` steps, which may be a fraction.
     fn advance_pattern(&mut self, plan: &DevicePlan, count: f64) {
         if let (DeflectorState::Custom { steps, step, beam, is_firing }, Deflector::Custom(pattern)) =
             (self, &plan.deflector)

@@ -196,8 +196,8 @@ impl Tiles {
         let _ = ahead.into_iter().all(|(_, tile)| self.items.prefetch(tile));
     }
 
-    /// Calls `visit` with the tiles that pass `is_selected`, one after the other, so that one has to be in memory
-    /// at a time. A tile that cannot be loaded is reported by [`Tiles::check`].
+    /// Calls `visit` with the tiles that pass `is_selected`, one after the other, so that only one must be in
+    /// memory at a time. A tile that cannot be loaded is reported by [`Tiles::check`].
     pub(crate) fn for_each(
         self: &Arc<Self>,
         is_selected: impl Fn(&TileFacts) -> bool,

@@ -204,9 +204,8 @@ impl Writer {
         }
     }
 
-    /// Ends a run that has failed. What was measured until then is completed as partial files, which
-    /// [`OutputPlan::partial_files`] lists, unless an output could not be written: then the incomplete files are
-    /// removed.
+    /// Ends a failed run. The points until then are completed as partial files, which
+    /// [`OutputPlan::partial_files`] lists. If an output could not be written, incomplete files are removed.
     pub fn abort(self) {}
 
     /// Ends a run whose outputs can be made again, and removes the incomplete files.

@@ -77,7 +77,7 @@ impl Collect<Pieces> for Collector<'_> {
 
     fn finish(mut self) -> Result<Ended> {
         if self.end.is_last {
-            // The whole run is judged: what begins beside the scene may yet reach it.
+            // Check only at the end: a flight may start outside the scene.
             self.end.check.map_or(Ok(()), |check| check.run(self.progress))?;
             return self.writer.finish().map(Ended::Complete);
         }

@@ -4,8 +4,8 @@
 //!
 //! ```text
 //! Scan ────────┐
-//! ResolvedRun ─┴► Settings ─► LoadedScene ─► Session ─► run ──────────────► fly ─┐ pass over   ┌─► next epoch
-//!                                                     ├ trace(stream of pulses) ─┴─ an epoch ──┴─► Report
+//! ResolvedRun ─┴► Settings ─► LoadedScene ─► Session ─► run ──────────────► fly ─┐ pass over  ┌─► next epoch
+//!                                                     ├ trace(stream of pulses) ─┴─ an epoch ─┴─► Report
 //!                                                     └ into_emission ─► emit: poses or pulses, not traced
 //! ```
 //!

@@ -102,7 +102,7 @@ pub fn raster_needs(recipe: &SceneRecipe, options: &LoadOptions) -> Vec<RasterNe
 /// True if a raster can remain a height field: its triangles do not move, and have one material.
 pub(crate) fn keeps_grid(part: &PartRecipe) -> bool {
     let Transform { rotation, scale, .. } = part.transform;
-    // Of other factors and angles nothing remains that could be seen, or computed.
+    // Other factors and angles leave nothing to see or to compute.
     let is_similar = scale != 0.0 && scale.is_finite() && rotation.apply(DVec3::ONE).is_finite();
     part.motions.is_empty()
         && is_similar
