@@ -305,8 +305,8 @@ impl Planner<'_> {
         Ok(Some(id.map_or(path.to_owned(), |id| format!("{path}#{id}"))))
     }
 
-    /// Completes the plan, checks it by a dry run and writes it. `area` is that of a flight, `reported` are the
-    /// warnings that have been shown.
+    /// Completes the plan, checks it by a dry run and writes it. `area` is that of a flight, `reported` are
+    /// the warnings that have been shown.
     fn finish(
         &self,
         mut plan: PlannedSurvey,

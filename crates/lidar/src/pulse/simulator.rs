@@ -333,8 +333,8 @@ impl<'p> PulseSimulator<'p> {
     }
 }
 
-/// Rejects points that are not finite or out of range, so that inputs that no reader has rejected never become
-/// points.
+/// Rejects points that are not finite or out of range, so that invalid inputs that no reader has rejected
+/// never become points.
 #[inline(always)]
 fn check_positions(echoes: &[Echo]) -> Result<()> {
     let is_place = |echo: &Echo| {

@@ -80,8 +80,8 @@ impl HeightField {
         near
     }
 
-    /// Visits the leaves whose boxes, and the boxes of the nodes above them, pass `overlaps`. Its arguments are
-    /// the result of the last visit and the lower and upper corner of the box, in the frame.
+    /// Visits the leaves whose boxes, and the boxes of the nodes above them, pass `overlaps`. Its arguments
+    /// are the result of the last visit and the lower and upper corner of the box, in the frame.
     fn visit_leaves(
         &self,
         frame: &Frame,
