@@ -27,7 +27,7 @@ pub struct Conditions {
     pub drop_polygons: bool,
 }
 
-/// Why a scene is not the one that other options ask for.
+/// Why a scene does not match other options.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ConditionMismatch {
     /// Reflectances from spectra at another wavelength, nm.

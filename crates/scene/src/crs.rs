@@ -1,4 +1,4 @@
-//! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files beside its
+//! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files next to its
 //! geometry.
 
 use crate::load::raster;

@@ -1,5 +1,5 @@
-//! The ground of a loaded scene, found with its tree: what heights of points count from, planned legs follow
-//! and trees stand on.
+//! The ground of a loaded scene, found with its tree: the reference of point heights, which planned legs
+//! follow and trees stand on.
 
 use crate::{LoadOptions, Scene, load};
 use std::fmt;

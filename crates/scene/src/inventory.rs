@@ -28,7 +28,8 @@ pub struct Inventory {
     pub of_part: Vec<u64>,
     /// Number of primitives of each material.
     pub of_material: Vec<u64>,
-    /// Triangles degenerate to a line, which rays can hardly hit; those of shared meshes are counted once.
+    /// Triangles degenerate to a line, which rays can hardly hit; triangles of shared meshes are counted
+    /// once.
     pub slivers: u64,
     /// Triangles with the same corners as another triangle of their mesh, or of their tile.
     pub duplicates: u64,

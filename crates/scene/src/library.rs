@@ -126,7 +126,7 @@ impl Names {
 /// How a name of a material was resolved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Known {
-    /// A file defines it, or it is that of faces without a material.
+    /// A file defines it, or it belongs to faces without a material.
     Whole,
     /// A file defines this name, whose first word is the same.
     FirstWord(String),

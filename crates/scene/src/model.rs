@@ -433,7 +433,7 @@ impl Scene {
     }
 }
 
-/// Height of a triangle over (x, y); its edges belong to it, so that there is no gap between neighbours.
+/// Height of a triangle over (x, y); its edges belong to it, so that neighbours have no gap between them.
 fn height_in_triangle(corners: [DVec3; 3], x: f64, y: f64) -> Option<f64> {
     let [a, b, c] = corners.map(|p| (p.x - x, p.y - y));
     // Swapping the two points only changes the sign, so neighbours agree on their common edge.

@@ -11,7 +11,7 @@ use vlscan_base::quantity::CLASSES;
 use vlscan_base::recognise::Expected;
 use vlscan_survey::MaterialDefinition;
 
-/// Reads the materials of a file by itself.
+/// Reads the materials of a single file.
 ///
 /// # Errors
 /// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] with all problems of the file.

@@ -122,7 +122,7 @@ impl FlightState {
         (steps, pulses)
     }
 
-    /// Number of steps, up to `limit`, before which nothing can happen but the motion of clock, platform and
+    /// Number of steps, up to `limit`, in which nothing can happen except the motion of clock, platform and
     /// devices. Estimates err on the low side by a few steps.
     fn steps_without_event(&self, plan: &FlightPlan, limit: u32) -> u32 {
         let leg = &plan.legs[self.leg];

@@ -200,7 +200,7 @@ impl PoseLayout {
         PoseLayout::of(headings)
     }
 
-    /// The layout of headings, which may repeat a height beside both projected and geographic coordinates.
+    /// The layout of headings, which may repeat a height next to both projected and geographic coordinates.
     /// Projected coordinates take precedence over latitude and longitude, and quaternions over angles.
     fn of(mut headings: Headings) -> Result<PoseLayout, PoseLayoutError> {
         if let Some(wrong) = headings.wrong_units.first() {

@@ -128,7 +128,7 @@ impl LinearPath {
         while steps >= LANES as u32 {
             let mut position = [[0.0; LANES]; 3];
             for (axis, lanes) in position.iter_mut().enumerate() {
-                // The first is no prediction.
+                // The first one is not a prediction.
                 let mut at = c.position[axis] + c.velocity[axis];
                 for (lane, place) in lanes.iter_mut().enumerate() {
                     *place = at;
@@ -214,7 +214,7 @@ fn velocities(position: &[[f64; LANES]; 3], target: DVec3, step: f64) -> [[f64; 
     way
 }
 
-/// Number of lanes, from the first on, whose position is what the lane before leads to, bit for bit.
+/// Number of lanes, from the first on, whose position follows from the lane before, bit for bit.
 #[inline]
 fn correct_lanes(position: &[[f64; LANES]; 3], velocity: &[[f64; LANES]; 3]) -> usize {
     let mut differs = [0; LANES];

@@ -54,8 +54,7 @@ impl PhotonCounter {
     /// `gate` are the travel times between which photons count, ns; 0 `max_returns` are any number.
     ///
     /// # Errors
-    /// If there is no threshold that tells how many photoelectrons an echo has, or too much
-    /// background light.
+    /// If no threshold determines the number of photoelectrons of an echo, or with too much background light.
     pub fn new(
         receiver: &Receiver,
         shape: &PulseShape,

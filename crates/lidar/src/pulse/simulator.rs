@@ -163,7 +163,7 @@ impl<'p> PulseSimulator<'p> {
             if count == 1 || !is_too_much {
                 return Ok(count);
             }
-            // The tiles under fewer pulses may fit into memory; what was missing is no failure yet.
+            // The tiles under fewer pulses may fit into memory; a missing tile is not a failure yet.
             let _ = self.release_tiles();
             count /= 2;
         }

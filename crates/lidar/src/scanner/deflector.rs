@@ -109,7 +109,7 @@ impl DeflectorState {
                 *next %= *count;
                 *half_angle = scan_angle;
             }
-            // Prisms are at their phase a step before the first pulse, whatever the correction.
+            // Prisms are at their phase a step before the first pulse, with any correction.
             (DeflectorState::Risley { step, .. }, _) => *step = plan.sense() * (1.0 / frequency),
             (DeflectorState::Custom { steps, step, .. }, _) => (*steps, *step) = (-1.0, 1.0 / frequency),
             _ => {}
@@ -117,7 +117,7 @@ impl DeflectorState {
     }
 
     /// Resets the angle to that of the phase, at an active leg after an inactive one (spec kinematics §4.1).
-    /// In the reference fibres and prisms go on.
+    /// In the reference fibres and prisms continue.
     pub(super) fn restart(&mut self, plan: &DevicePlan) {
         let is_on_time = plan.kinematics.optics_on_time;
         match self {

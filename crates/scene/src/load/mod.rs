@@ -458,7 +458,7 @@ fn choose(
 
 /// Opens a file of a part; `None` after an error in its name.
 fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
-    // Voxels take less memory than their files, so that large ones are mapped and released as they are read.
+    // Voxels take less memory than their files, so large files are mapped and released while they are read.
     let memory = match &part.loader {
         Loader::DetailedVoxels(_) | Loader::Xyz(_) => Some(0),
         _ => scene.options.max_memory,

@@ -361,7 +361,7 @@ fn centres_of_cubes(scene: &SceneBuilder, extent: &Extent) -> Option<Vec<(f64, A
     Some(found)
 }
 
-/// Checksum of the primitives of an extent: the same whatever precedes them in the scene.
+/// Checksum of the primitives of an extent, independent of the primitives before them in the scene.
 fn checksum(scene: &SceneBuilder, extent: &Extent) -> u64 {
     let (g, first) = (&scene.geometry, extent.vertices.start as u32);
     let mut sum = Checksum::default();

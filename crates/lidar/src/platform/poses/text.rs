@@ -42,7 +42,7 @@ const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt
 const NAME_OR_ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > \
                                  timed.txt`; if the columns are time, x, y, z, roll, pitch, yaw, name them \
                                  so in a first line";
-/// Name of the file of times that KITTI has beside its poses.
+/// Name of KITTI's file of times, next to its poses.
 const TIMES_FILE: &str = "times.txt";
 const MAX_TIMES_BYTES: u64 = 1 << 28;
 /// Times that are too large for seconds in any scale: nanoseconds from 1973 on, up to those that a 64-bit
@@ -63,7 +63,7 @@ pub struct PoseRows {
     /// The axes of quaternions and matrices.
     axes: Option<FileAxes>,
     helios: bool,
-    /// The times of a file beside matrices without times, and the number of those that were used.
+    /// The times of a file next to matrices without times, and the number of times used.
     times: Option<(Vec<f64>, usize)>,
     /// Looks for poses of cameras, unless the user has chosen the axes.
     camera: Option<CameraCheck>,
@@ -107,7 +107,7 @@ impl PoseRows {
     /// Passes the rows that have arrived to `take` until it breaks; with `ended` no others will follow.
     ///
     /// # Errors
-    /// The first row that is no fix, columns that are missing, and what [`RowDecoder::next_block`] refuses.
+    /// The first row without a fix, missing columns, and everything that [`RowDecoder::next_block`] rejects.
     pub fn decode(&mut self, ended: bool, take: &mut TakeFix) -> Result<()> {
         let mut fields = Vec::new();
         loop {
@@ -266,7 +266,7 @@ impl PoseRows {
         }
     }
 
-    /// The times of the file `times.txt` beside matrices that have none.
+    /// The times of the file `times.txt` next to matrices that have none.
     fn times_beside(&self) -> std::result::Result<Vec<f64>, NoLayout> {
         let missing = |error| NoLayout { error, help: ADD_TIMES, is_of_words: false };
         let unread = |what: String| missing(PoseLayoutError::Times { what });

@@ -1,4 +1,4 @@
-//! Buffers of glTF documents: the binary chunk of a GLB file, files beside the document, base64 within it.
+//! Buffers of glTF documents: the binary chunk of a GLB file, files next to the document, base64 within it.
 
 use super::GltfError;
 use crate::text::{Source, shown};

@@ -140,7 +140,7 @@ pub enum RasterError {
         /// The reason.
         source: Box<RasterError>,
     },
-    /// A mask of another size than that of the raster.
+    /// A mask whose size differs from the raster's.
     #[error("it has {} x {} pixels, the raster {} x {}", .found.0, .found.1, .expected.0, .expected.1)]
     MaskSize {
         /// Numbers of columns and rows of the mask.

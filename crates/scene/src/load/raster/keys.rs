@@ -69,7 +69,7 @@ pub(super) enum System {
 }
 
 impl System {
-    /// The system that the keys of a raster name, or the `.prj` file beside it.
+    /// The system that the keys of a raster name, or the `.prj` file next to it.
     pub fn of(directory: &mut Directory, path: &Path) -> Result<System, RasterError> {
         let code = epsg(directory, PROJECTED_SYSTEM_KEY).or_else(|| epsg(directory, GEOGRAPHIC_SYSTEM_KEY));
         if let Some(code) = code {

@@ -392,7 +392,7 @@ impl Mosaic {
         let top = tile.at[1] + part.top - tile.window.top - window.top;
         for (row, numbers) in (top..).zip(numbers.chunks_exact(part.width)) {
             let mut at = row * window.width + left;
-            // A tile without data leaves that of earlier ones.
+            // A tile without data keeps the data of earlier tiles.
             for run in numbers.chunk_by(|a, b| !tile.overlaps || a.is_nan() == b.is_nan()) {
                 if !(tile.overlaps && run[0].is_nan()) {
                     heights.set(at, run)?;

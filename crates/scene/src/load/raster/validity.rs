@@ -1,4 +1,4 @@
-//! Validity of the pixels of a raster: no-data values, masks within the file or beside it, alpha bands.
+//! Validity of the pixels of a raster: no-data values, masks within the file or next to it, alpha bands.
 
 use super::blocks::Blocks;
 use super::error::RasterError;
@@ -26,12 +26,12 @@ const MAX_IMAGES: usize = 64;
 #[derive(Debug)]
 pub(super) struct Mask {
     pub blocks: Blocks,
-    /// The file beside the raster, if the mask is not within it.
+    /// The file next to the raster, if the mask is not within it.
     pub file: Option<RasterFile>,
 }
 
 impl Mask {
-    /// The mask of the raster `path` of this size, after its first image or in the file beside it.
+    /// The mask of the raster `path` of this size, after its first image or in the file next to it.
     pub fn find(
         directory: &mut Directory,
         path: &Path,
@@ -72,14 +72,14 @@ impl Mask {
     }
 }
 
-/// The file beside a raster in which GDAL keeps its mask.
+/// The file next to a raster in which GDAL keeps its mask.
 fn mask_file(path: &Path) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(".msk");
     PathBuf::from(name)
 }
 
-/// The band that says how opaque a pixel is, according to the kinds of the bands beyond those of the colour.
+/// The band with the opacity of the pixels, according to the kinds of the bands after the colours.
 pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Result<Option<usize>, RasterError> {
     let tag = Tag::ExtraSamples;
     let kinds = directory.find_tag_unsigned_vec::<u16>(tag);
@@ -96,7 +96,7 @@ pub(super) struct NoData {
     is_stated: bool,
 }
 
-/// Pixels that are no heights or hardly ever, where the file states no no-data value.
+/// Pixels that are not heights, or hardly ever, in a file without a no-data value.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Doubts {
     /// Number of pixels beyond what can be a coordinate.

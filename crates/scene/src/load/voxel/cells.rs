@@ -3,7 +3,7 @@
 use crate::text::Problems;
 use std::ops::Range;
 
-/// Plant area density above which a value is probably not one, 1/m: that of dense hedges is about 20.
+/// Plant area density above which a value is probably a mistake, 1/m: dense hedges have about 20.
 const MAX_USUAL_DENSITY: f64 = 1000.0;
 
 /// Columns and limits that all rows of a file share.
