@@ -112,8 +112,8 @@ pub struct PointRow {
     pub return_number: u8,
     /// Number of returns of the pulse.
     pub number_of_returns: u8,
-    /// True for a pulse without a return, which is no point: a row that this program has written for
-    /// `--misses`. Return 0 of 0 alone is no sign of one: points that are added to a cloud or merged into it
+    /// True for a pulse without a return, which is not a point: a row that this program has written for
+    /// `--misses`. Return 0 of 0 alone does not mark one: points that are added to a cloud or merged into it
     /// have it, too.
     pub is_miss: bool,
     /// Scan angle, degrees, as the file has it: in LAS across the track, negative to the left.
@@ -232,7 +232,7 @@ impl<'a> Reading<'a> {
         Reading { path, selection, sink, found, misfits: Default::default(), failure: None }
     }
 
-    /// Tells the sink the format of the file, unless its reader knows more.
+    /// Passes the format of the file to the sink, unless its reader passes more.
     fn tell(&mut self, format: CloudFormat) {
         if format != CloudFormat::Las {
             self.sink.file(&FileFacts { format, las: None });
@@ -303,7 +303,7 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// Warns of the values of all points that do not fit, as far as they are selected.
+    /// Warns of selected values of all points that do not fit.
     ///
     /// # Errors
     /// That of the sink.

@@ -148,7 +148,7 @@ impl PointFormat {
         self.facts().flags & flag != 0
     }
 
-    /// The format of a name or alias, whatever its capitals.
+    /// The format of a name or alias in upper or lower case.
     pub fn of_name(name: &str) -> Option<PointFormat> {
         let is_it = |known: &str| known.eq_ignore_ascii_case(name);
         let found =
@@ -161,7 +161,7 @@ impl PointFormat {
     /// # Errors
     /// The extension, when it denotes no format.
     pub fn of_file(path: &Path) -> Option<Result<PointFormat, UnknownExtension>> {
-        // A name that is no Unicode has an extension, too.
+        // A name that is not valid Unicode has an extension, too.
         let name = path.file_name()?.to_string_lossy();
         let ends_in = |format: &PointFormat| {
             let end = format.extension();

@@ -1,4 +1,4 @@
-//! Points as they are written, and what precedes their place in a file: records of one format, and their
+//! Points in their written form, and the steps before their place in a file: records of one format, and their
 //! counts.
 
 use crate::PointRow;

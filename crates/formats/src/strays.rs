@@ -273,7 +273,7 @@ pub struct Apart {
 /// The points of a cloud that lie far from all others.
 #[derive(Clone, Copy, Debug)]
 pub struct Strays {
-    /// Box of all other points, m; infinite where there is no stray.
+    /// Box of all other points, m; infinite without strays.
     within: Aabb,
     /// Number of strays.
     pub count: u64,
@@ -289,7 +289,7 @@ impl Strays {
         !is_within
     }
 
-    /// The box of all other points, m, infinite where there is no stray.
+    /// The box of all other points, m; infinite without strays.
     pub fn others(&self) -> Aabb {
         self.within
     }
@@ -311,7 +311,7 @@ impl Strays {
         })
     }
 
-    /// Warns of them; `what` says what happens to them: "left out".
+    /// Warns of strays; `what` names their treatment: "left out".
     pub fn warn(&self, path: &Path, what: &str, found: &mut Diagnostics) {
         if let Some(described) = self.described() {
             let them = if self.count == 1 { "it is" } else { "they are" };

@@ -91,7 +91,7 @@ impl Spectra {
     fn find(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<PathBuf> {
         let files = self.folders.iter().flat_map(|folder| reads::list(folder).unwrap_or_default());
         let named = files.filter(|f| f.file_stem().is_some_and(|s| s == name) && f.is_file());
-        // A folder can be found by several ways.
+        // Several paths can lead to the same folder.
         let mut seen = HashSet::new();
         let mut different = named.filter(|f| seen.insert(f.canonicalize().unwrap_or_else(|_| f.clone())));
         let first = different.next()?;

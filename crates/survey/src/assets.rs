@@ -1,11 +1,11 @@
 //! The search path of input files (spec input-formats §8).
 //!
-//! The rule is the same for every kind of file: an absolute path is used as it is; a relative one is searched
-//! in the working directory, then in the asset folders in their order, then in `assets/`, then in the folder
-//! of the file that refers to it. The built-in catalogue comes last. A name with `\` that denotes no file is
-//! searched again with `/`, so that what was written on Windows is read elsewhere. Documents with
-//! `paths="beside"`, as vlscan writes them, are exempt: what they name is looked for in their own folder
-//! first, whatever else lies in the working directory.
+//! The rule is the same for every kind of file: an absolute path is used unchanged; a relative one is
+//! searched in the working directory, then in the asset folders in their order, then in `assets/`, then in
+//! the folder of the file that refers to it. The built-in catalogue comes last. A name with `\` that denotes
+//! no file is searched again with `/`, so that what was written on Windows is read elsewhere. Documents with
+//! `paths="beside"`, as vlscan writes them, are exempt: their files are searched in their own folder first,
+//! not in the working directory.
 
 use super::shipped::{self, BuiltIn};
 use super::toml::words::hint_for_name;
@@ -21,7 +21,7 @@ use vlscan_base::files::reads;
 pub(super) struct Assets {
     /// Working directory, asset folders, `assets/`; without duplicates.
     folders: Vec<PathBuf>,
-    /// Folders of documents that name files beside them.
+    /// Folders of documents that name files next to them.
     preferred: RefCell<BTreeSet<PathBuf>>,
 }
 
@@ -37,7 +37,7 @@ pub(super) enum Found {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Located<T> {
     pub found: T,
-    /// The spelling that is found, if it is not the one that was asked for.
+    /// The spelling in the file system, if it differs from the requested one.
     pub respelled: Option<String>,
 }
 
@@ -206,7 +206,7 @@ impl Assets {
     }
 }
 
-/// Result of `find` for a name as it is written, else with `/` in place of `\`.
+/// Result of `find` for a name as written, otherwise with `/` in place of `\`.
 fn located<T>(name: &str, find: impl Fn(&str) -> Option<T>) -> Option<Located<T>> {
     if let Some(found) = find(name) {
         return Some(Located { found, respelled: None });

@@ -17,7 +17,7 @@ const YAW_AT_DEPARTURE: Key = Key::attribute("yawAtDeparture_deg", &NUMBER);
 const DEFAULT_SPEED: f64 = 70.0;
 /// Largest angle that is looked at as one in radians: a turn.
 const MAX_RADIANS: f64 = 6.3;
-/// Ratio from which a scan angle is far below that of the scanner.
+/// Ratio from which a scan angle is far below the scanner's.
 const FAR_BELOW: f64 = 20.0;
 
 impl LegCheck<'_> {

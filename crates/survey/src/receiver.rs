@@ -95,7 +95,7 @@ fn check_counter(fields: &Fields, receiver: &Receiver) {
 
 /// Noise of ranges by strength; an accuracy that is stated instead replaces that of an inherited scanner.
 fn change_range_noise(fields: &mut Fields, receiver: &mut Receiver) {
-    // In XML the accuracy is for the physics of HELIOS++, beside it.
+    // In XML the accuracy is for the physics of HELIOS++, in addition to it.
     if fields.is_toml() {
         fields.either(K.accuracy_m, K.range_noise);
     }

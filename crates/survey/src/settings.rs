@@ -337,7 +337,7 @@ pub(super) struct PlatformLayer {
 }
 
 impl PlatformLayer {
-    /// True if the element says how the platform turns at its departure.
+    /// True if the element states how the platform turns at its departure.
     pub fn has_departure(&self) -> bool {
         self.settings.yaw_at_departure.is_some()
     }

@@ -157,7 +157,7 @@ impl Reader<'_> {
         Some(raster)
     }
 
-    /// Warns of a `NoDataValue` in a source, which GDAL ignores, if it is not that of the band.
+    /// Warns of a `NoDataValue` in a source, which GDAL ignores, if it differs from the band's.
     fn warn_of_no_data(&self, source: &Element, of_band: Option<f64>) {
         let Some(element) = source.child("NoDataValue") else { return };
         let is_same = |value: f64| of_band.is_some_and(|of| of == value || of.is_nan() && value.is_nan());

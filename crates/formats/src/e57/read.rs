@@ -29,7 +29,7 @@ fn read_scans(bytes: &[u8], reading: &mut Reading) -> Result<(), E57Error> {
         if scan.position == Position::None {
             return Err(named(ScanError::NoCoordinates));
         }
-        // Values that are all equal take no bits, so that the library cannot tell how many there are.
+        // Values that are all equal take no bits, so the library cannot determine their number.
         if cloud.records > 0 && cloud.prototype.iter().all(|record| is_constant(&record.data_type)) {
             return Err(named(ScanError::Constant));
         }

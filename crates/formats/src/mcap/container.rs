@@ -177,7 +177,7 @@ impl Container {
 }
 
 impl Chunk {
-    /// The record of the summary that tells where the chunk is.
+    /// The record of the summary with the position of the chunk.
     fn index(&self) -> Vec<u8> {
         // The index of the message follows the chunk.
         let index_bytes = RECORD_HEAD_BYTES + 2 + 4 + 16;

@@ -43,7 +43,7 @@ fn offset(world: &Aabb) -> DVec3 {
 /// Room in the header for the place of a scanner that stands, bytes.
 const VIEWPOINT_BYTES: usize = 3 * 24;
 
-/// Largest distance between beams of a scanner that stands, m: lasers lie beside each other in its head.
+/// Largest distance between beams of a scanner at rest, m: lasers lie next to each other in its head.
 const MAX_HEAD_M: f64 = 1.0;
 
 /// The place of a scanner that stands, by the box around the origins of its beams.

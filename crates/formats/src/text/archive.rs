@@ -48,7 +48,7 @@ struct ArchiveBody {
     sum: Adler32,
 }
 
-/// Begins a compressed text, whose lines are appended as they are.
+/// Begins a compressed text, whose lines are appended unchanged.
 ///
 /// # Errors
 /// Those of writing.

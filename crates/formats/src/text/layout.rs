@@ -56,7 +56,7 @@ impl Layout {
         self.separator.split(&[b'1', byte, b'1']).count() > 1
     }
 
-    /// True if names tell what the columns hold.
+    /// True if names determine the contents of the columns.
     pub fn is_named(&self) -> bool {
         self.named.is_some()
     }
@@ -78,7 +78,7 @@ pub struct LayoutFinder {
 }
 
 impl LayoutFinder {
-    /// A finder for a file whose separator is known; `None` if the lines tell it.
+    /// A finder for a file whose separator is known; `None` if the lines determine it.
     pub fn new(separator: Option<Separator>) -> LayoutFinder {
         LayoutFinder { separator, ..LayoutFinder::default() }
     }

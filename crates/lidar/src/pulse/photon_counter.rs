@@ -54,7 +54,8 @@ impl PhotonCounter {
     /// `gate` are the travel times between which photons count, ns; 0 `max_returns` are any number.
     ///
     /// # Errors
-    /// If no threshold determines the number of photoelectrons of an echo, or with too much background light.
+    /// If no threshold determines the number of photoelectrons of an echo, or if there is too much background
+    /// light.
     pub fn new(
         receiver: &Receiver,
         shape: &PulseShape,

@@ -1,10 +1,10 @@
 //! Tiles: parts of a scene that are in memory only while rays need them.
 //!
-//! Every tile is a scene of its own, with its tree, in the frame of the complete scene. The scene knows of
-//! each tile what does not depend on whether it is in memory: its box, its part, its materials and the
-//! numbers of its primitives, which follow those of the scene's own primitives and instances. So a tile's
-//! primitives are told apart, ordered at equal distances and described as if they were stored in the scene,
-//! and what is in memory only decides how long a run takes.
+//! Every tile is a separate scene with its tree, in the frame of the complete scene. The scene knows of each
+//! tile what does not depend on whether it is in memory: its box, its part, its materials and the numbers of
+//! its primitives, which follow those of the scene's own primitives and instances. So a tile's primitives are
+//! told apart, ordered at equal distances and described as if they were stored in the scene, and what is in
+//! memory only decides how long a run takes.
 
 mod place;
 mod reader;

@@ -75,7 +75,7 @@ impl TileReader {
     ) -> Option<Hit> {
         let all = among.is_none().then_some(0..self.facts().len() as u32).into_iter().flatten();
         let tiles = all.chain(among.into_iter().flatten().copied());
-        // Rounding moves neither the faces of a box nor those of the primitives within it by more.
+        // Rounding moves the faces of a box and of the primitives within it by at most this.
         let slack = 1e-9 * (1.0 + origin.abs().max_element());
         let mut entered: Vec<(f64, u32)> = tiles
             .filter_map(|tile| {

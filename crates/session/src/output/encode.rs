@@ -100,7 +100,7 @@ impl OutputPlan {
         let mut pieces = Vec::with_capacity(routes.len());
         let mut left_out = 0;
         for Route { content, slots } in routes {
-            // What is no points has one file.
+            // Outputs other than points have one file.
             let slot = slots.as_slice().first().copied().unwrap_or_default();
             match (*content, slots) {
                 (Content::Points(format), Slots::Divided(slots)) => {

@@ -139,7 +139,7 @@ enum Base {
 impl OutputLayout {
     /// Computes the layout of all requested outputs.
     ///
-    /// `divided` are the names of files that folders have instead of those of legs.
+    /// `divided` are the names of files in folders, which replace the names by legs.
     pub fn new(request: &OutputRequest, context: &OutputContext, divided: Option<&[String]>) -> OutputLayout {
         let mut layout = OutputLayout {
             routes: vec![Vec::new(); context.legs.len()],

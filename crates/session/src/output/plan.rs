@@ -43,7 +43,7 @@ pub struct OutputPlan {
     pub(super) partial_files: Mutex<Vec<FileSummary>>,
 }
 
-/// Outputs in which no mistake was found before the run: their files and formats.
+/// Outputs that passed the checks before the run: their files and formats.
 #[derive(Debug)]
 pub struct CheckedOutputs {
     request: OutputRequest,
@@ -168,7 +168,7 @@ impl OutputPlan {
         WorldFrame { origin: self.settings.origin, time: self.time_origin }
     }
 
-    /// Facts about the points beside their columns.
+    /// Facts about the points in addition to their columns.
     pub(super) fn cloud_facts(&self) -> CloudFacts {
         CloudFacts::new(self.settings.clone(), self.legs.clone())
     }
@@ -338,7 +338,7 @@ fn check_frames(request: &OutputRequest, problems: &mut Diagnostics) {
     }
 }
 
-/// The files that a run reads, none of which an output may replace.
+/// The input files of a run, which no output may replace.
 struct Inputs(FileSet);
 
 impl Inputs {

@@ -86,7 +86,7 @@ impl TableRequest {
 /// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a
 /// run.
 pub trait TableSink: Debug + Send + Sync {
-    /// Takes what is known of the points of a table beside their columns, before the first batch.
+    /// Takes facts about the points of a table in addition to their columns, before the first batch.
     fn begin(&self, _facts: CloudFacts) {}
 
     /// Takes the next batch; the run waits meanwhile.
@@ -196,8 +196,8 @@ impl OutputRequest {
         self.cloud.heights || columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
     }
 
-    /// Records beside echoes and poses that all outputs need: the one place where formats, columns and tables
-    /// say what they need. A run records it, a merge refuses shards without it.
+    /// Records in addition to echoes and poses that all outputs need: the only place where formats, columns
+    /// and tables say what they need. A run records it, a merge refuses shards without it.
     pub fn records(&self) -> Records {
         let has_table = |content| self.tables.iter().any(|table| table.content == content);
         let own = Records {

@@ -15,7 +15,7 @@ pub struct OutputSummary {
     pub points: u64,
     /// Points by part of the scene, if they are counted; parts beyond the last one that was hit are missing.
     pub points_of_part: Vec<u64>,
-    /// Points of divided folders that are in no file: far beside all tiles, or of no part of the scene.
+    /// Points of divided folders that are in no file: far outside all tiles, or without a part of the scene.
     pub left_out: u64,
 }
 

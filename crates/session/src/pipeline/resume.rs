@@ -1,5 +1,4 @@
-//! Runs that go on where they were ended: a run is divided into shards, of which those that exist are not
-//! computed again.
+//! Resuming interrupted runs: a run is divided into shards, and existing shards are not computed again.
 
 use super::merge::merge;
 use super::pass::RunContext;
@@ -17,7 +16,7 @@ use vlscan_base::error::{Error, Result};
 /// Maximum number of shards.
 const MAX_SHARDS: u64 = 100_000;
 
-/// How a run is divided so that it can go on later.
+/// Division of a run that can be resumed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResumeOptions {
     /// Folder of the shards, removed when the outputs are complete.
@@ -27,7 +26,7 @@ pub struct ResumeOptions {
 }
 
 impl ResumeOptions {
-    /// Shards beside the first output that is a file or a folder: `out.laz.shards`.
+    /// Shards next to the first output that is a file or a folder: `out.laz.shards`.
     ///
     /// # Errors
     /// [`Error::Input`] of the kind [`NotDivisible`](vlscan_base::diag::ProblemKind::NotDivisible) when all

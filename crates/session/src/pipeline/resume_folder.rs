@@ -100,7 +100,7 @@ impl ResumeFolder {
         }
     }
 
-    /// The state of the run that has made a folder; `None` if there is no folder, or an empty one.
+    /// The state of the run that created a folder; `None` if there is no folder, or an empty one.
     ///
     /// # Errors
     /// [`Error::Input`] for a folder, or anything else of its name, that no such run has made.

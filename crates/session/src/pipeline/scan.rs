@@ -68,7 +68,7 @@ pub struct Scan {
     is_strict: bool,
     outputs: OutputRequest,
     observer: Observer,
-    /// The reason why the scan cannot be run, if an earlier call has found one.
+    /// The reason why the scan cannot be run, if an earlier call has failed.
     problem: Option<String>,
 }
 
@@ -172,7 +172,7 @@ impl Scan {
         Scan { seed, ..self }
     }
 
-    /// Sets the number of threads, at least 1; otherwise those of the machine. Points do not depend on it.
+    /// Sets the number of threads, at least 1; default: all of the machine. Points do not depend on it.
     pub fn threads(self, threads: usize) -> Scan {
         Scan { threads: Some(threads), ..self }
     }

@@ -205,7 +205,7 @@ impl fmt::Debug for LoadedScene {
 pub struct SceneFacts {
     /// Box around all primitives, world frame, m.
     pub bounds: Aabb,
-    /// Number of triangles and voxels, those of instances included.
+    /// Number of triangles and voxels, including instances.
     pub primitives: u64,
     /// Ids of the parts.
     pub parts: Vec<String>,

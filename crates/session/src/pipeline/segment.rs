@@ -213,7 +213,7 @@ pub fn merge_segment(
     Ok(report)
 }
 
-/// Joins the segments of an output, which stay as they are.
+/// Joins the segments of an output, which are kept.
 ///
 /// # Errors
 /// [`Error::Input`] when segments are missing, with their numbers, or damaged; [`Error::Io`],

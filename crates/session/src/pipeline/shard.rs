@@ -345,7 +345,7 @@ fn fingerprint(settings: &Settings, scene: u64, plan: &FlightPlan) -> Result<Fin
     all.flight("kinematics", format!("{:?}", flight.kinematics));
     all.flight("errors of navigation", format!("{:?}", flight.navigation));
     if !plan.is_stream() {
-        // Also tells programs apart whose states have other contents.
+        // Also distinguishes programs whose states have other contents.
         let start = postcard::to_stdvec(&FlightState::start(plan));
         let start = start.map_err(|e| Error::Internal(format!("a state of the flight: {e}")))?;
         let mut sum = Checksum::default();

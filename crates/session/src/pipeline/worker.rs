@@ -144,7 +144,7 @@ impl<'a> FlightWorker<'a> {
         Ok(Pieces(vec![self.worker.measure(leg, leg, done)]))
     }
 
-    /// Measures a chunk whatever the order of the legs, for outputs that are one file for all legs.
+    /// Measures a chunk in any order of the legs, for outputs with one file for all legs.
     pub fn measure_in_any_order(&mut self, chunk: Chunk) -> Result<Pieces> {
         let (leg, done) = (chunk.leg, chunk.done);
         self.worker.pulses.clear();

@@ -77,7 +77,7 @@ impl BlockHead {
         bytes
     }
 
-    /// Reads a head; `None` if the bytes are no head of a block.
+    /// Reads a head; `None` if the bytes are not the head of a block.
     pub fn read(bytes: &[u8]) -> Option<BlockHead> {
         let words = bytes.get(..HEAD_BYTES)?.strip_prefix(MAGIC)?;
         let mut words = words.as_chunks().0.iter().map(|word| u64::from_le_bytes(*word));
@@ -223,8 +223,7 @@ pub(super) mod tests {
             let head = BlockHead::read(&bytes[3..]).unwrap();
             let mut read = self::batch(9, 9, 3);
             decode(&head, &bytes[3..], &mut read).unwrap();
-            // The debug representation of -0 and of infinity differs from that of other numbers; NaNs are
-            // compared below.
+            // -0 and infinity have a different debug representation; NaNs are compared below.
             assert_eq!(format!("{read:?}"), format!("{batch:?}"));
             let bits = |b: &Batch| b.echoes.iter().map(|e| e.range.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&read), bits(&batch));

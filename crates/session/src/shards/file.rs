@@ -1,4 +1,4 @@
-//! The file of a shard: complete or absent, and everything that a merge needs to know is in it.
+//! The file of a shard: complete or absent, with everything that a merge needs.
 //!
 //! ```text
 //! 0    magic │ version u64
@@ -41,13 +41,13 @@ pub struct ShardHead {
     pub epochs: u32,
     /// Year and day of the year for the headers of files.
     pub creation: (u16, u16),
-    /// Records beside echoes and poses.
+    /// Records in addition to echoes and poses.
     pub records: Records,
     /// The encoded facts that outputs depend on.
     pub context: Vec<u8>,
 }
 
-/// Records of a shard beside echoes and poses.
+/// Records of a shard in addition to echoes and poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Records {
     /// Digitised waveforms.
@@ -162,7 +162,7 @@ pub enum ShardFileError {
     /// Fewer bytes than an empty shard has.
     #[error("is too short to be a shard")]
     Short,
-    /// Another beginning than that of shards.
+    /// A beginning that differs from shards.
     #[error("has another file format")]
     Format,
     /// The version of another program.

@@ -178,7 +178,7 @@ impl<'c> Fields<'c> {
         self.context.error(self.own_place(), message);
     }
 
-    /// One of a few names. Another one is an error, or a warning if `default` says what counts instead.
+    /// One of a few names. Another one is an error, or a warning if there is a `default`.
     pub fn choice<T: Clone>(
         &mut self,
         key: impl Into<Key>,
@@ -279,7 +279,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// The name of a file or asset; in TOML that of a file beside this one, if there is one.
+    /// The name of a file or asset; in TOML the name of a file next to this one, if it exists.
     pub fn near_name(&mut self, key: Key) -> Option<String> {
         let name = self.text(key)?;
         match self.origin {

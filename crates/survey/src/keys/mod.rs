@@ -123,10 +123,10 @@ pub const INSTRUMENT_KEYS: &[Key] = InstrumentKeys::ALL;
 pub(crate) const FIRING_OFFSETS: Key =
     Key { used: With("firing_offsets"), ..Key::attribute("firingOffsets_us", &NUMBER) };
 
-/// Azimuths of the beams of channels, which XML lists beside their elevations.
+/// Azimuths of the beams of channels, which XML lists next to their elevations.
 pub(crate) const AZIMUTHS: Key = Key::attribute("azimuths_deg", &ANGLE);
 
-/// Distances of the origins of the beams of channels, which XML lists beside their elevations.
+/// Distances of the origins of the beams of channels, which XML lists next to their elevations.
 pub(crate) const ORIGIN_RADII: Key = Key::attribute("originRadii_m", &NUMBER);
 
 /// The key of an instrument of that name in pipeline files.
@@ -179,8 +179,7 @@ pub struct WrittenKey {
     pub channel: Option<usize>,
 }
 
-/// Warns of the keys that the physics with these corrections passes over. `is_on` tells whether a correction
-/// is on.
+/// Warns of the keys that the physics with these corrections ignores. `is_on` is true if a correction is on.
 pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool, problems: &mut Diagnostics) {
     for WrittenKey { key, name, place, channel } in written {
         let (message, help) = match key.used {

@@ -42,7 +42,7 @@ pub struct Receiver {
     /// Photoelectrons of an echo right at the threshold, whose number varies from pulse to pulse; `None` =
     /// strengths do not vary.
     pub threshold_photons: Option<u32>,
-    /// Share of echoes that are lost whatever their strength.
+    /// Share of echoes that are lost at any strength.
     pub dropout_rate: f64,
     /// Time after an echo, or of [`Ranging::Photons`] after a photon, during which no other one is detected,
     /// ns.

@@ -129,7 +129,7 @@ impl Source {
         }
     }
 
-    /// Records a key that is none of `known`.
+    /// Records a key that is not in `known`.
     pub(crate) fn report_unknown(&self, key: &Spanned<DeString>, known: &[&str], problems: &mut Diagnostics) {
         let help = match nearest(key.get_ref(), known.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
@@ -281,8 +281,8 @@ impl<'t> Tables<'t> {
         self.problems.error(place, message)
     }
 
-    /// The existing file that a key names: beside the pipeline file, or in the search path. A missing file is
-    /// recorded as a problem.
+    /// The existing file that a key names: next to the pipeline file, or in the search path. A missing file
+    /// is recorded as a problem.
     pub fn find_file(&mut self, name: &Path, place: Option<Place>, options: &ReadOptions) -> Option<PathBuf> {
         let assets = Assets::new(&options.assets);
         let name = name.to_string_lossy();
@@ -361,7 +361,7 @@ fn remove_within(value: &mut DeValue, is_removed: &dyn Fn(&Range<usize>, &Range<
     }
 }
 
-/// Prefers a file beside the pipeline file to one of the search path; returns the reference to use.
+/// Prefers a file next to the pipeline file to one in the search path; returns the reference to use.
 pub(crate) fn near(source: &Source, reference: &str) -> String {
     let (file, id) = match reference.split_once('#') {
         Some((file, id)) => (file, Some(id)),

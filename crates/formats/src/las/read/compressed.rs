@@ -8,7 +8,7 @@ use laz::{LasZipDecompressor, LazItemType, LazVlr};
 use std::io::{Cursor, Seek};
 use vlscan_base::damage;
 
-/// The compressor that stores points as they are, and the one that writes one chunk without a table of
+/// The compressor that stores points uncompressed, and the one that writes one chunk without a table of
 /// chunks.
 const UNCOMPRESSED: u16 = 0;
 const POINT_WISE: u16 = 1;
@@ -28,7 +28,7 @@ pub(super) struct Compressed<'a> {
 }
 
 impl<'a> Compressed<'a> {
-    /// Begins to decompress the points of a file; `None` if they are stored as they are.
+    /// Begins to decompress the points of a file; `None` if they are stored uncompressed.
     pub fn open(
         file: Fields<'a>,
         header: &Header,

@@ -41,7 +41,7 @@ const PLACES_PER_TRACK: u32 = 33;
 const COARSE_FREQUENCY: u32 = 200;
 /// Bytes of a sample of the trajectory as text, about.
 const BYTES_PER_POSE: f64 = 95.0;
-/// Uncertainty of times beside that of the sample: the machine's own ups and downs.
+/// Uncertainty of times in addition to the sample's: variation of the machine's speed.
 const MIN_TIME_UNCERTAINTY: f64 = 0.1;
 
 /// A number with its relative uncertainty (two standard errors).
@@ -90,7 +90,7 @@ pub struct FileEstimate {
 pub struct Missed {
     /// Fraction of the pulses without an echo.
     pub pulses: f64,
-    /// Fraction of the pulses that pass beside the scene's box.
+    /// Fraction of the pulses that miss the scene's box.
     pub beside_scene: f64,
     /// Fraction of the pulses for which the scene's box is nearer or farther than the scanner measures.
     pub out_of_range: f64,

@@ -4,7 +4,7 @@ use super::finding::Finding;
 use vlscan_base::quantity::{fixed, metres};
 use vlscan_geom::{Aabb, DVec3, UtmZone};
 
-/// Upper bound of the range assumed of a scanner, whatever its settings, m.
+/// Upper bound of the assumed range of a scanner with any settings, m.
 pub(super) const MAX_REACH: f64 = 20_000.0;
 /// Usual heights of a flight above the highest point of its scene, m.
 const MIN_CLEARANCE: f64 = 10.0;
@@ -48,7 +48,7 @@ pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Opt
     })
 }
 
-/// Returns the likely cause of a flight beside its scene.
+/// Returns the likely cause of a flight that misses its scene.
 pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
     let (s, f) = (scene.centre(), flight.centre());
     let apart = (f - s).abs();

@@ -70,7 +70,7 @@ pub fn check_energy_model(survey: &Survey, options: &PhysicsOptions) -> Diagnost
     found
 }
 
-/// Warns of channels whose wavelength is not that of the first one, at which the spectra of a scene are read.
+/// Warns of channels whose wavelength differs from the first one's, at which the spectra of a scene are read.
 pub fn check_wavelengths(survey: &Survey) -> Diagnostics {
     let mut found = Diagnostics::default();
     let mut wavelengths = survey.scanner.devices.iter().map(|device| device.beam.wavelength);

@@ -1,4 +1,4 @@
-//! Detection of inputs that are valid but hardly intended: a flight beside its scene or below its terrain,
+//! Detection of inputs that are valid but hardly intended: a flight outside its scene or below its terrain,
 //! radians read as degrees, a run that hits almost nothing. Each is a warning that names cause and remedy,
 //! and an error under [`Settings::strict`].
 //!
