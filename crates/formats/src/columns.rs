@@ -152,8 +152,8 @@ impl Misfits {
         Misfits(self.0 & !(1 << attribute as u16))
     }
 
-    /// A value of an attribute without what does not fit, which is noted: numbers have no fraction and are
-    /// within the attribute's range; NaN becomes 0.
+    /// A value of an attribute, limited to values that fit; others are noted: numbers have no fraction and
+    /// are within the attribute's range; NaN becomes 0.
     pub fn fitted(&mut self, attribute: Attribute, value: f64) -> f64 {
         let fitted = match attribute.entry().whole_numbers {
             _ if value.is_nan() => 0.0,

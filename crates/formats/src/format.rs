@@ -41,7 +41,7 @@ const READ_FORMATS: &str = match (cfg!(feature = "e57"), cfg!(feature = "parquet
     (false, false) => "LAS, LAZ, PLY, PCD, PTS, PTX, text and Arrow",
 };
 
-/// Names that end so belong to binary formats.
+/// Extensions of binary formats.
 const BINARY_EXTENSIONS: &[&str] = &["las", "laz", "ply", "pcd", "e57", "parquet", "arrow"];
 
 impl CloudFormat {

@@ -156,7 +156,7 @@ impl PointDetails {
         numbers.iter().any(Option::is_some) || pulse_number.is_some() || stored.incidence_deg.is_some()
     }
 
-    /// Sets what is known in a record.
+    /// Sets the known fields of a record.
     pub fn add_to(&self, record: &mut PointRecord) {
         record.stored = self.stored;
         record.amplitude = self.amplitude.unwrap_or(record.amplitude);
@@ -183,7 +183,7 @@ pub trait PointSink {
     /// Called once, before the first point, with the attributes that the points have.
     fn start(&mut self, attributes: AttributeSet);
 
-    /// Called once, before the first point, with what the file is.
+    /// Called once, before the first point, with the kind of the file.
     fn file(&mut self, _facts: &FileFacts) {}
 
     /// Called at most once, before the first point, with the system of the coordinates as WKT in files that
@@ -244,7 +244,7 @@ impl<'a> Reading<'a> {
         self.found.warn(Some(self.place()), message);
     }
 
-    /// Warns of what follows the points that the header of the file counts.
+    /// Warns of data after the points that the header of the file counts.
     fn warn_of_rest(&mut self, points: usize) {
         let points = counted(points, "point");
         self.warn(format!(

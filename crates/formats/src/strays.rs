@@ -3,16 +3,16 @@
 //!
 //! A stray lies behind a gap without points along x, y or z that is wider than three times the extent of most
 //! points, and wider than the way from these to the gap: the points of a tripod thin out with their distance.
-//! Strays are few and lone: an islet or the returns through a window are a place of their own.
+//! Strays are few and isolated: an islet or the returns through a window are a separate place.
 
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::{metres, number};
 use vlscan_geom::{Aabb, DVec3};
 
-/// Most strays at one end of an axis; more of them are a place of their own.
+/// Maximum number of strays at one end of an axis; more of them are a separate place.
 const MAX_STRAYS: usize = 63;
-/// Minimum number of distinct points near each other that are a place of their own.
+/// Minimum number of distinct points near each other that are a separate place.
 const MIN_PLACE: usize = 8;
 /// Maximum distance between the points of a place, as a share of the distance from most points.
 const PLACE_REACH: f64 = 0.5;
@@ -86,8 +86,8 @@ impl End {
     }
 }
 
-/// True if some points far from the core of a cloud are a place of their own: many distinct ones are near
-/// each other, and not above or below the core, where clouds, birds and multiple reflections give points.
+/// True if some points far from the core of a cloud are a separate place: many distinct ones are near each
+/// other, and not above or below the core, where clouds, birds and multiple reflections give points.
 fn has_place(points: &[(f64, u64, DVec3)], core: &Aabb) -> bool {
     let margin = core.size();
     let is_neighbour = |p: &DVec3| {

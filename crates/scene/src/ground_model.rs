@@ -28,7 +28,7 @@ pub struct GroundModel {
 }
 
 impl GroundModel {
-    /// The ground of a scene with its tree; `fallback` is what counts where no material is ground.
+    /// The ground of a scene with its tree; `fallback` applies where no material is ground.
     pub fn new(scene: Arc<Scene>, tree: Arc<Tree>, fallback: Fallback) -> GroundModel {
         let has_ground = scene.materials.iter().any(|material| material.is_ground);
         GroundModel { scene, tree, has_ground, fallback }

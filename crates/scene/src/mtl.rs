@@ -316,7 +316,7 @@ mod tests {
         ] {
             assert_eq!(optics(lines), Some((expected.0.to_owned(), expected.1)), "{lines}");
         }
-        // Some programs write Tr as the opposite of what it means.
+        // Some programs write the opposite value of Tr.
         for opaque in [
             "d 1.0\nTr 0\nillum 2",
             "d 1\nTr 1",

@@ -54,7 +54,7 @@ impl Optics {
         true
     }
 
-    /// Passes what is not opaque to the material.
+    /// Passes transparency to the material.
     pub fn finish(mut self, material: Option<&mut MaterialDefinition>) {
         let is_one = |statement: &Option<Statement>| statement.as_ref().is_some_and(|s| s.value == Some(1.0));
         if is_one(&self.statements[0]) && is_one(&self.statements[1]) {

@@ -1,5 +1,5 @@
 //! Reflectance at the scanner's wavelength from spectral libraries (spec input-formats §5). Rows are taken as
-//! the reference takes them; those that hardly mean what is read of them are warned of.
+//! the reference takes them; rows that are probably meant differently cause a warning.
 
 use super::number::float;
 use super::text::{Lines, Problems, Source, Words, shown};
@@ -181,7 +181,7 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
     rows
 }
 
-/// Warns of rows that hardly mean what is read of them, and of a wavelength outside of the table.
+/// Warns of rows that are probably meant differently, and of a wavelength outside of the table.
 fn warn_of_doubts(rows: &[Row], wavelengths: &[f32], problems: &mut Problems) {
     let used_at = |wavelength: &f32| {
         let per_cent = number(f64::from(interpolate(rows, *wavelength)).max(0.0));
@@ -216,7 +216,7 @@ fn warn_of_first(wrong: &[&Row], problems: &mut Problems, message: impl FnOnce(&
     row.warn(problems, || message(row, &others));
 }
 
-/// Warns of numbers that are no wavelengths or no reflectances in per cent. `used` is what follows from the
+/// Warns of numbers that are not wavelengths or not reflectances in per cent. `used` is what follows from the
 /// table.
 fn warn_of_numbers(rows: &[Row], used: &str, problems: &mut Problems) {
     let no_wavelengths: Vec<&Row> = rows.iter().filter(|row| row.wavelength <= 0.0).collect();

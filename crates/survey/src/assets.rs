@@ -3,7 +3,7 @@
 //! The rule is the same for every kind of file: an absolute path is used unchanged; a relative one is
 //! searched in the working directory, then in the asset folders in their order, then in `assets/`, then in
 //! the folder of the file that refers to it. The built-in catalogue comes last. A name with `\` that denotes
-//! no file is searched again with `/`, so that what was written on Windows is read elsewhere. Documents with
+//! no file is searched again with `/`, so that files written on Windows can be read elsewhere. Documents with
 //! `paths="beside"`, as vlscan writes them, are exempt: their files are searched in their own folder first,
 //! not in the working directory.
 

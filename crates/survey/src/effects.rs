@@ -89,7 +89,7 @@ impl LegCheck<'_> {
         turns.into_iter().filter(|turn| turn.0).for_each(|turn| self.warn(turn.1, &no_effect));
     }
 
-    /// Warns of a speed that does not lead to the next waypoint, and of one that is a default.
+    /// Warns of a speed that does not reach the next waypoint, and of a default speed.
     fn speed(&self) {
         let (p, speed) = (&self.leg.platform, LegKeys::KEYS.speed_m_per_s);
         let next = self.survey.legs.iter().find(|leg| leg.number > self.leg.number);

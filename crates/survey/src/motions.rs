@@ -212,7 +212,8 @@ pub(super) fn check_timing(context: &Context, part: &Element, scene_element: &El
     }
 }
 
-/// Describes a time that is no whole number of steps, of which `steps` is the number, and what counts.
+/// Describes a time that is not a whole number of steps, of which `steps` is the number, and the time used
+/// instead.
 pub fn rounded_steps(steps: f64, time: f64, step: f64) -> Option<String> {
     let whole = steps.floor();
     let [time, found, step, counted] = [time, steps, step, whole].map(quantity::number);

@@ -74,7 +74,7 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
     check_counter(fields, receiver);
 }
 
-/// Checks what a receiver that counts photons needs, and warns of what it has not.
+/// Checks the needs of a receiver that counts photons, and warns of keys that it does not have.
 fn check_counter(fields: &Fields, receiver: &Receiver) {
     if receiver.ranging != Ranging::Photons {
         return;

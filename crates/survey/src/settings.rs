@@ -366,7 +366,7 @@ impl PlatformLayer {
             stop_and_turn: fields.flag("stopAndTurn", default.stop_and_turn) && !smooth_turn,
             smooth_turn,
             slowdown: fields.flag("slowdownEnabled", default.slowdown),
-            // Takes effect only in the leg's own element, not in a template.
+            // Takes effect only in the element of the leg, not in a template.
             yaw_at_departure: fields.optional(YAW_AT_DEPARTURE).map(radians),
             trajectory: None,
             mount: None,

@@ -120,7 +120,7 @@ impl Container {
         self.append(&index.record(op::MESSAGE_INDEX), out)
     }
 
-    /// Writes what is known about the file, and the index.
+    /// Writes the facts about the file, and the index.
     pub fn finish(&mut self, about: &[(&str, &str)], out: &mut OutputStream) -> Result<()> {
         let metadata = Content::default().string("vlscan").map(about).record(op::METADATA);
         let metadata_at = out.len();

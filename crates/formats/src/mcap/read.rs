@@ -84,7 +84,7 @@ pub(crate) fn read_frames(
     }
 }
 
-/// Compares a checksum with what the file states; 0 means that it states none.
+/// Compares a checksum with the one in the file; 0 means that the file has none.
 fn check_sum(stated: u32, sum: &Crc, path: &Path, what: impl Fn() -> String) -> Result<()> {
     if stated == 0 || stated == sum.sum() {
         return Ok(());

@@ -56,7 +56,7 @@ pub struct FlightState {
     pub(super) ended: bool,
     /// Number of steps, including changes of legs.
     pub(super) ticks: u64,
-    /// The step clock at the start of the leg, s, where legs have their own periods.
+    /// The step clock at the start of the leg, s, where legs have separate periods.
     pub(super) clock_base: f64,
     pub(super) leg_ticks: u64,
     /// Time from the start of the run to the start of the leg, ns.

@@ -2,9 +2,9 @@
 //!
 //! A parabola through the three samples has its vertex near the maximum of any smooth echo, but neither
 //! exactly at its time nor at its height: a pulse is lopsided. So the instrument's own pulse corrects the
-//! reading by what it differs from its own parabola: an echo of the very shape of the pulse is read exactly,
-//! in bins of any width that leave three samples of it. The flatter an echo is than the pulse, which is
-//! stretched by a slope or merged of several, the more the parabola alone counts for its height.
+//! reading by its difference from the pulse's parabola: an echo of the very shape of the pulse is read
+//! exactly, in bins of any width that leave three samples of it. The flatter an echo is than the pulse, which
+//! is stretched by a slope or merged of several, the more the parabola alone counts for its height.
 
 use super::sampled;
 use libm::{atan, atan2, exp, sincos};

@@ -1,4 +1,4 @@
-//! Receivers that count single photons: every photoelectron is a return of its own.
+//! Receivers that count single photons: every photoelectron is a separate return.
 //!
 //! The photoelectrons of a waveform form a Poisson process whose rate follows the light that is received,
 //! with a constant rate of background light under it (Goodman 2015, *Statistical Optics*, §9). After an event

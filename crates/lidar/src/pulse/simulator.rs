@@ -175,8 +175,8 @@ impl<'p> PulseSimulator<'p> {
         self.tiles.as_mut().map_or(Ok(()), TileTracer::release)
     }
 
-    /// Box around what the rays could hit since the last call, scene frame, m; `None` in a scene without
-    /// tiles.
+    /// Box around everything that rays could hit since the last call, scene frame, m; `None` in a scene
+    /// without tiles.
     pub fn take_area(&mut self) -> Option<Aabb> {
         self.tiles.as_mut().map(TileTracer::take_area)
     }

@@ -1,4 +1,4 @@
-//! Tiles of packed scenes: what is known of all of them, and for each a scene with its tree.
+//! Tiles of packed scenes: facts about all tiles, and for each a scene with its tree.
 
 use super::contents::{read_scene, write_scene};
 use crate::Scene;

@@ -171,7 +171,7 @@ impl Tiles {
         self.items.residency().statistics()
     }
 
-    /// Memory of what is known of the tiles, without those that are in memory, bytes.
+    /// Memory of the facts about tiles, without the loaded tiles, bytes.
     pub(crate) fn memory(&self) -> usize {
         let of_place = |place: &PlaceInRaster| 4 * place.before.capacity();
         let of_tile = |tile: &TileFacts| {
@@ -181,7 +181,7 @@ impl Tiles {
     }
 
     /// Loads the tiles that an area meets on its way, the nearest first, as long as there is room for them
-    /// without what was used lately. `way` is in m.
+    /// without recently used tiles. `way` is in m.
     pub fn prefetch(&self, area: &Aabb, way: DVec3) {
         let mut ahead: Vec<(f64, usize)> = (0..)
             .zip(&self.facts)

@@ -1,4 +1,4 @@
-//! Points divided among files by where they are or what they hit, instead of by leg.
+//! Points divided among files by position or by object, instead of by leg.
 
 use vlscan_formats::ObjectIds;
 use vlscan_geom::{Aabb, DVec3};

@@ -199,7 +199,7 @@ impl OutputPlan {
         }
     }
 
-    /// Fills a record with what the formats need of an echo.
+    /// Fills a record with the properties of an echo that the formats need.
     #[inline]
     fn fill(&self, record: &mut PointRecord, echo: &Echo, source: Source<'_>) {
         record.position = echo.position;

@@ -136,7 +136,7 @@ impl OpenSegment<'_> {
         long(&self.head, COUNT_AT)
     }
 
-    /// The header without what depends on the points.
+    /// The header without the fields that depend on the points.
     fn common(&self) -> Vec<u8> {
         let mut head = self.head.clone();
         head[BOUNDS_AT..BOUNDS_AT + 48].fill(0);

@@ -92,7 +92,7 @@ pub trait TableSink: Debug + Send + Sync {
     /// Takes the next batch; the run waits meanwhile.
     ///
     /// # Errors
-    /// [`Error::ClosedPipe`](vlscan_base::error::Error::ClosedPipe) when no further batches are wanted.
+    /// [`Error::ClosedPipe`](vlscan_base::error::Error::ClosedPipe) when no further batches are accepted.
     fn take(&self, batch: RecordBatch) -> Result<()>;
 }
 
@@ -197,7 +197,7 @@ impl OutputRequest {
     }
 
     /// Records in addition to echoes and poses that all outputs need: the only place where formats, columns
-    /// and tables say what they need. A run records it, a merge refuses shards without it.
+    /// and tables state their needs. A run records it, a merge refuses shards without it.
     pub fn records(&self) -> Records {
         let has_table = |content| self.tables.iter().any(|table| table.content == content);
         let own = Records {

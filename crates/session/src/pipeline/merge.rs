@@ -24,7 +24,7 @@ struct Block {
     number: usize,
     pulses: u32,
     leg: u32,
-    /// The echoes that are wanted, all or those from and to the end of the wanted ones.
+    /// The selected echoes, all or those from and to the end of the selection.
     echoes: Range<u32>,
     /// Fraction of the blocks of all shards that are done after this one, 0–1.
     done: f64,
@@ -52,7 +52,7 @@ struct Blocks<'a> {
     /// The shard that is being read, and its next block.
     current: Option<(Arc<ShardFile>, usize)>,
     next_shard: u32,
-    /// The echoes that are wanted.
+    /// The selected echoes.
     selected: Range<u64>,
     /// Echoes and pulses before the next block.
     echoes: u64,
@@ -60,7 +60,7 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// The next blocks with wanted echoes if they are of `epoch`.
+    /// The next blocks with selected echoes if they are of `epoch`.
     fn take(&mut self, epoch: u32) -> Result<Option<BlockTask>> {
         loop {
             let Some(shard) = self.shard()? else { return Ok(None) };
@@ -80,7 +80,7 @@ impl Blocks<'_> {
         }
     }
 
-    /// The shard that is being read, or the next one with blocks when all of its own are taken.
+    /// The shard that is being read, or the next one with blocks when its own are used up.
     fn shard(&mut self) -> Result<Option<Arc<ShardFile>>> {
         loop {
             if let Some((shard, at)) = &self.current
@@ -96,7 +96,7 @@ impl Blocks<'_> {
         }
     }
 
-    /// The next block of the current shard with wanted echoes if it is of `epoch`, and its length.
+    /// The next block of the current shard with selected echoes if it is of `epoch`, and its length.
     fn take_block(&mut self, shard: &ShardFile, epoch: u32) -> Option<(Block, u64)> {
         let (_, at) = self.current.as_mut()?;
         loop {
@@ -172,7 +172,7 @@ pub fn merge_warnings(shards: &ShardSet, outputs: &OutputRequest) -> Result<Diag
 /// Writes the outputs of the run that the shards belong to.
 ///
 /// # Errors
-/// [`Error::Input`] for outputs that need what the shards do not hold, and for damaged shards, all of which
+/// [`Error::Input`] for outputs that need data missing from the shards, and for damaged shards, all of which
 /// are named; [`Error::Io`], [`Error::ClosedPipe`].
 pub fn merge(
     shards: &ShardSet,

@@ -15,11 +15,11 @@ const LOADS_AHEAD: f64 = 3.0;
 pub struct Sighting {
     /// Position of the instrument, scene frame, m.
     pub position: DVec3,
-    /// Box around what its beams could hit, scene frame, m.
+    /// Box around everything that its beams could hit, scene frame, m.
     pub area: Aabb,
 }
 
-/// Takes sightings of the workers of a run; a thread loads what lies ahead.
+/// Takes sightings of the workers of a run; a thread loads the tiles ahead.
 #[derive(Clone, Debug)]
 pub struct Prefetcher {
     sightings: flume::Sender<Sighting>,

@@ -39,7 +39,7 @@ pub struct Report {
     pub pulses: u64,
     /// Time from the first pulse to the last point written, without the loading of later epochs, s.
     pub seconds: f64,
-    /// True if the run was stopped: the outputs contain what was measured until then, and say so.
+    /// True if the run was stopped: the outputs contain the points until then, and are marked as partial.
     pub interrupted: bool,
     /// Warnings and notes, with an observer or without one: all that the session has had so far, of loading
     /// its scene and of its runs.
@@ -161,7 +161,7 @@ impl Session {
         Ok(())
     }
 
-    /// The request with what follows from the session: its inputs and its epochs.
+    /// The request with the inputs and the epochs of the session.
     pub(super) fn complete(&self, outputs: OutputRequest) -> OutputRequest {
         let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
         OutputRequest { epochs: self.epochs(), inputs, ..outputs }

@@ -1,6 +1,6 @@
-//! Merges that many processes share: each writes a segment of the points, a LAS or LAZ file of its own, and
-//! the segments are joined by copying. The name of a segment has the checksum of the file, with which joining
-//! compares what it copies.
+//! Merges that many processes share: each writes a segment of the points, a separate LAS or LAZ file, and the
+//! segments are joined by copying. The name of a segment has the checksum of the file, with which joining
+//! compares the copied bytes.
 
 use super::merge::{check_records, merge_echoes};
 use super::pass::RunContext;

@@ -196,7 +196,7 @@ impl Session {
         (self.observer)(notice);
     }
 
-    /// Records what the outputs of a run in shards need, in addition to the settings.
+    /// Records everything that the outputs of a run in shards need, in addition to the settings.
     pub(super) fn record_for(&mut self, outputs: &OutputRequest) {
         self.settings.physics = self.settings.physics_for(outputs);
     }

@@ -46,7 +46,7 @@ pub struct ShardRunner<'s> {
 }
 
 impl Session {
-    /// Plans the flight, and computes what the contents of its shards depend on.
+    /// Plans the flight, and collects everything that the contents of its shards depend on.
     ///
     /// # Errors
     /// [`Error::Input`] for flights that cannot be divided; [`Error::Io`].
@@ -180,7 +180,7 @@ impl ShardRunner<'_> {
     /// a damaged one, which the observer is told of.
     ///
     /// # Errors
-    /// [`Error::Input`] for a shard of another run, with what differs, and for a file of another kind.
+    /// [`Error::Input`] for a shard of another run, with the difference, and for a file of another kind.
     pub fn existing(&self, shard: OneOf) -> Result<Option<ShardFile>> {
         let path = self.path(shard);
         if !path.exists() {
@@ -332,7 +332,7 @@ fn check_platform(survey: &Survey) -> Result<()> {
     ))
 }
 
-/// Collects what the contents of shards depend on. `scene` is the scene's checksum.
+/// Collects everything that the contents of shards depend on. `scene` is the scene's checksum.
 fn fingerprint(settings: &Settings, scene: u64, plan: &FlightPlan) -> Result<Fingerprint> {
     let (flight, physics) = (&settings.flight, &settings.physics);
     let mut all = Fingerprint::default();

@@ -26,7 +26,7 @@ const VERSION: u64 = 7;
 const START_BYTES: usize = 16;
 const END_BYTES: usize = 24;
 
-/// The run that a shard belongs to, and which share of it the shard is.
+/// The run that a shard belongs to, and the shard's share of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShardHead {
     /// Everything on which the contents depend.
@@ -99,7 +99,7 @@ impl Records {
 }
 
 impl ShardHead {
-    /// Says in what the run of another shard differs.
+    /// Describes how the run of another shard differs.
     pub fn difference(&self, other: &ShardHead) -> String {
         let found = self.fingerprint.difference(&other.fingerprint);
         found.unwrap_or_else(|| "the run that they belong to".to_owned())
@@ -369,7 +369,7 @@ pub(super) mod tests {
             std::fs::write(&path, bytes).unwrap();
             let file = ShardFile::open(&path)?;
             let mut read_all = || (0..file.blocks()).try_for_each(|i| file.read(i, &mut batch, &mut buffer));
-            // What a merge reads and what is verified agree.
+            // A merge reads exactly the verified bytes.
             assert_eq!(read_all().is_err(), file.verify().is_err());
             read_all()
         };

@@ -271,8 +271,8 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Reports what has not been read: unknown keys of TOML are errors; unknown attributes, parameters, and
-    /// child elements other than `children` are warned of.
+    /// Reports everything that has not been read: unknown keys of TOML are errors; unknown attributes,
+    /// parameters, and child elements other than `children` are warned of.
     pub fn done(self, children: &[&'static str]) {
         let known = &self.known;
         match &self.origin {

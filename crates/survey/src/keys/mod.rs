@@ -175,7 +175,7 @@ pub struct WrittenKey {
     pub name: &'static str,
     /// Its place.
     pub place: Place,
-    /// The channel that it belongs to; `None` if it belongs to all.
+    /// The channel of the key; `None` for all channels.
     pub channel: Option<usize>,
 }
 

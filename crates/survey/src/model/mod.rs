@@ -434,7 +434,7 @@ pub struct WaveformPlace {
     pub keys: [&'static str; 2],
 }
 
-/// Kinds of deflectors (spec kinematics §4), and patterns of a program's own.
+/// Kinds of deflectors (spec kinematics §4), and user-defined patterns.
 #[derive(Clone, Debug)]
 pub enum Deflector {
     /// `rotating`: polygon mirror.
@@ -475,14 +475,13 @@ pub enum Deflector {
     Custom(Arc<dyn ScanPattern>),
 }
 
-/// A scan pattern of a program's own: where the beam points, as a function of time.
+/// User-defined scan pattern: the direction of the beam as a function of time.
 ///
-/// The pattern is asked for the same times again and again, by many threads and in any order, so it must be a
-/// function of time alone: what is drawn at random has to follow from the time. Runs are deterministic then,
-/// as with every other deflector.
+/// The pattern is evaluated repeatedly for equal times, by many threads and in any order, so it must be a
+/// function of time alone: random numbers must follow from the time. Runs are deterministic then, as with
+/// every other deflector.
 ///
-/// `Debug` must distinguish different patterns: what was computed of a run earlier is used again only for
-/// equal surveys.
+/// `Debug` must distinguish different patterns: earlier results of a run are reused only for equal surveys.
 ///
 /// ```
 /// use vlscan_geom::DVec3;

@@ -111,7 +111,7 @@ pub(crate) fn of_form(message: &str, text: &str, at: Option<usize>) -> Wording {
 const ESCAPES: &str = "within \"…\" a backslash begins an escape: write the path in single quotes, \
                        'C:\\Users\\me', or with forward slashes, \"C:/Users/me\"";
 
-/// A hint for a name that contains what escapes turn into, such as a tab from `C:\temp`; an empty text for
+/// A hint for a name that contains the result of an escape, such as a tab from `C:\temp`; an empty text for
 /// other names.
 pub(crate) fn hint_for_name(name: &str) -> String {
     if name.chars().any(|c| c.is_control()) { ESCAPES.to_owned() } else { String::new() }

@@ -36,8 +36,8 @@ pub(crate) fn check(scene: &mut SceneBuilder, part: &PartRecipe, files: &[PathBu
     report(scene, part, (file, reading), placed.size(), own);
 }
 
-/// As [`check`] for a glTF file whose meshes become parts of their own; `own` is the box around all in the
-/// frame of the file, z up.
+/// As [`check`] for a glTF file whose meshes become separate parts; `own` is the box around all in the frame
+/// of the file, z up.
 pub(super) fn check_document(scene: &mut SceneBuilder, part: &PartRecipe, own: Aabb) {
     if let Loader::MeshFiles { reading, files } = &part.loader
         && let [file] = &files[..]

@@ -1,6 +1,6 @@
 //! glTF files as parts: each mesh that a node places is a part, an instance of its mesh as any other part. A
 //! part with an id, with motions, with swaps or with materials for faces by their numbers stays one part, and
-//! so does one that is dropped to the ground as a whole.
+//! so does a part that is dropped to the ground as a whole.
 
 use super::gltf::GltfDocument;
 use super::gltf_nodes::{PlacedMesh, similarity};

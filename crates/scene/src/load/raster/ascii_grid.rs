@@ -109,7 +109,7 @@ impl<'t> Grid<'t> {
             header.take(line)?;
         }
         let mut grid = header.grid()?;
-        // A height and what separates it take at least two bytes.
+        // A height and its separator take at least two bytes.
         let cells = grid.columns.checked_mul(grid.rows).filter(|cells| *cells <= MAX_CELLS);
         let (columns, rows) = (grid.columns, grid.rows);
         let cells = cells.ok_or(GridError::TooLarge { columns, rows })?;

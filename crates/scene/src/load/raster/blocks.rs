@@ -114,7 +114,7 @@ pub(super) struct Blocks {
     bits: usize,
     format: NumberFormat,
     is_tiled: bool,
-    /// True if each band has blocks of its own.
+    /// True if each band has separate blocks.
     is_planar: bool,
     compression: Compression,
     /// 1: none; 2: differences of neighbours; 3: differences of the bytes of floats.

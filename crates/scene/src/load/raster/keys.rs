@@ -11,7 +11,7 @@ use vlscan_crs as crs;
 pub(super) use vlscan_crs::LengthUnit;
 use vlscan_tables::input::read_file;
 
-/// The unit of what states none.
+/// The unit of values that state none.
 pub(super) const METRES: &str = "metres";
 const MODEL_TYPE_KEY: u16 = 1024;
 const MODEL_IS_GEOGRAPHIC: u16 = 2;

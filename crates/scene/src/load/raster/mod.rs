@@ -176,7 +176,7 @@ pub(crate) fn load(
     scene.finish_mesh(&start)
 }
 
-/// Finds the grid of a raster, and reports what is read otherwise than one might expect. `None` if its files
+/// Finds the grid of a raster, and reports values that are read in an unexpected way. `None` if its files
 /// cannot be used, which is an error of the part.
 fn find(scene: &mut SceneBuilder, part: &PartSource, files: &RasterFiles) -> Result<Option<Mosaic>> {
     let mut warnings = Vec::new();

@@ -270,7 +270,7 @@ impl Mosaic {
         mosaic.finished(warnings).map_err(|refusal| (None, refusal))
     }
 
-    /// Checks what concerns the whole grid.
+    /// Checks the whole grid.
     fn finished(mut self, warnings: &mut Vec<String>) -> Result<Mosaic, Refusal> {
         let first = &self.rasters[0];
         let path = self.path();

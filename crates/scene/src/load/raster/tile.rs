@@ -139,7 +139,7 @@ fn each_common(one: &Window, other: &Window, mut visit: impl FnMut(usize, usize)
     }
 }
 
-/// Why a file was not opened: what is wrong with a grid of text, or the error of the system.
+/// Why a file was not opened: a mistake in a grid of text, or the error of the system.
 fn refused(path: &Path, error: std::io::Error) -> Refusal {
     match error.downcast::<GridError>() {
         Ok(problem) => Refusal::unusable(path.to_path_buf(), problem.into()),

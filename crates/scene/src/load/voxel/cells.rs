@@ -84,7 +84,7 @@ impl CellCheck {
         (self.unknown > 0).then(|| format!("{} {cells} no density (NaN)", self.unknown))
     }
 
-    /// Warns of what is doubtful, at the end of the file.
+    /// Warns of doubtful values, at the end of the file.
     pub fn report(&self, split: [f64; 3], line: usize, at: Range<usize>, problems: &mut Problems) {
         if self.rows == 0 {
             return problems.warn(line, at, || "the file has no voxels".to_owned());

@@ -77,7 +77,7 @@ pub struct LegEstimate {
 /// A file that the run will write.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FileEstimate {
-    /// Path, or what the file is.
+    /// Path, or a description of the file.
     pub name: String,
     /// Kind of its records: points, waveforms, pulses, poses.
     pub content: &'static str,

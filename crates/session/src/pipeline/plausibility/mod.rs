@@ -101,7 +101,7 @@ pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &Flight
     found
 }
 
-/// Checks what the beams of a flight see.
+/// Checks the view of the beams of a flight.
 fn check_view(
     survey: &Survey,
     scene: &Scene,

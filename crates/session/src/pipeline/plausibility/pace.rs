@@ -9,7 +9,7 @@ use vlscan_geom::DVec3;
 const MAX_DURATION: f64 = 86_400.0;
 /// Speed below which a flight is reported, m/s.
 const MIN_SPEED: f64 = 0.1;
-/// Length of a flight from which its speed counts, m: below it a platform stands, and what moves is noise.
+/// Length of a flight from which its speed counts, m: below it a platform stands, and its motion is noise.
 const MIN_LENGTH: f64 = 10.0;
 /// Minimum distance between two poses for which their speed alone counts, m.
 const MIN_STEP: f64 = 0.5;

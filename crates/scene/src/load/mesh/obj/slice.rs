@@ -131,7 +131,7 @@ impl Slice {
         self.vertices.push(if reading.y_up { DVec3::new(x, -z, y) } else { DVec3::new(x, y, z) });
     }
 
-    /// Warns of what follows the coordinates, unless it is a weight of 1, a colour, or both.
+    /// Warns of values after the coordinates, unless they are a weight of 1, a colour, or both.
     #[cold]
     fn rest_of_vertex(&mut self, line: &Line, at: usize) {
         let numbers: Option<Vec<f64>> = Words::new(&line.text, at).map(|(word, _)| float(word)).collect();
