@@ -361,8 +361,8 @@ impl Campaign {
     }
 }
 
-/// Computes a cell that this process has locked, and keeps what it gave or why it failed. Returns why it
-/// failed if that is not kept.
+/// Computes a cell that this process has locked, and keeps its result or the reason of its failure. Returns
+/// why it failed if that is not kept.
 ///
 /// # Errors
 /// [`Error::Interrupted`], and errors that are none of the cell's own, see [`is_of_machine`]: nothing is

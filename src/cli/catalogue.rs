@@ -113,7 +113,7 @@ fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
     line("field of view", field, &field_figures(scanner, &sources));
     line("lines", lines, &["scanFreqMin_Hz", "scanFreqMax_Hz"]);
     line("head", head, &["headRotatePerSecMax_deg"]);
-    // A range without an end is no figure.
+    // A range without an end is not a figure.
     let ranges: &[&str] =
         if row.range_max_m.is_some() { &["rangeMin_m", "rangeMax_m"] } else { &["rangeMin_m"] };
     line("range", format!("{range} m"), ranges);

@@ -216,7 +216,7 @@ fn correction_entries() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-/// How the command line undoes what a pipeline file says.
+/// How the command line overrides a pipeline file.
 const OPPOSITES: &str =
     "To undo a switch of a pipeline file, give its opposite: --no-misses, --platform-noise and so on.";
 

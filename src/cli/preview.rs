@@ -88,7 +88,7 @@ fn page(args: &PreviewArgs, points: &Points, options: &PreviewOptions, console: 
     Ok(())
 }
 
-/// Reads points, and tells what there is to say of their file.
+/// Reads points, and reports remarks about their file.
 pub(super) fn read_cloud(path: &Path, console: &Console) -> Result<Points> {
     let (points, found) = during(console, "reading points", || read_points(path))?;
     console.warnings(&found)?;

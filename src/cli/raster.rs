@@ -58,7 +58,7 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// Refuses files that would replace others, and what is no point cloud, before anything is read.
+/// Rejects files that would replace others, and inputs other than point clouds, before anything is read.
 fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
     if requested.is_empty() {
         return Err(Error::input(

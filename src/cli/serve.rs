@@ -30,7 +30,7 @@ pub fn run(args: &ServeArgs, console: &Console) -> Result<()> {
     execute(command, &program)
 }
 
-/// The program beside this one, else the first in the folders of PATH.
+/// The program next to this one, otherwise the first in the folders of PATH.
 fn program() -> Option<PathBuf> {
     let own = std::env::current_exe().ok();
     let own_folder = own.as_deref().and_then(Path::parent).map(Path::to_path_buf);

@@ -12,7 +12,7 @@ const LINE_PERIOD: Duration = Duration::from_secs(2);
 /// Time without a pulse after which the bar disappears until the next one.
 const IDLE_PERIOD: Duration = Duration::from_secs(1);
 const BAR: &str = "{spinner} [{bar:6}] {msg}";
-/// Time after which a terminal shows what is computed.
+/// Time after which a terminal shows the current stage.
 const PATIENCE: Duration = Duration::from_secs(1);
 const STEP: &str = "{spinner} {msg} ({elapsed})";
 
@@ -86,7 +86,7 @@ fn while_shown<T>(
 ) -> T {
     let (done, is_done) = flume::bounded::<()>(1);
     std::thread::scope(|scope| {
-        // A run whose progress cannot be shown for want of a thread goes on.
+        // A run continues if its progress cannot be shown for want of a thread.
         let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             let start = Instant::now();
             if draws {
@@ -158,7 +158,7 @@ fn new_bar() -> ProgressBar {
     bar
 }
 
-/// Progress beside the bar, short enough for a line of 80 characters.
+/// Progress next to the bar, short enough for a line of 80 characters.
 fn bar_text(now: &Snapshot, legs: usize, seconds: f64) -> String {
     let leg = if legs > 1 { format!("leg {}/{legs}  ", now.leg + 1) } else { String::new() };
     let rate = amount(now.pulses as f64 / seconds.max(1e-3));

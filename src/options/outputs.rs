@@ -134,7 +134,7 @@ impl OutputOptions {
         Ok(cloud)
     }
 
-    /// The format of points in HELIOS++'s layout, and of files whose names tell none.
+    /// The format of points in HELIOS++'s layout, and of files without a known extension.
     fn helios_format(&self) -> PointFormat {
         match (self.las_output.is_on() || self.las10.is_on(), self.zip_output.is_on()) {
             (true, true) => PointFormat::Laz,
@@ -155,8 +155,7 @@ fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == "STDOUT" || files::means_stdout(path)
 }
 
-/// Target of a path, and its format: the one that its extension tells, else the one asked for, else
-/// `default`.
+/// Target of a path, and its format: from the extension, otherwise the requested one, otherwise `default`.
 fn sink(path: &Path, requested: Option<PointFormat>, default: PointFormat) -> Result<(Target, PointFormat)> {
     if is_stdout(path) {
         return Ok((Target::Stdout, requested.unwrap_or(default)));
@@ -166,7 +165,7 @@ fn sink(path: &Path, requested: Option<PointFormat>, default: PointFormat) -> Re
     }
     let from_extension = if path.is_dir() { None } else { PointFormat::of_file(path) };
     let is_special_file = files::is_special(path);
-    // A named pipe, or what the shell makes of >(...), has no extension.
+    // A named pipe, such as the shell makes of >(...), has no extension.
     let target = match from_extension.is_some() || is_special_file {
         true => Target::File(path.to_path_buf()),
         false => Target::Directory(path.to_path_buf()),

@@ -53,11 +53,10 @@ enum Around {
 }
 
 impl Check<'_> {
-    /// Checks the plan. Returns what the user should know.
+    /// Checks the plan. Returns remarks for the user.
     ///
     /// # Errors
-    /// [`Error::Input`] for plans that do not keep what they promise or measure nothing, and those of a dry
-    /// run.
+    /// [`Error::Input`] for plans that miss their specification or measure nothing, and those of a dry run.
     pub fn run(&self) -> Result<Vec<String>> {
         let settings = self.settings()?;
         let mut warnings = Vec::new();
@@ -127,7 +126,7 @@ impl Check<'_> {
         if high - low > 0.01 * promise.height {
             return Ok(());
         }
-        // Of a short sample, which may point at the sky, its own beams tell more.
+        // In a short sample, which may point at the sky, the beams are more informative.
         let forecast = self.dry_run(flat)?;
         let share = ((1.0 - forecast.missed.pulses) / flown.measured).max(returned(&forecast));
         if share < MIN_FLAT_SHARE {
@@ -163,7 +162,7 @@ impl Check<'_> {
         Ok(SceneRecipe { id: "flat".to_owned(), path: PathBuf::new(), ..mesh.into() })
     }
 
-    /// Measures a sample of a flight over the scene. Returns what the user should know of it.
+    /// Measures a sample of a flight over the scene. Returns remarks for the user.
     fn check_below(&self, session: &mut Session) -> Result<Option<String>> {
         let forecast = self.dry_run(session)?;
         if misses_scene(&forecast) {
@@ -201,7 +200,7 @@ impl Check<'_> {
         Err(Error::input_with_help(message, help))
     }
 
-    /// Measures a sample of a drive or of positions. Returns what the user should know of it.
+    /// Measures a sample of a drive or of positions. Returns remarks for the user.
     fn check_around(&self, session: &mut Session, around: Around) -> Result<Option<String>> {
         let forecast = self.dry_run(session)?;
         let (echoes, towards) = (1.0 - forecast.missed.pulses, 1.0 - forecast.missed.beside_scene);
@@ -272,7 +271,7 @@ fn other_scene() -> Error {
     Error::Internal("the scene of the plan was loaded for another survey".to_owned())
 }
 
-/// True if all pulses, but for rounding, point beside the scene.
+/// True if all pulses, but for rounding, miss the scene.
 fn misses_scene(forecast: &DryRunReport) -> bool {
     1.0 - forecast.missed.beside_scene < 0.01
 }

@@ -1,4 +1,4 @@
-//! Plans surveys: reads what a plan is made from, has it planned, and checks it by its own dry run.
+//! Plans surveys: reads the inputs of a plan, makes it, and checks it by a dry run.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -52,7 +52,7 @@ const MAX_DRONE_HEIGHT: f64 = 150.0;
 ///
 /// # Errors
 /// [`Error::Input`] for requests that contradict themselves, exceed the instrument, or result in surveys that
-/// do not keep what they promise or measure nothing; [`Error::Io`]; [`Error::Interrupted`].
+/// miss their specification or measure nothing; [`Error::Io`]; [`Error::Interrupted`].
 pub fn plan_survey(
     request: &PlanRequest,
     command: &str,
@@ -68,7 +68,7 @@ pub fn plan_survey(
     planner.finish(plan, area.as_ref(), &reported, command, stop)
 }
 
-/// Checks what a request says of its instrument and platform, which does not depend on the scene.
+/// Checks the instrument and platform of a request, which do not depend on the scene.
 ///
 /// # Errors
 /// [`Error::Input`] for instruments and platforms that are not found, and what the instrument cannot do;
@@ -387,7 +387,7 @@ fn reading(setup: &PlanSetup) -> ReadOptions {
     ReadOptions { assets: setup.assets.clone(), ..ReadOptions::default() }
 }
 
-/// The full reference of an id in the catalogue; other names as they are. A prefix `catalogue:` stays.
+/// The full reference of an id in the catalogue; other names unchanged. A prefix `catalogue:` is kept.
 fn in_catalogue<'n>(name: &str, mut references: impl Iterator<Item = &'n String>) -> String {
     let (prefix, own) = name.split_at(if name.starts_with(CATALOGUE) { CATALOGUE.len() } else { 0 });
     let is_named = |reference: &&String| reference.split_once('#').is_some_and(|(_, id)| id == own);

@@ -15,11 +15,11 @@ pub use vlscan_messages::nearest;
 pub enum Severity {
     /// The run cannot continue.
     Error,
-    /// An input is suspicious, or is not used as it is written; the message names what counts instead. An
-    /// error with `--strict`.
+    /// An input is suspicious, or is not used as written; the message names the value used instead. An error
+    /// with `--strict`.
     Warning,
-    /// How an input was understood that can be read in more than one way. Shown beside the warnings; never
-    /// ends a run.
+    /// How an input was understood that can be read in more than one way. Shown with the warnings; never ends
+    /// a run.
     Note,
 }
 
@@ -364,7 +364,7 @@ impl Diagnostic {
         self
     }
 
-    /// Sets what the problem is about.
+    /// Sets the subject of the problem.
     pub fn of_kind(&mut self, kind: ProblemKind) -> &mut Diagnostic {
         self.kind = kind;
         self
@@ -437,7 +437,7 @@ fn shortened(text: String) -> String {
     let tail = text.ceil_char_boundary(text.len().saturating_sub(MAX_MESSAGE_BYTES / 3).max(head));
     let tail = text[tail..].rfind('\n').map_or(tail, |end| tail + end + 1);
     let (mut before, mut after) = (&text[..head], &text[tail..]);
-    // Words are kept whole or left out; what is longer than words are, a quoted value, is cut.
+    // Words are kept whole or left out; anything longer than a word, a quoted value, is cut.
     let is_blank = char::is_whitespace;
     if !text[head..].starts_with(is_blank) {
         let end = before.rfind(is_blank).filter(|end| head - end <= MAX_WORD_BYTES);

@@ -1,7 +1,7 @@
 //! Quantities: bounds of numbers that are read, and counts with unit prefixes, durations and lengths as text.
 //!
-//! Numbers within the bounds neither overflow nor lose all digits in what is computed from them, so that
-//! points are numbers.
+//! Numbers within the bounds neither overflow nor lose all digits in the computation, so that points are
+//! numbers.
 
 /// Bounds of a number that is read, both included.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ impl Bounds {
         value.ok_or_else(|| NumberError { expected: self.expected, found: text.to_owned() })
     }
 
-    /// Describes a number beyond what is usual, with a hint at the unit that it may be in.
+    /// Describes a number beyond the typical range, with a hint at its probable unit.
     pub fn doubt(&self, value: f64) -> Option<(String, String)> {
         let Typical { low, high, unit, mistaken } = self.typical?;
         if value == 0.0 || !self.contains(value) || (low..=high).contains(&value.abs()) {

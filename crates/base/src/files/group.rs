@@ -3,7 +3,7 @@
 //! system has no hard links, which cannot be restored.
 //!
 //! Their content is on the disk before the first one is renamed. If a process is killed while it renames
-//! several, a log beside them lets the next process that writes into the folder undo what was done: new files
+//! several, a log next to them lets the next process that writes into the folder undo the changes: new files
 //! are removed, replaced ones restored.
 
 use super::fault;
@@ -95,8 +95,8 @@ impl FileGroup {
         Ok(())
     }
 
-    /// Adds a new folder with whatever is in it when the group is committed, and returns the path under which
-    /// to fill it until then. An empty folder of the name is replaced.
+    /// Adds a new folder with its contents at the time of the commit, and returns the path under which to
+    /// fill it until then. An empty folder of the name is replaced.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -153,7 +153,7 @@ impl FileGroup {
 }
 
 impl Member {
-    /// Renames the file. Returns the error for a name that cannot be taken; the file is then beside it.
+    /// Renames the file. Returns the error for a name that cannot be taken; the file is then next to it.
     fn publish(&mut self) -> Result<Option<Error>> {
         let path = self.target.clone();
         let failed = |e| Error::io("give its name to", &path, e);

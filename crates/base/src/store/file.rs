@@ -10,7 +10,7 @@
 //! An array is divided into blocks of 256 KiB, each with a checksum. Opening a file checks header and table;
 //! reading an array reads its blocks into memory, by all threads in parallel, and compares each with its
 //! checksum before the array is returned. So the numbers that a program computes with are those that were
-//! compared, whatever happens to the file afterwards.
+//! compared, even if the file changes afterwards.
 
 use super::ArrayFileError;
 use crate::diag::Problem;
@@ -414,7 +414,7 @@ mod tests {
         let file = ArrayFile::open(&path).unwrap();
         assert_eq!(file.array::<u64>("first").unwrap(), numbers);
         file.verify().unwrap();
-        // What was read stays what it was; what is read later is compared.
+        // Bytes already read are kept; bytes read later are compared.
         let second = HEADER_BYTES + 800_000;
         for (at, name) in [
             (HEADER_BYTES, "first"),

@@ -57,7 +57,7 @@ impl HeightField {
         found
     }
 
-    /// The numbers of triangles above and below a place, and of some beside it.
+    /// The numbers of triangles above and below a place, and of some next to it.
     pub(super) fn turned_triangles_near(&self, x: f64, y: f64) -> Vec<usize> {
         let frame = Frame::around(&self.bounds());
         let place = frame.local(DVec3::new(x, y, 0.0));
