@@ -20,7 +20,7 @@ pub enum KeyUse {
     /// In the scanner and its first channel always, in later channels only with the correction of that name.
     InLaterChannelsWith(&'static str),
     /// Unless the device has another key and the correction of that name is on.
-    UnlessSet {
+    UnlessBeside {
         /// The TOML name of the other key.
         key: &'static str,
         /// The correction by which that key has its effect.
@@ -114,7 +114,7 @@ pub const SURVEY_TABLES: [KeyTable; 16] = [
     AxisKeys::TABLE,
 ];
 
-use KeyUse::{InLaterChannelsWith, UnlessSet, With, Without};
+use KeyUse::{InLaterChannelsWith, UnlessBeside, With, Without};
 
 /// All keys of an instrument that pipeline files have.
 pub const INSTRUMENT_KEYS: &[Key] = InstrumentKeys::ALL;
@@ -206,7 +206,7 @@ pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool,
                     "leave it out, or use `--physics helios`".to_owned(),
                 )
             }
-            UnlessSet { key: other, correction } if is_on(correction) => {
+            UnlessBeside { key: other, correction } if is_on(correction) => {
                 let holds = |w: &&WrittenKey| {
                     w.key.key == other
                         && w.place.path == place.path

@@ -3,7 +3,7 @@
 //! options of a run are in the program's `options`.
 
 use super::{Key, KeyTable, KeyUse};
-use KeyUse::{InLaterChannelsWith, UnlessSet, With, Without};
+use KeyUse::{InLaterChannelsWith, UnlessBeside, With, Without};
 use vlscan_base::quantity::*;
 
 /// The first of two values, if it is given.
@@ -259,9 +259,9 @@ keys! {
         /// diffraction allows.
         exit_aperture_m = "exitAperture_m" in APERTURE, With("equal_energy");
         /// Pulse length, ns. Default: 4.
-        pulse_length_ns = "pulseLength_ns" in PULSE_LENGTH_NS, UnlessSet { key: "pulse_shape", correction: "receiver" };
+        pulse_length_ns = "pulseLength_ns" in PULSE_LENGTH_NS, UnlessBeside { key: "pulse_shape", correction: "receiver" };
         /// Full width of the pulse at half maximum, ns, instead of `pulse_length_ns`, of which it is 0.485.
-        pulse_fwhm_ns = "pulseFwhm_ns" in PULSE_LENGTH_NS, UnlessSet { key: "pulse_shape", correction: "receiver" };
+        pulse_fwhm_ns = "pulseFwhm_ns" in PULSE_LENGTH_NS, UnlessBeside { key: "pulse_shape", correction: "receiver" };
         /// File of the pulse's power over time: two columns, ns and power in any unit; refined physics.
         /// Default: a raised cosine of the width at half maximum.
         pulse_shape = "pulseShape", With("receiver");
@@ -270,7 +270,7 @@ keys! {
         /// Wavelength, nm. Default: 1064.
         wavelength_nm = "wavelength_nm" in WAVELENGTH_NM;
         /// Average power, W. Default: 4.
-        average_power_w = "averagePower_w" in AVERAGE_POWER_W, UnlessSet { key: "pulse_energy_uj", correction: "radiometry" };
+        average_power_w = "averagePower_w" in AVERAGE_POWER_W, UnlessBeside { key: "pulse_energy_uj", correction: "radiometry" };
         /// Beam quality factor M². Default: 1.
         beam_quality = "beamQualityFactor" in BEAM_QUALITY, Without("radiometry");
         /// Optical efficiency. Default: 0.99.

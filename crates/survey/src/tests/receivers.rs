@@ -281,7 +281,7 @@ fn keys_that_a_physics_passes_over_are_told_with_their_line() {
     };
     for key in INSTRUMENT_KEYS.iter().filter(is_reported) {
         let partner = match key.used {
-            KeyUse::UnlessSet { key, .. } => format!("{key} = {}\n", example(key)),
+            KeyUse::UnlessBeside { key, .. } => format!("{key} = {}\n", example(key)),
             _ => String::new(),
         };
         let text = format!("{partner}{} = {}\n", key.key, example(key.key));
