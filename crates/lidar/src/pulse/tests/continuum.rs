@@ -25,7 +25,7 @@ fn echoes(scene: &Scene, quality: u32, options: PhysicsOptions, count: u64) -> V
 fn a_homogeneous_slab_is_one_echo_and_the_wall_behind_another() {
     let without = Corrections { foliage_continuum: false, ..Corrections::REFINED };
     let without = PhysicsOptions { corrections: without, ..PhysicsOptions::refined() };
-    let mut max_without = 0;
+    let mut most_without = 0;
     for (voxels, density) in [(1, 0.2), (5, 0.1), (5, 2.0), (16, 0.1), (16, 0.4), (16, 5.0)] {
         let scene = column(voxels, density, None);
         for quality in [2, 3, 6] {
@@ -38,9 +38,9 @@ fn a_homogeneous_slab_is_one_echo_and_the_wall_behind_another() {
             }
         }
         let each = echoes(&scene, 6, without, 40);
-        max_without = max_without.max(each.iter().map(Vec::len).max().unwrap_or(0));
+        most_without = most_without.max(each.iter().map(Vec::len).max().unwrap_or(0));
     }
-    assert!(max_without > 4, "subrays are echoes without it: {max_without}");
+    assert!(most_without > 4, "subrays are echoes without it: {most_without}");
 }
 
 /// The mean amplitude of the wall is exp(−T) of its amplitude without foliage, T = 0.5 · 0.4/m · 5 m, within
