@@ -262,7 +262,7 @@ pub fn join(
     Ok(FileSummary {
         path: Some(path),
         partial: false,
-        beside: None,
+        earlier: None,
         kind: FileKind::Points,
         records: long(&head, COUNT_AT),
         bytes,

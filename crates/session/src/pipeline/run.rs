@@ -281,7 +281,7 @@ impl Session {
             epoch += 1;
             self.notify(Notice::Detail(format!("epoch {} of {}", epoch + 1, self.epochs())));
         };
-        for file in summary.files.iter().filter(|file| file.beside.is_some()) {
+        for file in summary.files.iter().filter(|file| file.earlier.is_some()) {
             self.notify(Notice::Note(what_is_kept(file)));
         }
         let pulses = control.progress.snapshot().pulses;
@@ -307,7 +307,7 @@ impl Session {
 fn what_is_kept(file: &FileSummary) -> String {
     let path = file.path.as_deref().unwrap_or(Path::new("standard output"));
     let new = format!("what was measured so far is in {}", path.display());
-    match &file.beside {
+    match &file.earlier {
         Some(old) => format!("{} is unchanged; {new}", old.display()),
         None => new,
     }

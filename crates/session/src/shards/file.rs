@@ -201,7 +201,7 @@ pub enum ShardFileError {
 pub struct ShardFile {
     path: PathBuf,
     file: File,
-    /// What the shard is a share of.
+    /// The run, and the share of it that the shard is.
     pub head: ShardHead,
     /// Pulses emitted in this shard.
     pub pulses: u64,
