@@ -22,7 +22,7 @@ use vlscan_warehouse::Stop;
 const MAX_SURFACE_POINTS: usize = 1_000_000;
 /// Dots along the larger extent of the picture, at most.
 const MAX_DOTS: f64 = 2000.0;
-/// Lines of dots beside each other that a flight line consists of.
+/// Number of parallel lines of dots in a flight line.
 const LINE_WIDTH: i32 = 3;
 /// Cosine of the largest change of direction within a flight line whose legs name no strip, 10°.
 const STRAIGHT: f64 = 0.985;

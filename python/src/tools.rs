@@ -239,7 +239,7 @@ pub fn compare<'py>(
     let notices = Notices::default();
     let (own, observer) = (notices.clone(), Observer::new(false, notices.observer()));
     let options =
-        of_fields!(CompareOptions, fields, [cell, voxel, most_distances, chance, terrain, registration]);
+        of_fields!(CompareOptions, fields, [cell, voxel, max_distances, chance, terrain, registration]);
     let file = |key| get::<Option<PathBuf>>(fields, key);
     let outputs = (file("page")?, file("change")?, file("changed")?, get::<bool>(fields, "force")?);
     for path in [&outputs.0, &outputs.1, &outputs.2].into_iter().flatten() {

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from difflib import get_close_matches
+from functools import wraps
+from typing import TypeVar, cast
 
 import numpy as np
 
 from . import catalogue
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+def renamed(**names: str) -> Callable[[Function], Function]:
+    """Accept earlier names of arguments, which a function's signature no longer has: ``renamed(earlier="now")``."""
+
+    def decorate(function: Function) -> Function:
+        @wraps(function)
+        def call(*args: object, **arguments: object) -> object:
+            return function(*args, **{names.get(name, name): value for name, value in arguments.items()})
+
+        return cast(Function, call)
+
+    return decorate
 
 
 def words_of(options: Mapping[str, object], *, writes_files: bool = True) -> list[str]:

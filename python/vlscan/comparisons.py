@@ -15,6 +15,7 @@ from . import _vlscan
 from ._columns import columns_of
 from ._libraries import needed
 from ._typing import PathLike, TableLike
+from ._words import renamed
 
 if TYPE_CHECKING:
     import pandas
@@ -114,13 +115,14 @@ class Comparison(Mapping[str, Any]):
         return f"<Comparison of {first} and {second}: {', '.join(self)}>"
 
 
+@renamed(most_distances="max_distances")
 def compare(
     first: TableLike | PathLike,
     second: TableLike | PathLike,
     *,
     cell: float = 1.0,
     voxel: float = 0.5,
-    most_distances: int = 200_000,
+    max_distances: int = 200_000,
     chance: bool = False,
     terrain: PathLike | None = None,
     registration: float | None = None,
@@ -139,8 +141,8 @@ def compare(
         Side of the cells of density, canopy height and change, m.
     voxel : float
         Side of the voxels whose occupancy is compared, m.
-    most_distances : int
-        Most points of each cloud whose distance to the other and height above the terrain are measured.
+    max_distances : int
+        Maximum number of points of each cloud whose distance to the other and height above the terrain are measured.
     chance : bool
         Whether each figure comes with what chance alone gives: the largest difference between random halves of the first cloud.
     terrain : str or path-like, optional
@@ -183,7 +185,7 @@ def compare(
     fields: dict[str, object] = {
         "cell": cell,
         "voxel": voxel,
-        "most_distances": most_distances,
+        "max_distances": max_distances,
         "chance": chance,
         "registration": registration,
         "force": force,

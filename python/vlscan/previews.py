@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from . import _vlscan
 from ._notebook import show_page
 from ._typing import PathLike
-from ._words import words_of
+from ._words import renamed, words_of
 from .points import Points
 from .survey import Survey
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from IPython.display import HTML
 
 
+@renamed(most_points="max_points")
 def preview(
     source: Points | Survey | PathLike,
     path: PathLike | None = None,
@@ -26,7 +27,7 @@ def preview(
     light: bool = False,
     width: int = 1600,
     height: int = 1000,
-    most_points: int = 5_000_000,
+    max_points: int = 5_000_000,
     force: bool = False,
 ) -> HTML | None:
     """Draw points, a survey over its scene, or the waveform of a pulse, as ``vlscan preview`` does.
@@ -48,8 +49,8 @@ def preview(
         Whether it is dark on white, for print.
     width, height : int
         Size of a picture, pixels.
-    most_points : int
-        Of more points a page shows evenly chosen ones.
+    max_points : int
+        Maximum number of points in a page, evenly sampled.
     force : bool
         Whether a file that exists is replaced.
 
@@ -80,7 +81,7 @@ def preview(
         kind = "png" if ending == ".png" else "html"
         if os.path.exists(path) and not force:
             raise FileExistsError(f"{os.fspath(path)} exists already; force=True replaces it")
-    content = _drawn(source, kind, pulse, colour, title, light, width, height, most_points)
+    content = _drawn(source, kind, pulse, colour, title, light, width, height, max_points)
     if path is None:
         return show_page(content.decode())
     with open(path, "wb") as file:
@@ -97,13 +98,13 @@ def _drawn(
     light: bool,
     width: int,
     height: int,
-    most_points: int,
+    max_points: int,
 ) -> bytes:
     if isinstance(source, Points):
         if pulse is not None:
             raise ValueError("a waveform is drawn of a file of waveforms, not of points")
         chosen, name = colour or "height", title or ""
-        page = source.html(chosen, name, most_points) if kind == "html" else ""
+        page = source.html(chosen, name, max_points) if kind == "html" else ""
         return page.encode() if page else source.png(chosen, name, width, height)
     file = None if isinstance(source, Survey) else os.fspath(source)
     survey = source if isinstance(source, Survey) else Survey.open(source) if file is not None and _holds_survey(file) else None
@@ -111,7 +112,7 @@ def _drawn(
     request = survey._request(words_of({})) if survey is not None and is_survey else None
     usual = file or (survey.name if survey is not None else None) or ""
     chosen, name = colour or ("leg" if is_survey else "height"), usual if title is None else title
-    return _vlscan.preview(kind, None if is_survey else file, request, pulse, chosen, name, light, width, height, most_points)
+    return _vlscan.preview(kind, None if is_survey else file, request, pulse, chosen, name, light, width, height, max_points)
 
 
 def _holds_survey(file: str) -> bool:

@@ -309,7 +309,7 @@ fn text_of(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a message".to_owned())
 }
 
-/// Warns of what a survey says and a campaign decides.
+/// Warns of values in a survey that a campaign overrides.
 fn decided_here(path: &Path) -> Result<Diagnostics> {
     let (survey, options, _) = read_survey(path, Options::default())?;
     let mut found = Diagnostics::default();

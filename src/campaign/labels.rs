@@ -1,4 +1,4 @@
-//! The table of a cell's objects: what the numbers in its points mean.
+//! The table of a cell's objects: the meaning of the numbers in its points.
 
 use std::collections::BTreeMap;
 use std::path::Path;

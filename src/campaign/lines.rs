@@ -71,7 +71,7 @@ impl Requests {
             variants.push((survey, format!("{} {}", text_of(&file.run), text_of(&variant.run))));
         }
         lines.problems.finish(false)?;
-        // The options of a variant beside those of all.
+        // The options of a variant in addition to those of all.
         let with_options = |(survey, run): (SurveySource, String)| {
             let options = words(&run).map_err(|e| Error::input(e.to_string())).and_then(Options::parse);
             let options = options.map_err(|error| Error::input(format!("run {run}: {error}")));
@@ -81,7 +81,7 @@ impl Requests {
     }
 }
 
-/// The lines of a file, and what is wrong with those that were read.
+/// The lines of a file, and their mistakes.
 struct Lines<'f> {
     file: &'f File,
     problems: Diagnostics,

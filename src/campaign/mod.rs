@@ -203,7 +203,7 @@ impl Campaign {
         let mut chosen = self.chosen(options)?;
         let (store, mut inputs) = self.open(options)?;
         chosen.retain(|cell| {
-            matches!(store.outcome(cell, &self.wanted(cell), &mut inputs), Outcome::Absent(_))
+            matches!(store.outcome(cell, &self.expected_record(cell), &mut inputs), Outcome::Absent(_))
         });
         Ok(chosen)
     }
@@ -233,9 +233,9 @@ impl Campaign {
             if stop.is_requested() {
                 return Err(Error::Interrupted);
             }
-            let wanted = self.wanted(cell);
+            let expected_record = self.expected_record(cell);
             let mut damage = None;
-            let mut is_due = || match store.outcome(cell, &wanted, &mut inputs) {
+            let mut is_due = || match store.outcome(cell, &expected_record, &mut inputs) {
                 Outcome::Absent(found) => {
                     damage = found;
                     true
@@ -256,7 +256,9 @@ impl Campaign {
             }
             store.remove_manifest()?;
             computed += 1;
-            if let Some(error) = compute(&store, &mut runner, cell, wanted, lock, &mut inputs, &*notify)? {
+            if let Some(error) =
+                compute(&store, &mut runner, cell, expected_record, lock, &mut inputs, &*notify)?
+            {
                 unkept.insert(cell.name.as_str(), error);
             }
         }
@@ -289,7 +291,7 @@ impl Campaign {
     }
 
     /// The record of a cell as far as it is known before it is computed.
-    fn wanted(&self, cell: &Cell) -> Record {
+    fn expected_record(&self, cell: &Cell) -> Record {
         let Cell { scene, variant, .. } = cell;
         Record {
             cell: cell.name.clone(),
@@ -322,16 +324,16 @@ impl Campaign {
         let mut records = Vec::with_capacity(self.cells.len());
         let (mut left, mut failed) = (0, Vec::new());
         for cell in &self.cells {
-            let wanted = self.wanted(cell);
-            let (record, failure) = match store.outcome(cell, &wanted, inputs) {
+            let expected_record = self.expected_record(cell);
+            let (record, failure) = match store.outcome(cell, &expected_record, inputs) {
                 Outcome::Complete(record) => (*record, None),
                 Outcome::Failed(record) => {
                     let error = record.error.clone().unwrap_or_default();
                     (*record, Some((error, true)))
                 }
-                Outcome::Obstructed(reason) => (wanted, Some((reason, false))),
+                Outcome::Obstructed(reason) => (expected_record, Some((reason, false))),
                 Outcome::Absent(_) => match unkept.get(cell.name.as_str()) {
-                    Some(error) => (wanted, Some((error.clone(), false))),
+                    Some(error) => (expected_record, Some((error.clone(), false))),
                     None => {
                         left += 1;
                         continue;
@@ -359,8 +361,8 @@ impl Campaign {
     }
 }
 
-/// Computes a cell that this process has locked, and keeps what it gave or why it failed. Returns why it
-/// failed if that is not kept.
+/// Computes a cell that this process has locked, and keeps its result or the reason of its failure. Returns
+/// why it failed if that is not kept.
 ///
 /// # Errors
 /// [`Error::Interrupted`], and errors that are none of the cell's own, see [`is_of_machine`]: nothing is

@@ -132,13 +132,13 @@ fn schedules(args: &BenchArgs, settings: &Settings) -> Result<Vec<Schedule>> {
     let all = all_threads();
     let threads = match &args.threads[..] {
         [] => (0..).map(|i| 1 << i).take_while(|&n| n < all).chain([all]).collect(),
-        wanted => wanted.to_vec(),
+        sizes_given => sizes_given.to_vec(),
     };
     if let Some(n) = threads.iter().find(|n| !(1..=1024).contains(*n)) {
         return Err(Error::input(format!("--threads: expected 1 to 1024 threads, found {n}")));
     }
-    let usual = [ChunkSize(settings.schedule.policy.size())];
-    let sizes = if args.chunk_size.is_empty() { &usual[..] } else { &args.chunk_size };
+    let default_size = [ChunkSize(settings.schedule.policy.size())];
+    let sizes = if args.chunk_size.is_empty() { &default_size[..] } else { &args.chunk_size };
     let mut found: Vec<Schedule> = Vec::new();
     for &threads in &threads {
         for &kind in &args.schedule {

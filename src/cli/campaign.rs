@@ -95,7 +95,7 @@ fn without_severity(text: &str) -> &str {
     text.strip_prefix("warning: ").unwrap_or(text)
 }
 
-/// Tells what was computed and what is left.
+/// Reports the computed and the remaining cells.
 ///
 /// # Errors
 /// [`Error::Input`] if cells have failed, with `--cell` some of those that are named.

@@ -26,7 +26,7 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
     }
     let (known, warnings) = catalogue()?;
     console.warnings(&warnings)?;
-    let wanted = |reference: &str, name: &str| {
+    let is_listed = |reference: &str, name: &str| {
         let part = args.filter.as_deref().unwrap_or_default().to_lowercase();
         reference.to_lowercase().contains(&part) || name.to_lowercase().contains(&part)
     };
@@ -34,13 +34,13 @@ pub fn run(args: &CatalogueArgs, console: &Console) -> Result<()> {
         scanners: known
             .scanners
             .iter()
-            .filter(|(r, s)| wanted(r, &s.name))
+            .filter(|(r, s)| is_listed(r, &s.name))
             .map(|(r, s)| ScannerFigures::of(r, s))
             .collect::<Result<_>>()?,
         platforms: known
             .platforms
             .iter()
-            .filter(|(r, _)| wanted(r, ""))
+            .filter(|(r, _)| is_listed(r, ""))
             .map(|(r, p)| PlatformFigures::of(r, p))
             .collect(),
     };
@@ -113,7 +113,7 @@ fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
     line("field of view", field, &field_figures(scanner, &sources));
     line("lines", lines, &["scanFreqMin_Hz", "scanFreqMax_Hz"]);
     line("head", head, &["headRotatePerSecMax_deg"]);
-    // A range without an end is no figure.
+    // A range without an end is not a figure.
     let ranges: &[&str] =
         if row.range_max_m.is_some() { &["rangeMin_m", "rangeMax_m"] } else { &["rangeMin_m"] };
     line("range", format!("{range} m"), ranges);
@@ -200,9 +200,9 @@ mod tests {
             let row = ScannerFigures::of(reference, found).unwrap();
             let shown = figures(&row, found);
             let line = shown.lines().find(|line| line.starts_with("field of view")).unwrap();
-            let told: Vec<f64> =
+            let listed: Vec<f64> =
                 line.split_whitespace().filter_map(|word| word.strip_suffix('°')?.parse().ok()).collect();
-            assert_eq!(told, row.field_of_view_deg, "{reference}: {line}");
+            assert_eq!(listed, row.field_of_view_deg, "{reference}: {line}");
         }
     }
 

@@ -21,7 +21,7 @@ pub fn run(args: &CloudInfoArgs, console: &Console) -> Result<()> {
     write_stdout(&(text + "\n"))
 }
 
-/// Refuses what is no point cloud and has a command of its own.
+/// Rejects files that are not point clouds and have another command.
 pub(super) fn check_cloud(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::input(format!("{} is a folder; name files of points", path.display())));

@@ -1,4 +1,4 @@
-//! Surroundings of a command that writes points: its progress, the files beside the points, its summary.
+//! Surroundings of a command that writes points: its progress, the files next to the points, its summary.
 
 use super::console::Console;
 use super::interrupt;
@@ -31,7 +31,7 @@ pub fn open(settings: Settings, console: &Console) -> Result<Session> {
     during(console, "reading the survey", || Session::open(settings, console.observer()))
 }
 
-/// The files that are asked for besides the points, and what is collected for them while the run lasts.
+/// The requested files besides the points, and the data collected for them during the run.
 #[derive(Default)]
 pub struct Companions {
     schedule_log: Option<PathBuf>,

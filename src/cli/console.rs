@@ -138,7 +138,7 @@ impl Console {
     pub fn observer(&self) -> impl Fn(Notice) + Send + Sync + 'static + use<> {
         let console = self.clone();
         move |notice| match notice {
-            // Those of a session, which knows itself whether they are errors.
+            // Notices of a session, which itself decides if they are errors.
             Notice::Warnings(found) => console.show(&found),
             Notice::Note(note) => console.say(note),
             Notice::Detail(detail) => console.detail(detail),
@@ -147,7 +147,7 @@ impl Console {
         }
     }
 
-    /// Tells what is computed from now on.
+    /// Reports the next stage of the computation.
     pub(super) fn begin(&self, step: &'static str) {
         let before = std::mem::replace(&mut *held(&self.step.name), step);
         if before != step {

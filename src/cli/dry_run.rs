@@ -128,7 +128,7 @@ fn percent(fraction: f64) -> String {
     format!("{:.0} %", fraction * 100.0)
 }
 
-/// An uncertainty, unless it is too small to tell.
+/// An uncertainty, unless it is negligible.
 fn percent_off(fraction: f64) -> String {
     if fraction < 0.0005 { String::new() } else { format!(" ± {:.1} %", fraction * 100.0) }
 }

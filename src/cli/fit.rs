@@ -27,13 +27,13 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
         true => write_stdout(&(json(&figures)? + "\n"))?,
         false => write_stdout(&table(&figures))?,
     }
-    let beside: Vec<String> = files.all().skip(1).map(|path| path.display().to_string()).collect();
+    let others: Vec<String> = files.all().skip(1).map(|path| path.display().to_string()).collect();
     console.record(|result| result.files.extend(files.all().map(|path| messages::written(path, "fit"))));
     console.say(format!(
         "{}: {} pulses fitted; beside it {}",
         files.pipeline.display(),
         amount(fit.recording.pulses.len() as f64),
-        beside.join(", ")
+        others.join(", ")
     ));
     Ok(())
 }
@@ -59,13 +59,13 @@ fn run_spinning(args: &FitArgs, calibration: &Path, console: &Console) -> Result
         true => write_stdout(&(figures.json()? + "\n"))?,
         false => write_stdout(&figures.table())?,
     }
-    let beside: Vec<String> = files.all().skip(1).map(|path| format!(", {}", path.display())).collect();
+    let others: Vec<String> = files.all().skip(1).map(|path| format!(", {}", path.display())).collect();
     console.record(|result| result.files.extend(files.all().map(|path| messages::written(path, "fit"))));
     console.say(format!(
         "{}: {} planes fitted{}",
         args.out.display(),
         amount(figures.planes as f64),
-        beside.concat()
+        others.concat()
     ));
     Ok(())
 }

@@ -97,8 +97,8 @@ pub fn translate_helios_args(args: impl IntoIterator<Item = OsString>) -> Result
     let is_survey = subject.is_some_and(is_xml);
     let is_ours = subject.is_some() && !is_run && !is_survey;
     // Refused options of developer builds take values that look like subcommands or files.
-    let judged = if is_ours { &words[..1] } else { words };
-    if let Some((name, why)) = judged.iter().find_map(|word| named(REFUSED, word, |entry| entry.0)) {
+    let checked = if is_ours { &words[..1] } else { words };
+    if let Some((name, why)) = checked.iter().find_map(|word| named(REFUSED, word, |entry| entry.0)) {
         return Err(Error::input(format!("{name}: {why}")));
     }
     if is_ours {

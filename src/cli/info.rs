@@ -203,7 +203,10 @@ impl Facts<'_> {
         let part = |(index, (part, facts)): (u32, (&Part, &PartFacts))| {
             let (b, is_empty) = (facts.bounds, facts.primitives == 0);
             json!({
-                "id": part.id, "name": part.name, "object": objects.of_part(index), "primitives": facts.primitives,
+                "id": part.id,
+                "name": part.name,
+                "object": objects.of_part(index),
+                "primitives": facts.primitives,
                 "class": facts.class(self.scene), "materials": facts.material_names(self.scene),
                 "areas_m2": facts.areas.iter().map(MaterialArea::total).collect::<Vec<_>>(),
                 "leaf_area_m2": facts.leaf_area(self.scene),
@@ -219,19 +222,22 @@ impl Facts<'_> {
         let point = |p: vlscan_geom::DVec3| [p.x, p.y, p.z];
         let material = |((m, n), area): ((&Material, &u64), MaterialArea)| {
             json!({
-                "name": m.name, "reflectance": m.reflectance, "class": m.classification, "ground": m.is_ground,
+                "name": m.name,
+                "reflectance": m.reflectance,
+                "class": m.classification,
+                "ground": m.is_ground,
                 "primitives": n, "area_m2": area.total(), "leaf_area_m2": area.leaves(m),
             })
         };
         let areas = material_areas(self.scene, &self.parts);
         let materials: Vec<_> =
             self.scene.materials.iter().zip(&i.of_material).zip(areas).map(material).collect();
-        let told = |severity| {
+        let messages = |severity| {
             let found = self.warnings.items().iter().filter(move |d| d.severity == severity);
             found.map(|d| d.message.clone())
         };
-        let warnings: Vec<_> = told(Severity::Warning).chain(self.inventory.faults()).collect();
-        let notes: Vec<_> = told(Severity::Note).collect();
+        let warnings: Vec<_> = messages(Severity::Warning).chain(self.inventory.faults()).collect();
+        let notes: Vec<_> = messages(Severity::Note).collect();
         let (scene, tree, s) = (self.scene.memory(), self.tree.memory(), self.tree.statistics());
         let leaves = self.parts.iter().filter_map(|facts| facts.leaf_area(self.scene));
         let leaf_area = leaves.reduce(|sum, area| sum + area);
@@ -245,7 +251,11 @@ impl Facts<'_> {
             "bounds_m": { "min": point(i.bounds.min), "max": point(i.bounds.max) },
             "coordinates": i.coordinates(),
             "crs": self.scene.crs,
-            "memory_bytes": { "scene": scene, "tree": tree, "per_primitive": self.per_primitive(scene + tree) },
+            "memory_bytes": {
+                "scene": scene,
+                "tree": tree,
+                "per_primitive": self.per_primitive(scene + tree),
+            },
             "seconds": { "load": self.seconds[0], "tree": self.seconds[1] },
             "tree": { "leaves": s.leaves, "nodes": s.interior, "depth": s.max_depth },
             "tiles": self.scene.tiles.as_ref().map_or(0, |tiles| tiles.facts().len()),

@@ -169,7 +169,7 @@ fn with_examples(command: Command, path: &str) -> Command {
 }
 
 /// The options that `-h` shows where a command has many; `--help` shows all.
-const USUAL: [&str; 13] = [
+const COMMON_OPTIONS: [&str; 13] = [
     "out",
     "format",
     "force",
@@ -194,11 +194,11 @@ fn with_short_help(command: Command, path: &str) -> Command {
     if command.get_arguments().filter(|arg| !arg.is_hide_set()).count() <= MAX_SHORT_OPTIONS {
         return command;
     }
-    let is_usual = |arg: &clap::Arg| {
-        arg.is_positional() || arg.is_required_set() || USUAL.contains(&arg.get_id().as_str())
+    let is_common = |arg: &clap::Arg| {
+        arg.is_positional() || arg.is_required_set() || COMMON_OPTIONS.contains(&arg.get_id().as_str())
     };
     command
-        .mut_args(|arg| if is_usual(&arg) { arg } else { arg.hide_short_help(true) })
+        .mut_args(|arg| if is_common(&arg) { arg } else { arg.hide_short_help(true) })
         .after_help(format!("All options, in groups, with examples: {path} --help"))
 }
 
@@ -216,7 +216,7 @@ fn correction_entries() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-/// How the command line undoes what a pipeline file says.
+/// How the command line overrides a pipeline file.
 const OPPOSITES: &str =
     "To undo a switch of a pipeline file, give its opposite: --no-misses, --platform-noise and so on.";
 

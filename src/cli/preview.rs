@@ -34,7 +34,7 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         height: args.height,
         light: args.light,
         title: title(&args.points),
-        max_points: usize::try_from(args.most_points.0).unwrap_or(usize::MAX),
+        max_points: usize::try_from(args.max_points.0).unwrap_or(usize::MAX),
         heights: None,
     };
     if is_survey {
@@ -79,7 +79,7 @@ fn page(args: &PreviewArgs, points: &Points, options: &PreviewOptions, console: 
     let page = write(args, |out| write_page(points, options, out))?;
     let count = amount_of(points.total() as f64, "point");
     let sampled = if page.shown < page.total {
-        format!("{} of {count}, evenly chosen (--most-points)", amount(page.shown as f64))
+        format!("{} of {count}, evenly chosen (--max-points)", amount(page.shown as f64))
     } else {
         count
     };
@@ -88,7 +88,7 @@ fn page(args: &PreviewArgs, points: &Points, options: &PreviewOptions, console: 
     Ok(())
 }
 
-/// Reads points, and tells what there is to say of their file.
+/// Reads points, and reports remarks about their file.
 pub(super) fn read_cloud(path: &Path, console: &Console) -> Result<Points> {
     let (points, found) = during(console, "reading points", || read_points(path))?;
     console.warnings(&found)?;

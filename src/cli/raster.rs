@@ -15,10 +15,10 @@ use vlscan_tools::cloud::CloudSource;
 use vlscan_tools::raster::{CloudRasters, RasterKind};
 
 pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
-    let wanted = args.files.wanted();
-    check(args, &wanted)?;
+    let requested = args.files.requested();
+    check(args, &requested)?;
     let crs = args.crs.as_ref().map(crate::options::Crs::wkt).transpose()?;
-    let kinds: Vec<RasterKind> = wanted.iter().map(|(kind, _)| *kind).collect();
+    let kinds: Vec<RasterKind> = requested.iter().map(|(kind, _)| *kind).collect();
     let clouds = CloudSource::files(&args.clouds);
     let read = || CloudRasters::read(&clouds, &kinds, &args.options, crs, machine::memory());
     let (rasters, found) = during(console, "reading points", read)?;
@@ -38,14 +38,14 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
         count => format!(", without {} that returned nothing", amount_of(count as f64, "pulse")),
     };
     let mut group = FileGroup::default();
-    for (kind, path) in wanted.iter().filter(|(_, path)| !means_stdout(path)) {
+    for (kind, path) in requested.iter().filter(|(_, path)| !means_stdout(path)) {
         group.write(path, args.force, &rasters.geotiff(*kind)?)?;
     }
-    for (kind, _) in wanted.iter().filter(|(_, path)| means_stdout(path)) {
+    for (kind, _) in requested.iter().filter(|(_, path)| means_stdout(path)) {
         FileWriter::stdout(Patched::Never)?.append(&rasters.geotiff(*kind)?)?;
     }
     group.commit()?;
-    for (kind, path) in &wanted {
+    for (kind, path) in &requested {
         let text = format!(
             "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}",
             if means_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
@@ -58,15 +58,15 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// Refuses files that would replace others, and what is no point cloud, before anything is read.
-fn check(args: &RasterArgs, wanted: &[(RasterKind, &Path)]) -> Result<()> {
-    if wanted.is_empty() {
+/// Rejects files that would replace others, and inputs other than point clouds, before anything is read.
+fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
+    if requested.is_empty() {
         return Err(Error::input(
             "no raster is asked for: name at least one of --dtm, --dsm, --chm, --density, --pulse-density",
         ));
     }
-    for (i, (kind, path)) in wanted.iter().enumerate() {
-        if let Some((other, _)) = wanted[..i].iter().find(|(_, other)| other == path) {
+    for (i, (kind, path)) in requested.iter().enumerate() {
+        if let Some((other, _)) = requested[..i].iter().find(|(_, other)| other == path) {
             let (one, other, path) = (other.name(), kind.name(), path.display());
             return Err(Error::input(format!("--{one} and --{other} are both {path}")));
         }

@@ -25,7 +25,8 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);
-    let resumption = args.shards.resume.map(|pulses| ResumeOptions::beside(&output, pulses.0)).transpose()?;
+    let resumption =
+        args.shards.resume.map(|pulses| ResumeOptions::next_to(&output, pulses.0)).transpose()?;
     let mut session = match resumption {
         Some(_) => open_without_tree(settings, console)?,
         None => open(settings, console)?,
@@ -50,7 +51,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
 fn name_directories(report: &Report) {
     let mut stdout = std::io::stdout().lock();
     for directory in &report.summary.directories {
-        // Nobody may be reading.
+        // Stdout may be closed.
         let _ = writeln!(stdout, "Output directory: \"{}\"", directory.display());
     }
 }

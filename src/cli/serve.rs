@@ -30,12 +30,12 @@ pub fn run(args: &ServeArgs, console: &Console) -> Result<()> {
     execute(command, &program)
 }
 
-/// The program beside this one, else the first in the folders of PATH.
+/// The program next to this one, otherwise the first in the folders of PATH.
 fn program() -> Option<PathBuf> {
     let own = std::env::current_exe().ok();
-    let beside = own.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+    let own_folder = own.as_deref().and_then(Path::parent).map(Path::to_path_buf);
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let folders = beside.into_iter().chain(std::env::split_paths(&path));
+    let folders = own_folder.into_iter().chain(std::env::split_paths(&path));
     folders.map(|folder| folder.join(PROGRAM)).find(|program| program.is_file())
 }
 

@@ -12,7 +12,7 @@ const LINE_PERIOD: Duration = Duration::from_secs(2);
 /// Time without a pulse after which the bar disappears until the next one.
 const IDLE_PERIOD: Duration = Duration::from_secs(1);
 const BAR: &str = "{spinner} [{bar:6}] {msg}";
-/// Time after which a terminal shows what is computed.
+/// Time after which a terminal shows the current stage.
 const PATIENCE: Duration = Duration::from_secs(1);
 const STEP: &str = "{spinner} {msg} ({elapsed})";
 
@@ -57,14 +57,14 @@ pub fn during<T>(console: &Console, step: &'static str, work: impl FnOnce() -> T
 /// `is_complete` is true of the outcome of work that was done to its end.
 pub fn watched<T>(
     console: &Console,
-    lines_wanted: bool,
+    shows_lines: bool,
     legs: usize,
     progress: &Progress,
     work: impl FnOnce() -> T,
     is_complete: impl FnOnce(&T) -> bool,
 ) -> T {
     let terminal = stderr().is_terminal() && console.draws();
-    if !console.shows(Verbosity::Normal) || !(terminal || lines_wanted || console.is_json()) {
+    if !console.shows(Verbosity::Normal) || !(terminal || shows_lines || console.is_json()) {
         return work();
     }
     let start = Instant::now();
@@ -86,7 +86,7 @@ fn while_shown<T>(
 ) -> T {
     let (done, is_done) = flume::bounded::<()>(1);
     std::thread::scope(|scope| {
-        // A run whose progress cannot be shown for want of a thread goes on.
+        // A run continues if its progress cannot be shown for want of a thread.
         let _ = std::thread::Builder::new().spawn_scoped(scope, move || {
             let start = Instant::now();
             if draws {
@@ -158,7 +158,7 @@ fn new_bar() -> ProgressBar {
     bar
 }
 
-/// Progress beside the bar, short enough for a line of 80 characters.
+/// Progress next to the bar, short enough for a line of 80 characters.
 fn bar_text(now: &Snapshot, legs: usize, seconds: f64) -> String {
     let leg = if legs > 1 { format!("leg {}/{legs}  ", now.leg + 1) } else { String::new() };
     let rate = amount(now.pulses as f64 / seconds.max(1e-3));

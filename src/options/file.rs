@@ -2,7 +2,7 @@
 
 use super::groups::Options;
 use super::outputs::OutputKeys;
-use super::over::Over;
+use super::precedence::Precedence;
 use super::trajectory::TrajectoryOptions;
 use super::values::{Crs, GpsStart, NavigationError, Vector};
 use serde::Deserialize;
@@ -150,14 +150,14 @@ fn warn_of_fraction(options: &Options, place: Option<Place>, warnings: &mut Diag
     }
 }
 
-/// Offsets of trajectories that are compared with what is usual: key of `[trajectory]`, option, bounds.
+/// Offsets of trajectories that are compared with typical values: key of `[trajectory]`, option, bounds.
 const OFFSETS: [(&str, &str, quantity::Bounds); 3] = [
     ("lever_arm_m", "--lever-arm", quantity::LEVER_ARM),
     ("boresight_deg", "--boresight", quantity::BORESIGHT),
     ("height_offset_m", "--height-offset", quantity::HEIGHT_OFFSET),
 ];
 
-/// Warns of [`OFFSETS`] of a trajectory beyond what is usual. `places` are those of the keys in a file, over
+/// Warns of [`OFFSETS`] of a trajectory beyond typical values. `places` are those of the keys in a file, over
 /// which `typed` options go.
 fn doubts(
     options: &TrajectoryOptions,
@@ -231,8 +231,8 @@ impl OneOrMore {
     }
 }
 
-/// Refuses options that tell how a trajectory is read where there is none. The UTM zone is for trajectory
-/// files of surveys, too.
+/// Rejects options for reading a trajectory if there is none. The UTM zone is for trajectory files of
+/// surveys, too.
 fn check_trajectory_options(typed: TrajectoryOptions, survey: &mut Survey) -> Result<()> {
     let typed = TrajectoryOptions { latency: None, ..typed };
     let without_zone = TrajectoryOptions { utm_zone: None, ..typed.clone() };

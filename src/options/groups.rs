@@ -2,7 +2,7 @@
 
 use super::choice::choice;
 use super::outputs::OutputKeys;
-use super::over::group;
+use super::precedence::group;
 use super::switch::Switch;
 use super::trajectory::TrajectoryOptions;
 use super::values::{

@@ -85,8 +85,10 @@ pub fn pipeline_keys() -> Vec<PipelineTable> {
     );
     add(
         "[navigation_errors]",
-        "Errors of the navigation system: the beam is traced from the true pose, points are georeferenced with the reported one. Standard deviations belong to first-order Gauss-Markov processes, whose correlation falls by a factor \
-         e in the correlation time. Every key but the correlation times takes one number for all three components, or three.",
+        "Errors of the navigation system: the beam is traced from the true pose, points are georeferenced \
+         with the reported one. Standard deviations belong to first-order Gauss-Markov processes, whose \
+         correlation falls by a factor e in the correlation time. Every key but the correlation times takes \
+         one number for all three components, or three.",
         &|table| {
             let keys = NavigationErrors::KEYS.iter();
             table.keys.extend(keys.map(|(key, help)| PipelineKey::new(key, help)));

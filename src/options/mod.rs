@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `values` | types of values with a syntax of their own: counts, bytes, seeds, vectors |
 //! | `choice` | values with names on the command line |
-//! | `over` | the command line over the file over the default |
+//! | `precedence` | the command line over the file over the default |
 //! | `switch` | options without a value, and their opposites |
 //! | `groups` | the groups of options, each a table of a pipeline file or a part of one |
 //! | `trajectory` | options of recorded trajectories |
@@ -27,7 +27,7 @@ mod file;
 mod groups;
 mod keys;
 pub mod outputs;
-mod over;
+mod precedence;
 mod python;
 mod resolve;
 mod schema;
@@ -46,7 +46,7 @@ pub use groups::{
 };
 pub use keys::{PipelineKey, PipelineTable, pipeline_keys};
 #[doc(hidden)]
-pub use over::Over;
+pub use precedence::Precedence;
 #[doc(hidden)]
 pub use python::python_module;
 pub use resolve::{ResolvedRun, policy, schedule_of};

@@ -134,7 +134,7 @@ impl OutputOptions {
         Ok(cloud)
     }
 
-    /// The format of points in HELIOS++'s layout, and of files whose names tell none.
+    /// The format of points in HELIOS++'s layout, and of files without a known extension.
     fn helios_format(&self) -> PointFormat {
         match (self.las_output.is_on() || self.las10.is_on(), self.zip_output.is_on()) {
             (true, true) => PointFormat::Laz,
@@ -155,26 +155,27 @@ fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == "STDOUT" || files::means_stdout(path)
 }
 
-/// Target of a path, and its format: the one that its extension tells, else the one asked for, else
-/// `default`.
-fn sink(path: &Path, asked: Option<PointFormat>, default: PointFormat) -> Result<(Target, PointFormat)> {
+/// Target of a path, and its format: from the extension, otherwise the requested one, otherwise `default`.
+fn sink(path: &Path, requested: Option<PointFormat>, default: PointFormat) -> Result<(Target, PointFormat)> {
     if is_stdout(path) {
-        return Ok((Target::Stdout, asked.unwrap_or(default)));
+        return Ok((Target::Stdout, requested.unwrap_or(default)));
     }
     if path.as_os_str().is_empty() {
         return Err(Error::input("an output needs a path (`path`, -o, --output); \"-\" is standard output"));
     }
-    let told = if path.is_dir() { None } else { PointFormat::of_file(path) };
+    let from_extension = if path.is_dir() { None } else { PointFormat::of_file(path) };
     let is_special_file = files::is_special(path);
-    // A named pipe, or what the shell makes of >(...), has no extension.
-    let target = match told.is_some() || is_special_file {
+    // A named pipe, such as the shell makes of >(...), has no extension.
+    let target = match from_extension.is_some() || is_special_file {
         true => Target::File(path.to_path_buf()),
         false => Target::Directory(path.to_path_buf()),
     };
-    let format = match (told, asked) {
-        (Some(Ok(told)), Some(asked)) if told.shares_extension(asked) => asked,
+    let format = match (from_extension, requested) {
+        (Some(Ok(from_extension)), Some(requested)) if from_extension.shares_extension(requested) => {
+            requested
+        }
         (Some(Ok(format)), _) => format,
-        (_, Some(asked)) => asked,
+        (_, Some(requested)) => requested,
         (None, None) => default,
         (Some(Err(unknown)), None) => return Err(Error::input(format!("{}: {unknown}", path.display()))),
     };
@@ -190,7 +191,7 @@ mod tests {
         use PointFormat::{Copc, Las, Laz, Mcap, Pcd, PlyAscii, PlyBinary, RayCloud, Xyz};
         let file = |path: &str| Target::File(path.into());
         let folder = Target::Directory("folder".into());
-        for (path, asked, expected) in [
+        for (path, requested, expected) in [
             ("-", Some(Laz), (Target::Stdout, Laz)),
             ("a/b.PLY", None, (file("a/b.PLY"), PlyBinary)),
             ("folder", Some(Las), (folder.clone(), Las)),
@@ -207,7 +208,7 @@ mod tests {
             ("a.mcap", None, (file("a.mcap"), Mcap)),
             ("a.dat", Some(Las), (file("a.dat"), Las)),
         ] {
-            assert_eq!(sink(Path::new(path), asked, Xyz).unwrap(), expected, "{path}");
+            assert_eq!(sink(Path::new(path), requested, Xyz).unwrap(), expected, "{path}");
         }
         assert!(sink(Path::new("a.e58"), None, Xyz).is_err());
         #[cfg(unix)]

@@ -121,10 +121,11 @@ impl ResolvedRun {
 
 /// Checks the numbers of threads.
 fn check_threads(options: &Options) -> Result<()> {
-    for (option, wanted) in [("--threads", options.schedule.threads), ("--tree-jobs", options.tree.tree_jobs)]
+    for (option, requested) in
+        [("--threads", options.schedule.threads), ("--tree-jobs", options.tree.tree_jobs)]
     {
-        if let Some(wanted) = wanted.filter(|wanted| *wanted > MAX_THREADS) {
-            return Err(Error::input(format!("{option} {wanted}: expected at most {MAX_THREADS}")));
+        if let Some(requested) = requested.filter(|requested| *requested > MAX_THREADS) {
+            return Err(Error::input(format!("{option} {requested}: expected at most {MAX_THREADS}")));
         }
     }
     Ok(())
@@ -161,8 +162,8 @@ fn tree(options: &Options, all: usize) -> BuildOptions {
 }
 
 /// Returns the requested number of threads; 0 and `None` mean `all`.
-fn threads(wanted: Option<usize>, all: usize) -> usize {
-    wanted.filter(|&n| n > 0).unwrap_or(all).min(MAX_THREADS)
+fn threads(requested: Option<usize>, all: usize) -> usize {
+    requested.filter(|&n| n > 0).unwrap_or(all).min(MAX_THREADS)
 }
 
 fn all_threads() -> usize {
@@ -188,7 +189,7 @@ fn navigation(options: &Options) -> Result<NavigationErrors> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::Over;
+    use crate::options::Precedence;
     use vlscan_trace::Builder;
 
     fn options(line: &str) -> Options {

@@ -1,5 +1,5 @@
-//! Switches: options without a value. Each has an opposite, by which the command line undoes what a file
-//! says.
+//! Switches: options without a value. Each has an opposite, by which the command line undoes the choice of a
+//! file says.
 
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use serde::Deserialize;
@@ -16,7 +16,7 @@ pub enum Switch {
     Unset,
     /// It is chosen.
     On,
-    /// It is not chosen, whatever has less precedence.
+    /// It is not chosen, even if a source of less precedence chooses it.
     Off,
 }
 

@@ -1,7 +1,7 @@
 //! Options of recorded trajectories.
 
 use super::choice::choice;
-use super::over::group;
+use super::precedence::group;
 use super::values::{Finite, Latency, Positive, Vector, Zone};
 use clap::Args;
 use serde::Deserialize;
@@ -27,25 +27,45 @@ pub struct TrajectoryOptions {
     #[serde(skip)]
     pub content: Option<Arc<[u8]>>,
     /// Layout of the trajectory. [default: detected from its content]
-    #[arg(id = "trajectory.format", long = "trajectory-format", value_name = "FORMAT", value_parser = choice::<PoseFormat>())]
+    #[arg(
+        id = "trajectory.format",
+        long = "trajectory-format",
+        value_name = "FORMAT",
+        value_parser = choice::<PoseFormat>(),
+    )]
     pub format: Option<PoseFormat>,
     /// Columns of text: names in order (time, x, y, z, roll, pitch, yaw, lat, lon, qx, qy, qz, qw; others are
     /// skipped) or name=number, from 1; a name may have a unit: roll[rad]. [default: the heading, else
     /// time,x,y,z,roll,pitch,yaw]
-    #[arg(id = "trajectory.columns", long = "trajectory-columns", value_name = "NAMES", value_delimiter = ',')]
+    #[arg(
+        id = "trajectory.columns",
+        long = "trajectory-columns",
+        value_name = "NAMES",
+        value_delimiter = ',',
+    )]
     pub columns: Option<Vec<String>>,
     /// Character between columns of text. [default: detected from the first line]
     #[arg(id = "separator", long = "trajectory-separator", value_name = "CHARACTER")]
     pub separator: Option<char>,
     /// Unit of angles in text whose column names have no unit. [default: deg]
-    #[arg(id = "angles", long = "trajectory-angles", value_name = "UNIT", value_parser = choice::<AngleUnit>())]
+    #[arg(
+        id = "angles",
+        long = "trajectory-angles",
+        value_name = "UNIT",
+        value_parser = choice::<AngleUnit>(),
+    )]
     pub angles: Option<AngleUnit>,
     /// True if angles are degrees, an older form of `angles`.
     #[arg(skip)]
     pub degrees: Option<bool>,
     /// Meaning of the angles of text, or axes of its quaternions and matrices. [default: ros for quaternions
     /// and matrices, helios for files as HELIOS++ reads and writes them, else heading]
-    #[arg(id = "rotation", long = "trajectory-rotation", value_name = "MEANING", value_parser = choice::<AngleConvention>())]
+    #[arg(
+        id = "rotation",
+        long = "trajectory-rotation",
+        value_name = "MEANING",
+        value_parser = choice::<AngleConvention>(),
+    )]
     pub rotation: Option<AngleConvention>,
     /// UTM zone to which latitudes and longitudes are projected, such as 32N. [default: that of --crs, else
     /// that of the first pose]

@@ -235,7 +235,7 @@ impl GpsStart {
     /// [`calendar_day`].
     ///
     /// # Errors
-    /// A text that is no time.
+    /// A text that is not a time.
     pub fn resolve(&self, leap_seconds: bool) -> Result<(f64, (u16, u16)), Error> {
         let failed = |e| Error::input(format!("GPS start: {e}"));
         let text = match self.0.trim() {

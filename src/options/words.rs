@@ -1,4 +1,4 @@
-//! Options as words of a command line, for callers that have no command line of their own.
+//! Options as words of a command line, for callers without a command line.
 
 use super::groups::{FILES, Options};
 use super::python::python_type;

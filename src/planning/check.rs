@@ -40,7 +40,7 @@ pub struct Check<'c> {
     /// The scene, if there is one.
     pub scene: Option<(&'c SceneRecipe, &'c LoadedScene)>,
     /// Warnings that have been shown.
-    pub told: &'c Diagnostics,
+    pub reported: &'c Diagnostics,
     pub observer: &'c Observer,
     pub stop: &'c Stop,
 }
@@ -53,11 +53,10 @@ enum Around {
 }
 
 impl Check<'_> {
-    /// Checks the plan. Returns what the user should know.
+    /// Checks the plan. Returns remarks for the user.
     ///
     /// # Errors
-    /// [`Error::Input`] for plans that do not keep what they promise or measure nothing, and those of a dry
-    /// run.
+    /// [`Error::Input`] for plans that miss their specification or measure nothing, and those of a dry run.
     pub fn run(&self) -> Result<Vec<String>> {
         let settings = self.settings()?;
         let mut warnings = Vec::new();
@@ -96,7 +95,7 @@ impl Check<'_> {
         let options =
             Options { input, profile, scene: Some(Arc::new(self.flat_ground()?)), ..Options::default() };
         let (job, warnings) = ResolvedRun::of_text(&name, self.plan.text("vlscan plan"), &options)?;
-        self.observer.warnings(warnings.without(self.told))?;
+        self.observer.warnings(warnings.without(self.reported))?;
         Ok(job.settings)
     }
 
@@ -127,7 +126,7 @@ impl Check<'_> {
         if high - low > 0.01 * promise.height {
             return Ok(());
         }
-        // Of a short sample, which may point at the sky, its own beams tell more.
+        // In a short sample, which may point at the sky, the beams are more informative.
         let forecast = self.dry_run(flat)?;
         let share = ((1.0 - forecast.missed.pulses) / flown.measured).max(returned(&forecast));
         if share < MIN_FLAT_SHARE {
@@ -163,10 +162,10 @@ impl Check<'_> {
         Ok(SceneRecipe { id: "flat".to_owned(), path: PathBuf::new(), ..mesh.into() })
     }
 
-    /// Measures a sample of a flight over the scene. Returns what the user should know of it.
+    /// Measures a sample of a flight over the scene. Returns remarks for the user.
     fn check_below(&self, session: &mut Session) -> Result<Option<String>> {
         let forecast = self.dry_run(session)?;
-        if is_beside_scene(&forecast) {
+        if misses_scene(&forecast) {
             self.check_area(&forecast)?;
         }
         check_echoes(&forecast)?;
@@ -201,7 +200,7 @@ impl Check<'_> {
         Err(Error::input_with_help(message, help))
     }
 
-    /// Measures a sample of a drive or of positions. Returns what the user should know of it.
+    /// Measures a sample of a drive or of positions. Returns remarks for the user.
     fn check_around(&self, session: &mut Session, around: Around) -> Result<Option<String>> {
         let forecast = self.dry_run(session)?;
         let (echoes, towards) = (1.0 - forecast.missed.pulses, 1.0 - forecast.missed.beside_scene);
@@ -272,8 +271,8 @@ fn other_scene() -> Error {
     Error::Internal("the scene of the plan was loaded for another survey".to_owned())
 }
 
-/// True if all pulses, but for rounding, point beside the scene.
-fn is_beside_scene(forecast: &DryRunReport) -> bool {
+/// True if all pulses, but for rounding, miss the scene.
+fn misses_scene(forecast: &DryRunReport) -> bool {
     1.0 - forecast.missed.beside_scene < 0.01
 }
 
@@ -284,7 +283,7 @@ fn check_echoes(forecast: &DryRunReport) -> Result<()> {
     }
     let missed = &forecast.missed;
     let towards = 1.0 - missed.beside_scene;
-    let why = if is_beside_scene(forecast) {
+    let why = if misses_scene(forecast) {
         "all beams miss the scene"
     } else if missed.out_of_range > 0.9 * towards {
         "the scene is outside the instrument's range"

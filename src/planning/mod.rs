@@ -1,4 +1,4 @@
-//! Plans surveys: reads what a plan is made from, has it planned, and checks it by its own dry run.
+//! Plans surveys: reads the inputs of a plan, makes it, and checks it by a dry run.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -52,7 +52,7 @@ const MAX_DRONE_HEIGHT: f64 = 150.0;
 ///
 /// # Errors
 /// [`Error::Input`] for requests that contradict themselves, exceed the instrument, or result in surveys that
-/// do not keep what they promise or measure nothing; [`Error::Io`]; [`Error::Interrupted`].
+/// miss their specification or measure nothing; [`Error::Io`]; [`Error::Interrupted`].
 pub fn plan_survey(
     request: &PlanRequest,
     command: &str,
@@ -60,15 +60,15 @@ pub fn plan_survey(
     stop: &Stop,
 ) -> Result<PlannedSurvey> {
     let planner = Planner::new(request.common(), observer)?;
-    let (plan, area, told) = match request {
+    let (plan, area, reported) = match request {
         PlanRequest::Airborne(request) => planner.airborne(request),
         PlanRequest::Terrestrial(request) => planner.terrestrial(request),
         PlanRequest::Mobile(request) => planner.mobile(request),
     }?;
-    planner.finish(plan, area.as_ref(), &told, command, stop)
+    planner.finish(plan, area.as_ref(), &reported, command, stop)
 }
 
-/// Checks what a request says of its instrument and platform, which does not depend on the scene.
+/// Checks the instrument and platform of a request, which do not depend on the scene.
 ///
 /// # Errors
 /// [`Error::Input`] for instruments and platforms that are not found, and what the instrument cannot do;
@@ -96,7 +96,7 @@ struct Planner<'a> {
     /// The system that the request names, as WKT and as a pipeline file names it.
     crs: Option<(String, String)>,
     /// The warnings about the scanner, which have been shown.
-    told: Diagnostics,
+    reported: Diagnostics,
 }
 
 /// A loaded scene.
@@ -130,8 +130,8 @@ type Planned = (PlannedSurvey, Option<Area>, Diagnostics);
 
 impl Planner<'_> {
     fn new<'a>(setup: &'a PlanSetup, observer: &'a Observer) -> Result<Planner<'a>> {
-        let (scanner, told) = find_scanner(&setup.scanner, &reading(setup))?;
-        observer.warnings(told.clone())?;
+        let (scanner, reported) = find_scanner(&setup.scanner, &reading(setup))?;
+        observer.warnings(reported.clone())?;
         let (known, _) = catalogue()?;
         let reference = in_catalogue(&setup.scanner, known.scanners.iter().map(|(name, _)| name));
         let instrument = SwathModel::new(reference, &scanner, setup.pulse_rate);
@@ -147,7 +147,7 @@ impl Planner<'_> {
                 "--crs is {name}, but the files of the scene are in {of_scene}"
             )));
         }
-        Ok(Planner { setup, observer, instrument, site, crs, told })
+        Ok(Planner { setup, observer, instrument, site, crs, reported })
     }
 
     fn airborne(&self, request: &AirborneRequest) -> Result<Planned> {
@@ -155,14 +155,14 @@ impl Planner<'_> {
         self.check_area(&area)?;
         let options = &request.options;
         let default = if options.height < MAX_DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
-        let (reference, platform, told) = self.platform(default)?;
+        let (reference, platform, reported) = self.platform(default)?;
         let level = self.setup.level();
         let model = self.site.as_ref().map(|site| &site.ground);
         let height = |x: f64, y: f64| model.map_or(Some(level), |ground| ground.height(x, y));
         let ground = PlanGround { heights: &height, level };
         let carrier = Carrier { mount: platform.mount, may_turn: self.setup.platform.is_none() };
         let plan = plan::plan_airborne(&area, &self.instrument, &carrier, options, &ground);
-        Ok((PlannedSurvey { platform: reference, ..plan? }, Some(area), told))
+        Ok((PlannedSurvey { platform: reference, ..plan? }, Some(area), reported))
     }
 
     fn terrestrial(&self, request: &TerrestrialRequest) -> Result<Planned> {
@@ -177,8 +177,8 @@ impl Planner<'_> {
         }
         let (area, level) = (area.as_ref(), self.setup.level());
         let plan = plan::plan_terrestrial(area, &self.instrument, options, level, on_ground)?;
-        let (platform, _, told) = self.platform("tripod")?;
-        Ok((PlannedSurvey { platform, ..plan }, None, told))
+        let (platform, _, reported) = self.platform("tripod")?;
+        Ok((PlannedSurvey { platform, ..plan }, None, reported))
     }
 
     fn mobile(&self, request: &MobileRequest) -> Result<Planned> {
@@ -187,8 +187,8 @@ impl Planner<'_> {
         let on_ground = self.is_ground_used()?;
         let plan =
             plan::plan_mobile(&line, &self.instrument, &request.options, self.setup.level(), on_ground)?;
-        let (platform, _, told) = self.platform("vehicle_linearpath")?;
-        Ok((PlannedSurvey { platform, ..plan }, None, told))
+        let (platform, _, reported) = self.platform("vehicle_linearpath")?;
+        Ok((PlannedSurvey { platform, ..plan }, None, reported))
     }
 
     /// The platform of the request, or the one that suits, with its reference, and all warnings that have
@@ -200,10 +200,10 @@ impl Planner<'_> {
         let name = self.setup.platform.as_deref().unwrap_or(&default);
         let (platform, warnings) = find_platform(name, &reading(self.setup))?;
         self.observer.warnings(warnings.clone())?;
-        let mut told = self.told.clone();
-        told.extend(warnings);
+        let mut reported = self.reported.clone();
+        reported.extend(warnings);
         let (known, _) = catalogue()?;
-        Ok((in_catalogue(name, known.platforms.iter().map(|(name, _)| name)), platform, told))
+        Ok((in_catalogue(name, known.platforms.iter().map(|(name, _)| name)), platform, reported))
     }
 
     /// The system of the plan's coordinates as WKT: that of the scene, if its files name one, or of the
@@ -294,8 +294,8 @@ impl Planner<'_> {
             (false, None) => (PathBuf::from(name), None),
         };
         let folder = self.setup.file().and_then(Path::parent);
-        let beside = folder.is_none_or(|folder| folder.as_os_str().is_empty());
-        let path = match beside || !path.exists() {
+        let is_local = folder.is_none_or(|folder| folder.as_os_str().is_empty());
+        let path = match is_local || !path.exists() {
             true => path,
             false => std::path::absolute(&path).map_err(|e| Error::open(&path, e))?,
         };
@@ -305,13 +305,13 @@ impl Planner<'_> {
         Ok(Some(id.map_or(path.to_owned(), |id| format!("{path}#{id}"))))
     }
 
-    /// Completes the plan, checks it by its own dry run and writes it. `area` is that of a flight, `told` the
-    /// warnings that have been shown.
+    /// Completes the plan, checks it by a dry run and writes it. `area` is that of a flight, `reported` are
+    /// the warnings that have been shown.
     fn finish(
         &self,
         mut plan: PlannedSurvey,
         area: Option<&Area>,
-        told: &Diagnostics,
+        reported: &Diagnostics,
         command: &str,
         stop: &Stop,
     ) -> Result<PlannedSurvey> {
@@ -326,7 +326,7 @@ impl Planner<'_> {
         let lines = self.lines(&plan)?;
         warn(&plan.warnings, observer)?;
         let scene = self.site.as_ref().map(|site| (&site.recipe, &site.loaded));
-        let found = check::Check { plan: &plan, area, setup, scene, told, observer, stop }.run()?;
+        let found = check::Check { plan: &plan, area, setup, scene, reported, observer, stop }.run()?;
         warn(&found, observer)?;
         plan.warnings.extend(found);
         let mut group = FileGroup::default();
@@ -387,7 +387,7 @@ fn reading(setup: &PlanSetup) -> ReadOptions {
     ReadOptions { assets: setup.assets.clone(), ..ReadOptions::default() }
 }
 
-/// The full reference of an id in the catalogue; other names as they are. A prefix `catalogue:` stays.
+/// The full reference of an id in the catalogue; other names unchanged. A prefix `catalogue:` is kept.
 fn in_catalogue<'n>(name: &str, mut references: impl Iterator<Item = &'n String>) -> String {
     let (prefix, own) = name.split_at(if name.starts_with(CATALOGUE) { CATALOGUE.len() } else { 0 });
     let is_named = |reference: &&String| reference.split_once('#').is_some_and(|(_, id)| id == own);

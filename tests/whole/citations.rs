@@ -1,4 +1,4 @@
-//! Comments cite sections and traps of `docs/dev/spec` that exist, and the pages name source files that exist.
+//! Comments cite sections and traps of `docs/dev/spec` that exist; pages name source files that exist.
 
 use std::collections::BTreeSet;
 use std::fs;

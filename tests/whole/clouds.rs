@@ -1,5 +1,5 @@
-//! Point clouds as other programs write them: each variant of docs/dev/formats.md is written by another library,
-//! and `compare`, `preview` and the scene's loader have to find the points where they are.
+//! Point clouds as other programs write them: another library writes each variant of docs/dev/formats.md, and
+//! `compare`, `preview` and the loader of scenes must read the points at their positions.
 
 use crate::common::{self, folder, run, succeed, text};
 use std::fs;

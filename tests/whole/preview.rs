@@ -93,7 +93,7 @@ fn a_browser_shows_the_points_without_a_complaint() {
     assert!(said.contains("forest.html") && said.contains("points; open it in a browser"), "{said}");
     succeed(
         dir.path(),
-        &["preview", "forest.laz", "-o", "few.html", "--colour", "class", "--most-points", "5000"],
+        &["preview", "forest.laz", "-o", "few.html", "--colour", "class", "--max-points", "5000"],
     );
     let page = std::fs::read_to_string(dir.path().join("few.html")).unwrap();
     assert!(page.contains("5 000 of "), "the page says that it shows a sample");
@@ -174,8 +174,10 @@ fn a_name_that_tells_no_format_and_numbers_that_are_none_are_refused() {
     std::fs::write(dir.path().join("a.xyz"), "1 2 3\n4 5 6\n").unwrap();
     for (args, expected) in [
         (&["preview", "a.xyz", "-o", "a.jpeg"][..], ".png, .html or .copc.laz"),
-        (&["preview", "a.xyz", "-o", "a.html", "--most-points", "many"], "--most-points"),
-        (&["preview", "a.xyz", "-o", "a.html", "--most-points", "0"], "--most-points"),
+        (&["preview", "a.xyz", "-o", "a.html", "--max-points", "many"], "--max-points"),
+        (&["preview", "a.xyz", "-o", "a.html", "--max-points", "0"], "--max-points"),
+        // The option's earlier name.
+        (&["preview", "a.xyz", "-o", "a.html", "--most-points", "0"], "--max-points"),
         (&["preview", "a.xyz", "-o", "a.xyz"], "exists already"),
         (&["preview", "a.xyz", "-o", "a.copc.laz", "--pulse", "1"], "no waveforms"),
         (&["scene", "map", "a.xyz", "-o", "a.jpeg"], ".png"),

@@ -519,9 +519,80 @@ fn imports_are_read() {
     assert_eq!(declared_module("model;"), None);
 }
 
+/// Names that act like people: a field or variable has the name of its content.
+const UNCLEAR_NAMES: [&str; 11] =
+    ["Aim", "Over", "asked", "beside", "goes_on", "heed", "judged", "rescued", "told", "unheeded", "wanted"];
+
+/// The words of [`UNCLEAR_NAMES`] among the identifiers of `code`; words of texts do not count.
+fn unclear_names(code: &str) -> BTreeSet<&str> {
+    let mut found = BTreeSet::new();
+    let mut is_continued = false;
+    for line in code.lines() {
+        // Every other part is a text: the second one, or the first one if the line before ends within a text.
+        for part in line.split('"').skip(usize::from(is_continued)).step_by(2) {
+            let words = part.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+            found.extend(words.filter(|word| UNCLEAR_NAMES.contains(word)));
+        }
+        is_continued = line.ends_with('\\');
+    }
+    found
+}
+
+#[test]
+fn names_say_what_they_hold() {
+    let code = "let told = 1;\nlet (retold, b) = (\"told, asked \\\n heed\", wanted(told));\n";
+    assert_eq!(unclear_names(code), BTreeSet::from(["told", "wanted"]));
+    let own = crates().into_iter().filter(|of| of == "src" || of.starts_with("crates/"));
+    let mut found = Vec::new();
+    for file in own.flat_map(|of| sources(&of)) {
+        found.extend(unclear_names(&file.code).into_iter().map(|name| format!("{}: {name}", file.path)));
+    }
+    assert!(found.is_empty(), "name the content or the condition: {found:#?}");
+}
+
 /// The first words with which no comment of an item begins: it names the item, says what it does, or when it
 /// is true.
 const RIDDLES: [&str; 7] = ["Whether", "What", "Those", "So", "Nobody", "Which", "Where"];
+
+/// Width of a line of code and comments, characters.
+const LINE_WIDTH: usize = 110;
+
+/// Files with wide code: a row of a table, of markup or of JSON stays on one line.
+const WIDE_CODE: [&str; 5] = [
+    "apps/serve/src/",
+    "crates/formats/src/columnar/mod.rs",
+    "crates/survey/src/keys/tables.rs",
+    "crates/tables/src/vocabulary.rs",
+    // The text of a Python module.
+    "src/options/python.rs",
+];
+
+/// The lines of a file that are wider than [`LINE_WIDTH`], without code of tests and rows of tables.
+fn wide_lines(path: &str, text: &str) -> Vec<usize> {
+    let is_table = WIDE_CODE.iter().any(|prefix| path.starts_with(prefix));
+    let tests = text.find("#[cfg(test)]\nmod tests {").map_or(usize::MAX, |at| text[..at].lines().count());
+    let is_wide = |(number, line): &(usize, &str)| {
+        let is_comment = line.trim_start().starts_with("//");
+        let is_row = line.contains("//! |") || line.contains("/// |");
+        let is_checked = if is_comment { !is_row } else { !is_table && *number <= tests };
+        is_checked && line.chars().count() > LINE_WIDTH
+    };
+    (1..).zip(text.lines()).filter(is_wide).map(|(number, _)| number).collect()
+}
+
+#[test]
+fn lines_fit_into_their_width() {
+    let wide = "a".repeat(LINE_WIDTH + 1);
+    let text = format!("/// {wide}\n//! | {wide}\n{wide}\n#[cfg(test)]\nmod tests {{\n{wide}\n");
+    assert_eq!(wide_lines("src/a.rs", &text), [1, 3]);
+    assert_eq!(wide_lines("apps/serve/src/a.rs", &text), [1]);
+    let mut found = Vec::new();
+    for file in crates().iter().flat_map(|of| sources(of)) {
+        let lines = wide_lines(&file.path, &file.text);
+        found.extend(lines.into_iter().map(|line| format!("{}:{line}", file.path)));
+    }
+    assert!(found.is_empty(), "wrap these at {LINE_WIDTH} characters: {found:#?}");
+}
 
 /// The lines of `text` that begin the comment of an item or a module with one of [`RIDDLES`].
 fn riddles(text: &str) -> Vec<usize> {

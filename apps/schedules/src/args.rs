@@ -16,7 +16,13 @@ pub struct Args {
     /// The survey (.xml) or pipeline (.toml).
     pub survey: PathBuf,
     /// Trees to compare.
-    #[arg(long, value_name = "TREE,…", value_delimiter = ',', default_value = "median,sah,fsah,bvh", value_parser = choice::<Builder>())]
+    #[arg(
+        long,
+        value_name = "TREE,…",
+        value_delimiter = ',',
+        default_value = "median,sah,fsah,bvh",
+        value_parser = choice::<Builder>(),
+    )]
     pub tree: Vec<Builder>,
     /// Rules of the tree builders.
     #[command(flatten)]
@@ -30,7 +36,13 @@ pub struct Args {
     , value_parser = choice::<PolicyKind>())]
     pub schedule: Vec<PolicyKind>,
     /// Pulses per chunk; single pulses and sequential runs aside.
-    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "32", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    #[arg(
+        long,
+        value_name = "N,…",
+        value_delimiter = ',',
+        default_value = "32",
+        value_parser = clap::value_parser!(u32).range(1..=1 << 24),
+    )]
     pub chunk_size: Vec<u32>,
     /// Chunks per worker that may wait in the warehouse.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "4", value_parser = count)]
@@ -58,7 +70,12 @@ pub struct Args {
     pub simulate_threads: Vec<usize>,
     /// Replay a run in shards on clusters of so many nodes, too, from the measured costs of shards and of
     /// their merge.
-    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        value_name = "N,…",
+        value_delimiter = ',',
+        value_parser = clap::value_parser!(u32).range(1..),
+    )]
     pub simulate_nodes: Vec<u32>,
     /// With --simulate-nodes: pulses of the whole survey, of which the one that is flown is a sample.
     /// [default: those that are flown]

@@ -3,7 +3,7 @@
 //! measured, and the measured task times are replayed on machines with more cores.
 //!
 //! ```text
-//! cargo run --release -p vlscan-schedules -- survey.xml --simulate-threads 16,64 --json all.json --svg all.svg
+//! cargo run --release -p vlscan-schedules -- survey.xml --simulate-threads 16,64 --json a.json --svg a.svg
 //! ```
 //!
 //! | file | what it does |

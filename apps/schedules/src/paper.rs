@@ -102,7 +102,11 @@ pub fn tables() -> String {
 }
 
 pub fn json() -> Value {
-    let times = |[build, simulation, total]: [f64; 3]| json!({ "build_s": build, "simulation_s": simulation, "total_s": total });
+    let times = |[build, simulation, total]: [f64; 3]| {
+        json!({
+            "build_s": build, "simulation_s": simulation, "total_s": total
+        })
+    };
     let best = |rows: [Best; 5]| -> Vec<Value> {
         rows.into_iter()
             .map(|(scene, tree, schedule, cores, seconds, reduction)| {

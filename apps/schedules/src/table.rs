@@ -24,7 +24,8 @@ pub fn of(report: &Report) -> String {
         let completing = report.cells.iter().map(|cell| cell.completing_s).fold(f64::INFINITY, f64::min);
         if completing > 5e-4 && completing.is_finite() {
             text.push_str(&format!(
-                "Not simulated: completing the file, which waits for the disk, {completing:.3} s on this machine.\n"
+                "Not simulated: completing the file, which waits for the disk, {completing:.3} s on this \
+                 machine.\n"
             ));
         }
     }
@@ -40,8 +41,8 @@ fn simulated_nodes(cluster: &ClusterForecast) -> String {
     let megabytes = |bytes: u64| bytes as f64 / 1e6;
     let head = format!(
         "\nSimulated nodes of {} threads, {} pulses, tree {tree}; {}B/s per node, {}B/s altogether.\n\
-         Measured per pulse on one thread: run {:.0} ns, as a shard {:.0} ns, index {:.1} ns, merge {:.0} + {:.0} ns; \
-         start {:.2} s, shards {:.0} MB, output {:.0} MB for {} pulses.\n",
+         Measured per pulse on one thread: run {:.0} ns, as a shard {:.0} ns, index {:.1} ns, merge {:.0} + \
+         {:.0} ns; start {:.2} s, shards {:.0} MB, output {:.0} MB for {} pulses.\n",
         assumed.threads,
         amount(assumed.pulses as f64),
         amount(assumed.node_bytes_per_s),

@@ -20,8 +20,7 @@ const POLL: Duration = Duration::from_millis(20);
 const CHECK: Duration = Duration::from_secs(1);
 /// Most files and folders in the folder of a job.
 const MAX_ENTRIES: usize = 200_000;
-/// Maximum number of restarts of a process that somebody kills: the system may have needed the memory for
-/// something else.
+/// Maximum number of restarts after SIGKILL: the system may have needed the memory for something else.
 const MAX_KILLS: usize = 2;
 /// Wait for a process that works in the same folder: one that an earlier service has started and that is
 /// about to end.

@@ -190,7 +190,7 @@ impl Process {
             Process::Stand => without(&program.commands["scene stand"], &["out", "copy", "force"]),
             Process::Preview => {
                 let mut schema =
-                    without(&program.commands["preview"], &["out", "assets", "force", "most_points"]);
+                    without(&program.commands["preview"], &["out", "assets", "force", "max_points"]);
                 schema["properties"]["format"] = json!({
                     "type": "string", "enum": ["png", "html", "copc.laz"],
                     "description": "Picture, page, or all points as COPC for viewers. [default: png]"

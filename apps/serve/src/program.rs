@@ -209,8 +209,8 @@ pub fn confined(args: &ConfineArgs, words: &[OsString]) -> std::io::Result<Comma
     Ok(command)
 }
 
-/// The program that confines: this one. Its path is that of the start, so that a file that replaces it is
-/// used from then on.
+/// Path of this executable, which is the launcher of the sandbox. The path is that of the start, so that a
+/// file that replaces the executable is used from then on.
 ///
 /// # Errors
 /// When this program does not know where it is.

@@ -45,7 +45,7 @@ pub enum TokenError {
     )]
     None(std::path::PathBuf),
     /// The name of an owner has other characters.
-    #[error("`{0}` is no name of an owner: expected up to 40 letters, digits, - and _")]
+    #[error("invalid owner name `{0}`: expected up to 40 letters, digits, - and _")]
     Owner(String),
     /// The token of the environment can be guessed.
     #[error(

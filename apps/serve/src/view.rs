@@ -94,9 +94,9 @@ impl Workshop {
         Ok(self.has_view(job, name))
     }
 
-    /// Executes vlscan in the folder of inputs of a new folder, for a limited time, whatever comes of it. An
-    /// input can have a second name. The pictures are in the folder [`VIEW`]; all goes with the folder that is
-    /// returned.
+    /// Executes vlscan in the folder of inputs of a new folder, for a limited time; its result is ignored. An
+    /// input can have a second name. The pictures are in the folder [`VIEW`]. Everything is removed with the
+    /// returned folder.
     pub(crate) fn draw(
         &self,
         prepared: &Prepared,

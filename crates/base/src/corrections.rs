@@ -43,7 +43,8 @@ macro_rules! corrections {
             pub const RECORD: Corrections = Corrections { $($name: matches!(Area::$area, Area::Record)),* };
 
             /// All corrections of materials and leaf angle tables.
-            pub const MATERIAL: Corrections = Corrections { $($name: matches!(Area::$area, Area::Material)),* };
+            pub const MATERIAL: Corrections =
+                Corrections { $($name: matches!(Area::$area, Area::Material)),* };
 
             /// The corrections that are on in either.
             pub fn or(self, other: Corrections) -> Corrections {
@@ -259,7 +260,10 @@ corrections! {
 
 /// A name that is not that of a correction.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no correction is called {0:?}; there are {known}", known = Corrections::NAMES.join(", ").replace('_', "-"))]
+#[error(
+    "no correction is called {0:?}; there are {known}",
+    known = Corrections::NAMES.join(", ").replace('_', "-")
+)]
 pub struct UnknownCorrection(pub String);
 
 impl Corrections {

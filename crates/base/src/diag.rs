@@ -15,11 +15,11 @@ pub use vlscan_messages::nearest;
 pub enum Severity {
     /// The run cannot continue.
     Error,
-    /// An input is suspicious, or is not used as it is written; the message names what counts instead. An
-    /// error with `--strict`.
+    /// An input is suspicious, or is not used as written; the message names the value used instead. An error
+    /// with `--strict`.
     Warning,
-    /// How an input was understood that can be read in more than one way. Shown beside the warnings; never
-    /// ends a run.
+    /// How an input was understood that can be read in more than one way. Shown with the warnings; never ends
+    /// a run.
     Note,
 }
 
@@ -252,12 +252,13 @@ impl Diagnostics {
         }
     }
 
-    /// The problems that `told` does not have. Files may be named otherwise there: lines and messages count.
-    pub fn without(&self, told: &Diagnostics) -> Diagnostics {
+    /// The problems that `reported` does not contain. Lines and messages are compared, since files may have
+    /// other names there.
+    pub fn without(&self, reported: &Diagnostics) -> Diagnostics {
         let line = |d: &Diagnostic| d.place.as_ref().map(|place| place.line);
-        let is_told =
-            |d: &&Diagnostic| told.items.iter().any(|t| t.message == d.message && line(t) == line(d));
-        let items = self.items.iter().filter(|d| !is_told(d)).cloned().collect();
+        let is_reported =
+            |d: &&Diagnostic| reported.items.iter().any(|t| t.message == d.message && line(t) == line(d));
+        let items = self.items.iter().filter(|d| !is_reported(d)).cloned().collect();
         let mut rest = Diagnostics::default();
         rest.extend(Diagnostics { items, ..Diagnostics::default() });
         rest
@@ -279,7 +280,8 @@ impl Diagnostics {
     /// use vlscan_base::Error;
     /// use vlscan_base::diag::ProblemKind;
     ///
-    /// let Err(error) = std::fs::read("missing.xml").map_err(|e| Error::open("missing.xml", e)) else { return };
+    /// let read = std::fs::read("missing.xml").map_err(|e| Error::open("missing.xml", e));
+    /// let Err(error) = read else { return };
     /// match error {
     ///     Error::Input(problems) if problems.has(ProblemKind::NotFound) => println!("nothing to read yet"),
     ///     other => panic!("{other}"),
@@ -362,7 +364,7 @@ impl Diagnostic {
         self
     }
 
-    /// Sets what the problem is about.
+    /// Sets the subject of the problem.
     pub fn of_kind(&mut self, kind: ProblemKind) -> &mut Diagnostic {
         self.kind = kind;
         self
@@ -435,7 +437,7 @@ fn shortened(text: String) -> String {
     let tail = text.ceil_char_boundary(text.len().saturating_sub(MAX_MESSAGE_BYTES / 3).max(head));
     let tail = text[tail..].rfind('\n').map_or(tail, |end| tail + end + 1);
     let (mut before, mut after) = (&text[..head], &text[tail..]);
-    // Words are kept whole or left out; what is longer than words are, a quoted value, is cut.
+    // Words are kept whole or left out; anything longer than a word, a quoted value, is cut.
     let is_blank = char::is_whitespace;
     if !text[head..].starts_with(is_blank) {
         let end = before.rfind(is_blank).filter(|end| head - end <= MAX_WORD_BYTES);
@@ -570,12 +572,12 @@ mod tests {
     fn what_has_been_told_is_left_out() {
         let text = "<a>\n<b/>\n</a>";
         let place = |path: &str, at: usize| Some(Place::in_text(Path::new(path), text, at..at + 1));
-        let (mut told, mut found) = (Diagnostics::default(), Diagnostics::default());
-        told.warn(place("s.xml", 4), "unknown element <b>");
+        let (mut reported, mut found) = (Diagnostics::default(), Diagnostics::default());
+        reported.warn(place("s.xml", 4), "unknown element <b>");
         found.warn(place("./s.xml", 4), "unknown element <b>");
         found.warn(place("s.xml", 0), "unknown element <b>").help("write <c>");
         found.warn(None, "a slow flight");
-        let rest = found.without(&told);
+        let rest = found.without(&reported);
         let messages: Vec<&str> = rest.items().iter().map(|d| d.message.as_str()).collect();
         assert_eq!(messages, ["unknown element <b>", "a slow flight"]);
         assert_eq!(rest.items()[0].help.as_deref(), Some("write <c>"));

@@ -72,7 +72,7 @@ impl Error {
         Error::input_of(ProblemKind::Invalid, message)
     }
 
-    /// An error of the program that uses the library, which a run returns as it is.
+    /// An error of the program that uses the library, which a run returns unchanged.
     ///
     /// ```
     /// use vlscan_base::Error;
@@ -91,7 +91,7 @@ impl Error {
         Error::input_of(ProblemKind::Exists, message)
     }
 
-    /// [`Error::input`] of a kind that programs can tell.
+    /// [`Error::input`] with a kind that programs can match.
     pub fn input_of(kind: ProblemKind, message: impl Into<String>) -> Error {
         let mut d = Diagnostics::default();
         d.error(None, message).of_kind(kind);

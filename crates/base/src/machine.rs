@@ -7,7 +7,7 @@ use std::io;
 use std::sync::OnceLock;
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
-/// Starts a thread in a scope. `name` is what the system shows of it, and appears in the error. The
+/// Starts a thread in a scope. `name` is shown by the system, and appears in the error. The
 /// [logs](crate::files::FileLog) of the present thread record the new one, too.
 pub fn spawn_scoped<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
@@ -71,7 +71,7 @@ pub fn start_pool() -> Result<()> {
     }
 }
 
-/// Runs `work` in a thread pool of its own. 0 threads means one per core.
+/// Runs `work` in a separate thread pool. 0 threads means one per core.
 pub fn with_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
     let failed = |e| Error::io("start", "the threads that load the scene", e);
     fault::point().map_err(failed)?;

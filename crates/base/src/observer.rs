@@ -1,10 +1,10 @@
-//! The receiver of what a computation says while it runs.
+//! The receiver of the notices of a running computation.
 
 use crate::diag::{Diagnostics, Notice};
 use crate::error::Result;
 use std::sync::Arc;
 
-/// Receives the notices of a computation, and knows whether warnings end it.
+/// Receives the notices of a computation, and decides if warnings end it.
 #[derive(Clone)]
 pub struct Observer {
     is_strict: bool,
@@ -32,7 +32,7 @@ impl Observer {
         self.notify(Notice::Note(text.into()));
     }
 
-    /// Tells what is computed from now on.
+    /// Reports the next stage of the computation.
     pub fn step(&self, text: &'static str) {
         self.notify(Notice::Step(text));
     }
@@ -54,7 +54,7 @@ impl Observer {
 }
 
 impl Default for Observer {
-    /// An observer that drops all notices and for which warnings are no errors.
+    /// An observer that drops all notices and does not treat warnings as errors.
     fn default() -> Observer {
         Observer::new(false, |_| ())
     }

@@ -1,7 +1,7 @@
 //! Quantities: bounds of numbers that are read, and counts with unit prefixes, durations and lengths as text.
 //!
-//! Numbers within the bounds neither overflow nor lose all digits in what is computed from them, so that
-//! points are numbers.
+//! Numbers within the bounds neither overflow nor lose all digits in the computation, so that points are
+//! numbers.
 
 /// Bounds of a number that is read, both included.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,12 +13,12 @@ pub struct Bounds {
     /// The expected number, in words.
     pub expected: &'static str,
     /// Usual values of instruments and flights. Numbers beyond it are read with a warning.
-    pub usual: Option<Usual>,
+    pub typical: Option<Typical>,
 }
 
 /// The range of a quantity in practice, by its amount; 0 is usual, too.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Usual {
+pub struct Typical {
     /// Smallest usual absolute value, in `unit`.
     pub low: f64,
     /// Largest usual absolute value, in `unit`.
@@ -32,16 +32,18 @@ pub struct Usual {
 impl Bounds {
     /// Creates bounds from `low` to `high`, both included, without a usual range.
     pub const fn new(low: f64, high: f64, expected: &'static str) -> Bounds {
-        Bounds { low, high, expected, usual: None }
+        Bounds { low, high, expected, typical: None }
     }
 
     const fn usually(self, low: f64, high: f64, unit: &'static str) -> Bounds {
-        Bounds { usual: Some(Usual { low, high, unit, mistaken: None }), ..self }
+        Bounds { typical: Some(Typical { low, high, unit, mistaken: None }), ..self }
     }
 
     const fn mistaken_for(self, unit: &'static str, factor: f64) -> Bounds {
-        match self.usual {
-            Some(usual) => Bounds { usual: Some(Usual { mistaken: Some((unit, factor)), ..usual }), ..self },
+        match self.typical {
+            Some(typical) => {
+                Bounds { typical: Some(Typical { mistaken: Some((unit, factor)), ..typical }), ..self }
+            }
             None => self,
         }
     }
@@ -61,9 +63,9 @@ impl Bounds {
         value.ok_or_else(|| NumberError { expected: self.expected, found: text.to_owned() })
     }
 
-    /// Describes a number beyond what is usual, with a hint at the unit that it may be in.
+    /// Describes a number beyond the typical range, with a hint at its probable unit.
     pub fn doubt(&self, value: f64) -> Option<(String, String)> {
-        let Usual { low, high, unit, mistaken } = self.usual?;
+        let Typical { low, high, unit, mistaken } = self.typical?;
         if value == 0.0 || !self.contains(value) || (low..=high).contains(&value.abs()) {
             return None;
         }
@@ -389,10 +391,10 @@ mod tests {
         assert_eq!(DIVERGENCE.doubt(0.3).unwrap().1, "0.3 mrad are 0.0003 rad");
         assert_eq!(PULSE_LENGTH_NS.doubt(4e-9).unwrap().1, "4e-9 s are 4 ns");
         assert_eq!(AVERAGE_POWER_W.doubt(1e12).unwrap().1, "it is read in W");
-        for usual in
+        for typical in
             [DIVERGENCE.doubt(0.0003), ROTOR_FREQ.doubt(0.0), NUMBER.doubt(1e11), DIVERGENCE.doubt(9.0)]
         {
-            assert_eq!(usual, None);
+            assert_eq!(typical, None);
         }
     }
 

@@ -75,7 +75,7 @@ impl Area {
 /// Why coordinates of a system cannot be converted to WGS 84.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Wgs84Error {
-    /// It has no EPSG code and is no UTM zone.
+    /// It has no EPSG code and is not a UTM zone.
     #[error(
         "{0} has no EPSG code and is no UTM zone on WGS 84 or GRS 80, so its longitudes and latitudes are \
          unknown"

@@ -1,4 +1,4 @@
-//! Coordinate reference systems as well-known text (WKT): by EPSG code, by UTM zone, and what a text names.
+//! Coordinate reference systems as well-known text (WKT): by EPSG code, by UTM zone, and the codes in a text.
 
 #![deny(unsafe_code)]
 
@@ -80,8 +80,8 @@ pub fn wkt_of_zone(zone: UtmZone) -> Option<String> {
     wkt_of_epsg(zone.epsg()).ok()
 }
 
-/// Removes the TOWGS84 elements, which are no part of a system's definition: readers that compare definitions
-/// do not find the code of a system with them.
+/// Removes the TOWGS84 elements, which are not part of a system's definition: readers that compare
+/// definitions do not find the code of a system with them.
 fn without_shifts(wkt: &str) -> String {
     const SHIFT: &str = ",TOWGS84[";
     let mut text = String::with_capacity(wkt.len());
@@ -126,7 +126,7 @@ pub fn differ(one: &str, other: &str) -> bool {
     matches!((UtmZone::of_wkt(one), UtmZone::of_wkt(other)), (Some(a), Some(b)) if a != b)
 }
 
-/// The projected system of a compound one in WKT 1; other texts as they are.
+/// The projected system of a compound one in WKT 1; other texts unchanged.
 fn horizontal(wkt: &str) -> &str {
     if !matches!(epsg(wkt), Some((EpsgKind::Compound, _))) {
         return wkt;

@@ -245,7 +245,7 @@ struct Element<'t> {
 }
 
 impl<'t> Element<'t> {
-    /// Parses the element that `text` begins with; returns it and what follows it.
+    /// Parses the element at the start of `text`; returns it and the rest.
     fn parse(text: &'t str, depth: usize) -> Option<(Element<'t>, &'t str)> {
         let text = text.trim_start();
         let open = text.find(['[', '('])?;

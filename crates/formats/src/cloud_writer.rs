@@ -19,7 +19,7 @@ pub struct CloudWriter {
 }
 
 impl CloudWriter {
-    /// Begins a file, which replaces one that exists if `replace` is set. Warnings are recorded in `found`.
+    /// Begins a file, which replaces an existing one if `replace` is set. Warnings are recorded in `found`.
     ///
     /// # Errors
     /// [`Error::Input`] for settings that the format cannot follow, and for a file that exists;

@@ -115,7 +115,7 @@ impl Attribute {
     }
 }
 
-/// A name that this program's own tables of points have, and those of other programs have not.
+/// A name in tables of points by this program, and in no tables by other programs.
 const OWN_NAME: &str = "pulsenumber";
 /// A name that its tables have if they have pulses without a return.
 const NAME_OF_MISSES: &str = "beamdirectionx";
@@ -125,7 +125,7 @@ const MAX_LISTED_NAMES: usize = 8;
 
 /// Two names of an attribute that tables usually have together, with different values, so that both are no
 /// mistake: those of this program's own tables, and intensity and amplitude of other scanners' programs.
-const USUAL_PAIRS: [[&str; 2]; 5] = [
+const COMMON_PAIRS: [[&str; 2]; 5] = [
     ["intensity", "amplitude"],
     ["intensity", "heliosamplitude"],
     ["surfaceclass", "classification"],
@@ -152,8 +152,8 @@ impl Misfits {
         Misfits(self.0 & !(1 << attribute as u16))
     }
 
-    /// A value of an attribute without what does not fit, which is noted: numbers have no fraction and are
-    /// within the attribute's range, and what is no number is 0.
+    /// A value of an attribute, limited to values that fit; others are noted: numbers have no fraction and
+    /// are within the attribute's range; NaN becomes 0.
     pub fn fitted(&mut self, attribute: Attribute, value: f64) -> f64 {
         let fitted = match attribute.entry().whole_numbers {
             _ if value.is_nan() => 0.0,
@@ -205,7 +205,7 @@ impl Default for Columns {
     }
 }
 
-/// Names of columns among which there are no positions.
+/// Names of columns without positions.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PositionsError {
@@ -294,9 +294,9 @@ impl Columns {
         for (attribute, chosen) in self.used() {
             let is_alike = |column: &usize| {
                 let (name, own) = (plain[*column].as_str(), plain[chosen].as_str());
-                // One letter is a name of a coordinate only where there is no better one.
+                // A single letter is the name of a coordinate only if there is no better one.
                 let may_differ = name.len() == 1
-                    || USUAL_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
+                    || COMMON_PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&own));
                 name == own || (!may_differ && attribute.has_name(name))
             };
             if let Some(other) = (0..names.len()).find(|column| *column != chosen && is_alike(column)) {

@@ -144,11 +144,11 @@ impl PointSink for SourceFacts {
     }
 }
 
-/// Writes points as they are read.
+/// Writes points while they are read.
 struct CopyWriter {
     writer: CloudWriter,
     settings: CloudSettings,
-    /// True if times need not be those of one time origin, so that no digit of them is lost.
+    /// True if times may have different origins, so that no digit of them is lost.
     has_exact_times: bool,
     /// Details of the next point.
     details: Option<PointDetails>,

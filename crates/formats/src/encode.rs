@@ -24,8 +24,8 @@ pub trait PointEncoder: Debug + Send + Sync {
         Patched::Never
     }
 
-    /// Begins a file: writes what precedes the first point. A header that is not yet known is left blank, so
-    /// that an incomplete file is not mistaken for a complete one.
+    /// Begins a file: writes everything before the first point. A header that is not yet known is left blank,
+    /// so that an incomplete file is not mistaken for a complete one.
     ///
     /// # Errors
     /// Those of writing.
@@ -74,7 +74,7 @@ pub trait FileBody: Send {
         Ok(())
     }
 
-    /// Writes what is collected, for readers of live streams.
+    /// Writes the collected bytes, for readers of live streams.
     ///
     /// # Errors
     /// Those of writing.
@@ -85,7 +85,7 @@ pub trait FileBody: Send {
     /// Closes handles of collected points until the next append.
     fn close_handle(&mut self) {}
 
-    /// Writes what follows the last point.
+    /// Writes everything after the last point.
     ///
     /// # Errors
     /// Those of writing.
@@ -164,7 +164,7 @@ impl EncodedFile {
         self.body.check_count(self.tally.records)
     }
 
-    /// Writes what is collected, for readers of a live stream.
+    /// Writes the collected bytes, for readers of a live stream.
     ///
     /// # Errors
     /// Those of writing.
@@ -175,13 +175,13 @@ impl EncodedFile {
     /// Closes file handles until the next append.
     ///
     /// # Errors
-    /// Those of writing what is buffered.
+    /// Errors of writing the buffer.
     pub fn close_handle(&mut self) -> Result<()> {
         self.body.close_handle();
         self.out.close_handle()
     }
 
-    /// Writes what follows the last point, calls `trailer`, which may append packets and return their
+    /// Writes everything after the last point, calls `trailer`, which may append packets and return their
     /// position, and completes the header. Returns the stream, which is to be
     /// [finished](OutputStream::finish), and the counts.
     ///

@@ -108,7 +108,7 @@ pub struct PointFile<'a> {
 }
 
 impl<'a> PointFile<'a> {
-    /// Recognises the format; `None` if it is not read, which is recorded in `found`.
+    /// Recognises the format; `None` if the format is not supported, which is recorded in `found`.
     pub fn new(path: &'a Path, bytes: &'a [u8], found: &mut Diagnostics) -> Option<PointFile<'a>> {
         match CloudFormat::recognise(&bytes[..bytes.len().min(DETECTED_BYTES)], path) {
             Ok(format) => Some(PointFile { path, bytes, format }),

@@ -41,7 +41,7 @@ const READ_FORMATS: &str = match (cfg!(feature = "e57"), cfg!(feature = "parquet
     (false, false) => "LAS, LAZ, PLY, PCD, PTS, PTX, text and Arrow",
 };
 
-/// Names that end so belong to binary formats.
+/// Extensions of binary formats.
 const BINARY_EXTENSIONS: &[&str] = &["las", "laz", "ply", "pcd", "e57", "parquet", "arrow"];
 
 impl CloudFormat {
@@ -162,7 +162,7 @@ pub enum UnreadFormat {
         expected: String,
     },
     /// A file that is not in the format of its name.
-    #[error("is expected to be {expected} by its name, found a file that begins with \"{beginning}\"")]
+    #[error("the extension says {expected}, but the file starts with \"{beginning}\"")]
     Misnamed {
         /// The format of its name.
         expected: String,

@@ -112,8 +112,8 @@ pub struct PointRow {
     pub return_number: u8,
     /// Number of returns of the pulse.
     pub number_of_returns: u8,
-    /// True for a pulse without a return, which is no point: a row that this program has written for
-    /// `--misses`. Return 0 of 0 alone is no sign of one: points that are added to a cloud or merged into it
+    /// True for a pulse without a return, which is not a point: a row that this program has written for
+    /// `--misses`. Return 0 of 0 alone does not mark one: points that are added to a cloud or merged into it
     /// have it, too.
     pub is_miss: bool,
     /// Scan angle, degrees, as the file has it: in LAS across the track, negative to the left.
@@ -156,7 +156,7 @@ impl PointDetails {
         numbers.iter().any(Option::is_some) || pulse_number.is_some() || stored.incidence_deg.is_some()
     }
 
-    /// Sets what is known in a record.
+    /// Sets the known fields of a record.
     pub fn add_to(&self, record: &mut PointRecord) {
         record.stored = self.stored;
         record.amplitude = self.amplitude.unwrap_or(record.amplitude);
@@ -183,7 +183,7 @@ pub trait PointSink {
     /// Called once, before the first point, with the attributes that the points have.
     fn start(&mut self, attributes: AttributeSet);
 
-    /// Called once, before the first point, with what the file is.
+    /// Called once, before the first point, with the kind of the file.
     fn file(&mut self, _facts: &FileFacts) {}
 
     /// Called at most once, before the first point, with the system of the coordinates as WKT in files that
@@ -232,7 +232,7 @@ impl<'a> Reading<'a> {
         Reading { path, selection, sink, found, misfits: Default::default(), failure: None }
     }
 
-    /// Tells the sink the format of the file, unless its reader knows more.
+    /// Passes the format of the file to the sink, unless its reader passes more.
     fn tell(&mut self, format: CloudFormat) {
         if format != CloudFormat::Las {
             self.sink.file(&FileFacts { format, las: None });
@@ -244,7 +244,7 @@ impl<'a> Reading<'a> {
         self.found.warn(Some(self.place()), message);
     }
 
-    /// Warns of what follows the points that the header of the file counts.
+    /// Warns of data after the points that the header of the file counts.
     fn warn_of_rest(&mut self, points: usize) {
         let points = counted(points, "point");
         self.warn(format!(
@@ -303,14 +303,14 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// Warns of the values of all points that do not fit, as far as they are selected.
+    /// Warns of selected values of all points that do not fit.
     ///
     /// # Errors
     /// That of the sink.
     fn end(self) -> Result<()> {
-        let wanted = |attribute| self.selection == Selection::All || attribute == Attribute::Class;
+        let is_selected = |attribute| self.selection == Selection::All || attribute == Attribute::Class;
         for (attribute, (count, place)) in Attribute::ALL.into_iter().zip(self.misfits) {
-            if count > 0 && wanted(attribute) {
+            if count > 0 && is_selected(attribute) {
                 let points = if count == 1 { "point has" } else { "points have" };
                 self.found.warn(place, format!("{count} {points} {}", attribute.misfit()));
             }

@@ -51,7 +51,8 @@ const FRAMES: u8 = 16;
 macro_rules! formats {
     ($(
         $(#[cfg(feature = $feature:literal)])?
-        $variant:ident $name:literal $aliases:tt $extension:literal [$($flag:ident)*] $encoder:ident $help:literal;
+        $variant:ident $name:literal $aliases:tt $extension:literal [$($flag:ident)*] $encoder:ident
+            $help:literal;
     )*) => {
         /// Format of a point file.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Deserialize)]
@@ -147,7 +148,7 @@ impl PointFormat {
         self.facts().flags & flag != 0
     }
 
-    /// The format of a name or alias, whatever its capitals.
+    /// The format of a name or alias in upper or lower case.
     pub fn of_name(name: &str) -> Option<PointFormat> {
         let is_it = |known: &str| known.eq_ignore_ascii_case(name);
         let found =
@@ -160,7 +161,7 @@ impl PointFormat {
     /// # Errors
     /// The extension, when it denotes no format.
     pub fn of_file(path: &Path) -> Option<Result<PointFormat, UnknownExtension>> {
-        // A name that is no Unicode has an extension, too.
+        // A name that is not valid Unicode has an extension, too.
         let name = path.file_name()?.to_string_lossy();
         let ends_in = |format: &PointFormat| {
             let end = format.extension();

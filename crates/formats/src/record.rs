@@ -1,12 +1,11 @@
-//! Points as they are written, and what precedes their place in a file: records of one format, and their
+//! Points in their written form, and the steps before their place in a file: records of one format, and their
 //! counts.
 
 use crate::PointRow;
 use vlscan_geom::{Aabb, DVec3, Rotation, degrees, radians};
 
-/// A point with everything that is known of it; a format writes what it has a place for. Positions are
-/// relative to [`CloudSettings::origin`](crate::CloudSettings::origin), so that large coordinates keep their
-/// digits.
+/// A point with all of its properties; a format writes those that it has a place for. Positions are relative
+/// to [`CloudSettings::origin`](crate::CloudSettings::origin), so that large coordinates keep their digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointRecord {
     /// Measured position, m. Of a pulse without echo that of the beam's origin.
@@ -25,7 +24,7 @@ pub struct PointRecord {
     pub cause: Cause,
     /// Measured range, m.
     pub range: f64,
-    /// Distance to what was hit, m, without noise and errors.
+    /// Distance to the surface, m, without noise and errors.
     pub true_range: f64,
     /// Amplitude of the echo, in the unit of the instrument.
     pub amplitude: f64,

@@ -3,16 +3,16 @@
 //!
 //! A stray lies behind a gap without points along x, y or z that is wider than three times the extent of most
 //! points, and wider than the way from these to the gap: the points of a tripod thin out with their distance.
-//! Strays are few and lone: an islet or the returns through a window are a place of their own.
+//! Strays are few and isolated: an islet or the returns through a window are a separate place.
 
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::{metres, number};
 use vlscan_geom::{Aabb, DVec3};
 
-/// Most strays at one end of an axis; more of them are a place of their own.
+/// Maximum number of strays at one end of an axis; more of them are a separate place.
 const MAX_STRAYS: usize = 63;
-/// Minimum number of distinct points near each other that are a place of their own.
+/// Minimum number of distinct points near each other that are a separate place.
 const MIN_PLACE: usize = 8;
 /// Maximum distance between the points of a place, as a share of the distance from most points.
 const PLACE_REACH: f64 = 0.5;
@@ -34,7 +34,7 @@ const MAX_SAMPLE: usize = 1 << 14;
 #[derive(Clone, Debug)]
 pub struct StrayFinder {
     count: u64,
-    /// Of so many points one is in the sample.
+    /// Every n-th point is in the sample.
     stride: u64,
     sample: Vec<DVec3>,
     /// The lower and the upper end of each axis.
@@ -86,18 +86,18 @@ impl End {
     }
 }
 
-/// True if some points far from the core of a cloud are a place of their own: many distinct ones are near
-/// each other, and not above or below the core, where clouds, birds and multiple reflections give points.
+/// True if some points far from the core of a cloud are a separate place: many distinct ones are near each
+/// other, and not above or below the core, where clouds, birds and multiple reflections give points.
 fn has_place(points: &[(f64, u64, DVec3)], core: &Aabb) -> bool {
     let margin = core.size();
-    let is_beside = |p: &DVec3| {
+    let is_neighbour = |p: &DVec3| {
         (0..2).any(|axis| p[axis] < core.min[axis] - margin[axis] || p[axis] > core.max[axis] + margin[axis])
     };
-    let beside: Vec<DVec3> = points.iter().map(|(_, _, p)| *p).filter(is_beside).collect();
-    beside.iter().any(|p| {
+    let neighbours: Vec<DVec3> = points.iter().map(|(_, _, p)| *p).filter(is_neighbour).collect();
+    neighbours.iter().any(|p| {
         let reach = PLACE_REACH * distance(core, *p);
         let mut near: Vec<DVec3> = Vec::new();
-        for q in &beside {
+        for q in &neighbours {
             // Damaged files have many points at one position.
             if (*q - *p).length() <= reach && !near.contains(q) {
                 near.push(*q);
@@ -273,7 +273,7 @@ pub struct Apart {
 /// The points of a cloud that lie far from all others.
 #[derive(Clone, Copy, Debug)]
 pub struct Strays {
-    /// Box of all other points, m; infinite where there is no stray.
+    /// Box of all other points, m; infinite without strays.
     within: Aabb,
     /// Number of strays.
     pub count: u64,
@@ -289,7 +289,7 @@ impl Strays {
         !is_within
     }
 
-    /// The box of all other points, m, infinite where there is no stray.
+    /// The box of all other points, m; infinite without strays.
     pub fn others(&self) -> Aabb {
         self.within
     }
@@ -311,7 +311,7 @@ impl Strays {
         })
     }
 
-    /// Warns of them; `what` says what happens to them: "left out".
+    /// Warns of strays; `what` names their treatment: "left out".
     pub fn warn(&self, path: &Path, what: &str, found: &mut Diagnostics) {
         if let Some(described) = self.described() {
             let them = if self.count == 1 { "it is" } else { "they are" };

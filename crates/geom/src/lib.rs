@@ -63,8 +63,8 @@ pub fn rescaled(v: DVec3) -> DVec3 {
     }
 }
 
-/// The unit vector in the direction of `v`, whatever its length; `None` for the zero vector and for one that
-/// is not finite.
+/// The unit vector in the direction of `v`, for any length; `None` for the zero vector and for one that is
+/// not finite.
 pub fn direction(v: DVec3) -> Option<DVec3> {
     Some(unit(rescaled(v))).filter(|unit| v.is_finite() && unit.is_finite())
 }

@@ -10,8 +10,8 @@
 //! # Ok::<(), serde_json::Error>(())
 //! ```
 //!
-//! Within a [`VERSION`] members and kinds are only added. Readers ignore members that they do not know; kinds
-//! that this crate does not know become [`Message::Unknown`].
+//! Within a [`VERSION`] members and kinds are only added. Readers ignore unknown members; unknown kinds
+//! become [`Message::Unknown`].
 //!
 //! [`nearest`] finds the name that a message suggests in place of a misspelt one.
 
@@ -37,7 +37,7 @@ pub enum Message {
     Progress(ProgressMessage),
     /// A problem that ends the command.
     Error(ProblemMessage),
-    /// A suspicious input, or one that is not used as it is written.
+    /// A suspicious input, or one that is not used as written.
     Warning(ProblemMessage),
     /// How an input was understood.
     Note(ProblemMessage),

@@ -205,7 +205,7 @@ pub(super) struct PartSource<'a> {
 #[derive(Default)]
 pub(super) struct FaceNumbers {
     /// True if they are recorded: a material is for faces by their numbers.
-    pub are_wanted: bool,
+    pub are_requested: bool,
     /// The face of each triangle of the part, in the order of its files.
     pub of_triangles: Vec<u32>,
     /// Number of faces.

@@ -117,7 +117,7 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
     let Some(identity) = changes.identity() else { return };
     let materials = replacements(scene, identity, changes);
     let faces = &mut scene.faces;
-    if faces.are_wanted && faces.count == 0 {
+    if faces.are_requested && faces.count == 0 {
         // The triangles of rasters and voxels have no numbers.
         faces.count = extent.triangles.len();
         faces.of_triangles = (0..faces.count as u32).collect();

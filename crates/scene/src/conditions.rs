@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use vlscan_base::corrections::Corrections;
 use vlscan_survey::{Loader, MaterialChoice, SceneRecipe, VoxelMode};
 
-/// Settings that a scene was loaded with, as far as they can affect it.
+/// Settings of the loading that can affect a scene.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Conditions {
     /// Wavelength of the spectra, nm.
@@ -27,7 +27,7 @@ pub struct Conditions {
     pub drop_polygons: bool,
 }
 
-/// Why a scene is not the one that other options ask for.
+/// Why a scene does not match other options.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ConditionMismatch {
     /// Reflectances from spectra at another wavelength, nm.

@@ -1,4 +1,4 @@
-//! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files beside its
+//! Coordinate reference system of a scene: from the keys of its rasters and from `.prj` files next to its
 //! geometry.
 
 use crate::load::raster;
@@ -21,7 +21,7 @@ struct Named {
 }
 
 /// Returns the system that the files of a scene name, as WKT: the first one; files that name another one are
-/// reported. Parts that are moved or turned sideways have coordinates of their own and count for nothing.
+/// reported. Parts that are moved or turned sideways have separate coordinates and are ignored.
 pub(super) fn find_crs(recipe: &SceneRecipe, problems: &mut Diagnostics) -> Option<String> {
     let mut found: Option<Named> = None;
     let mut seen = HashSet::new();

@@ -60,7 +60,7 @@ pub(super) fn part_in_epoch(part: &PartRecipe, epoch: u32) -> Option<Cow<'_, Par
         return Some(Cow::Borrowed(part));
     }
     let mut swapped = part.clone();
-    // The loader for swaps that name none: that of the first epoch, until the part has been absent once.
+    // The loader for swaps without one: the loader of the first epoch, until the part has been absent once.
     let (mut baseline, mut present, mut begins) = (Some(&part.loader), true, 1u64);
     for swap in &part.swaps {
         if begins > u64::from(epoch) {

@@ -1,5 +1,5 @@
-//! Detection of parts in local coordinates beside parts on a projected grid, and of parts far from each other
-//! on it.
+//! Detection of parts in local coordinates next to parts on a projected grid, and of parts far from each
+//! other on it.
 
 use super::builder::SceneBuilder;
 use vlscan_base::diag::Place;
@@ -8,7 +8,7 @@ use vlscan_geom::{Aabb, DVec3};
 
 /// Distance from the origin up to which coordinates are taken as local, m.
 const MAX_LOCAL: f64 = 20_000.0;
-/// Distance from the origin from which coordinates are taken as those of a grid, m.
+/// Distance from the origin from which coordinates count as grid coordinates, m.
 const MIN_GRID: f64 = 100_000.0;
 /// Distance of two parts on a grid from which one of them is misplaced, m.
 const MAX_APART: f64 = 300_000.0;

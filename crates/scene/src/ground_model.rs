@@ -1,5 +1,5 @@
-//! The ground of a loaded scene, found with its tree: what heights of points count from, planned legs follow
-//! and trees stand on.
+//! The ground of a loaded scene, found with its tree: the reference of point heights, which planned legs
+//! follow and trees stand on.
 
 use crate::{LoadOptions, Scene, load};
 use std::fmt;
@@ -28,7 +28,7 @@ pub struct GroundModel {
 }
 
 impl GroundModel {
-    /// The ground of a scene with its tree; `fallback` is what counts where no material is ground.
+    /// The ground of a scene with its tree; `fallback` applies where no material is ground.
     pub fn new(scene: Arc<Scene>, tree: Arc<Tree>, fallback: Fallback) -> GroundModel {
         let has_ground = scene.materials.iter().any(|material| material.is_ground);
         GroundModel { scene, tree, has_ground, fallback }

@@ -28,7 +28,8 @@ pub struct Inventory {
     pub of_part: Vec<u64>,
     /// Number of primitives of each material.
     pub of_material: Vec<u64>,
-    /// Triangles degenerate to a line, which rays can hardly hit; those of shared meshes are counted once.
+    /// Triangles degenerate to a line, which rays can hardly hit; triangles of shared meshes are counted
+    /// once.
     pub slivers: u64,
     /// Triangles with the same corners as another triangle of their mesh, or of their tile.
     pub duplicates: u64,
@@ -78,7 +79,7 @@ impl Inventory {
         }
         all.add_faults(&scene.geometry);
         let Geometry { cubes, grids, .. } = &scene.geometry;
-        // The voxels of one grid have places of their own.
+        // The voxels of one grid have separate places.
         if !(grids.len() == 1 && cubes.is_empty()) {
             let cubes = scene.geometry.cubes_in(0..cubes.len(), 0..grids.len());
             all.duplicate_cubes =
@@ -153,7 +154,7 @@ impl Inventory {
         let in_fields =
             || fields.par_iter().flat_map(|field| numbers(field.len()).filter_map(|i| field.triangle(i)));
         self.slivers += stored().chain(in_fields()).filter(is_sliver).count() as u64;
-        // Those of one field have places of their own.
+        // The triangles of one field have separate places.
         let is_one_field = fields.len() == 1 && triangles.is_empty();
         if !is_one_field {
             self.duplicates += repeated(stored().chain(in_fields()).map(fingerprint).collect());

@@ -1,7 +1,7 @@
 //! The scanned scene: parts with geometry and materials in one frame.
 //!
 //! ```text
-//! SceneRecipe ─ load ─► loaders: mesh │ raster │ cloud │ voxel ─► builder ─ transform ─ ground ─ shift ─► Scene
+//! SceneRecipe ─► loaders: mesh │ raster │ cloud │ voxel ─► builder ─ transform, ground, shift ─► Scene
 //!                          └ mtl, spectra ─► library (materials at the scanner's wavelength)
 //! ```
 //!

@@ -126,7 +126,7 @@ impl Names {
 /// How a name of a material was resolved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Known {
-    /// A file defines it, or it is that of faces without a material.
+    /// A file defines it, or it belongs to faces without a material.
     Whole,
     /// A file defines this name, whose first word is the same.
     FirstWord(String),
@@ -441,8 +441,8 @@ impl Library {
         };
         let Some(index) = index else {
             let known: Vec<&str> = definitions.iter().map(|d| d.name.as_str()).collect();
-            let wanted = choice.name.as_ref().map_or("material".to_owned(), |n| format!("material \"{n}\""));
-            let message = format!("{} defines no {wanted}", path.display());
+            let missing = choice.name.as_ref().map_or("material".to_owned(), |n| format!("material \"{n}\""));
+            let message = format!("{} defines no {missing}", path.display());
             diagnostics.error(place.cloned(), message).help(format!("it defines: {}", known.join(", ")));
             return None;
         };

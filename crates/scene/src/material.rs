@@ -5,7 +5,7 @@ use vlscan_base::corrections::Corrections;
 /// A material with its reflectance at the scanner's wavelength.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Material {
-    /// Name, that of `newmtl` for materials of MTL files.
+    /// Name; for materials of MTL files the name after `newmtl`.
     pub name: String,
     /// ρ as used in the energy computation: `helios_reflectance` verbatim, otherwise that of the spectrum,
     /// otherwise one half; spectra and the half are in per cent unless [`Corrections::reflectance_fraction`]
@@ -24,7 +24,7 @@ pub struct Material {
     /// Size of the elements of foliage that intercept light as a whole, m; 0: leaves are much smaller than
     /// footprints.
     pub element_size: f64,
-    /// True for leaves, as its definition says; `None` if it says nothing.
+    /// True for leaves; `None` if the definition does not state it.
     pub leaf: Option<bool>,
 }
 

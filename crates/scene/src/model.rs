@@ -412,27 +412,28 @@ impl Scene {
         own.chain(instances).chain(tiles.map(|tile| tile.bounds)).reduce(Aabb::union)
     }
 
-    /// Heights over (x, y) of the triangles of instances whose material is one of `wanted`.
-    fn instances_over(&self, wanted: &[bool], x: f64, y: f64) -> impl Iterator<Item = f64> {
+    /// Heights over (x, y) of the triangles of instances whose material is one of `included`.
+    fn instances_over(&self, included: &[bool], x: f64, y: f64) -> impl Iterator<Item = f64> {
         self.instances.iter().flat_map(move |set| {
-            let has_wanted: Vec<bool> =
-                set.materials.iter().map(|of| of.iter().any(|&m| wanted[m as usize])).collect();
+            let has_included: Vec<bool> =
+                set.materials.iter().map(|of| of.iter().any(|&m| included[m as usize])).collect();
             let instances = &set.instances;
-            let below = instances.all.iter().filter(move |i| has_wanted[i.model as usize]).filter(move |i| {
-                let b = instances.bounds_of(i);
-                (b.min.x..=b.max.x).contains(&x) && (b.min.y..=b.max.y).contains(&y)
-            });
+            let below =
+                instances.all.iter().filter(move |i| has_included[i.model as usize]).filter(move |i| {
+                    let b = instances.bounds_of(i);
+                    (b.min.x..=b.max.x).contains(&x) && (b.min.y..=b.max.y).contains(&y)
+                });
             below.flat_map(move |instance| {
                 let materials = set.materials[instance.model as usize].iter().enumerate();
                 materials
-                    .filter(|(_, m)| wanted[**m as usize])
+                    .filter(|(_, m)| included[**m as usize])
                     .filter_map(move |(k, _)| height_in_triangle(instances.corners(instance, k), x, y))
             })
         })
     }
 }
 
-/// Height of a triangle over (x, y); its edges belong to it, so that there is no gap between neighbours.
+/// Height of a triangle over (x, y); its edges belong to it, so that neighbours have no gap between them.
 fn height_in_triangle(corners: [DVec3; 3], x: f64, y: f64) -> Option<f64> {
     let [a, b, c] = corners.map(|p| (p.x - x, p.y - y));
     // Swapping the two points only changes the sign, so neighbours agree on their common edge.

@@ -11,7 +11,7 @@ use vlscan_base::quantity::CLASSES;
 use vlscan_base::recognise::Expected;
 use vlscan_survey::MaterialDefinition;
 
-/// Reads the materials of a file by itself.
+/// Reads the materials of a single file.
 ///
 /// # Errors
 /// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] with all problems of the file.
@@ -290,9 +290,9 @@ mod tests {
             ("Kd 0.1 0.2 0.3 1", "\"1\" after Kd 0.3"),
         ] {
             let (_, d) = read_text(format!("newmtl a\n{line} # note\n").as_bytes());
-            let [told] = d.items() else { panic!("{line}: {}", d.text()) };
-            assert!(told.message.contains(expected), "{line}: {}", told.message);
-            assert!(told.severity == Severity::Warning && told.place.as_ref().unwrap().line == 2);
+            let [reported] = d.items() else { panic!("{line}: {}", d.text()) };
+            assert!(reported.message.contains(expected), "{line}: {}", reported.message);
+            assert!(reported.severity == Severity::Warning && reported.place.as_ref().unwrap().line == 2);
         }
     }
 
@@ -316,7 +316,7 @@ mod tests {
         ] {
             assert_eq!(optics(lines), Some((expected.0.to_owned(), expected.1)), "{lines}");
         }
-        // Some programs write Tr as the opposite of what it means.
+        // Some programs write the opposite value of Tr.
         for opaque in [
             "d 1.0\nTr 0\nillum 2",
             "d 1\nTr 1",

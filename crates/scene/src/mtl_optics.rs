@@ -11,8 +11,8 @@ const OPAQUE_MODELS: std::ops::RangeInclusive<f64> = 0.0..=3.0;
 /// Transparency of one material as its file states it.
 #[derive(Default)]
 pub(super) struct Optics {
-    /// Opacity `d`, transparency `Tr`, illumination model, texture of the opacity, and share `Tf` of the light
-    /// that passes, if they are given.
+    /// Opacity `d`, transparency `Tr`, illumination model, texture of the opacity, and share `Tf` of the
+    /// light that passes, if they are given.
     statements: [Option<Statement>; 5],
 }
 
@@ -54,7 +54,7 @@ impl Optics {
         true
     }
 
-    /// Passes what is not opaque to the material.
+    /// Passes transparency to the material.
     pub fn finish(mut self, material: Option<&mut MaterialDefinition>) {
         let is_one = |statement: &Option<Statement>| statement.as_ref().is_some_and(|s| s.value == Some(1.0));
         if is_one(&self.statements[0]) && is_one(&self.statements[1]) {

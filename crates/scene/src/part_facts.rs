@@ -1,4 +1,4 @@
-//! Facts of the parts of a scene, for tables beside labelled points.
+//! Facts about the parts of a scene, for tables of labelled points.
 
 use super::primitive::area_of_triangle;
 use super::{InstanceSet, Material, PrimitiveFacts, Scene, Tiles};
@@ -16,7 +16,7 @@ pub struct PartFacts {
     pub bounds: Aabb,
     /// Number of primitives, including the triangles of instances.
     pub primitives: u64,
-    /// Indices in [`Scene::materials`], that of most primitives first.
+    /// Indices in [`Scene::materials`]; the material of most primitives comes first.
     pub materials: Vec<u32>,
     /// The areas of each of its materials.
     pub areas: Vec<MaterialArea>,

@@ -4,7 +4,7 @@ use super::{Scene, Surface, Voxel, VoxelKind};
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_trace::{Cube, PrimitiveRef};
 
-/// A primitive with what is known of it.
+/// A primitive with its facts.
 #[derive(Clone, Copy, Debug)]
 pub struct PrimitiveFacts {
     /// Its storage.

@@ -145,8 +145,8 @@ mod tests {
         }
         let mut d = Diagnostics::default();
         issues.report(Corrections::NONE, &mut d);
-        let [told] = d.items() else { panic!("{}", d.text()) };
-        assert!(told.message.contains("material \"wall\" has no"), "{}", told.message);
-        assert_eq!(told.place.as_ref().map(|place| place.line), Some(2));
+        let [reported] = d.items() else { panic!("{}", d.text()) };
+        assert!(reported.message.contains("material \"wall\" has no"), "{}", reported.message);
+        assert_eq!(reported.place.as_ref().map(|place| place.line), Some(2));
     }
 }

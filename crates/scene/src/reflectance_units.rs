@@ -6,7 +6,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 /// Reflectances above this are interpreted as per cent; those between 1 and this can be of retroreflectors.
 pub(super) const MAX_FRACTION: f64 = 2.0;
 
-/// A reflectance as its file has it, or as it is assumed.
+/// A reflectance from a file, or an assumed one.
 #[derive(Clone, Debug, PartialEq)]
 struct Given {
     material: u32,
@@ -41,7 +41,7 @@ impl ReflectanceUnits {
         }
     }
 
-    /// Warns of a scene that has both. `used` tells which materials primitives have: others were replaced.
+    /// Warns of a scene that has both. `used` marks the materials of primitives: others were replaced.
     pub fn report(&self, is_fraction: bool, used: impl FnOnce() -> Vec<bool>, diagnostics: &mut Diagnostics) {
         if self.per_cent.is_empty() || self.fractions.is_empty() {
             return;

@@ -1,5 +1,5 @@
 //! Reflectance at the scanner's wavelength from spectral libraries (spec input-formats §5). Rows are taken as
-//! the reference takes them; those that hardly mean what is read of them are warned of.
+//! the reference takes them; rows that are probably meant differently cause a warning.
 
 use super::number::float;
 use super::text::{Lines, Problems, Source, Words, shown};
@@ -91,7 +91,7 @@ impl Spectra {
     fn find(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<PathBuf> {
         let files = self.folders.iter().flat_map(|folder| reads::list(folder).unwrap_or_default());
         let named = files.filter(|f| f.file_stem().is_some_and(|s| s == name) && f.is_file());
-        // A folder can be found by several ways.
+        // Several paths can lead to the same folder.
         let mut seen = HashSet::new();
         let mut different = named.filter(|f| seen.insert(f.canonicalize().unwrap_or_else(|_| f.clone())));
         let first = different.next()?;
@@ -139,7 +139,7 @@ fn reflectances_in(path: &Path, wavelengths: &[f32], diagnostics: &mut Diagnosti
 
 fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
     let mut rows = Vec::new();
-    let (mut is_told_of_header, mut is_told_of_columns) = (false, false);
+    let (mut has_reported_header, mut has_reported_columns) = (false, false);
     for line in Lines::new(source.bytes(), false) {
         let mut words = Words::new(&line.text, 0);
         let Some((first, at)) = words.next() else { continue };
@@ -147,8 +147,8 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
         let values = parsed(first).zip(words.next().and_then(|(word, _)| parsed(word)));
         let at = line.start + at.start..line.start + line.text.len();
         if line.number <= HEADER_LINES {
-            if values.is_some() && !is_told_of_header {
-                is_told_of_header = true;
+            if values.is_some() && !has_reported_header {
+                has_reported_header = true;
                 problems.warn(line.number, at, || {
                     format!(
                         "a row among the first {HEADER_LINES} lines, which are the header and are not read; \
@@ -170,8 +170,8 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
             });
             continue;
         };
-        if words.next().is_some() && !is_told_of_columns {
-            is_told_of_columns = true;
+        if words.next().is_some() && !has_reported_columns {
+            has_reported_columns = true;
             problems.warn(line.number, at.clone(), || {
                 "what follows the wavelength and the reflectance in a row is not read".to_owned()
             });
@@ -181,7 +181,7 @@ fn table(source: &Source, problems: &mut Problems) -> Vec<Row> {
     rows
 }
 
-/// Warns of rows that hardly mean what is read of them, and of a wavelength outside of the table.
+/// Warns of rows that are probably meant differently, and of a wavelength outside of the table.
 fn warn_of_doubts(rows: &[Row], wavelengths: &[f32], problems: &mut Problems) {
     let used_at = |wavelength: &f32| {
         let per_cent = number(f64::from(interpolate(rows, *wavelength)).max(0.0));
@@ -216,7 +216,7 @@ fn warn_of_first(wrong: &[&Row], problems: &mut Problems, message: impl FnOnce(&
     row.warn(problems, || message(row, &others));
 }
 
-/// Warns of numbers that are no wavelengths or no reflectances in per cent. `used` is what follows from the
+/// Warns of numbers that are not wavelengths or not reflectances in per cent. `used` is what follows from the
 /// table.
 fn warn_of_numbers(rows: &[Row], used: &str, problems: &mut Problems) {
     let no_wavelengths: Vec<&Row> = rows.iter().filter(|row| row.wavelength <= 0.0).collect();
@@ -349,15 +349,16 @@ mod tests {
         ] {
             let (value, found) = read(rows);
             assert!((value.unwrap() - expected).abs() < 1e-3, "{rows}: {value:?}");
-            let told: Vec<_> = found.items().iter().filter(|item| item.message.contains(message)).collect();
-            assert_eq!(told.len(), 1, "{rows}:\n{}", found.text());
-            assert_eq!(told[0].place.as_ref().unwrap().line, line, "{rows}");
+            let reported: Vec<_> =
+                found.items().iter().filter(|item| item.message.contains(message)).collect();
+            assert_eq!(reported.len(), 1, "{rows}:\n{}", found.text());
+            assert_eq!(reported[0].place.as_ref().unwrap().line, line, "{rows}");
             assert!(found.is_fatal(true) && !found.is_fatal(false), "{rows}");
             let used = format!("it reflects {} per cent", number(value.unwrap().max(0.0)));
             assert!(
-                message.contains("what follows") || told[0].message.contains(&used),
+                message.contains("what follows") || reported[0].message.contains(&used),
                 "{}",
-                told[0].message
+                reported[0].message
             );
         }
         let fine =
@@ -382,9 +383,9 @@ mod tests {
         .unwrap();
         let mut d = Diagnostics::default();
         Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", &mut d);
-        let [told] = d.items() else { panic!("{}", d.text()) };
-        assert!(told.message.contains("the first 26 lines"), "{}", told.message);
-        assert_eq!(told.place.as_ref().unwrap().line, 25);
+        let [reported] = d.items() else { panic!("{}", d.text()) };
+        assert!(reported.message.contains("the first 26 lines"), "{}", reported.message);
+        assert_eq!(reported.place.as_ref().unwrap().line, 25);
     }
 
     #[test]

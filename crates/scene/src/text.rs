@@ -94,12 +94,12 @@ impl Source {
         self.data.release(self.begin + part.start..self.begin + part.end);
     }
 
-    /// True if the file is text that may be what is wanted; otherwise reports its kind, or an error at the
-    /// first line that is not text.
-    pub fn is_text(&self, wanted: &Expected, diagnostics: &mut Diagnostics) -> bool {
-        let (bytes, what) = (self.bytes(), wanted.what);
+    /// True if the file is text that may be in the expected format; otherwise reports its kind, or an error
+    /// at the first line that is not text.
+    pub fn is_text(&self, sought: &Expected, diagnostics: &mut Diagnostics) -> bool {
+        let (bytes, what) = (self.bytes(), sought.what);
         if let Some(found) =
-            foreign(&self.path, bytes, wanted).filter(|found| found.kind.family != Family::Binary)
+            foreign(&self.path, bytes, sought).filter(|found| found.kind.family != Family::Binary)
         {
             found.report(&self.path, diagnostics);
             return false;

@@ -1,4 +1,4 @@
-//! A triangle of a scene, found once for all that is asked of it.
+//! A triangle of a scene, located once for several queries.
 
 use super::{Scene, Surface};
 use vlscan_geom::DVec3;

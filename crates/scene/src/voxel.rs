@@ -59,7 +59,7 @@ impl Voxel {
         Voxel { density, normal, kind: kind as u32 }
     }
 
-    /// The normal as it is stored; (0, 0, 0) without one.
+    /// The stored normal; (0, 0, 0) without one.
     pub(super) fn stored_normal(&self) -> [f32; 3] {
         self.normal
     }

@@ -1,11 +1,11 @@
 //! The search path of input files (spec input-formats §8).
 //!
-//! The rule is the same for every kind of file: an absolute path is used as it is; a relative one is searched
-//! in the working directory, then in the asset folders in their order, then in `assets/`, then in the folder
-//! of the file that refers to it. The built-in catalogue comes last. A name with `\` that denotes no file is
-//! searched again with `/`, so that what was written on Windows is read elsewhere. Documents with
-//! `paths="beside"`, as vlscan writes them, are exempt: what they name is looked for in their own folder
-//! first, whatever else lies in the working directory.
+//! The rule is the same for every kind of file: an absolute path is used unchanged; a relative one is
+//! searched in the working directory, then in the asset folders in their order, then in `assets/`, then in
+//! the folder of the file that refers to it. The built-in catalogue comes last. A name with `\` that denotes
+//! no file is searched again with `/`, so that files written on Windows can be read elsewhere. Documents with
+//! `paths="beside"`, as vlscan writes them, are exempt: their files are searched in their own folder first,
+//! not in the working directory.
 
 use super::shipped::{self, BuiltIn};
 use super::toml::words::hint_for_name;
@@ -21,8 +21,8 @@ use vlscan_base::files::reads;
 pub(super) struct Assets {
     /// Working directory, asset folders, `assets/`; without duplicates.
     folders: Vec<PathBuf>,
-    /// Folders of documents that name files beside them.
-    beside_first: RefCell<BTreeSet<PathBuf>>,
+    /// Folders of documents that name files next to them.
+    preferred: RefCell<BTreeSet<PathBuf>>,
 }
 
 /// The target of a reference.
@@ -37,7 +37,7 @@ pub(super) enum Found {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Located<T> {
     pub found: T,
-    /// The spelling that is found, if it is not the one that was asked for.
+    /// The spelling in the file system, if it differs from the requested one.
     pub respelled: Option<String>,
 }
 
@@ -53,7 +53,7 @@ pub(super) enum NoMatch {
 impl Assets {
     /// The search path with the user's asset folders.
     pub fn new(user: &[PathBuf]) -> Assets {
-        let mut assets = Assets { folders: vec![PathBuf::new()], beside_first: RefCell::default() };
+        let mut assets = Assets { folders: vec![PathBuf::new()], preferred: RefCell::default() };
         user.iter().for_each(|folder| assets.add(folder));
         assets.add(Path::new("assets"));
         assets
@@ -81,12 +81,12 @@ impl Assets {
     }
 
     /// From now on files that documents of `folder` name are looked for there first.
-    pub fn look_beside_first(&self, folder: &Path) {
-        self.beside_first.borrow_mut().insert(folder.to_path_buf());
+    pub fn prefer_folder(&self, folder: &Path) {
+        self.preferred.borrow_mut().insert(folder.to_path_buf());
     }
 
-    fn is_beside_first(&self, folder: &Path) -> bool {
-        self.beside_first.borrow().contains(folder)
+    fn is_preferred(&self, folder: &Path) -> bool {
+        self.preferred.borrow().contains(folder)
     }
 
     /// The first existing file of that name in the search path.
@@ -98,7 +98,7 @@ impl Assets {
         if name.is_empty() {
             return None;
         }
-        let first = self.is_beside_first(referring).then_some(referring);
+        let first = self.is_preferred(referring).then_some(referring);
         let folders = first.into_iter().chain(self.folders.iter().map(PathBuf::as_path)).chain([referring]);
         // Joining an absolute path yields that path. Named pipes can be read like files (`<(command)` of a
         // shell).
@@ -108,7 +108,7 @@ impl Assets {
     /// The first existing folder of that name in the search path.
     pub fn folder(&self, name: &str, referring: &Path) -> Option<PathBuf> {
         let is_named = |name: &str| !name.is_empty();
-        let first = self.is_beside_first(referring).then_some(referring);
+        let first = self.is_preferred(referring).then_some(referring);
         let folders =
             || first.into_iter().chain(self.folders.iter().map(PathBuf::as_path)).chain([referring]);
         let find = |name: &str| folders().map(|f| f.join(name)).find(|p| is_named(name) && p.is_dir());
@@ -150,7 +150,7 @@ impl Assets {
         let pattern =
             Regex::new(&format!("^(?:{pattern})$")).map_err(|e| NoMatch::Expression(e.to_string()))?;
         let mut files = BTreeMap::new();
-        if self.is_beside_first(referring) {
+        if self.is_preferred(referring) {
             collect(&referring.join(folder), &pattern, &mut files);
         }
         for base in &self.folders {
@@ -206,7 +206,7 @@ impl Assets {
     }
 }
 
-/// Result of `find` for a name as it is written, else with `/` in place of `\`.
+/// Result of `find` for a name as written, otherwise with `/` in place of `\`.
 fn located<T>(name: &str, find: impl Fn(&str) -> Option<T>) -> Option<Located<T>> {
     if let Some(found) = find(name) {
         return Some(Located { found, respelled: None });
@@ -233,13 +233,13 @@ pub(super) fn slashes(name: &str) -> Cow<'_, str> {
 fn in_any_case(base: &Path, name: &Path) -> Option<String> {
     let mut path = PathBuf::new();
     for component in name.components() {
-        let wanted = component.as_os_str();
-        if base.join(&path).join(wanted).exists() {
-            path.push(wanted);
+        let requested = component.as_os_str();
+        if base.join(&path).join(requested).exists() {
+            path.push(requested);
             continue;
         }
-        let wanted = wanted.to_string_lossy().to_lowercase();
-        let found = names_in(&base.join(&path)).into_iter().find(|own| own.to_lowercase() == wanted)?;
+        let requested = requested.to_string_lossy().to_lowercase();
+        let found = names_in(&base.join(&path)).into_iter().find(|own| own.to_lowercase() == requested)?;
         path.push(found);
     }
     base.join(&path).is_file().then(|| path.to_string_lossy().into_owned())
@@ -361,7 +361,7 @@ mod tests {
         let t = tree(&["one/a.obj", "here/a.obj", "one/trees/a.obj", "here/trees/a.obj", "one/b.obj"]);
         let at = |p: &str| t.path().join(p);
         let assets = Assets::new(&[at("one")]);
-        assets.look_beside_first(&at("here"));
+        assets.prefer_folder(&at("here"));
         let found = |name: &str, folder: &str| assets.file(name, &at(folder)).map(|located| located.found);
         assert_eq!(found("a.obj", "here"), Some(at("here/a.obj")));
         assert_eq!(found("b.obj", "here"), Some(at("one/b.obj")));

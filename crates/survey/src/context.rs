@@ -11,7 +11,7 @@ use std::sync::Arc;
 use vlscan_base::diag::{Diagnostic, Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
 
-/// A scene that replaces that of a survey.
+/// A scene that replaces the survey's.
 #[derive(Clone, Debug)]
 pub enum SceneChoice {
     /// A reference as [`super::read_scene`] reads it.
@@ -67,7 +67,7 @@ impl Context {
         }
     }
 
-    /// Adds problems found before.
+    /// Adds earlier problems.
     pub fn take(&self, problems: Diagnostics) {
         self.problems.borrow_mut().extend(problems);
     }

@@ -94,7 +94,7 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
     for (own, keys) in OWN_KEYS.iter().filter(|(own, _)| *own != optics) {
         keys.iter().for_each(|keys| refuse_unused(fields, keys, own, optics));
     }
-    // In XML scanners have it in their channels only, whatever their optics.
+    // In XML scanners of all optics have it in their channels only.
     let beam = (is_toml || in_channel).then(|| fields.xyz(K.incident_beam)).flatten().map(unit);
     if beam.is_some_and(|beam| !beam.is_finite()) {
         fields.error(K.incident_beam, "must have a direction");
@@ -177,7 +177,7 @@ pub(super) fn refuse_unused(fields: &mut Fields, keys: &[Key], own: &str, optics
     }
 }
 
-/// Replaces the prisms by those of a list of tables.
+/// Replaces the prisms by a list of tables.
 fn change_prisms(fields: &mut Fields, prisms: &mut Vec<Prism>, air: f64) {
     if fields.has(K.prisms) {
         prisms.clear();

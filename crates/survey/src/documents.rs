@@ -102,7 +102,7 @@ impl Context {
         let mut fields = Fields::new(self, &root);
         fields.ignore(&["schemaLocation", "noNamespaceSchemaLocation"]);
         if fields.choice("paths", &[("beside", ())], None).is_some() {
-            self.assets.look_beside_first(root.folder());
+            self.assets.prefer_folder(root.folder());
         }
         fields.done(&["survey", "scene", "scanner", "platform", "scannerSettings", "platformSettings"]);
         let mut ids = HashSet::new();
@@ -195,17 +195,18 @@ impl Context {
         found
     }
 
-    /// As [`Context::file`], for names in tables of instances, which belong to files beside the table.
-    pub fn file_beside(&self, name: &str, folder: &Path, place: Place) -> Option<PathBuf> {
-        let beside = folder.join(name);
-        if reads::is_file(&beside) { Some(beside) } else { self.file(name, folder, place) }
+    /// As [`Context::file`], for names in tables of instances, whose files are next to the table.
+    pub fn sibling_file(&self, name: &str, folder: &Path, place: Place) -> Option<PathBuf> {
+        let sibling = folder.join(name);
+        if reads::is_file(&sibling) { Some(sibling) } else { self.file(name, folder, place) }
     }
 
-    /// Warns of a file of the working directory that is read in place of one beside the referring file.
+    /// Warns of a file of the working directory that is read in place of a file next to the referring one.
     pub(super) fn warn_of_hidden(&self, found: &Path, name: &str, folder: &Path, place: Option<Place>) {
-        let beside = folder.join(name);
-        if found == Path::new(name) && found.is_relative() && beside.is_file() && !same_file(found, &beside) {
-            let message = format!("`{name}` of the working directory is read, not {}", beside.display());
+        let sibling = folder.join(name);
+        if found == Path::new(name) && found.is_relative() && sibling.is_file() && !same_file(found, &sibling)
+        {
+            let message = format!("`{name}` of the working directory is read, not {}", sibling.display());
             self.warn_help(place, message, "rename one of them, or run vlscan in another directory");
         }
     }
@@ -254,7 +255,7 @@ fn shortened(ids: &[String]) -> String {
     list
 }
 
-/// Prefix of references that are resolved in the built-in catalogue, whatever files exist.
+/// Prefix of references that are always resolved in the built-in catalogue.
 pub const CATALOGUE: &str = "catalogue:";
 
 /// The element of a scanner or a platform: `file.xml#id`, `file.xml` for its first one, or the id of a

@@ -17,7 +17,7 @@ const YAW_AT_DEPARTURE: Key = Key::attribute("yawAtDeparture_deg", &NUMBER);
 const DEFAULT_SPEED: f64 = 70.0;
 /// Largest angle that is looked at as one in radians: a turn.
 const MAX_RADIANS: f64 = 6.3;
-/// Ratio from which a scan angle is far below that of the scanner.
+/// Ratio from which a scan angle is far below the scanner's.
 const FAR_BELOW: f64 = 20.0;
 
 impl LegCheck<'_> {
@@ -89,7 +89,7 @@ impl LegCheck<'_> {
         turns.into_iter().filter(|turn| turn.0).for_each(|turn| self.warn(turn.1, &no_effect));
     }
 
-    /// Warns of a speed that does not lead to the next waypoint, and of one that is a default.
+    /// Warns of a speed that does not reach the next waypoint, and of a default speed.
     fn speed(&self) {
         let (p, speed) = (&self.leg.platform, LegKeys::KEYS.speed_m_per_s);
         let next = self.survey.legs.iter().find(|leg| leg.number > self.leg.number);
@@ -109,18 +109,18 @@ impl LegCheck<'_> {
     }
 
     fn head(&self) {
-        let wanted = self.leg.scanner.head_rate;
+        let requested = self.leg.scanner.head_rate;
         let limit = self.devices().iter().map(|d| d.head.max_rate).fold(f64::INFINITY, f64::min);
-        if wanted.abs() <= limit {
+        if requested.abs() <= limit {
             return;
         }
         if limit == 0.0 {
             return self.warn(K.head_rate_deg_per_s, "has no effect: the scanner's head does not turn");
         }
-        let (wanted, limit) = (number(degrees(wanted)), number(degrees(limit)));
+        let (requested, limit) = (number(degrees(requested)), number(degrees(limit)));
         self.warn(
             K.head_rate_deg_per_s,
-            format!("of {wanted} °/s is beyond the scanner's limit; its head turns by {limit} °/s"),
+            format!("of {requested} °/s is beyond the scanner's limit; its head turns by {limit} °/s"),
         );
     }
 

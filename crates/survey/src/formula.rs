@@ -288,9 +288,9 @@ impl<'a> Parser<'a> {
         for i in 0..count {
             self.advance()?;
             self.sum()?;
-            let wanted = if i + 1 < count { ',' } else { ')' };
-            if self.token != Token::Symbol(wanted) {
-                return Err(self.unexpected(&format!("`{wanted}`")));
+            let separator = if i + 1 < count { ',' } else { ')' };
+            if self.token != Token::Symbol(separator) {
+                return Err(self.unexpected(&format!("`{separator}`")));
             }
         }
         self.depth -= 1;

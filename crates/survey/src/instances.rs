@@ -6,7 +6,7 @@
 //! beech_2.obj,431009.1,5412203.7,113.0,275.5,0.9,1.3
 //! ```
 //!
-//! `file` is searched beside the table, x, y and z are metres, yaw is degrees about the vertical axis from x
+//! `file` is searched next to the table, x, y and z are metres, yaw is degrees about the vertical axis from x
 //! to y, scale is a factor, and scale_xy the factor of the mesh's x and y. Yaw, scale and scale_xy are
 //! optional (0, 1 and scale). A first line without a number names the columns, in any order; without headings
 //! the order is that of the example. Blank lines and lines that begin with `#` are skipped. Every line
@@ -240,7 +240,7 @@ impl Reader<'_> {
                 None
             }
             (name, _) => {
-                self.context.file_beside(name, self.path.parent().unwrap_or(Path::new("")), place.clone())
+                self.context.sibling_file(name, self.path.parent().unwrap_or(Path::new("")), place.clone())
             }
         };
         self.files.insert(name.to_owned(), file.clone());

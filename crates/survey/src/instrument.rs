@@ -247,7 +247,7 @@ fn listed(text: &str, range: RangeInclusive<f64>) -> Option<Vec<f64>> {
 const MAX_CHANNELS: u32 = 1024;
 /// Largest azimuth of a beam, degrees.
 const MAX_AZIMUTH: f64 = 360.0;
-/// Largest distance of the origin of a beam from that of the emitter, m.
+/// Largest distance of the origin of a beam from the emitter's, m.
 const MAX_ORIGIN_RADIUS: f64 = 1.0;
 
 /// The instrument of a `[scanner]` table, based on `inherited` (the scanner of a survey) or its catalogue
@@ -259,7 +259,7 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
             let name = fields.near_name(K.catalogue)?;
             let place = Some(fields.place(K.catalogue));
             let mut scanner = scanner_named(fields.context, &name, fields.folder(), place)?;
-            // The catalogue's widths count here whatever the physics; surveys in XML keep the reference's
+            // The catalogue's widths count here in every physics; surveys in XML keep the reference's
             // meaning.
             scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
             Some(scanner)

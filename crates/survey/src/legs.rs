@@ -100,7 +100,7 @@ impl<'c> LegReader<'c> {
         let layer =
             ScannerLayer::read(self.context, &element, template.as_ref().unwrap_or(&ScannerLayer::DEFAULT));
         let mut merged = layer.merged(template.as_ref(), &own);
-        layer.report_unheeded(self.context, &element, &merged);
+        layer.report_unused(self.context, &element, &merged);
         if let Some(scanner) = self.scanner {
             merged.report_zero_angle(self.context, scanner);
             merged.apply_resolution(&Fields::new(self.context, &element), scanner);

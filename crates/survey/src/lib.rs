@@ -5,8 +5,8 @@
 //!   a [`Scanner`], a [`Platform`], [`Leg`]s and a [`SceneRecipe`].
 //! * [`read_scene`], [`find_scanner`] and [`find_platform`] read one of these alone,
 //!   [`catalogue`](fn@catalogue) all that are built in.
-//! * All readers return the warnings to be shown beside the value, and all problems of all files at once as
-//!   an error: each with its place, what was found and what was expected.
+//! * All readers return the warnings to be shown with the value, and all problems of all files at once as an
+//!   error: each with its place, the found and the expected value.
 //! * [`INSTRUMENT_KEYS`] and [`SURVEY_TABLES`] list what can be stated, with names in both formats and
 //!   bounds.
 //!

@@ -175,7 +175,8 @@ fn check_steps(context: &Context, part: &Element, scene: &Element) {
         context.warn_help(
             part.place(),
             "this part moves at every pulse: neither it nor its scene says how often",
-            "give the <scene> a `dynTimeStep` in seconds, or `dynStep` in pulses; dynStep=\"1\" is every pulse",
+            "give the <scene> a `dynTimeStep` in seconds, or `dynStep` in pulses; dynStep=\"1\" is every \
+             pulse",
         );
     }
 }
@@ -211,7 +212,8 @@ pub(super) fn check_timing(context: &Context, part: &Element, scene_element: &El
     }
 }
 
-/// Describes a time that is no whole number of steps, of which `steps` is the number, and what counts.
+/// Describes a time that is not a whole number of steps, of which `steps` is the number, and the time used
+/// instead.
 pub fn rounded_steps(steps: f64, time: f64, step: f64) -> Option<String> {
     let whole = steps.floor();
     let [time, found, step, counted] = [time, steps, step, whole].map(quantity::number);

@@ -12,7 +12,7 @@
 //! x axis, towards its connector, where column 0 fires, is y (forward); the sensor turns clockwise seen from
 //! above. Ranges count from the origin of the beam, so that they are r − n.
 //!
-//! The file says nothing of beam and receiver: they are those of the built-in entry of its product line.
+//! The file does not describe beam and receiver: they come from the built-in entry of its product line.
 
 use super::context::Context;
 use super::documents::find_asset;
@@ -122,7 +122,7 @@ impl Calibration<'_> {
             pulse_freqs: vec![(f64::from(frame.columns) * frame.rate).round() as u32],
             devices: altitudes.iter().zip(&azimuths).enumerate().map(beam).collect(),
             multi_channel: true,
-            // From column 0 to the last one, whatever the rounding.
+            // From column 0 to the last one, with any rounding.
             turn: Some(HeadTurn {
                 rate: -TAU * frame.rate,
                 start: 0.0,

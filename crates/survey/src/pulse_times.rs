@@ -41,7 +41,7 @@ pub(super) fn change_pulse_times(fields: &mut Fields, times: &mut Option<PulseTi
     }
 }
 
-/// Lines of a time, s, from 0 on, each later than the one before.
+/// Lines with a time, s, from 0 on, each later than the previous one.
 fn read_times(fields: &Fields, name: &str) -> Option<PulseTimes> {
     let mut times: Vec<f64> = Vec::new();
     let row = |&[time]: &[f64; 1]| {

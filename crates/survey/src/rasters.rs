@@ -34,12 +34,12 @@ pub fn names_raster(path: &Path) -> bool {
     has_ending(path, &TILE_ENDINGS) || is_virtual(path) || path.is_dir() || holds_raster(path)
 }
 
-/// True if a file holds a raster that is read, whatever its name.
+/// True if a file contains a supported raster, under any name.
 fn holds_raster(path: &Path) -> bool {
     first_bytes(path).is_some_and(|bytes| foreign(path, &bytes, &Expected::RASTER).is_none())
 }
 
-/// True if a name ends as those of rasters do.
+/// True if a name ends like a raster's.
 pub(super) fn is_raster(name: &str) -> bool {
     has_ending(Path::new(name), &TILE_ENDINGS) || is_virtual(Path::new(name))
 }
@@ -72,13 +72,13 @@ impl Context {
         }
     }
 
-    /// True if a name is that of a raster by its ending or its contents, or of a folder of tiles.
+    /// True if a name refers to a raster, by its ending or its contents, or to a folder of tiles.
     pub fn is_terrain(&self, name: &str, folder: &Path) -> bool {
         let holds_one = || self.assets.file(name, folder).is_some_and(|file| holds_raster(&file.found));
         is_raster(name) || self.is_folder(name, folder) || holds_one()
     }
 
-    /// True if a name is that of a folder, and not of a file.
+    /// True if a name refers to a folder, not to a file.
     pub fn is_folder(&self, name: &str, folder: &Path) -> bool {
         self.assets.folder(name, folder).is_some() && self.assets.file(name, folder).is_none()
     }

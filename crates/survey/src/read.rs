@@ -74,7 +74,7 @@ pub fn find_platform(reference: &str, options: &ReadOptions) -> Result<(Platform
     context.finish(platform)
 }
 
-/// The scene that replaces that of a survey; `find` is [`find_scene`] or [`find_scene_on_soil`].
+/// The scene that replaces the survey's; `find` is [`find_scene`] or [`find_scene_on_soil`].
 pub(super) fn chosen_scene(
     context: &Context,
     choice: &SceneChoice,
@@ -87,7 +87,7 @@ pub(super) fn chosen_scene(
 }
 
 /// As [`find_scene`]; a raster that the reference names is terrain, of soil. Scenes of XML surveys are as
-/// HELIOS++ has them: rasters without a material are no ground.
+/// HELIOS++ has them: rasters without a material are not ground.
 pub(super) fn find_scene_on_soil(
     context: &Context,
     reference: &str,
@@ -137,8 +137,8 @@ fn is_packed(name: &str) -> bool {
 /// Endings of the mesh files that the scene reads.
 pub(super) const MESH_ENDINGS: [&str; 6] = ["obj", "ply", "stl", "off", "gltf", "glb"];
 
-/// True if a reference names an existing file of a known kind that is not XML. The loader of meshes says what
-/// to do with those that are no scenes.
+/// True if a reference names an existing file of a known kind that is not XML. The loader of meshes reports
+/// the remedy for files that are not scenes.
 fn holds_no_xml(context: &Context, reference: &str, folder: &Path) -> bool {
     let kind = context.assets.file(reference, folder).and_then(|file| recognise_file(&file.found));
     kind.is_some_and(|kind| !matches!(kind.family, Family::Document | Family::Markup))

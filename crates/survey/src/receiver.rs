@@ -74,7 +74,7 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
     check_counter(fields, receiver);
 }
 
-/// Checks what a receiver that counts photons needs, and warns of what it has not.
+/// Checks the needs of a receiver that counts photons, and warns of keys that it does not have.
 fn check_counter(fields: &Fields, receiver: &Receiver) {
     if receiver.ranging != Ranging::Photons {
         return;
@@ -95,7 +95,7 @@ fn check_counter(fields: &Fields, receiver: &Receiver) {
 
 /// Noise of ranges by strength; an accuracy that is stated instead replaces that of an inherited scanner.
 fn change_range_noise(fields: &mut Fields, receiver: &mut Receiver) {
-    // In XML the accuracy is for the physics of HELIOS++, beside it.
+    // In XML the accuracy is for the physics of HELIOS++, in addition to it.
     if fields.is_toml() {
         fields.either(K.accuracy_m, K.range_noise);
     }

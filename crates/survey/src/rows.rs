@@ -49,7 +49,7 @@ pub(super) enum RowProblem {
 
 /// Passes the rows of the file `name` of at most `max_bytes`, searched from `folder`, to `row`, which returns
 /// its expectation. Problems are recorded with file and line; `place` is the place of the reference,
-/// `columns` and `help` say what a line is.
+/// `columns` and `help` describe a line.
 pub(super) fn read_rows<const N: usize>(
     context: &Context,
     name: &str,

@@ -204,7 +204,7 @@ impl ScannerLayer {
     }
 
     /// Warns of attributes of `element`, read as these settings, whose values count as not given in merging.
-    pub fn report_unheeded(&self, context: &Context, element: &Element, merged: &ScannerLayer) {
+    pub fn report_unused(&self, context: &Context, element: &Element, merged: &ScannerLayer) {
         let (mut own, mut merged) = (self.clone(), merged.clone());
         for &(key, kind, value_of) in ScannerLayer::ROWS {
             let name = key.attribute;
@@ -337,7 +337,7 @@ pub(super) struct PlatformLayer {
 }
 
 impl PlatformLayer {
-    /// True if the element says how the platform turns at its departure.
+    /// True if the element states how the platform turns at its departure.
     pub fn has_departure(&self) -> bool {
         self.settings.yaw_at_departure.is_some()
     }
@@ -366,7 +366,7 @@ impl PlatformLayer {
             stop_and_turn: fields.flag("stopAndTurn", default.stop_and_turn) && !smooth_turn,
             smooth_turn,
             slowdown: fields.flag("slowdownEnabled", default.slowdown),
-            // Takes effect only in the leg's own element, not in a template.
+            // Takes effect only in the element of the leg, not in a template.
             yaw_at_departure: fields.optional(YAW_AT_DEPARTURE).map(radians),
             trajectory: None,
             mount: None,

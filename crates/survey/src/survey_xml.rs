@@ -208,7 +208,7 @@ fn warn_of_first_channel(context: &Context, element: &Element, channels: usize) 
 }
 
 /// Sets the receiver of all devices but for the pulse shape. HELIOS++ does not have these settings, so there
-/// is no reason to restrict them to device 0.
+/// does not restrict them to device 0.
 fn set_receiver(scanner: &mut Scanner, receiver: &Receiver) {
     for device in &mut scanner.devices {
         let pulse_shape = device.receiver.pulse_shape.take();

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// Bytes that are no text in a known encoding.
+/// Bytes that are not text in a known encoding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotText {
     /// Offset of the first invalid byte.
@@ -49,7 +49,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<String, NotText> {
 }
 
 /// The text of a table as spreadsheets write it: UTF-8, UTF-16 or Western European single bytes. The second
-/// value tells of an encoding that was guessed.
+/// value describes an encoding that was guessed.
 ///
 /// # Errors
 /// [`NotText`].

@@ -5,7 +5,7 @@ use super::fields::{Fields, Reading};
 use super::xml::Element;
 use super::{Interpolated, LegTrajectory, RotationSpec, TrajectoryFile};
 
-/// Attributes of columns, in the order of their default numbers, and what they hold.
+/// Attributes of columns, in the order of their default numbers, and their contents.
 const COLUMNS: [(&str, &str); 7] = [
     ("tIndex", "time"),
     ("rollIndex", "roll"),

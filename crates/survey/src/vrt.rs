@@ -157,7 +157,7 @@ impl Reader<'_> {
         Some(raster)
     }
 
-    /// Warns of a `NoDataValue` in a source, which GDAL ignores, if it is not that of the band.
+    /// Warns of a `NoDataValue` in a source, which GDAL ignores, if it differs from the band's.
     fn warn_of_no_data(&self, source: &Element, of_band: Option<f64>) {
         let Some(element) = source.child("NoDataValue") else { return };
         let is_same = |value: f64| of_band.is_some_and(|of| of == value || of.is_nan() && value.is_nan());
@@ -222,13 +222,13 @@ impl Reader<'_> {
             self.unsupported(name, &format!("names `{written}`, which is virtual itself"));
             return None;
         }
-        let is_beside = name.value("relativeToVRT").is_some_and(|value| value.trim() == "1");
-        let path = match is_beside {
+        let is_relative = name.value("relativeToVRT").is_some_and(|value| value.trim() == "1");
+        let path = match is_relative {
             true => Some(name.folder().join(written)).filter(|path| reads::is_file(path)),
             false => self.context.assets.file(written, name.folder()).map(|located| located.found),
         };
         let Some(path) = path else {
-            let help = match is_beside {
+            let help = match is_relative {
                 true => format!("searched in: {}", folder_shown(name.folder())),
                 false => self.context.assets.searched(written, name.folder()),
             };

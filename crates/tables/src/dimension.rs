@@ -41,7 +41,7 @@ impl Dimension {
         })
     }
 
-    /// The units that [`Dimension::factor`] knows, for messages.
+    /// The units that [`Dimension::factor`] accepts, for messages.
     pub fn units(self) -> &'static str {
         match self {
             Dimension::Time => "s, ms, us or ns",

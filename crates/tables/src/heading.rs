@@ -53,7 +53,7 @@ pub fn join_units(names: impl IntoIterator<Item = impl AsRef<str>>) -> Vec<Strin
 /// ft`). `quantities` are those that the table may have; the first one that has the name counts.
 ///
 /// # Errors
-/// A name of none of them, or a unit of another dimension.
+/// An unknown name, or a unit of another dimension.
 pub fn parse_heading(
     text: &str,
     quantities: impl IntoIterator<Item = Quantity> + Clone,

@@ -85,7 +85,7 @@ impl Headings {
         for (index, name) in names.into_iter().enumerate() {
             let name = name.as_ref().trim();
             found.add(index, name, schema);
-            // Separators at the end of a line are no columns.
+            // Separators at the end of a line do not make columns.
             if name.is_empty() {
                 found.unnamed.push(index);
             } else {

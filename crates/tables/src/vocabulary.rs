@@ -221,9 +221,10 @@ impl Quantity {
         let exact = quantities.clone().into_iter().find(|quantity| quantity.rank(plain).is_some());
         exact.or_else(|| {
             let with_k = |name: &str| name.replace('c', "k");
-            let wanted = with_k(plain);
-            let has =
-                |quantity: &Quantity| plain.len() > 2 && quantity.names().any(|name| with_k(name) == wanted);
+            let reference = with_k(plain);
+            let has = |quantity: &Quantity| {
+                plain.len() > 2 && quantity.names().any(|name| with_k(name) == reference)
+            };
             let mut similar = quantities.into_iter().filter(has);
             similar.next().filter(|_| similar.next().is_none())
         })

@@ -3,7 +3,7 @@
 use super::{BuildOptions, Geometry, Tree};
 use std::fmt;
 
-/// A geometry that refers to what it does not have.
+/// A geometry with references out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum GeometryError {

@@ -4,7 +4,7 @@ use vlscan_geom::{Aabb, DVec3};
 
 /// Maps scene coordinates to the tree's frame: subtracts `origin`, then multiplies by the power of two
 /// `scale` that brings every primitive within [-1, 1]. Rounding a local coordinate to `f32` therefore changes
-/// it by at most [`Frame::ROUNDING`], whatever the size and position of the scene.
+/// it by at most [`Frame::ROUNDING`], for any size and position of the scene.
 #[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Frame {
     /// Scene coordinates of the centre of the scene's bounds, m.

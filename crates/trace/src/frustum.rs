@@ -170,9 +170,9 @@ impl Frustum {
             let pad = 4.0 * slack / near + 1e-6;
             let overlaps =
                 (min3(x) - pad <= i1) & (max3(x) + pad >= i0) & (min3(y) - pad <= j1) & (max3(y) + pad >= j0);
-            // Slopes of corners are meaningless beside or behind the apex.
-            let beside = near < 16.0 * slack;
-            mask |= u32::from((overlaps | beside) & (near <= hi) & (far >= lo)) << l;
+            // Slopes of corners are meaningless next to or behind the apex.
+            let is_near = near < 16.0 * slack;
+            mask |= u32::from((overlaps | is_near) & (near <= hi) & (far >= lo)) << l;
         }
         mask
     }

@@ -4,8 +4,9 @@
 //!
 //! A [`Geometry`] holds triangles, cubes, height fields and grids of voxels, a [`Tree`] is built over it, and
 //! [`Tree::nearest_where`] finds the first hit of a ray, [`Tree::trace_rays`] those of many, and
-//! [`Tree::trace_group`] those of groups ([`RayGroup`], [`Hits`]). [`Instances`] place a model many times. All
-//! of them run in the thread of the caller: threads share the tree, and each has its own [`TraceScratch`].
+//! [`Tree::trace_group`] those of groups ([`RayGroup`], [`Hits`]). [`Instances`] place a model many times.
+//! These functions run in the thread of the caller: threads share the tree, and each has its own
+//! [`TraceScratch`].
 //!
 //! | file | contents |
 //! |---|---|

@@ -19,8 +19,8 @@ pub enum NodeArray<'a> {
     Wide(Cow<'a, [WideNode]>),
 }
 
-/// A tree without its instances, as what a file can hold. Nodes and blocks are plain memory
-/// ([`bytemuck::Pod`]) in the byte order of the machine.
+/// A tree without its instances, in a form for files. Nodes and blocks are plain memory ([`bytemuck::Pod`])
+/// in the byte order of the machine.
 #[derive(Clone, Debug)]
 pub struct TreeParts<'a> {
     /// The frame of nodes and blocks.
@@ -72,7 +72,7 @@ impl Tree {
         self
     }
 
-    /// True if all numbers in the trees are those of nodes, blocks and primitives that exist.
+    /// True if all indices of nodes, blocks and primitives in the trees are in range.
     pub fn is_sound(&self, geometry: &Geometry) -> bool {
         let Some(instances) = &self.instances else { return self.is_sound_over(geometry.len(), geometry) };
         let models = instances.models.iter().zip(&instances.instances.models);

@@ -219,7 +219,7 @@ mod tests {
         all
     }
 
-    /// Numbers of the first primitives of what is inserted.
+    /// Numbers of the first inserted primitives.
     fn firsts(runs: &[(usize, usize)]) -> Vec<usize> {
         let starts = runs.iter().scan(0, |end, &(before, length)| {
             let first = *end + before;

@@ -4,7 +4,7 @@
 //! cargo bench -p vlscan-warehouse
 //! ```
 //!
-//! Chunks of one task with no work at all: what is left is handing over, taking and collecting.
+//! Chunks of one task with no work: only handing over, taking and collecting remain.
 
 use std::sync::Arc;
 use std::time::Instant;

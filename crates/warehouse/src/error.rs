@@ -1,4 +1,4 @@
-//! Failures of a run that are not those of its producer, workers or collector.
+//! Failures of a run other than the errors of its producer, workers or collector.
 
 use std::any::Any;
 use std::io;
@@ -26,7 +26,8 @@ pub enum ScheduleError {
     Factor(usize),
 }
 
-/// Failure of a run that is not that of its producer, workers or collector. Their error type is made from it.
+/// Failure of a run other than the errors of its producer, workers or collector. Their error type is made
+/// from it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {

@@ -2,7 +2,7 @@
 
 use super::error::{MAX_CHUNK_SIZE, MAX_FACTOR, MAX_THREADS, ScheduleError};
 
-/// The four schedules of spec kdtree-and-scheduling §3. With one thread there is no difference between them.
+/// The four schedules of spec kdtree-and-scheduling §3. With one thread they are identical.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Policy {
     /// One task at a time for every idle worker; the producer waits and never computes (§3.2).

@@ -293,7 +293,7 @@ impl<'r> ThreadTimer<'r> {
         }
     }
 
-    /// Ends a lap that belongs to none of the kinds.
+    /// Ends a lap without a kind.
     pub fn discard_lap(&mut self) {
         self.end_lap(|_, _| ());
     }

@@ -21,8 +21,8 @@ pub trait Collect<R>: Send {
     type Summary: Send;
     /// Error of the run: of its producer, its workers and this collector.
     type Error: From<RunError> + Send;
-    /// Takes the next result. `more_waiting` tells whether another result is already on its way, so that a
-    /// live stream can be flushed when there is none.
+    /// Takes the next result. `more_waiting` is true if another result is already on its way, so that a live
+    /// stream can be flushed when there is none.
     fn take(&mut self, result: R, more_waiting: bool) -> Result<(), Self::Error>;
     /// Ends a run, all results of which have been taken.
     fn finish(self) -> Result<Self::Summary, Self::Error>;

@@ -9,7 +9,7 @@ const FIRST_STEP: u32 = 8;
 /// Increment from one step to the next, Δ2, in tasks.
 const INCREMENT: u32 = 1;
 
-/// Maximum size of a chunk, in tasks: descriptors are small whatever the size, but results are not.
+/// Maximum size of a chunk, in tasks: descriptors are always small, but results are not.
 const MAX_SIZE: u32 = 1 << 24;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 /// so that of two threads that wait for each other neither falls asleep while the other wakes up.
 const MAX_SPIN: Duration = Duration::from_micros(100);
 
-/// Polls `is_ready` until it holds, for at most [`MAX_SPIN`]. Other threads that want the core run first.
+/// Polls `is_ready` until it holds, for at most [`MAX_SPIN`]. Other threads that wait for the core run first.
 ///
 /// A receiver of events every few microseconds stays awake; a receiver of rarer events sleeps.
 pub fn spin_until(mut is_ready: impl FnMut() -> bool) {

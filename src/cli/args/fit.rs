@@ -27,8 +27,8 @@ pub struct FitArgs {
     /// Fit the flight line of this point source; the one with the most points if it is not given.
     #[arg(long, value_name = "N", conflicts_with = "calibration")]
     pub flight_line: Option<u16>,
-    /// Write a flight that goes on for so long after the recording: straight, with the last attitude, and
-    /// with the pulses that follow from the patterns that were found.
+    /// Extend the fitted flight by this time beyond the recording: straight, with the last attitude and the
+    /// pulses of the fitted patterns.
     #[arg(
         long,
         value_name = "SECONDS",

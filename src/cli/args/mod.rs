@@ -98,10 +98,10 @@ pub struct Cli {
         hide_short_help = true
     )]
     pub message_format: MessageFormat,
-    /// Say nothing at all.
+    /// No messages.
     #[arg(long, global = true, hide = true)]
     pub silent: bool,
-    /// Say how long each stage takes, and errors.
+    /// Report stage times and errors.
     #[arg(long, global = true, hide = true)]
     pub times: bool,
     /// Write all messages to helios_TIME.log in the working folder, too.

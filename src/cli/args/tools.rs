@@ -101,9 +101,9 @@ pub struct ShowArgs {
 /// `vlscan unzip`.
 #[derive(Debug, Args)]
 pub struct UnzipArgs {
-    /// The compressed text; - for stdin.
+    /// Compressed file; - for stdin.
     pub file: PathBuf,
-    /// The text; - for stdout.
+    /// Output file; - for stdout.
     #[arg(default_value = "-")]
     pub out: PathBuf,
     /// Replace an existing file.
@@ -150,8 +150,8 @@ pub struct PreviewArgs {
     )]
     pub height: u32,
     /// Maximum number of points in a page, evenly sampled; 500k is understood.
-    #[arg(long, value_name = "N", default_value = "5M")]
-    pub most_points: Count<1>,
+    #[arg(long, alias = "most-points", value_name = "N", default_value = "5M")]
+    pub max_points: Count<1>,
     /// Of a survey: folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,

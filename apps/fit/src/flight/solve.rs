@@ -80,7 +80,7 @@ fn priors(model: &Model) -> Parameters {
     }
 }
 
-/// Changes of the parameters for numeric derivatives, which move the beam by about a millimetre or less within
+/// Steps of the parameters for numeric derivatives. Each moves the beam by at most about a millimetre within
 /// `duration`.
 fn increments(model: &Model, duration: f64) -> Parameters {
     let t = duration.max(1.0);

@@ -163,7 +163,8 @@ fn voxel_filter(file: &str, class: u8) -> String {
 
 fn document(parts: &[(String, String)]) -> String {
     let mut text = String::from(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<document paths=\"beside\">\n  <scene id=\"reconstructed\">\n",
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+         <document paths=\"beside\">\n  <scene id=\"reconstructed\">\n",
     );
     for (id, filter) in parts {
         let _ = writeln!(text, "    <part id=\"{id}\">\n      {filter}\n    </part>");
@@ -212,7 +213,8 @@ fn pipeline(scene: &ReconstructedScene) -> String {
     let pitch = scene.paths.iter().map(|p| p.times[1] - p.times[0]).sum::<f64>().max(1e-9);
     let rate = (scene.pulses as f64 / pitch).clamp(1.0, 10e6).round();
     format!(
-        "# The scene, and the instrument that recorded it as far as its returns tell. The same pulses again:\n\
+        "# The scene, and the instrument that recorded it as far as its returns tell. The same pulses \
+         again:\n\
          #   vlscan trace --scanner scene.toml pulses.csv -o points.laz\n\
          scene = \"scene.xml\"\n\n\
          [scanner]\n\
@@ -273,15 +275,33 @@ pub(super) fn report(scene: &ReconstructedScene) -> serde_json::Value {
         "points": scene.points, "pulses": scene.pulses, "noise_points_left_out": scene.noise,
         "pulses_per_m2": scene.density, "mean_range_m": scene.mean_range,
         "lines": paths.collect::<Vec<_>>(),
-        "terrain": { "spacing_m": scene.terrain.spacing, "nodes": scene.terrain.nodes, "spread_m": scene.terrain.spread },
-        "roofs": { "cell_m": scene.roofs.cell, "cells": scene.roofs.cells, "area_m2": scene.roofs.cells as f64 * scene.roofs.cell.powi(2) },
+        "terrain": {
+            "spacing_m": scene.terrain.spacing,
+            "nodes": scene.terrain.nodes,
+            "spread_m": scene.terrain.spread,
+        },
+        "roofs": {
+            "cell_m": scene.roofs.cell,
+            "cells": scene.roofs.cells,
+            "area_m2": scene.roofs.cells as f64 * scene.roofs.cell.powi(2),
+        },
         "foliage": {
-            "voxel_m": scene.foliage.size, "voxels": scene.foliage.voxels.len(), "prior_m": scene.prior, "along_canopy": scene.along_canopy, "leaf_area_m2": scene.foliage.leaf_area(),
+            "voxel_m": scene.foliage.size,
+            "voxels": scene.foliage.voxels.len(),
+            "prior_m": scene.prior,
+            "along_canopy": scene.along_canopy,
+            "leaf_area_m2": scene.foliage.leaf_area(),
         },
         "receiver": {
             "resolution_m": r.resolution, "pairs": r.pairs, "threshold_share": r.threshold,
-            "element_size_m": r.element_size, "layers": r.layers.iter().map(|l| serde_json::json!({ "top_m": l.top, "factor": l.factor })).collect::<Vec<_>>(), "max_returns": r.max_returns,
-            "pulses_through_foliage": r.samples, "recorded": named(r.recorded), "simulated": named(r.simulated),
+            "element_size_m": r.element_size,
+            "layers": r.layers.iter()
+                .map(|l| serde_json::json!({ "top_m": l.top, "factor": l.factor }))
+                .collect::<Vec<_>>(),
+            "max_returns": r.max_returns,
+            "pulses_through_foliage": r.samples,
+            "recorded": named(r.recorded),
+            "simulated": named(r.simulated),
         },
         "assumed": { "beam_divergence_rad": scene.divergence, "reflectance": REFLECTANCE },
     })

@@ -21,7 +21,7 @@ pub(super) struct Detection {
     pub threshold_deviation: f64,
     /// Photoelectrons at the threshold.
     pub photons: u32,
-    /// Share of echoes that are lost whatever their strength.
+    /// Share of echoes that are lost at any strength.
     pub dropout_rate: f64,
     /// Its standard deviation.
     pub dropout_deviation: f64,

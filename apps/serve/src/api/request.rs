@@ -1,4 +1,4 @@
-//! Requests for executions, parsed: what is computed, the outputs that are wanted, and the form of the answer.
+//! Parsed execution requests: the computation, the requested outputs, and the form of the answer.
 
 use crate::answers::Failure;
 use crate::job_folder::DATASET;

@@ -241,7 +241,7 @@ fn text_of(key: &str, value: &Value) -> Result<String, RequestError> {
 /// The command as a user would type it in a folder that has the uploads as folders.
 pub(super) fn shown(process: Process, prepared: &Prepared) -> String {
     let is_ours =
-        |word: &&String| *word == "--" || word.starts_with("--assets=") || word.starts_with("--most-points");
+        |word: &&String| *word == "--" || word.starts_with("--assets=") || word.starts_with("--max-points");
     let words = prepared.words.iter().filter(|word| !is_ours(word));
     let words = words.map(|word| {
         let word = word.replace("../in/", "").replace("../out/", "").replace(&format!("={CATALOGUE}"), "=");

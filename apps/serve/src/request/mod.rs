@@ -141,7 +141,7 @@ fn preview(
     let format = inputs.get("format").and_then(Value::as_str).unwrap_or("png").to_owned();
     inputs.remove("format");
     let out = format!("--out=../out/preview.{format}");
-    let start = vec!["preview".to_owned(), out, format!("--most-points={PAGE_POINTS}")];
+    let start = vec!["preview".to_owned(), out, format!("--max-points={PAGE_POINTS}")];
     let words = [start, assets(&inputs, uses), options(&inputs, schema)?].concat();
     Ok(Prepared { words, within_inputs: true, ..Prepared::default() })
 }

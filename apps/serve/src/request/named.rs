@@ -98,7 +98,7 @@ pub(super) fn with_uses_of_jobs(store: &Store, uses: &mut BTreeSet<Use>) -> Resu
         .collect();
     for folder in jobs {
         let prepared: Prepared = match std::fs::read(store.job_folder(&folder).join("prepared.json")) {
-            // A folder that somebody has cleaned: what its files name is not found.
+            // The folder was cleaned: files that its files name are not found.
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Prepared::default(),
             read => serde_json::from_slice(&read.map_err(StoreError::from)?).map_err(|error| {
                 let record = format!("prepared.json in the folder of the job {folder}");

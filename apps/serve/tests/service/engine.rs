@@ -1,4 +1,5 @@
-//! Jobs that an engine computes. The engine is a script that starts each task as a process of its own, which outlives the service.
+//! Jobs that an engine computes. The engine is a script that starts each task as a separate process, which
+//! outlives the service.
 
 use crate::client::Service;
 use crate::jobs::{flight, wait_for_processes, with_field};

@@ -62,7 +62,8 @@ fn a_run_that_was_done_before_is_answered_at_once() {
     assert!(!service.data.join("jobs").join(&first).exists());
 }
 
-/// Kills service and workers this often at random moments while jobs are computed; returns the jobs' points by seed.
+/// Kills service and workers `kills` times at random moments while jobs are computed; returns the points of
+/// the jobs by seed.
 fn interrupted(kills: u32, seeds: u64, seconds: u32) -> BTreeMap<u64, Vec<u8>> {
     let mut service = Service::start(&[]);
     with_field(&service);

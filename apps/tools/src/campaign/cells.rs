@@ -65,7 +65,7 @@ impl Cells {
         }
         let mut names = BTreeSet::new();
         if let Some(cell) = cells.iter().find(|cell| !names.insert(cell.name.as_str())) {
-            return Err(Error::input(format!("two cells are called {}: names must differ", cell.name)));
+            return Err(Error::input(format!("duplicate cell name {}", cell.name)));
         }
         if let Some(split) = &file.split {
             assign(&mut cells, split.get_ref());

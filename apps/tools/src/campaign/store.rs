@@ -313,7 +313,7 @@ impl Store {
         }
     }
 
-    /// Gives the unfinished files in `out` below the work folder their place.
+    /// Publishes files from the work folder into `out`.
     ///
     /// # Errors
     /// [`Error::Input`] if files of others are there, [`Error::Io`].

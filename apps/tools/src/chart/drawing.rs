@@ -206,8 +206,8 @@ impl Drawing {
     pub fn file(&self, theme: Theme) -> String {
         let (width, height) = (self.width, self.height);
         let head = format!(
-            "xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
-             font-family=\"sans-serif\""
+            "xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+             height=\"{height}\" font-family=\"sans-serif\""
         );
         let ground = match theme {
             Theme::Light => format!("<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"),
@@ -243,14 +243,16 @@ impl Drawing {
                 let [from, to] = [path.first(), path.last()].map(|p| p.map_or(0.0, |p| p[0]));
                 writeln!(
                     out,
-                    "<polygon class=\"{} full\" fill-opacity=\"{opacity}\" points=\"{from:.1},{floor:.1} {} {to:.1},{floor:.1}\"/>",
+                    "<polygon class=\"{} full\" fill-opacity=\"{opacity}\" points=\"{from:.1},{floor:.1} {} \
+                     {to:.1},{floor:.1}\"/>",
                     role.class(),
                     list(path)
                 )
             }
             Mark::Dot { at: [x, y], radius, role, note } => writeln!(
                 out,
-                "<circle class=\"{} full\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\"><title>{}</title></circle>",
+                "<circle class=\"{} full\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\"><title>{}</title>\
+                 </circle>",
                 role.class(),
                 escaped(note)
             ),

@@ -5,7 +5,8 @@
 //!
 //! let mut drawing = Drawing::new(400.0, 300.0, 1.0);
 //! drawing.write([200.0, 8.0], "Speedup", Role::Ink, Anchor::Middle);
-//! let plot = Plot { left: 50.0, right: 380.0, top: 30.0, bottom: 260.0, x: Axis::new(1.0, 4.0), y: Axis::new(0.0, 4.0) };
+//! let (x, y) = (Axis::new(1.0, 4.0), Axis::new(0.0, 4.0));
+//! let plot = Plot { left: 50.0, right: 380.0, top: 30.0, bottom: 260.0, x, y };
 //! let ticks = |axis: &Axis| labelled(steps(axis.low, axis.high, 1.0), 1.0);
 //! plot.grid(&mut drawing, ticks(&plot.x), ticks(&plot.y));
 //! let path = [(1.0, 1.0), (2.0, 1.9), (4.0, 3.5)].map(|(x, y)| plot.at(x, y)).to_vec();

@@ -40,7 +40,8 @@ impl Span {
         Span { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// True if times, s, cannot be seconds of the GPS week. Some recordings continue past the end of the week.
+    /// True if times, s, cannot be seconds of the GPS week. Some recordings continue past the end of the
+    /// week.
     fn is_beyond_week(self) -> bool {
         self.min < 0.0 || self.max > 2.0 * WEEK_S
     }

@@ -225,18 +225,24 @@ impl CloudSummary {
             "density_per_m2": density(self.points),
             "pulses": pulses,
             "pulse_density_per_m2": pulses.and_then(density),
-            "intensity": self.intensity.map(|s| json!({ "min": s.min, "max": s.max, "mean": self.mean_intensity() })),
+            "intensity": self.intensity.map(|s| {
+                json!({ "min": s.min, "max": s.max, "mean": self.mean_intensity() })
+            }),
             "scan_angle_deg": span(self.scan_angle),
             "time_s": span(self.time),
             "time_kind": kind,
             "dates": dates.map(|span| [span.min, span.max].map(|time| date(time + ADJUSTED.epoch_s))),
             "objects": self.objects().map(|(count, _)| count),
             "objects_are_all": self.objects().map(|(_, is_more)| !is_more),
-            "channels": self.by_channel.iter().map(|(channel, points)| json!({ "channel": channel, "points": points })).collect::<Vec<_>>(),
+            "channels": self.by_channel.iter()
+                .map(|(channel, points)| json!({ "channel": channel, "points": points }))
+                .collect::<Vec<_>>(),
             "classes": self.by_class.iter().map(|(class, points)| {
                 json!({ "class": class, "name": self.class_name(*class), "points": points })
             }).collect::<Vec<_>>(),
-            "returns": self.by_return.iter().map(|(number, points)| json!({ "return": number, "points": points })).collect::<Vec<_>>(),
+            "returns": self.by_return.iter()
+                .map(|(number, points)| json!({ "return": number, "points": points }))
+                .collect::<Vec<_>>(),
             "pulses_by_returns": self.pulses_by_returns.iter().map(|(returns, pulses)| {
                 json!({ "returns": returns, "pulses": pulses })
             }).collect::<Vec<_>>(),

@@ -189,7 +189,7 @@ fn prepared<'a>(
     let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| &cut.offsets));
     let lowest: Vec<f64> = extremes.into_iter().map(|[low, _]| low).collect();
     let halves = (options.chance && count >= MIN_BLOCKS).then(|| Halves::new(count));
-    let most = options.most_distances;
+    let most = options.max_distances;
     let setting = Setting { cuts, pulses, blocks, halves, grid, wide_grid, lowest, terrain, most };
     Ok((setting, kind, count))
 }
@@ -293,8 +293,8 @@ fn agreement(setting: &Setting, cuts: [&Cut; 2], options: &CompareOptions) -> Ag
     Agreement {
         density_correlation: correlation(pairs.map(|(a, b)| (*a, *b))),
         canopy: canopy(&setting.grid, &setting.wide_grid, &setting.lowest, cuts),
-        first_to_second: distances(offsets[0], offsets[1], options.most_distances),
-        second_to_first: distances(offsets[1], offsets[0], options.most_distances),
+        first_to_second: distances(offsets[0], offsets[1], options.max_distances),
+        second_to_first: distances(offsets[1], offsets[0], options.max_distances),
         voxels: voxels(offsets, options.voxel),
     }
 }

@@ -16,8 +16,14 @@ pub struct CompareOptions {
     pub voxel: f64,
     /// Maximum number of points of each cloud, evenly sampled, whose distance to the other cloud and height
     /// above the terrain are computed.
-    #[arg(long, value_name = "N", default_value = "200k", value_parser = args::number_of_points)]
-    pub most_distances: usize,
+    #[arg(
+        long,
+        alias = "most-distances",
+        value_name = "N",
+        default_value = "200k",
+        value_parser = args::number_of_points,
+    )]
+    pub max_distances: usize,
     /// Show what chance alone gives: beside each figure the largest difference between random halves of the
     /// first cloud's scan lines, or of square cells if it has none.
     #[arg(long)]
@@ -41,7 +47,7 @@ pub(super) enum CompareError {
     #[error(transparent)]
     Option(#[from] OptionError),
     /// No distances to measure.
-    #[error("--most-distances 0: expected at least 1")]
+    #[error("--max-distances 0: expected at least 1")]
     NoDistances,
     /// Clouds whose boxes do not overlap.
     #[error(
@@ -68,7 +74,7 @@ impl Default for CompareOptions {
         CompareOptions {
             cell: 1.0,
             voxel: 0.5,
-            most_distances: 200_000,
+            max_distances: 200_000,
             chance: false,
             terrain: None,
             registration: None,
@@ -84,7 +90,7 @@ impl CompareOptions {
             ("voxel", Some(self.voxel), POSITIVE),
             ("registration", self.registration, args::DEVIATION),
         ])?;
-        match self.most_distances {
+        match self.max_distances {
             0 => Err(CompareError::NoDistances),
             _ => Ok(()),
         }

@@ -24,12 +24,17 @@ const MARGIN: [f64; 2] = [46.0, 40.0];
 /// Size of pictures, dots.
 const PICTURE: [u32; 2] = [1100, 800];
 
-const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:76em;padding:0 1em;color-scheme:light dark}\
- table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.3em 0 .8em}td,th{padding:.1em .9em .1em 0;text-align:right}\
+const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:76em;padding:0 \
+ 1em;color-scheme:light dark}\
+ table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:.3em 0 .8em}\
+ td,th{padding:.1em .9em .1em 0;text-align:right}\
  td:first-child,th:first-child{text-align:left;min-width:13em}th{font-weight:600;border-bottom:1px solid}\
- tr.out td{font-weight:700}p.m{margin:.2em 0;opacity:.8;max-width:60em}img{max-width:100%}figure{margin:0 0 1em}\
- h1,h3{overflow-wrap:anywhere}section{break-inside:avoid;margin:0 0 1.6em}.pair{display:flex;flex-wrap:wrap;gap:0 1.5em;align-items:flex-start}\
- h2{margin:1.6em 0 .4em;border-bottom:2px solid}h3{margin:.8em 0 .1em}.pair figure{flex:0 1 490px}@media (min-width:62em){.pair{flex-wrap:nowrap}}\
+ tr.out td{font-weight:700}p.m{margin:.2em 0;opacity:.8;max-width:60em}img{max-width:100%}\
+ figure{margin:0 0 1em}\
+ h1,h3{overflow-wrap:anywhere}section{break-inside:avoid;margin:0 0 1.6em}\
+ .pair{display:flex;flex-wrap:wrap;gap:0 1.5em;align-items:flex-start}\
+ h2{margin:1.6em 0 .4em;border-bottom:2px solid}h3{margin:.8em 0 .1em}.pair figure{flex:0 1 490px}\
+ @media (min-width:62em){.pair{flex-wrap:nowrap}}\
  @media print{body{margin:0;max-width:none;font-size:11px}a{color:inherit}}";
 
 /// The page; nothing in it is loaded from elsewhere. It begins with the results.
@@ -56,9 +61,10 @@ pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     add(format_args!("<h2>Results</h2>\n<section>{}", volumes(&comparison.change)));
     let picture = BASE64_STANDARD.encode(picture_of(&comparison.change.map, PICTURE).png()?);
     add(format_args!(
-        "<h3>Second minus first</h3>\n<p class=\"m\">Differences of the ground beyond the level of detection in colour, \
-         others in grey; white where a cloud has no surface.</p>\n\
-         <img alt=\"differences of the ground from above\" src=\"data:image/png;base64,{picture}\"></section>\n"
+        "<h3>Second minus first</h3>\n<p class=\"m\">Differences of the ground beyond the level of detection \
+         in colour, others in grey; white where a cloud has no surface.</p>\n\
+         <img alt=\"differences of the ground from above\" src=\"data:image/png;base64,{picture}\">\
+         </section>\n"
     ));
     add(format_args!("{}{}{body}", summary(comparison), list_of(&contents)));
     if !comparison.missing.is_empty() {
@@ -173,8 +179,8 @@ fn title(paths: [&str; 2]) -> String {
 /// Summary: the clouds, and the number of figures beyond chance.
 fn summary(c: &Comparison) -> String {
     let mut text = format!(
-        "<p>vlscan {} compared {} points of the first cloud with {} of the second one, on {:.0} m² that both share. Differences are \
-         second minus first.",
+        "<p>vlscan {} compared {} points of the first cloud with {} of the second one, on {:.0} m² that both \
+         share. Differences are second minus first.",
         env!("CARGO_PKG_VERSION"),
         c.first.points,
         c.second.points,
@@ -185,8 +191,8 @@ fn summary(c: &Comparison) -> String {
         let beyond = figures().filter(|figure| figure.is_within_chance == Some(false)).count();
         let _ = write!(
             text,
-            " Chance is {}: one more such difference exceeds it with a probability of 1 in {}. Of {} figures {beyond} lie beyond it, \
-             marked by ● and bold.",
+            " Chance is {}: one more such difference exceeds it with a probability of 1 in {}. Of {} figures \
+             {beyond} lie beyond it, marked by ● and bold.",
             escaped(&described(chance)),
             chance.splits + 1,
             figures().count()
@@ -216,7 +222,8 @@ fn rows(section: &Section) -> String {
     let has_chance = section.rows.iter().any(|row| !row.chance.is_empty());
     let chance = if has_chance { "<th>chance</th><th></th>" } else { "" };
     let mut text = format!(
-        "<table><tr><th></th><th class=\"s0\">first</th><th class=\"s1\">second</th><th>difference</th>{chance}</tr>\n"
+        "<table><tr><th></th><th class=\"s0\">first</th><th class=\"s1\">second</th>\
+         <th>difference</th>{chance}</tr>\n"
     );
     for row in &section.rows {
         let (class, mark) = if row.is_within == Some(false) { (" class=\"out\"", "●") } else { ("", "") };
@@ -266,7 +273,8 @@ fn chart(title: &str, histogram: &Histogram) -> String {
     }
     let svg = drawing.svg(title);
     format!(
-        "<figure style=\"width:{width}px;max-width:100%\">{svg}<figcaption class=\"m\">{}</figcaption></figure>\n",
+        "<figure style=\"width:{width}px;max-width:100%\">{svg}<figcaption class=\"m\">{}</figcaption>\
+         </figure>\n",
         escaped(&notes.join("; "))
     )
 }

@@ -31,7 +31,7 @@ fn square(step: f64, z: f64) -> Vec<[f64; 3]> {
 }
 
 fn options() -> CompareOptions {
-    CompareOptions { most_distances: 1000, ..CompareOptions::default() }
+    CompareOptions { max_distances: 1000, ..CompareOptions::default() }
 }
 
 fn compared(a: &Points, b: &Points, options: &CompareOptions) -> Comparison {
@@ -190,7 +190,7 @@ fn strip(seed: u64, bias: f64, nth: u64) -> Points {
 
 #[test]
 fn two_measurements_of_one_place_are_within_chance() {
-    let with_chance = CompareOptions { chance: true, most_distances: 200_000, ..options() };
+    let with_chance = CompareOptions { chance: true, max_distances: 200_000, ..options() };
     let c = compared(&strip(1, 0.0, 5), &strip(2, 0.0, 5), &with_chance);
     assert_eq!(c.chance.as_ref().unwrap().kind, BlockKind::ScanLines);
     assert_eq!(c.first.pulses_and_lines.map(|counts| counts[1]), Some(119));
@@ -207,7 +207,7 @@ fn two_measurements_of_one_place_are_within_chance() {
 
 #[test]
 fn a_centimetre_of_bias_and_a_third_more_returns_are_beyond_chance() {
-    let with_chance = CompareOptions { chance: true, most_distances: 200_000, ..options() };
+    let with_chance = CompareOptions { chance: true, max_distances: 200_000, ..options() };
     let c = compared(&strip(1, 0.0, 5), &strip(2, 0.01, 2), &with_chance);
     let mean = figure(&c, "residual to the terrain", "mean");
     assert!((mean.difference - 10.0).abs() < 2.0 && mean.is_within_chance == Some(false), "{mean:?}");

@@ -118,7 +118,8 @@ impl Nuscenes {
         }))?;
         self.data.row(&json!({
             "token": token("sample_data", number), "sample_token": token("sample", number),
-            "ego_pose_token": token("ego_pose", number), "calibrated_sensor_token": token("calibrated_sensor", 0),
+            "ego_pose_token": token("ego_pose", number),
+            "calibrated_sensor_token": token("calibrated_sensor", 0),
             "timestamp": microseconds, "fileformat": "pcd", "is_key_frame": true, "height": 0, "width": 0,
             "filename": format!("samples/{}", points_name(microseconds)),
             "prev": neighbour("sample_data", before), "next": neighbour("sample_data", after),
@@ -185,7 +186,9 @@ impl FrameWriter for Nuscenes {
         self.table(
             "calibrated_sensor",
             &[json!({
-                "token": token("calibrated_sensor", 0), "sensor_token": token("sensor", 0), "translation": [0, 0, 0],
+                "token": token("calibrated_sensor", 0),
+                "sensor_token": token("sensor", 0),
+                "translation": [0, 0, 0],
                 "rotation": [1, 0, 0, 0], "camera_intrinsic": [],
             })],
         )?;
@@ -206,7 +209,10 @@ impl FrameWriter for Nuscenes {
         self.table(
             "scene",
             &[json!({
-                "token": token("scene", 0), "log_token": token("log", 0), "name": "scene-0000", "description": "",
+                "token": token("scene", 0),
+                "log_token": token("log", 0),
+                "name": "scene-0000",
+                "description": "",
                 "nbr_samples": self.frames, "first_sample_token": token("sample", 0),
                 "last_sample_token": token("sample", self.frames.saturating_sub(1)),
             })],

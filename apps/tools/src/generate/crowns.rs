@@ -76,9 +76,10 @@ fn write_cells(cells: &[[i64; 3]], folder: &SceneFolder) -> Result<Cells> {
     let metres = |c: [i64; 3]| c.map(|c| c as f64 * CELL);
     let (min, max) = (metres(lo), metres(hi));
     let mut text = format!(
-        "VOXEL SPACE\n#min_corner: {} {} {}\n#max_corner: {} {} {}\n#split: {} {} {}\n#res: {CELL} #max_pad: 5.0\n\
-         i j k PadBVTotal angleMean bsEntering bsIntercepted bsPotential ground_distance lMeanTotal lgTotal nbEchos \
-         nbSampling transmittance attenuation attenuationBiasCorrection\n",
+        "VOXEL SPACE\n#min_corner: {} {} {}\n#max_corner: {} {} {}\n#split: {} {} {}\n\
+         #res: {CELL} #max_pad: 5.0\n\
+         i j k PadBVTotal angleMean bsEntering bsIntercepted bsPotential ground_distance lMeanTotal lgTotal \
+         nbEchos nbSampling transmittance attenuation attenuationBiasCorrection\n",
         min[0],
         min[1],
         min[2],

@@ -220,7 +220,8 @@ impl Materials {
     fn text(&self) -> String {
         let material = |&(name, colour, reflectance, class, is_ground): &_| {
             format!(
-                "newmtl {name}\nKd {colour}\nhelios_reflectance {reflectance}\nhelios_classification {class}\n\
+                "newmtl {name}\nKd {colour}\nhelios_reflectance {reflectance}\n\
+                 helios_classification {class}\n\
                  helios_isGround {is_ground}\n"
             )
         };
@@ -276,7 +277,7 @@ fn check(options: &SceneOptions) -> Result<f64> {
         return Err(Error::input(format!("an extent of {extent} m: a {kind} can have {min} to {max} m")));
     }
     if options.pulses == Some(0) {
-        return Err(Error::input("a survey of 0 pulses: at least 1 is needed"));
+        return Err(Error::input("--pulses must be at least 1"));
     }
     Ok(extent)
 }

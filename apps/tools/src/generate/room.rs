@@ -11,7 +11,8 @@ use vlscan_geom::{DVec3, radians};
 
 pub(super) const MATERIAL_FILE: &str = "room.mtl";
 pub(super) const MATERIALS: Materials = Materials {
-    comment: "helios_reflectance: 0 to 1, at 1550 nm. Classes: 2 floor, 5 leaves, 6 walls and ceiling, 64 furniture,\n# 65 books, 66 reference spheres.",
+    comment: "helios_reflectance: 0 to 1, at 1550 nm. Classes: 2 floor, 5 leaves, 6 walls and ceiling, 64 \
+              furniture,\n# 65 books, 66 reference spheres.",
     all: &[
         ("parquet", "0.55 0.40 0.26", 0.45, 2, true),
         ("wall", "0.88 0.87 0.83", 0.75, 6, false),

@@ -128,11 +128,13 @@ impl Airborne {
             "{XML}{DOCUMENT}\n  <scanner id=\"{id}\" {} pulseFreqs_Hz=\"{rate}\" averagePower_w=\"4\" \
              opticalEfficiency=\"0.99\" receiverDiameter_m=\"0.15\" \
              atmosphericVisibility_km=\"23\" receivedEnergyMin_W=\"{DETECTION_THRESHOLD_W:e}\">\n    \
-             <FWFSettings beamSampleQuality=\"3\" binSize_ns=\"0.25\"/>\n    <beamOrigin x=\"0\" y=\"0\" z=\"0\"/>\n  </scanner>\n</document>\n",
+             <FWFSettings beamSampleQuality=\"3\" binSize_ns=\"0.25\"/>\n    <beamOrigin x=\"0\" y=\"0\" \
+             z=\"0\"/>\n  </scanner>\n</document>\n",
             self.scanner
         );
         let mut survey = format!(
-            "{XML}{DOCUMENT}\n  <!-- {strips} strips of {} m, {} m above the ground: about {emitted} pulses -->\n  \
+            "{XML}{DOCUMENT}\n  <!-- {strips} strips of {} m, {} m above the ground: about {emitted} pulses \
+             -->\n  \
              <platformSettings id=\"cruise\" z=\"{}\" movePerSec_m=\"{}\"/>\n  \
              <scannerSettings id=\"strip\" active=\"true\" pulseFreq_hz=\"{rate}\" scanAngle_deg=\"{angle}\" \
              scanFreq_hz=\"{}\" trajectoryTimeInterval_s=\"0.01\"/>\n  \
@@ -152,9 +154,11 @@ impl Airborne {
             let y = rounded(0.5 * length, 2) * if strip % 2 == 0 { 1.0 } else { -1.0 };
             let _ = write!(
                 survey,
-                "    <leg stripId=\"{0}\">\n      <platformSettings template=\"cruise\" x=\"{x}\" y=\"{1}\"/>\n      \
+                "    <leg stripId=\"{0}\">\n      <platformSettings template=\"cruise\" x=\"{x}\" \
+                 y=\"{1}\"/>\n      \
                  <scannerSettings template=\"strip\"/>\n    </leg>\n    \
-                 <leg stripId=\"{0}\">\n      <platformSettings template=\"cruise\" x=\"{x}\" y=\"{y}\"/>\n      \
+                 <leg stripId=\"{0}\">\n      <platformSettings template=\"cruise\" x=\"{x}\" \
+                 y=\"{y}\"/>\n      \
                  <scannerSettings template=\"strip\" active=\"false\"/>\n    </leg>\n",
                 strip + 1,
                 -y,
@@ -201,14 +205,16 @@ fn room_texts(extent: f64, pulses: Option<u64>) -> SurveyTexts {
          scanAngleEffectiveMax_deg=\"52.5\" scanFreqMin_Hz=\"4\" scanFreqMax_Hz=\"420\" \
          headRotatePerSecMax_deg=\"3600\" averagePower_w=\"4\" opticalEfficiency=\"0.99\" \
          receiverDiameter_m=\"0.15\" atmosphericVisibility_km=\"23\" maxNOR=\"5\">\n    \
-         <FWFSettings beamSampleQuality=\"3\" binSize_ns=\"0.25\"/>\n    <beamOrigin x=\"0\" y=\"0\" z=\"0.2\"/>\n    \
+         <FWFSettings beamSampleQuality=\"3\" binSize_ns=\"0.25\"/>\n    <beamOrigin x=\"0\" y=\"0\" \
+         z=\"0.2\"/>\n    \
          <headRotateAxis x=\"0\" y=\"0\" z=\"1\"/>\n  </scanner>\n</document>\n"
     );
     let mut survey = format!(
-        "{XML}{DOCUMENT}\n  <!-- two positions, {resolution} degrees in both directions: about {emitted} pulses -->\n  \
-         <scannerSettings id=\"panorama\" active=\"true\" pulseFreq_hz=\"{rate}\" scanFreq_hz=\"{LINES_PER_SECOND}\" \
-         headRotatePerSec_deg=\"{turn}\" headRotateStart_deg=\"0\" headRotateStop_deg=\"360\" \
-         scanAngle_deg=\"52.5\" trajectoryTimeInterval_s=\"1\"/>\n  \
+        "{XML}{DOCUMENT}\n  <!-- two positions, {resolution} degrees in both directions: about {emitted} \
+         pulses -->\n  \
+         <scannerSettings id=\"panorama\" active=\"true\" pulseFreq_hz=\"{rate}\" \
+         scanFreq_hz=\"{LINES_PER_SECOND}\" headRotatePerSec_deg=\"{turn}\" headRotateStart_deg=\"0\" \
+         headRotateStop_deg=\"360\" scanAngle_deg=\"52.5\" trajectoryTimeInterval_s=\"1\"/>\n  \
          <survey name=\"room\" scene=\"scene.xml#room\" platform=\"platforms.xml#tripod\" \
          scanner=\"scanners.xml#tls_polygon\">\n"
     );

@@ -63,7 +63,12 @@ pub struct AirborneOptions {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = args::heading)]
     pub heading: Option<f64>,
     /// Cross lines, perpendicular to the others and evenly spread.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=10_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        value_parser = clap::value_parser!(u32).range(..=10_000),
+    )]
     pub cross_lines: u32,
     /// Length by which lines begin before the area and end after it, m. [default: as far as the scanner looks
     /// ahead and behind, plus a scan line]
@@ -76,7 +81,13 @@ pub struct AirborneOptions {
     #[arg(long, requires = "scene")]
     pub follow_terrain: bool,
     /// Steepest climb with --follow-terrain, degrees. [default: 10]
-    #[arg(long, value_name = "DEG", requires = "follow_terrain", allow_negative_numbers = true, value_parser = args::climb)]
+    #[arg(
+        long,
+        value_name = "DEG",
+        requires = "follow_terrain",
+        allow_negative_numbers = true,
+        value_parser = args::climb,
+    )]
     pub climb: Option<f64>,
 }
 

@@ -305,8 +305,9 @@ impl<'s> Source<'s> {
                      without `crs`",
                     number(spread)
                 );
-                let help = "write \"crs\": null behind the first { if they are metres in the scene's coordinates; \"crs\": {\"type\": \
-                            \"name\", \"properties\": {\"name\": \"OGC:CRS84\"}} says that they are degrees";
+                let help = "write \"crs\": null behind the first { if they are metres in the scene's \
+                            coordinates; \"crs\": {\"type\": \"name\", \"properties\": {\"name\": \
+                            \"OGC:CRS84\"}} says that they are degrees";
                 self.warn(message, help);
                 Coordinates::Degrees
             }
@@ -314,8 +315,8 @@ impl<'s> Source<'s> {
                 let message = "its coordinates are read as metres in the scene's system, although GeoJSON \
                                without `crs` is in degrees: the scene's system is unknown, so degrees cannot \
                                be projected";
-                let help = "write \"crs\": null after the first { if they are metres; degrees must be projected, for example \
-                            with ogr2ogr -t_srs EPSG:25832";
+                let help = "write \"crs\": null after the first { if they are metres; degrees must be \
+                            projected, for example with ogr2ogr -t_srs EPSG:25832";
                 self.warn(message.to_owned(), help);
                 Coordinates::OfScene
             }

@@ -183,7 +183,8 @@ fn geojson(
 
 fn kml(lines: &[PlanLine], places: &[Vec<Option<Place>>]) -> String {
     let mut out = String::from(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\">\n<Document>\n",
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\">\n\
+         <Document>\n",
     );
     for (line, places) in lines.iter().zip(places) {
         let vertices = line.vertices.iter().zip(places);

@@ -83,7 +83,8 @@ impl PlanReport<'_> {
         lines.extend(self.default_rate());
         if let Some(Turned { turns, .. }) = &self.choice.turned {
             lines.push(format!(
-                "mount      turned by {}, because the platform's mount does not point the scanner at the ground",
+                "mount      turned by {}, because the platform's mount does not point the scanner at the \
+                 ground",
                 turns.text()
             ));
         }
@@ -99,7 +100,8 @@ impl PlanReport<'_> {
         let kilohertz = |rate: u32| number(f64::from(rate) / 1e3);
         let all: Vec<String> = rates.iter().map(|rate| kilohertz(*rate)).collect();
         Some(format!(
-            "rate       {} kHz by default, the first of {} kHz; a higher --pulse-rate flies faster for the same density",
+            "rate       {} kHz by default, the first of {} kHz; a higher --pulse-rate flies faster for the \
+             same density",
             kilohertz(rates[0]),
             all.join(", ")
         ))
@@ -137,8 +139,8 @@ impl PlanReport<'_> {
         let at_edge =
             0.5 * (field.mean_profile([left, left + edge]) + field.mean_profile([right - edge, right]));
         lines.push(format!(
-            "density    {density:.3} pulses/m² over the area, N/(v·S) = {:.3} far from its edges; one strip {:.3} below, {:.3} at \
-             its edge",
+            "density    {density:.3} pulses/m² over the area, N/(v·S) = {:.3} far from its edges; one strip \
+             {:.3} below, {:.3} at its edge",
             ground_rate / (speed * spacing),
             per_area(field.mean_profile([-edge, edge])),
             per_area(at_edge)

@@ -21,16 +21,34 @@ const DEFAULT_POSITIONS: u32 = 4;
 #[derive(Clone, Debug, clap::Args)]
 pub struct TerrestrialOptions {
     /// Distance of the positions on a square grid over the area, m.
-    #[arg(long, value_name = "M", required_unless_present_any = ["around", "at"], conflicts_with_all = ["around", "at"], value_parser = args::positive)]
+    #[arg(
+        long,
+        value_name = "M",
+        required_unless_present_any = ["around", "at"],
+        conflicts_with_all = ["around", "at"],
+        value_parser = args::positive,
+    )]
     pub spacing: Option<f64>,
     /// Centre of a plot; the positions are on a circle around it.
-    #[arg(long, value_name = "X,Y", requires = "radius", allow_hyphen_values = true, value_parser = args::position)]
+    #[arg(
+        long,
+        value_name = "X,Y",
+        requires = "radius",
+        allow_hyphen_values = true,
+        value_parser = args::position,
+    )]
     pub around: Option<[f64; 2]>,
     /// Radius of that circle, m.
     #[arg(long, value_name = "M", requires = "around", value_parser = args::positive)]
     pub radius: Option<f64>,
     /// Positions around the plot. [default: 4]
-    #[arg(short = 'n', long, value_name = "N", conflicts_with = "spacing", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(
+        short = 'n',
+        long,
+        value_name = "N",
+        conflicts_with = "spacing",
+        value_parser = clap::value_parser!(u32).range(1..=100_000),
+    )]
     pub positions: Option<u32>,
     /// One position at the plot's centre as well.
     #[arg(long, requires = "around")]
@@ -123,7 +141,7 @@ fn resolved_scan(instrument: &SwathModel, options: &TerrestrialOptions) -> Resul
 /// that far apart (spec kinematics §4.2: pulses are counted over the mirror's whole mechanical angle); of a
 /// scanner whose channels the head alone turns the steps of the head.
 fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<Scan, PlanError> {
-    let (rate, most_head) = (f64::from(pulse_rate), instrument.head_rate());
+    let (rate, max_head) = (f64::from(pulse_rate), instrument.head_rate());
     let step = radians(resolution);
     let name = || instrument.name().to_owned();
     let requested = Resolution { degrees: resolution, pulse_rate: rate };
@@ -132,14 +150,14 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
             return Err(PlanError::NoLines { instrument: name() });
         }
         let head_rate = step * rate;
-        return match head_rate <= most_head * (1.0 + 1e-9) {
+        return match head_rate <= max_head * (1.0 + 1e-9) {
             true => Ok(Scan { half_angle: None, pulse_rate, scan_freq: 0.0, line_rate: 0.0, head_rate }),
             false => Err(PlanError::ChannelHead {
                 resolution: requested,
                 instrument: name(),
                 rate: degrees(head_rate),
-                max: degrees(most_head),
-                possible: degrees(most_head / rate),
+                max: degrees(max_head),
+                possible: degrees(max_head / rate),
             }),
         };
     }
@@ -160,12 +178,12 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
             possible: [least, most].map(resolution_at),
         });
     }
-    if head_rate > most_head * (1.0 + 1e-9) {
+    if head_rate > max_head * (1.0 + 1e-9) {
         return Err(PlanError::MirrorHead {
             resolution: requested,
             instrument: name(),
             rate: degrees(head_rate),
-            max: degrees(most_head),
+            max: degrees(max_head),
         });
     }
     let scan_freq = scan_freq.max(least).min(most);
@@ -174,7 +192,7 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
         pulse_rate,
         scan_freq,
         line_rate: scan_freq,
-        head_rate: head_rate.min(most_head),
+        head_rate: head_rate.min(max_head),
     })
 }
 

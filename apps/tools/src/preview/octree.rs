@@ -52,7 +52,7 @@ pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer
     Ok(tally.records)
 }
 
-/// Writes points as they are read. The file begins with the first point, near which the origin of its
+/// Writes points while they are read. The file begins with the first point, near which the origin of its
 /// coordinates is.
 struct Copy<'a> {
     out: &'a Path,

@@ -136,7 +136,8 @@ fn entries(colouring: &Colouring, points: &Points, chosen: &[u32], lowest: f64) 
         Legend::Bar { low, high, table, .. } => {
             let height = matches!(colouring, Colouring::Ramp { value: ColourBy::Height, .. });
             let shift = if height { lowest } else { 0.0 };
-            json!({ "low": f64::from(low) - shift, "high": f64::from(high) - shift, "shift": shift, "ramp": table })
+            let [low, high] = [low, high].map(|value| f64::from(value) - shift);
+            json!({ "low": low, "high": high, "shift": shift, "ramp": table })
         }
         Legend::Marks { marks, table, .. } => {
             json!({ "low": 0.0, "high": 1.0, "marks": marks, "ramp": table })

@@ -51,7 +51,7 @@ pub struct CloudRasters {
     pub points: u64,
     /// Points of the noise classes 7 and 18, which are left out.
     pub noise: u64,
-    /// Pulses without a return, which are no points.
+    /// Pulses without a return, which are not points.
     pub misses: u64,
     /// Number of ground points.
     pub ground: u64,

@@ -65,7 +65,7 @@ pub struct RasterFiles {
 
 impl RasterFiles {
     /// The rasters that are wanted, with their files.
-    pub fn wanted(&self) -> Vec<(RasterKind, &Path)> {
+    pub fn requested(&self) -> Vec<(RasterKind, &Path)> {
         let RasterFiles { dtm, dsm, chm, density, pulse_density } = self;
         let files = RasterKind::ALL.into_iter().zip([dtm, dsm, chm, density, pulse_density]);
         files.filter_map(|(kind, file)| Some((kind, file.as_deref()?))).collect()

@@ -1,4 +1,4 @@
-//! Failures of chosen operations, for tests of what a run does when the machine fails.
+//! Failures of chosen operations, for tests of runs on a failing machine.
 //!
 //! In builds with debug assertions the environment variable `VLSCAN_FAULT` names an operation by its number,
 //! from 1: `VLSCAN_FAULT=7` fails the seventh operation of the process, `VLSCAN_FAULT=7+` every one from the
@@ -24,7 +24,7 @@ mod chosen {
 
     static OPERATIONS: AtomicU64 = AtomicU64::new(0);
 
-    /// The number of the first operation that fails, and what follows it: `+` or `!`.
+    /// The number of the first operation that fails, and the sign after it: `+` or `!`.
     static CHOSEN: LazyLock<Option<(u64, Option<char>)>> = LazyLock::new(|| {
         let text = std::env::var("VLSCAN_FAULT").ok()?;
         let number = text.trim_end_matches(['+', '!']).parse().ok()?;

@@ -3,7 +3,7 @@
 //! system has no hard links, which cannot be restored.
 //!
 //! Their content is on the disk before the first one is renamed. If a process is killed while it renames
-//! several, a log beside them lets the next process that writes into the folder undo what was done: new files
+//! several, a log next to them lets the next process that writes into the folder undo the changes: new files
 //! are removed, replaced ones restored.
 
 use super::fault;
@@ -95,8 +95,8 @@ impl FileGroup {
         Ok(())
     }
 
-    /// Adds a new folder with whatever is in it when the group is committed, and returns the path under which
-    /// to fill it until then. An empty folder of the name is replaced.
+    /// Adds a new folder with its contents at the time of the commit, and returns the path under which to
+    /// fill it until then. An empty folder of the name is replaced.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -153,14 +153,14 @@ impl FileGroup {
 }
 
 impl Member {
-    /// Renames the file. Returns the error for a name that cannot be taken; the file is then beside it.
+    /// Renames the file. Returns the error for a name that cannot be taken; the file is then next to it.
     fn publish(&mut self) -> Result<Option<Error>> {
         let path = self.target.clone();
         let failed = |e| Error::io("give its name to", &path, e);
         if !self.is_own && is_input(&path) {
             // It was read after this file was created.
-            let beside = self.temporary.rename_beside(&path).map_err(failed)?;
-            let message = format!("{}; the complete output is {}", is_read(&path), beside.display());
+            let sibling = self.temporary.rename_to_sibling(&path).map_err(failed)?;
+            let message = format!("{}; the complete output is {}", is_read(&path), sibling.display());
             return Ok(Some(Error::input(message)));
         }
         match self.temporary.rename(&path, self.replace) {
@@ -168,10 +168,10 @@ impl Member {
                 if self.keeps_equal && self.temporary.is_equal(&path).unwrap_or(false) {
                     return Ok(None);
                 }
-                let beside = self.temporary.rename_beside(&path).map_err(failed)?;
+                let sibling = self.temporary.rename_to_sibling(&path).map_err(failed)?;
                 let message = format!(
                     "a file of this name has appeared meanwhile and is kept; the complete output is {}",
-                    beside.display()
+                    sibling.display()
                 );
                 Ok(Some(failed(io::Error::new(io::ErrorKind::AlreadyExists, message))))
             }

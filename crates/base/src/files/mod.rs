@@ -1,11 +1,11 @@
 //! The one writer of files: everything that the program writes goes through [`FileWriter`].
 //!
-//! * A named file is written under a temporary name of its own, `NAME.vlscan-1A2B3C4D.part` beside it, which
-//!   no other run and no user shares. When it is complete, it is synchronised with the disk and renamed, and
+//! * A named file is written under a temporary name, `NAME.vlscan-1A2B3C4D.part` in the same folder, which no
+//!   other run and no user shares. When it is complete, it is synchronised with the disk and renamed, and
 //!   then its folder is synchronised.
 //! * Symbolic links stay links: their target is written, also one that does not exist yet. Pipes, terminals
 //!   and devices are written directly and never replaced.
-//! * No output replaces a file that the same command has read, under whatever name ([`reads`]).
+//! * No output replaces a file that the same command has read, under any name ([`reads`]).
 //! * Files that are one output get their names together ([`FileGroup`]).
 //! * Temporary files are removed at every end of the process that allows it: an error, a signal
 //!   ([`remove_temporary`]), a panic. Those of a killed process are removed by the next one that writes into

@@ -1,4 +1,4 @@
-//! Names of files: links, devices, and names beside another one.
+//! Names of files: links, devices, and names in the folder of another file.
 
 use std::ffi::OsString;
 use std::fs;
@@ -31,7 +31,7 @@ fn is_descriptor(path: &Path) -> bool {
     folder.is_some_and(|folder| folder.starts_with("/proc") && folder.ends_with("fd"))
 }
 
-/// Follows symbolic links to the file that they denote, which need not exist. A path that is no link is
+/// Follows symbolic links to the file that they denote, which need not exist. A path that is not a link is
 /// returned unchanged.
 ///
 /// # Errors

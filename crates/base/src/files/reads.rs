@@ -4,8 +4,8 @@
 //! * What did a result depend on? A [`FileLog`] holds the files that were opened, those that were looked for
 //!   and not found, and the folders whose names were listed, by the work that it records.
 //! * Would an output replace an input? [`ReadGuard`] holds the identities of the files that a command has
-//!   read; [`refuse_input`] refuses them as outputs, under whatever name. The command starts it, for its
-//!   process; it is never started by a library.
+//!   read; [`refuse_input`] rejects them as outputs, under any name. The command starts it, for its process;
+//!   it is never started by a library.
 
 use super::paths::{identity, is_special};
 use crate::error::{Error, Result};
@@ -163,7 +163,7 @@ pub struct FileLog(Arc<Mutex<Reads>>);
 
 impl FileLog {
     /// Does `work` and records what it reads: this thread, and the threads that [`crate::machine`] starts for
-    /// it. Logs that already record the thread go on.
+    /// it. Logs that already record the thread continue.
     pub fn record<T>(&self, work: impl FnOnce() -> T) -> T {
         ThreadLogs(vec![self.clone()]).record(work)
     }
@@ -242,7 +242,7 @@ pub fn refuse_input(path: &Path) -> Result<()> {
 }
 
 /// Refuses an output that would replace one of the `inputs`, or a file that this command has read: for
-/// commands that can tell so before they read.
+/// commands that can check this before they read.
 ///
 /// # Errors
 /// [`Error::Input`].

@@ -58,7 +58,7 @@ impl TemporaryName {
 
 /// The temporary files and unfinished folders of this process.
 pub(super) struct Live {
-    /// Files, and folders that are removed with what is in them.
+    /// Files, and folders that are removed with their contents.
     pub files: BTreeSet<PathBuf>,
     /// Logs of files that are being renamed.
     pub undo_logs: BTreeSet<PathBuf>,
@@ -121,7 +121,7 @@ pub fn remove_litter(folder: &Path) {
     }
 }
 
-/// Refuses to overwrite a file, unless `force` is set; what is written as a stream is never overwritten.
+/// Refuses to overwrite a file, unless `force` is set; streams are never overwritten.
 ///
 /// # Errors
 /// [`Error::Input`] of the kind [`Exists`](crate::diag::ProblemKind::Exists).
@@ -179,7 +179,7 @@ fn temporary_name(target: &OsStr, kind: TemporaryName) -> std::ffi::OsString {
     name
 }
 
-/// A path beside `target` that does not exist.
+/// A path in the folder of `target` that does not exist.
 pub(super) fn free_temporary_path(target: &Path, kind: TemporaryName) -> io::Result<PathBuf> {
     let name = target.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
     loop {
@@ -190,7 +190,7 @@ pub(super) fn free_temporary_path(target: &Path, kind: TemporaryName) -> io::Res
     }
 }
 
-/// True if a name is that of a temporary file of this program, which no user gives by chance.
+/// True if a name belongs to a temporary file of this program; no user chooses such a name by chance.
 pub fn is_temporary_name(name: &OsStr) -> bool {
     TemporaryName::of(name).is_some()
 }
@@ -204,14 +204,15 @@ pub(super) struct TemporaryFile {
 }
 
 impl TemporaryFile {
-    /// Creates a file beside `target` that did not exist before, and opens it for reading and writing.
+    /// Creates a file in the folder of `target` that did not exist before, and opens it for reading and
+    /// writing.
     pub fn create(target: &Path) -> io::Result<(TemporaryFile, File)> {
         TemporaryFile::create_by(target, |path| {
             OpenOptions::new().read(true).write(true).create_new(true).open(path)
         })
     }
 
-    /// Creates a folder beside `target` that did not exist before. It is removed with what is in it.
+    /// Creates a folder next to `target` that did not exist before. It is removed with its contents.
     pub fn create_folder(target: &Path) -> io::Result<TemporaryFile> {
         TemporaryFile::create_by(target, |path| fs::create_dir(path)).map(|(folder, ())| folder)
     }
@@ -272,14 +273,14 @@ impl TemporaryFile {
     }
 
     /// Renames a complete file to `NAME.new.EXT`, or `NAME.new-2.EXT` …, and returns that name.
-    pub fn rename_beside(&mut self, path: &Path) -> io::Result<PathBuf> {
+    pub fn rename_to_sibling(&mut self, path: &Path) -> io::Result<PathBuf> {
         let exists = io::ErrorKind::AlreadyExists;
         for number in 1..100 {
             let suffix = if number == 1 { ".new".to_owned() } else { format!(".new-{number}") };
-            let beside = with_suffix(path, &suffix, None);
-            match self.rename(&beside, false) {
+            let sibling = with_suffix(path, &suffix, None);
+            match self.rename(&sibling, false) {
                 Err(e) if e.kind() == exists => {}
-                renamed => return renamed.map(|()| beside),
+                renamed => return renamed.map(|()| sibling),
             }
         }
         Err(exists.into())

@@ -160,14 +160,14 @@ fn links_stay_links_and_lead_to_one_file() {
 
 #[test]
 fn names_beside_another_keep_its_extension() {
-    for (name, beside) in [
+    for (name, sibling) in [
         ("d.x/a.laz", "d.x/a.partial.laz"),
         ("a.copc.laz", "a.partial.copc.laz"),
         ("a.COPC.Laz", "a.partial.COPC.Laz"),
         (".laz", ".laz.partial"),
         ("d.x/a", "d.x/a.partial"),
     ] {
-        assert_eq!(free_name(Path::new(name), "partial", |_| false), Path::new(beside));
+        assert_eq!(free_name(Path::new(name), "partial", |_| false), Path::new(sibling));
     }
     assert_eq!(with_suffix(Path::new("a.copc.laz"), "_pulse", Some("txt")), Path::new("a_pulse.txt"));
     let taken = |path: &Path| path != Path::new("a.partial-3.laz");

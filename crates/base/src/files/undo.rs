@@ -71,7 +71,7 @@ pub(super) fn roll_back(steps: &[Step]) {
     }
 }
 
-/// Undoes what a log lists, and removes it.
+/// Undoes the operations in a log, and removes the log.
 pub(super) fn roll_back_log(log: &Path) {
     let Ok(bytes) = read_own(log) else { return };
     // A log that is not complete was being written before the first file got its name.
@@ -81,7 +81,7 @@ pub(super) fn roll_back_log(log: &Path) {
     let _ = fs::remove_file(log);
 }
 
-/// Removes a file, or a folder with what is in it.
+/// Removes a file, or a folder with its contents.
 pub(super) fn remove_any(path: &Path) -> io::Result<()> {
     match path.symlink_metadata()?.is_dir() {
         true => fs::remove_dir_all(path),

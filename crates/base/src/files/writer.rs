@@ -59,7 +59,7 @@ impl FileWriter {
         }
         refuse_input(path)?;
         if is_special(path) {
-            // A file that the shell has opened (`3>>log`) keeps what it holds.
+            // A file that the shell has opened (`3>>log`) keeps its contents.
             let is_filled = std::fs::metadata(path).is_ok_and(|about| about.is_file() && about.len() > 0);
             let mut options = OpenOptions::new();
             let options = if is_filled { options.append(true) } else { options.write(true) };
@@ -183,11 +183,11 @@ impl FileWriter {
         }
     }
 
-    /// Completes the file under its name and returns that, or copies what was collected to a stream.
+    /// Completes the file under its name and returns that, or copies the collected bytes to a stream.
     ///
     /// # Errors
     /// [`Error::Io`]. The file is removed, unless only its folder could not be synchronised, or another file
-    /// of its name has appeared, beside which it is left as `NAME.new.EXT`.
+    /// of its name has appeared, next to which it is left as `NAME.new.EXT`.
     pub fn finish(self) -> Result<PathBuf> {
         let (name, target) = (self.name.clone(), self.target().map(Path::to_path_buf));
         self.finish_as(target.as_deref().unwrap_or(&name)).map(|()| name)
@@ -299,7 +299,7 @@ pub fn write_stdout(text: &str) -> Result<()> {
     FileWriter::stdout(Patched::Never)?.append(text.as_bytes())
 }
 
-/// Writes a message to standard error. A message that nobody can read is lost.
+/// Writes a message to standard error. A message is lost if standard error is closed.
 pub fn write_stderr(text: &str) {
     // Messages of several threads follow each other.
     let _lock = io::stderr().lock();

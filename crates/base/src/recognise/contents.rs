@@ -24,7 +24,7 @@ pub(super) fn kind_of(bytes: &[u8]) -> &'static Kind {
         return of_container(kind, bytes);
     }
     if let Some(text) = of_utf16(bytes) {
-        // The declaration and the root of XML tell what it is in every encoding.
+        // The declaration and the root of XML identify it in every encoding.
         return if text.starts_with(b"<") { of_xml(&text) } else { &kinds::UTF16 };
     }
     if !is_text {
@@ -44,7 +44,7 @@ pub(super) fn is_text(bytes: &[u8]) -> bool {
     !bytes.iter().any(|b| *b < 0x20 && !matches!(b, b'\t' | b'\n' | b'\r' | 0x0b | 0x0c))
 }
 
-/// Beginnings of few letters that no text has, whatever follows.
+/// Beginnings of few letters that no text has.
 const SURE: [&[u8]; 2] = [b"LASF", b"%PDF"];
 
 /// Beginnings of few letters, which text may have by chance, count in binary data only, but for those of
@@ -163,7 +163,7 @@ pub fn is_sbet(bytes: &[u8]) -> bool {
         && angles.into_iter().all(|angle| angle.abs() <= 2.0 * TAU)
 }
 
-/// By the root element, whatever its prefix.
+/// By the root element, with any prefix.
 fn of_xml(text: &[u8]) -> &'static Kind {
     let root = root_of(text);
     let holds = |word: &[u8]| find(text, word).is_some();

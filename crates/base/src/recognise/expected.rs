@@ -22,9 +22,9 @@ pub enum Role {
     Area,
     /// A log of messages.
     Log,
-    /// A table of text with columns of its own.
+    /// A table of text with its own columns.
     Table,
-    /// Another file with a format of its own.
+    /// Another file with its own format.
     Other,
 }
 
@@ -37,7 +37,7 @@ pub struct Expected {
     pub role: Role,
     /// Families of which the files that are read may be.
     families: &'static [Family],
-    /// True if a file of unknown contents is refused if its ending is that of another kind.
+    /// True if a file of unknown contents is rejected because its extension belongs to another kind.
     pub(super) uses_endings: bool,
     /// Kinds of other families that are read, or of these that are not although vlscan reads them elsewhere.
     except: &'static [Kind],
@@ -106,7 +106,7 @@ impl Expected {
         except: &[kinds::PARQUET],
         ..expected("poses of a platform", Role::Flight, &[Flight, Columnar, Table, Text, Empty])
     };
-    /// Rows of text and Arrow, of whatever.
+    /// Rows of text and Arrow, with any contents.
     pub const ROWS: Expected = Expected {
         except: &[kinds::PARQUET],
         ..expected("rows of text or Arrow", Role::Table, &[Columnar, Table, Text, Empty])
@@ -154,12 +154,12 @@ impl Expected {
     /// True if the file may be one of those that are read. Kinds that need a converter are not.
     pub(super) fn accepts(&self, kind: &Kind) -> bool {
         let is_odd = self.except.contains(kind);
-        // Readers that want UTF-16 decode it themselves.
+        // Readers of UTF-16 decode it themselves.
         let is_read = kind.convert.is_empty() || kind.family == Utf16;
         is_odd != (self.families.contains(&kind.family) && is_read)
     }
 
-    /// True if the name ends as that of a kind that is read.
+    /// True if the name has the extension of a supported kind.
     pub(super) fn accepts_name(&self, path: &Path) -> bool {
         let Some(ending) = path.extension() else { return false };
         let ending = ending.to_string_lossy().to_ascii_lowercase();
@@ -181,7 +181,7 @@ impl Expected {
         Foreign { kind, expected: self.what, help: help.replace("{f}", &name) }
     }
 
-    /// True if a file of the family is what is expected once it is converted.
+    /// True if a file of the family is as expected once it is converted.
     fn suits(&self, family: Family) -> bool {
         self.families.contains(&family)
             || matches!(
@@ -194,8 +194,8 @@ impl Expected {
     fn advice(&self, kind: &Kind) -> Option<String> {
         let text = match (self.role, kind.family) {
             (Role::Scene, Points) => {
-                "a point cloud becomes voxels: a scene of XML with <filter type=\"xyzloader\"> and a voxelSize, or `vlscan scene \
-                 reconstruct {f} -o DIR`"
+                "a point cloud becomes voxels: a scene of XML with <filter type=\"xyzloader\"> and a \
+                 voxelSize, or `vlscan scene reconstruct {f} -o DIR`"
             }
             (Role::Scene, Terrain) => {
                 "a terrain raster is read by <filter type=\"geotiffloader\">, or as `--scene {f}`"
@@ -225,7 +225,8 @@ impl Expected {
                 "`vlscan run` flies a survey (.xml) or a pipeline (.toml); docs/start.md shows both"
             }
             (Role::Scene, Table) => {
-                "a table of instances ends in .csv; points become voxels: a scene of XML with <filter type=\"xyzloader\">"
+                "a table of instances ends in .csv; points become voxels: a scene of XML with <filter \
+                 type=\"xyzloader\">"
             }
             (_, Binary | Text | Empty | Markup) => "",
             _ => return None,

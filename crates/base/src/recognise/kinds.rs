@@ -330,7 +330,7 @@ pub(super) const BY_CONTENTS: &[Kind] = &[
     RINEX,
 ];
 
-/// Kinds that are recognised by what they begin with.
+/// Kinds that are recognised by their first bytes.
 pub(super) const BY_START: &[Kind] = &[
     kind("a LAS point cloud", Points, "", &[b"LASF"], &["las"]),
     kind("an E57 point cloud", Points, "", &[b"ASTM-E57"], &["e57"]),

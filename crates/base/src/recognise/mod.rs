@@ -1,5 +1,5 @@
 //! Names the kind of a file by its first bytes and its ending, and says what to do with a file that a command
-//! cannot use: every reader compares what it [`Expected`] with what the file is.
+//! cannot use: every reader compares the [`Expected`] kind with the file's.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -170,7 +170,7 @@ pub fn foreign(path: &Path, bytes: &[u8], expected: &Expected) -> Option<Foreign
     let contents = contents::kind_of(&bytes[..bytes.len().min(FIRST_BYTES)]);
     let named = by_ending(path, contents).unwrap_or(contents);
     let is_accepted = expected.accepts(if expected.uses_endings { named } else { contents })
-        // Contents that say nothing are left to the reader if the name is that of a file it reads.
+        // Ambiguous contents are left to the reader if the name has a supported extension.
         || kinds::GENERAL.contains(contents) && *named == *contents && expected.accepts_name(path);
     (!is_accepted).then(|| expected.refuse(named, path))
 }

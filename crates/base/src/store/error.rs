@@ -26,7 +26,7 @@ pub enum ArrayFileError {
         /// Version that is read.
         expected: u32,
     },
-    /// A file of another length than that of its header.
+    /// A file whose length differs from its header's.
     #[error("it has {length} bytes instead of {stated}; is it truncated?")]
     Length {
         /// Length of the file, bytes.

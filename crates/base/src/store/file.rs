@@ -1,7 +1,8 @@
 //! File format of named arrays and values. Values are encoded by postcard, without names of their fields.
 //!
 //! ```text
-//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ table: offset, length, checksum │ file length │ checksum │ 0 u64
+//! 0    magic "VLSCENE\n" │ version u32 │ byte order u32 │ table: offset, length, checksum │ file length
+//!      │ checksum │ 0 u64
 //! 64   arrays, one after the other
 //!      table, a value: for each array its name, bytes, bytes of an element, checksums of its blocks
 //! ```
@@ -9,7 +10,7 @@
 //! An array is divided into blocks of 256 KiB, each with a checksum. Opening a file checks header and table;
 //! reading an array reads its blocks into memory, by all threads in parallel, and compares each with its
 //! checksum before the array is returned. So the numbers that a program computes with are those that were
-//! compared, whatever happens to the file afterwards.
+//! compared, even if the file changes afterwards.
 
 use super::ArrayFileError;
 use crate::diag::Problem;
@@ -177,9 +178,9 @@ impl ArrayFile {
         self.length
     }
 
-    /// Bytes of all arrays whose names are `wanted`.
-    pub fn bytes_of(&self, wanted: impl Fn(&str) -> bool) -> u64 {
-        self.table.iter().filter(|entry| wanted(&entry.name)).map(Entry::length).sum()
+    /// Bytes of all arrays whose names pass `is_counted`.
+    pub fn bytes_of(&self, is_counted: impl Fn(&str) -> bool) -> u64 {
+        self.table.iter().filter(|entry| is_counted(&entry.name)).map(Entry::length).sum()
     }
 
     /// Bytes of an element of an array; `None` without an array of this name.
@@ -413,7 +414,7 @@ mod tests {
         let file = ArrayFile::open(&path).unwrap();
         assert_eq!(file.array::<u64>("first").unwrap(), numbers);
         file.verify().unwrap();
-        // What was read stays what it was; what is read later is compared.
+        // Bytes already read are kept; bytes read later are compared.
         let second = HEADER_BYTES + 800_000;
         for (at, name) in [
             (HEADER_BYTES, "first"),

@@ -16,7 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::SystemTime;
 
-/// Files up to this length are read into memory, whatever the limit of memory is, bytes.
+/// Files up to this length are read into memory under any memory limit, bytes.
 const MAX_SMALL_BYTES: u64 = 16 << 20;
 
 /// Files that take up more than this fraction of the memory are mapped.
@@ -54,7 +54,7 @@ impl FileBytes {
         FileBytes::open_within(path, None)
     }
 
-    /// As [`FileBytes::open`]; `max_memory` limits the memory instead of what the machine has, bytes.
+    /// As [`FileBytes::open`]; `max_memory` limits the memory instead of the machine's, bytes.
     ///
     /// # Errors
     /// As for [`FileBytes::open`].
@@ -90,7 +90,7 @@ impl FileBytes {
         }
     }
 
-    /// Fails if the file has changed since it was opened, so that what was read may be a mixture of two
+    /// Fails if the file has changed since it was opened, so that the bytes read may be a mixture of two
     /// versions.
     ///
     /// # Errors

@@ -123,8 +123,8 @@ macro_rules! columns {
             /// All columns in the order in which they are written.
             pub const ALL: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).0;
 
-            /// Values of a point that its columns lack. Tables in memory have them beside their columns, so
-            /// that files can be made of them; files do not have them.
+            /// Values of a point that its columns lack. Tables in memory have them in addition to their
+            /// columns, so that files can be made of them; files do not have them.
             pub const EXACT: &[Column] = Column::EVERY.split_at(Column::ExactScanAngle as usize).1;
 
             /// Columns of [`Column::EXACT`] that only frames of a scanner (MCAP) need.

@@ -265,7 +265,11 @@ fn geographic(element: &Element) -> Option<Value> {
         datum["prime_meridian"]["longitude"] = json!({ "value": meridian.number()?, "unit": unit });
     }
     geographic["datum"] = datum;
-    let axis = |name: &str, abbreviation: &str, direction: &str| json!({ "name": name, "abbreviation": abbreviation, "direction": direction, "unit": unit });
+    let axis = |name: &str, abbreviation: &str, direction: &str| {
+        json!({
+            "name": name, "abbreviation": abbreviation, "direction": direction, "unit": unit
+        })
+    };
     let axes = [axis("Geodetic latitude", "Lat", "north"), axis("Geodetic longitude", "Lon", "east")];
     geographic["coordinate_system"] = json!({ "subtype": "ellipsoidal", "axis": axes });
     Some(geographic)

@@ -29,7 +29,7 @@ fn read_scans(bytes: &[u8], reading: &mut Reading) -> Result<(), E57Error> {
         if scan.position == Position::None {
             return Err(named(ScanError::NoCoordinates));
         }
-        // Values that are all equal take no bits, so that the library cannot tell how many there are.
+        // Values that are all equal take no bits, so the library cannot determine their number.
         if cloud.records > 0 && cloud.prototype.iter().all(|record| is_constant(&record.data_type)) {
             return Err(named(ScanError::Constant));
         }
@@ -93,8 +93,9 @@ impl Scan {
             (None, Some(columns)) => (Position::Spherical(columns), RecordName::SphericalInvalidState),
             (None, None) => (Position::None, RecordName::CartesianInvalidState),
         };
-        let class = cloud.prototype.iter().position(|record| {
-            matches!(&record.name, RecordName::Unknown { name, .. } if name.to_ascii_lowercase().contains("classification"))
+        let class = cloud.prototype.iter().position(|record| match &record.name {
+            RecordName::Unknown { name, .. } => name.to_ascii_lowercase().contains("classification"),
+            _ => false,
         });
         Scan {
             position,

@@ -102,7 +102,7 @@ impl FileBody for E57Body {
         }
         let file = match &mut self.file {
             Some(file) => file,
-            none => none.insert(out.scratch_beside()?),
+            none => none.insert(out.sibling_scratch()?),
         };
         file.append(&self.memory)?;
         self.memory.clear();
@@ -125,7 +125,7 @@ impl FileBody for E57Body {
             None => Box::new(Cursor::new(std::mem::take(&mut self.memory))),
         };
         let mut points = Points { source, left: self.count, next: None };
-        let mut file = out.scratch_beside()?;
+        let mut file = out.sibling_scratch()?;
         let mut writer = E57Writer::new(&mut file, &guid(u64::MAX, self.count)).map_err(e57_failed)?;
         writer.set_coordinate_metadata(self.encoder.crs.clone());
         let mut scan = 0;

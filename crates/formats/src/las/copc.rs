@@ -308,7 +308,7 @@ impl Spill {
             none => none.insert(FileWriter::scratch()?),
         };
         file.append(&self.memory)?;
-        // Frees what was needed before there was a file.
+        // Frees memory that was needed before there was a file.
         self.memory = Vec::with_capacity(WRITE_BYTES);
         Ok(())
     }

@@ -120,7 +120,7 @@ impl Container {
         self.append(&index.record(op::MESSAGE_INDEX), out)
     }
 
-    /// Writes what is known about the file, and the index.
+    /// Writes the facts about the file, and the index.
     pub fn finish(&mut self, about: &[(&str, &str)], out: &mut OutputStream) -> Result<()> {
         let metadata = Content::default().string("vlscan").map(about).record(op::METADATA);
         let metadata_at = out.len();
@@ -177,7 +177,7 @@ impl Container {
 }
 
 impl Chunk {
-    /// The record of the summary that tells where the chunk is.
+    /// The record of the summary with the position of the chunk.
     fn index(&self) -> Vec<u8> {
         // The index of the message follows the chunk.
         let index_bytes = RECORD_HEAD_BYTES + 2 + 4 + 16;

@@ -177,7 +177,7 @@ impl McapBody {
             self.publish_pose(pose, out)?;
         }
         let head = cloud_head(self.begin, &self.names.sensor, (self.points.len() / POINT_BYTES) as u32);
-        // The last byte says that all points are numbers.
+        // The last byte marks all points as finite.
         self.container.message(POINTS, self.begin, &[&head, &self.points, &[1]], out)?;
         self.points.clear();
         Ok(())

@@ -50,7 +50,7 @@ impl PoseTrack {
         self.latest = Some(pose);
         let least = if begins_frame { 1 } else { STEP_NS };
         let is_due = self.published.is_none_or(|last| {
-            // Devices may fire in another order than time; legs may begin anew.
+            // Devices may fire in another order than time; legs may restart.
             pose.time_ns.saturating_sub(last.time_ns) >= least || last.time_ns > pose.time_ns + 1_000_000_000
         });
         is_due.then(|| self.publish(pose))

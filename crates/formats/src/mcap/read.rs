@@ -43,8 +43,8 @@ struct Reader {
 /// Calls `take` with the frames of a file, in order.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for a file that is no MCAP or damaged, by the checksums that it has, and
-/// those of `take`. A damage may be found after frames were taken.
+/// [`Error::Io`]; [`Error::Input`] for a file that is not MCAP or is damaged, by its checksums; and the
+/// errors of `take`. Damage may be detected after frames were taken.
 pub(crate) fn read_frames(
     source: &mut dyn Read,
     path: &Path,
@@ -84,7 +84,7 @@ pub(crate) fn read_frames(
     }
 }
 
-/// Compares a checksum with what the file states; 0 means that it states none.
+/// Compares a checksum with the one in the file; 0 means that the file has none.
 fn check_sum(stated: u32, sum: &Crc, path: &Path, what: impl Fn() -> String) -> Result<()> {
     if stated == 0 || stated == sum.sum() {
         return Ok(());
@@ -102,7 +102,7 @@ struct Input<'a> {
 }
 
 impl Input<'_> {
-    /// Appends so many bytes of the file to `bytes`.
+    /// Appends this many bytes of the file to `bytes`.
     fn read(&mut self, length: u64, bytes: &mut Vec<u8>) -> Result<()> {
         let read = Read::take(&mut *self.source, length).read_to_end(bytes);
         let read = read.map_err(|e| Error::io("read", self.path, e))? as u64;

@@ -66,9 +66,9 @@ impl OutputStream {
         OutputStream { out, buffer: Vec::new(), len: 0, is_parallel: false, writes: None }
     }
 
-    /// Creates a file that is removed when it is dropped: beside this one, where its handle can be closed, or
-    /// in the folder for temporary files if this is no file.
-    pub fn scratch_beside(&self) -> Result<FileWriter> {
+    /// Creates a file that is removed when it is dropped: next to this file, where its handle can be closed,
+    /// or in the folder for temporary files if this stream is not a file.
+    pub fn sibling_scratch(&self) -> Result<FileWriter> {
         match self.out.target() {
             Some(target) => FileWriter::create(target, true, Patched::Always),
             None => FileWriter::scratch(),

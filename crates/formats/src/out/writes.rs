@@ -146,7 +146,7 @@ mod tests {
     use super::*;
     use vlscan_base::files::{FileWriter, Patched};
 
-    /// Never runs a job, runs each on a thread of its own, or drops them.
+    /// Never runs a job, runs each on a separate thread, or drops them.
     enum Pool {
         Keeps,
         Runs,

@@ -42,7 +42,7 @@ pub enum PcdError {
         /// The name of the field.
         name: String,
     },
-    /// Fields among which there are no positions.
+    /// Fields without positions.
     #[error(transparent)]
     Positions(#[from] PositionsError),
     /// A word of a text file that is not the expected value.
@@ -66,7 +66,7 @@ pub enum PcdError {
     /// A file that ends within its compressed points.
     #[error("it ends within its compressed points; is the file truncated?")]
     CompressedPointsEnd,
-    /// Compressed points of another size than that of the header.
+    /// Compressed points whose size differs from the header's.
     #[error("its {points} points are said to take {bytes} bytes")]
     CompressedSize {
         /// Number of points by the header.

@@ -1,5 +1,5 @@
 //! PCD of the Point Cloud Library, 0.5 to 0.7: text, binary, and binary compressed by LZF. Points with
-//! coordinates that are NaN, as organised clouds have them, are no points. The offset that this program
+//! coordinates that are NaN, as organised clouds have them, are not points. The offset that this program
 //! writes as a comment is added.
 
 use super::PcdError;
@@ -90,7 +90,7 @@ impl Header {
             let line = String::from_utf8_lossy(&bytes[at..end]).into_owned();
             at = end + 1;
             let words: Vec<&str> = line.split_whitespace().collect();
-            // A second word is no part of a number.
+            // A second word is not part of a number.
             let number = |keyword| {
                 let word = words.get(1).filter(|_| words.len() == 2);
                 word.and_then(|word| word.parse::<usize>().ok()).ok_or(PcdError::NotANumber { keyword })
@@ -289,9 +289,9 @@ fn decompressed(data: &[u8], header: &Header) -> Result<Vec<u8>, PcdError> {
     lzf(packed, unpacked).ok_or(PcdError::Damaged)
 }
 
-/// Decompresses LZF: a byte below 32 precedes one more literals than it says; others are references to
-/// earlier output, whose length is in the upper three bits, with a further byte if they are 7, and whose
-/// distance is in the rest and a byte.
+/// Decompresses LZF: a byte n below 32 precedes n + 1 literals; others are references to earlier output,
+/// whose length is in the upper three bits, with a further byte if they are 7, and whose distance is in the
+/// rest and a byte.
 fn lzf(packed: &[u8], length: usize) -> Option<Vec<u8>> {
     let mut out: Vec<u8> = Vec::with_capacity(length);
     let mut rest = packed;

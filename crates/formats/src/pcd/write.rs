@@ -43,7 +43,7 @@ fn offset(world: &Aabb) -> DVec3 {
 /// Room in the header for the place of a scanner that stands, bytes.
 const VIEWPOINT_BYTES: usize = 3 * 24;
 
-/// Largest distance between beams of a scanner that stands, m: lasers lie beside each other in its head.
+/// Largest distance between beams of a scanner at rest, m: lasers lie next to each other in its head.
 const MAX_HEAD_M: f64 = 1.0;
 
 /// The place of a scanner that stands, by the box around the origins of its beams.
@@ -67,8 +67,10 @@ fn head(offset: DVec3, count: u64, state: &str, viewpoint: Option<Option<DVec3>>
     let padding = " ".repeat(2 * (20 - count.len()) + room);
     let DVec3 { x, y, z } = offset;
     format!(
-        "# .PCD v0.7 - Point Cloud Data file format\n# {SOFTWARE}; state {state:40}\n# add {x} {y} {z} to x y z{padding}\n\
-         VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT {place} 1 0 0 0\n\
+        "# .PCD v0.7 - Point Cloud Data file format\n# {SOFTWARE}; state {state:40}\n\
+         # add {x} {y} {z} to x y z{padding}\n\
+         VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {count}\nHEIGHT 1\n\
+         VIEWPOINT {place} 1 0 0 0\n\
          POINTS {count}\nDATA binary\n",
         list(&|f| f.0.to_owned()),
         list(&|f| f.1.to_string()),

@@ -1,4 +1,4 @@
-//! Headers of PLY files in the spelling that the parser knows: single blanks, keywords in small letters,
+//! Headers of PLY files in the spelling that the parser accepts: single blanks, keywords in small letters,
 //! names of letters, digits and underscores, line feeds.
 
 use super::PlyError;
@@ -25,7 +25,7 @@ pub fn is_ply(bytes: &[u8]) -> bool {
 /// Reads the header of a file.
 ///
 /// # Errors
-/// A header without an end, or that is no text.
+/// A header that has no end, or is not text.
 pub fn ply_header(bytes: &[u8]) -> Result<PlyHeader, PlyError> {
     let start = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
     let line_end = last_of_line_ends(start);

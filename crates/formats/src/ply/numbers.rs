@@ -23,7 +23,7 @@ impl<'b> PlyNumbers<'b> {
     /// Reads the next number.
     ///
     /// # Errors
-    /// A word that is no number, or the end of the file.
+    /// A word that is not a number, or the end of the file.
     pub fn number(&mut self) -> Result<f64, PlyError> {
         self.0 = self.0.trim_ascii_start();
         let end = self.0.iter().position(u8::is_ascii_whitespace).unwrap_or(self.0.len());
@@ -41,7 +41,7 @@ impl<'b> PlyNumbers<'b> {
     /// As [`PlyNumbers::number`], and a number that cannot be a length.
     pub fn length(&mut self) -> Result<usize, PlyError> {
         let count = self.number()?;
-        // A list has no more numbers than the file has bytes.
+        // A list has at most as many numbers as the file has bytes.
         if !(0.0..=self.0.len() as f64).contains(&count) || count.fract() != 0.0 {
             return Err(PlyError::Length(count));
         }

@@ -64,7 +64,8 @@ fn head(count: u64, state: &str) -> Vec<u8> {
     let count = count.to_string();
     let padding = " ".repeat(20 - count.len());
     let mut head = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment {SOFTWARE}\ncomment state {state:40}\ncomment .{padding}\n\
+        "ply\nformat binary_little_endian 1.0\ncomment {SOFTWARE}\ncomment state {state:40}\n\
+         comment .{padding}\n\
          element vertex {count}\n"
     );
     let properties = [("double", ["x", "y", "z", "time"].as_slice()), ("float", &["nx", "ny", "nz"])];

@@ -44,7 +44,7 @@ struct PlyReader<'a> {
     remarks: Vec<String>,
 }
 
-/// The slot of a vertex behind those of the attributes: its opacity.
+/// The slot of a vertex after its attributes: the opacity.
 const ALPHA: usize = Attribute::COUNT;
 
 /// The values behind the header that are not read yet.

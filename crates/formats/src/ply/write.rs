@@ -13,7 +13,8 @@ use vlscan_crs as crs;
 use vlscan_geom::{DVec3, degrees};
 
 /// Types and names of the properties. Metres, nanoseconds (echo width), seconds of the GPS week, degrees.
-/// CloudCompare keeps what its names call scalar; the rest of a name is that of the column in other formats.
+/// CloudCompare keeps properties whose names begin with scalar; the rest of a name is the name of the column
+/// in other formats.
 const PROPERTIES: [(&str, &str); 16] = [
     ("double", "x"),
     ("double", "y"),

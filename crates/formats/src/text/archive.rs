@@ -48,7 +48,7 @@ struct ArchiveBody {
     sum: Adler32,
 }
 
-/// Begins a compressed text, whose lines are appended as they are.
+/// Begins a compressed text, whose lines are appended unchanged.
 ///
 /// # Errors
 /// Those of writing.
@@ -208,12 +208,12 @@ impl<'n, R: BufRead> Archive<'n, R> {
     ) -> Result<()> {
         let mut piece = [0; 4096];
         while left > 0 {
-            let wanted = usize::try_from(left).unwrap_or(usize::MAX).min(piece.len());
-            if self.fill(&mut piece[..wanted])? < wanted {
+            let needed = usize::try_from(left).unwrap_or(usize::MAX).min(piece.len());
+            if self.fill(&mut piece[..needed])? < needed {
                 return Err(self.early());
             }
-            text.extend_from_slice(&piece[..wanted]);
-            left -= wanted as u64;
+            text.extend_from_slice(&piece[..needed]);
+            left -= needed as u64;
             if text.len() >= MIN_WRITE_BYTES {
                 out(text)?;
                 text.clear();

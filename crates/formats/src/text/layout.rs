@@ -56,7 +56,7 @@ impl Layout {
         self.separator.split(&[b'1', byte, b'1']).count() > 1
     }
 
-    /// True if names tell what the columns hold.
+    /// True if names determine the contents of the columns.
     pub fn is_named(&self) -> bool {
         self.named.is_some()
     }
@@ -78,7 +78,7 @@ pub struct LayoutFinder {
 }
 
 impl LayoutFinder {
-    /// A finder for a file whose separator is known; `None` if the lines tell it.
+    /// A finder for a file whose separator is known; `None` if the lines determine it.
     pub fn new(separator: Option<Separator>) -> LayoutFinder {
         LayoutFinder { separator, ..LayoutFinder::default() }
     }
@@ -298,13 +298,13 @@ mod tests {
 
     #[test]
     fn names_that_do_not_fit_are_told() {
-        let told = |text: &str| layout(text).2.join("; ");
-        assert!(told("a b c\n1 2 3\n").contains("none of these names is known"));
-        assert!(told("x y depth\n1 2 3\n").contains("no column z"));
-        assert!(told("lon lat z\n1 2 3\n").contains("longitude and latitude"));
-        assert!(told("x y z\n\"1\" 1 2 3\n").contains("3 columns are named, line 2 has 4"));
-        assert!(told("x y z verticality\n1 2 3 4\n").contains("not read: verticality"));
-        let unit = told("x[in],y[yd],z[furlong]\n1,2,3\n");
+        let remarks_of = |text: &str| layout(text).2.join("; ");
+        assert!(remarks_of("a b c\n1 2 3\n").contains("none of these names is known"));
+        assert!(remarks_of("x y depth\n1 2 3\n").contains("no column z"));
+        assert!(remarks_of("lon lat z\n1 2 3\n").contains("longitude and latitude"));
+        assert!(remarks_of("x y z\n\"1\" 1 2 3\n").contains("3 columns are named, line 2 has 4"));
+        assert!(remarks_of("x y z verticality\n1 2 3 4\n").contains("not read: verticality"));
+        let unit = remarks_of("x[in],y[yd],z[furlong]\n1,2,3\n");
         assert!(unit.contains("\"furlong\" of column 3") && !unit.contains("yd]"), "{unit}");
     }
 }

@@ -66,7 +66,7 @@ pub fn is_skipped(line: &[u8]) -> bool {
 }
 
 /// True if a line is a heading: at least three words, all of them names but for empty ones, which begin with
-/// a letter or `_` and are no numbers.
+/// a letter or `_` and are not numbers.
 pub fn is_heading(line: &[u8], words: &[Range<usize>]) -> bool {
     let is_name = |word: &[u8]| {
         let word = word.strip_prefix(b"\"").unwrap_or(word);
@@ -103,7 +103,7 @@ impl Columns {
             }
         }
         let mut row = self.row(|column| number(column).unwrap_or(f64::NAN));
-        // Names of objects are passed beside the row.
+        // Names of objects are passed with the row.
         row.misfits = row.misfits.without(Attribute::Object);
         let has_normal = Attribute::NORMAL.iter().all(|a| self.get(*a).is_some_and(|c| c < words.len()));
         row.normal = row.normal.filter(|_| has_normal);

@@ -15,7 +15,7 @@ pub struct RowReader {
     width: usize,
 }
 
-/// Why a line is no point.
+/// Why a line is not a point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadRow {
     /// The place in the line.
@@ -44,7 +44,7 @@ impl RowReader {
         self.width
     }
 
-    /// True if names tell what the columns hold.
+    /// True if names determine the contents of the columns.
     pub fn is_named(&self) -> bool {
         self.layout.is_named()
     }

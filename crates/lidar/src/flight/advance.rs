@@ -1,4 +1,4 @@
-//! Many steps of a leg at once, of which only the number of pulses and the last state are wanted.
+//! Many steps of a leg at once, of which only the number of pulses and the last state are needed.
 //!
 //! The parts of a flight's state depend on each other only where a leg ends or a sample of the trajectory is
 //! due. Up to the next such event, clock, platform, heads and deflectors advance separately, each in a loop
@@ -17,7 +17,7 @@ use vlscan_geom::add_repeatedly;
 /// Maximum number of steps at once of which each has a time that is needed.
 const MAX_TIMED_STEPS: u32 = 1 << 14;
 
-/// Steps that were taken without computing what they emit.
+/// Steps that were taken without computing their pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Skipped {
     /// Number of steps.
@@ -122,7 +122,7 @@ impl FlightState {
         (steps, pulses)
     }
 
-    /// Number of steps, up to `limit`, before which nothing can happen but the motion of clock, platform and
+    /// Number of steps, up to `limit`, in which nothing can happen except the motion of clock, platform and
     /// devices. Estimates err on the low side by a few steps.
     fn steps_without_event(&self, plan: &FlightPlan, limit: u32) -> u32 {
         let leg = &plan.legs[self.leg];

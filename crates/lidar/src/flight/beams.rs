@@ -1,4 +1,4 @@
-//! Directions of beams without a flight: what a scanner looks at from its platform.
+//! Directions of beams without a flight: the view of a scanner from its platform.
 
 use super::FlightPlan;
 use super::leg::PlannedLeg;

@@ -42,10 +42,10 @@ pub const fn default_gps_start(leap_seconds: bool) -> f64 {
     if leap_seconds { 86_418e9 } else { 86_391e9 }
 }
 
-/// A text that is no time.
+/// A text that is not a time.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TimeError {
-    /// It has a colon, and is no calendar time.
+    /// It has a colon, and is not a calendar time.
     #[error("expected a time like 2024-01-31 12:00:00, found `{0}`")]
     Calendar(String),
     /// It is neither a number nor a calendar time.
@@ -59,7 +59,7 @@ pub enum TimeError {
 /// (IS-GPS-200, §20.3.3.5.2.4); without, it counts from the origin of the reference and has none.
 ///
 /// # Errors
-/// A text that is no time.
+/// A text that is not a time.
 pub fn gps_start(text: &str, leap_seconds: bool) -> Result<f64, TimeError> {
     let posix = posix_seconds(text)?;
     let since_origin = if leap_seconds {

@@ -15,7 +15,8 @@ pub(super) struct ProgressGuard {
     nearest: f64,
 }
 
-/// A gain of less than this fraction of the distance that the platform could have travelled is no progress.
+/// A gain of less than this fraction of the distance that the platform could have travelled does not count as
+/// progress.
 const MIN_PROGRESS: f64 = 1e-3;
 /// Length of a manoeuvre that does not bring the platform closer, m.
 const MAX_DETOUR: f64 = 1000.0;

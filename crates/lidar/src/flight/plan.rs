@@ -15,7 +15,7 @@ use vlscan_survey::{
     AngleConvention, Interpolated, Mount, NavigationErrors, PlatformKind, RotationSpec, Survey, named_as_in,
 };
 
-/// Choices beside the survey that a flight depends on.
+/// Choices in addition to the survey on which a flight depends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlightOptions {
     /// Seed of all noise.
@@ -204,7 +204,7 @@ impl FlightPlan {
         }
     }
 
-    /// The time that leg `leg` of the plan takes, s, as far as its settings tell: by its duration, its part
+    /// Duration of leg `leg` of the plan, s, as far as its settings determine it: by its duration, its part
     /// of a trajectory, the straight way to its end or the turn of the head. `None` for streams of poses.
     pub(super) fn planned_seconds(&self, leg: usize) -> Option<f64> {
         let (planned, course) = (&self.legs[leg], &self.platform.legs[leg]);

@@ -219,31 +219,32 @@ pub(super) fn check_reference(
             && !kinematics.conic_at_leg_frequency
             && s.scan_freq != max
         {
-            let (wanted, used) = (number(s.scan_freq), number(max));
+            let (requested, used) = (number(s.scan_freq), number(max));
             let message = format!(
                 "leg {name}: conic optics turn with {used} Hz, the scanner's scanFreqMax_Hz, not with \
-                 {wanted} Hz, as in HELIOS++"
+                 {requested} Hz, as in HELIOS++"
             );
             problems.warn(leg.place.clone(), named_as_in(leg.place.as_ref(), &message)).help(
                 "--physics refined, or --correct conic_at_leg_frequency, turns them with the frequency of \
                  the leg",
             );
         }
-        let (wanted, used) = (s.scan_angle, device.scan_angle(s.scan_angle));
-        if matches!(device.deflector, Deflector::Oscillating { .. }) && wanted > used {
-            let (wanted, used) = (number(degrees(wanted)), number(degrees(used)));
+        let (requested, used) = (s.scan_angle, device.scan_angle(s.scan_angle));
+        if matches!(device.deflector, Deflector::Oscillating { .. }) && requested > used {
+            let (requested, used) = (number(degrees(requested)), number(degrees(used)));
             let message = format!(
-                "leg {name}: a scan angle of {wanted} degrees is beyond the scanner's {used}, which is used"
+                "leg {name}: a scan angle of {requested} degrees is beyond the scanner's {used}, which is \
+                 used"
             );
             problems.warn(leg.place.clone(), message);
         } else if matches!(device.deflector, Deflector::Oscillating { .. })
             && device.scan_angle_max > 0.0
-            && wanted > device.scan_angle_max
+            && requested > device.scan_angle_max
         {
-            let (wanted, max) = (number(degrees(wanted)), number(degrees(device.scan_angle_max)));
+            let (requested, max) = (number(degrees(requested)), number(degrees(device.scan_angle_max)));
             let message = format!(
-                "leg {name}: a scan angle of {wanted} degrees is beyond the scanner's {max}, which limits no \
-                 oscillating mirror in HELIOS++"
+                "leg {name}: a scan angle of {requested} degrees is beyond the scanner's {max}, which limits \
+                 no oscillating mirror in HELIOS++"
             );
             problems.warn(leg.place.clone(), message).help("--physics refined limits it");
         }

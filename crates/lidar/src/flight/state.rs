@@ -56,7 +56,7 @@ pub struct FlightState {
     pub(super) ended: bool,
     /// Number of steps, including changes of legs.
     pub(super) ticks: u64,
-    /// The step clock at the start of the leg, s, where legs have their own periods.
+    /// The step clock at the start of the leg, s, where legs have separate periods.
     pub(super) clock_base: f64,
     pub(super) leg_ticks: u64,
     /// Time from the start of the run to the start of the leg, ns.
@@ -396,7 +396,7 @@ impl FlightState {
                 .zip(&plan.devices)
                 .for_each(|(state, device)| state.restart(device));
         }
-        // Pulse times go on for ever, at whatever rate.
+        // Pulse times never end, at any rate.
         self.guard = if planned.max_duration > 0.0 || planned.times.is_some() {
             ProgressGuard::disabled()
         } else {
@@ -505,7 +505,7 @@ impl FlightState {
 fn warm_up(device: &DevicePlan, state: &mut DeviceState, steps: u64, with_head: bool) {
     state.is_warmed_up = true;
     if with_head {
-        // The head's error is that of the deflection beside it.
+        // The head has the error of the deflection next to it.
         for _ in 0..steps {
             state.step_head(device);
             state.warm_up_deflector(device, 1);

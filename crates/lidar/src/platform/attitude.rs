@@ -6,11 +6,11 @@ use vlscan_survey::AngleConvention;
 
 /// Largest deviation of the length of a quaternion, and of the axes of a matrix, from 1.
 const MAX_DEVIATION: f64 = 0.01;
-/// Message about nine numbers that are no rotation.
+/// Message about nine numbers that are not a rotation.
 pub(super) const MATRIX_HELP: &str =
     "the matrix is no rotation: its first three columns must have length 1 and be orthogonal";
 
-/// A quaternion that is no rotation, by its length.
+/// A quaternion that is not a rotation, by its length.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("the quaternion's length is {0}, expected 1")]
 pub(super) struct QuaternionLength(f64);
@@ -65,8 +65,8 @@ pub(super) struct FileAxes {
 }
 
 impl FileAxes {
-    /// The axes that a convention means for quaternions or, if `is_matrix`, for matrices; `None` for
-    /// conventions of angles.
+    /// The axes of a convention for quaternions or, if `is_matrix`, for matrices; `None` for conventions of
+    /// angles.
     pub fn of(convention: AngleConvention, is_matrix: bool) -> Option<FileAxes> {
         let identity = Rotation::IDENTITY;
         let camera = Rotation::about_x(FRAC_PI_2);
@@ -122,8 +122,8 @@ mod tests {
             let attitude = FileAxes::of(convention, is_matrix).unwrap().attitude(rotation);
             [attitude.apply(DVec3::X), attitude.forward(), attitude.apply(DVec3::Z)]
         };
-        let close = |found: [DVec3; 3], wanted: [DVec3; 3]| {
-            found.iter().zip(wanted).all(|(a, b)| (*a - b).length() < 1e-12)
+        let close = |found: [DVec3; 3], reference: [DVec3; 3]| {
+            found.iter().zip(reference).all(|(a, b)| (*a - b).length() < 1e-12)
         };
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
         assert!(close(attitude(AngleConvention::Ros, false, Rotation::IDENTITY), [-y, x, z]));

@@ -198,8 +198,8 @@ mod tests {
 
     #[test]
     fn alignment_hits_counter_clockwise_targets_and_doubles_small_clockwise_errors() {
-        for (times, bearing, wanted) in [(1, -40.0, 40.0), (1, 90.0, 270.0), (1, 0.3, 0.3), (2, 0.3, 0.9)] {
-            assert!((yaw_after(times, bearing) - wanted).abs() < 1e-6, "{times} to {bearing}°");
+        for (times, bearing, expected) in [(1, -40.0, 40.0), (1, 90.0, 270.0), (1, 0.3, 0.3), (2, 0.3, 0.9)] {
+            assert!((yaw_after(times, bearing) - expected).abs() < 1e-6, "{times} to {bearing}°");
         }
         // 0.0125 rad ≤ error < 0.025 rad: the second call corrects it
         let second = yaw_after(2, 1.0);

@@ -212,8 +212,8 @@ mod tests {
                 car.course.velocity.length() * 100.0
             })
             .collect();
-        for (found, wanted) in speeds.iter().zip([0.0001, 0.0002995, 0.0005980025, 0.0009950124875]) {
-            assert!((found - wanted).abs() < 1e-12, "{found} is not {wanted}");
+        for (found, reference) in speeds.iter().zip([0.0001, 0.0002995, 0.0005980025, 0.0009950124875]) {
+            assert!((found - reference).abs() < 1e-12, "{found} is not {reference}");
         }
         assert!(speeds[382] < 3.0 - 1e-9 && (speeds[383] - 3.0).abs() < 1e-9);
     }

@@ -109,7 +109,7 @@ struct Unread {
     unknown: Vec<String>,
     help: Option<String>,
     /// Columns of quantities that are common in trajectories and unused here.
-    usual: Vec<String>,
+    ignored: Vec<String>,
 }
 
 /// The numbers of a row.
@@ -200,7 +200,7 @@ impl PoseLayout {
         PoseLayout::of(headings)
     }
 
-    /// The layout of headings, which may repeat a height beside both projected and geographic coordinates.
+    /// The layout of headings, which may repeat a height next to both projected and geographic coordinates.
     /// Projected coordinates take precedence over latitude and longitude, and quaternions over angles.
     fn of(mut headings: Headings) -> Result<PoseLayout, PoseLayoutError> {
         if let Some(wrong) = headings.wrong_units.first() {
@@ -218,13 +218,13 @@ impl PoseLayout {
         let mut unread = Unread {
             help: headings.suggestion(&SCHEMA),
             unknown: std::mem::take(&mut headings.unknown),
-            usual: std::mem::take(&mut headings.unused),
+            ignored: std::mem::take(&mut headings.unused),
         };
         let name_of = |quantity| headings.get(quantity).map(|column| column.name.clone());
         let geographic = is_geographic && !is_projected;
         let others =
             if geographic { [Quantity::X, Quantity::Y] } else { [Quantity::Longitude, Quantity::Latitude] };
-        unread.usual.extend(others.into_iter().filter_map(name_of));
+        unread.ignored.extend(others.into_iter().filter_map(name_of));
         let quaternion = QUATERNION.map(|quantity| headings.get(quantity).map(|column| column.index));
         let attitude = match quaternion {
             [None, None, None, None] => AttitudeColumns::Angles,
@@ -284,7 +284,7 @@ impl PoseLayout {
             }
         }
         let layout = PoseLayout::of(headings)?;
-        if let Some(name) = layout.unread.unknown.iter().chain(&layout.unread.usual).next() {
+        if let Some(name) = layout.unread.unknown.iter().chain(&layout.unread.ignored).next() {
             return Err(PoseLayoutError::Unread { name: name.clone() });
         }
         Ok(layout)
@@ -307,12 +307,12 @@ impl PoseLayout {
         }
     }
 
-    pub fn complete(self, wanted: &[PoseColumn]) -> Result<PoseLayout, PoseLayoutError> {
+    pub fn complete(self, required: &[PoseColumn]) -> Result<PoseLayout, PoseLayoutError> {
         let has_angles = self.attitude == AttitudeColumns::Angles;
         let is_missing =
             |c: &&PoseColumn| self.columns[**c as usize].is_none() && (has_angles || !c.is_angle());
         let quantities: Vec<&'static str> =
-            wanted.iter().filter(is_missing).map(|c| c.quantity().name()).collect();
+            required.iter().filter(is_missing).map(|c| c.quantity().name()).collect();
         if quantities.is_empty() {
             return Ok(self);
         }
@@ -322,14 +322,14 @@ impl PoseLayout {
     /// Warns of columns with unknown names, and lists others that are not read.
     pub fn report_unread(&self, place: Option<Place>, found: &mut Diagnostics) {
         let listed = |names: &[String]| names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
-        let Unread { unknown, help, usual } = &self.unread;
+        let Unread { unknown, help, ignored } = &self.unread;
         if !unknown.is_empty() {
             let message = format!("columns that are not read: {}", listed(unknown));
             let help = help.clone().unwrap_or_else(|| SCHEMA.help.to_owned());
             found.warn(place.clone(), message).help(help);
         }
-        if !usual.is_empty() {
-            found.note(place, format!("columns that are not used: {}", listed(usual)));
+        if !ignored.is_empty() {
+            found.note(place, format!("columns that are not used: {}", listed(ignored)));
         }
     }
 

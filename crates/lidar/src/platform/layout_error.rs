@@ -50,7 +50,7 @@ pub enum PoseLayoutError {
         /// A question about a heading that may be misspelt.
         suggestion: Option<String>,
     },
-    /// Headings none of which is that of a component of a pose.
+    /// Headings without any component of a pose.
     #[error("none of these names is that of a component of a pose")]
     NoNames,
     /// A table without names whose time is not known.
@@ -62,7 +62,7 @@ pub enum PoseLayoutError {
         /// The word.
         found: String,
     },
-    /// A chosen column without a number beside others that have one.
+    /// A chosen column without a number among others that have one.
     #[error("`{column}` has no number as the others have")]
     NoNumber {
         /// The choice.

@@ -128,7 +128,7 @@ impl LinearPath {
         while steps >= LANES as u32 {
             let mut position = [[0.0; LANES]; 3];
             for (axis, lanes) in position.iter_mut().enumerate() {
-                // The first is no prediction.
+                // The first one is not a prediction.
                 let mut at = c.position[axis] + c.velocity[axis];
                 for (lane, place) in lanes.iter_mut().enumerate() {
                     *place = at;
@@ -145,7 +145,7 @@ impl LinearPath {
         (0..steps).for_each(|_| self.step(leg));
     }
 
-    /// Number of steps, up to `wanted`, that certainly change the position by the same increment each.
+    /// Number of steps, up to `requested`, that certainly change the position by the same increment each.
     ///
     /// The velocity v = s·q/|q|, with q the way to the target and s the length of a step, hardly changes
     /// along a straight path. Adding it to a coordinate rounds to a multiple of the spacing d of the
@@ -155,13 +155,13 @@ impl LinearPath {
     /// has turned by less than n·|r − v|/|q − n·r|. Rounding errors of computed velocities are below 2⁻⁴⁸·s:
     /// ten operations with relative errors of up to 2⁻⁵³ each, at both ends. The margins cover the rounding
     /// errors of this estimate.
-    fn equal_steps(&self, leg: &LegCourse, wanted: u32) -> u32 {
+    fn equal_steps(&self, leg: &LegCourse, requested: u32) -> u32 {
         let Course { position, velocity, .. } = self.course;
         let increment = (position + velocity) - position;
         // Distance of the velocity from where it would round to another increment, as far as the leg needs
         // it.
         let mut room = f64::INFINITY;
-        let mut steps = f64::from(wanted);
+        let mut steps = f64::from(requested);
         for axis in 0..3 {
             if velocity[axis] == 0.0 {
                 // Along an axis without motion the increment is 0 only as long as the target has the same
@@ -214,7 +214,7 @@ fn velocities(position: &[[f64; LANES]; 3], target: DVec3, step: f64) -> [[f64; 
     way
 }
 
-/// Number of lanes, from the first on, whose position is what the lane before leads to, bit for bit.
+/// Number of lanes, from the first on, whose position follows from the lane before, bit for bit.
 #[inline]
 fn correct_lanes(position: &[[f64; LANES]; 3], velocity: &[[f64; LANES]; 3]) -> usize {
     let mut differs = [0; LANES];

@@ -222,8 +222,8 @@ impl MulticopterState {
 
     fn roll_and_yaw(&mut self, plan: &MulticopterPlan, leg: &LegCourse) {
         let after = horizontal_unit(self.course.next - self.course.target);
-        let wanted = heading(after.unwrap_or_else(|| horizontal(self.course.target - self.course.origin)));
-        let turn = turn_sign(heading(self.level_direction()), wanted);
+        let desired = heading(after.unwrap_or_else(|| horizontal(self.course.target - self.course.origin)));
+        let turn = turn_sign(heading(self.level_direction()), desired);
         if !leg.stop_and_turn {
             if turn != self.last_turn {
                 self.roll += if self.roll < 0.0 { plan.roll_step } else { -plan.roll_step };
@@ -239,16 +239,16 @@ impl MulticopterState {
 
     /// Yaws towards the target. Once reached, the yaw stays even if the bearing changes.
     fn align_yaw(&mut self, plan: &MulticopterPlan, q: DVec3) {
-        let wanted = -heading(horizontal(q));
+        let desired = -heading(horizontal(q));
         if self.yaw < 0.0 {
             self.yaw += TAU;
         } else if self.yaw >= TAU {
             self.yaw -= TAU;
         }
-        let turn = -turn_sign(self.yaw, wanted);
+        let turn = -turn_sign(self.yaw, desired);
         let turned = self.yaw + turn * plan.yaw_step;
-        self.yaw = if -turn_sign(turned, wanted) != turn { wanted } else { turned };
-        if (wanted - self.yaw).abs() < YAW_TOLERANCE {
+        self.yaw = if -turn_sign(turned, desired) != turn { desired } else { turned };
+        if (desired - self.yaw).abs() < YAW_TOLERANCE {
             self.aligning = false;
         }
     }
@@ -305,10 +305,10 @@ impl MulticopterState {
         let angle = after.map_or(0.0, |w| acos(ahead.dot(w).clamp(-1.0, 1.0)));
         self.turn_steps = (angle / plan.yaw_step).floor() as i64;
         if leg.smooth_turn {
-            let wanted =
+            let desired =
                 heading(after.unwrap_or_else(|| horizontal(self.course.target - self.course.origin)));
             let start = heading(ahead);
-            let turn = turn_sign(start, wanted);
+            let turn = turn_sign(start, desired);
             let (mut x, mut y, mut force) = (0.0, 0.0, full);
             for j in 0..self.turn_steps.clamp(0, MAX_TERMS as i64) {
                 let a = start - turn * j as f64 * plan.yaw_step;

@@ -195,7 +195,7 @@ impl PlatformState {
         match self {
             PlatformState::Static(_) => true,
             PlatformState::Linear(s) => {
-                // Of a platform that stands there the reference divides 0 by 0, and goes on for ever.
+                // For a platform that stands there the reference divides 0 by 0 and never ends.
                 s.course.is_reached()
                     || (plan.kinematics.sharp_corners && s.course.to_target() == DVec3::ZERO)
             }

@@ -25,7 +25,7 @@ pub struct StreamPlan {
     pub times: Option<PulseTimes>,
     /// Longest interval between two poses in which steps are taken, s.
     pub max_gap: f64,
-    /// True if times in adjusted standard GPS time stay what they are.
+    /// True if times in adjusted standard GPS time are kept.
     pub keeps_adjusted_times: bool,
 }
 

@@ -310,7 +310,7 @@ fn choose_layout(
     position_only: bool,
 ) -> Result<PoseLayout, PoseLayoutError> {
     use PoseColumn::{Time, X, Y, Z};
-    let wanted: &[PoseColumn] = if position_only { &[Time, X, Y, Z] } else { &POSE_COLUMNS };
+    let required: &[PoseColumn] = if position_only { &[Time, X, Y, Z] } else { &POSE_COLUMNS };
     let time = stated.directives.time_column;
     let mut layout = if let Some(columns) = file.columns {
         PoseLayout::numbered(columns)
@@ -323,7 +323,7 @@ fn choose_layout(
     } else if stated.words.is_some() {
         return Err(PoseLayoutError::NoNames);
     } else if time.is_some() {
-        PoseLayout::in_order(wanted, time)
+        PoseLayout::in_order(required, time)
     } else {
         return Err(PoseLayoutError::NoTime);
     };
@@ -335,7 +335,7 @@ fn choose_layout(
         // Quaternions become angles in radians.
         ANGLES.iter().for_each(|&angle| layout.factors[angle as usize] = Some(1.0));
     }
-    layout.complete(wanted)
+    layout.complete(required)
 }
 
 #[cfg(test)]
@@ -387,7 +387,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.txt");
         std::fs::write(&path, "#TIME_COLUMN: 0\n0,90,0,0,1,2,3\n1,90,0,0,1,2,3\n").unwrap();
-        for (degrees, wanted) in [(true, std::f64::consts::FRAC_PI_2), (false, 90.0)] {
+        for (degrees, expected) in [(true, std::f64::consts::FRAC_PI_2), (false, 90.0)] {
             let settings = Interpolated {
                 rotation_spec: vlscan_survey::RotationSpec::Canonical,
                 position_only: false,
@@ -397,7 +397,7 @@ mod tests {
                 grid: vlscan_survey::ProjectionGrid::FirstFix,
             };
             let table = read_trajectories(&settings, &mut Diagnostics::default()).unwrap().unwrap();
-            assert!((table.rows()[0].values[0] - wanted).abs() < 1e-12);
+            assert!((table.rows()[0].values[0] - expected).abs() < 1e-12);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use vlscan_geom::{DVec3, Rotation};
 
-/// A return with its position, surface and pulse: what points are written from (spec pulse-physics §7.1).
+/// A return with its position, surface and pulse, from which points are written (spec pulse-physics §7.1).
 /// Called echo in code and return in the documentation; `Return` is its peak in the waveform, before the
 /// surface is known. Positions are in the scene frame; writers add the shift.
 #[derive(Clone, Copy, Debug, PartialEq)]

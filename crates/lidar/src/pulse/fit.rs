@@ -80,7 +80,7 @@ fn reference_fit(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([
 
 /// The fit by Levenberg's and Marquardt's method (Marquardt 1963, "An algorithm for least-squares estimation
 /// of nonlinear parameters"), and its number of iterations. It ends where a step changes the curve by less
-/// than [`MIN_STEP`] of itself, whatever its height and noise.
+/// than [`MIN_STEP`] of itself, for any height and noise.
 fn levenberg_marquardt(waveform: &Waveform, window: (u64, u64), start: [f64; 4]) -> ([f64; 4], u32) {
     let mut at = start;
     let mut sums = NormalEquations::over(waveform, window, &at);

@@ -35,7 +35,7 @@ const MAX_RINGS: u32 = 512;
 /// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not
 /// given and is in nanowatts with and without the correction of the unit.
 const DEFAULT_THRESHOLD: f64 = 1e-4;
-/// Cosine of the angle of incidence below which the depth of a footprint grows no more: 84°.
+/// Cosine of the angle of incidence below which the depth of a footprint no longer grows: 84°.
 const MIN_INCIDENCE_COSINE: f64 = 0.1;
 /// Longest travel time of photons that count, 150,000 km.
 const MAX_WINDOW_NS: f64 = 1e9;
@@ -115,7 +115,7 @@ impl Instrument {
         let named =
             |problem: ReceiverError| Error::caused_by(format!("device {}: {problem}", device.id), problem);
         let model = ReceiverModel::new(receiver, noise, &shape, stated, gate, o.seed).map_err(named)?;
-        // Instruments that count photons know which pulse they belong to, where their window is stated.
+        // Instruments with a stated window assign photons to their pulses.
         let limit = device.detector.range_max / light_speed;
         let window = (gate.0, if limit < MAX_WINDOW_NS { limit } else { gate.1 }.max(gate.0));
         let counter =

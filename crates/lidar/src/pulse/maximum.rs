@@ -1,10 +1,10 @@
-//! The maximum of an echo from its largest sample and the two beside it.
+//! The maximum of an echo from its largest sample and the two adjacent ones.
 //!
 //! A parabola through the three samples has its vertex near the maximum of any smooth echo, but neither
 //! exactly at its time nor at its height: a pulse is lopsided. So the instrument's own pulse corrects the
-//! reading by what it differs from its own parabola: an echo of the very shape of the pulse is read exactly,
-//! in bins of any width that leave three samples of it. The flatter an echo is than the pulse, which is
-//! stretched by a slope or merged of several, the more the parabola alone counts for its height.
+//! reading by its difference from the pulse's parabola: an echo of the very shape of the pulse is read
+//! exactly, in bins of any width that leave three samples of it. The flatter an echo is than the pulse, which
+//! is stretched by a slope or merged of several, the more the parabola alone counts for its height.
 
 use super::sampled;
 use libm::{atan, atan2, exp, sincos};
@@ -70,7 +70,7 @@ impl PulseReading {
 /// The maximum of an echo of the gamma-like pulse (t/τ)²·e^(−t/τ) in bins of x·τ, `growth` = e^x, from its
 /// samples `[before, top, after]`.
 ///
-/// The ratio of two samples tells when the pulse began: √(F·e^(t/τ)) grows linearly from its start. With a
+/// The ratio of two samples gives the start of the pulse: √(F·e^(t/τ)) grows linearly from its start. With a
 /// start u·τ before the largest sample, g = √(F₊/F₋)·e^x = (u + x)/(u − x); where the sample before it is
 /// dark, √(F₊/F₀)·e^(x/2) = (u + x)/u. The maximum is 2τ after the start, and (2/u)²·e^(u−2) times as high as
 /// the largest sample.
@@ -94,7 +94,7 @@ pub(super) fn of_gamma([before, top, after]: [f64; 3], x: f64, growth: f64) -> M
         return PulseReading::default().correct(found, top);
     }
     let gain = (4.0 / (u * u)) * exp(u - 2.0);
-    // The ratio tells the time of the pulse with less noise than the vertex, whose second difference is
+    // The ratio gives the time of the pulse with less noise than the vertex, whose second difference is
     // noisy, but not that of an echo which is much flatter.
     let likeness = (MIN_LIKENESS_INVERTED * found.curvature / own.curvature).clamp(0.0, 1.0);
     let offset = likeness * (offset - found.offset);

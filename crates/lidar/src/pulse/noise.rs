@@ -146,7 +146,7 @@ impl ReceiverNoise {
             let [a, b, c, d] = draws.alarms.bits(draws.device, draws.pulse, drawn);
             drawn = drawn.wrapping_add(1);
             time -= log(rng::open_unit(a, b)) / rate;
-            // The process has no memory: it starts anew after each lit interval.
+            // The process has no memory: it restarts after each lit interval.
             while lit.next_if(|interval| interval.1 <= time).is_some() {}
             if let Some((_, until)) = lit.next_if(|interval| interval.0 <= time) {
                 time = until;

@@ -58,7 +58,7 @@ pub struct PhysicsOptions {
 }
 
 impl PhysicsOptions {
-    /// The reference's physics: no corrections, improved energy model, seed 0, nothing recorded but points.
+    /// The reference's physics: no corrections, improved energy model, seed 0, only points are recorded.
     pub fn helios() -> PhysicsOptions {
         PhysicsOptions {
             seed: 0,

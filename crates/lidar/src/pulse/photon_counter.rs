@@ -1,4 +1,4 @@
-//! Receivers that count single photons: every photoelectron is a return of its own.
+//! Receivers that count single photons: every photoelectron is a separate return.
 //!
 //! The photoelectrons of a waveform form a Poisson process whose rate follows the light that is received,
 //! with a constant rate of background light under it (Goodman 2015, *Statistical Optics*, §9). After an event
@@ -54,8 +54,8 @@ impl PhotonCounter {
     /// `gate` are the travel times between which photons count, ns; 0 `max_returns` are any number.
     ///
     /// # Errors
-    /// If there is no threshold that tells how many photoelectrons an echo has, or too much
-    /// background light.
+    /// If no threshold determines the number of photoelectrons of an echo, or if there is too much background
+    /// light.
     pub fn new(
         receiver: &Receiver,
         shape: &PulseShape,

@@ -56,7 +56,7 @@ pub(super) fn apply_noise(
 }
 
 /// Removes the echoes of `batch` from number `first` on whose noisy range is outside the limits of their
-/// instrument, as its range gate does, and counts the returns of their pulses anew. Waveforms of pulses that
+/// instrument, as its range gate does, and renumbers the returns of their pulses. Waveforms of pulses that
 /// lose all echoes go, too.
 #[inline(never)]
 pub(super) fn remove_outside(

@@ -79,7 +79,7 @@ impl RangeReader {
         (low as f64 + part) / STEPS_PER_BIN as f64 - 1.0
     }
 
-    /// Position relative to the largest sample, bins; 0 if the samples are no echo.
+    /// Position relative to the largest sample, bins; 0 if the samples are not an echo.
     fn read(&self, sample: impl Fn(i64) -> f64) -> f64 {
         let position = match self.method {
             Method::Centroid => self.centroid(sample),

@@ -36,7 +36,7 @@ impl RayBatch {
         }
     }
 
-    /// Sets all hits to misses, as tracing through nothing does.
+    /// Sets all hits to misses, like tracing through empty space.
     pub fn trace_nothing(&mut self) {
         miss_all(&mut self.hits, &self.rays);
     }

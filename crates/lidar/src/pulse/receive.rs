@@ -226,7 +226,7 @@ impl Detection {
             let mut truth_index = Echo::NO_TRUTH;
             if traced.is_some() || has_navigation_error {
                 truth_index = batch.truths.len() as u32;
-                // Without a subray of the return's own the nearest hit counts.
+                // Without a separate subray of the return the nearest hit counts.
                 let (hits, nearest) = match &self.scratch.hits {
                     Some(hits) => (hits, attribute(hits, r.range)),
                     None => (&self.reflections, source),

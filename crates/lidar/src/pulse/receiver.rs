@@ -2,9 +2,9 @@
 //!
 //! Amplitudes are received power in nanowatts. Light is summed up first ([`super::waveform`]), then noise is
 //! added to the samples, then echoes are detected. Saturation is a function of the momentary power that grows
-//! with it, so that maxima stay where they are: ranges are read as an instrument does that knows its own
-//! response, from the samples before saturation. Amplitudes, recorded waveforms and the widths of echoes are
-//! those after it.
+//! with it, so that maxima stay where they are: ranges are read as by an instrument that is calibrated for
+//! its own response, from the samples before saturation. Amplitudes, recorded waveforms and the widths of
+//! echoes are those after it.
 
 use super::detector_settings::{DetectorSettings, Return};
 use super::energy::NANO;

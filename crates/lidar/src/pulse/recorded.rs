@@ -49,7 +49,7 @@ pub fn recorded_echoes(samples: &[f64]) -> Vec<RecordedEcho> {
     peaks.iter().map(echo).collect()
 }
 
-/// Distance from a peak to the nearer of the valleys beside it, at least 3.
+/// Distance from a peak to the nearer of its two valleys, at least 3.
 fn valley(samples: &[f64], peak: usize) -> u64 {
     let falls = |run: &mut dyn Iterator<Item = &f64>| {
         let mut last = samples[peak];

@@ -163,7 +163,7 @@ impl<'p> PulseSimulator<'p> {
             if count == 1 || !is_too_much {
                 return Ok(count);
             }
-            // The tiles under fewer pulses may fit into memory; what was missing is no failure yet.
+            // The tiles under fewer pulses may fit into memory; a missing tile is not a failure yet.
             let _ = self.release_tiles();
             count /= 2;
         }
@@ -175,8 +175,8 @@ impl<'p> PulseSimulator<'p> {
         self.tiles.as_mut().map_or(Ok(()), TileTracer::release)
     }
 
-    /// Box around what the rays could hit since the last call, scene frame, m; `None` in a scene without
-    /// tiles.
+    /// Box around everything that rays could hit since the last call, scene frame, m; `None` in a scene
+    /// without tiles.
     pub fn take_area(&mut self) -> Option<Aabb> {
         self.tiles.as_mut().map(TileTracer::take_area)
     }
@@ -333,8 +333,8 @@ impl<'p> PulseSimulator<'p> {
     }
 }
 
-/// Refuses points that are no places: whatever was not foreseen where numbers are read must not become a
-/// point.
+/// Rejects points that are not finite or out of range, so that invalid inputs that no reader has rejected
+/// never become points.
 #[inline(always)]
 fn check_positions(echoes: &[Echo]) -> Result<()> {
     let is_place = |echo: &Echo| {

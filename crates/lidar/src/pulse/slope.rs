@@ -47,8 +47,7 @@ struct Point {
 }
 
 impl SlopeMerger {
-    /// Replaces the light of subrays on steep planes. Only pulses that hit nothing but opaque triangles
-    /// change.
+    /// Replaces the light of subrays on steep planes. Only pulses that hit opaque triangles alone change.
     #[inline(always)]
     pub fn merge(
         &mut self,

@@ -27,7 +27,7 @@ pub(super) struct TileTracer {
     /// Hits on one of them.
     hits: Hits,
     bundles: Vec<Bundle>,
-    /// Box around what the rays could hit since it was taken last.
+    /// Box around everything that rays could hit since it was taken last.
     area: Aabb,
     /// Tiles that rays of a device may hit, with the least distance to one of them.
     ahead: Vec<(f64, u32)>,
@@ -60,7 +60,7 @@ impl TileTracer {
         NearTiles { reader: &self.reader, near: &self.near }
     }
 
-    /// Box around what rays could hit in the scene since the last call, scene frame, m.
+    /// Box around everything that rays could hit in the scene since the last call, scene frame, m.
     pub fn take_area(&mut self) -> Aabb {
         std::mem::replace(&mut self.area, Aabb::EMPTY)
     }
@@ -133,7 +133,7 @@ impl TileTracer {
     }
 }
 
-/// True if the tile may be hit before what the rays have hit so far.
+/// True if the tile may be hit before all other hits of the rays so far.
 fn may_be_nearer(facts: &TileFacts, bundles: &[Bundle], batch: &RayBatch) -> bool {
     let (rays, stride) = (batch.rays.rays(), batch.rays.stride());
     bundles.iter().enumerate().any(|(pulse, bundle)| {

@@ -42,7 +42,7 @@ impl CachedTriangle {
         reflectance: 0.0,
     };
 
-    /// Triangle `primitive` in its current position, or `None` if it is no triangle.
+    /// Triangle `primitive` in its current position, or `None` if it is not a triangle.
     fn of(view: &SceneView, primitive: u32) -> Option<CachedTriangle> {
         let (corners, surface) = match view.tiles.and_then(|tiles| tiles.locate(primitive)) {
             Some((_, tile, local)) => (tile.scene.triangle(local), view.surface(primitive)),

@@ -11,7 +11,7 @@ pub(super) const STEP_BEHIND: f64 = 1e-5;
 /// Tolerance of the scene's box, m.
 const BOX_SLACK: f64 = 1e-4;
 
-/// The scene without what depends on the time and on the worker.
+/// The parts of the scene that are independent of time and worker.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StaticView<'a> {
     pub scene: &'a Scene,

@@ -9,7 +9,7 @@ use super::return_profile::ReturnProfile;
 pub(super) const MAX_RECORD_SAMPLES: u64 = 1 << 24;
 
 /// Longest gap without light that is stored, bins; longer gaps exist as differences of bin numbers only, so
-/// that a leaf at 5 m and a wall at 5 km take no more memory than two leaves.
+/// that a leaf at 5 m and a wall at 5 km need only the memory of two leaves.
 const MAX_STORED_GAP: u64 = 64;
 
 /// A waveform: bins of amplitude over one-way travel time, from bin 0 at [`Waveform::start`]. Bins outside

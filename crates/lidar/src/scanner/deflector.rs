@@ -44,7 +44,7 @@ pub enum DeflectorState {
         /// The last direction that left the prisms, where total reflection is possible.
         last: Option<DVec3>,
     },
-    /// A pattern of a program's own.
+    /// User-defined pattern.
     Custom {
         /// Steps since the first one of the leg; a fraction between two steps.
         steps: f64,
@@ -109,7 +109,7 @@ impl DeflectorState {
                 *next %= *count;
                 *half_angle = scan_angle;
             }
-            // Prisms are at their phase a step before the first pulse, whatever the correction.
+            // Prisms are at their phase a step before the first pulse, with any correction.
             (DeflectorState::Risley { step, .. }, _) => *step = plan.sense() * (1.0 / frequency),
             (DeflectorState::Custom { steps, step, .. }, _) => (*steps, *step) = (-1.0, 1.0 / frequency),
             _ => {}
@@ -117,7 +117,7 @@ impl DeflectorState {
     }
 
     /// Resets the angle to that of the phase, at an active leg after an inactive one (spec kinematics §4.1).
-    /// In the reference fibres and prisms go on.
+    /// In the reference fibres and prisms continue.
     pub(super) fn restart(&mut self, plan: &DevicePlan) {
         let is_on_time = plan.kinematics.optics_on_time;
         match self {
@@ -210,7 +210,7 @@ impl DeflectorState {
         }
     }
 
-    /// Moves a pattern of a program's own on by `count` steps or a fraction of one.
+    /// Advances a user-defined pattern by `count` steps, which may be a fraction.
     fn advance_pattern(&mut self, plan: &DevicePlan, count: f64) {
         if let (DeflectorState::Custom { steps, step, beam, is_firing }, Deflector::Custom(pattern)) =
             (self, &plan.deflector)

@@ -56,7 +56,7 @@ impl DeviceState {
         self.timed.is_some()
     }
 
-    /// Puts the deflector back to its phase (spec kinematics §4.1).
+    /// Resets the deflector phase (spec kinematics §4.1).
     pub fn restart(&mut self, plan: &DevicePlan) {
         self.deflector.restart(plan);
         if let (Some(timed), Some((_, next))) = (&mut self.timed, self.deflector.turns(plan)) {
@@ -190,7 +190,7 @@ impl DeviceState {
         DeviceState { head: self.head.within_step(part), deflector, ..*self }
     }
 
-    /// True if the formula of the deflection error had a value, and a pattern of a program's own a direction;
+    /// True if the formula of the deflection error had a value, and a user-defined pattern a direction;
     /// [`DeviceState::formula_error`] names the one without it.
     #[inline]
     pub fn has_deflection(&self) -> bool {

@@ -245,7 +245,7 @@ mod tests {
     #[test]
     fn errors_avoid_multiples_of_pi() {
         let z = 0.1;
-        for (angle, wanted) in [
+        for (angle, expected) in [
             (0.0, z),
             (-0.05, -z),
             (0.5, 0.5),
@@ -255,7 +255,7 @@ mod tests {
             (TAU, TAU - z),
             (-TAU, -TAU + z),
         ] {
-            assert!((avoid_multiples_of_pi(angle, z) - wanted).abs() < 1e-15, "{angle}");
+            assert!((avoid_multiples_of_pi(angle, z) - expected).abs() < 1e-15, "{angle}");
         }
     }
 

@@ -97,20 +97,20 @@ impl DevicePlan {
         }
     }
 
-    /// `wanted` within the device's limits of the head's speed, rad/s.
-    pub fn head_rate(&self, wanted: f64) -> f64 {
+    /// `requested` within the device's limits of the head's speed, rad/s.
+    pub fn head_rate(&self, requested: f64) -> f64 {
         let limit = self.head_max_rate.abs();
-        if limit.is_nan() { 0.0 } else { wanted.clamp(-limit, limit) }
+        if limit.is_nan() { 0.0 } else { requested.clamp(-limit, limit) }
     }
 
-    /// Half angle, rad, that this device uses when a leg requests `wanted` (spec kinematics §4.1). The
+    /// Half angle, rad, that this device uses when a leg requests `requested` (spec kinematics §4.1). The
     /// reference does not limit oscillating mirrors.
-    pub fn scan_angle(&self, wanted: f64) -> f64 {
+    pub fn scan_angle(&self, requested: f64) -> f64 {
         let limits = self.kinematics.oscillation_at_leg_frequency && self.scan_angle_max > 0.0;
         if matches!(self.deflector, Deflector::Oscillating { .. }) && !limits {
-            return wanted;
+            return requested;
         }
-        let limited = if wanted < 0.0 { 0.0 } else { wanted.min(self.scan_angle_max) };
+        let limited = if requested < 0.0 { 0.0 } else { requested.min(self.scan_angle_max) };
         if limited == 0.0 { self.scan_angle_max } else { limited }
     }
 }

@@ -129,7 +129,7 @@ impl Polygon {
         };
         self.angle = self.exact + error.eval(self.exact);
         if !self.angle.is_finite() {
-            // Both angles stay as they are for the message.
+            // Both angles are kept for the message.
             return;
         }
         if self.exact >= max {
@@ -178,7 +178,7 @@ impl Polygon {
         let borders = [self.lower, self.upper, plan.scan_angle_max].into_iter();
         let next = borders.filter(|border| *border >= self.exact).fold(f64::INFINITY, f64::min);
         let to_border = ((next - self.exact) / increment).floor() - 2.0;
-        // Infinite borders and those below are no borders; NaN becomes 0.
+        // Infinite borders and the borders below are ignored; NaN becomes 0.
         steps_in_binade(self.exact, increment).min(to_border)
     }
 }

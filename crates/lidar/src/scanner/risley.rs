@@ -115,14 +115,14 @@ mod tests {
     fn two_prisms() {
         // spec kinematics §4.6
         let prisms = [prism(-10.0, 18.0, 1.5), prism(5.0, -18.0, 1.5)];
-        let wanted = [
+        let expected = [
             [0.039962, 0.954635, -0.295085],
             [0.054483, 0.981528, -0.183394],
             [0.022353, 0.998748, -0.044756],
         ];
-        for (i, wanted) in wanted.into_iter().enumerate() {
+        for (i, expected) in expected.into_iter().enumerate() {
             let found = PrismTrain::new(&prisms, 1.0, DVec3::Y).refract((i + 1) as f64 * 0.01).unwrap();
-            assert!((found - DVec3::from(wanted)).length() < 2e-6, "{found}");
+            assert!((found - DVec3::from(expected)).length() < 2e-6, "{found}");
         }
         assert!(!may_reflect_totally(&prisms, 1.0, DVec3::Y));
         let steep = PrismTrain::new(&[prism(1.0, -45.0, 1.5)], 1.0, DVec3::Y);

@@ -209,9 +209,10 @@ fn a_transparent_material_is_warned_of_where_it_is_used_and_once() {
     let mut library = f.library(SHARES);
     f.material(&mut library, "pane");
     f.material(&mut library, "pane");
-    let [told] = f.diagnostics.items() else { panic!("{}", f.diagnostics.text()) };
+    let [complaint] = f.diagnostics.items() else { panic!("{}", f.diagnostics.text()) };
     assert!(
-        told.message.contains("material \"pane\" is opaque") && told.message.contains("(d 0.05, illum 4)")
+        complaint.message.contains("material \"pane\" is opaque")
+            && complaint.message.contains("(d 0.05, illum 4)")
     );
-    assert_eq!(told.place.as_ref().unwrap().line, 3);
+    assert_eq!(complaint.place.as_ref().unwrap().line, 3);
 }

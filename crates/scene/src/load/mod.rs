@@ -359,8 +359,8 @@ fn load_files(
     };
     let Some(materials) = chosen else { return Ok(()) };
     let start = scene.end();
-    let are_wanted = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
-    scene.faces = FaceNumbers { are_wanted, ..FaceNumbers::default() };
+    let are_requested = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
+    scene.faces = FaceNumbers { are_requested, ..FaceNumbers::default() };
     let mut densities = Vec::new();
     match &part.loader {
         Loader::Mesh(triangles) => mesh::memory::load(scene, &target, triangles)?,
@@ -432,7 +432,10 @@ fn similarity(transform: &Transform) -> Similarity {
 /// are alike.
 fn keeps_voxel_grids(part: &PartRecipe) -> bool {
     let Transform { rotation, scale, .. } = part.transform;
-    let is_scaled = |loader: &Loader| matches!(loader, Loader::DetailedVoxels(voxels) if matches!(voxels.mode, VoxelMode::Scaled(_)));
+    let is_scaled = |loader: &Loader| match loader {
+        Loader::DetailedVoxels(voxels) => matches!(voxels.mode, VoxelMode::Scaled(_)),
+        _ => false,
+    };
     rotation == Rotation::IDENTITY
         && scale > 0.0
         && scale.is_finite()
@@ -455,7 +458,7 @@ fn choose(
 
 /// Opens a file of a part; `None` after an error in its name.
 fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
-    // Voxels take less memory than their files, so that large ones are mapped and released as they are read.
+    // Voxels take less memory than their files, so large files are mapped and released while they are read.
     let memory = match &part.loader {
         Loader::DetailedVoxels(_) | Loader::Xyz(_) => Some(0),
         _ => scene.options.max_memory,

@@ -19,7 +19,7 @@ pub(super) fn refuse_on_ground(scene: &mut SceneBuilder, parts: &[LoadedPart]) {
 /// Maximum number of parts that a warning lists.
 const MAX_LISTED: usize = 3;
 
-/// Warns of parts that are no tiles and take more memory than tiles may.
+/// Warns of parts that are not tiles and need more memory than tiles may use.
 pub(super) fn warn_of_memory(scene: &mut SceneBuilder, parts: &[LoadedPart], limit: u64) {
     let all = scene.memory();
     if all <= limit {

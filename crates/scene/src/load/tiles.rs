@@ -1,4 +1,4 @@
-//! Parts that become tiles: they are loaded once for what is known of them, and again when rays need them.
+//! Parts that become tiles: they are loaded once for their facts, and again when rays need them.
 
 use super::load_files;
 use super::raster::{PageFacts, PagedRaster};
@@ -56,7 +56,7 @@ struct TileFiles {
     names: Arc<Names>,
 }
 
-/// True if a part can be a tile: its files can be read again, and give what they gave.
+/// True if a part can be a tile: its files can be read again, with the same result.
 pub(super) fn is_tile(options: &LoadOptions, part: &PartRecipe) -> bool {
     let is_readable = match &part.loader {
         Loader::MeshFiles { .. } | Loader::Xyz(_) => true,
@@ -104,7 +104,7 @@ impl TileIndex {
             ..TileFacts::default()
         };
         let corners = Aabb::around(g.vertices[extent.vertices.clone()].iter().copied());
-        // Files of one part share what is known of it.
+        // Files of one part share its facts.
         let last = self.tiles.last().and_then(|tile| match &tile.source {
             TileSource::Files(files) => Some(&files.recipe),
             TileSource::Page(..) => None,
@@ -361,7 +361,7 @@ fn centres_of_cubes(scene: &SceneBuilder, extent: &Extent) -> Option<Vec<(f64, A
     Some(found)
 }
 
-/// Checksum of the primitives of an extent: the same whatever precedes them in the scene.
+/// Checksum of the primitives of an extent, independent of the primitives before them in the scene.
 fn checksum(scene: &SceneBuilder, extent: &Extent) -> u64 {
     let (g, first) = (&scene.geometry, extent.vertices.start as u32);
     let mut sum = Checksum::default();

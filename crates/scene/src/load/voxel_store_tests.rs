@@ -92,8 +92,8 @@ fn load(f: &mut Fixture, are_grids: bool) -> (Scene, String) {
 
 /// Compares the scene with `grids` grids to the one with stored cubes.
 fn check(f: &mut Fixture, grids: usize) {
-    let ((grid, told), (stored, expected)) = (load(f, true), load(f, false));
-    assert_eq!(told, expected);
+    let ((grid, reported), (stored, expected)) = (load(f, true), load(f, false));
+    assert_eq!(reported, expected);
     assert_eq!((grid.geometry.grids.len(), stored.geometry.grids.len()), (grids, 0));
     assert_eq!((grid.shift, grid.bounds, grid.sizes()), (stored.shift, stored.bounds, stored.sizes()));
     assert_eq!((grid.primitives(), grid.numbers()), (stored.primitives(), stored.numbers()));
@@ -337,8 +337,8 @@ fn a_large_file_is_read_piece_by_piece() {
     assert!(text.len() > 17 << 20, "{}: a file that is mapped", text.len());
     let mut f = Fixture::new();
     voxels(&mut f, "large.vox", text.trim_end().to_owned(), VoxelMode::Fixed);
-    let ((grid, told), (stored, expected)) = (load(&mut f, true), load(&mut f, false));
-    assert_eq!((told, grid.numbers()), (expected, stored.numbers()));
+    let ((grid, reported), (stored, expected)) = (load(&mut f, true), load(&mut f, false));
+    assert_eq!((reported, grid.numbers()), (expected, stored.numbers()));
     assert!(grid.geometry.grids[0].cubes().eq(stored.geometry.cubes.iter().copied()));
     assert!((0..stored.numbers() as u32).all(|i| {
         let kinds = [&grid, &stored].map(|s| s.voxel(i).map(|v| (v.density.to_bits(), v.kind())));

@@ -4,8 +4,9 @@
 //! SceneRecipe, Scene ─► MotionPlan (how and when parts move; shared by all threads)
 //!                          │ start, step: called once per simulation step
 //!                          ▼
-//!                      MotionState (small; every chunk holds its initial one) ─► DynamicScene (a worker's transformed
-//!                                                                                 copy of the parts with their trees)
+//!                      MotionState (small; every chunk holds its initial one)
+//!                          ▼
+//!                      DynamicScene (a worker's transformed copy of the parts with their trees)
 //! ```
 //!
 //! The motions of a part are multiplied, step by step, into one transform of its initial pose. A state is

@@ -85,8 +85,8 @@ impl MotionPlan {
     }
 }
 
-/// Warns of a time step of a moving scene, which the file `path` describes, that is no whole number of pulse
-/// periods.
+/// Warns of a time step of a moving scene, which the file `path` describes, that is not a whole number of
+/// pulse periods.
 pub fn check_time_step(scene: &Scene, path: &Path, pulse_rate: f64) -> Diagnostics {
     let mut found = Diagnostics::default();
     let Some(time) = scene.dyn_time_step.filter(|_| !scene.moving_parts.is_empty()) else { return found };

@@ -179,7 +179,7 @@ fn are_numbered(g: &Geometry) -> bool {
         && are_apart(g.grids.iter().map(VoxelGrid::indices).collect(), g.cube_count())
 }
 
-/// True if the numbers in everything but the large arrays are those of existing things.
+/// True if all indices outside the large arrays are in range.
 fn are_numbers_valid(scene: &Scene) -> bool {
     let (parts, materials, g) = (scene.parts.len(), scene.materials.len(), &scene.geometry);
     let is_within = |range: &Range<usize>, len: usize| range.start <= range.end && range.end <= len;
@@ -208,7 +208,7 @@ fn are_numbers_valid(scene: &Scene) -> bool {
         && scene.instances.as_ref().is_none_or(are_instances)
 }
 
-/// True if the numbers in the large arrays are those of existing things. Reads all of them.
+/// True if the indices in the large arrays are in range. Reads all of them.
 pub(super) fn are_arrays_valid(scene: &Scene) -> bool {
     let materials = scene.materials.len();
     let geometries = scene.instances.iter().flat_map(|set| &set.instances.models).map(|m| &m.geometry);

@@ -2,9 +2,9 @@
 //!
 //! For every epoch a pack contains the finished scene and its tree, as arrays that are read into memory as
 //! they are, and compared with their checksums. Parts, materials and motions, the settings on which the scene
-//! depends (wavelength, seed, rules) and the files that it was made from are stored beside the arrays. Tiles
-//! of a scene have arrays of their own, which are read when rays need them. What the numbers in the arrays
-//! name is left to [`Pack::verify`].
+//! depends (wavelength, seed, rules) and its source files are stored with the arrays. Tiles of a scene have
+//! arrays of their own, which are read when rays need them. What the numbers in the arrays name is left to
+//! [`Pack::verify`].
 //!
 //! | file | what it does |
 //! |---|---|

@@ -33,7 +33,7 @@ pub(super) struct Origin {
     sources: Vec<Source>,
 }
 
-/// The origin as it is stored. Values are stored in the order of the fields.
+/// The stored form of the origin. Values are stored in the order of the fields.
 #[derive(Serialize, Deserialize)]
 struct StoredOrigin<'a> {
     conditions: Cow<'a, Conditions>,

@@ -49,8 +49,8 @@ impl Pack {
         &self.origin.conditions
     }
 
-    /// `usual`, with the settings that the scene was packed with where it depends on them.
-    pub fn load_options(&self, usual: LoadOptions) -> LoadOptions {
+    /// `defaults`, with the settings that the scene was packed with where it depends on them.
+    pub fn load_options(&self, defaults: LoadOptions) -> LoadOptions {
         let c = self.conditions();
         LoadOptions {
             wavelength_nm: c.wavelength_nm,
@@ -58,7 +58,7 @@ impl Pack {
             seed: c.seed,
             rules: c.rules,
             drop_polygons: c.drop_polygons,
-            ..usual
+            ..defaults
         }
     }
 

@@ -1,4 +1,4 @@
-//! Tiles of packed scenes: what is known of all of them, and for each a scene with its tree.
+//! Tiles of packed scenes: facts about all tiles, and for each a scene with its tree.
 
 use super::contents::{read_scene, write_scene};
 use crate::Scene;
@@ -12,7 +12,7 @@ use vlscan_base::store::{ArrayFile, ArrayFileWriter};
 use vlscan_geom::Aabb;
 use vlscan_trace::{BuildOptions, Builder, LoadError, Residency};
 
-/// The name of what is known of all tiles, after that of the epoch.
+/// The name of the facts about all tiles, after the name of the epoch.
 const NAME: &str = "tiles";
 
 /// Prefix of the names of all arrays of a tile.
@@ -20,7 +20,7 @@ fn prefix_of(prefix: &str, tile: usize) -> String {
     format!("{prefix}tile {tile} ")
 }
 
-/// True if an array is that of a tile, by its name without the prefix of the epoch.
+/// True if an array belongs to a tile, by its name without the prefix of the epoch.
 pub(super) fn is_of_tile(name: &str) -> bool {
     name.starts_with("tile ")
 }

@@ -1,10 +1,10 @@
 //! Tiles: parts of a scene that are in memory only while rays need them.
 //!
-//! Every tile is a scene of its own, with its tree, in the frame of the complete scene. The scene knows of
-//! each tile what does not depend on whether it is in memory: its box, its part, its materials and the
-//! numbers of its primitives, which follow those of the scene's own primitives and instances. So a tile's
-//! primitives are told apart, ordered at equal distances and described as if they were stored in the scene,
-//! and what is in memory only decides how long a run takes.
+//! Every tile is a separate scene with its tree, in the frame of the complete scene. The scene knows of each
+//! tile what does not depend on whether it is in memory: its box, its part, its materials and the numbers of
+//! its primitives, which follow those of the scene's own primitives and instances. So a tile's primitives are
+//! told apart, ordered at equal distances and described as if they were stored in the scene, and what is in
+//! memory only decides how long a run takes.
 
 mod place;
 mod reader;
@@ -171,7 +171,7 @@ impl Tiles {
         self.items.residency().statistics()
     }
 
-    /// Memory of what is known of the tiles, without those that are in memory, bytes.
+    /// Memory of the facts about tiles, without the loaded tiles, bytes.
     pub(crate) fn memory(&self) -> usize {
         let of_place = |place: &PlaceInRaster| 4 * place.before.capacity();
         let of_tile = |tile: &TileFacts| {
@@ -181,7 +181,7 @@ impl Tiles {
     }
 
     /// Loads the tiles that an area meets on its way, the nearest first, as long as there is room for them
-    /// without what was used lately. `way` is in m.
+    /// without recently used tiles. `way` is in m.
     pub fn prefetch(&self, area: &Aabb, way: DVec3) {
         let mut ahead: Vec<(f64, usize)> = (0..)
             .zip(&self.facts)
@@ -196,14 +196,14 @@ impl Tiles {
         let _ = ahead.into_iter().all(|(_, tile)| self.items.prefetch(tile));
     }
 
-    /// Calls `visit` with the tiles that are `wanted`, one after the other, so that one has to be in memory
-    /// at a time. A tile that cannot be loaded is reported by [`Tiles::check`].
+    /// Calls `visit` with the tiles that pass `is_selected`, one after the other, so that only one must be in
+    /// memory at a time. A tile that cannot be loaded is reported by [`Tiles::check`].
     pub(crate) fn for_each(
         self: &Arc<Self>,
-        wanted: impl Fn(&TileFacts) -> bool,
+        is_selected: impl Fn(&TileFacts) -> bool,
         mut visit: impl FnMut(&TileFacts, &Tile),
     ) {
-        for (i, facts) in self.facts.iter().enumerate().filter(|(_, facts)| wanted(facts)) {
+        for (i, facts) in self.facts.iter().enumerate().filter(|(_, facts)| is_selected(facts)) {
             self.read(|reader| reader.get(i).map(|tile| visit(facts, tile)));
         }
     }

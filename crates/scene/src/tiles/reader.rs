@@ -7,7 +7,7 @@ use vlscan_base::error::Result;
 use vlscan_geom::DVec3;
 use vlscan_trace::{Hit, Pins};
 
-/// Access of one thread to the tiles of a scene. Tiles that it has asked for stay in memory until they are
+/// Access of one thread to the tiles of a scene. Requested tiles stay in memory until they are
 /// [released](TileReader::release).
 #[derive(Debug)]
 pub struct TileReader {
@@ -41,14 +41,13 @@ impl TileReader {
         Some((&self.tiles.facts[tile], self.get(tile)?, local))
     }
 
-    /// As [`Scene::number_when_stored`], for a primitive of `scene` or of one of the tiles that were asked
-    /// for.
+    /// As [`Scene::number_when_stored`], for a primitive of `scene` or of one of the requested tiles.
     #[inline]
     pub fn number_when_stored(&self, scene: &Scene, i: u32) -> u32 {
         self.tiles.number_with(scene, i, |i| scene.number_without_tiles(i), |tile| self.get(tile))
     }
 
-    /// True if the tiles asked for since the last release need more memory than there is.
+    /// True if the tiles requested since the last release need more memory than available.
     pub fn is_over_budget(&self) -> bool {
         self.pins.is_over_budget()
     }
@@ -75,7 +74,7 @@ impl TileReader {
     ) -> Option<Hit> {
         let all = among.is_none().then_some(0..self.facts().len() as u32).into_iter().flatten();
         let tiles = all.chain(among.into_iter().flatten().copied());
-        // Rounding moves neither the faces of a box nor those of the primitives within it by more.
+        // Rounding moves the faces of a box and of the primitives within it by at most this.
         let slack = 1e-9 * (1.0 + origin.abs().max_element());
         let mut entered: Vec<(f64, u32)> = tiles
             .filter_map(|tile| {

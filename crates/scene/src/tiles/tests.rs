@@ -300,11 +300,11 @@ fn too_little_memory_for_one_place_is_told_with_what_it_needs() {
 fn parts_that_stay_in_memory_are_told_where_they_are_large() {
     let mut f = site();
     f.options.tiles = options(1 << 30);
-    let told = |f: &Fixture| f.load().unwrap().1.text();
-    assert!(!told(&f).contains("--scene-memory"));
+    let reported = |f: &Fixture| f.load().unwrap().1.text();
+    assert!(!reported(&f).contains("--scene-memory"));
     // The part that moves.
     f.options.tiles = options(100);
-    let said = told(&f);
+    let said = reported(&f);
     assert!(
         said.contains("--scene-memory is 100 B, but parts that cannot be tiles") && said.contains("\"2\""),
         "{said}"

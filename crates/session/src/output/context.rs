@@ -6,8 +6,8 @@ use vlscan_geom::{Aabb, DVec3, LIGHT_SPEED};
 use vlscan_scene::Scene;
 use vlscan_survey::{Deflector, Leg, PlatformKind, Scanner, Survey};
 
-/// Everything that outputs need to know about the survey and the scene of the first epoch: formats, headers
-/// and names of files follow from it and from the request alone.
+/// All facts about the survey and the scene of the first epoch that outputs need: formats, headers and names
+/// of files follow from it and from the request alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OutputContext {
     /// Name of the survey, or of its file if it has none.

@@ -1,4 +1,4 @@
-//! Points divided among files by where they are or what they hit, instead of by leg.
+//! Points divided among files by position or by object, instead of by leg.
 
 use vlscan_formats::ObjectIds;
 use vlscan_geom::{Aabb, DVec3};
@@ -7,8 +7,8 @@ use vlscan_lidar::pulse::Echo;
 /// Files that a division can have at most.
 pub(super) const MAX_FILES: usize = 10_000;
 
-/// How far beside the scene the tiles reach, m: the first of these with at most [`MAX_FILES`] files. Points
-/// lie beside the surfaces that they come from by the errors of range and navigation.
+/// Margin of the tiles around the scene, m: the first of these with at most [`MAX_FILES`] files. Errors of
+/// range and navigation move points away from the surfaces that they come from.
 const MARGINS_M: [f64; 3] = [25.0, 5.0, 1.0];
 
 /// How points are divided among the files of a folder.
@@ -137,7 +137,7 @@ mod tests {
         };
         assert_eq!(name(-15.0, -5.0), Some("tile_980_-10"));
         assert_eq!(name(0.0, 0.0), Some("tile_1000_0"));
-        // Errors of navigation move points beside the scene.
+        // Errors of navigation move points out of the scene.
         assert_eq!(name(-38.0, 36.0), Some("tile_960_30"));
         assert_eq!((name(500.0, 0.0), name(0.0, -500.0)), (None, None));
         // A smaller margin where the large one takes too many files.

@@ -36,11 +36,11 @@ impl Encoded {
 
     /// Appends the next batch, or returns it when the pieces cannot be joined.
     pub fn join(&mut self, next: Encoded) -> Option<Encoded> {
-        let goes_on = |(mine, next): (&Piece, &Piece)| {
+        let continues = |(mine, next): (&Piece, &Piece)| {
             mine.slot == next.slot && mine.points.is_joinable() && next.points.is_joinable()
         };
         let alike = self.leg == next.leg && self.pieces.len() == next.pieces.len();
-        if !alike || !self.pieces.iter().zip(&next.pieces).all(goes_on) {
+        if !alike || !self.pieces.iter().zip(&next.pieces).all(continues) {
             return Some(next);
         }
         self.pieces.iter_mut().zip(&next.pieces).for_each(|(mine, next)| mine.points.append(&next.points));
@@ -100,7 +100,7 @@ impl OutputPlan {
         let mut pieces = Vec::with_capacity(routes.len());
         let mut left_out = 0;
         for Route { content, slots } in routes {
-            // What is no points has one file.
+            // Outputs other than points have one file.
             let slot = slots.as_slice().first().copied().unwrap_or_default();
             match (*content, slots) {
                 (Content::Points(format), Slots::Divided(slots)) => {
@@ -199,7 +199,7 @@ impl OutputPlan {
         }
     }
 
-    /// Fills a record with what the formats need of an echo.
+    /// Fills a record with the properties of an echo that the formats need.
     #[inline]
     fn fill(&self, record: &mut PointRecord, echo: &Echo, source: Source<'_>) {
         record.position = echo.position;

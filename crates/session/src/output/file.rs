@@ -81,7 +81,7 @@ impl OutputFile {
         // Processes that compute the same shard write the same bytes.
         let replace = plan.request.force || content == Content::Shard;
         let out = OutputStream::open(destination, replace, patched)?
-            .keeping_equal(plan.request.goes_on)
+            .keeping_equal(plan.request.is_resuming)
             .writing_in_parallel(plan.keeps_files_open());
         let begin = |out: &mut OutputStream| -> Result<Box<dyn FileBody>> {
             match (content, &encoder) {
@@ -154,7 +154,7 @@ impl OpenOutput for OutputFile {
         let taken = |path: &Path| exists(path) || has_packet_file && exists(&packets_path(path));
         let out = self.file.out();
         let partial_path = if partial { out.partial_path(plan.request.force, taken) } else { None };
-        let beside = partial_path.as_ref().and_then(|_| out.existing());
+        let earlier = partial_path.as_ref().and_then(|_| out.existing());
         let (packets, mut packet_file) = (self.packets, None);
         let (out, tally) = self.file.finish(partial, offload, |out| {
             let Some(packets) = packets else { return Ok(None) };
@@ -168,7 +168,7 @@ impl OpenOutput for OutputFile {
         let world = self.encoder.map_or(tally.bounds, |encoder| encoder.world(&tally.bounds));
         let path = partial_path.or(self.path);
         let points =
-            FileSummary { path, partial, beside, bytes, ..FileSummary::of(self.kind, &tally, world) };
+            FileSummary { path, partial, earlier, bytes, ..FileSummary::of(self.kind, &tally, world) };
         Ok([Some(points), packet_file].into_iter().flatten().collect())
     }
 }
@@ -184,7 +184,7 @@ impl Packets {
                     plan.request.force,
                     Patched::Always,
                 )?;
-                (Some(path), out.keeping_equal(plan.request.goes_on))
+                (Some(path), out.keeping_equal(plan.request.is_resuming))
             }
             _ => (None, OutputStream::unnamed()?),
         };
@@ -206,10 +206,10 @@ impl Packets {
             self.out.append_to(points)?;
             return Ok(None);
         };
-        let beside = partial_path.and_then(|_| self.out.existing());
+        let earlier = partial_path.and_then(|_| self.out.existing());
         self.out.finish_in(group, partial_path)?;
         let (path, partial) = (Some(partial_path.map_or(path, Path::to_path_buf)), partial_path.is_some());
         let none = FileSummary::of(FileKind::Packets, &Tally::EMPTY, Tally::EMPTY.bounds);
-        Ok(Some(FileSummary { path, partial, beside, bytes, ..none }))
+        Ok(Some(FileSummary { path, partial, earlier, bytes, ..none }))
     }
 }

@@ -116,7 +116,7 @@ impl OpenSegment<'_> {
         let chunks = records.div_ceil(JOINED_POINTS);
         let mut counted = [0; 8];
         file.seek(SeekFrom::Start(points.end)).and_then(|_| file.read_exact(&mut counted)).map_err(failed)?;
-        // A chunk holds its first point as it is.
+        // A chunk holds its first point uncompressed.
         let possible = (points.end - points.start) / record.max(1);
         if u64::from(word(&counted, 4)) != chunks || chunks > possible {
             return Err(unusable());
@@ -136,7 +136,7 @@ impl OpenSegment<'_> {
         long(&self.head, COUNT_AT)
     }
 
-    /// The header without what depends on the points.
+    /// The header without the fields that depend on the points.
     fn common(&self) -> Vec<u8> {
         let mut head = self.head.clone();
         head[BOUNDS_AT..BOUNDS_AT + 48].fill(0);
@@ -164,7 +164,7 @@ impl OpenSegment<'_> {
     }
 }
 
-/// Adds counts and bounds of a header to those of another.
+/// Adds counts and bounds of a header to another header.
 fn add(head: &mut [u8], other: &[u8]) {
     if long(other, COUNT_AT) == 0 {
         return;
@@ -184,7 +184,7 @@ fn add(head: &mut [u8], other: &[u8]) {
 }
 
 /// Joins files that were written by merges of the same shards to `out`. `progress` is called with the number
-/// of points of each file that is copied, and returns whether to go on.
+/// of points of each file that is copied, and returns true to continue.
 ///
 /// # Errors
 /// [`Error::Input`] for files of other contents and for those that do not match their checksums,
@@ -262,7 +262,7 @@ pub fn join(
     Ok(FileSummary {
         path: Some(path),
         partial: false,
-        beside: None,
+        earlier: None,
         kind: FileKind::Points,
         records: long(&head, COUNT_AT),
         bytes,

@@ -139,7 +139,7 @@ enum Base {
 impl OutputLayout {
     /// Computes the layout of all requested outputs.
     ///
-    /// `divided` are the names of files that folders have instead of those of legs.
+    /// `divided` are the names of files in folders, which replace the names by legs.
     pub fn new(request: &OutputRequest, context: &OutputContext, divided: Option<&[String]>) -> OutputLayout {
         let mut layout = OutputLayout {
             routes: vec![Vec::new(); context.legs.len()],
@@ -152,7 +152,7 @@ impl OutputLayout {
         }
         let devices: Vec<String> = context.devices.iter().map(|d| file_name(&d.id)).collect();
         let split = if request.split_by_channel && devices.len() > 1 { &devices[..] } else { &[] };
-        let mut beside = None;
+        let mut companion = None;
         for (sink, (target, format)) in request.sinks.iter().enumerate() {
             let runs = layout.runs.len();
             let base = layout.base(target, context);
@@ -165,11 +165,11 @@ impl OutputLayout {
                 let trajectory = Content::Trajectory(TrajectoryFormat::Helios);
                 layout.product(sink, &base, trajectory, true, context);
             }
-            if beside.is_none() && !matches!(base, Base::Stdout) {
-                beside = Some((sink, base));
+            if companion.is_none() && !matches!(base, Base::Stdout) {
+                companion = Some((sink, base));
             }
         }
-        if let Some((sink, base)) = &beside {
+        if let Some((sink, base)) = &companion {
             if request.waveforms {
                 layout.product(*sink, base, Content::Waveforms, true, context);
             }
@@ -265,9 +265,16 @@ impl OutputLayout {
         }
     }
 
-    /// Adds a product other than points; `beside` derives its name from the point file. The names are those
-    /// of HELIOS++.
-    fn product(&mut self, sink: usize, base: &Base, content: Content, beside: bool, context: &OutputContext) {
+    /// Adds a product other than points. With `companion`, its name derives from the point file. The names
+    /// are the same as in HELIOS++.
+    fn product(
+        &mut self,
+        sink: usize,
+        base: &Base,
+        content: Content,
+        companion: bool,
+        context: &OutputContext,
+    ) {
         let (suffix, extension) = match content {
             Content::Waveforms => ("fullwave", if self.zip { "bin" } else { "txt" }),
             Content::Pulses => ("pulse", if self.zip { "bin" } else { "txt" }),
@@ -276,7 +283,7 @@ impl OutputLayout {
         };
         for (index, leg) in base.legs(context) {
             let location = match base {
-                Base::Single(path) if beside => {
+                Base::Single(path) if companion => {
                     at_path(with_suffix(path, &format!("_{suffix}"), Some(extension)))
                 }
                 _ => base.inside(format!("{}_{suffix}.{extension}", prefix(leg))),

@@ -47,7 +47,7 @@ pub(super) trait OpenOutput: Send {
         self.close_handle()
     }
 
-    /// Completes the output. A `partial` file says so in its metadata, if its format has any, and in its
+    /// Completes the output. A `partial` file is marked in its metadata, if its format has any, and in its
     /// name: it never has the name of a complete one. A shard of a run is complete or absent. Files get their
     /// names with the others of `group`.
     fn finish(

@@ -40,10 +40,10 @@ pub struct OutputPlan {
     pub(super) divider: Option<Divider>,
     warnings: Diagnostics,
     /// Partial files that a failed run left.
-    pub(super) rescued: Mutex<Vec<FileSummary>>,
+    pub(super) partial_files: Mutex<Vec<FileSummary>>,
 }
 
-/// Outputs in which no mistake was found before the run: their files and formats.
+/// Outputs that passed the checks before the run: their files and formats.
 #[derive(Debug)]
 pub struct CheckedOutputs {
     request: OutputRequest,
@@ -73,7 +73,7 @@ impl OutputRequest {
         check_files(&layout, &self, &inputs, &mut problems);
         let formats = Formats::new(&self, context, objects, &mut problems)?;
         if formats.encoders.values().any(|encoder| encoder.packets() == Some(PacketPlace::Beside)) {
-            check_packets(&layout, self.force || self.goes_on, &inputs, &mut problems);
+            check_packets(&layout, self.force || self.is_resuming, &inputs, &mut problems);
         }
         let warnings = problems.finish(false)?;
         let place = (context.crs.clone(), context.time_origin);
@@ -112,7 +112,7 @@ impl CheckedOutputs {
             needs: request.needs(),
             divider,
             warnings,
-            rescued: Mutex::default(),
+            partial_files: Mutex::default(),
             settings: formats.settings,
             request,
         })
@@ -168,7 +168,7 @@ impl OutputPlan {
         WorldFrame { origin: self.settings.origin, time: self.time_origin }
     }
 
-    /// Facts about the points beside their columns.
+    /// Facts about the points in addition to their columns.
     pub(super) fn cloud_facts(&self) -> CloudFacts {
         CloudFacts::new(self.settings.clone(), self.legs.clone())
     }
@@ -191,8 +191,8 @@ impl OutputPlan {
     }
 
     /// Partial files that a failed run left, see [`Writer`](super::Writer).
-    pub fn rescued(&self) -> Vec<FileSummary> {
-        self.rescued.lock().map(|files| files.clone()).unwrap_or_default()
+    pub fn partial_files(&self) -> Vec<FileSummary> {
+        self.partial_files.lock().map(|files| files.clone()).unwrap_or_default()
     }
 }
 
@@ -262,8 +262,8 @@ fn divider(
 
 fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &mut Diagnostics) {
     let streams = |target: &Target| *target == Target::Stdout;
-    for (asked, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
-        if asked && request.sinks.iter().all(|(target, _)| streams(target)) {
+    for (is_requested, what) in [(request.waveforms, "waveforms"), (request.pulses, "pulses")] {
+        if is_requested && request.sinks.iter().all(|(target, _)| streams(target)) {
             problems
                 .error(
                     None,
@@ -338,7 +338,7 @@ fn check_frames(request: &OutputRequest, problems: &mut Diagnostics) {
     }
 }
 
-/// The files that a run reads, none of which an output may replace.
+/// The input files of a run, which no output may replace.
 struct Inputs(FileSet);
 
 impl Inputs {
@@ -370,7 +370,7 @@ fn check_files(layout: &OutputLayout, request: &OutputRequest, inputs: &Inputs, 
         OutputLocation::Fixed(Destination::Path(path)) if *content != Content::Shard => Some(path),
         _ => None,
     });
-    let may_exist = request.force || request.goes_on;
+    let may_exist = request.force || request.is_resuming;
     let planned = planned.map(|path| (path, may_exist));
     for (path, may_exist) in planned.chain(request.companions.iter().map(|path| (path, request.force))) {
         check_path(path, &layout.directories, may_exist, inputs, problems);

@@ -98,7 +98,7 @@ impl<'t> PointTable<'t> {
     /// The columns of `table`, and those of `exact` beside it.
     ///
     /// # Errors
-    /// [`Error::Input`] for columns that are no numbers, have empty values, or whose names are not known.
+    /// [`Error::Input`] for columns that are not numeric, have empty values or unknown names.
     pub fn new(
         [table, exact]: [Option<&'t RecordBatch>; 2],
         objects: &'t ObjectIds,
@@ -186,7 +186,7 @@ impl<'t> PointTable<'t> {
         let (time_ns, time_origin) = self.time(row);
         let part = self.whole(Part, row, u32::MAX);
         let class = self.whole(Classification, row, 0);
-        // In tables of other programs 0 of 0 says that a point has no number.
+        // In tables of other programs 0 of 0 means that a point has no return number.
         let least = u32::from(!self.has_misses);
         PointRecord {
             position: self.placed(world) + rest,
@@ -247,7 +247,7 @@ impl<'t> PointTable<'t> {
         }
     }
 
-    /// An amplitude whose intensity is that of the table.
+    /// An amplitude whose intensity equals the table's.
     fn amplitude_of_intensity(&self, row: usize) -> f64 {
         match self.number(Column::Intensity, row, 0.0) {
             intensity if intensity > 0.0 => libm::exp10((intensity - 10_000.0) / 1000.0),

@@ -22,7 +22,7 @@ const BLOCK_POINTS: usize = 1 << 15;
 /// First bytes of stored facts, with the version of their form.
 const MARK: &[u8] = b"VLFACTS 2\n";
 
-/// Facts about the points of a table beside their columns.
+/// Facts about the points of a table in addition to their columns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CloudFacts {
     settings: CloudSettings,
@@ -37,8 +37,8 @@ impl CloudFacts {
         let chosen = settings.columns.take().unwrap_or_default();
         let chosen: Vec<Column> =
             chosen.into_iter().filter(|column| !Column::EXACT.contains(column)).collect();
-        let is_usual = chosen.is_empty() || chosen == settings.table_columns();
-        settings.columns = (!is_usual).then_some(chosen);
+        let is_default = chosen.is_empty() || chosen == settings.table_columns();
+        settings.columns = (!is_default).then_some(chosen);
         CloudFacts { settings, legs }
     }
 
@@ -46,7 +46,7 @@ impl CloudFacts {
     /// `crs` is the coordinate reference system as WKT.
     ///
     /// # Errors
-    /// [`Error::Input`] for columns that are no numbers.
+    /// [`Error::Input`] for columns that are not numeric.
     pub fn of_table(table: &RecordBatch, crs: Option<String>) -> Result<CloudFacts> {
         let objects = ObjectIds::default();
         let rows =
@@ -203,7 +203,7 @@ fn settings_of(facts: &CloudFacts, request: &OutputRequest) -> CloudSettings {
     settings
 }
 
-/// Warns of columns that no format knows.
+/// Warns of columns that no format has.
 fn warn_of_unknown(table: &RecordBatch, path: &Path, found: &mut Diagnostics) {
     let schema = table.schema();
     let names = schema.fields().iter().map(|field| field.name().as_str());
@@ -221,7 +221,7 @@ fn warn_of_unknown(table: &RecordBatch, path: &Path, found: &mut Diagnostics) {
     }
 }
 
-/// Refuses formats that need columns which the table lacks, and tells what is written as 0.
+/// Rejects formats that need columns missing from the table, and notes the columns written as 0.
 fn check_columns(
     rows: &PointTable,
     format: PointFormat,
@@ -254,10 +254,10 @@ fn check_columns(
     if format.is_las() && settings.las.extra == ExtraDimensions::All && missing(&extra).is_some() {
         settings.las.extra = ExtraDimensions::None;
     }
-    let usual = [ReturnNumber, NumberOfReturns, Classification, ScanAngle, PointSourceId, GpsTime];
+    let common = [ReturnNumber, NumberOfReturns, Classification, ScanAngle, PointSourceId, GpsTime];
     let mut absent: Vec<&str> = Vec::new();
     if format.is_las() {
-        absent.extend(usual.iter().filter(|c| !rows.has(**c)).map(|c| c.name()));
+        absent.extend(common.iter().filter(|c| !rows.has(**c)).map(|c| c.name()));
         if !rows.has(Amplitude) && !rows.has(Intensity) {
             absent.push(Intensity.name());
         }

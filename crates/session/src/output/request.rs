@@ -86,13 +86,13 @@ impl TableRequest {
 /// Takes the batches of a table. At least one batch is passed, in the thread that collects the results of a
 /// run.
 pub trait TableSink: Debug + Send + Sync {
-    /// Takes what is known of the points of a table beside their columns, before the first batch.
+    /// Takes facts about the points of a table in addition to their columns, before the first batch.
     fn begin(&self, _facts: CloudFacts) {}
 
     /// Takes the next batch; the run waits meanwhile.
     ///
     /// # Errors
-    /// [`Error::ClosedPipe`](vlscan_base::error::Error::ClosedPipe) when no further batches are wanted.
+    /// [`Error::ClosedPipe`](vlscan_base::error::Error::ClosedPipe) when no further batches are accepted.
     fn take(&self, batch: RecordBatch) -> Result<()>;
 }
 
@@ -143,7 +143,7 @@ pub struct OutputRequest {
     /// If set, existing files are replaced, and binary data may go to a terminal.
     pub force: bool,
     /// If set, the run resumes an interrupted one: an existing output with the same bytes is kept.
-    pub goes_on: bool,
+    pub is_resuming: bool,
     /// Files that the run reads; no output may replace them.
     pub inputs: Vec<PathBuf>,
     /// Files that the caller writes besides the outputs, which are checked with them.
@@ -177,7 +177,7 @@ impl Default for OutputRequest {
             clip: None,
             live: false,
             force: false,
-            goes_on: false,
+            is_resuming: false,
             inputs: Vec::new(),
             companions: Vec::new(),
             counts_parts: false,
@@ -196,8 +196,8 @@ impl OutputRequest {
         self.cloud.heights || columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
     }
 
-    /// Records beside echoes and poses that all outputs need: the one place where formats, columns and tables
-    /// say what they need. A run records it, a merge refuses shards without it.
+    /// Records in addition to echoes and poses that all outputs need: the only place where formats, columns
+    /// and tables state their needs. A run records it, a merge refuses shards without it.
     pub fn records(&self) -> Records {
         let has_table = |content| self.tables.iter().any(|table| table.content == content);
         let own = Records {

@@ -15,7 +15,7 @@ pub struct OutputSummary {
     pub points: u64,
     /// Points by part of the scene, if they are counted; parts beyond the last one that was hit are missing.
     pub points_of_part: Vec<u64>,
-    /// Points of divided folders that are in no file: far beside all tiles, or of no part of the scene.
+    /// Points of divided folders that are in no file: far outside all tiles, or without a part of the scene.
     pub left_out: u64,
 }
 
@@ -44,7 +44,7 @@ pub struct FileSummary {
     /// True if the run ended before the file was complete.
     pub partial: bool,
     /// The complete file of an earlier run that this partial file did not replace.
-    pub beside: Option<PathBuf>,
+    pub earlier: Option<PathBuf>,
     /// Kind of its records.
     pub kind: FileKind,
     /// Number of points, poses, waveforms or pulses.
@@ -64,7 +64,7 @@ impl FileSummary {
     /// The summary of a complete output without name, with these counts and this box around its points.
     pub(super) fn of(kind: FileKind, tally: &Tally, bounds: Aabb) -> FileSummary {
         let Tally { records, left_out, by_return, .. } = *tally;
-        let (path, partial, beside, bytes) = (None, false, None, 0);
-        FileSummary { path, partial, beside, kind, records, bytes, bounds, by_return, left_out }
+        let (path, partial, earlier, bytes) = (None, false, None, 0);
+        FileSummary { path, partial, earlier, kind, records, bytes, bounds, by_return, left_out }
     }
 }

@@ -267,8 +267,11 @@ fn what_was_measured_before_a_failure_is_kept_as_partial() {
     }
     writer.abort();
     assert_eq!(files(dir.path()), ["legs/leg000_points.xyz", "legs/leg001_points.partial.xyz"]);
-    let rescued = plan.rescued();
-    assert!(rescued.len() == 1 && rescued[0].partial && rescued[0].records == 10, "{rescued:?}");
+    let partial_files = plan.partial_files();
+    assert!(
+        partial_files.len() == 1 && partial_files[0].partial && partial_files[0].records == 10,
+        "{partial_files:?}"
+    );
     // A run that measured nothing leaves nothing.
     let plan = self::plan(points(Target::Directory(dir.path().join("none"))), &survey);
     drop(plan.open(Arc::new(NoOffload)).unwrap());
@@ -290,7 +293,7 @@ fn an_output_that_cannot_be_completed_leaves_no_packets_and_others_are_kept() {
     fs::remove_file(dir.path().join(temporary)).unwrap();
     writer.abort();
     assert_eq!(files(dir.path()), ["b.partial.xyz"]);
-    assert_eq!(plan.rescued().len(), 1);
+    assert_eq!(plan.partial_files().len(), 1);
 }
 
 #[test]

@@ -204,9 +204,8 @@ impl Writer {
         }
     }
 
-    /// Ends a run that has failed. What was measured until then is completed as partial files, which
-    /// [`OutputPlan::rescued`] lists, unless an output could not be written: then the incomplete files are
-    /// removed.
+    /// Ends a failed run. The points until then are completed as partial files, which
+    /// [`OutputPlan::partial_files`] lists. If an output could not be written, incomplete files are removed.
     pub fn abort(self) {}
 
     /// Ends a run whose outputs can be made again, and removes the incomplete files.
@@ -237,10 +236,10 @@ impl Writer {
         self.folders.drain(..).for_each(NewFolder::keep);
     }
 
-    fn open_files(&mut self, wanted: impl Fn(&OutputLocation) -> bool) -> Result<()> {
+    fn open_files(&mut self, is_opened: impl Fn(&OutputLocation) -> bool) -> Result<()> {
         let plan = self.plan.clone();
         for (slot, file) in
-            plan.layout.files.iter().enumerate().filter(|(_, f)| !f.divided && wanted(&f.location))
+            plan.layout.files.iter().enumerate().filter(|(_, f)| !f.divided && is_opened(&f.location))
         {
             let mut open = open_output(&plan, file, &self.runs)?;
             open.close_handle()?;
@@ -336,9 +335,9 @@ impl Drop for Writer {
             let mut group = FileGroup::default();
             if let Ok(files) = file.finish(&plan, &*self.offload, true, &mut group)
                 && group.commit().is_ok()
-                && let Ok(mut rescued) = plan.rescued.lock()
+                && let Ok(mut partial_files) = plan.partial_files.lock()
             {
-                rescued.extend(files);
+                partial_files.extend(files);
             }
         }
     }

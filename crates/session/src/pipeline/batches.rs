@@ -1,4 +1,4 @@
-//! The points of a run as record batches, taken while the run goes on.
+//! The points of a run as record batches, taken while it is running.
 
 use super::pass::RunContext;
 use super::progress::Progress;
@@ -68,7 +68,7 @@ impl Session {
 
 impl Batches {
     /// The batches that `run` passes to a sink on another thread; it waits while `waiting` of them wait.
-    /// `end` requests the end of the run and tells whether it must be waited for.
+    /// `end` requests the end of the run and returns true if the caller must wait for it.
     pub fn spawn(
         waiting: usize,
         end: impl Fn() -> bool + Send + Sync + 'static,
@@ -100,7 +100,7 @@ impl Batches {
         (self.end)();
     }
 
-    /// Facts about the points beside their columns, from the first batch on.
+    /// Facts about the points in addition to their columns, from the first batch on.
     pub fn facts(&self) -> Option<&CloudFacts> {
         self.facts.get()
     }
@@ -143,7 +143,7 @@ impl Iterator for Batches {
 impl Drop for Batches {
     fn drop(&mut self) {
         let is_awaited = (self.end)();
-        // A run whose batches nobody takes ends.
+        // A run ends if nothing receives its batches.
         self.batches = None;
         if let Some(worker) = self.worker.take().filter(|_| is_awaited) {
             let _ = worker.join();

@@ -60,7 +60,7 @@ impl<'a> Collector<'a> {
         }
         let progress = self.progress;
         progress.add(m.pulses, m.echoes, m.leg, m.done);
-        progress.add_aim(&m.aim);
+        progress.add_beam_counts(&m.beam_counts);
         Ok(())
     }
 }
@@ -77,7 +77,7 @@ impl Collect<Pieces> for Collector<'_> {
 
     fn finish(mut self) -> Result<Ended> {
         if self.end.is_last {
-            // The whole run is judged: what begins beside the scene may yet reach it.
+            // Check only at the end: a flight may start outside the scene.
             self.end.check.map_or(Ok(()), |check| check.run(self.progress))?;
             return self.writer.finish().map(Ended::Complete);
         }

@@ -34,9 +34,10 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
     survey.crs_wkt = survey.crs_wkt.take().or_else(|| scene.crs.clone());
     if let Some(wkt) = survey.crs_wkt.as_deref().filter(|_| !scene.bounds.is_empty()) {
         let place = check_place(wkt, scene.to_world(scene.bounds.centre()), &mut found);
-        let is_told = is_chosen && !is_confirmed;
-        note =
-            place.filter(|_| is_told).map(|place| format!("in {}, the scene is at {place}", crs::name(wkt)));
+        let is_reported = is_chosen && !is_confirmed;
+        note = place
+            .filter(|_| is_reported)
+            .map(|place| format!("in {}, the scene is at {place}", crs::name(wkt)));
     }
     let wkt = survey.crs_wkt.as_deref();
     if let Some((wkt, problem)) = wkt.and_then(|wkt| Some((wkt, crs::unit_problem(wkt)?))) {

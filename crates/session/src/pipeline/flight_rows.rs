@@ -28,7 +28,7 @@ pub enum FlightRows {
 
 impl FlightRows {
     /// Changes a survey so that it is flown for these rows: `interval` is the time from pose to pose, by
-    /// default that of each leg or else 0.05 s; no poses are emitted beside pulses.
+    /// default that of each leg or else 0.05 s; no poses are emitted with pulses.
     pub fn prepare(self, survey: &mut Survey, interval: Option<f64>) {
         for leg in &mut survey.legs {
             let own = leg.scanner.trajectory_interval;

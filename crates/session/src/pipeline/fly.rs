@@ -19,7 +19,7 @@ const MAX_WAITING_JOBS: usize = 256;
 /// Flies the survey over one epoch: chunks → schedule → workers (replay, trace, detect, encode) → outputs in
 /// chunk order. `state` is the state before the first step; `writer` holds the outputs of the previous epoch.
 /// The pass ends with the epoch, or after the step that emits pulse number `limit`, counted from 1. On
-/// failure what was measured is kept as partial outputs.
+/// failure the points until then are kept as partial outputs.
 pub fn fly(
     pass: &Pass<'_>,
     flight: &FlightPlan,

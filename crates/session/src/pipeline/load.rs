@@ -43,7 +43,7 @@ pub(super) fn load_scene(
     Ok(scene)
 }
 
-/// Describes what was loaded and dropped of the tiles of a scene.
+/// Describes the tiles of a scene that were loaded and dropped.
 pub(super) fn describe_tiles(statistics: &ResidencyStatistics) -> String {
     let ResidencyStatistics { loaded, prefetched, dropped, peak, load_time, .. } = statistics;
     format!(

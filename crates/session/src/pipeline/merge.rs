@@ -1,7 +1,7 @@
 //! Merging of shards: the stages of a run whose producer reads the blocks of shards, and whose workers encode
 //! their batches for the outputs. Neither survey nor scene are needed.
 
-use super::aim::Aim;
+use super::beam_counts::BeamCounts;
 use super::collector::{Ended, PassEnd};
 use super::crs::check_place;
 use super::fly::run_stages;
@@ -24,7 +24,7 @@ struct Block {
     number: usize,
     pulses: u32,
     leg: u32,
-    /// The echoes that are wanted, all or those from and to the end of the wanted ones.
+    /// The selected echoes, all or those from and to the end of the selection.
     echoes: Range<u32>,
     /// Fraction of the blocks of all shards that are done after this one, 0–1.
     done: f64,
@@ -52,15 +52,15 @@ struct Blocks<'a> {
     /// The shard that is being read, and its next block.
     current: Option<(Arc<ShardFile>, usize)>,
     next_shard: u32,
-    /// The echoes that are wanted.
-    wanted: Range<u64>,
+    /// The selected echoes.
+    selected: Range<u64>,
     /// Echoes and pulses before the next block.
     echoes: u64,
     pulses: u64,
 }
 
 impl Blocks<'_> {
-    /// The next blocks with wanted echoes if they are of `epoch`.
+    /// The next blocks with selected echoes if they are of `epoch`.
     fn take(&mut self, epoch: u32) -> Result<Option<BlockTask>> {
         loop {
             let Some(shard) = self.shard()? else { return Ok(None) };
@@ -80,7 +80,7 @@ impl Blocks<'_> {
         }
     }
 
-    /// The shard that is being read, or the next one with blocks when all of its own are taken.
+    /// The shard that is being read, or the next one with blocks when its own are used up.
     fn shard(&mut self) -> Result<Option<Arc<ShardFile>>> {
         loop {
             if let Some((shard, at)) = &self.current
@@ -96,22 +96,22 @@ impl Blocks<'_> {
         }
     }
 
-    /// The next block of the current shard with wanted echoes if it is of `epoch`, and its length.
+    /// The next block of the current shard with selected echoes if it is of `epoch`, and its length.
     fn take_block(&mut self, shard: &ShardFile, epoch: u32) -> Option<(Block, u64)> {
         let (_, at) = self.current.as_mut()?;
         loop {
             let head = shard.block(*at)?;
-            if head.epoch != epoch || self.echoes >= self.wanted.end {
+            if head.epoch != epoch || self.echoes >= self.selected.end {
                 return None;
             }
             let within = |at: u64| at.saturating_sub(self.echoes).min(u64::from(head.echoes)) as u32;
-            let echoes = within(self.wanted.start)..within(self.wanted.end);
+            let echoes = within(self.selected.start)..within(self.selected.end);
             let number = *at;
             *at += 1;
             self.echoes += u64::from(head.echoes);
             self.pulses += u64::from(head.pulses);
             // Blocks without echoes hold poses and pulses.
-            if self.echoes > self.wanted.start || self.wanted.start == 0 {
+            if self.echoes > self.selected.start || self.selected.start == 0 {
                 let done = self.done();
                 let BlockHead { pulses, leg, length, .. } = head;
                 return Some((Block { number, pulses, leg, echoes, done }, length));
@@ -120,11 +120,11 @@ impl Blocks<'_> {
     }
 
     fn done(&self) -> f64 {
-        if self.wanted == ALL_ECHOES {
+        if self.selected == ALL_ECHOES {
             return self.pulses as f64 / (self.shards.head.total as f64).max(1.0);
         }
-        let wanted = (self.wanted.end - self.wanted.start) as f64;
-        (self.echoes.saturating_sub(self.wanted.start) as f64 / wanted.max(1.0)).min(1.0)
+        let selected = (self.selected.end - self.selected.start) as f64;
+        (self.echoes.saturating_sub(self.selected.start) as f64 / selected.max(1.0)).min(1.0)
     }
 
     fn produce<R: Outcome, W: FnMut(BlockTask) -> Result<R>>(
@@ -172,7 +172,7 @@ pub fn merge_warnings(shards: &ShardSet, outputs: &OutputRequest) -> Result<Diag
 /// Writes the outputs of the run that the shards belong to.
 ///
 /// # Errors
-/// [`Error::Input`] for outputs that need what the shards do not hold, and for damaged shards, all of which
+/// [`Error::Input`] for outputs that need data missing from the shards, and for damaged shards, all of which
 /// are named; [`Error::Io`], [`Error::ClosedPipe`].
 pub fn merge(
     shards: &ShardSet,
@@ -190,7 +190,7 @@ const ALL_ECHOES: Range<u64> = 0..u64::MAX;
 pub(super) fn merge_echoes(
     shards: &ShardSet,
     outputs: OutputRequest,
-    wanted: Range<u64>,
+    selected: Range<u64>,
     schedule: Schedule,
     control: RunContext<'_>,
 ) -> Result<Report> {
@@ -202,7 +202,7 @@ pub(super) fn merge_echoes(
     let output = Arc::new(OutputPlan::new(request, &context)?);
     let is_damaged = AtomicBool::new(false);
     let started = Instant::now();
-    let blocks = Blocks { shards, current: None, next_shard: 0, wanted, echoes: 0, pulses: 0 };
+    let blocks = Blocks { shards, current: None, next_shard: 0, selected, echoes: 0, pulses: 0 };
     let merged = merge_epochs(blocks, &output, epochs, schedule, control, &is_damaged);
     if merged.is_err() && is_damaged.load(Relaxed) {
         shards.verify(control.stop)?;
@@ -272,7 +272,7 @@ fn encode(
             echoes: block.echoes.len() as u64,
             leg: block.leg,
             done: block.done,
-            aim: Aim::NONE,
+            beam_counts: BeamCounts::NONE,
         }));
     }
     Ok(Pieces(pieces))

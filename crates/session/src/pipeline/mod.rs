@@ -4,9 +4,9 @@
 //!
 //! ```text
 //! Scan ────────┐
-//! ResolvedRun ─┴► Settings ─► LoadedScene ─► Session ─► run ────────────────► fly ──┐ pass over   ┌─► next epoch
-//!                                                     ├ trace(stream of pulses) ────┴─ an epoch ──┴─► Report
-//!                                                     └ into_emission ─► emit: poses or pulses without tracing
+//! ResolvedRun ─┴► Settings ─► LoadedScene ─► Session ─► run ──────────────► fly ─┐ pass over  ┌─► next epoch
+//!                                                     ├ trace(stream of pulses) ─┴─ an epoch ─┴─► Report
+//!                                                     └ into_emission ─► emit: poses or pulses, not traced
 //! ```
 //!
 //! | file | contents |
@@ -28,12 +28,12 @@
 //! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `part_table` | the parts of the scene as a table beside labelled points |
 //! | `emit`, `flight_rows` | the flight alone, written as poses or pulses; their rows |
-//! | `plausibility`, `aim` | detection of inputs that are valid but hardly intended |
+//! | `plausibility`, `beam_counts` | detection of inputs that are valid but hardly intended |
 //! | `crs` | the coordinate reference system of a run |
 //! | `progress` | counters of the work done |
 
-mod aim;
 mod batches;
+mod beam_counts;
 mod chunk;
 mod collector;
 mod crs;

@@ -1,4 +1,4 @@
-//! Table of the scene's parts beside labelled points.
+//! Table of the scene's parts, next to labelled points.
 
 use crate::output::ObjectIds;
 use std::fmt::Write as _;

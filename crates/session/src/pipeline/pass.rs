@@ -1,6 +1,6 @@
 //! Inputs of a pass over one epoch.
 
-use super::aim::AimTarget;
+use super::beam_counts::BeamTarget;
 use super::plausibility::YieldCheck;
 use super::prefetch::Prefetcher;
 use super::progress::Progress;
@@ -45,7 +45,7 @@ pub struct Pass<'a> {
     pub control: RunContext<'a>,
     /// The outputs of the run, which stay open from pass to pass.
     pub open_outputs: &'a OpenOutputs<'a>,
-    pub target: AimTarget,
+    pub target: BeamTarget,
     /// Check for too few points, run before the outputs get their names.
     pub check: Option<YieldCheck<'a>>,
     /// Epoch of the scene, from 0.

@@ -15,18 +15,18 @@ const LOADS_AHEAD: f64 = 3.0;
 pub struct Sighting {
     /// Position of the instrument, scene frame, m.
     pub position: DVec3,
-    /// Box around what its beams could hit, scene frame, m.
+    /// Box around everything that its beams could hit, scene frame, m.
     pub area: Aabb,
 }
 
-/// Takes sightings of the workers of a run; a thread loads what lies ahead.
+/// Takes sightings of the workers of a run; a thread loads the tiles ahead.
 #[derive(Clone, Debug)]
 pub struct Prefetcher {
     sightings: flume::Sender<Sighting>,
 }
 
 impl Prefetcher {
-    /// Runs `work` beside a thread that loads tiles.
+    /// Runs `work` with a thread that loads tiles in parallel.
     ///
     /// # Errors
     /// Those of `work`, and [`Error::Io`] if the system has no more threads.
@@ -50,7 +50,7 @@ impl Prefetcher {
     }
 }
 
-/// Loads the tiles that the beams will meet if the flight goes on as it does.
+/// Loads the tiles that the beams will meet if the flight continues as it is.
 fn load_ahead(tiles: &Tiles, sightings: &flume::Receiver<Sighting>) {
     let mut last: Option<(Instant, DVec3)> = None;
     while let Ok(Sighting { position, area }) = sightings.recv() {
@@ -58,7 +58,7 @@ fn load_ahead(tiles: &Tiles, sightings: &flume::Receiver<Sighting>) {
         if let Some((then, from)) = last {
             let statistics = tiles.statistics();
             let load_s = statistics.load_time.as_secs_f64() / statistics.loaded.max(1) as f64;
-            // By the time that the program takes for it, not by that of the flight.
+            // In time of the program, not of the flight.
             let velocity = (position - from) / (now - then).as_secs_f64().max(1e-6);
             let way = velocity * (LOADS_AHEAD * load_s);
             if way.is_finite() && !area.is_empty() {

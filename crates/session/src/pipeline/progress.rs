@@ -1,6 +1,6 @@
 //! Progress counters: atomics written by the collector and read by a progress display.
 
-use super::aim::{Aim, AimLog};
+use super::beam_counts::{BeamCounts, BeamLog};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use vlscan_scene::Tiles;
@@ -13,7 +13,7 @@ pub struct Progress {
     echoes: AtomicU64,
     leg: AtomicU32,
     done: AtomicU64,
-    aim: Mutex<AimLog>,
+    beam_counts: Mutex<BeamLog>,
     /// The tiles of the scene, if it has any.
     tiles: Mutex<Option<Arc<Tiles>>>,
 }
@@ -43,15 +43,15 @@ impl Progress {
     }
 
     /// Adds the beam directions of a piece.
-    pub(super) fn add_aim(&self, piece: &Aim) {
-        if let Ok(mut log) = self.aim.lock() {
+    pub(super) fn add_beam_counts(&self, piece: &BeamCounts) {
+        if let Ok(mut log) = self.beam_counts.lock() {
             log.add(piece);
         }
     }
 
     /// Statistics of where the beams have pointed so far.
-    pub(super) fn aim(&self) -> AimLog {
-        self.aim.lock().map(|log| log.clone()).unwrap_or_default()
+    pub(super) fn beam_counts(&self) -> BeamLog {
+        self.beam_counts.lock().map(|log| log.clone()).unwrap_or_default()
     }
 
     /// Sets the tiles of the scene that is measured.

@@ -1,5 +1,4 @@
-//! Runs that go on where they were ended: a run is divided into shards, of which those that exist are not
-//! computed again.
+//! Resuming interrupted runs: a run is divided into shards, and existing shards are not computed again.
 
 use super::merge::merge;
 use super::pass::RunContext;
@@ -17,7 +16,7 @@ use vlscan_base::error::{Error, Result};
 /// Maximum number of shards.
 const MAX_SHARDS: u64 = 100_000;
 
-/// How a run is divided so that it can go on later.
+/// Division of a run that can be resumed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResumeOptions {
     /// Folder of the shards, removed when the outputs are complete.
@@ -27,12 +26,12 @@ pub struct ResumeOptions {
 }
 
 impl ResumeOptions {
-    /// Shards beside the first output that is a file or a folder: `out.laz.shards`.
+    /// Shards next to the first output that is a file or a folder: `out.laz.shards`.
     ///
     /// # Errors
     /// [`Error::Input`] of the kind [`NotDivisible`](vlscan_base::diag::ProblemKind::NotDivisible) when all
     /// outputs are streams.
-    pub fn beside(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<ResumeOptions> {
+    pub fn next_to(outputs: &OutputRequest, pulses_per_shard: u64) -> Result<ResumeOptions> {
         let path = outputs.sinks.iter().find_map(|(target, _)| path_of(target)).ok_or_else(|| {
             Error::not_divisible(
                 "--resume needs an output file or folder, beside which the shards are kept",
@@ -64,9 +63,9 @@ impl Session {
         self.record_for(&outputs);
         let flight = self.divisible()?;
         let run = RunId::new(&flight.fingerprint, &outputs);
-        let goes_on = known.as_ref().is_some_and(|state| state.has_outputs_of(run));
+        let is_resuming = known.as_ref().is_some_and(|state| state.has_outputs_of(run));
         // The caller writes companions after the outputs.
-        let needs_no_more = goes_on && outputs.companions.is_empty();
+        let needs_no_more = is_resuming && outputs.companions.is_empty();
         if needs_no_more && known.as_ref().is_some_and(State::is_complete) {
             self.notify(Notice::Note("the outputs are already complete".to_owned()));
             self.remove_shards(ResumeFolder::open(path, known.as_ref())?, path)?;
@@ -78,12 +77,12 @@ impl Session {
                 warnings: self.warnings(),
             });
         }
-        let request = OutputRequest { goes_on, ..outputs.clone() };
+        let request = OutputRequest { is_resuming, ..outputs.clone() };
         // Outputs are merged from the shards, without the scene.
         let context = OutputContext { has_ground: false, ..self.output_context() };
         self.check_output(OutputRequest { epochs: self.epochs(), ..request.clone() }, &context)?;
         let mut folder = ResumeFolder::open(path, known.as_ref())?;
-        if folder.state().is_complete() && !goes_on {
+        if folder.state().is_complete() && !is_resuming {
             // Another run has completed its outputs, and was ended while it removed its shards.
             folder.remove_shards()?;
             folder.mark(State::Shards)?;
@@ -174,8 +173,8 @@ impl Session {
         let known = ShardSet::list(&how.folder)?;
         let mut runner =
             self.shards_of(flight.clone(), &how.folder, outputs.cloud.creation, false, control.stop)?;
-        let wanted = runner.pulses().div_ceil(how.pulses_per_shard.max(1)).clamp(1, MAX_SHARDS) as u32;
-        let of = known.keys().next().copied().unwrap_or(wanted);
+        let needed = runner.pulses().div_ceil(how.pulses_per_shard.max(1)).clamp(1, MAX_SHARDS) as u32;
+        let of = known.keys().next().copied().unwrap_or(needed);
         let mut seconds = 0.0;
         for number in 0..of {
             let shard = OneOf { number, of };

@@ -1,6 +1,6 @@
 //! The folder with the shards of a run that can be resumed. A mark in it says that a run has made it, how far
 //! that run is, and which outputs it writes. The mark is the first file in a new folder and the last one that
-//! is removed: a folder with files and without a mark is the user's. Only what runs have made is removed: the
+//! is removed: a folder with files and without a mark is the user's. Only files of runs are removed: the
 //! mark, the lock, which is empty, and shards, which are known by their names and by their first bytes.
 
 use crate::output::{OutputRequest, OutputSummary, Target};
@@ -42,7 +42,7 @@ pub(super) enum State {
 pub(super) struct RunId(u64);
 
 impl RunId {
-    /// `fingerprint` is what the contents of the run's shards depend on.
+    /// `fingerprint` holds everything that the contents of the run's shards depend on.
     pub fn new(fingerprint: &Fingerprint, outputs: &OutputRequest) -> RunId {
         let target = |target: &Target| match target {
             Target::Stdout => Target::Stdout,
@@ -100,7 +100,7 @@ impl ResumeFolder {
         }
     }
 
-    /// The state of the run that has made a folder; `None` if there is no folder, or an empty one.
+    /// The state of the run that created a folder; `None` if there is no folder, or an empty one.
     ///
     /// # Errors
     /// [`Error::Input`] for a folder, or anything else of its name, that no such run has made.
@@ -143,7 +143,7 @@ impl ResumeFolder {
         remove_files_of_shards(&self.path)
     }
 
-    /// Removes the folder, or what the run has made in it if there is something else. Returns what stays.
+    /// Removes the folder, or only the run's files in it if there are others. Returns the remaining files.
     ///
     /// # Errors
     /// [`Error::Io`].

@@ -39,7 +39,7 @@ pub struct Report {
     pub pulses: u64,
     /// Time from the first pulse to the last point written, without the loading of later epochs, s.
     pub seconds: f64,
-    /// True if the run was stopped: the outputs contain what was measured until then, and say so.
+    /// True if the run was stopped: the outputs contain the points until then, and are marked as partial.
     pub interrupted: bool,
     /// Warnings and notes, with an observer or without one: all that the session has had so far, of loading
     /// its scene and of its runs.
@@ -161,7 +161,7 @@ impl Session {
         Ok(())
     }
 
-    /// The request with what follows from the session: its inputs and its epochs.
+    /// The request with the inputs and the epochs of the session.
     pub(super) fn complete(&self, outputs: OutputRequest) -> OutputRequest {
         let inputs = self.inputs().chain(outputs.inputs.iter().cloned()).collect();
         OutputRequest { epochs: self.epochs(), inputs, ..outputs }
@@ -214,7 +214,7 @@ impl Session {
         pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
         let ended = self.pass_epochs(&output, epochs, control, is_reported, pass_over);
-        ended.map_err(|e| self.with_rescued(e, &output.rescued()))
+        ended.map_err(|e| self.with_partial_files(e, &output.partial_files()))
     }
 
     fn pass_epochs(
@@ -281,7 +281,7 @@ impl Session {
             epoch += 1;
             self.notify(Notice::Detail(format!("epoch {} of {}", epoch + 1, self.epochs())));
         };
-        for file in summary.files.iter().filter(|file| file.beside.is_some()) {
+        for file in summary.files.iter().filter(|file| file.earlier.is_some()) {
             self.notify(Notice::Note(what_is_kept(file)));
         }
         let pulses = control.progress.snapshot().pulses;
@@ -289,7 +289,7 @@ impl Session {
     }
 
     /// Adds to the error of a failed run where its partial outputs are.
-    fn with_rescued(&self, mut error: Error, files: &[FileSummary]) -> Error {
+    fn with_partial_files(&self, mut error: Error, files: &[FileSummary]) -> Error {
         for file in files.iter().filter(|file| file.path.is_some()) {
             let kept = what_is_kept(file);
             match &mut error {
@@ -307,7 +307,7 @@ impl Session {
 fn what_is_kept(file: &FileSummary) -> String {
     let path = file.path.as_deref().unwrap_or(Path::new("standard output"));
     let new = format!("what was measured so far is in {}", path.display());
-    match &file.beside {
+    match &file.earlier {
         Some(old) => format!("{} is unchanged; {new}", old.display()),
         None => new,
     }

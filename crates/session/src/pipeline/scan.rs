@@ -68,7 +68,7 @@ pub struct Scan {
     is_strict: bool,
     outputs: OutputRequest,
     observer: Observer,
-    /// The reason why the scan cannot be run, if an earlier call has found one.
+    /// The reason why the scan cannot be run, if an earlier call has failed.
     problem: Option<String>,
 }
 
@@ -78,7 +78,7 @@ const MAX_TURNS: f64 = 10.0;
 impl Scan {
     /// A scan of a scene, which is a [`Mesh`](vlscan_survey::Mesh) in memory or what
     /// [`read_scene`](vlscan_survey::read_scene) returns, with a scanner, which is one of the catalogue
-    /// ([`find_scanner`](vlscan_survey::find_scanner)) or one of your own ([`Scanner::new`]).
+    /// ([`find_scanner`](vlscan_survey::find_scanner)) or a custom one ([`Scanner::new`]).
     pub fn new(scene: impl Into<SceneRecipe>, scanner: Scanner) -> Scan {
         Scan {
             scene: scene.into(),
@@ -136,13 +136,13 @@ impl Scan {
     /// pitch, yaw (degrees, of a heading), as `--trajectory` reads them.
     ///
     /// # Errors
-    /// [`Error::Input`] for a table that Arrow cannot encode; what its columns lack is an error of the run.
+    /// [`Error::Input`] for a table that Arrow cannot encode; missing columns are an error of the run.
     pub fn poses(self, table: &RecordBatch) -> Result<Scan> {
         let content = encode_stream(&table.schema(), std::slice::from_ref(table))?;
         Ok(self.trajectory(PoseStream { content: Some(content.into()), ..PoseStream::at("<poses>") }))
     }
 
-    /// Sets what carries the scanner: how it moves, how the scanner is mounted on it, its noise; see
+    /// Sets the platform of the scanner: its motion, the scanner's mount, its noise; see
     /// [`find_platform`](vlscan_survey::find_platform). Otherwise the axes of the scanner are those of the
     /// world at stations, and those of the motion along paths and trajectories.
     pub fn platform(self, platform: Platform) -> Scan {
@@ -172,7 +172,7 @@ impl Scan {
         Scan { seed, ..self }
     }
 
-    /// Sets the number of threads, at least 1; otherwise those of the machine. Points do not depend on it.
+    /// Sets the number of threads, at least 1; default: all of the machine. Points do not depend on it.
     pub fn threads(self, threads: usize) -> Scan {
         Scan { threads: Some(threads), ..self }
     }

@@ -1,4 +1,4 @@
-//! A loaded scene: what sessions are opened over, facts about it, points on its surfaces.
+//! A loaded scene, over which sessions are opened: facts about it, points on its surfaces.
 
 use super::load::{build_tree, check_raster_memory, load_scene};
 use super::settings::{Settings, check_jobs};
@@ -110,7 +110,7 @@ impl LoadedScene {
         self.check(settings).is_ok()
     }
 
-    /// As [`LoadedScene::suits`], with what differs.
+    /// As [`LoadedScene::suits`], with the difference.
     pub(super) fn check(&self, settings: &Settings) -> Result<()> {
         let BuildOptions { jobs, geometry_jobs, .. } = settings.tree;
         let differs = |what: &str| Err(Error::input(format!("the scene was loaded for another run: {what}")));
@@ -171,7 +171,7 @@ impl LoadedScene {
         &self.scene
     }
 
-    /// The ground of the scene; `fallback` is what counts where no material is ground.
+    /// The ground of the scene; `fallback` applies where no material is ground.
     ///
     /// # Errors
     /// As for [`LoadedScene::tree`].
@@ -209,7 +209,7 @@ impl fmt::Debug for LoadedScene {
 pub struct SceneFacts {
     /// Box around all primitives, world frame, m.
     pub bounds: Aabb,
-    /// Number of triangles and voxels, those of instances included.
+    /// Number of triangles and voxels, including instances.
     pub primitives: u64,
     /// Ids of the parts.
     pub parts: Vec<String>,

@@ -1,6 +1,6 @@
-//! Merges that many processes share: each writes a segment of the points, a LAS or LAZ file of its own, and
-//! the segments are joined by copying. The name of a segment has the checksum of the file, with which joining
-//! compares what it copies.
+//! Merges that many processes share: each writes a segment of the points, a separate LAS or LAZ file, and the
+//! segments are joined by copying. The name of a segment has the checksum of the file, with which joining
+//! compares the copied bytes.
 
 use super::merge::{check_records, merge_echoes};
 use super::pass::RunContext;
@@ -55,7 +55,7 @@ impl<'a> Segments<'a> {
             (las.at_most.is_some(), "not a stream"),
             (las.version != LasVersion::V14, "of version 1.4"),
         ];
-        if let Some((_, what)) = others.iter().find(|(is_wanted, _)| *is_wanted) {
+        if let Some((_, what)) = others.iter().find(|(is_set, _)| *is_set) {
             return refuse(what);
         }
         let (sinks, inputs, companions) = (Vec::new(), Vec::new(), Vec::new());
@@ -213,7 +213,7 @@ pub fn merge_segment(
     Ok(report)
 }
 
-/// Joins the segments of an output, which stay as they are.
+/// Joins the segments of an output, which are kept.
 ///
 /// # Errors
 /// [`Error::Input`] when segments are missing, with their numbers, or damaged; [`Error::Io`],

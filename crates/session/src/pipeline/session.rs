@@ -19,7 +19,7 @@ use vlscan_warehouse::Stop;
 pub(super) type Observer = Arc<dyn Fn(Notice) + Send + Sync>;
 
 /// A survey over its scene, ready to run: it is flown ([`Session::run`]), a stream of pulses is traced
-/// instead ([`Session::trace`]), or a sample of it is measured to tell what a run will cost
+/// instead ([`Session::trace`]), or a sample of it is measured to estimate the cost of a run
 /// ([`Session::dry_run`]). A session can run many times.
 ///
 /// The scene is a [`LoadedScene`], which several sessions can share.
@@ -101,8 +101,8 @@ impl Session {
         Session::watched(settings, scene, observer, warnings)
     }
 
-    /// A session over a loaded scene, which is the one that the settings describe. The tree is built when it
-    /// is needed first.
+    /// A session over a loaded scene, which must match the settings. The tree is built when it is needed
+    /// first.
     ///
     /// # Errors
     /// [`Error::Input`] if the scene does not [suit](LoadedScene::suits) the settings, and for coordinate
@@ -196,7 +196,7 @@ impl Session {
         (self.observer)(notice);
     }
 
-    /// Records what the outputs of a run in shards need, beside what the settings ask for.
+    /// Records everything that the outputs of a run in shards need, in addition to the settings.
     pub(super) fn record_for(&mut self, outputs: &OutputRequest) {
         self.settings.physics = self.settings.physics_for(outputs);
     }

@@ -42,7 +42,7 @@ pub struct Settings {
     pub tree: BuildOptions,
     /// Clock, noise of the platform, navigation errors.
     pub flight: FlightOptions,
-    /// Options of the echo simulation. A run also records what its outputs need.
+    /// Options of the echo simulation. A run also records everything that its outputs need.
     pub physics: PhysicsOptions,
     /// Number of threads, and the distribution of pulses to them.
     pub schedule: Schedule,
@@ -51,8 +51,9 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The settings of `vlscan run` without options: the survey's seed, or 0, the physics of HELIOS++, a clock
-    /// that starts at [`DEFAULT_DAY`](vlscan_lidar::flight::DEFAULT_DAY), all cores, the memory of the machine.
+    /// The settings of `vlscan run` without options: the survey's seed, or 0, the physics of HELIOS++, a
+    /// clock that starts at [`DEFAULT_DAY`](vlscan_lidar::flight::DEFAULT_DAY), all cores, the memory of the
+    /// machine.
     pub fn new(survey: Survey) -> Settings {
         let seed = survey.seed.unwrap_or(0);
         let gps_start_ns = default_gps_start(FlightOptions::default().kinematics.leap_seconds);
@@ -101,7 +102,7 @@ impl Settings {
 
     /// Sets what is an error in a flight. A leg on the ground needs ground below it, unless a survey of
     /// HELIOS++ is flown with the physics of HELIOS++, which then takes the height of the scene's centre. A
-    /// pipeline or a program has a flight of its own.
+    /// pipeline or a program has a separate flight.
     pub fn set_flight_rules(&mut self, has_own_flight: bool, profile: PhysicsProfile) {
         self.flight.needs_ground = has_own_flight || profile == PhysicsProfile::Refined;
     }
@@ -127,7 +128,7 @@ impl Settings {
     }
 
     /// Returns the options of the physics of a run, with everything recorded that its outputs need. The
-    /// settings themselves record only what is asked for beside them.
+    /// settings themselves only record additional requests.
     pub(super) fn physics_for(&self, outputs: &OutputRequest) -> PhysicsOptions {
         Records::of(&self.physics).union(outputs.records()).recorded_by(self.physics)
     }

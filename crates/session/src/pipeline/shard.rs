@@ -46,7 +46,7 @@ pub struct ShardRunner<'s> {
 }
 
 impl Session {
-    /// Plans the flight, and computes what the contents of its shards depend on.
+    /// Plans the flight, and collects everything that the contents of its shards depend on.
     ///
     /// # Errors
     /// [`Error::Input`] for flights that cannot be divided; [`Error::Io`].
@@ -145,10 +145,10 @@ impl Session {
             }
             builder.begin_epoch(pulses);
             loop {
-                let wanted = builder.next().saturating_sub(pulses);
-                let skipped = chunk::skip(flight, &mut state, &mut poses, wanted, stop)?;
+                let needed = builder.next().saturating_sub(pulses);
+                let skipped = chunk::skip(flight, &mut state, &mut poses, needed, stop)?;
                 pulses += skipped;
-                if skipped < wanted {
+                if skipped < needed {
                     break;
                 }
                 builder.add(pulses, &state)?;
@@ -180,7 +180,7 @@ impl ShardRunner<'_> {
     /// a damaged one, which the observer is told of.
     ///
     /// # Errors
-    /// [`Error::Input`] for a shard of another run, with what differs, and for a file of another kind.
+    /// [`Error::Input`] for a shard of another run, with the difference, and for a file of another kind.
     pub fn existing(&self, shard: OneOf) -> Result<Option<ShardFile>> {
         let path = self.path(shard);
         if !path.exists() {
@@ -332,7 +332,7 @@ fn check_platform(survey: &Survey) -> Result<()> {
     ))
 }
 
-/// Collects what the contents of shards depend on. `scene` is the scene's checksum.
+/// Collects everything that the contents of shards depend on. `scene` is the scene's checksum.
 fn fingerprint(settings: &Settings, scene: u64, plan: &FlightPlan) -> Result<Fingerprint> {
     let (flight, physics) = (&settings.flight, &settings.physics);
     let mut all = Fingerprint::default();
@@ -345,7 +345,7 @@ fn fingerprint(settings: &Settings, scene: u64, plan: &FlightPlan) -> Result<Fin
     all.flight("kinematics", format!("{:?}", flight.kinematics));
     all.flight("errors of navigation", format!("{:?}", flight.navigation));
     if !plan.is_stream() {
-        // Also tells programs apart whose states have other contents.
+        // Also distinguishes programs whose states have other contents.
         let start = postcard::to_stdvec(&FlightState::start(plan));
         let start = start.map_err(|e| Error::Internal(format!("a state of the flight: {e}")))?;
         let mut sum = Checksum::default();

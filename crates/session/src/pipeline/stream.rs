@@ -61,7 +61,7 @@ impl PulseSource {
         Ok(self.next.as_ref().map(RowBlock::first_epoch))
     }
 
-    /// Fails if a pulse follows those of the last epoch.
+    /// Fails if a pulse follows the last epoch.
     pub(super) fn check_end(&mut self, last: u32, run: &RunState<'_>) -> Result<()> {
         match self.next_epoch(run)? {
             Some(next) if !run.is_stopped() => Err(Error::input(format!(

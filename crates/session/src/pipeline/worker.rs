@@ -1,6 +1,6 @@
 //! The computing stage of a thread: pulses become echoes, and echoes become the bytes of every output.
 
-use super::aim::Aim;
+use super::beam_counts::BeamCounts;
 use super::chunk::Chunk;
 use super::moving::MovingParts;
 use super::pass::Pass;
@@ -19,7 +19,7 @@ pub(super) struct Measured {
     pub leg: u32,
     /// Fraction of the survey done, see [`Chunk::done`].
     pub done: f64,
-    pub aim: Aim,
+    pub beam_counts: BeamCounts,
 }
 
 impl Measured {
@@ -28,14 +28,14 @@ impl Measured {
         if next.leg != self.leg {
             return Some(next);
         }
-        let Measured { encoded, pulses, echoes, leg, done, aim } = next;
+        let Measured { encoded, pulses, echoes, leg, done, beam_counts } = next;
         match self.encoded.join(encoded) {
             None => {
                 (self.pulses, self.echoes, self.done) = (self.pulses + pulses, self.echoes + echoes, done);
-                self.aim.add(&aim);
+                self.beam_counts.add(&beam_counts);
                 None
             }
-            Some(encoded) => Some(Measured { encoded, pulses, echoes, leg, done, aim }),
+            Some(encoded) => Some(Measured { encoded, pulses, echoes, leg, done, beam_counts }),
         }
     }
 }
@@ -103,7 +103,7 @@ impl<'a> Worker<'a> {
             echoes: batch.echoes.len() as u64,
             leg,
             done,
-            aim: Aim { weak: batch.weak, ..Aim::of(&pass.target, pulses) },
+            beam_counts: BeamCounts { weak: batch.weak, ..BeamCounts::of(&pass.target, pulses) },
         })
     }
 }
@@ -144,7 +144,7 @@ impl<'a> FlightWorker<'a> {
         Ok(Pieces(vec![self.worker.measure(leg, leg, done)]))
     }
 
-    /// Measures a chunk whatever the order of the legs, for outputs that are one file for all legs.
+    /// Measures a chunk in any order of the legs, for outputs with one file for all legs.
     pub fn measure_in_any_order(&mut self, chunk: Chunk) -> Result<Pieces> {
         let (leg, done) = (chunk.leg, chunk.done);
         self.worker.pulses.clear();

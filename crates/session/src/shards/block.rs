@@ -2,8 +2,9 @@
 //!
 //! ```text
 //! 0    magic
-//! 8    words of the head, u64 each: leg, epoch, number of the leg in records, pulses emitted, numbers of echoes, truths,
-//!      waveforms, samples, pulse records and poses, length of the columns, checksum of the bytes before it and of the columns
+//! 8    words of the head, u64 each: leg, epoch, number of the leg in records, pulses emitted, numbers of
+//!      echoes, truths, waveforms, samples, pulse records and poses, length of the columns, checksum of the
+//!      bytes before it and of the columns
 //! 104  columns of echoes, truths, waveforms, samples, pulse records, poses
 //! ```
 
@@ -24,8 +25,8 @@ const NO_LEG_NUMBER: u32 = u32::MAX;
 words! {
     Echo by convert_position {
         position, origin, direction, scanner, range, true_range, intensity, echo_width, return_number,
-        number_of_returns, pulse_number, device, part, primitive, classification, incidence_cosine, scan_angle,
-        time_ns, truth_index,
+        number_of_returns, pulse_number, device, part, primitive, classification, incidence_cosine,
+        scan_angle, time_ns, truth_index,
     }
     EchoTruth { beam, surface, normal, fraction, subray }
     WaveformRecord {
@@ -76,7 +77,7 @@ impl BlockHead {
         bytes
     }
 
-    /// Reads a head; `None` if the bytes are no head of a block.
+    /// Reads a head; `None` if the bytes are not the head of a block.
     pub fn read(bytes: &[u8]) -> Option<BlockHead> {
         let words = bytes.get(..HEAD_BYTES)?.strip_prefix(MAGIC)?;
         let mut words = words.as_chunks().0.iter().map(|word| u64::from_le_bytes(*word));
@@ -222,8 +223,7 @@ pub(super) mod tests {
             let head = BlockHead::read(&bytes[3..]).unwrap();
             let mut read = self::batch(9, 9, 3);
             decode(&head, &bytes[3..], &mut read).unwrap();
-            // The debug representation of -0 and of infinity differs from that of other numbers; NaNs are
-            // compared below.
+            // -0 and infinity have a different debug representation; NaNs are compared below.
             assert_eq!(format!("{read:?}"), format!("{batch:?}"));
             let bits = |b: &Batch| b.echoes.iter().map(|e| e.range.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&read), bits(&batch));

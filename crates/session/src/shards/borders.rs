@@ -58,7 +58,7 @@ pub struct Border {
     pub pulses: u64,
     /// Index of the epoch, from 0.
     pub epoch: u32,
-    /// The state of the flight, from which it goes on.
+    /// The state of the flight from which it continues.
     pub state: FlightState,
 }
 
@@ -122,7 +122,7 @@ impl Borders {
         let (magic, body) =
             bytes.split_at_checked(MAGIC.len()).ok_or_else(|| refuse("has another file format"))?;
         let sound = body.split_at_checked(8).filter(|(sum, body)| *sum == xxh3_64(body).to_le_bytes());
-        // A checksum tells a damaged beginning from a file of another kind.
+        // A checksum distinguishes a damaged beginning from a file of another kind.
         let body = match (magic == &MAGIC[..], sound) {
             (true, Some((_, body))) => body,
             (false, None) => return Err(refuse("has another file format")),

@@ -1,4 +1,4 @@
-//! The file of a shard: complete or absent, and everything that a merge needs to know is in it.
+//! The file of a shard: complete or absent, with everything that a merge needs.
 //!
 //! ```text
 //! 0    magic │ version u64
@@ -26,7 +26,7 @@ const VERSION: u64 = 7;
 const START_BYTES: usize = 16;
 const END_BYTES: usize = 24;
 
-/// The run that a shard belongs to, and which share of it the shard is.
+/// The run that a shard belongs to, and the shard's share of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShardHead {
     /// Everything on which the contents depend.
@@ -41,13 +41,13 @@ pub struct ShardHead {
     pub epochs: u32,
     /// Year and day of the year for the headers of files.
     pub creation: (u16, u16),
-    /// Records beside echoes and poses.
+    /// Records in addition to echoes and poses.
     pub records: Records,
     /// The encoded facts that outputs depend on.
     pub context: Vec<u8>,
 }
 
-/// Records of a shard beside echoes and poses.
+/// Records of a shard in addition to echoes and poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Records {
     /// Digitised waveforms.
@@ -99,7 +99,7 @@ impl Records {
 }
 
 impl ShardHead {
-    /// Says in what the run of another shard differs.
+    /// Describes how the run of another shard differs.
     pub fn difference(&self, other: &ShardHead) -> String {
         let found = self.fingerprint.difference(&other.fingerprint);
         found.unwrap_or_else(|| "the run that they belong to".to_owned())
@@ -162,7 +162,7 @@ pub enum ShardFileError {
     /// Fewer bytes than an empty shard has.
     #[error("is too short to be a shard")]
     Short,
-    /// Another beginning than that of shards.
+    /// A beginning that differs from shards.
     #[error("has another file format")]
     Format,
     /// The version of another program.
@@ -369,7 +369,7 @@ pub(super) mod tests {
             std::fs::write(&path, bytes).unwrap();
             let file = ShardFile::open(&path)?;
             let mut read_all = || (0..file.blocks()).try_for_each(|i| file.read(i, &mut batch, &mut buffer));
-            // What a merge reads and what is verified agree.
+            // A merge reads exactly the verified bytes.
             assert_eq!(read_all().is_err(), file.verify().is_err());
             read_all()
         };

@@ -1,4 +1,4 @@
-//! Fingerprints: what the contents of a shard depend on.
+//! Fingerprints: everything that the contents of a shard depend on.
 
 use serde::{Deserialize, Serialize};
 

@@ -24,7 +24,7 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
     (number < of).then_some((number, of))
 }
 
-/// True if a file begins as every shard does, whatever follows: one of another kind is not the program's own.
+/// True if a file begins as every shard does: a file of another kind does not belong to the program.
 pub fn is_shard(path: &Path) -> bool {
     begins_with(path, file::MAGIC)
 }
@@ -67,7 +67,7 @@ pub fn array_list(numbers: impl IntoIterator<Item = u32>) -> String {
 #[derive(Debug)]
 pub struct ShardSet {
     folder: PathBuf,
-    /// Head of the first shard; those of the others differ in the number only.
+    /// Head of the first shard; the heads of the others differ in the number only.
     pub head: ShardHead,
     /// Echoes of all shards.
     pub echoes: u64,
@@ -229,7 +229,7 @@ impl Runs {
         }
     }
 
-    /// Reports the shards whose run is not that of most shards.
+    /// Reports the shards whose run differs from the run of most shards.
     fn report(&mut self, folder: &Path, problems: &mut Diagnostics) {
         self.0.sort_by_key(|(_, numbers)| std::cmp::Reverse(numbers.len()));
         let Some(((most, _), others)) = self.0.split_first() else { return };

@@ -1,6 +1,6 @@
 //! Shards of a run: shares of its pulses that any number of processes compute, and that are merged to the
-//! outputs of one run. A shard holds what the writers of a run would have been handed: batches of echoes,
-//! waveforms, pulses and poses, in order and bit for bit.
+//! outputs of one run. A shard holds the input of the writers of a run: batches of echoes, waveforms, pulses
+//! and poses, in order and bit for bit.
 //!
 //! ```text
 //! Borders: where shards begin ─► one process per shard ─► Block … Block ─► shard-000003-of-000256.vlshard

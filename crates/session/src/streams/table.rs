@@ -1,5 +1,5 @@
-//! Writes pulses and poses as an Arrow IPC stream. Columns and values are those of text; the metadata of each
-//! column contains its unit.
+//! Writes pulses and poses as an Arrow IPC stream. Columns and values are the same as in text; the metadata
+//! of each column contains its unit.
 
 use super::columns::{ENTRIES, PulseColumn};
 use super::row::{ColumnSet, PulseRow};

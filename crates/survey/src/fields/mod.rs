@@ -1,6 +1,6 @@
 //! Typed values of the attributes of an XML element, of the keys of a TOML table, and of the `<param>`
-//! children of a filter (spec input-formats §1.3, §3.3). The one place that tells what was found where and
-//! what was expected.
+//! children of a filter (spec input-formats §1.3, §3.3). The only place that reports what was found and
+//! expected.
 //!
 //! [`Fields::done`] reports everything that has not been read. `typed` reads values, whose types are in
 //! `values`; `mounts` reads poses and rotations.
@@ -180,7 +180,7 @@ impl<'c> Fields<'c> {
         Some(param)
     }
 
-    /// The text of a value as it is written.
+    /// The text of a value as written.
     fn written_text(&self, name: &str) -> Option<&str> {
         match &self.origin {
             Origin::Element(element) => element.value(name),
@@ -231,7 +231,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// The place of a value; that of the element or table if it is not there.
+    /// The place of a value; the place of the element or table if the value is missing.
     pub fn place(&self, key: impl Into<Key>) -> Place {
         self.place_of(self.name(key), false)
     }
@@ -271,8 +271,8 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Reports what has not been read: unknown keys of TOML are errors; unknown attributes, parameters, and
-    /// child elements other than `children` are warned of.
+    /// Reports everything that has not been read: unknown keys of TOML are errors; unknown attributes,
+    /// parameters, and child elements other than `children` are warned of.
     pub fn done(self, children: &[&'static str]) {
         let known = &self.known;
         match &self.origin {
@@ -369,20 +369,20 @@ impl<'c> Fields<'c> {
         self.context.error(self.place(key), format!("{} {message}", self.subject(self.name(key))));
     }
 
-    /// Warns that keys have no effect, as `why` says, if they are written.
+    /// Warns that keys have no effect, for the reason `why`, if they are written.
     pub fn without_effect<K: Into<Key> + Copy>(&mut self, keys: &[K], why: &str) {
         keys.iter().filter(|key| self.has(**key)).for_each(|key| self.warn_of_effect(*key, why));
         self.ignore(keys);
     }
 
-    /// Warns that a key has no effect, as `why` says.
+    /// Warns that a key has no effect, for the reason `why`.
     pub fn warn_of_effect(&self, key: impl Into<Key>, why: &str) {
         let name = self.name(key);
         let message = format!("{} has no effect {why}", self.subject(name));
         self.context.warn(self.place_of(name, true), message);
     }
 
-    /// [`Fields::without_effect`] of those of `names` that have not been read.
+    /// [`Fields::without_effect`] for all `names` that have not been read.
     pub fn rest_without_effect(&mut self, names: &[&'static str], why: &str) {
         let rest: Vec<&'static str> =
             names.iter().copied().filter(|name| !self.known.contains(name)).collect();

@@ -178,7 +178,7 @@ impl<'c> Fields<'c> {
         self.context.error(self.own_place(), message);
     }
 
-    /// One of a few names. Another one is an error, or a warning if `default` says what counts instead.
+    /// One of a few names. Another one is an error, or a warning if there is a `default`.
     pub fn choice<T: Clone>(
         &mut self,
         key: impl Into<Key>,
@@ -279,7 +279,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// The name of a file or asset; in TOML that of a file beside this one, if there is one.
+    /// The name of a file or asset; in TOML the name of a file next to this one, if it exists.
     pub fn near_name(&mut self, key: Key) -> Option<String> {
         let name = self.text(key)?;
         match self.origin {
@@ -307,8 +307,8 @@ impl<'c> Fields<'c> {
         let key = key.into();
         if let Origin::Table(source, ..) = self.origin {
             let name = self.text(key)?;
-            let beside = source.folder().join(&name).to_string_lossy().into_owned();
-            return Some(if self.context.are_tiles(&beside) { beside } else { near(source, &name) });
+            let sibling = source.folder().join(&name).to_string_lossy().into_owned();
+            return Some(if self.context.are_tiles(&sibling) { sibling } else { near(source, &name) });
         }
         self.near_name(key)
     }

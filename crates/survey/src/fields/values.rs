@@ -3,7 +3,7 @@
 use serde::de::DeserializeOwned;
 use vlscan_base::quantity::NUMBER;
 
-/// How values in XML are read; those of TOML have types.
+/// How values in XML are read; values in TOML have types.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reading {
     /// A value that does not parse completely is replaced by its default with a warning.

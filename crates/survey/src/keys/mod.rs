@@ -123,10 +123,10 @@ pub const INSTRUMENT_KEYS: &[Key] = InstrumentKeys::ALL;
 pub(crate) const FIRING_OFFSETS: Key =
     Key { used: With("firing_offsets"), ..Key::attribute("firingOffsets_us", &NUMBER) };
 
-/// Azimuths of the beams of channels, which XML lists beside their elevations.
+/// Azimuths of the beams of channels, which XML lists next to their elevations.
 pub(crate) const AZIMUTHS: Key = Key::attribute("azimuths_deg", &ANGLE);
 
-/// Distances of the origins of the beams of channels, which XML lists beside their elevations.
+/// Distances of the origins of the beams of channels, which XML lists next to their elevations.
 pub(crate) const ORIGIN_RADII: Key = Key::attribute("originRadii_m", &NUMBER);
 
 /// The key of an instrument of that name in pipeline files.
@@ -175,12 +175,11 @@ pub struct WrittenKey {
     pub name: &'static str,
     /// Its place.
     pub place: Place,
-    /// The channel that it belongs to; `None` if it belongs to all.
+    /// The channel of the key; `None` for all channels.
     pub channel: Option<usize>,
 }
 
-/// Warns of the keys that the physics with these corrections passes over. `is_on` tells whether a correction
-/// is on.
+/// Warns of the keys that the physics with these corrections ignores. `is_on` is true if a correction is on.
 pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool, problems: &mut Diagnostics) {
     for WrittenKey { key, name, place, channel } in written {
         let (message, help) = match key.used {
@@ -213,9 +212,9 @@ pub fn warn_of_unused_keys(written: &[WrittenKey], is_on: impl Fn(&str) -> bool,
                         && w.place.path == place.path
                         && (w.channel.is_none() || w.channel == *channel)
                 };
-                let Some(beside) = written.iter().find(holds) else { continue };
+                let Some(replacing) = written.iter().find(holds) else { continue };
                 (
-                    format!("`{name}` has no effect beside `{}`, which replaces it", beside.name),
+                    format!("`{name}` has no effect beside `{}`, which replaces it", replacing.name),
                     "leave one of them out".to_owned(),
                 )
             }

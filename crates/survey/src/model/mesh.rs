@@ -103,7 +103,7 @@ impl Mesh {
     }
 }
 
-/// A material as it is defined in a file or by a program.
+/// The definition of a material in a file or by a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialDefinition {
     /// Name; the first word after `newmtl`.
@@ -127,7 +127,7 @@ pub struct MaterialDefinition {
     pub classification: i32,
     /// True if the surface is ground (`helios_isGround`).
     pub is_ground: bool,
-    /// True for leaves (`vlscan_leaf`); `None` if the definition says nothing.
+    /// True for leaves (`vlscan_leaf`); `None` if the definition does not state it.
     pub leaf: Option<bool>,
     /// Optical properties that are not simulated.
     pub unused_optics: Option<UnusedOptics>,

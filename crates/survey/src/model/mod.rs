@@ -65,7 +65,7 @@ pub struct Survey {
 pub struct Mount {
     /// Offset, m. The reference adds it in world axes, see spec kinematics §3.
     pub offset: DVec3,
-    /// Rotation from the axes of this frame to those of the frame that carries it.
+    /// Rotation from the axes of this frame to the axes of the frame that carries it.
     pub rotation: Rotation,
 }
 
@@ -275,7 +275,7 @@ pub struct PlatformSettings {
     pub yaw_at_departure: Option<f64>,
     /// Interpolated platforms: the flown part of a trajectory file.
     pub trajectory: Option<LegTrajectory>,
-    /// Mount of the scanner in this leg; `None`: that of the platform.
+    /// Mount of the scanner in this leg; `None`: the platform's.
     pub mount: Option<Mount>,
 }
 
@@ -403,7 +403,7 @@ pub struct Device {
     pub scan_motion: ScanMotion,
     /// Mechanical scan angle limit (half angle), rad.
     pub scan_angle_max: f64,
-    /// Scan frequency limits, Hz; a maximum of 0 is no limit.
+    /// Scan frequency limits, Hz; a maximum of 0 means no limit.
     pub scan_freq: (f64, f64),
     /// Rotating head that carries the deflector.
     pub head: Head,
@@ -434,7 +434,7 @@ pub struct WaveformPlace {
     pub keys: [&'static str; 2],
 }
 
-/// Kinds of deflectors (spec kinematics §4), and patterns of a program's own.
+/// Kinds of deflectors (spec kinematics §4), and user-defined patterns.
 #[derive(Clone, Debug)]
 pub enum Deflector {
     /// `rotating`: polygon mirror.
@@ -475,14 +475,13 @@ pub enum Deflector {
     Custom(Arc<dyn ScanPattern>),
 }
 
-/// A scan pattern of a program's own: where the beam points, as a function of time.
+/// User-defined scan pattern: the direction of the beam as a function of time.
 ///
-/// The pattern is asked for the same times again and again, by many threads and in any order, so it must be a
-/// function of time alone: what is drawn at random has to follow from the time. Runs are deterministic then,
-/// as with every other deflector.
+/// The pattern is evaluated repeatedly for equal times, by many threads and in any order, so it must be a
+/// function of time alone: random numbers must follow from the time. Runs are deterministic then, as with
+/// every other deflector.
 ///
-/// `Debug` has to tell different patterns apart: what was computed of a run earlier is used again only for
-/// equal surveys.
+/// `Debug` must distinguish different patterns: earlier results of a run are reused only for equal surveys.
 ///
 /// ```
 /// use vlscan_geom::DVec3;
@@ -507,8 +506,8 @@ pub trait ScanPattern: std::fmt::Debug + Send + Sync {
     /// [`ScanPattern::error`].
     fn direction(&self, time: f64) -> DVec3;
 
-    /// The reason why the pattern has no direction at that time; without one, the error of the run says what
-    /// the direction is.
+    /// The reason why the pattern has no direction at that time; without one, the error of the run describes
+    /// what the direction is.
     fn error(&self, time: f64) -> Option<Box<dyn std::error::Error + Send + Sync>> {
         let _ = time;
         None
@@ -583,7 +582,7 @@ impl Beam {
         stated.map_or(self.pulse_length, pulse_length_of_width)
     }
 
-    /// Takes the stated width, if there is one, as that of the pulse, whatever the physics.
+    /// Takes the stated width, if there is one, as the width of the pulse in every physics.
     pub fn take_stated_width(&mut self) {
         self.pulse_length = self.length(true);
         self.stated_width = None;

@@ -94,7 +94,7 @@ impl NavigationErrors {
     /// Sets the errors of `key` to one number (for all three components) or to three.
     ///
     /// # Errors
-    /// [`NavigationKeyError`], which says what was expected.
+    /// [`NavigationKeyError`], which describes the expected value.
     pub fn set(&mut self, key: &str, numbers: &[f64]) -> Result<(), NavigationKeyError> {
         let error = |problem| NavigationKeyError { key: key.to_owned(), problem };
         let three = match numbers {

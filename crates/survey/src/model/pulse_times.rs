@@ -1,4 +1,4 @@
-//! When pulses leave, where that is no constant rate.
+//! Times at which pulses are emitted, if the rate is not constant.
 
 use std::sync::Arc;
 
@@ -29,7 +29,7 @@ impl PulseTimes {
         PulseTimes::Cycle { times: times.collect(), duration }
     }
 
-    /// The time of pulse `number`, counted from 0, s. Beyond the last recorded one time goes on at the mean
+    /// The time of pulse `number`, counted from 0, s. Beyond the last recorded one time continues at the mean
     /// rate.
     #[inline]
     pub fn at(&self, number: u64) -> f64 {
@@ -48,7 +48,7 @@ impl PulseTimes {
         }
     }
 
-    /// Number of pulses; `None` for a cycle, which goes on for ever.
+    /// Number of pulses; `None` for a cycle, which never ends.
     pub fn count(&self) -> Option<u64> {
         match self {
             PulseTimes::Recorded(times) => Some(times.len() as u64),
@@ -57,7 +57,7 @@ impl PulseTimes {
     }
 
     /// The number of the first pulse at `time` or later, counted from 0; beyond the last recorded one as
-    /// [`PulseTimes::at`] goes on.
+    /// [`PulseTimes::at`] continues.
     pub fn first_from(&self, time: f64) -> u64 {
         let near = match self {
             PulseTimes::Recorded(times) if time <= times[times.len() - 1] => {
@@ -96,7 +96,8 @@ impl PulseTimes {
     }
 }
 
-/// Count, ends and a checksum of recorded times, which tell different ones apart without all of them.
+/// Count, ends and a checksum of recorded times, which distinguish different times without storing all of
+/// them.
 impl std::fmt::Debug for PulseTimes {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         match self {

@@ -15,7 +15,7 @@ pub enum RasterFiles {
 }
 
 impl RasterFiles {
-    /// All files; that of a virtual raster comes before those of its sources.
+    /// All files; a virtual raster comes before its sources.
     pub fn all(&self) -> &[PathBuf] {
         match self {
             RasterFiles::Tiles(files) => files,
@@ -33,7 +33,7 @@ impl From<PathBuf> for RasterFiles {
 /// A virtual raster of GDAL (VRT): windows of files in one grid of pixels. Only its first band is described.
 #[derive(Clone, Debug)]
 pub struct VirtualRaster {
-    /// Its own file, then those of its sources, each once.
+    /// The file itself, then the files of its sources, each once.
     pub files: Vec<PathBuf>,
     /// Number of columns and rows of pixels.
     pub size: [usize; 2],
@@ -51,7 +51,7 @@ pub struct VirtualRaster {
     pub offset: Option<f64>,
     /// Name of the unit of heights.
     pub unit: Option<String>,
-    /// Number of bands beside the first one and one of opacity.
+    /// Number of bands in addition to the first one and one of opacity.
     pub other_bands: usize,
     /// Its sources; where they overlap, later ones count where they have data.
     pub sources: Vec<VirtualSource>,
@@ -78,11 +78,11 @@ pub struct VirtualSource {
 /// Type of the numbers of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PixelType {
-    /// Whole numbers of at least 0, of so many bits.
+    /// Unsigned integers with this many bits.
     Unsigned(u32),
-    /// Whole numbers of so many bits.
+    /// Signed integers with this many bits.
     Signed(u32),
-    /// Floats of so many bits.
+    /// Floats with this many bits.
     Float(u32),
 }
 

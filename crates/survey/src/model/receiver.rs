@@ -42,7 +42,7 @@ pub struct Receiver {
     /// Photoelectrons of an echo right at the threshold, whose number varies from pulse to pulse; `None` =
     /// strengths do not vary.
     pub threshold_photons: Option<u32>,
-    /// Share of echoes that are lost whatever their strength.
+    /// Share of echoes that are lost at any strength.
     pub dropout_rate: f64,
     /// Time after an echo, or of [`Ranging::Photons`] after a photon, during which no other one is detected,
     /// ns.
@@ -53,10 +53,10 @@ pub struct Receiver {
 
 /// Noise of a range as a function of the strength of its echo and of the depth of its footprint: independent
 /// parts. The variance for an echo of amplitude A over the threshold T is constant² + shot²·T/A +
-/// amplifier²·(T/A)² + (footprint·depth)²: what does not depend on the light (timer, jitter), the shot noise
-/// of the light, which falls with the root of the number of photons, the noise of the amplifier, which falls
-/// with the signal (Cramér–Rao bounds of a pulse's time in photon noise and in white noise), and the texture
-/// and speckle of the surface, which move the centre of the light within the footprint.
+/// amplifier²·(T/A)² + (footprint·depth)²: the part that does not depend on the light (timer, jitter), the
+/// shot noise of the light, which falls with the root of the number of photons, the noise of the amplifier,
+/// which falls with the signal (Cramér–Rao bounds of a pulse's time in photon noise and in white noise), and
+/// the texture and speckle of the surface, which move the centre of the light within the footprint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RangeNoise {
     /// Of echoes of any strength.
@@ -137,7 +137,7 @@ pub enum Ranging {
     Centroid,
     /// The maximum of a Gaussian fitted to the samples around the peak.
     Gaussian,
-    /// None: every photoelectron is a return of its own.
+    /// None: every photoelectron is a separate return.
     Photons,
 }
 

@@ -1,4 +1,4 @@
-//! How a deflector moves, beside its frequency: sense, phase, tilt of its axis, wander.
+//! How a deflector moves, in addition to its frequency: sense, phase, tilt of its axis, wander.
 
 use std::sync::Arc;
 use vlscan_geom::radians;

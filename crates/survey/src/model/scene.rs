@@ -54,7 +54,7 @@ impl From<Mesh> for SceneRecipe {
 pub struct PartRecipe {
     /// Explicit id, if any; otherwise parts are numbered.
     pub id: Option<String>,
-    /// Name of the object that it is, if its file names it; otherwise that of its geometry.
+    /// Name of the object, if the file names it; otherwise the name of the geometry.
     pub name: Option<String>,
     /// Running number of the part element in its scene, from 0 (a skipped part keeps its number).
     pub number: u32,
@@ -75,7 +75,7 @@ pub struct PartRecipe {
 }
 
 impl PartRecipe {
-    /// A part at rest, with the materials of its geometry, where its geometry says.
+    /// A part at rest, with the materials and the position of its geometry.
     pub fn new(loader: Loader) -> PartRecipe {
         PartRecipe {
             id: None,
@@ -148,8 +148,8 @@ pub struct MeshReading {
     pub up: Option<UpAxis>,
     /// Length of a unit of their coordinates, m; `None`: 1 m, which is doubted if it is improbable.
     pub unit_m: Option<f64>,
-    /// Table of materials, resolved; `None`: `materials.csv` beside the file, if there is one and it is no
-    /// OBJ file.
+    /// Table of materials, resolved; `None`: `materials.csv` next to the file, if it exists and the file is
+    /// not OBJ file.
     pub materials: Option<PathBuf>,
 }
 
@@ -252,7 +252,7 @@ pub struct XyzLoader {
     pub rgb_columns: Option<[usize; 3]>,
     /// Columns of the normal, from 0.
     pub normal_columns: Option<[usize; 3]>,
-    /// True if the normal of a voxel is that of the point nearest to its centre.
+    /// True if a voxel has the normal of the point nearest to its centre.
     pub snap_neighbor_normal: bool,
     /// 0: none, 1: a plane per voxel, 2 and more: a plane per voxel, in batches.
     pub estimate_normals: u32,

@@ -77,14 +77,14 @@ fn scanners_and_platforms_that_ship_have_ids() {
         assert_eq!(fine(shipped(name, "")).len(), 16, "{name}");
         assert_eq!(fine(shipped(&format!("catalogue:{name}"), "")).len(), 16, "{name}");
     }
-    for (name, told) in [
+    for (name, reported) in [
         ("catalogue:mine.xml#vlp16", "has no file `mine.xml`"),
         ("catalogue:data/scanners_als.xml#vlp16", "no <scanner> with the id `vlp16`"),
         ("catalogue:nosuch", "no scanner with the id `nosuch`"),
         ("catalogue:", "no scanner with the id ``"),
     ] {
         let said = report(&shipped(name, "").unwrap_err());
-        assert!(said.contains(told), "{said}");
+        assert!(said.contains(reported), "{said}");
     }
     for (name, near) in
         [("VUX-1UAV", "`riegl_vux-1uav`"), ("data/scanners_als.xml#VUX-1UAV", "`riegl_vux-1uav`")]
@@ -276,23 +276,23 @@ fn keys_that_a_physics_passes_over_are_told_with_their_line() {
         found
     };
     let mut count = 0;
-    let is_told = |key: &&Key| {
+    let is_reported = |key: &&Key| {
         !matches!(key.used, KeyUse::Always | KeyUse::InLaterChannelsWith(_)) && !key.key.is_empty()
     };
-    for key in INSTRUMENT_KEYS.iter().filter(is_told) {
-        let beside = match key.used {
+    for key in INSTRUMENT_KEYS.iter().filter(is_reported) {
+        let partner = match key.used {
             KeyUse::UnlessBeside { key, .. } => format!("{key} = {}\n", example(key)),
             _ => String::new(),
         };
-        let text = format!("{beside}{} = {}\n", key.key, example(key.key));
+        let text = format!("{partner}{} = {}\n", key.key, example(key.key));
         for (text, channel) in [(text.clone(), false), (format!("[[scanner.channel]]\n{text}"), true)] {
             let (scanner, _) = of_toml(&text).unwrap_or_else(|e| panic!("{text}: {}", report(&e)));
             let (helios, refined) = (report_of(&scanner, false), report_of(&scanner, true));
             let idle = if matches!(key.used, KeyUse::With(_)) { &helios } else { &refined };
-            let told = idle.items().iter().find(|item| item.message.contains(&format!("`{}`", key.key)));
-            let told = told.unwrap_or_else(|| panic!("`{}` is passed over in silence", key.key));
+            let reported = idle.items().iter().find(|item| item.message.contains(&format!("`{}`", key.key)));
+            let reported = reported.unwrap_or_else(|| panic!("`{}` is passed over in silence", key.key));
             let line = 10 + text.lines().position(|line| line.starts_with(key.key)).unwrap();
-            assert_eq!(told.place.as_ref().map(|p| p.line), Some(line), "{text}");
+            assert_eq!(reported.place.as_ref().map(|p| p.line), Some(line), "{text}");
             let other = if matches!(key.used, KeyUse::With(_)) { &refined } else { &helios };
             assert!(
                 other.items().iter().all(|item| !item.message.contains(&format!("`{}`", key.key))),
@@ -336,12 +336,12 @@ fn the_accuracy_of_a_later_channel_is_told_where_the_first_one_s_holds() {
     let channels =
         "accuracy_m = 0.1\n[[scanner.channel]]\naccuracy_m = 0.2\n[[scanner.channel]]\naccuracy_m = 0.3\n";
     let (scanner, _) = of_toml(channels).unwrap();
-    let told = |is_on: bool| {
+    let reported = |is_on: bool| {
         let mut found = Diagnostics::default();
         warn_of_unused_keys(&scanner.written, |_| is_on, &mut found);
         found.items().iter().map(|i| i.place.as_ref().unwrap().line).collect::<Vec<_>>()
     };
-    assert_eq!((told(false), told(true)), (vec![14], vec![]));
+    assert_eq!((reported(false), reported(true)), (vec![14], vec![]));
     let channels = "<channels><channel accuracy_m='0.2'/><channel accuracy_m='0.3'/></channels>";
     let (scanner, _) = of_xml("", channels, "").unwrap();
     assert_eq!([0, 1].map(|i| scanner.devices[i].detector.accuracy), [0.2, 0.3]);

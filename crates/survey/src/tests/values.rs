@@ -287,8 +287,8 @@ fn values_out_of_range_are_refused_or_warned_of() {
     let (mut silent, mut refused, mut accepted) = (Vec::new(), 0, 0);
     for (case, about) in cases() {
         check_base(&case, about);
-        for (name, usual) in case.attributes {
-            if usual.parse::<f64>().is_err() {
+        for (name, typical) in case.attributes {
+            if typical.parse::<f64>().is_err() {
                 continue;
             }
             let plain = read(&with(&case, name, None));
@@ -456,7 +456,7 @@ fn steps_of_time_that_are_not_whole_are_warned_of() {
             .1
     };
     let moving = "<dmotion id='m' loop='0'><motion type='translation' vec='1;0;0'/></dmotion>";
-    for (scene, part, motion, wanted) in [
+    for (scene, part, motion, complaint) in [
         (
             "dynTimeStep='0.1'",
             "dynTimeStep='0.25'",
@@ -474,7 +474,7 @@ fn steps_of_time_that_are_not_whole_are_warned_of() {
         ("", "kdtDynTimeStep='2'", moving, "`kdtDynTimeStep` has no effect without a `dynTimeStep`"),
         ("", "dynStep='2'", "", "on a part that does not move"),
     ] {
-        contains(&of(scene, part, motion), &[wanted]);
+        contains(&of(scene, part, motion), &[complaint]);
     }
     assert!(
         !of("dynTimeStep='0.25'", "dynTimeStep='0.5' kdtDynTimeStep='1'", moving).contains("DynTimeStep")

@@ -69,7 +69,7 @@ pub(super) fn read_survey(
             set_legs(fields, &mut survey, &mut legs, common.as_mut(), options);
             Some(survey)
         }
-        // The settings have problems of their own.
+        // The settings have separate problems.
         _ => {
             let settings = legs.iter_mut().filter_map(|tables| tables.settings.as_mut());
             common.iter_mut().chain(settings).for_each(|table| ScannerLayer::DEFAULT.clone().change(table));

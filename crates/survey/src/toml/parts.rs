@@ -50,7 +50,7 @@ fn read_part(fields: &mut Fields, number: u32) -> Option<PartRecipe> {
     Some(PartRecipe { number, loader: read_loader(fields)?, ..part })
 }
 
-/// Reads the placement of a part beside its file.
+/// Reads the placement of a part, in addition to its file.
 fn read_placed(fields: &mut Fields) -> PartRecipe {
     let keys = PartKeys::KEYS;
     let scale = fields.number(keys.scale, 1.0);

@@ -129,7 +129,7 @@ impl Source {
         }
     }
 
-    /// Records a key that is none of `known`.
+    /// Records a key that is not in `known`.
     pub(crate) fn report_unknown(&self, key: &Spanned<DeString>, known: &[&str], problems: &mut Diagnostics) {
         let help = match nearest(key.get_ref(), known.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
@@ -281,8 +281,8 @@ impl<'t> Tables<'t> {
         self.problems.error(place, message)
     }
 
-    /// The existing file that a key names: beside the pipeline file, or in the search path. A missing file is
-    /// recorded as a problem.
+    /// The existing file that a key names: next to the pipeline file, or in the search path. A missing file
+    /// is recorded as a problem.
     pub fn find_file(&mut self, name: &Path, place: Option<Place>, options: &ReadOptions) -> Option<PathBuf> {
         let assets = Assets::new(&options.assets);
         let name = name.to_string_lossy();
@@ -327,8 +327,8 @@ impl<'de> serde::Deserializer<'de> for FieldNames<'_> {
     }
 
     serde::forward_to_deserialize_any! {
-        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option unit unit_struct newtype_struct seq
-        tuple tuple_struct map enum identifier ignored_any
+        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option unit unit_struct
+        newtype_struct seq tuple tuple_struct map enum identifier ignored_any
     }
 }
 
@@ -339,13 +339,13 @@ fn remove(table: &mut DeTable, at: &Range<usize>) -> bool {
     remove_where(table, &exact) || remove_where(table, &around)
 }
 
-fn remove_where(table: &mut DeTable, wanted: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
+fn remove_where(table: &mut DeTable, is_removed: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
     let mut name = None;
     for (key, value) in table.iter_mut() {
-        if remove_within(value.get_mut(), wanted) {
+        if remove_within(value.get_mut(), is_removed) {
             return true;
         }
-        if wanted(&key.span(), &value.span()) {
+        if is_removed(&key.span(), &value.span()) {
             name = Some(key.clone());
             break;
         }
@@ -353,25 +353,25 @@ fn remove_where(table: &mut DeTable, wanted: &dyn Fn(&Range<usize>, &Range<usize
     name.is_some_and(|name| table.remove(&name).is_some())
 }
 
-fn remove_within(value: &mut DeValue, wanted: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
+fn remove_within(value: &mut DeValue, is_removed: &dyn Fn(&Range<usize>, &Range<usize>) -> bool) -> bool {
     match value {
-        DeValue::Table(table) => remove_where(table, wanted),
-        DeValue::Array(items) => items.iter_mut().any(|item| remove_within(item.get_mut(), wanted)),
+        DeValue::Table(table) => remove_where(table, is_removed),
+        DeValue::Array(items) => items.iter_mut().any(|item| remove_within(item.get_mut(), is_removed)),
         _ => false,
     }
 }
 
-/// Prefers a file beside the pipeline file to one of the search path; returns the reference to use.
+/// Prefers a file next to the pipeline file to one in the search path; returns the reference to use.
 pub(crate) fn near(source: &Source, reference: &str) -> String {
     let (file, id) = match reference.split_once('#') {
         Some((file, id)) => (file, Some(id)),
         None => (reference, None),
     };
-    let beside = source.folder().join(file);
-    let is_beside = reads::is_file(&beside) || reads::is_file(source.folder().join(&*slashes(file)));
-    match (is_beside, id) {
+    let sibling = source.folder().join(file);
+    let is_sibling = reads::is_file(&sibling) || reads::is_file(source.folder().join(&*slashes(file)));
+    match (is_sibling, id) {
         (false, _) => reference.to_owned(),
-        (true, None) => beside.to_string_lossy().into_owned(),
-        (true, Some(id)) => format!("{}#{id}", beside.to_string_lossy()),
+        (true, None) => sibling.to_string_lossy().into_owned(),
+        (true, Some(id)) => format!("{}#{id}", sibling.to_string_lossy()),
     }
 }

@@ -47,7 +47,7 @@ pub(crate) fn of_value(message: &str) -> String {
     let length = before.strip_prefix("invalid length ").map(|length| ("invalid length", length));
     let Some((kind, found)) = length.or_else(|| before.split_once(": ")) else { return message.to_owned() };
     let expected = expected.trim();
-    let wanted = match expected.strip_prefix("struct ") {
+    let type_name = match expected.strip_prefix("struct ") {
         Some(_) => "a table".to_owned(),
         None if expected.starts_with("enum ") || expected == "variant identifier" => {
             "one of its names in quotes".to_owned()
@@ -58,8 +58,8 @@ pub(crate) fn of_value(message: &str) -> String {
         },
     };
     match kind {
-        "invalid type" | "invalid value" => format!("expected {wanted}, found {}", found_value(found)),
-        "invalid length" => format!("expected {wanted}, found {found} of them"),
+        "invalid type" | "invalid value" => format!("expected {type_name}, found {}", found_value(found)),
+        "invalid length" => format!("expected {type_name}, found {found} of them"),
         _ => message.to_owned(),
     }
 }
@@ -111,7 +111,7 @@ pub(crate) fn of_form(message: &str, text: &str, at: Option<usize>) -> Wording {
 const ESCAPES: &str = "within \"…\" a backslash begins an escape: write the path in single quotes, \
                        'C:\\Users\\me', or with forward slashes, \"C:/Users/me\"";
 
-/// A hint for a name that contains what escapes turn into, such as a tab from `C:\temp`; an empty text for
+/// A hint for a name that contains the result of an escape, such as a tab from `C:\temp`; an empty text for
 /// other names.
 pub(crate) fn hint_for_name(name: &str) -> String {
     if name.chars().any(|c| c.is_control()) { ESCAPES.to_owned() } else { String::new() }

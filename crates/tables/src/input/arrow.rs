@@ -505,9 +505,9 @@ mod tests {
 
     #[test]
     fn units_stand_behind_names() {
-        let told = std::collections::BTreeMap::from([("unit".to_owned(), "ns".to_owned())]);
-        let field =
-            ::arrow_schema::Field::new("time", ::arrow_schema::DataType::Int64, false).with_metadata(told);
+        let metadata = std::collections::BTreeMap::from([("unit".to_owned(), "ns".to_owned())]);
+        let field = ::arrow_schema::Field::new("time", ::arrow_schema::DataType::Int64, false)
+            .with_metadata(metadata);
         let schema = ::arrow_schema::Schema::new(vec![field]);
         let bytes = StreamWriter::try_new(Vec::new(), &schema).unwrap().into_inner().unwrap();
         let mut decoder = ArrowDecoder::new(Path::new("t"));

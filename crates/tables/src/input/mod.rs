@@ -139,7 +139,7 @@ pub fn read_file(path: &Path, max_bytes: u64) -> std::io::Result<Vec<u8>> {
 /// Reads a complete text of at most `max_bytes`, also from a pipe or a device.
 ///
 /// # Errors
-/// [`Error::Io`], also for more bytes; [`Error::Input`] for bytes that are no UTF-8.
+/// [`Error::Io`], also for more bytes; [`Error::Input`] for bytes that are not UTF-8.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
     let bytes = read_file(path, max_bytes).map_err(|e| Error::open(path, e))?;
     String::from_utf8(bytes).map_err(|_| {

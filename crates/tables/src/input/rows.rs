@@ -20,8 +20,8 @@ const SHOWN_OF_LONG_LINE: usize = 40;
 /// Maximum number of lines before the first row.
 const MAX_LEADING_LINES: usize = 1000;
 
-/// Decodes a stream of rows. Blank lines and comments of text are passed over; the first bytes tell text from
-/// Arrow.
+/// Decodes a stream of rows. Blank lines and comments of text are skipped; the first bytes distinguish text
+/// from Arrow.
 #[derive(Debug)]
 pub struct RowDecoder {
     source: Arc<Source>,
@@ -76,8 +76,8 @@ pub struct LeadingLine {
 }
 
 impl RowDecoder {
-    /// A decoder without bytes. `path` is the name in messages, `what` says what a row is; without a
-    /// separator the first row tells it.
+    /// A decoder without bytes. `path` is the name in messages, `what` describes a row; without a separator
+    /// the first row determines it.
     pub fn new(path: &Path, what: &'static str, separator: Option<char>) -> RowDecoder {
         let source = Arc::new(Source { path: path.to_path_buf(), separator: Separator::Blanks });
         RowDecoder { source, what, format: Format::Unknown(Vec::new(), separator, false), rows: 0 }
@@ -305,7 +305,7 @@ impl LeadingLine {
     }
 }
 
-/// True if a line consists of numbers, or mostly of numbers, so that it is no heading and no sentence.
+/// True if a line consists of numbers, or mostly of numbers, so that it is neither a heading nor a sentence.
 fn is_row_of_numbers(line: &[u8], separator: Separator) -> bool {
     let is_number = |word: &[u8]| {
         let text = std::str::from_utf8(word).ok().map(str::trim);
@@ -421,7 +421,7 @@ enum RowContent<'b> {
 /// A wrong value and its place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RowError {
-    /// The line and the column, or the complete stream if it is no text.
+    /// The line and the column, or the complete stream if it is not text.
     pub place: Place,
     /// Description of the problem.
     pub message: String,
@@ -488,10 +488,10 @@ impl Row<'_> {
         self.source.separator
     }
 
-    /// The number in a column. `name` says what it is, for messages; it may be infinite or NaN.
+    /// The number in a column. `name` describes it in messages; it may be infinite or NaN.
     ///
     /// # Errors
-    /// The column does not exist or is no number.
+    /// The column does not exist or is not numeric.
     pub fn number(&self, column: usize, name: &str) -> std::result::Result<f64, RowError> {
         if column >= self.width() {
             let message = format!(
@@ -512,7 +512,7 @@ impl Row<'_> {
         number.ok_or_else(|| self.expected_number(column, name))
     }
 
-    /// The error that a column is no number; `name` says what it should be.
+    /// The error that a column is not numeric; `name` describes the expected number.
     pub fn expected_number(&self, column: usize, name: &str) -> RowError {
         let text = match self.content {
             RowContent::Text(_, line) => {

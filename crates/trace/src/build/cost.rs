@@ -91,7 +91,7 @@ impl Sums {
             max_leaf: self.max_leaf,
             min_leaf: if self.leaves > 0 { self.min_leaf } else { 0 },
             root_area: square_metres,
-            // The probability of hitting a root without area is zero; its cost is that of a leaf.
+            // The probability of hitting a root without area is zero; it costs as much as a leaf.
             cost: if root > 0.0 {
                 sum / root
             } else {

@@ -3,7 +3,7 @@
 //! A field has the triangles that a mesh over its vertices would have, two per cell, with exactly the corners
 //! that such a mesh would store; they are computed when they are tested. Over the cells is a pyramid of least
 //! and greatest heights (maximum mipmaps, Tevs, Ihrke and Seidel 2008), by which rays find the cells that
-//! they may hit; like trees it only chooses what is tested.
+//! they may hit; like trees it only chooses the tested cells.
 //!
 //! | file | contents |
 //! |---|---|

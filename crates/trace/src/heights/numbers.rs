@@ -1,4 +1,4 @@
-//! The heights of a field as they are stored.
+//! The stored heights of a field.
 
 use crate::memory::vec_bytes;
 use std::collections::TryReserveError;

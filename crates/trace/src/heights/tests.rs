@@ -268,8 +268,8 @@ proptest! {
             for (p, pulse) in pulses.iter().enumerate() {
                 for at in (0..rays).map(|r| p * group.stride() + r) {
                     let found = (hits.t[at].to_bits(), number(hits.primitive[at]));
-                    let wanted = (expected.t[at].to_bits(), expected.primitive[at]);
-                    prop_assert_eq!(found, wanted, "{:?}: {:?}", level, pulse);
+                    let reference = (expected.t[at].to_bits(), expected.primitive[at]);
+                    prop_assert_eq!(found, reference, "{:?}: {:?}", level, pulse);
                 }
             }
         }
@@ -277,14 +277,14 @@ proptest! {
         for (p, (origin, directions)) in pulses.iter().enumerate().step_by(3) {
             let nearest = nearest_of_all(&own, *origin, directions[0]);
             let at = p * group.stride();
-            let wanted = nearest.map_or((f64::INFINITY, Hits::MISS), |hit| (hit.t, hit.primitive));
-            prop_assert_eq!((hits.t[at], hits.primitive[at]), wanted, "{:?}", (origin, directions[0]));
+            let reference = nearest.map_or((f64::INFINITY, Hits::MISS), |hit| (hit.t, hit.primitive));
+            prop_assert_eq!((hits.t[at], hits.primitive[at]), reference, "{:?}", (origin, directions[0]));
         }
         for (origin, directions) in pulses.iter().step_by(2) {
             let found = tree.nearest_where(&own, *origin, directions[0], |_| true);
-            let wanted = flat_tree.nearest_where(&flat, *origin, directions[0], |_| true);
-            prop_assert_eq!(found.map(|h| Hit { primitive: number(h.primitive), ..h }), wanted);
-            let behind = wanted.and_then(|first| {
+            let reference = flat_tree.nearest_where(&flat, *origin, directions[0], |_| true);
+            prop_assert_eq!(found.map(|h| Hit { primitive: number(h.primitive), ..h }), reference);
+            let behind = reference.and_then(|first| {
                 flat_tree.nearest_where(&flat, *origin, directions[0], |i| i != first.primitive)
             });
             if let Some(first) = found {
@@ -368,8 +368,8 @@ proptest! {
             for (p, expected) in expected.iter().enumerate() {
                 for (ray, hit) in [0, rays - 1].into_iter().zip(expected) {
                     let at = p * group.stride() + ray;
-                    let wanted = hit.map_or((f64::INFINITY, Hits::MISS), |hit| (hit.t, hit.primitive));
-                    prop_assert_eq!((hits.t[at], hits.primitive[at]), wanted, "{:?}", level);
+                    let reference = hit.map_or((f64::INFINITY, Hits::MISS), |hit| (hit.t, hit.primitive));
+                    prop_assert_eq!((hits.t[at], hits.primitive[at]), reference, "{:?}", level);
                 }
             }
         }

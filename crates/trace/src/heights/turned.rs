@@ -57,7 +57,7 @@ impl HeightField {
         found
     }
 
-    /// The numbers of triangles above and below a place, and of some beside it.
+    /// The numbers of triangles above and below a place, and of some next to it.
     pub(super) fn turned_triangles_near(&self, x: f64, y: f64) -> Vec<usize> {
         let frame = Frame::around(&self.bounds());
         let place = frame.local(DVec3::new(x, y, 0.0));
@@ -80,12 +80,12 @@ impl HeightField {
         near
     }
 
-    /// Visits the leaves whose boxes, and those of the nodes above them, are `wanted`: by what the last visit
-    /// returned and the lower and upper corner of the box, in the frame.
+    /// Visits the leaves whose boxes, and the boxes of the nodes above them, pass `overlaps`. Its arguments
+    /// are the result of the last visit and the lower and upper corner of the box, in the frame.
     fn visit_leaves(
         &self,
         frame: &Frame,
-        wanted: impl Fn(&[[f32; 3]; 2], [[f32; 3]; 2]) -> bool,
+        overlaps: impl Fn(&[[f32; 3]; 2], [[f32; 3]; 2]) -> bool,
         mut visit: impl FnMut(&FieldView, FieldNode) -> [[f32; 3]; 2],
     ) {
         let view = FieldView::new(self, frame);
@@ -96,7 +96,7 @@ impl HeightField {
             .into_iter()
             .collect();
         while let Some((node, around)) = pending.pop() {
-            if !wanted(&last, around) {
+            if !overlaps(&last, around) {
                 continue;
             }
             if node.level == 0 {

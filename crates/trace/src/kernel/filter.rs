@@ -130,7 +130,7 @@ pub(super) struct BlockSlopes<S: Simd> {
     /// The centre of the interval of reciprocals of the corners' depths.
     inverse: S::F32x16,
     pub range: DepthRange<S>,
-    /// Triangles beside or behind the apex, whose slopes are meaningless.
+    /// Triangles next to or behind the apex, whose slopes are meaningless.
     is_beside: S::Mask16,
     /// True if the slopes are widened by the offsets of all pulses, so that the offsets need no further test.
     cover_offsets: bool,

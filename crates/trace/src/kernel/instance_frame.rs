@@ -18,7 +18,7 @@ pub(super) struct InstanceVisit {
     pub instance: u32,
 }
 
-/// An instance whose model a packet traverses, and what is known of the rays in the scene's frame.
+/// An instance whose model a packet traverses, and facts about the rays in the scene's frame.
 pub(super) struct InstanceFrame<'a> {
     pub instance: &'a Instance,
     pub vertices: &'a [DVec3],

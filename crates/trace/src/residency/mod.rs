@@ -1,17 +1,17 @@
 //! Residency: items of a scene that are loaded when rays need them and dropped when memory is short.
 //!
 //! A [`Residency`] holds items of any kinds within one budget of bytes. [`Residency::add`] registers the
-//! items of one kind with the function that loads them. Every thread has its own [`Pins`]: what it takes
-//! stays in memory until the thread releases it, which it does after each packet of rays. Items that nobody
-//! holds are dropped when another needs their memory, the least recently used first.
+//! items of one kind with the function that loads them. Every thread has its own [`Pins`]: an item that it
+//! takes stays in memory until the thread releases it, which it does after each packet of rays. Items that
+//! nobody holds are dropped when another needs their memory, the least recently used first.
 //!
-//! What is resident decides how long tracing takes, never what it finds: an item that cannot be loaded, or
-//! that would take the items of one packet beyond the budget, is reported by [`Pins::release`], and the
-//! packet does not count.
+//! The resident items affect the time of tracing, never its result: an item that cannot be loaded, or that
+//! would take the items of one packet beyond the budget, is reported by [`Pins::release`], and the packet
+//! does not count.
 //!
 //! A thread that needs room waits for others to release theirs, so threads together keep to the budget, too,
 //! as long as one of them can go on. Where all wait for one another, one of them goes beyond the budget
-//! rather than stopping for ever; [`ResidencyStatistics::peak`] tells.
+//! rather than stopping forever; [`ResidencyStatistics::peak`] shows it.
 
 mod pins;
 #[cfg(test)]
@@ -30,7 +30,7 @@ pub type LoadError = Arc<dyn Error + Send + Sync>;
 
 /// An item of any kind.
 type Content = Arc<dyn Any + Send + Sync>;
-/// Loads the item with this index among those of its kind, and tells its bytes.
+/// Loads the item with this index among those of its kind, and returns its bytes.
 type Loader = Arc<dyn Fn(usize) -> Result<(Content, u64), LoadError> + Send + Sync>;
 
 /// Number of packets for which an item that no packet needs any more is safe from [`Residency::prefetch`].
@@ -59,7 +59,7 @@ struct State {
 }
 
 struct Item {
-    /// Bytes: an estimate until it has been loaded once, which `are_bytes_known` tells.
+    /// Bytes: an estimate until `are_bytes_known`, after it has been loaded once.
     bytes: u64,
     are_bytes_known: bool,
     content: Slot,
@@ -162,7 +162,7 @@ impl Residency {
         ResidencyStatistics { resident, ..state.statistics }
     }
 
-    /// Loads an item that packets will need soon, if there is room for it without what they have used lately.
+    /// Loads an item that packets will need soon, if there is room for it besides recently used items.
     /// Returns whether it is in memory now. A failure is reported to the packet that needs the item.
     fn prefetch(&self, item: usize) -> bool {
         let mut state = self.lock();
@@ -221,8 +221,8 @@ impl Residency {
         state
     }
 
-    /// Makes room for `bytes`: drops what nobody holds, then waits for others to release what they hold,
-    /// unless all of them wait, too.
+    /// Makes room for `bytes`: drops items without holders, then waits for others to release theirs, unless
+    /// all of them wait, too.
     fn make_room<'a>(&'a self, mut state: MutexGuard<'a, State>, bytes: u64) -> MutexGuard<'a, State> {
         loop {
             let unused = state.unused_before(u64::MAX);
@@ -248,7 +248,7 @@ impl Residency {
     fn wait<'a>(&'a self, mut state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
         state.waiting += 1;
         if state.waiting == state.active {
-            // One of the others has to go on beyond the budget.
+            // One of the others must continue beyond the budget.
             self.changed.notify_all();
         }
         let mut state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
@@ -262,8 +262,7 @@ impl Residency {
 }
 
 impl State {
-    /// The items that nobody holds and that were last used before packet `before`, the least recently used
-    /// first.
+    /// The items without holders that were last used before packet `before`, the least recently used first.
     fn unused_before(&self, before: u64) -> Vec<usize> {
         let is_unused = |item: &Item| item.pins == 0 && item.last_use < before && item.content.is_resident();
         let mut unused: Vec<usize> = (0..self.items.len()).filter(|i| is_unused(&self.items[*i])).collect();
@@ -300,7 +299,7 @@ impl<T> Paged<T> {
         &self.residency
     }
 
-    /// Loads an item that packets will need soon, if there is room for it without what they have used lately.
+    /// Loads an item that packets will need soon, if there is room for it besides recently used items.
     /// Returns whether it is in memory now. A failure is reported to the packet that needs the item.
     pub fn prefetch(&self, index: usize) -> bool {
         index < self.len && self.residency.prefetch(self.first + index)

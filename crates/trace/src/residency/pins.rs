@@ -52,7 +52,7 @@ impl Pins {
     }
 
     /// The item with this index among those of `items`, which is loaded if it is not resident. `None` if that
-    /// fails or if the packet's items exceed the budget; [`Pins::release`] then tells so.
+    /// fails or if the packet's items exceed the budget; [`Pins::release`] then reports it.
     #[inline]
     pub fn get<T: Send + Sync + 'static>(&self, items: &Paged<T>, index: usize) -> Option<&T> {
         debug_assert!(Arc::ptr_eq(&items.residency, &self.residency), "items of another residency");
@@ -70,10 +70,10 @@ impl Pins {
         self.residency.take(item, &mut self.packet.borrow_mut())
     }
 
-    /// Ends the packet: none of its items are needed any more.
+    /// Ends the packet: its items are not needed any more.
     ///
     /// # Errors
-    /// When [`Pins::get`] returned `None` for one of them; what was traced then does not count.
+    /// When [`Pins::get`] returned `None` for one of them; the packet's results are then invalid.
     pub fn release(&mut self) -> Result<(), PinError> {
         let mut packet = std::mem::take(self.packet.get_mut());
         if packet.is_active {

@@ -20,8 +20,8 @@ fn counts(loads: &[AtomicUsize]) -> Vec<usize> {
 }
 
 /// Uses these items as one packet.
-fn packet(pins: &mut Pins, items: &Paged<usize>, wanted: &[usize]) {
-    for i in wanted {
+fn packet(pins: &mut Pins, items: &Paged<usize>, selected: &[usize]) {
+    for i in selected {
         assert_eq!(pins.get(items, *i), Some(i));
     }
     pins.release().unwrap();

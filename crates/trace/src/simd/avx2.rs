@@ -67,7 +67,8 @@ macro_rules! operators {
         }
     )+};
 }
-operators!(F32x16: Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps, Div div _mm256_div_ps);
+operators!(F32x16: Add add _mm256_add_ps, Sub sub _mm256_sub_ps);
+operators!(F32x16: Mul mul _mm256_mul_ps, Div div _mm256_div_ps);
 operators!(F64x8: Add add _mm256_add_pd, Sub sub _mm256_sub_pd, Mul mul _mm256_mul_pd, Div div _mm256_div_pd);
 operators!(Mask16: BitAnd bitand _mm256_and_ps, BitOr bitor _mm256_or_ps);
 operators!(Mask8: BitAnd bitand _mm256_and_pd, BitOr bitor _mm256_or_pd);

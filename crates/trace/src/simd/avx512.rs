@@ -54,7 +54,8 @@ macro_rules! operators {
         }
     )+};
 }
-operators!(F32x16: Add add _mm512_add_ps, Sub sub _mm512_sub_ps, Mul mul _mm512_mul_ps, Div div _mm512_div_ps);
+operators!(F32x16: Add add _mm512_add_ps, Sub sub _mm512_sub_ps);
+operators!(F32x16: Mul mul _mm512_mul_ps, Div div _mm512_div_ps);
 operators!(F64x8: Add add _mm512_add_pd, Sub sub _mm512_sub_pd, Mul mul _mm512_mul_pd, Div div _mm512_div_pd);
 
 impl MaskOps for __mmask16 {

@@ -97,9 +97,9 @@ impl Level {
     pub fn best() -> Level {
         static BEST: OnceLock<Level> = OnceLock::new();
         *BEST.get_or_init(|| {
-            let wanted = std::env::var("VLSCAN_SIMD").ok();
-            let is_wanted = |level: &Level| wanted.as_deref().is_none_or(|name| name == level.name());
-            Level::available().rfind(is_wanted).unwrap_or(Level::Portable(portable::Portable))
+            let requested = std::env::var("VLSCAN_SIMD").ok();
+            let is_requested = |level: &Level| requested.as_deref().is_none_or(|name| name == level.name());
+            Level::available().rfind(is_requested).unwrap_or(Level::Portable(portable::Portable))
         })
     }
 

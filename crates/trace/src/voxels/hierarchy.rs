@@ -30,8 +30,8 @@ const MAX_LEVELS: usize = 20;
 pub(crate) const MAX_GRID_STACK: usize = stack_of(MAX_LEVELS);
 
 /// Number of levels that grids have rarely more of, and their pending visits.
-pub(super) const USUAL_LEVELS: usize = 7;
-pub(super) const USUAL_STACK: usize = stack_of(USUAL_LEVELS);
+pub(super) const COMMON_LEVELS: usize = 7;
+pub(super) const COMMON_STACK: usize = stack_of(COMMON_LEVELS);
 
 const fn stack_of(levels: usize) -> usize {
     levels * (CHILDREN - 1) + CHILDREN
@@ -172,7 +172,7 @@ impl Hierarchy {
         GridNode { level: self.levels.len() as u32, index: 0, base: self.base }
     }
 
-    /// The children of a node that is no row.
+    /// The children of a node that is not a row.
     #[inline(always)]
     pub fn children(&self, node: GridNode) -> Children<'_> {
         let level = &self.levels[node.level as usize - 1];
@@ -193,7 +193,7 @@ fn lane(node: &Built, bits: [u32; 3]) -> u32 {
     (within(0) << bits[1] | within(1)) << bits[2] | within(2)
 }
 
-/// The place of the child in each lane along each axis of a node with so many children (binary logarithms).
+/// The place of the child in each lane along each axis of a node with this many children (binary logarithms).
 fn places_of(bits: [u32; 3]) -> [[f32; CHILDREN]; 3] {
     let below = [bits[1] + bits[2], bits[2], 0];
     [0, 1, 2].map(|axis| std::array::from_fn(|lane| (lane >> below[axis] & ((1 << bits[axis]) - 1)) as f32))

@@ -2,7 +2,8 @@
 //!
 //! A grid has the cubes that a program which stores cubes would have, with exactly their centres and sizes;
 //! they are computed when they are tested. Over the cells is a sparse hierarchy of boxes with sixteen
-//! children each, by which rays find the cells that they may hit; like trees it only chooses what is tested.
+//! children each, by which rays find the cells that they may hit; like trees it only chooses the tested
+//! cells.
 //!
 //! | file | contents |
 //! |---|---|

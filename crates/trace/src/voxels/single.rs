@@ -1,6 +1,6 @@
 //! Tracing of single rays among the voxels of a grid.
 
-use super::hierarchy::{MAX_GRID_STACK, USUAL_LEVELS, USUAL_STACK};
+use super::hierarchy::{COMMON_LEVELS, COMMON_STACK, MAX_GRID_STACK};
 use super::{GridNode, GridView, VoxelGrid};
 use crate::Cube;
 use crate::frame::Frame;
@@ -20,13 +20,14 @@ impl VoxelGrid {
         limit: f32,
         visit: impl FnMut(u32, Cube) -> f32,
     ) {
+        let best = Level::best();
         // A shorter stack is made faster.
-        match self.hierarchy.root().level as usize <= USUAL_LEVELS {
+        match self.hierarchy.root().level as usize <= COMMON_LEVELS {
             true => {
-                dispatch!(Level::best(), simd => self.walk_on::<_, USUAL_STACK>(simd, frame, frustum, limit, visit))
+                dispatch!(best, simd => self.walk_on::<_, COMMON_STACK>(simd, frame, frustum, limit, visit))
             }
             false => {
-                dispatch!(Level::best(), simd => self.walk_on::<_, MAX_GRID_STACK>(simd, frame, frustum, limit, visit))
+                dispatch!(best, simd => self.walk_on::<_, MAX_GRID_STACK>(simd, frame, frustum, limit, visit))
             }
         }
     }

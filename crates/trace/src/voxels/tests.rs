@@ -253,8 +253,8 @@ proptest! {
             for (p, pulse) in pulses.iter().enumerate() {
                 for at in (0..rays).map(|r| p * group.stride() + r) {
                     let found = (hits.t[at].to_bits(), hits.primitive[at]);
-                    let wanted = (expected.t[at].to_bits(), expected.primitive[at]);
-                    prop_assert_eq!(found, wanted, "{:?}: {:?}", level, pulse);
+                    let reference = (expected.t[at].to_bits(), expected.primitive[at]);
+                    prop_assert_eq!(found, reference, "{:?}: {:?}", level, pulse);
                 }
             }
         }

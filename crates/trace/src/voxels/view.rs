@@ -111,7 +111,7 @@ impl<'a> GridView<'a> {
         self.grid.hierarchy.root()
     }
 
-    /// The children of a node that is no row.
+    /// The children of a node that is not a row.
     #[inline(always)]
     pub fn children(&self, node: GridNode) -> BoxedChildren<'a> {
         let children = self.grid.hierarchy.children(node);

@@ -8,7 +8,13 @@ use vlscan_base::rng::{Purpose, Stream};
 #[derive(Clone, Copy, Debug, Default, PartialEq, clap::Args)]
 pub struct Development {
     /// Growth of the trees from epoch to epoch, percent.
-    #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = args::growth, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "PERCENT",
+        default_value = "0",
+        value_parser = args::growth,
+        allow_negative_numbers = true,
+    )]
     pub growth: f64,
     /// Trees felled from epoch to epoch, percent, spread evenly over the stand.
     #[arg(long, value_name = "PERCENT", default_value = "0", value_parser = args::share)]

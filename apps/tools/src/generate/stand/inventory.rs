@@ -192,8 +192,8 @@ impl Table<'_> {
         let (crown, height, count) = (tree.crown.unwrap_or_default(), tree.height, 1 + wide.count());
         let trees = if count == 1 { "tree has a crown" } else { "trees have crowns" };
         let message = format!(
-            "{count} {trees} wider than {MAX_LIKELY_CROWN} times the height, line {line} the first: {crown} m \
-             at a height of {height} m"
+            "{count} {trees} wider than {MAX_LIKELY_CROWN} times the height, line {line} the first: {crown} \
+             m at a height of {height} m"
         );
         let help = "`crown` is the diameter; name the unit in the heading: crown_cm or crown_ft";
         self.problems.warn(heading.cloned(), message).help(help);

@@ -48,7 +48,12 @@ pub struct StandOptions {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Number of epochs; the first one is the inventory.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        value_parser = clap::value_parser!(u32).range(1..=1000),
+    )]
     pub epochs: u32,
     /// Growth, thinning and storm damage from one epoch to the next.
     #[command(flatten)]

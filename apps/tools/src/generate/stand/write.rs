@@ -75,7 +75,8 @@ const SOIL_FILE: &str = "terrain.mtl";
 /// Mesh of flat ground.
 const FLAT_FILE: &str = "ground.obj";
 const SOIL_NAME: &str = "soil";
-const SOIL: &str = "# helios_reflectance: 0 to 1. Class 2: ground.\nnewmtl soil\nKd 0.42 0.34 0.25\nhelios_reflectance 0.3\n\
+const SOIL: &str = "# helios_reflectance: 0 to 1. Class 2: ground.\nnewmtl soil\nKd 0.42 0.34 0.25\n\
+                    helios_reflectance 0.3\n\
                     helios_classification 2\nhelios_isGround true\n";
 
 /// The models of trees of a species that has none of its own.

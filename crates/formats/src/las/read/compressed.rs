@@ -8,7 +8,7 @@ use laz::{LasZipDecompressor, LazItemType, LazVlr};
 use std::io::{Cursor, Seek};
 use vlscan_base::damage;
 
-/// The compressor that stores points as they are, and the one that writes one chunk without a table of
+/// The compressor that stores points uncompressed, and the one that writes one chunk without a table of
 /// chunks.
 const UNCOMPRESSED: u16 = 0;
 const POINT_WISE: u16 = 1;
@@ -28,7 +28,7 @@ pub(super) struct Compressed<'a> {
 }
 
 impl<'a> Compressed<'a> {
-    /// Begins to decompress the points of a file; `None` if they are stored as they are.
+    /// Begins to decompress the points of a file; `None` if they are stored uncompressed.
     pub fn open(
         file: Fields<'a>,
         header: &Header,
@@ -75,7 +75,7 @@ impl<'a> Compressed<'a> {
         }
         let mut source = Cursor::new(file.0);
         source.set_position(header.data_at as u64);
-        let wanted = match selection {
+        let selected_fields = match selection {
             // With flags and intensity, which mark pulses without a return.
             Selection::PositionAndClass => DecompressionSelection::xy_returns_channel()
                 .decompress_z()
@@ -85,7 +85,7 @@ impl<'a> Compressed<'a> {
             Selection::All => DecompressionSelection::all(),
         };
         let decompressor =
-            LasZipDecompressor::selective(source, vlr, wanted).map_err(LasError::of_library)?;
+            LasZipDecompressor::selective(source, vlr, selected_fields).map_err(LasError::of_library)?;
         Ok(Some(Compressed { decompressor, layers, next_chunk: 0 }))
     }
 

@@ -104,7 +104,7 @@ pub enum LasError {
         /// Length of a record, bytes.
         length: u16,
     },
-    /// A compression of records of another length than those of the file.
+    /// A compression whose record length differs from the file's.
     #[error("expected {length} bytes per point, the compression is for {items}")]
     RecordLength {
         /// Length of a record by the header, bytes.
@@ -150,7 +150,7 @@ pub enum PointsError {
     /// A chunk whose layers are longer than the file.
     #[error("a chunk is longer than the file")]
     ChunkTooLong,
-    /// Bytes that are no compressed point.
+    /// Bytes that are not a compressed point.
     #[error("the points cannot be decompressed ({0})")]
     Decompression(#[source] io::Error),
     /// The position in the file is not known.

@@ -24,7 +24,7 @@ const GEOGRAPHIC: u16 = 2;
 /// Value of a key whose meaning other keys define.
 const USER_DEFINED: u16 = 32_767;
 
-/// The units of positions and what is to be said of them.
+/// The units of positions, and remarks about them.
 #[derive(Debug, Default)]
 pub(super) struct PositionUnits {
     /// Metres in a unit of x, y and z.
@@ -97,7 +97,7 @@ impl Keys<'_> {
         Some(f64::from_le_bytes(self.doubles.get(at..at + 8)?.try_into().ok()?))
     }
 
-    /// The units, and what is to be said of those that are not known.
+    /// The units, and remarks about unknown ones.
     fn units(&self) -> (Units, Vec<String>) {
         if self.code(MODEL_TYPE) == Some(GEOGRAPHIC) {
             return (Units { horizontal: Some(Unit::Angle), vertical: None }, Vec::new());

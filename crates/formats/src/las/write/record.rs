@@ -79,7 +79,7 @@ impl LasFormat {
         }
         // Point source ID
         record.put(point.source_id().to_le_bytes());
-        // GPS time, of which LAS 1.0 knows that of the week only
+        // GPS time: LAS 1.0 has the time of the week only
         let seconds = match self.version {
             LasVersion::V10 if point.has_adjusted_time() => {
                 (point.seconds() + ADJUSTMENT_S).rem_euclid(WEEK_S)

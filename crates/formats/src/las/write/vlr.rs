@@ -68,7 +68,7 @@ fn dimensions(
         ExtraDimensions::None => &[],
     };
     let all = extra == ExtraDimensions::All;
-    let of = |wanted: bool, group: &'static [_]| if all && wanted { group } else { &[] };
+    let of = |is_included: bool, group: &'static [_]| if all && is_included { group } else { &[] };
     let labels = of(groups.labels, &LABELS);
     let directions = of(groups.directions, &DIRECTIONS);
     let positions = of(groups.true_positions, &TRUE_POSITIONS);
@@ -133,9 +133,10 @@ pub(super) fn crs(version: LasVersion, wkt: &str, problems: &mut Diagnostics) ->
     }
 }
 
-const PACKETS: &str = "Waveform packets: 16-bit samples, amplitude = digitizer offset + digitizer gain * sample; samples \
-     behind the end of the waveform have the amplitude 0.\nParametric dx, dy, dz: point towards the scanner; sample i lies \
-     at point + (location - i * spacing) * (dx, dy, dz).\n";
+const PACKETS: &str = "Waveform packets: 16-bit samples, amplitude = digitizer offset + digitizer gain * \
+     sample; samples behind the end of the waveform have the amplitude 0.\n\
+     Parametric dx, dy, dz: point towards the scanner; sample i lies at point + (location - i * spacing) * \
+     (dx, dy, dz).\n";
 
 /// Returns the record of remarks: conventions of the dimensions.
 pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
@@ -144,9 +145,12 @@ pub(super) fn remarks(settings: &LasSettings) -> Vec<u8> {
         Some(_) => PACKETS,
     };
     let text = format!(
-        "Simulated with {SOFTWARE}.\nIntensity: 10000 + 1000 log10(amplitude), 0 where the amplitude is not positive.\nPointSourceId: number of the leg plus one.\n\
-         ScannerChannel: device modulo 4.\nScanAngle: of the beam from straight down across the track, negative to the left; with physics of HELIOS++ the deflection on the scanner.\n\
-         GpsTime: seconds of the GPS week or adjusted standard GPS time, as bit 0 of the global encoding says.\n{packets}"
+        "Simulated with {SOFTWARE}.\nIntensity: 10000 + 1000 log10(amplitude), 0 where the amplitude is not \
+         positive.\nPointSourceId: number of the leg plus one.\n\
+         ScannerChannel: device modulo 4.\nScanAngle: of the beam from straight down across the track, \
+         negative to the left; with physics of HELIOS++ the deflection on the scanner.\n\
+         GpsTime: seconds of the GPS week or adjusted standard GPS time, as bit 0 of the global encoding \
+         says.\n{packets}"
     );
     let mut data = text.into_bytes();
     data.push(0);

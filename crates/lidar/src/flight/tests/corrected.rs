@@ -45,8 +45,8 @@ fn every_time_is_a_multiple_of_the_period() {
     assert_eq!((flown[0].pulses.len(), flown[1].pulses.len()), (75_000, 1750));
     for (leg, start, frequency) in [(0, 1000e9, 300_000), (1, 1000.25e9, 7000)] {
         for (k, pulse) in flown[leg].pulses.iter().enumerate() {
-            let wanted = start + k as f64 * 1e9 / f64::from(frequency);
-            assert!((pulse.time_ns - wanted).abs() < 3e-4, "pulse {k}: {}", pulse.time_ns);
+            let expected = start + k as f64 * 1e9 / f64::from(frequency);
+            assert!((pulse.time_ns - expected).abs() < 3e-4, "pulse {k}: {}", pulse.time_ns);
         }
     }
     // The reference has one more pulse in the later leg, and counts time at the first leg's rate.
@@ -89,8 +89,8 @@ fn corners_are_sharp_and_take_no_time() {
     let origins: Vec<DVec3> = flown.iter().flat_map(|l| &l.pulses).map(|p| p.origin).collect();
     for (k, place) in origins.iter().enumerate() {
         let way = 0.3 * k as f64;
-        let wanted = if way < 10.1 { DVec3::new(way, 0.0, 0.0) } else { DVec3::new(10.1, 10.1 - way, 0.0) };
-        assert!((*place - wanted).length() < 1e-9, "{k}: {place} is not {wanted}");
+        let expected = if way < 10.1 { DVec3::new(way, 0.0, 0.0) } else { DVec3::new(10.1, 10.1 - way, 0.0) };
+        assert!((*place - expected).length() < 1e-9, "{k}: {place} is not {expected}");
     }
     assert!(origins.len() == 51 && flown[0].pulses.len() == 34, "{}", origins.len());
     let south = flown[1].pulses[0].attitude;

@@ -169,8 +169,8 @@ fn stamps_stay_within_the_week() {
     let s = in_turn(survey(PlatformKind::Static, Mount::IDENTITY, straight(), vec![l]), &[0.0, 0.004]);
     let options = FlightOptions { gps_start_ns: 604_799.998e9, ..options(Corrections::MOTION) };
     let stamps: Vec<f64> = fly_plan(&plan_with(&s, options))[0].pulses.iter().map(|p| p.time_ns).collect();
-    for (stamp, wanted) in stamps.iter().zip([604_799.998e9, 0.002e9, 0.008e9, 0.012e9]) {
-        assert!((stamp - wanted).abs() < 1.0, "{stamps:?}");
+    for (stamp, expected) in stamps.iter().zip([604_799.998e9, 0.002e9, 0.008e9, 0.012e9]) {
+        assert!((stamp - expected).abs() < 1.0, "{stamps:?}");
     }
 }
 
@@ -191,7 +191,7 @@ fn all_channels_fire_at_once_where_the_period_is_too_short() {
         let (plan, warnings) = plan(frequency);
         let pulses = fly_plan(&plan).remove(0).pulses;
         assert!((pulses[1].time_ns - pulses[0].time_ns - apart_ns).abs() < 1e-3, "{frequency}");
-        let told = warnings.text().contains("leg 0: all channels fire at once");
-        assert_eq!(told, apart_ns == 0.0, "{frequency}");
+        let is_reported = warnings.text().contains("leg 0: all channels fire at once");
+        assert_eq!(is_reported, apart_ns == 0.0, "{frequency}");
     }
 }

@@ -7,8 +7,8 @@ use vlscan_geom::{DVec3, Rotation, degrees, radians};
 use vlscan_survey::Formula;
 use vlscan_survey::*;
 
-fn close(found: DVec3, wanted: [f64; 3], tolerance: f64) {
-    assert!((found - DVec3::from(wanted)).abs().max_element() <= tolerance, "{found} is not {wanted:?}");
+fn close(found: DVec3, expected: [f64; 3], tolerance: f64) {
+    assert!((found - DVec3::from(expected)).abs().max_element() <= tolerance, "{found} is not {expected:?}");
 }
 
 fn tripod(legs: Vec<Leg>) -> Survey {
@@ -112,12 +112,12 @@ fn small_clockwise_errors_of_the_first_leg_quadruple() {
     // §2.8 example 2
     let sampled = |l: &mut Leg| l.scanner.trajectory_interval = 0.001;
     // 0.3° aside, clockwise
-    for (target, wanted) in [([2.618, 500.0, 0.0], 0.9), ([100.0, 0.0, 0.0], 270.0)] {
+    for (target, expected) in [([2.618, 500.0, 0.0], 0.9), ([100.0, 0.0, 0.0], 270.0)] {
         let legs = vec![leg([0.0; 3], 30.0, sampled), leg(target, 30.0, sampled)];
         let flown =
             fly(&survey(PlatformKind::LinearPath, Mount::IDENTITY, Deflector::Fibres { count: 1 }, legs));
         let yaw = degrees(flown[0].poses[0].yaw);
-        assert!((yaw - wanted).abs() < 6e-5, "{yaw}");
+        assert!((yaw - expected).abs() < 6e-5, "{yaw}");
     }
 }
 
@@ -272,10 +272,10 @@ fn offsets_are_in_world_axes_unless_they_turn_with_the_mount() {
     let mut s =
         survey(PlatformKind::LinearPath, mount([0.0, 1.0, 0.5]), Deflector::Fibres { count: 1 }, legs);
     s.scanner.devices[0].beam_origin.offset = DVec3::new(0.0, 0.25, 0.0);
-    for (rotate, wanted) in [(false, [0.0, 1.25, 0.5]), (true, [1.25, 0.0, 0.5])] {
+    for (rotate, expected) in [(false, [0.0, 1.25, 0.5]), (true, [1.25, 0.0, 0.5])] {
         let kinematics = Corrections { mount_offsets_turn: rotate, ..Corrections::NONE };
         let flown = fly_plan(&plan_with(&s, FlightOptions { kinematics, ..Default::default() }));
-        close(flown[0].pulses[0].origin, wanted, 1e-7);
+        close(flown[0].pulses[0].origin, expected, 1e-7);
     }
 }
 
@@ -365,8 +365,8 @@ fn interpolated_trajectory() {
     check(xs(0), 5, 10);
     check(xs(2), 33, 9);
     check(xs(5), 4, 9);
-    for (pose, wanted) in flown[2].poses.iter().zip([238.0, 254.0, 270.0]) {
-        assert!((degrees(pose.yaw) - wanted).abs() < 1e-9, "{}", degrees(pose.yaw));
+    for (pose, expected) in flown[2].poses.iter().zip([238.0, 254.0, 270.0]) {
+        assert!((degrees(pose.yaw) - expected).abs() < 1e-9, "{}", degrees(pose.yaw));
     }
     assert_eq!(flown[0].pulses[0].time_ns, 100.5e9);
 }

@@ -1,4 +1,4 @@
-//! Scan patterns of a program's own.
+//! User-defined scan patterns.
 
 use crate::flight::testing::*;
 use crate::flight::{FlightState, Step};

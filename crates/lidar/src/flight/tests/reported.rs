@@ -57,7 +57,7 @@ fn errors_move_points_as_computed() {
     let pulses = &fly_with(&[("attitude_drift_deg_per_h", &[0.0, 3600.0, 0.0])])[0].pulses;
     for pulse in [&pulses[0], &pulses[100], &pulses[250]] {
         let seconds = pulse.time_ns * 1e-9;
-        let wanted = Rotation::about_x(radians(seconds)).after(pulse.exact_attitude).forward();
-        assert!((pulse.reported_attitude.forward() - wanted).length() < 1e-9);
+        let expected = Rotation::about_x(radians(seconds)).after(pulse.exact_attitude).forward();
+        assert!((pulse.reported_attitude.forward() - expected).length() < 1e-9);
     }
 }

@@ -60,11 +60,11 @@ fn golden_run() {
         assert_eq!(steps, [871, 645, 806, 0], "variant {variant}");
         for (leg, step, position, stop, go) in golden {
             let (p, pitch, yaw) = flown[leg][step];
-            let wanted = if variant == 0 { stop } else { go };
+            let expected = if variant == 0 { stop } else { go };
             let off = (p - DVec3::from(position)).abs().max_element();
             assert!(off < 1e-4, "variant {variant} leg {leg} step {step}: {p}");
-            assert!((pitch - wanted[0]).abs() < 1e-4, "variant {variant} leg {leg} step {step}: {pitch}");
-            assert!((yaw - wanted[1]).abs() < 1e-4, "variant {variant} leg {leg} step {step}: {yaw}");
+            assert!((pitch - expected[0]).abs() < 1e-4, "variant {variant} leg {leg} step {step}: {pitch}");
+            assert!((yaw - expected[1]).abs() < 1e-4, "variant {variant} leg {leg} step {step}: {yaw}");
         }
     }
     let smooth = fly(&golden_legs(|l| (l.stop_and_turn, l.smooth_turn) = (false, true)), 20_000);
@@ -76,13 +76,13 @@ fn golden_run() {
 #[test]
 fn braking_distance_depends_on_the_pulse_frequency() {
     // spec kinematics §2.5.5
-    for (frequency, wanted) in [(100.0, 0.004949), (1000.0, 0.0495), (100_000.0, 4.8426)] {
+    for (frequency, expected) in [(100.0, 0.004949), (1000.0, 0.0495), (100_000.0, 4.8426)] {
         let legs = golden_legs(|l| (l.frequency, l.step_length) = (frequency, 8.0 / frequency));
         let plan = MulticopterPlan::new(MULTICOPTER, frequency);
         let mut copter = MulticopterState::default();
         copter.start_leg(&plan, &legs, 0, entry(0), &Corrections::NONE);
         let found = copter.slow_distance;
-        assert!((found / wanted - 1.0).abs() < 1e-3, "{frequency} Hz: {found}");
+        assert!((found / expected - 1.0).abs() < 1e-3, "{frequency} Hz: {found}");
     }
 }
 
@@ -96,8 +96,8 @@ fn the_beam_lags_one_step_behind_the_yaw() {
     assert!((copter.yaw.to_degrees() + 75.963757).abs() < 1e-6);
     copter.step(&plan, &legs[0]);
     assert_eq!(copter.mount_pointing.forward(), DVec3::Y);
-    let wanted = DVec3::new(9.89545e-7, 2.47386e-7, 0.001);
-    assert!((copter.course.velocity - wanted).abs().max_element() < 1e-12);
+    let expected = DVec3::new(9.89545e-7, 2.47386e-7, 0.001);
+    assert!((copter.course.velocity - expected).abs().max_element() < 1e-12);
     assert!((copter.force.length() - 0.000102).abs() < 1e-15);
     copter.step(&plan, &legs[0]);
     assert!((copter.mount_pointing.forward() - DVec3::new(0.970143, 0.242536, 0.0)).length() < 1e-6);

@@ -55,7 +55,7 @@ enum RecordFormat {
 #[derive(Clone, Copy, Debug)]
 struct Header {
     record: usize,
-    /// Number of records; 0 where the writer did not know it.
+    /// Number of records; 0 if it was unknown to the writer.
     count: u64,
 }
 

@@ -79,7 +79,7 @@ impl PoseDecoder {
     /// Passes the fixes that have arrived to `take` until it breaks; with `ended` no others will follow.
     ///
     /// # Errors
-    /// The first record that is no fix, with its place.
+    /// The first record without a fix, with its place.
     pub fn decode(&mut self, ended: bool, take: &mut TakeFix) -> Result<()> {
         if matches!(self.format, Format::Unknown) {
             self.find_format(ended)?;

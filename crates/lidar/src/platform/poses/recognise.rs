@@ -22,7 +22,7 @@ pub(super) enum Numbers {
     TimedQuaternion,
     /// Three rows of four numbers.
     Matrix,
-    /// Time and so many rows of four numbers.
+    /// Time and this many rows of four numbers.
     TimedMatrix(usize),
 }
 

@@ -57,7 +57,7 @@ impl SequenceChecks {
     /// Compares a fix with the one before.
     ///
     /// # Errors
-    /// Its time is not later, or so much later that the flight would hardly end.
+    /// Its time is not later, or so much later that the flight would take practically forever.
     pub fn check(&mut self, fix: &Fix) -> Result<Checked, RecordError> {
         if !quantity::TIME.contains(fix.time) {
             let message = format!("time {}, expected {}", number(fix.time), quantity::TIME.expected);

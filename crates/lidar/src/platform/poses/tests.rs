@@ -123,19 +123,19 @@ fn notices_of(bytes: &[u8], strict: bool) -> (Vec<Notice>, Result<usize, String>
     let all = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
     let heard = all.clone();
     let mut reader = PoseReader::new(InputStream::from_reader(Cursor::new(bytes.to_vec())), &settings())
-        .on_notice(strict, move |told| heard.lock().unwrap().push(told));
+        .on_notice(strict, move |notice| heard.lock().unwrap().push(notice));
     let blocks = std::iter::from_fn(|| next_block(&mut reader).transpose());
     let end = blocks.map(|block| block.map(|b| b.len())).sum();
-    let told = all.lock().unwrap().clone();
-    (told, end)
+    let notices = all.lock().unwrap().clone();
+    (notices, end)
 }
 
-fn warnings(told: &[Notice]) -> String {
+fn warnings(notices: &[Notice]) -> String {
     let of = |t: &Notice| match t {
         Notice::Warnings(found) => Some(found.text()),
         _ => None,
     };
-    told.iter().filter_map(of).collect()
+    notices.iter().filter_map(of).collect()
 }
 
 #[test]

@@ -36,13 +36,13 @@ const NAME_COLUMNS: &str = "name the columns in a first line, or with --trajecto
 const NAME_W_FIRST: &str = "name the columns in a first line, or with --trajectory-columns: \
                             time,x,y,z,qw,qx,qy,qz or time,x,y,z,qx,qy,qz,qw";
 /// Hint where poses have no times.
-const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`, or at 10 Hz: \
-     `awk '{ print (NR - 1) / 10, $0 }' poses.txt > timed.txt`";
+const ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > timed.txt`, or \
+     at 10 Hz: `awk '{ print (NR - 1) / 10, $0 }' poses.txt > timed.txt`";
 /// Hint where seven numbers are poses without times, or poses with times and angles.
 const NAME_OR_ADD_TIMES: &str = "put the times before the poses: `paste -d ' ' times.txt poses.txt > \
                                  timed.txt`; if the columns are time, x, y, z, roll, pitch, yaw, name them \
                                  so in a first line";
-/// Name of the file of times that KITTI has beside its poses.
+/// Name of KITTI's file of times, next to its poses.
 const TIMES_FILE: &str = "times.txt";
 const MAX_TIMES_BYTES: u64 = 1 << 28;
 /// Times that are too large for seconds in any scale: nanoseconds from 1973 on, up to those that a 64-bit
@@ -63,7 +63,7 @@ pub struct PoseRows {
     /// The axes of quaternions and matrices.
     axes: Option<FileAxes>,
     helios: bool,
-    /// The times of a file beside matrices without times, and the number of those that were used.
+    /// The times of a file next to matrices without times, and the number of times used.
     times: Option<(Vec<f64>, usize)>,
     /// Looks for poses of cameras, unless the user has chosen the axes.
     camera: Option<CameraCheck>,
@@ -107,7 +107,7 @@ impl PoseRows {
     /// Passes the rows that have arrived to `take` until it breaks; with `ended` no others will follow.
     ///
     /// # Errors
-    /// The first row that is no fix, columns that are missing, and what [`RowDecoder::next_block`] refuses.
+    /// The first row without a fix, missing columns, and everything that [`RowDecoder::next_block`] rejects.
     pub fn decode(&mut self, ended: bool, take: &mut TakeFix) -> Result<()> {
         let mut fields = Vec::new();
         loop {
@@ -266,7 +266,7 @@ impl PoseRows {
         }
     }
 
-    /// The times of the file `times.txt` beside matrices that have none.
+    /// The times of the file `times.txt` next to matrices that have none.
     fn times_beside(&self) -> std::result::Result<Vec<f64>, NoLayout> {
         let missing = |error| NoLayout { error, help: ADD_TIMES, is_of_words: false };
         let unread = |what: String| missing(PoseLayoutError::Times { what });
@@ -455,7 +455,7 @@ mod tests {
         let helios = |text: &str| {
             format!("#TIME_COLUMN: 0\n#HEADER: \"t\",\"x\",\"y\",\"z\",\"roll\",\"pitch\",\"yaw\"\n{text}")
         };
-        for (found, wanted) in [
+        for (found, reference) in [
             (of(None, row), recorded),
             (of(Some(AngleConvention::Helios), row), of_reference),
             (of(None, &helios(row)), of_reference),
@@ -464,8 +464,8 @@ mod tests {
             (of(Some(AngleConvention::Yaw), "1 0 0 0 20 10 60\n"), recorded),
             (of(Some(AngleConvention::Ros), row), ros),
         ] {
-            assert!((found.forward() - wanted.forward()).length() < 1e-12);
-            assert!((found.apply(DVec3::X) - wanted.apply(DVec3::X)).length() < 1e-12);
+            assert!((found.forward() - reference.forward()).length() < 1e-12);
+            assert!((found.apply(DVec3::X) - reference.apply(DVec3::X)).length() < 1e-12);
         }
         assert!((recorded.forward() - of_reference.forward()).length() > 0.05);
     }

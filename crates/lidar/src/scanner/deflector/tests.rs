@@ -26,9 +26,9 @@ fn angles(device: &Device, settings: &ScannerSettings, steps: usize, kinematics:
     (0..steps).map(|_| step()).collect()
 }
 
-fn assert_close(found: &[f64], wanted: &[f64], tolerance: f64) {
-    assert_eq!(found.len(), wanted.len());
-    for (i, (f, w)) in found.iter().zip(wanted).enumerate() {
+fn assert_close(found: &[f64], expected: &[f64], tolerance: f64) {
+    assert_eq!(found.len(), expected.len());
+    for (i, (f, w)) in found.iter().zip(expected).enumerate() {
         assert!((f - w).abs() < tolerance, "{i}: {f} is not {w}");
     }
 }
@@ -197,7 +197,7 @@ fn oscillating_period() {
     let mut s = settings(1000);
     (s.scan_freq, s.scan_angle) = (2.0, radians(20.0));
     let found = angles(&d, &s, 501, Corrections::NONE);
-    for (j, wanted) in [
+    for (j, expected) in [
         (0, -20.0),
         (1, -20.0),
         (2, -19.995908),
@@ -214,7 +214,7 @@ fn oscillating_period() {
         (499, -20.0),
         (500, -20.0),
     ] {
-        assert!((found[j] - wanted).abs() < 1e-6, "{j}: {}", found[j]);
+        assert!((found[j] - expected).abs() < 1e-6, "{j}: {}", found[j]);
     }
 }
 
@@ -255,12 +255,12 @@ fn conic_circle() {
         state.step(&plan);
         beams.push(state.rotation(&plan).forward());
     }
-    for (i, wanted) in [
+    for (i, expected) in [
         (0, [0.105690, 0.939693, 0.325280]),
         (1, [0.201034, 0.939693, 0.276700]),
         (4, [0.342020, 0.939693, 0.0]),
     ] {
-        assert!((beams[i] - DVec3::from(wanted)).length() < 1e-6, "{}", beams[i]);
+        assert!((beams[i] - DVec3::from(expected)).length() < 1e-6, "{}", beams[i]);
     }
 }
 

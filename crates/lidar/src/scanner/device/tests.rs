@@ -56,9 +56,9 @@ fn moving(device: &Device, motion: ScanMotion) -> Device {
     Device { scan_motion: motion, ..device.clone() }
 }
 
-fn assert_near(found: &[DVec3], wanted: &[DVec3], what: &str) {
-    assert_eq!(found.len(), wanted.len());
-    for (i, (f, w)) in found.iter().zip(wanted).enumerate() {
+fn assert_near(found: &[DVec3], expected: &[DVec3], what: &str) {
+    assert_eq!(found.len(), expected.len());
+    for (i, (f, w)) in found.iter().zip(expected).enumerate() {
         assert!((*f - *w).length() < 1e-9, "{what}, pulse {i}: {f} is not {w}");
     }
 }
@@ -71,8 +71,8 @@ fn the_first_pulse_leaves_at_the_phase() {
         |degrees: f64| moving(&devices()[0], ScanMotion { phase: radians(degrees), ..Default::default() });
     for degrees in [0.0, 30.0, 200.0, 359.0] {
         let found = beams(&conic(degrees), 3);
-        let wanted = [0.0, 1.0, 2.0].map(|k| cone(radians(degrees) + TAU * FREQ * k / f64::from(RATE)));
-        assert_near(&found, &wanted, &format!("{degrees}"));
+        let expected = [0.0, 1.0, 2.0].map(|k| cone(radians(degrees) + TAU * FREQ * k / f64::from(RATE)));
+        assert_near(&found, &expected, &format!("{degrees}"));
     }
     let polygon = moving(&devices()[2], ScanMotion { phase: radians(270.0), ..Default::default() });
     let (plan, mut state) = started(&polygon, Corrections::MOTION);
@@ -95,13 +95,16 @@ fn the_first_pulse_leaves_at_the_phase() {
         [angle(), angle(), angle()]
     };
     let phase = radians(90.0);
-    for (motion, wanted) in [
+    for (motion, expected) in [
         (ScanMotion { phase, ..Default::default() }, [-7.5, -2.5, 2.5]),
         (ScanMotion { phase, is_reversed: true, ..Default::default() }, [-7.5, -12.5, -17.5]),
         (ScanMotion { is_reversed: true, ..Default::default() }, [-17.5, 17.5, 12.5]),
     ] {
         let found = angles(motion);
-        assert!(found.iter().zip(wanted).all(|(f, w)| (f - w).abs() < 1e-9), "{found:?} is not {wanted:?}");
+        assert!(
+            found.iter().zip(expected).all(|(f, w)| (f - w).abs() < 1e-9),
+            "{found:?} is not {expected:?}"
+        );
     }
 }
 
@@ -156,8 +159,8 @@ fn a_tilted_axis_turns_the_whole_pattern() {
     for straight in devices() {
         let tilted = moving(&straight, ScanMotion { axis_tilt: [x, z], ..Default::default() });
         let turn = |b: &DVec3| Rotation::about_z(z).apply(Rotation::about_x(x).apply(*b));
-        let wanted: Vec<DVec3> = beams(&straight, 300).iter().map(turn).collect();
-        assert_near(&beams(&tilted, 300), &wanted, straight.deflector.optics());
+        let expected: Vec<DVec3> = beams(&straight, 300).iter().map(turn).collect();
+        assert_near(&beams(&tilted, 300), &expected, straight.deflector.optics());
     }
 }
 
@@ -181,8 +184,8 @@ fn wander_is_added_to_the_phase_at_the_time_of_each_pulse() {
     for (k, beam) in beams(&conic, 500).into_iter().enumerate() {
         let time = k as f64 / f64::from(RATE);
         let turn = 1.0 + TAU * FREQ * time + radians(5.0) * (TAU * 3.0 * time + radians(40.0)).sin();
-        let wanted = Rotation::about_y(turn).after(Rotation::about_x(radians(20.0))).forward();
-        assert!((beam - wanted).length() < 1e-9, "{k}");
+        let expected = Rotation::about_y(turn).after(Rotation::about_x(radians(20.0))).forward();
+        assert!((beam - expected).length() < 1e-9, "{k}");
     }
 }
 
@@ -225,8 +228,8 @@ fn a_leg_goes_on_where_the_one_before_ended_and_a_rest_restarts_it() {
         state.start_leg(&plan, &leg);
         state.step_deflector(&plan);
         // 100 steps of the leg before have passed since its first pulse.
-        let wanted = 0.5 + TAU * FREQ * 0.1 + deviation(0.0);
-        assert!((state.deflector.exact_angle() - wanted % TAU).abs() < 1e-9);
+        let expected = 0.5 + TAU * FREQ * 0.1 + deviation(0.0);
+        assert!((state.deflector.exact_angle() - expected % TAU).abs() < 1e-9);
         state.restart(&plan);
         state.start_leg(&plan, &leg);
         state.restart(&plan);

@@ -91,7 +91,7 @@ pub(super) trait CellSums: Copy + Send + Sync {
     /// That of no points.
     const NOTHING: Self;
 
-    /// Adds a point to those of the cell with this centre.
+    /// Adds a point to the cell with this centre.
     fn add(&mut self, centre: DVec3, point: &PointRow, rule: NormalRule);
 
     /// Number of points.
@@ -230,7 +230,7 @@ impl Budget {
         self.limit
     }
 
-    /// Bytes that were taken, including those of a refused request.
+    /// Bytes that were taken, including the bytes of a rejected request.
     pub fn taken(&self) -> usize {
         self.taken.load(Ordering::Relaxed)
     }
@@ -274,12 +274,12 @@ impl<S: CellSums> Cells<S> {
         self.0.len()
     }
 
-    /// Bytes of the table with up to so many more cells.
+    /// Bytes of the table with up to this many more cells.
     pub fn bytes_with(&self, more: usize) -> usize {
         Self::bytes_of((self.0.len() + more).max(self.0.capacity().saturating_sub(1)))
     }
 
-    /// Bytes of a table of so many cells: with a power of two of places, seven eighths of which are filled.
+    /// Bytes of a table of this many cells: with a power of two of places, seven eighths of which are filled.
     pub fn bytes_of(cells: usize) -> usize {
         Self::CELL_BYTES * (cells * 8 / 7 + 1).next_power_of_two()
     }

@@ -126,7 +126,7 @@ impl Voxels<'_> {
                 break;
             }
         }
-        // Its tables are no longer needed.
+        // Its tables are not needed any more.
         drop(sorter);
         if !self.keeps_grid || classes.len() < scene.options.min_grid_voxels {
             scene.check_memory(memory_of(0, 0, classes.len()), self.source.path())?;
@@ -309,7 +309,7 @@ const RELEASED_POINTS: usize = 1 << 21;
 struct Batches<F> {
     take: F,
     batches: Vec<Vec<PointRow>>,
-    /// Pulses without a return, which are no points.
+    /// Pulses without a return, which are not points.
     misses: u64,
     is_ended: bool,
 }

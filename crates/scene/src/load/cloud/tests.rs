@@ -495,13 +495,16 @@ fn lines_of_other_lengths_than_the_first_are_reported() {
     };
     // Many lines, so that the file is read in pieces.
     let points = "1,2,3\n".repeat(1000);
-    let told = said(&format!("{points}4,5,6,7\n{points}0,30,3,00,0,90\n"), ",");
-    assert!(told.contains("2 lines have more values than line 1, which has 3"), "{told}");
-    assert!(told.contains("a.xyz:1001:7") && told.contains("a decimal comma divides"), "{told}");
-    let told = said("1 2 3 0 0 1\n4 5 6\n7 8 9\n", " ");
-    assert!(told.contains("2 lines have fewer values than line 1") && told.contains("a.xyz:2:6"), "{told}");
-    let told = said("1 2 3 0 0 1 9 9 9 5 5\n4 5 6 0 0 1 9 9 9 5 5\n", " ");
-    assert!(told.contains("columns 10 to 11 have no names and are not read"), "{told}");
+    let reported = said(&format!("{points}4,5,6,7\n{points}0,30,3,00,0,90\n"), ",");
+    assert!(reported.contains("2 lines have more values than line 1, which has 3"), "{reported}");
+    assert!(reported.contains("a.xyz:1001:7") && reported.contains("a decimal comma divides"), "{reported}");
+    let reported = said("1 2 3 0 0 1\n4 5 6\n7 8 9\n", " ");
+    assert!(
+        reported.contains("2 lines have fewer values than line 1") && reported.contains("a.xyz:2:6"),
+        "{reported}"
+    );
+    let reported = said("1 2 3 0 0 1 9 9 9 5 5\n4 5 6 0 0 1 9 9 9 5 5\n", " ");
+    assert!(reported.contains("columns 10 to 11 have no names and are not read"), "{reported}");
     assert!(said("1 2 3 7\n4 5 6 8\n", " ").contains("column 4 has no name and is not read"));
     assert_eq!(said(&points, ","), "");
     assert_eq!(said("1 2 3 0 0 1 9 9 9\n", " "), "");

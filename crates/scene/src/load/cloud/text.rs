@@ -154,7 +154,7 @@ impl RowFormat {
     }
 }
 
-/// Warns of columns without names that are neither coordinates nor those of a normal or of colours.
+/// Warns of columns without names that are not coordinates, a normal or colours.
 fn warn_of_unread(
     rows: &RowReader,
     loader: &XyzLoader,

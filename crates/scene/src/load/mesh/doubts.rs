@@ -36,8 +36,8 @@ pub(crate) fn check(scene: &mut SceneBuilder, part: &PartRecipe, files: &[PathBu
     report(scene, part, (file, reading), placed.size(), own);
 }
 
-/// As [`check`] for a glTF file whose meshes become parts of their own; `own` is the box around all in the
-/// frame of the file, z up.
+/// As [`check`] for a glTF file whose meshes become separate parts; `own` is the box around all in the frame
+/// of the file, z up.
 pub(super) fn check_document(scene: &mut SceneBuilder, part: &PartRecipe, own: Aabb) {
     if let Loader::MeshFiles { reading, files } = &part.loader
         && let [file] = &files[..]
@@ -60,7 +60,8 @@ fn report(
     let place = Some(Place::of_file(file));
     if let (None, Some(message)) = (reading.unit_m, unit_doubt(size)) {
         scene.diagnostics.warn(place.clone(), message).help(
-            "`unit` of its loader converts it (unit = \"mm\", <param type=\"string\" key=\"unit\" value=\"mm\"/>); \"m\" confirms metres",
+            "`unit` of its loader converts it (unit = \"mm\", <param type=\"string\" key=\"unit\" \
+             value=\"mm\"/>); \"m\" confirms metres",
         );
     }
     if reading.up.is_some() || part.transform.rotation.apply(DVec3::Z).z <= 0.999 {
@@ -70,11 +71,13 @@ fn report(
     let (doubt, help) = match super::expand::is_gltf(file) {
         true => (
             turned_doubt(own),
-            "`up` of its loader reads it as it is (up = \"z\", <param type=\"string\" key=\"up\" value=\"z\"/>); \"y\" confirms that y is up, the standard of glTF",
+            "`up` of its loader reads it as it is (up = \"z\", <param type=\"string\" key=\"up\" \
+             value=\"z\"/>); \"y\" confirms that y is up, the standard of glTF",
         ),
         false => (
             axis_doubt(own),
-            "`up` of its loader turns it (up = \"y\", <param type=\"string\" key=\"up\" value=\"y\"/>); \"z\" confirms that it is right",
+            "`up` of its loader turns it (up = \"y\", <param type=\"string\" key=\"up\" value=\"y\"/>); \
+             \"z\" confirms that it is right",
         ),
     };
     if let Some(message) = doubt {
@@ -294,8 +297,8 @@ mod tests {
             warnings_of_gltf([0.0, 0.0, 200.0], [500.0, 400.0, 230.0], |_| {}),
             warnings_of_gltf([476_000.0, 5_429_000.0, 110.0], [476_050.0, 5_429_050.0, 120.0], |_| {}),
         ] {
-            let is_told = lying.contains("lies on its side") && lying.contains("up = \"z\"");
-            assert!(is_told && lying.contains("town.gltf"), "{lying}");
+            let is_reported = lying.contains("lies on its side") && lying.contains("up = \"z\"");
+            assert!(is_reported && lying.contains("town.gltf"), "{lying}");
         }
         let up = |part: &mut PartRecipe, axis: UpAxis| {
             let Loader::MeshFiles { reading, .. } = &mut part.loader else { panic!() };

@@ -149,7 +149,7 @@ pub enum OffError {
         /// The expectation.
         expected: &'static str,
     },
-    /// A line of other numbers than those of the elements.
+    /// A line whose numbers do not match the elements.
     #[error("line {line}: expected the numbers of vertices, faces and edges, found \"{found}\"")]
     Counts {
         /// Number of the line.
@@ -185,7 +185,7 @@ pub enum OffError {
         /// The beginning of the line.
         found: String,
     },
-    /// A face with other numbers behind its corners than those of a colour.
+    /// A face with numbers after its corners that are not a colour.
     #[error("line {line}: expected {count} corners and the numbers of a colour, found {found} more numbers")]
     Colour {
         /// Number of the line.
@@ -326,7 +326,7 @@ pub enum GltfError {
     /// A sparse accessor of fewer bytes than its values need.
     #[error("a sparse accessor has fewer bytes than values; is the file truncated?")]
     ShortSparse,
-    /// A sparse accessor of other values than those of its accessor.
+    /// A sparse accessor whose values do not match its accessor.
     #[error("a sparse accessor replaces a value that is not there")]
     SparseOutOfRange,
     /// Elements that overlap.

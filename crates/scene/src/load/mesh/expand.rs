@@ -1,6 +1,6 @@
 //! glTF files as parts: each mesh that a node places is a part, an instance of its mesh as any other part. A
 //! part with an id, with motions, with swaps or with materials for faces by their numbers stays one part, and
-//! so does one that is dropped to the ground as a whole.
+//! so does a part that is dropped to the ground as a whole.
 
 use super::gltf::GltfDocument;
 use super::gltf_nodes::{PlacedMesh, similarity};
@@ -19,7 +19,7 @@ use vlscan_base::error::Result;
 use vlscan_geom::{Aabb, DVec3, Rotation};
 use vlscan_survey::{Loader, Mesh, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform};
 
-/// A part as it is in an epoch.
+/// A part in an epoch.
 pub(crate) struct EpochPart<'r> {
     pub recipe: Cow<'r, PartRecipe>,
     /// False for a part that has been swapped away.
@@ -56,7 +56,7 @@ pub(crate) fn parts_in_epoch<'r>(
     Ok(parts)
 }
 
-/// The parts of a glTF file; `None` for a part that stays as it is. `are_gltf` are the files that have been
+/// The parts of a glTF file; `None` for a part that does not change. `are_gltf` are the files that have been
 /// looked at.
 fn expand<'r>(
     scene: &mut SceneBuilder,

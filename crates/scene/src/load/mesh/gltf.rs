@@ -1,4 +1,4 @@
-//! Documents of glTF 2.0 (Khronos, ISO/IEC 12113:2022), as JSON with buffers beside it or within it, or as
+//! Documents of glTF 2.0 (Khronos, ISO/IEC 12113:2022), as JSON with buffers next to it or within it, or as
 //! GLB: buffers, accessors, meshes and materials. Triangles are read; points, lines, skins, morph targets and
 //! textures are not.
 
@@ -328,7 +328,8 @@ impl GltfDocument {
         Ok(())
     }
 
-    /// True if a compressed primitive has no uncompressed positions or indices beside the compressed ones.
+    /// True if a compressed primitive has no uncompressed positions or indices in addition to the compressed
+    /// ones.
     fn lacks_fallback(&self, primitive: &Primitive) -> bool {
         let accessors = primitive.attributes.get("POSITION").into_iter().chain(&primitive.indices);
         let has_data = |&accessor: &usize| {

@@ -1,4 +1,4 @@
-//! Buffers of glTF documents: the binary chunk of a GLB file, files beside the document, base64 within it.
+//! Buffers of glTF documents: the binary chunk of a GLB file, files next to the document, base64 within it.
 
 use super::GltfError;
 use crate::text::{Source, shown};
@@ -93,10 +93,10 @@ pub(super) fn open_buffer(
                     ));
                 }
                 let name = PathBuf::from(if is_respelled { with_slashes } else { written });
-                let is_beside =
+                let is_sibling =
                     name.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
                 let file = path.with_file_name(&name);
-                if !is_beside {
+                if !is_sibling {
                     let name = shown(&name.as_os_str().as_encoded_bytes()[..name.as_os_str().len().min(200)]);
                     return Err(GltfError::Elsewhere(name));
                 }

@@ -101,7 +101,7 @@ fn unused_optics(json: &MaterialJson) -> Option<String> {
     if is_glass || is_thin {
         transmit("KHR_materials_volume", "thicknessFactor");
     }
-    // An index of refraction by itself only changes the gloss.
+    // An index of refraction alone only changes the gloss.
     if let Some(ior) = number("KHR_materials_ior", "ior").filter(|_| !found.is_empty()) {
         found.push(format!("KHR_materials_ior {ior}"));
     }

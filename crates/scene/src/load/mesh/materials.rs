@@ -7,7 +7,7 @@
 //! ```
 //!
 //! The first line names the columns, of which `name` is required, in any order. A table is named by the
-//! loader, or is the file `materials.csv` beside a PLY, STL or glTF file.
+//! loader, or is the file `materials.csv` next to a PLY, STL or glTF file.
 
 use super::diffuse;
 use crate::text::printable;
@@ -21,7 +21,7 @@ use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_survey::{MaterialDefinition, MeshReading};
 use vlscan_tables::input::read_file;
 
-/// Name of the table that is looked for beside a mesh file.
+/// Name of the table that is searched next to a mesh file.
 const FILE_NAME: &str = "materials.csv";
 const COLUMNS: [&str; 6] = ["name", "reflectance", "class", "ground", "leaf", "spectrum"];
 const HELP: &str = "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), \
@@ -36,11 +36,11 @@ pub(super) struct MaterialTable {
 }
 
 impl MaterialTable {
-    /// The table that the loader names, or the one beside the mesh file `path`; `None` if there is none, and
-    /// after an error in it.
+    /// The table that the loader names, or the table next to the mesh file `path`; `None` if there is none,
+    /// and after an error in it.
     pub fn of(path: &Path, reading: &MeshReading, diagnostics: &mut Diagnostics) -> Option<MaterialTable> {
-        let beside = || Some(path.with_file_name(FILE_NAME)).filter(|table| reads::is_file(table));
-        let table = reading.materials.clone().or_else(beside)?;
+        let sibling = || Some(path.with_file_name(FILE_NAME)).filter(|table| reads::is_file(table));
+        let table = reading.materials.clone().or_else(sibling)?;
         if let Some(found) = foreign_file(&table, &Expected::MATERIAL_TABLE) {
             found.report(&table, diagnostics);
             return None;

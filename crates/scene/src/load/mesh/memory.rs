@@ -47,7 +47,7 @@ pub(crate) fn load_with(
             without_area += 1;
             continue;
         }
-        if scene.faces.are_wanted {
+        if scene.faces.are_requested {
             let face = face_of.get(i).map_or(i, |&face| face as usize);
             scene.faces.of_triangles.push((first_face + face) as u32);
         }

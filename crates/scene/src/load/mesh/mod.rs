@@ -230,7 +230,7 @@ fn report(scene: &mut SceneBuilder, path: &Path, error: MeshError) {
     scene.diagnostics.error(Some(Place::of_file(path)), error.to_string()).because_of(error);
 }
 
-/// A file of none of the formats that are read. The first bytes of a binary STL file are any.
+/// A file in an unknown format. A binary STL file can start with any bytes.
 fn foreign_format(source: &Source) -> Option<Foreign> {
     let bytes = source.bytes();
     let is_known = is_ply(bytes) || bytes.starts_with(b"glTF") || stl::is_stl(bytes);
@@ -303,7 +303,7 @@ fn load_obj(
     }
     let start = scene.end();
     let y_up = reading.up == Some(UpAxis::Y);
-    let (drop_polygons, number_faces) = (scene.options.drop_polygons, scene.faces.are_wanted);
+    let (drop_polygons, number_faces) = (scene.options.drop_polygons, scene.faces.are_requested);
     let lines = obj::Reading { y_up, drop_polygons, number_faces };
     obj::load(scene, part, source, lines, names)?;
     let unit_m = reading.metres_per_unit();

@@ -140,7 +140,7 @@ fn first_line(e: &impl ToString) -> String {
 struct Element {
     position: [f64; 3],
     corners: Vec<i64>,
-    /// True if the corners are floats, which are no indices.
+    /// True if the corners are floats instead of indices.
     has_fractions: bool,
 }
 

@@ -1,14 +1,14 @@
 //! Polygons as triangles: one rule for the faces of all mesh formats. A polygon is stored as a fan of
 //! triangles around its first corner while its file is read, when its corners may not be known yet;
-//! [`divide`] replaces the fans that do not fill their polygons, those of concave ones, by ear clipping in
-//! the plane of the polygon.
+//! [`divide`] replaces the fans that do not fill their polygons, which are concave, by ear clipping in the
+//! plane of the polygon.
 
 use earcut::Earcut;
 use rayon::prelude::*;
 use vlscan_geom::DVec3;
 
 /// A triangle that is left out without a word: ear clipping yields fewer triangles than the fan for polygons
-/// with corners on a straight line. No scene has so many vertices.
+/// with corners on a straight line. No scene has that many vertices.
 pub(crate) const UNUSED: [u32; 3] = [u32::MAX - 1; 3];
 
 /// Part of the polygon's area by which a triangle of a fan may be turned over, as rounding does with corners
@@ -49,7 +49,7 @@ impl Crossings {
 }
 
 /// Replaces the fans that do not fill their polygons. Triangles that become superfluous are [`UNUSED`];
-/// polygons with unknown corners stay as they are.
+/// polygons with unknown corners are kept.
 pub(crate) fn divide(fans: &[Fan], triangles: &mut [[u32; 3]], vertices: &[DVec3]) -> Option<Crossings> {
     let divided: Vec<Divided> = fans
         .par_iter()

@@ -27,7 +27,7 @@ fn begins_as_text(bytes: &[u8]) -> bool {
     start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))
 }
 
-/// True if the length is that of a binary file with the number of triangles that it states.
+/// True if the length matches a binary file with the stated number of triangles.
 fn is_binary(bytes: &[u8]) -> bool {
     stated_count(bytes).is_some_and(|n| {
         n > 0 && n.checked_mul(TRIANGLE_BYTES).is_some_and(|size| bytes.len() - HEADER_BYTES == size)

@@ -109,7 +109,7 @@ impl<'t> Grid<'t> {
             header.take(line)?;
         }
         let mut grid = header.grid()?;
-        // A height and what separates it take at least two bytes.
+        // A height and its separator take at least two bytes.
         let cells = grid.columns.checked_mul(grid.rows).filter(|cells| *cells <= MAX_CELLS);
         let (columns, rows) = (grid.columns, grid.rows);
         let cells = cells.ok_or(GridError::TooLarge { columns, rows })?;
@@ -135,7 +135,7 @@ impl<'t> Grid<'t> {
     }
 }
 
-/// Refuses grids with other numbers of heights than the header states. Rows may go on in further lines.
+/// Refuses grids with other numbers of heights than the header states. Rows may continue in further lines.
 fn check_counts(grid: &Grid, counts: &[(usize, usize)], last: usize, cells: usize) -> Result<(), GridError> {
     if grid.heights.len() == cells {
         return Ok(());

@@ -13,7 +13,7 @@ use vlscan_survey::PixelType;
 const MAX_BLOCK_PIXELS: u64 = 1 << 22;
 /// LERC's own compression: 0 none, 1 Deflate, 2 ZSTD.
 const LERC_PARAMETERS_TAG: Tag = Tag::Unknown(50674);
-/// Bytes that LERC may need beyond those of the numbers that it holds.
+/// Bytes that LERC may need in addition to its numbers.
 const MAX_LERC_OVERHEAD: usize = 1 << 16;
 
 /// A rectangle of pixels.
@@ -114,7 +114,7 @@ pub(super) struct Blocks {
     bits: usize,
     format: NumberFormat,
     is_tiled: bool,
-    /// True if each band has blocks of its own.
+    /// True if each band has separate blocks.
     is_planar: bool,
     compression: Compression,
     /// 1: none; 2: differences of neighbours; 3: differences of the bytes of floats.

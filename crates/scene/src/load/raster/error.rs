@@ -133,14 +133,14 @@ pub enum RasterError {
         height: usize,
     },
     /// A mask that cannot be used.
-    #[error("its mask{}: {source}", beside(.file))]
+    #[error("its mask{}: {source}", of_file(.file))]
     Mask {
         /// The file of the mask, if it has one.
         file: Option<PathBuf>,
         /// The reason.
         source: Box<RasterError>,
     },
-    /// A mask of another size than that of the raster.
+    /// A mask whose size differs from the raster's.
     #[error("it has {} x {} pixels, the raster {} x {}", .found.0, .found.1, .expected.0, .expected.1)]
     MaskSize {
         /// Numbers of columns and rows of the mask.
@@ -401,7 +401,7 @@ fn shown(bytes: &u64) -> String {
     quantity::bytes(*bytes)
 }
 
-fn beside(file: &Option<PathBuf>) -> String {
+fn of_file(file: &Option<PathBuf>) -> String {
     file.as_ref().map_or_else(String::new, |file| format!(" {}", file.display()))
 }
 

@@ -69,8 +69,8 @@ fn load(f: &mut Fixture, triangulate: bool) -> (Scene, String) {
 
 /// Compares the scene with `fields` height fields to the one with stored triangles.
 fn check(f: &mut Fixture, fields: usize) {
-    let ((field, told), (stored, expected)) = (load(f, false), load(f, true));
-    assert_eq!(told, expected);
+    let ((field, reported), (stored, expected)) = (load(f, false), load(f, true));
+    assert_eq!(reported, expected);
     assert_eq!((field.geometry.fields.len(), stored.geometry.fields.len()), (fields, 0));
     assert_eq!((field.shift, field.bounds, field.sizes()), (stored.shift, stored.bounds, stored.sizes()));
     assert_eq!((field.primitives(), stored.primitives()), (stored.primitives(), stored.numbers()));
@@ -295,7 +295,10 @@ fn a_raster_without_data_is_left_out() {
     let nothing = vec![NO_DATA; (COLUMNS * ROWS) as usize];
     add(&mut f, "none.tif", TiffFile::new(COLUMNS, &nothing).with(42_113, Values::Text("-9999")).bytes());
     f.obj("thing.obj", MESH);
-    let ((one, told), (other, expected)) = (load(&mut f, false), load(&mut f, true));
-    assert_eq!((told, one.primitives(), one.parts.len()), (expected, other.primitives(), other.parts.len()));
+    let ((one, reported), (other, expected)) = (load(&mut f, false), load(&mut f, true));
+    assert_eq!(
+        (reported, one.primitives(), one.parts.len()),
+        (expected, other.primitives(), other.parts.len())
+    );
     assert!(one.geometry.fields.is_empty());
 }

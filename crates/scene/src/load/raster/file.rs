@@ -13,7 +13,7 @@ use vlscan_base::store::FileBytes;
 /// The decoder of a file's directories.
 pub(super) type Directory<'a> = Decoder<BufReader<Reader<'a>>>;
 
-/// A file by its name, in the version that was found first.
+/// A file by its name, in the version that was read first.
 #[derive(Debug)]
 pub(super) struct RasterFile {
     path: PathBuf,

@@ -108,7 +108,7 @@ impl Georeference {
     }
 }
 
-/// The georeference of the current image: from its tags, otherwise from the world file beside it, otherwise
+/// The georeference of the current image: from its tags, otherwise from the world file next to it, otherwise
 /// `None`.
 pub(super) fn read(directory: &mut Directory, path: &Path) -> Result<Option<Georeference>, RasterError> {
     let is_point = keys::is_point(directory)?;

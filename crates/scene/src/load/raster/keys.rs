@@ -11,7 +11,7 @@ use vlscan_crs as crs;
 pub(super) use vlscan_crs::LengthUnit;
 use vlscan_tables::input::read_file;
 
-/// The unit of what states none.
+/// The unit of values that state none.
 pub(super) const METRES: &str = "metres";
 const MODEL_TYPE_KEY: u16 = 1024;
 const MODEL_IS_GEOGRAPHIC: u16 = 2;
@@ -69,7 +69,7 @@ pub(super) enum System {
 }
 
 impl System {
-    /// The system that the keys of a raster name, or the `.prj` file beside it.
+    /// The system that the keys of a raster name, or the `.prj` file next to it.
     pub fn of(directory: &mut Directory, path: &Path) -> Result<System, RasterError> {
         let code = epsg(directory, PROJECTED_SYSTEM_KEY).or_else(|| epsg(directory, GEOGRAPHIC_SYSTEM_KEY));
         if let Some(code) = code {

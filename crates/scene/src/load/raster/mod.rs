@@ -102,7 +102,7 @@ pub fn raster_needs(recipe: &SceneRecipe, options: &LoadOptions) -> Vec<RasterNe
 /// True if a raster can remain a height field: its triangles do not move, and have one material.
 pub(crate) fn keeps_grid(part: &PartRecipe) -> bool {
     let Transform { rotation, scale, .. } = part.transform;
-    // Of other factors and angles nothing remains that could be seen, or computed.
+    // Other factors and angles leave nothing to see or to compute.
     let is_similar = scale != 0.0 && scale.is_finite() && rotation.apply(DVec3::ONE).is_finite();
     part.motions.is_empty()
         && is_similar
@@ -176,7 +176,7 @@ pub(crate) fn load(
     scene.finish_mesh(&start)
 }
 
-/// Finds the grid of a raster, and reports what is read otherwise than one might expect. `None` if its files
+/// Finds the grid of a raster, and reports values that are read in an unexpected way. `None` if its files
 /// cannot be used, which is an error of the part.
 fn find(scene: &mut SceneBuilder, part: &PartSource, files: &RasterFiles) -> Result<Option<Mosaic>> {
     let mut warnings = Vec::new();

@@ -20,7 +20,8 @@ use vlscan_trace::{HeightGrid, Heights};
 /// Advice for a virtual raster that cannot be read.
 const ONE_RASTER: &str = "gdal_translate in.vrt out.tif makes one raster of it";
 /// Advice for a virtual raster whose type differs from that of a source.
-const OTHER_TYPE: &str = "write dataType=\"Float64\" in its <VRTRasterBand>, or give all files one type with gdal_translate -ot Float32 in.tif out.tif and make it anew with gdalbuildvrt";
+const OTHER_TYPE: &str = "write dataType=\"Float64\" in its <VRTRasterBand>, or give all files one type with \
+                          gdal_translate -ot Float32 in.tif out.tif and make it anew with gdalbuildvrt";
 
 /// Maximum distance of the pixels of a tile from those of the grid, pixels: coordinates of tiles are rounded.
 const MAX_OFFSET: f64 = 0.01;
@@ -113,7 +114,7 @@ impl Mosaic {
         let least = |axis: usize| starts.iter().map(|start| start[axis]).min().unwrap_or(0);
         let [left, top] = [least(0), least(1)];
         let placed = |at: usize| rasters[at].georeference.unwrap_or(grid).origin;
-        let of = |wanted: &dyn Fn(&[i64; 2]) -> bool| starts.iter().position(wanted).map(placed);
+        let of = |is_chosen: &dyn Fn(&[i64; 2]) -> bool| starts.iter().position(is_chosen).map(placed);
         let origin = match of(&|start| *start == [left, top]) {
             Some(origin) => origin,
             None if grid.is_upright() => {
@@ -269,7 +270,7 @@ impl Mosaic {
         mosaic.finished(warnings).map_err(|refusal| (None, refusal))
     }
 
-    /// Checks what concerns the whole grid.
+    /// Checks the whole grid.
     fn finished(mut self, warnings: &mut Vec<String>) -> Result<Mosaic, Refusal> {
         let first = &self.rasters[0];
         let path = self.path();
@@ -391,7 +392,7 @@ impl Mosaic {
         let top = tile.at[1] + part.top - tile.window.top - window.top;
         for (row, numbers) in (top..).zip(numbers.chunks_exact(part.width)) {
             let mut at = row * window.width + left;
-            // A tile without data leaves that of earlier ones.
+            // A tile without data keeps the data of earlier tiles.
             for run in numbers.chunk_by(|a, b| !tile.overlaps || a.is_nan() == b.is_nan()) {
                 if !(tile.overlaps && run[0].is_nan()) {
                     heights.set(at, run)?;

@@ -27,7 +27,7 @@ impl Refusal {
         Refusal::Unusable(path, Box::new(problem), "".into())
     }
 
-    /// Reports it as an error of the part, at `place` if it has one of its own.
+    /// Reports it as an error of the part, at `place` if it has a place.
     pub fn report(self, scene: &mut SceneBuilder, part: &PartSource, place: Option<Place>) -> Result<()> {
         let mut kind = ProblemKind::Invalid;
         let (message, help, problem) = match self {

@@ -1,4 +1,4 @@
-//! One raster: what its file says of its pixels, and the numbers in a window of them.
+//! One raster: the file's description of its pixels, and the numbers in a window.
 
 use super::blocks::{Blocks, Window};
 use super::error::{GridError, RasterError};
@@ -13,7 +13,7 @@ use tiff::decoder::{Decoder, Limits};
 use tiff::tags::Tag;
 use vlscan_base::recognise::{Expected, foreign, recognise};
 
-/// Photometric interpretation of images whose numbers are those of colours.
+/// Photometric interpretation of images whose numbers are colours.
 const PALETTE: u64 = 3;
 /// Bytes of a file by which formats are told apart.
 const START_BYTES: usize = 1 << 10;
@@ -37,7 +37,7 @@ pub(super) struct Raster {
     pub band: BandMetadata,
     /// Number that stands for no data.
     pub no_data: Option<f64>,
-    /// The band that says how opaque a pixel is.
+    /// The band with the opacity of the pixels.
     alpha: Option<usize>,
     pub mask: Option<Mask>,
     /// Values that are read in an unexpected way.
@@ -82,9 +82,9 @@ impl Raster {
             });
         }
         let Some(mask) = &self.mask else { return Ok((all, doubts)) };
-        let beside = mask.file.as_ref().map(RasterFile::open).transpose()?;
+        let mask_file = mask.file.as_ref().map(RasterFile::open).transpose()?;
         for block in mask.blocks.within(window) {
-            let found = mask.blocks.decode(beside.as_ref().unwrap_or(&open), block, &[0]);
+            let found = mask.blocks.decode(mask_file.as_ref().unwrap_or(&open), block, &[0]);
             let found = found.map_err(|e| RasterError::Mask { file: None, source: Box::new(e) })?;
             each_common(&window, &mask.blocks.extent(block), |to, from| {
                 if found.as_ref().is_none_or(|bands| bands[0][from] == 0.0) {
@@ -112,7 +112,7 @@ impl Raster {
             .collect()
     }
 
-    /// Number of bands beside those of heights and opacity.
+    /// Number of bands in addition to heights and opacity.
     pub fn other_bands(&self) -> usize {
         self.blocks.bands - 1 - usize::from(self.alpha.is_some())
     }
@@ -126,7 +126,7 @@ impl Raster {
     }
 }
 
-/// Minimum number of pixels that are read together, as far as there are so many.
+/// Minimum number of pixels that are read together, if the raster has that many.
 const MIN_PART_PIXELS: usize = 1 << 17;
 
 /// Visits the pixels that two windows have in common with their indices in both.
@@ -139,7 +139,7 @@ fn each_common(one: &Window, other: &Window, mut visit: impl FnMut(usize, usize)
     }
 }
 
-/// Why a file was not opened: what is wrong with a grid of text, or the error of the system.
+/// Why a file was not opened: a mistake in a grid of text, or the error of the system.
 fn refused(path: &Path, error: std::io::Error) -> Refusal {
     match error.downcast::<GridError>() {
         Ok(problem) => Refusal::unusable(path.to_path_buf(), problem.into()),

@@ -1,4 +1,4 @@
-//! Validity of the pixels of a raster: no-data values, masks within the file or beside it, alpha bands.
+//! Validity of the pixels of a raster: no-data values, masks within the file or next to it, alpha bands.
 
 use super::blocks::Blocks;
 use super::error::RasterError;
@@ -14,7 +14,7 @@ use vlscan_survey::PixelType;
 /// No-data value of rasters that state none (spec input-formats §4.3).
 const DEFAULT_NO_DATA: f64 = -1e10;
 /// Values that often stand for missing heights.
-const USUAL_NO_DATA: [f64; 5] = [-9999.0, -99_999.0, -32_768.0, -32_767.0, 65_535.0];
+const COMMON_NO_DATA: [f64; 5] = [-9999.0, -99_999.0, -32_768.0, -32_767.0, 65_535.0];
 /// Bit of the kind of an image that is a mask.
 const IS_MASK: u64 = 4;
 /// Photometric interpretation of masks.
@@ -26,12 +26,12 @@ const MAX_IMAGES: usize = 64;
 #[derive(Debug)]
 pub(super) struct Mask {
     pub blocks: Blocks,
-    /// The file beside the raster, if the mask is not within it.
+    /// The file next to the raster, if the mask is not within it.
     pub file: Option<RasterFile>,
 }
 
 impl Mask {
-    /// The mask of the raster `path` of this size, after its first image or in the file beside it.
+    /// The mask of the raster `path` of this size, after its first image or in the file next to it.
     pub fn find(
         directory: &mut Directory,
         path: &Path,
@@ -52,10 +52,10 @@ impl Mask {
                 return Ok(Some(Mask { blocks, file: None }));
             }
         }
-        Mask::beside(path, of)
+        Mask::in_sibling(path, of)
     }
 
-    fn beside(path: &Path, of: &Blocks) -> Result<Option<Mask>, RasterError> {
+    fn in_sibling(path: &Path, of: &Blocks) -> Result<Option<Mask>, RasterError> {
         let file = mask_file(path);
         if !reads::is_file(&file) {
             return Ok(None);
@@ -72,14 +72,14 @@ impl Mask {
     }
 }
 
-/// The file beside a raster in which GDAL keeps its mask.
+/// The file next to a raster in which GDAL keeps its mask.
 fn mask_file(path: &Path) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(".msk");
     PathBuf::from(name)
 }
 
-/// The band that says how opaque a pixel is, according to the kinds of the bands beyond those of the colour.
+/// The band with the opacity of the pixels, according to the kinds of the bands after the colours.
 pub(super) fn alpha_band(directory: &mut Directory, bands: usize) -> Result<Option<usize>, RasterError> {
     let tag = Tag::ExtraSamples;
     let kinds = directory.find_tag_unsigned_vec::<u16>(tag);
@@ -96,13 +96,13 @@ pub(super) struct NoData {
     is_stated: bool,
 }
 
-/// Pixels that are no heights or hardly ever, where the file states no no-data value.
+/// Pixels that are not heights, or hardly ever, in a file without a no-data value.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Doubts {
     /// Number of pixels beyond what can be a coordinate.
     beyond: usize,
     /// Number of pixels of each of the usual no-data values.
-    usual: [usize; USUAL_NO_DATA.len()],
+    common: [usize; COMMON_NO_DATA.len()],
 }
 
 impl NoData {
@@ -130,9 +130,9 @@ impl NoData {
             return false;
         }
         if !self.is_stated
-            && let Some(i) = USUAL_NO_DATA.iter().position(|usual| *usual == number)
+            && let Some(i) = COMMON_NO_DATA.iter().position(|common| *common == number)
         {
-            doubts.usual[i] += 1;
+            doubts.common[i] += 1;
         }
         true
     }
@@ -141,7 +141,7 @@ impl NoData {
 impl Doubts {
     pub fn add(&mut self, other: Doubts) {
         self.beyond += other.beyond;
-        self.usual.iter_mut().zip(other.usual).for_each(|(count, more)| *count += more);
+        self.common.iter_mut().zip(other.common).for_each(|(count, more)| *count += more);
     }
 
     /// The warnings about them.
@@ -154,7 +154,7 @@ impl Doubts {
                 self.beyond
             ));
         }
-        for (value, count) in USUAL_NO_DATA.iter().zip(self.usual).filter(|(_, count)| *count > 0) {
+        for (value, count) in COMMON_NO_DATA.iter().zip(self.common).filter(|(_, count)| *count > 0) {
             all.push(format!(
                 "{count} pixels are {value}, which often means no data; the file states no such value, and \
                  they are taken as heights (gdal_edit.py -a_nodata {value} in.tif makes them holes)"

@@ -3,7 +3,7 @@
 use crate::text::Problems;
 use std::ops::Range;
 
-/// Plant area density above which a value is probably not one, 1/m: that of dense hedges is about 20.
+/// Plant area density above which a value is probably a mistake, 1/m: dense hedges have about 20.
 const MAX_USUAL_DENSITY: f64 = 1000.0;
 
 /// Columns and limits that all rows of a file share.
@@ -84,7 +84,7 @@ impl CellCheck {
         (self.unknown > 0).then(|| format!("{} {cells} no density (NaN)", self.unknown))
     }
 
-    /// Warns of what is doubtful, at the end of the file.
+    /// Warns of doubtful values, at the end of the file.
     pub fn report(&self, split: [f64; 3], line: usize, at: Range<usize>, problems: &mut Problems) {
         if self.rows == 0 {
             return problems.warn(line, at, || "the file has no voxels".to_owned());

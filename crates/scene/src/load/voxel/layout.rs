@@ -75,7 +75,7 @@ impl Layout {
         match Layout::of_names(&names) {
             Ok(layout) => {
                 let used = &names[layout.density];
-                // Other programs have names of their own, such as pad_capped.
+                // Other programs have other names, such as pad_capped.
                 let is_misspelt = !DENSITY_NAMES.contains(&used.as_str());
                 if is_misspelt && nearest(used, DENSITY_NAMES).is_some() {
                     problems.warn(line.number, at.clone(), || {

@@ -1,5 +1,5 @@
 //! AMAPVox vegetation voxels (spec input-formats §4.5). Their header is in `header`, their columns are in
-//! `layout`, and `cells` has what a file says about its cells as a whole.
+//! `layout`, and `cells` holds the properties of all cells of a file.
 
 mod cells;
 mod header;

@@ -41,7 +41,7 @@ const PLACES_PER_TRACK: u32 = 33;
 const COARSE_FREQUENCY: u32 = 200;
 /// Bytes of a sample of the trajectory as text, about.
 const BYTES_PER_POSE: f64 = 95.0;
-/// Uncertainty of times beside that of the sample: the machine's own ups and downs.
+/// Uncertainty of times in addition to the sample's: variation of the machine's speed.
 const MIN_TIME_UNCERTAINTY: f64 = 0.1;
 
 /// A number with its relative uncertainty (two standard errors).
@@ -77,7 +77,7 @@ pub struct LegEstimate {
 /// A file that the run will write.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FileEstimate {
-    /// Path, or what the file is.
+    /// Path, or a description of the file.
     pub name: String,
     /// Kind of its records: points, waveforms, pulses, poses.
     pub content: &'static str,
@@ -90,7 +90,7 @@ pub struct FileEstimate {
 pub struct Missed {
     /// Fraction of the pulses without an echo.
     pub pulses: f64,
-    /// Fraction of the pulses that pass beside the scene's box.
+    /// Fraction of the pulses that miss the scene's box.
     pub beside_scene: f64,
     /// Fraction of the pulses for which the scene's box is nearer or farther than the scanner measures.
     pub out_of_range: f64,
@@ -336,13 +336,15 @@ impl Observations<'_> {
             threads: session.settings().schedule.threads,
         };
         let legs = self.legs();
-        let aim = control.progress.aim().sum;
-        let of_aim = |count: u64| if aim.sampled > 0 { count as f64 / aim.sampled as f64 } else { 0.0 };
+        let beam_counts = control.progress.beam_counts().sum;
+        let of_sampled = |count: u64| {
+            if beam_counts.sampled > 0 { count as f64 / beam_counts.sampled as f64 } else { 0.0 }
+        };
         let is_empty = |leg: &&LegEstimate| leg.pulses > 0.0 && leg.points == Some(0.0);
         let missed = Missed {
             pulses: if sampled_pulses > 0.0 { 1.0 - sum(|s| s.hits) / sampled_pulses } else { 0.0 },
-            beside_scene: of_aim(aim.sampled - aim.towards),
-            out_of_range: of_aim(aim.towards - aim.within),
+            beside_scene: of_sampled(beam_counts.sampled - beam_counts.towards),
+            out_of_range: of_sampled(beam_counts.towards - beam_counts.within),
             area: if coverage.scene > 0.0 { 1.0 - coverage.covered / coverage.scene } else { 0.0 },
             legs: legs.iter().filter(is_empty).map(|leg| leg.leg).collect(),
         };
@@ -394,9 +396,9 @@ impl Observations<'_> {
     /// The files with their sizes, in proportion to those of the sample.
     fn files(&self, [empty, written]: &[OutputSummary; 2], scale: f64) -> Vec<FileEstimate> {
         // A file of the sample, scaled but for what an empty one has already.
-        let bytes_of = |is_wanted: &dyn Fn(&FileSummary) -> bool| {
+        let bytes_of = |is_selected: &dyn Fn(&FileSummary) -> bool| {
             let sum = |of: &OutputSummary| {
-                of.files.iter().filter(|f| is_wanted(f)).map(|f| f.bytes as f64).sum::<f64>()
+                of.files.iter().filter(|f| is_selected(f)).map(|f| f.bytes as f64).sum::<f64>()
             };
             let (fixed, all) = (sum(empty), sum(written));
             fixed + (all - fixed).max(0.0) * scale

@@ -68,7 +68,8 @@ impl AngleCheck {
             let explained = as_degrees > MAX_DEVIATION && as_radians < MAX_DEVIATION;
             if self.tilt <= MAX_TILT && self.yaw <= TAU + 0.01 && explained {
                 return Some(self.radians_as_degrees(format!(
-                    "; read as radians the heading {yaw} is {as_radians:.0}° off the course, as degrees {as_degrees:.0}°"
+                    "; read as radians the heading {yaw} is {as_radians:.0}° off the course, as degrees \
+                     {as_degrees:.0}°"
                 )));
             }
             return self.check_small();
@@ -94,7 +95,8 @@ impl AngleCheck {
 
     fn radians_as_degrees(&self, why: String) -> Finding {
         let message = format!(
-            "the angles look like radians but are read as degrees: roll and pitch stay within ±{}, yaw within ±{}{why}",
+            "the angles look like radians but are read as degrees: roll and pitch stay within ±{}, yaw \
+             within ±{}{why}",
             short(self.tilt),
             short(self.yaw)
         );

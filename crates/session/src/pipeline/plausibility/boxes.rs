@@ -4,7 +4,7 @@ use super::finding::Finding;
 use vlscan_base::quantity::{fixed, metres};
 use vlscan_geom::{Aabb, DVec3, UtmZone};
 
-/// Upper bound of the range assumed of a scanner, whatever its settings, m.
+/// Upper bound of the assumed range of a scanner with any settings, m.
 pub(super) const MAX_REACH: f64 = 20_000.0;
 /// Usual heights of a flight above the highest point of its scene, m.
 const MIN_CLEARANCE: f64 = 10.0;
@@ -48,7 +48,7 @@ pub(super) fn compare(who: &str, scene: &Aabb, flight: &Aabb, reach: f64) -> Opt
     })
 }
 
-/// Returns the likely cause of a flight beside its scene.
+/// Returns the likely cause of a flight that misses its scene.
 pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
     let (s, f) = (scene.centre(), flight.centre());
     let apart = (f - s).abs();
@@ -58,26 +58,29 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
     let scaled =
         |by: f64| is_displaced && overlaps(scene, &Aabb { min: flight.min * by, max: flight.max * by });
     if is_degrees(scene) && !is_degrees(flight) {
-        return "the scene's coordinates look like degrees of longitude and latitude; project it to metres first".to_owned();
+        return "the scene's coordinates look like degrees of longitude and latitude; project it to metres \
+                first"
+            .to_owned();
     }
     if is_projected_onto(f, s) {
-        return "the flight's x and y look like longitude and latitude; name its columns lon and lat, so that they are \
-                projected (--trajectory-columns)"
+        return "the flight's x and y look like longitude and latitude; name its columns lon and lat, so that \
+                they are projected (--trajectory-columns)"
             .to_owned();
     }
     if is_grid(s) != is_grid(f) && (is_local(s) || is_local(f)) {
         let (grid, local) = if is_grid(s) { ("scene", "flight") } else { ("flight", "scene") };
         let by = s - f;
         return format!(
-            "the {grid} has coordinates of a grid such as UTM, the {local} has local ones; use one system for both: move the \
-             {local} by {:.0}, {:.0}, or the {grid} by the opposite (a translate filter moves a scene)",
+            "the {grid} has coordinates of a grid such as UTM, the {local} has local ones; use one system \
+             for both: move the {local} by {:.0}, {:.0}, or the {grid} by the opposite (a translate filter \
+             moves a scene)",
             if grid == "scene" { by.x } else { -by.x },
             if grid == "scene" { by.y } else { -by.y }
         );
     }
     if (apart.y - 1e7).abs() < 1e5 {
-        return "the northings differ by 10,000 km, the false northing of the southern hemisphere; name the zone with its \
-                hemisphere, as in --utm-zone 33S"
+        return "the northings differ by 10,000 km, the false northing of the southern hemisphere; name the \
+                zone with its hemisphere, as in --utm-zone 33S"
             .to_owned();
     }
     if is_grid(s)
@@ -86,7 +89,8 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
         && apart.y < 0.2 * apart.x
     {
         return format!(
-            "the eastings differ by {}, as between neighbouring UTM zones; project both to the same zone (--utm-zone)",
+            "the eastings differ by {}, as between neighbouring UTM zones; project both to the same zone \
+             (--utm-zone)",
             metres(apart.x)
         );
     }
@@ -113,9 +117,9 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
 /// A hint at a height in centimetres or millimetres, where a flight in metres would be a usual distance above
 /// the scene.
 pub(super) fn in_centimetres(scene: &Aabb, height: f64) -> Option<String> {
-    let usual = scene.max.z + MIN_CLEARANCE..=scene.max.z + MAX_CLEARANCE;
+    let plausible = scene.max.z + MIN_CLEARANCE..=scene.max.z + MAX_CLEARANCE;
     let units = [("centimetres", "cm", 0.01), ("millimetres", "mm", 0.001)];
-    let (unit, symbol, factor) = units.into_iter().find(|(.., unit)| usual.contains(&(height * unit)))?;
+    let (unit, symbol, factor) = units.into_iter().find(|(.., unit)| plausible.contains(&(height * unit)))?;
     let hint = format!("if its heights are in {unit}, {height:.0} {symbol} are {:.0} m", height * factor);
     Some(hint + "; `z[cm]` and `z[mm]` in the heading of a trajectory convert them")
 }
@@ -123,18 +127,20 @@ pub(super) fn in_centimetres(scene: &Aabb, height: f64) -> Option<String> {
 /// Returns the likely cause of a wrong height of a flight, `depth` metres below the ground or the scene.
 pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
     if flight.min.z.abs().max(flight.max.z.abs()) < 1e-6 {
-        return "all heights of the flight are 0: the column of heights is missing or wrong; name it with --trajectory-columns, or give legs a z or onGround"
+        return "all heights of the flight are 0: the column of heights is missing or wrong; name it with \
+                --trajectory-columns, or give legs a z or onGround"
             .to_owned();
     }
     if UNDULATION.contains(&depth) {
         return format!(
-            "the heights differ as those above the ellipsoid (GNSS, SBET) and those above a geoid do, by {:.0} m or more; --height-offset adds \
-             metres to those of a trajectory, onGround=\"true\" puts a leg on the ground",
+            "the heights differ as those above the ellipsoid (GNSS, SBET) and those above a geoid do, by \
+             {:.0} m or more; --height-offset adds metres to those of a trajectory, onGround=\"true\" puts a \
+             leg on the ground",
             depth.ceil()
         );
     }
-    "heights of flight and scene must be in metres above the same level; --height-offset adds metres to those of a \
-     trajectory, onGround=\"true\" puts a leg on the ground"
+    "heights of flight and scene must be in metres above the same level; --height-offset adds metres to \
+     those of a trajectory, onGround=\"true\" puts a leg on the ground"
         .to_owned()
 }
 

@@ -45,7 +45,8 @@ pub fn check_noise(survey: &Survey, options: &PhysicsOptions) -> Diagnostics {
     let is_noise = |key: &&WrittenKey| matches!(key.key.key, "nep_w" | "snr" | "background_w");
     let place = survey.scanner.written.iter().find(is_noise).map(|written| written.place.clone());
     found.warn(place.or_else(|| survey_place(survey)), message).help(format!(
-        "a threshold of 6 times the noise, {:.2e} W, has hardly any: raise received_energy_min_w, lower nep_w, or limit range_max_m",
+        "a threshold of 6 times the noise, {:.2e} W, has hardly any: raise received_energy_min_w, lower \
+         nep_w, or limit range_max_m",
         SAFE_THRESHOLD * alarms.sigma
     ));
     found
@@ -69,14 +70,15 @@ pub fn check_energy_model(survey: &Survey, options: &PhysicsOptions) -> Diagnost
     found
 }
 
-/// Warns of channels whose wavelength is not that of the first one, at which the spectra of a scene are read.
+/// Warns of channels whose wavelength differs from the first one's, at which the spectra of a scene are read.
 pub fn check_wavelengths(survey: &Survey) -> Diagnostics {
     let mut found = Diagnostics::default();
     let mut wavelengths = survey.scanner.devices.iter().map(|device| device.beam.wavelength);
     let Some(first) = wavelengths.next() else { return found };
     if let Some(other) = wavelengths.find(|wavelength| *wavelength != first) {
         let message = format!(
-            "the materials of the scene have spectra, which are evaluated at the {first} nm of the first channel, even for the channel with {other} nm"
+            "the materials of the scene have spectra, which are evaluated at the {first} nm of the first \
+             channel, even for the channel with {other} nm"
         );
         found
             .warn(survey_place(survey), message)
@@ -102,8 +104,8 @@ fn check_waveform(device: &Device, corrections: &Corrections, found: &mut Diagno
     } else if count_echoes_of_one_pulse(device, corrections) == Some(0) {
         let (message, help) = if device.receiver.pulse_shape.is_some() && corrections.receiver {
             let message = format!(
-                "in bins of {bin} ns (`{bin_key}`) no sample of the pulse's shape is higher than its neighbours: no echo is \
-                 detected"
+                "in bins of {bin} ns (`{bin_key}`) no sample of the pulse's shape is higher than its \
+                 neighbours: no echo is detected"
             );
             (message, format!("a flat top is not a peak; change the pulse shape or `{bin_key}`"))
         } else {
@@ -125,14 +127,15 @@ fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagn
     let devices = &survey.scanner.devices;
     let help = "`--physics refined` computes it by the lidar equation";
     if !corrections.waist_at_exit && devices.iter().any(|device| device.detector.range_min == 0.0) {
-        let message = "with a minimum range of 0 m the physics of HELIOS++, which focuses the beam there, receives \
-                       nothing; the waist of the beam is placed at the exit";
+        let message = "with a minimum range of 0 m the physics of HELIOS++, which focuses the beam there, \
+                       receives nothing; the waist of the beam is placed at the exit";
         found.warn(survey_place(survey), message).help(help);
     }
     let of_scanner = devices.iter().any(|device| device.beam.divergence == 0.0);
     let leg = survey.legs.iter().find(|leg| leg.scanner.active && leg.scanner.beam_divergence == 0.0);
     if of_scanner || leg.is_some() {
-        let message = "with a divergence of 0 rad the physics of HELIOS++ gives NaN amplitudes; all energy is placed on the axis of the beam";
+        let message = "with a divergence of 0 rad the physics of HELIOS++ gives NaN amplitudes; all energy \
+                       is placed on the axis of the beam";
         let of_leg = leg.filter(|_| !of_scanner).and_then(|leg| leg.place.clone());
         found.warn(of_leg.or_else(|| survey_place(survey)), message).help(help);
     }
@@ -192,8 +195,11 @@ mod tests {
             check_wavelengths(&survey(devices)).text()
         };
         assert_eq!((wavelengths(&[532.0]), wavelengths(&[905.0, 905.0])), (String::new(), String::new()));
-        let told = wavelengths(&[1064.0, 1064.0, 532.0]);
-        assert!(told.contains("at the 1064 nm of the first channel") && told.contains("532 nm"), "{told}");
+        let reported = wavelengths(&[1064.0, 1064.0, 532.0]);
+        assert!(
+            reported.contains("at the 1064 nm of the first channel") && reported.contains("532 nm"),
+            "{reported}"
+        );
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Detection of inputs that are valid but hardly intended: a flight beside its scene or below its terrain,
+//! Detection of inputs that are valid but hardly intended: a flight outside its scene or below its terrain,
 //! radians read as degrees, a run that hits almost nothing. Each is a warning that names cause and remedy,
 //! and an error under [`Settings::strict`].
 //!
@@ -26,7 +26,7 @@ mod points;
 mod poses;
 mod view;
 
-use super::aim::AimTarget;
+use super::beam_counts::BeamTarget;
 #[cfg(doc)]
 use super::settings::Settings;
 use angles::AngleCheck;
@@ -48,11 +48,11 @@ use vlscan_trace::Tree;
 const PLACES_PER_LEG: u32 = 33;
 
 /// Returns the scene properties that the beams of a survey are compared with.
-pub fn target(survey: &Survey, scene: &Scene) -> AimTarget {
+pub fn target(survey: &Survey, scene: &Scene) -> BeamTarget {
     let detectors = survey.scanner.devices.iter().map(|d| &d.detector);
     let min = detectors.clone().map(|d| d.range_min).fold(f64::INFINITY, f64::min);
     let max = detectors.map(|d| d.range_max).fold(0.0, f64::max);
-    AimTarget { bounds: scene.bounds, ranges: [min.min(max), max] }
+    BeamTarget { bounds: scene.bounds, ranges: [min.min(max), max] }
 }
 
 /// Checks a planned flight over its scene before the first pulse.
@@ -101,7 +101,7 @@ pub fn check_flight(survey: &Survey, scene: &Scene, tree: &Tree, flight: &Flight
     found
 }
 
-/// Checks what the beams of a flight see.
+/// Checks the view of the beams of a flight.
 fn check_view(
     survey: &Survey,
     scene: &Scene,

@@ -9,9 +9,9 @@ use vlscan_geom::DVec3;
 const MAX_DURATION: f64 = 86_400.0;
 /// Speed below which a flight is reported, m/s.
 const MIN_SPEED: f64 = 0.1;
-/// Length of a flight from which its speed counts, m: below it a platform stands, and what moves is noise.
+/// Length of a flight from which its speed counts, m: below it a platform stands, and its motion is noise.
 const MIN_LENGTH: f64 = 10.0;
-/// Distance between two poses from which their speed counts by itself, m.
+/// Minimum distance between two poses for which their speed alone counts, m.
 const MIN_STEP: f64 = 0.5;
 /// Steps of a flight from whose pace alone milliseconds are recognised while it is flown.
 const EARLY_STEPS: u32 = 3;
@@ -19,7 +19,7 @@ const EARLY_STEPS: u32 = 3;
 const MIN_LEAP: f64 = 50.0;
 /// Speed above which a flight is reported, m/s: aeroplanes with the wind reach 340.
 const MAX_SPEED: f64 = 350.0;
-/// Height above which speeds are those of satellites, m.
+/// Height above which speeds of satellites are plausible, m.
 const MIN_ORBIT: f64 = 100_000.0;
 /// Unit of times that are thousandths, for messages.
 const REMEDY: &str =
@@ -113,7 +113,7 @@ impl Pace {
     /// Finds a flight that hardly moves, or lasts for days.
     pub fn find_slow(&self) -> Option<Finding> {
         let (Some(first), Some((last, _))) = (self.first, self.last) else { return None };
-        Pace::judge(last - first, self.length)
+        Pace::assess(last - first, self.length)
     }
 
     fn find_fast(&self) -> Option<Finding> {
@@ -140,7 +140,7 @@ impl Pace {
         ))
     }
 
-    fn judge(seconds: f64, length: f64) -> Option<Finding> {
+    fn assess(seconds: f64, length: f64) -> Option<Finding> {
         let speed = length / seconds;
         let is_slow = length >= MIN_LENGTH && speed < MIN_SPEED;
         (is_slow || seconds > MAX_DURATION).then(|| Pace::finding(seconds, length))

@@ -2,7 +2,7 @@
 
 use super::finding::Finding;
 use super::{boxes, flight_place, ground, is_recording, target, view};
-use crate::pipeline::aim::{Aim, AimLog, SampledBeam};
+use crate::pipeline::beam_counts::{BeamCounts, BeamLog, SampledBeam};
 use crate::pipeline::progress::Progress;
 use crate::pipeline::settings::Settings;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -44,13 +44,13 @@ impl YieldCheck<'_> {
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) where warnings are errors.
     pub fn run(&self, progress: &Progress) -> Result<()> {
-        let (done, aim) = (progress.snapshot(), progress.aim());
+        let (done, beam_counts) = (progress.snapshot(), progress.beam_counts());
         // Beams that met the scene are not explained by where the flight is.
-        let is_weak = done.echoes == 0 && aim.sum.weak.count > 0;
+        let is_weak = done.echoes == 0 && beam_counts.sum.weak.count > 0;
         if self.is_reported.load(Relaxed) && !is_weak {
             return Ok(());
         }
-        if let Some(finding) = self.find(done.pulses, done.echoes, &aim) {
+        if let Some(finding) = self.find(done.pulses, done.echoes, &beam_counts) {
             self.is_reported.store(true, Relaxed);
             let found = finding.into_warning(flight_place(&self.settings.survey));
             (self.observer)(Notice::Warnings(found.finish(self.settings.strict)?));
@@ -59,23 +59,23 @@ impl YieldCheck<'_> {
     }
 
     /// Finds a run with too few points for its pulses.
-    fn find(&self, pulses: u64, echoes: u64, log: &AimLog) -> Option<Finding> {
+    fn find(&self, pulses: u64, echoes: u64, log: &BeamLog) -> Option<Finding> {
         let scene = self.scene;
-        let (target, aim) = (target(&self.settings.survey, scene), &log.sum);
+        let (target, beam_counts) = (target(&self.settings.survey, scene), &log.sum);
         if pulses == 0 {
-            let help = "a leg fires when it is active and lasts for at least one pulse period; an oscillating or rotating mirror \
-                        fires within its scan angle";
+            let help = "a leg fires when it is active and lasts for at least one pulse period; an \
+                        oscillating or rotating mirror fires within its scan angle";
             return Some(Finding::new("no pulse was fired: no leg is active, or all are too short", help));
         }
         let fired = pulses as f64;
-        let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
-        let (towards, within) = (of_sampled(aim.towards), of_sampled(aim.within));
+        let of_sampled = |count: u64| count as f64 / (beam_counts.sampled as f64).max(1.0);
+        let (towards, within) = (of_sampled(beam_counts.towards), of_sampled(beam_counts.within));
         let share = echoes as f64 / fired;
         let fits = |share: f64| {
             view::in_feet(&scene.bounds, scene.shift.z, log.beams.entries(), target.ranges, share)
         };
         let bounds = scene.bounds.translated(scene.shift);
-        let flight = aim.origins.translated(scene.shift);
+        let flight = beam_counts.origins.translated(scene.shift);
         let above = flight.min.z - bounds.max.z;
         let unit = || match above > MAX_HEIGHT {
             true => boxes::in_centimetres(&bounds, flight.centre().z).or_else(|| fits(0.0)),
@@ -92,10 +92,10 @@ impl YieldCheck<'_> {
             );
             return Some(Finding::new(message, help));
         }
-        let seen_if_stronger = (echoes + aim.weak.count) as f64 / fired;
-        let is_weak = echoes == 0 && aim.weak.count > 0;
+        let seen_if_stronger = (echoes + beam_counts.weak.count) as f64 / fired;
+        let is_weak = echoes == 0 && beam_counts.weak.count > 0;
         if is_weak || seen_if_stronger >= MIN_YIELD && seen_if_stronger >= MIN_YIELD_WITHIN * within {
-            return Some(self.too_weak(pulses, echoes, aim, unit()));
+            return Some(self.too_weak(pulses, echoes, beam_counts, unit()));
         }
         let message = format!(
             "{} for {}: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
@@ -116,10 +116,10 @@ impl YieldCheck<'_> {
 impl YieldCheck<'_> {
     /// The cause of few points, with advice, where most beams do not meet the scene. The boxes are those of
     /// scene and flight, world coordinates.
-    fn cause(&self, log: &AimLog, ranges: [f64; 2], [scene, flight]: [&Aabb; 2]) -> String {
-        let (mount, aim) = (self.settings.survey.platform.mount, &log.sum);
-        let of_sampled = |count: u64| count as f64 / (aim.sampled as f64).max(1.0);
-        let towards = of_sampled(aim.towards);
+    fn cause(&self, log: &BeamLog, ranges: [f64; 2], [scene, flight]: [&Aabb; 2]) -> String {
+        let (mount, beam_counts) = (self.settings.survey.platform.mount, &log.sum);
+        let of_sampled = |count: u64| count as f64 / (beam_counts.sampled as f64).max(1.0);
+        let towards = of_sampled(beam_counts.towards);
         let above = flight.min.z - scene.max.z;
         let gap = (scene.min - flight.max).max(flight.min - scene.max).max(DVec3::ZERO);
         let across = gap.x.hypot(gap.y);
@@ -144,19 +144,22 @@ impl YieldCheck<'_> {
         } else if above > MAX_HEIGHT {
             format!("the flight is {} above the scene; heights of both must be in metres", metres(above))
         } else if towards < 0.5 && mount.rotation == Rotation::IDENTITY {
-            "no mount turns the scanner towards the scene: name the platform it is mounted on ([platform] catalogue = \
-             \"data/platforms.xml#sr22\"), or give it a mount of its own"
+            "no mount turns the scanner towards the scene: name the platform it is mounted on ([platform] \
+             catalogue = \"data/platforms.xml#sr22\"), or give it a mount of its own"
                 .to_owned()
-        } else if of_sampled(aim.upwards) > MIN_SHARE_UPWARDS {
-            "all beams point upwards: the scanner's mount, or roll and pitch of the flight, turn it the wrong way"
+        } else if of_sampled(beam_counts.upwards) > MIN_SHARE_UPWARDS {
+            "all beams point upwards: the scanner's mount, or roll and pitch of the flight, turn it the \
+             wrong way"
                 .to_owned()
         } else if towards < 0.5 {
-            "the beams miss the scene: attitude, mount or scan angle point them elsewhere, or the flight passes beside it; `vlscan pulses` shows origins and directions"
+            "the beams miss the scene: attitude, mount or scan angle point them elsewhere, or the flight \
+             passes beside it; `vlscan pulses` shows origins and directions"
                 .to_owned()
         } else if let Some(advice) = self.limits_missed(log, ranges) {
             advice
         } else {
-            "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene info` shows what it contains"
+            "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene \
+             info` shows what it contains"
                 .to_owned()
         }
     }
@@ -168,8 +171,14 @@ impl YieldCheck<'_> {
     }
 
     /// The finding of a run whose pulses hit, and whose detector needs more light than comes back.
-    fn too_weak(&self, pulses: u64, echoes: u64, aim: &Aim, height: Option<String>) -> Finding {
-        let weak = &aim.weak;
+    fn too_weak(
+        &self,
+        pulses: u64,
+        echoes: u64,
+        beam_counts: &BeamCounts,
+        height: Option<String>,
+    ) -> Finding {
+        let weak = &beam_counts.weak;
         let corrections = &self.settings.physics.corrections;
         let unit = match corrections.threshold_in_watts {
             true => "",
@@ -187,19 +196,21 @@ impl YieldCheck<'_> {
             amount(pulses.saturating_sub(weak.count + echoes) as f64)
         );
         let help = if corrections.radiometry {
-            "fly lower (the power falls with the square of the range), or give the scanner more pulse_energy_uj (the energy of a pulse \
-             falls with the pulse rate if only average_power_w is given), more receiver_diameter_m, a lower received_energy_min_w, a \
-             max_range, or more visibility_km for a long way through haze; `vlscan scene info` lists the reflectances (0 to 1)"
+            "fly lower (the power falls with the square of the range), or give the scanner more \
+             pulse_energy_uj (the energy of a pulse falls with the pulse rate if only average_power_w is \
+             given), more receiver_diameter_m, a lower received_energy_min_w, a max_range, or more \
+             visibility_km for a long way through haze; `vlscan scene info` lists the reflectances (0 to 1)"
         } else {
-            "--physics refined computes received power in watts; in --physics helios it falls with the fourth power of the range, so \
-             fly lower, or give reflectances (`vlscan scene info` lists them) and the threshold in its units"
+            "--physics refined computes received power in watts; in --physics helios it falls with the \
+             fourth power of the range, so fly lower, or give reflectances (`vlscan scene info` lists them) \
+             and the threshold in its units"
         };
         Finding::new(message, height.map_or(help.to_owned(), |hint| format!("{hint}; {help}")))
     }
 
     /// Advice where most of the surfaces that beams meet are nearer, or most are farther, than the scanner
     /// measures.
-    fn limits_missed(&self, log: &AimLog, [nearest, farthest]: [f64; 2]) -> Option<String> {
+    fn limits_missed(&self, log: &BeamLog, [nearest, farthest]: [f64; 2]) -> Option<String> {
         let cast = |beam: &SampledBeam| {
             let hit = self.scene.nearest_where(self.tree, beam.origin, beam.direction, |_, _| true);
             hit.map(|hit| hit.t)
@@ -270,11 +281,20 @@ mod tests {
         let scene = Scene { bounds: geometry.bounds(), geometry, ..Scene::default() };
         let tree = scene.tree(&BuildOptions::of(Builder::Bvh));
         let (place, [towards, within, upwards]) = (DVec3::from(place), beams);
-        let mut aim = AimLog::default();
+        let mut beam_counts = BeamLog::default();
         let origins = Aabb::around([place]);
         let weak = WeakPulses { count: weak, strongest: 3.0, threshold: 10.0 };
         let beam = Some(SampledBeam { origin: place, direction: -DVec3::Z });
-        aim.add(&Aim { sampled: 100, towards, within, upwards, origins, beam, aimed: beam, weak });
+        beam_counts.add(&BeamCounts {
+            sampled: 100,
+            towards,
+            within,
+            upwards,
+            origins,
+            beam,
+            aimed: beam,
+            weak,
+        });
         let path = std::path::Path::new("../../fixtures/room/survey.xml");
         let mut settings = Settings::new(read_survey(path, &ReadOptions::default()).unwrap().0);
         let detector = &mut settings.survey.scanner.devices[0].detector;
@@ -288,7 +308,7 @@ mod tests {
             is_reported: &AtomicBool::new(false),
             observer: &|_| (),
         };
-        check.find(10_000, echoes, &aim)
+        check.find(10_000, echoes, &beam_counts)
     }
 
     #[test]

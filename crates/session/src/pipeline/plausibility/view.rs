@@ -3,7 +3,7 @@
 
 use super::boxes;
 use super::finding::Finding;
-use crate::pipeline::aim::SampledBeam;
+use crate::pipeline::beam_counts::SampledBeam;
 use vlscan_base::quantity::metres;
 use vlscan_geom::{Aabb, DVec3, Rotation};
 use vlscan_lidar::flight::PlannedPosition;
@@ -122,13 +122,14 @@ fn upwards(who: &str, beams: &[SampledBeam], height: f64) -> Option<Finding> {
     let looks_down = beams.iter().any(|beam| beam.direction.z < STEEP);
     (height > MIN_AIRBORNE && share > MAX_SHARE_UP && !looks_down).then(|| {
         let message = format!(
-            "{:.0} % of the beams point above the horizon and none straight down, while {who} is {} above the ground",
+            "{:.0} % of the beams point above the horizon and none straight down, while {who} is {} above \
+             the ground",
             100.0 * share,
             metres(height)
         );
-        let help = "the scanner's mount, or roll and pitch of the flight, turn it the wrong way: name the platform it is mounted on \
-                    ([platform] catalogue = \"data/platforms.xml#sr22\"), or give it a mount of its own; `vlscan pulses` shows \
-                    directions";
+        let help = "the scanner's mount, or roll and pitch of the flight, turn it the wrong way: name the \
+                    platform it is mounted on ([platform] catalogue = \"data/platforms.xml#sr22\"), or give \
+                    it a mount of its own; `vlscan pulses` shows directions";
         Finding::new(message, help)
     })
 }
@@ -147,7 +148,8 @@ fn too_high(
         .or_else(|| in_centimetres(scene, beams, height).filter(|_| !down.is_empty() && share < MIN_SHARE))?;
     let share = 100.0 * share;
     let message = format!(
-        "{who} is {} above the ground, from where only {share:.0} % of the downward beams meet the scene within the scanner's range",
+        "{who} is {} above the ground, from where only {share:.0} % of the downward beams meet the scene \
+         within the scanner's range",
         metres(height)
     );
     let help = format!("{unit}; otherwise fly lower, or with a narrower scan angle, or extend the scene");

@@ -97,7 +97,7 @@ fn divide_polygons(scene: &mut SceneBuilder, source: &Source, reading: Reading, 
     }
 }
 
-/// The position of a file's triangles and vertices in the scene, and what was counted while reading.
+/// The position of a file's triangles and vertices in the scene, and counts of the reading.
 struct Mesh {
     first_vertex: usize,
     first_triangle: usize,
@@ -338,7 +338,7 @@ fn leave_out_faults(scene: &mut SceneBuilder, source: &Source, reading: Reading,
     }
     let mut kept = first;
     let faces = &mut scene.faces.of_triangles;
-    // Not recorded unless they are wanted.
+    // Not recorded unless they are requested.
     let first_face = faces.len().checked_sub(faults.len());
     for (i, fault) in faults.iter().enumerate() {
         if fault.is_none() {

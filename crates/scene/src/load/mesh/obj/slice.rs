@@ -82,14 +82,14 @@ pub(super) fn read(bytes: &[u8], reading: Reading) -> Slice {
     slice
 }
 
-/// The line (from 1) and the bytes of the face that became triangle `wanted` of a piece.
-pub(super) fn locate(bytes: &[u8], reading: Reading, wanted: usize) -> Option<(usize, Range<usize>)> {
+/// The line (from 1) and the bytes of the face that became triangle `target` of a piece.
+pub(super) fn locate(bytes: &[u8], reading: Reading, target: usize) -> Option<(usize, Range<usize>)> {
     let mut slice = Slice::default();
     let mut corners = Vec::new();
     Lines::new(bytes, true).find_map(|line| {
         slice.statement(&line, reading, &mut corners);
         let at = line.start..line.start + line.text.trim_ascii_end().len();
-        (slice.triangles.len() > wanted).then_some((line.number, at))
+        (slice.triangles.len() > target).then_some((line.number, at))
     })
 }
 
@@ -131,7 +131,7 @@ impl Slice {
         self.vertices.push(if reading.y_up { DVec3::new(x, -z, y) } else { DVec3::new(x, y, z) });
     }
 
-    /// Warns of what follows the coordinates, unless it is a weight of 1, a colour, or both.
+    /// Warns of values after the coordinates, unless they are a weight of 1, a colour, or both.
     #[cold]
     fn rest_of_vertex(&mut self, line: &Line, at: usize) {
         let numbers: Option<Vec<f64>> = Words::new(&line.text, at).map(|(word, _)| float(word)).collect();

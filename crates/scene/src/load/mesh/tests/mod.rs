@@ -230,10 +230,10 @@ fn warnings_about_materials_name_the_file_and_the_row_that_define_them() {
         f.options.rules = Corrections { reflectance_fraction: true, ..Corrections::NONE };
         f.part(Loader::MeshFiles { files: vec![f.path().join(mesh)], reading });
         let (_, found) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
-        let told = found.items();
-        assert_eq!(told.len(), expected.len(), "{mesh}:\n{}", found.text());
+        let reported = found.items();
+        assert_eq!(reported.len(), expected.len(), "{mesh}:\n{}", found.text());
         for (message, file, line) in expected {
-            let one = told.iter().find(|one| one.message.contains(message));
+            let one = reported.iter().find(|one| one.message.contains(message));
             let one = one.unwrap_or_else(|| panic!("{message} is not in\n{}", found.text()));
             let place = one.place.as_ref().unwrap_or_else(|| panic!("{mesh}: {} has no place", one.message));
             assert!(place.path.ends_with(file) && place.line == *line, "{mesh}: {} {place:?}", one.message);

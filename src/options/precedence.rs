@@ -3,31 +3,31 @@
 use super::switch::Switch;
 
 /// Options that may be given in two places.
-pub trait Over {
+pub trait Precedence {
     /// These options, and those of `file` where nothing is chosen here. Lists are joined, those of the file
     /// first.
     fn over(self, file: Self) -> Self;
 }
 
-impl<T> Over for Option<T> {
+impl<T> Precedence for Option<T> {
     fn over(self, file: Self) -> Self {
         self.or(file)
     }
 }
 
-impl Over for bool {
+impl Precedence for bool {
     fn over(self, file: Self) -> Self {
         self || file
     }
 }
 
-impl Over for Switch {
+impl Precedence for Switch {
     fn over(self, file: Self) -> Self {
         if self == Switch::Unset { file } else { self }
     }
 }
 
-impl<T> Over for Vec<T> {
+impl<T> Precedence for Vec<T> {
     fn over(self, mut file: Self) -> Self {
         file.extend(self);
         file
@@ -37,7 +37,9 @@ impl<T> Over for Vec<T> {
 /// Defines a struct of options and its precedence, field by field; `with opposites` adds the opposites of its
 /// switches.
 macro_rules! group {
-    ($(#[$about:meta])* pub struct $name:ident with opposites { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
+    ($(#[$about:meta])* pub struct $name:ident with opposites {
+        $($(#[$doc:meta])* pub $field:ident: $type:ty,)*
+    }) => {
         $(#[$about])*
         pub struct $name {
             $($(#[$doc])* pub $field: $type,)*
@@ -47,7 +49,7 @@ macro_rules! group {
             pub opposites: $crate::options::switch::Opposites,
         }
 
-        impl $crate::options::Over for $name {
+        impl $crate::options::Precedence for $name {
             fn over(self, file: Self) -> Self {
                 $name { $($field: self.$field.over(file.$field),)* opposites: self.opposites }
             }
@@ -59,7 +61,7 @@ macro_rules! group {
             $($(#[$doc])* pub $field: $type,)*
         }
 
-        impl $crate::options::Over for $name {
+        impl $crate::options::Precedence for $name {
             fn over(self, file: Self) -> Self {
                 $name { $($field: self.$field.over(file.$field),)* }
             }

@@ -9,12 +9,12 @@ use vlscan_warehouse::Series;
 
 /// Pulses per chunk that are compared.
 const SAMPLED_PULSES: usize = 8;
-/// Maximum number of beams of each kind in an [`AimLog`].
+/// Maximum number of beams of each kind in a [`BeamLog`].
 const MAX_BEAMS: usize = 256;
 
 /// Target of the beams, scene frame.
 #[derive(Clone, Copy, Debug)]
-pub struct AimTarget {
+pub struct BeamTarget {
     /// Box around the scene, m.
     pub bounds: Aabb,
     /// Minimum and maximum range of the scanner, m.
@@ -23,7 +23,7 @@ pub struct AimTarget {
 
 /// Counts of sampled pulses; the counts of pieces add up.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Aim {
+pub struct BeamCounts {
     /// Pulses that were compared.
     pub sampled: u64,
     /// Pulses whose beam hits the box around the scene at any distance.
@@ -49,8 +49,8 @@ pub struct SampledBeam {
     pub direction: DVec3,
 }
 
-impl Aim {
-    pub const NONE: Aim = Aim {
+impl BeamCounts {
+    pub const NONE: BeamCounts = BeamCounts {
         sampled: 0,
         towards: 0,
         within: 0,
@@ -63,17 +63,17 @@ impl Aim {
 
     /// Compares a sample of `pulses`: one of each of some equal runs, at changing places, so that no channel
     /// of the scanner and no phase of a mirror is met more often than others.
-    pub fn of(target: &AimTarget, pulses: &[Pulse]) -> Aim {
-        let mut aim = Aim::NONE;
+    pub fn of(target: &BeamTarget, pulses: &[Pulse]) -> BeamCounts {
+        let mut beam_counts = BeamCounts::NONE;
         for run in pulses.chunks(pulses.len().div_ceil(SAMPLED_PULSES).max(1)) {
             let place = (run[0].number as f64 * GOLDEN).fract() * run.len() as f64;
             let pulse = &run[(place as usize).min(run.len() - 1)];
-            aim.add_beam(target, pulse.origin, pulse.attitude.forward());
+            beam_counts.add_beam(target, pulse.origin, pulse.attitude.forward());
         }
-        aim
+        beam_counts
     }
 
-    fn add_beam(&mut self, target: &AimTarget, origin: DVec3, direction: DVec3) {
+    fn add_beam(&mut self, target: &BeamTarget, origin: DVec3, direction: DVec3) {
         self.sampled += 1;
         self.upwards += u64::from(direction.z > 0.0);
         self.origins = self.origins.with(origin);
@@ -88,7 +88,7 @@ impl Aim {
         }
     }
 
-    pub fn add(&mut self, other: &Aim) {
+    pub fn add(&mut self, other: &BeamCounts) {
         self.sampled += other.sampled;
         self.towards += other.towards;
         self.within += other.within;
@@ -102,23 +102,23 @@ impl Aim {
 
 /// The sum of all pieces, and beams evenly spread over the flight.
 #[derive(Clone, Debug)]
-pub struct AimLog {
-    pub sum: Aim,
+pub struct BeamLog {
+    pub sum: BeamCounts,
     /// Beams, wherever they point.
     pub beams: Series<SampledBeam>,
     /// Beams that point at the box around the scene.
     pub aimed: Series<SampledBeam>,
 }
 
-impl Default for AimLog {
-    fn default() -> AimLog {
-        AimLog { sum: Aim::NONE, beams: Series::new(MAX_BEAMS), aimed: Series::new(MAX_BEAMS) }
+impl Default for BeamLog {
+    fn default() -> BeamLog {
+        BeamLog { sum: BeamCounts::NONE, beams: Series::new(MAX_BEAMS), aimed: Series::new(MAX_BEAMS) }
     }
 }
 
-impl AimLog {
+impl BeamLog {
     /// Adds a piece.
-    pub fn add(&mut self, piece: &Aim) {
+    pub fn add(&mut self, piece: &BeamCounts) {
         self.sum.add(piece);
         piece.beam.into_iter().for_each(|beam| self.beams.push(beam));
         piece.aimed.into_iter().for_each(|beam| self.aimed.push(beam));
@@ -133,11 +133,11 @@ mod tests {
     #[test]
     fn beams_are_sorted_by_where_they_point() {
         let bounds = Aabb { min: DVec3::new(-10.0, -10.0, 0.0), max: DVec3::new(10.0, 10.0, 5.0) };
-        let target = AimTarget { bounds, ranges: [2.0, 100.0] };
+        let target = BeamTarget { bounds, ranges: [2.0, 100.0] };
         let looks = |origin: [f64; 3], direction: DVec3| {
-            let mut aim = Aim::NONE;
-            aim.add_beam(&target, origin.into(), direction);
-            (aim.towards, aim.within, aim.upwards)
+            let mut beam_counts = BeamCounts::NONE;
+            beam_counts.add_beam(&target, origin.into(), direction);
+            (beam_counts.towards, beam_counts.within, beam_counts.upwards)
         };
         assert_eq!(looks([0.0, 0.0, 50.0], -DVec3::Z), (1, 1, 0));
         assert_eq!(looks([0.0, 0.0, 50.0], DVec3::Z), (0, 0, 1), "behind the scanner");
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn all_channels_are_sampled_alike() {
         let bounds = Aabb { min: DVec3::new(-20.0, -20.0, 0.0), max: DVec3::new(20.0, 20.0, 1.0) };
-        let target = AimTarget { bounds, ranges: [0.0, 100.0] };
+        let target = BeamTarget { bounds, ranges: [0.0, 100.0] };
         for channels in [1, 16, 128] {
             // Half of the channels point down, half of them up.
             let pulse = |i: u64| {
@@ -175,8 +175,8 @@ mod tests {
                 }
             };
             let pulses: Vec<Pulse> = (0..200 * 1024).map(pulse).collect();
-            let mut sum = Aim::NONE;
-            pulses.chunks(1024).for_each(|chunk| sum.add(&Aim::of(&target, chunk)));
+            let mut sum = BeamCounts::NONE;
+            pulses.chunks(1024).for_each(|chunk| sum.add(&BeamCounts::of(&target, chunk)));
             let share = sum.towards as f64 / sum.sampled as f64;
             assert!(sum.sampled == 1600 && (share - 0.5).abs() < 0.05, "{channels}: {share}");
         }
@@ -185,10 +185,10 @@ mod tests {
     #[test]
     fn the_beams_of_a_log_point_where_those_of_the_flight_do() {
         let bounds = Aabb { min: DVec3::new(-1.0, -1.0, 0.0), max: DVec3::new(1.0, 1.0, 1.0) };
-        let target = AimTarget { bounds, ranges: [0.0, 100.0] };
-        let mut log = AimLog::default();
+        let target = BeamTarget { bounds, ranges: [0.0, 100.0] };
+        let mut log = BeamLog::default();
         for _ in 0..1000 {
-            let mut piece = Aim::NONE;
+            let mut piece = BeamCounts::NONE;
             // One of four beams of a piece meets the box, the last one.
             let sideways = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::Z];
             sideways.iter().for_each(|direction| piece.add_beam(&target, DVec3::Z * 50.0, *direction));
