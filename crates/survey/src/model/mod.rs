@@ -7,7 +7,7 @@
 //! | `identity` | identities of values in memory |
 //! | `poses` | recorded trajectories |
 //! | `navigation` | errors of navigation |
-//! | `scan_motion` | sense, phase, tilt and wander of deflectors |
+//! | `scan_motion` | sense, phase, tilt, wander and swing of deflectors |
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 
@@ -34,7 +34,7 @@ pub use poses::*;
 pub use pulse_times::PulseTimes;
 pub use raster::{PixelType, RasterFiles, VirtualRaster, VirtualSource};
 pub use receiver::*;
-pub use scan_motion::{AngleTable, ScanMotion, Wander};
+pub use scan_motion::{AngleTable, ScanMotion, Swing, Wander};
 pub use scene::*;
 
 /// A complete survey: scanner, platform, legs and scene.
