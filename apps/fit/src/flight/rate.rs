@@ -300,7 +300,9 @@ fn local_usual(intervals: &[f64], of_line: f64) -> Vec<f64> {
         let around = &intervals[middle.saturating_sub(WINDOW)..(middle + WINDOW + 1).min(intervals.len())];
         let usual = usual(around);
         let near = around.iter().filter(|interval| (usual / LOST..usual * LOST).contains(*interval)).count();
-        let is_known = usual > 0.0 && near as f64 >= MIN_USUAL_SHARE * around.len() as f64;
+        // Some intervals of a thinned cloud may be alike by chance.
+        let is_large = around.len() > WINDOW;
+        let is_known = is_large && usual > 0.0 && near as f64 >= MIN_USUAL_SHARE * around.len() as f64;
         if is_known { usual } else { of_line }
     };
     let known: Vec<f64> = (0..intervals.len()).step_by(WINDOW_STEP).map(at).collect();
