@@ -49,7 +49,8 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     show_report(console, &report, started)
 }
 
-/// Names the figures of an instrument of the catalogue that have not been compared with a data sheet.
+/// Names the figures of an instrument of the catalogue that have not been compared with a data sheet, and says
+/// if those of HELIOS++ are kept.
 fn note_unverified_figures(console: &Console, scanner: &Scanner) {
     let figures = unverified_figures(scanner);
     if !figures.is_empty() {
@@ -58,6 +59,12 @@ fn note_unverified_figures(console: &Console, scanner: &Scanner) {
             scanner.name,
             figures.join(", "),
             scanner.id
+        ));
+    }
+    if scanner.devices.iter().any(|device| device.stated.are_left()) {
+        console.say(format!(
+            "{}: the survey keeps figures of HELIOS++'s catalogue that differ from those of pipelines",
+            scanner.name
         ));
     }
 }

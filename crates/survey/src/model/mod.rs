@@ -610,6 +610,13 @@ impl Beam {
     }
 }
 
+impl StatedFigures {
+    /// True if there are figures that have not been taken: those of HELIOS++'s catalogue apply.
+    pub fn are_left(&self) -> bool {
+        [self.wavelength, self.pulse_width, self.range_min, self.dead_time].iter().any(Option::is_some)
+    }
+}
+
 impl Device {
     /// Takes the stated figures of an instrument of the built-in catalogue, whatever the physics.
     pub fn take_stated_figures(&mut self) {
