@@ -61,7 +61,7 @@ pub fn unverified_figures(scanner: &Scanner) -> Vec<&'static str> {
         let mut sources = scanner.sources.iter().chain(&device.stated.sources);
         sources.any(|source| is_source(&source.name) && source.figures.iter().any(|own| own == figure))
     };
-    FIGURES.into_iter().filter(|figure| !has_source(figure)).collect()
+    FIGURES.into_iter().filter(|&figure| !has_source(figure)).collect()
 }
 
 impl Serialize for Sources<'_> {
