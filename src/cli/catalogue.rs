@@ -8,7 +8,7 @@ use vlscan_base::diag::nearest;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{refuse_existing, write_file, write_stdout};
 use vlscan_base::quantity::number;
-use vlscan_survey::{ReadOptions, Scanner, catalogue, find_scanner};
+use vlscan_survey::{ReadOptions, Scanner, StatedFigures, catalogue, find_scanner};
 use vlscan_tools::catalogue::{
     Pattern, PlatformFigures, ScannerFigures, Sources, field_figures, field_in_words,
 };
@@ -133,7 +133,24 @@ fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
     line("beam divergence", format!("{divergence} mrad (full angle at 1/e²)"), divergences);
     let length = number(device.beam.stated_width.unwrap_or(row.pulse_length_ns));
     line("pulse length", format!("{length} ns{stated}"), &["pulseLength_ns"]);
+    rows.extend(in_pipelines(&device.stated));
     aligned(&rows, Side::Left)
+}
+
+/// The figures that pipelines use instead of those of HELIOS++'s catalogue, with their sources.
+fn in_pipelines(stated: &StatedFigures) -> Vec<Vec<String>> {
+    let figures = [
+        ("wavelength", "wavelength_nm", stated.wavelength, "nm"),
+        ("pulse length", "pulseLength_ns", stated.pulse_width, "ns (full width at half maximum)"),
+        ("range from", "rangeMin_m", stated.range_min, "m"),
+        ("dead time", "deadTime_ns", stated.dead_time, "ns"),
+    ];
+    let row = |(name, key, value, unit): (&str, &str, Option<f64>, &str)| {
+        let source = stated.sources.iter().find(|source| source.figures.iter().any(|own| own == key));
+        let source = source.map_or(String::new(), |source| source.name.clone());
+        Some(vec![format!("{name} in pipelines"), format!("{} {unit}", number(value?)), source])
+    };
+    figures.into_iter().filter_map(row).collect()
 }
 
 fn json(rows: &impl Serialize) -> Result<String> {

@@ -47,15 +47,24 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     group.commit()?;
     for (kind, path) in &requested {
         let text = format!(
-            "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}",
+            "{}: {} of {} points, {columns} by {rows} cells of {} m, {system}{noise}{misses}{}",
             if means_stdout(path) { "stdout".to_owned() } else { path.display().to_string() },
             kind.name(),
             amount(rasters.points as f64),
             number(rasters.side()),
+            terrain_reach(*kind, &rasters),
         );
         console.wrote(messages::written(path, kind.name()), text);
     }
     Ok(())
+}
+
+/// The distance from ground points up to which a raster has terrain; empty for others.
+fn terrain_reach(kind: RasterKind, rasters: &CloudRasters) -> String {
+    match kind.needs_ground() {
+        true => format!(", terrain up to {} m from ground points (--fill)", number(rasters.fill())),
+        false => String::new(),
+    }
 }
 
 /// Rejects files that would replace others, and inputs other than point clouds, before anything is read.

@@ -12,6 +12,8 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{amount, amount_of, counted, duration};
 use vlscan_session::output::{FileKind, Target};
 use vlscan_session::{Report, ResumeOptions};
+use vlscan_survey::Scanner;
+use vlscan_tools::catalogue::unverified_figures;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     if args.dry.dry_run {
@@ -44,7 +46,28 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     if resumption.is_some() {
         warn_of_few_points(console, &report)?;
     }
+    note_unverified_figures(console, &session.survey().scanner);
     show_report(console, &report, started)
+}
+
+/// Names the figures of an instrument of the catalogue that have not been compared with a data sheet, and says
+/// if those of HELIOS++ are kept.
+fn note_unverified_figures(console: &Console, scanner: &Scanner) {
+    let figures = unverified_figures(scanner);
+    if !figures.is_empty() {
+        console.say(format!(
+            "{}: {} not compared with a data sheet (sources: vlscan catalogue show {})",
+            scanner.name,
+            figures.join(", "),
+            scanner.id
+        ));
+    }
+    if scanner.devices.iter().any(|device| device.stated.are_left()) {
+        console.say(format!(
+            "{}: the survey keeps figures of HELIOS++'s catalogue that differ from those of pipelines",
+            scanner.name
+        ));
+    }
 }
 
 /// Names the run directories on standard output, where programs around HELIOS++ look for this line.

@@ -19,7 +19,9 @@ use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_scene::{Fallback, GroundModel, LoadOptions};
 use vlscan_session::LoadedScene;
-use vlscan_survey::{CATALOGUE, Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner};
+use vlscan_survey::{
+    CATALOGUE, Device, Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner,
+};
 use vlscan_tools::plan::{
     self, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanGround, PlanRequest,
     PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
@@ -75,7 +77,8 @@ pub fn plan_survey(
 /// [`Error::Io`].
 pub(crate) fn check_instrument(request: &PlanRequest) -> Result<()> {
     let setup = request.common();
-    let (scanner, _) = find_scanner(&setup.scanner, &reading(setup))?;
+    let (mut scanner, _) = find_scanner(&setup.scanner, &reading(setup))?;
+    scanner.devices.iter_mut().for_each(Device::take_stated_figures);
     if let Some(platform) = &setup.platform {
         find_platform(platform, &reading(setup))?;
     }
@@ -130,7 +133,9 @@ type Planned = (PlannedSurvey, Option<Area>, Diagnostics);
 
 impl Planner<'_> {
     fn new<'a>(setup: &'a PlanSetup, observer: &'a Observer) -> Result<Planner<'a>> {
-        let (scanner, reported) = find_scanner(&setup.scanner, &reading(setup))?;
+        let (mut scanner, reported) = find_scanner(&setup.scanner, &reading(setup))?;
+        // The plan is a pipeline.
+        scanner.devices.iter_mut().for_each(Device::take_stated_figures);
         observer.warnings(reported.clone())?;
         let (known, _) = catalogue()?;
         let reference = in_catalogue(&setup.scanner, known.scanners.iter().map(|(name, _)| name));

@@ -44,8 +44,9 @@ impl KdTree {
         self.nearest_within(p, count, f64::INFINITY, accepts)
     }
 
-    /// Points whose squared distance is at most `square`.
-    fn nearest_within(
+    /// As [`nearest_few`](KdTree::nearest_few), of all indices that are accepted and whose squared distance is
+    /// at most `square`.
+    pub fn nearest_within(
         &self,
         p: &[f64; 3],
         count: usize,

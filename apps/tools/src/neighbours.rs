@@ -32,6 +32,12 @@ impl Neighbours {
         let found = self.tree.nearest_few(&[x, y, 0.0], count, |i| Some(i as usize) != without);
         found.into_iter().map(|(square, i)| (square, i as usize)).collect()
     }
+
+    /// As [`nearest`](Neighbours::nearest), of the points within `radius` of the place.
+    pub fn nearest_within(&self, x: f64, y: f64, count: usize, radius: f64) -> Vec<(f64, usize)> {
+        let found = self.tree.nearest_within(&[x, y, 0.0], count, radius * radius, |_| true);
+        found.into_iter().map(|(square, i)| (square, i as usize)).collect()
+    }
 }
 
 /// Height at a place of the plane through points near it (squared distances and numbers, nearest first),
@@ -81,6 +87,9 @@ mod tests {
             expected.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             assert_eq!(all.nearest(x, y, 9, None), expected[..9], "{x} {y}");
             assert_eq!(all.nearest(x, y, 3, Some(expected[0].1)), expected[1..4]);
+            let radius = 1.001 * expected[4].0.sqrt();
+            let within = expected.iter().filter(|(square, _)| *square <= radius * radius).count();
+            assert_eq!(all.nearest_within(x, y, 9, radius), expected[..within.min(9)]);
         }
         assert_eq!(Neighbours::of(points[..2].to_vec()).nearest(0.0, 0.0, 5, None).len(), 2);
         assert!(all.nearest(f64::NAN, 0.0, 5, None).is_empty());

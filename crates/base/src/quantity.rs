@@ -172,6 +172,8 @@ pub const BANDWIDTH: Bounds = POSITIVE.usually(1e5, 1e11, "Hz").mistaken_for("MH
 pub const RANGE_WALK: Bounds = NUMBER.usually(1e-6, 5.0, "m").mistaken_for("mm", 1e-3);
 /// Share of echoes that a receiver loses.
 pub const DROPOUT_RATE: Bounds = Bounds::new(0.0, 0.999, "a share of at least 0, at most 0.999");
+/// Share of a mirror's sweep in which it reverses.
+pub const TURNING_PART: Bounds = Bounds::new(0.0, 1.0, "a share from 0 to 1");
 /// Dead time of a receiver, ns.
 pub const DEAD_TIME_NS: Bounds = NOT_NEGATIVE.usually(1e-3, 1e5, "ns").mistaken_for("s", 1e9);
 /// Nearest range of a scanner, m.

@@ -27,6 +27,7 @@
 //! | `point_format` | the table of the formats that are written |
 //! | `record`, `settings`, `objects` | points as they are written; facts about a cloud; numbers of objects |
 //! | `copy` | copies of clouds in other formats |
+//! | `pulse_groups` | returns grouped into pulses |
 //! | `strays` | the few points of a cloud that lie far from all others |
 //! | `encode`, `cloud_writer` | the two halves of a format; a writer for one thread |
 //! | `out`, `number` | buffered streams of bytes with jobs for idle threads; numbers as text |
@@ -53,6 +54,7 @@ mod out;
 mod pcd;
 mod ply;
 mod point_format;
+mod pulse_groups;
 mod record;
 mod settings;
 mod strays;
@@ -82,6 +84,7 @@ pub use ply::{PlyError, PlyNumbers};
 #[doc(hidden)]
 pub use ply::{is_ply, ply_header};
 pub use point_format::{PointFormat, UnknownExtension};
+pub use pulse_groups::{GroupedBy, PulseGroups, PulseGroupsError, PulseKey};
 pub use record::{
     Cause, EncodedPoints, Needs, PointBatch, PointFlags, PointRecord, StoredFields, Tally, Wave,
 };
@@ -130,6 +133,14 @@ pub struct PointRow {
     pub time: f64,
     /// Attributes whose values in the file do not fit the types here.
     pub misfits: Misfits,
+}
+
+impl PointRow {
+    /// Number of the flight line: the point source id of LAS, or the leg counted from 1 in files of other
+    /// formats.
+    pub fn flight_line(&self, is_las: bool) -> u16 {
+        if is_las { self.point_source } else { self.leg.saturating_add(1) }
+    }
 }
 
 /// Attributes of a point beside those of its [`PointRow`], for sinks that

@@ -31,7 +31,7 @@ const PRISM_3: PrismAttributes = prism("rotorFreq3_Hz", "angle3_deg", "refrIndex
 /// Keys that only one kind of optics has.
 const OWN_KEYS: [(&str, &[&[Key]]); 5] = [
     ("rotating", &[&[K.scan_angle_effective_max_deg, K.facet_tilts_deg]]),
-    ("oscillating", &[&[K.scan_product_deg_hz]]),
+    ("oscillating", &[&[K.scan_product_deg_hz, K.mirror_motion, K.turning_part]]),
     ("conic", &[&[K.scan_angle_along_max_deg]]),
     ("line", &[&[K.fibres]]),
     ("risley", &[&[K.prisms, K.air_index, K.incident_beam], &PRISM_1, &PRISM_2, &PRISM_3]),

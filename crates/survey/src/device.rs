@@ -8,7 +8,7 @@ use super::receiver::{change_emission, change_pulse_shape, change_receiver};
 use super::scan_motion::change_scan_motion;
 use super::{
     Beam, BeamProfile, Deflector, Detector, Device, Formula, Head, MechanicalErrors, Mount, Receiver,
-    ScanMotion, WaveformPlace, WaveformSettings,
+    ScanMotion, StatedFigures, WaveformPlace, WaveformSettings,
 };
 use vlscan_base::quantity::{NOT_NEGATIVE, number};
 use vlscan_geom::{DVec3, degrees};
@@ -68,6 +68,7 @@ impl Device {
             waveform: WAVEFORM,
             waveform_place: None,
             errors: MechanicalErrors::default(),
+            stated: StatedFigures::default(),
         }
     }
 }

@@ -9,7 +9,7 @@ use super::keys::{AZIMUTHS, FIRING_OFFSETS, InstrumentKeys, ORIGIN_RADII};
 use super::ouster::{beam_pose, is_calibration, read_calibration};
 use super::scene_xml::warn_of_repeated_ids;
 use super::xml::Element;
-use super::{Deflector, Device, FigureSource, Scanner};
+use super::{Deflector, Device, FigureSource, Scanner, StatedFigures};
 use std::ops::RangeInclusive;
 use std::path::Path;
 use vlscan_base::diag::Place;
@@ -27,7 +27,8 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
     if !fields.has(K.optics) {
         fields.missing(K.optics);
     }
-    let mut base = Device { id: id.clone(), ..Device::new(Deflector::Conic) };
+    let stated = read_stated(context, element);
+    let mut base = Device { id: id.clone(), stated, ..Device::new(Deflector::Conic) };
     let is_known = change_device(&mut fields, &mut base, false);
     let channels = element.child("channels");
     let pulse_length = if channels.is_some() { MULTI_CHANNEL_PULSE_LENGTH } else { base.beam.pulse_length };
@@ -36,7 +37,9 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
     if is_known.is_some() && channels.is_none() {
         check_deflector(&fields, &base, false);
     }
-    fields.done(&["channels", "source"]);
+    let children: &[&'static str] =
+        if fields.is_built_in() { &["channels", "source", "stated"] } else { &["channels", "source"] };
+    fields.done(children);
     is_known?;
     let mut devices = match &channels {
         None => vec![base],
@@ -54,6 +57,31 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         sources: element.named("source").filter_map(|source| read_source(context, &source)).collect(),
         turn: None,
     })
+}
+
+/// Reads the `<stated>` figures of a scanner of the built-in catalogue, each with its source: figures that
+/// pipelines use instead of those of HELIOS++'s catalogue.
+fn read_stated(context: &Context, element: &Element) -> StatedFigures {
+    let mut stated = StatedFigures { is_built_in: element.is_built_in(), ..StatedFigures::default() };
+    for child in element.named("stated").filter(|_| element.is_built_in()) {
+        let mut fields = Fields::new(context, &child);
+        let source = fields.required("source");
+        let mut figures = Vec::new();
+        for (key, target) in [
+            (K.wavelength_nm, &mut stated.wavelength),
+            (K.pulse_length_ns, &mut stated.pulse_width),
+            (K.range_min_m, &mut stated.range_min),
+            (K.dead_time_ns, &mut stated.dead_time),
+        ] {
+            if let Some(value) = fields.optional(key) {
+                *target = Some(value);
+                figures.push(fields.name(key).to_owned());
+            }
+        }
+        fields.done(&[]);
+        stated.sources.extend(source.map(|name| FigureSource { figures, name }));
+    }
+    stated
 }
 
 /// Reads the source of figures of a scanner: `<source figures="beamDivergence_rad …" name="…"/>`.
@@ -259,9 +287,9 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
             let name = fields.near_name(K.catalogue)?;
             let place = Some(fields.place(K.catalogue));
             let mut scanner = scanner_named(fields.context, &name, fields.folder(), place)?;
-            // The catalogue's widths count here in every physics; surveys in XML keep the reference's
-            // meaning.
-            scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
+            // Data sheets count here whatever the physics; surveys in XML keep the reference's figures and
+            // its meaning of pulse lengths.
+            scanner.devices.iter_mut().for_each(Device::take_stated_figures);
             Some(scanner)
         }
     };

@@ -3,7 +3,7 @@
 use super::fields::Fields;
 use super::keys::{InstrumentKeys, WanderKeys};
 use super::rows::{MAX_FILE_BYTES, RowProblem, read_rows};
-use super::{AngleTable, Deflector, Device, Wander};
+use super::{AngleTable, Deflector, Device, Swing, Wander};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 use vlscan_base::quantity::ANGLE;
@@ -36,6 +36,27 @@ pub(super) fn change_scan_motion(fields: &mut Fields, device: &mut Device) {
     }
     if is_line {
         motion.wander = None;
+    }
+    motion.swing = match device.deflector {
+        Deflector::Oscillating { .. } => read_swing(fields, motion.swing),
+        _ => Swing::default(),
+    };
+}
+
+/// How an oscillating mirror swings, which is as before unless the keys say otherwise.
+fn read_swing(fields: &mut Fields, before: Swing) -> Swing {
+    let kinds = [("even", Swing::TurningPulses), ("sine", Swing::Sine)];
+    let kind = fields.choice(K.mirror_motion, &kinds, None);
+    let part = fields.optional(K.turning_part);
+    match (kind, part) {
+        (Some(Swing::Sine), Some(_)) => {
+            let message = format!("is not for a sine (`{}`)", fields.name(K.mirror_motion));
+            fields.error(K.turning_part, &message);
+            Swing::Sine
+        }
+        (_, Some(part)) => Swing::TurningPart(part),
+        (Some(kind), None) => kind,
+        (None, None) => before,
     }
 }
 

@@ -15,9 +15,11 @@
 //! | `solve`, `solution` | least squares for parameters and attitudes |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `ground` | noise of ranges |
+//! | `doubts` | estimates that are not plausible, which are left out |
 //! | `report`, `write`, `pipeline` | figures with uncertainties; written files; text of the pipeline file |
 
 mod cones;
+mod doubts;
 mod facets;
 mod ground;
 mod guess;
@@ -39,6 +41,7 @@ mod tests;
 mod turning;
 mod write;
 
+pub use ground::RangeScatter;
 pub use mirror::{Mirror, MirrorParameters};
 pub use model::{Attitude, Footprint, Model};
 pub use parameters::{Channel, Parameters};
@@ -75,6 +78,9 @@ const MIN_MIRROR: f64 = 0.01;
 /// Speeds of flights, m/s.
 const MIN_SPEED: f64 = 0.2;
 const MAX_SPEED: f64 = 400.0;
+/// Maximum angle of climb or descent, and of a tilt of the scanner, degrees.
+const MAX_CLIMB: f64 = 30.0;
+const MAX_TILT: f64 = 60.0;
 /// Maximum time by which a flight is extended beyond its recording, s.
 const MAX_EXTENSION: f64 = 86_400.0;
 /// Residual above which a flight is doubtful, m on the ground.
@@ -102,8 +108,8 @@ pub struct FlightFit {
     pub solution: Solution,
     /// When pulses leave.
     pub rate: PulseRate,
-    /// Standard deviation of ranges, with the roughness of the ground, m.
-    pub noise: Option<f64>,
+    /// Standard deviation of ranges, with the roughness of the ground.
+    pub noise: Option<RangeScatter>,
     /// Time by which the written flight is extended after the recording, s: straight on, with the last
     /// attitude.
     pub extend: f64,
@@ -135,11 +141,16 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         },
     };
     let rate = PulseRate::of(&recording, &solution);
+    if !rate.is_plausible() {
+        let reason = format!("{} needs {:.0} pulses a second", solution.model.mirror.name(), rate.mean);
+        return Err(no_flight(path, &recording, &reason));
+    }
     let noise = ground::range_noise(&recording, &solution);
     let fit =
         FlightFit { cloud: path.to_path_buf(), recording, solution, rate, noise, extend: request.extend };
     fit.warn_of_fit(found);
     fit.warn_of_rate(found);
+    fit.warn_of_doubts(found);
     Ok(fit)
 }
 
@@ -336,6 +347,15 @@ fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
     if !is_within(solution.model.parameters.mirror.angle.abs(), MIN_MIRROR, f64::MAX) {
         return Some("needs a mirror that hardly moves".to_owned());
     }
-    (!is_within(speed, MIN_SPEED, MAX_SPEED))
-        .then(|| format!("needs a platform that flies at {speed:.1} m/s"))
+    if !is_within(speed, MIN_SPEED, MAX_SPEED) {
+        return Some(format!("needs a platform that flies at {speed:.1} m/s"));
+    }
+    let p = &solution.model.parameters;
+    let climb = degrees(libm::atan2(p.velocity.z, speed));
+    if !is_within(climb, -MAX_CLIMB, MAX_CLIMB) {
+        let verb = if climb < 0.0 { "descends" } else { "climbs" };
+        return Some(format!("needs a platform that {verb} at {:.0}°", climb.abs()));
+    }
+    let tilt = degrees(p.roll.abs().max(p.pitch.abs()));
+    (!is_within(tilt, 0.0, MAX_TILT)).then(|| format!("needs a scanner that is tilted by {tilt:.0}°"))
 }

@@ -1,6 +1,7 @@
 //! Text of the pipeline file of a fitted flight.
 
 use super::FlightFit;
+use super::doubts::Doubt;
 use super::mirror::Mirror;
 use super::rate::MAX_LOST_SHARE;
 use super::recording::Pulse;
@@ -24,11 +25,13 @@ struct Row {
     value: String,
     /// Comment on the line above.
     comment: Option<String>,
+    /// True if the key is written as a comment, too.
+    is_left_out: bool,
 }
 
 impl Row {
     fn new(key: &'static str, value: impl ToString) -> Row {
-        Row { key, value: value.to_string(), comment: None }
+        Row { key, value: value.to_string(), comment: None, is_left_out: false }
     }
 
     /// Number with six decimals.
@@ -47,6 +50,16 @@ impl Row {
 
     fn with_comment(self, comment: impl Into<String>) -> Row {
         Row { comment: Some(comment.into()), ..self }
+    }
+
+    /// The row, or a comment with the reason why its value is not plausible.
+    fn unless(self, doubt: Option<&Doubt>) -> Row {
+        match doubt {
+            Some(doubt) => {
+                Row { is_left_out: true, ..self.with_comment(format!("left out: {}", doubt.reason)) }
+            }
+            None => self,
+        }
     }
 }
 
@@ -76,7 +89,8 @@ impl Document {
         if let Some(comment) = &row.comment {
             self.comment(comment);
         }
-        self.line(&format!("{} = {}", row.key, row.value));
+        let line = format!("{} = {}", row.key, row.value);
+        if row.is_left_out { self.comment(&line) } else { self.line(&line) }
     }
 }
 
@@ -164,9 +178,12 @@ impl FlightFit {
         }
         rows.extend(files.wander.as_ref().map(|path| Row::path("scan_wander", path)));
         rows.push(Row::new("pulse_freqs_hz", format_args!("[{:.0}]", self.rate.mean)));
+        let doubts = self.doubts();
+        let doubt = |key: &str| doubts.iter().find(|doubt| doubt.key == key);
         rows.extend(self.noise.map(|noise| {
-            Row::new("accuracy_m", format_args!("{noise:.4}"))
+            Row::new("accuracy_m", format_args!("{:.4}", noise.value))
                 .with_comment("with the roughness of the ground, which adds to it")
+                .unless(doubt("accuracy_m"))
         }));
         let range = ASSUMED_RANGE * self.largest_range();
         let max_range = format!("{{ range_m = {range:.0}, reflectance = {ASSUMED_REFLECTANCE} }}");
@@ -178,9 +195,10 @@ impl FlightFit {
         rows.push(Row::new("max_returns", returns));
         if self.rate.lost > 0.0 && self.rate.lost < MAX_LOST_SHARE {
             let row = Row::new("dropout_rate", format_args!("{:.5}", self.rate.lost));
-            rows.push(row.with_comment(
+            let row = row.with_comment(
                 "pulses without a point, between others; what reflects too little of a scene is not known",
-            ));
+            );
+            rows.push(row.unless(doubt("dropout_rate")));
         }
         rows
     }
@@ -209,6 +227,8 @@ impl FlightFit {
                 "the rate changes with the place of the mirror, and from line to line; pulses elsewhere \
                  are not known",
             ));
+        } else if let Some(doubt) = self.doubts().iter().find(|doubt| doubt.key == "pulse_times") {
+            rows.push(Row::text("pulse_times", "").unless(Some(doubt)));
         } else if !self.rate.dither.is_empty() {
             let interval = |factor: &f64| 1e6 * factor / self.rate.mean;
             let intervals = list(self.rate.dither.iter().map(interval));
@@ -300,7 +320,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::{
-        Attitude, Channel, MirrorParameters, Model, Parameters, PulseRate, Recording, Solution,
+        Attitude, Channel, MirrorParameters, Model, Parameters, PulseRate, RangeScatter, Recording, Solution,
     };
     use super::*;
     use std::path::PathBuf;
@@ -334,6 +354,17 @@ mod tests {
 
     /// The pipeline file of a flight of 2000 pulses at 100 kHz, as text and as read.
     fn written(mirror: Mirror, change: impl Fn(&mut Parameters)) -> (String, toml::Table) {
+        written_with(mirror, change, false)
+    }
+
+    const NOISE: f64 = 0.02;
+
+    /// The pipeline file of a flight over surfaces of different roughness if `is_mixed`.
+    fn written_with(
+        mirror: Mirror,
+        change: impl Fn(&mut Parameters),
+        is_mixed: bool,
+    ) -> (String, toml::Table) {
         let mut parameters = Parameters {
             position: DVec3::new(0.0, 0.0, 500.0),
             velocity: DVec3::new(0.0, 40.0, 0.0),
@@ -372,7 +403,8 @@ mod tests {
         };
         let rate = PulseRate::of(&recording, &solution);
         let cloud = PathBuf::from("line.laz");
-        let fit = FlightFit { cloud, recording, solution, rate, noise: Some(0.02), extend: 0.0 };
+        let noise = RangeScatter { value: NOISE, deviation: 0.001, is_mixed };
+        let fit = FlightFit { cloud, recording, solution, rate, noise: Some(noise), extend: 0.0 };
         let files = FlightFiles {
             pipeline: PathBuf::from("folder/fit.toml"),
             trajectory: PathBuf::from("folder/fit.trajectory.csv"),
@@ -414,6 +446,16 @@ mod tests {
         assert_eq!(read["settings"]["scan_freq_hz"].as_float(), Some(60.0));
         assert_eq!(read["trajectory"]["path"].as_str(), Some("fit.trajectory.csv"));
         assert_eq!(read["output"][0]["path"].as_str(), Some("fit.simulated.laz"));
+    }
+
+    #[test]
+    fn an_estimate_that_is_not_plausible_is_a_comment_with_the_reason() {
+        let (text, read) = written_with(Mirror::Cone, |_| {}, true);
+        assert!(read["scanner"].get("accuracy_m").is_none(), "{text}");
+        assert!(text.contains("# left out: points without class 2"), "{text}");
+        assert!(text.contains("\n# accuracy_m = 0.0200\n"), "{text}");
+        let (text, read) = written(Mirror::Cone, |_| {});
+        assert!(read["scanner"].get("accuracy_m").is_some() && !text.contains("left out"), "{text}");
     }
 
     #[test]

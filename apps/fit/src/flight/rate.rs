@@ -18,6 +18,17 @@ const MIN_INTERVALS: usize = 30;
 const LOST: f64 = 1.6;
 /// Gaps of more pulses are the edge of a reflecting area (beside water, say), not lost pulses.
 const MAX_LOST: f64 = 20.0;
+/// Intervals before and after an interval that determine the usual one there, and the step between the
+/// intervals for which it is determined: the rate may change along a line.
+const WINDOW: usize = 32;
+const WINDOW_STEP: usize = 16;
+/// Minimum share of a window's intervals that are about as long as its usual one. Fewer are those of a
+/// thinned cloud, whose windows have too few neighbouring pulses.
+const MIN_USUAL_SHARE: f64 = 0.5;
+/// Plausible pulse rates, 1/s.
+const RATES: std::ops::RangeInclusive<f64> = 100.0..=2e7;
+/// Maximum plausible ratio of the highest to the lowest rate in a revolution.
+const MAX_RATE_RATIO: f64 = 10.0;
 /// Share of lost pulses above which the cloud counts as thinned.
 pub const MAX_LOST_SHARE: f64 = 0.2;
 /// A rate that changes less over the revolution, and from line to line, counts as constant.
@@ -39,6 +50,8 @@ pub struct PulseRate {
     pub of_lines: f64,
     /// Share of the pulses that have no return.
     pub lost: f64,
+    /// Standard deviation of this share, by its differences between lines; NaN for a single line.
+    pub lost_deviation: f64,
     /// Step of the times, s, if it is too large to determine the intervals of pulses, and if the positions of
     /// the points do not determine them, either.
     pub coarse_step: Option<f64>,
@@ -74,7 +87,8 @@ impl PulseRate {
             true => finer.times[i] - finer.times[i - 1],
             false => recording.interval_before(i),
         };
-        let (pairs, lost) = neighbour_pairs(recording, &interval_before);
+        let (pairs, losses) = neighbour_pairs(recording, &interval_before);
+        let (lost, lost_deviation) = share_lost(&losses);
         let mean = pairs.iter().map(|pair| pair.interval).sum::<f64>() / pairs.len().max(1) as f64;
         let by_phase = intervals_by_phase(recording, model, &pairs);
         let lines = factors_of_lines(recording, model, &pairs, &by_phase);
@@ -94,6 +108,7 @@ impl PulseRate {
             range: (1.0 / longest, 1.0 / shortest),
             of_lines,
             lost,
+            lost_deviation,
             coarse_step: finer.coarse.filter(|_| finer.step > 0.0),
             dither: Vec::new(),
             // Lines of several channels have numbers of their own.
@@ -121,9 +136,9 @@ impl PulseRate {
         let mut runs = vec![Vec::new()];
         for range in &recording.lines {
             let intervals: Vec<f64> = range.clone().skip(1).map(|i| recording.interval_before(i)).collect();
-            let usual = usual(&intervals);
+            let local = local_usual(&intervals, usual(&intervals));
             runs.push(Vec::new());
-            for (i, interval) in range.clone().zip(intervals) {
+            for ((i, interval), usual) in range.clone().zip(intervals).zip(local) {
                 let pulse = &recording.pulses[i];
                 let place =
                     self.by_phase[bin(solution.model.fraction(usize::from(pulse.channel), pulse.time))];
@@ -150,6 +165,17 @@ impl PulseRate {
         }
         let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
         spread(&known) / mean < CONSTANT && self.of_lines < CONSTANT
+    }
+
+    /// True if the mean rate is one that an instrument may have.
+    pub fn is_plausible(&self) -> bool {
+        RATES.contains(&self.mean)
+    }
+
+    /// True if the rates in a revolution are some that an instrument may have.
+    pub fn has_plausible_range(&self) -> bool {
+        let (low, high) = self.range;
+        RATES.contains(&low) && RATES.contains(&high) && high <= MAX_RATE_RATIO * low
     }
 
     /// Times of pulses from 0 to `duration` in the part of the revolution that was recorded, s. Lines that
@@ -213,29 +239,75 @@ struct Pair {
     line: usize,
 }
 
-/// Pairs of neighbouring pulses, and the share of pulses that are lost. `interval_before` is the time from
-/// the pulse before to a pulse, s.
-fn neighbour_pairs(recording: &Recording, interval_before: &impl Fn(usize) -> f64) -> (Vec<Pair>, f64) {
+/// Pulses of a line.
+#[derive(Clone, Copy, Default)]
+struct Losses {
+    /// Pulses with a point.
+    recorded: f64,
+    /// Pulses without a point, between others.
+    lost: f64,
+}
+
+/// Pairs of neighbouring pulses, and the pulses of each line. `interval_before` is the time from the pulse
+/// before to a pulse, s.
+fn neighbour_pairs(
+    recording: &Recording,
+    interval_before: &impl Fn(usize) -> f64,
+) -> (Vec<Pair>, Vec<Losses>) {
     let mut pairs = Vec::new();
-    let (mut recorded, mut lost) = (1.0, 0.0);
+    let mut losses = vec![Losses::default(); recording.lines.len()];
     let all = recording.lines.iter().flat_map(|line| line.clone().skip(1));
     let of_all = usual(&all.map(interval_before).collect::<Vec<_>>());
     for (line, range) in recording.lines.iter().enumerate() {
         let intervals: Vec<f64> = range.clone().skip(1).map(interval_before).collect();
         // Of thinned lines, few intervals are those of neighbouring pulses.
         let usual = Some(usual(&intervals)).filter(|usual| *usual < LOST * of_all).unwrap_or(of_all);
-        for (first, interval) in range.clone().zip(intervals) {
+        let local = local_usual(&intervals, usual);
+        let of_line = &mut losses[line];
+        for ((first, interval), usual) in range.clone().zip(intervals).zip(local) {
             let missing = (interval / usual).round() - 1.0;
             if missing < 1.0 {
                 pairs.push(Pair { first, interval, line });
             }
             if missing <= MAX_LOST {
-                recorded += 1.0;
-                lost += missing.max(0.0);
+                of_line.recorded += 1.0;
+                of_line.lost += missing.max(0.0);
             }
         }
     }
-    (pairs, lost / (recorded + lost))
+    (pairs, losses)
+}
+
+/// Share of the pulses that are lost, and its standard deviation by the differences between lines (that of a
+/// ratio of sums); NaN for fewer than two lines.
+fn share_lost(losses: &[Losses]) -> (f64, f64) {
+    let (recorded, lost) =
+        losses.iter().fold((1.0, 0.0), |(recorded, lost), of| (recorded + of.recorded, lost + of.lost));
+    let share = lost / (recorded + lost);
+    let squares: f64 = losses.iter().map(|of| (of.lost - share * (of.recorded + of.lost)).powi(2)).sum();
+    let used = losses.iter().filter(|of| of.recorded > 0.0).count() as f64;
+    let deviation = match used > 1.0 {
+        true => (squares * used / (used - 1.0)).sqrt() / (recorded + lost),
+        false => f64::NAN,
+    };
+    (share, deviation)
+}
+
+/// The usual interval at each of the intervals of a line, s: that of the intervals around, if most of them
+/// are about as long, else `of_line`, that of the whole line.
+fn local_usual(intervals: &[f64], of_line: f64) -> Vec<f64> {
+    let at = |middle: usize| {
+        let around = &intervals[middle.saturating_sub(WINDOW)..(middle + WINDOW + 1).min(intervals.len())];
+        let usual = usual(around);
+        let near = around.iter().filter(|interval| (usual / LOST..usual * LOST).contains(*interval)).count();
+        // Some intervals of a thinned cloud may be alike by chance.
+        let is_large = around.len() > WINDOW;
+        let is_known = is_large && usual > 0.0 && near as f64 >= MIN_USUAL_SHARE * around.len() as f64;
+        if is_known { usual } else { of_line }
+    };
+    let known: Vec<f64> = (0..intervals.len()).step_by(WINDOW_STEP).map(at).collect();
+    let nearest = |i: usize| known[((i + WINDOW_STEP / 2) / WINDOW_STEP).min(known.len() - 1)];
+    (0..intervals.len()).map(nearest).collect()
 }
 
 /// Bin of the mirror's phase at the first pulse of a pair.

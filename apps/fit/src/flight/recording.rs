@@ -6,7 +6,9 @@ use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::fixed;
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, read_points};
+use vlscan_formats::{
+    Attribute, AttributeSet, FileFacts, PointRow, PointSink, PulseGroups, PulseKey, StrayFinder, read_points,
+};
 use vlscan_geom::{DVec3, degrees, median, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
@@ -89,11 +91,16 @@ struct Rows {
     attributes: AttributeSet,
     wkt: Option<String>,
     rows: Vec<Row>,
+    is_las: bool,
 }
 
 impl PointSink for Rows {
     fn start(&mut self, attributes: AttributeSet) {
         self.attributes = attributes;
+    }
+
+    fn file(&mut self, facts: &FileFacts) {
+        self.is_las = facts.las.is_some();
     }
 
     fn crs(&mut self, wkt: &str) {
@@ -109,8 +116,7 @@ impl PointSink for Rows {
                 time: row.time,
                 position: row.position,
                 angle: row.scan_angle,
-                // Readers count legs from 0, and files point sources from 1.
-                source: row.leg.saturating_add(1),
+                source: row.flight_line(self.is_las),
                 number: row.return_number,
                 returns: row.number_of_returns,
                 class: row.class,
@@ -344,32 +350,30 @@ impl Recording {
 /// Pulses of the points of a flight line, in the order of channel of the file and time, and the number of
 /// points that have the time of another pulse.
 fn pulses_of(rows: &[Row], origin: DVec3, start: f64) -> (Vec<Pulse>, usize) {
-    let mut order: Vec<&Row> = rows.iter().collect();
-    order.sort_by(|a, b| {
-        a.channel.cmp(&b.channel).then(a.time.total_cmp(&b.time)).then(a.number.cmp(&b.number))
+    let key = |row: &Row| {
+        let (number, of) = (row.number.max(1), row.returns);
+        PulseKey { source: row.source, channel: row.channel, time: row.time, number, of }
+    };
+    let mut groups = PulseGroups::by_time(&rows.iter().map(key).collect::<Vec<_>>());
+    let first = |group: &Range<usize>| &rows[groups.order[group.start]];
+    groups.pulses.sort_by(|a, b| {
+        first(a).channel.cmp(&first(b).channel).then(first(a).time.total_cmp(&first(b).time))
     });
-    let mut pulses: Vec<Pulse> = Vec::new();
-    let mut others = 0;
-    let mut number = 0;
-    for row in order {
-        let (time, position) = (row.time - start, row.position - origin);
-        match pulses.last_mut().filter(|last| last.time == time && last.file_channel == row.channel) {
-            Some(_) if row.number <= number => others += 1,
-            Some(pulse) => pulse.last = Some(position),
-            None => pulses.push(Pulse {
-                time,
-                position,
-                angle: radians(row.angle),
-                returns: row.returns.max(1),
-                class: row.class,
-                last: None,
-                file_channel: row.channel,
-                channel: 0,
-            }),
+    let pulse = |group: &Range<usize>| {
+        let returns = &groups.order[group.clone()];
+        let (row, last) = (&rows[returns[0]], &rows[returns[returns.len() - 1]]);
+        Pulse {
+            time: row.time - start,
+            position: row.position - origin,
+            angle: radians(row.angle),
+            returns: row.returns.max(1),
+            class: row.class,
+            last: (last.number > row.number).then(|| last.position - origin),
+            file_channel: row.channel,
+            channel: 0,
         }
-        number = row.number;
-    }
-    (pulses, others)
+    };
+    (groups.pulses.iter().map(pulse).collect(), groups.ambiguous)
 }
 
 /// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their

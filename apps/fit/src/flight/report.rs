@@ -67,7 +67,7 @@ impl FlightFit {
         self.add_mirror(&mut figures);
         self.add_rate(&mut figures);
         if let Some(noise) = self.noise {
-            figures.add("range noise with roughness", noise, None, "m");
+            figures.add("range noise with roughness", noise.value, Some(noise.deviation), "m");
         }
         let solution = &self.solution;
         figures.add_angle("attitude changes, root mean square", solution.attitude_spread(), None);
@@ -158,7 +158,7 @@ impl FlightFit {
             let shares = rate.dither.iter().map(|factor| 100.0 * (factor - 1.0).abs());
             figures.add("largest deviation of these intervals", shares.fold(0.0, f64::max), None, "%");
         }
-        figures.add("pulses without a point", 100.0 * rate.lost, None, "%");
+        figures.add("pulses without a point", 100.0 * rate.lost, Some(100.0 * rate.lost_deviation), "%");
     }
 
     /// Height of the platform at time 0 above the mean of the points, m.

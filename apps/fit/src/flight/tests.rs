@@ -117,7 +117,7 @@ fn check(truth: &Model, rate: f64) -> Solution {
     assert!(error < 0.06, "lines left out: {error} m");
     let rate_fitted = PulseRate::of(&recording, &solution);
     assert!((rate_fitted.mean / rate - 1.0).abs() < 1e-4 && rate_fitted.is_constant());
-    let noise = ground::range_noise(&recording, &solution).unwrap();
+    let noise = ground::range_noise(&recording, &solution).unwrap().value;
     assert!((noise / 0.02 - 1.0).abs() < 0.2, "noise {noise}");
     solution
 }
@@ -229,6 +229,29 @@ fn levels_of_lines_that_repeat_are_foreseen() {
     let mut levels: Vec<f64> = values(&all).into_iter().flatten().collect();
     levels.sort_by(f64::total_cmp);
     assert!(levels[9] - levels[0] > 0.02, "{levels:?}");
+}
+
+/// A rate that falls along each arc to less than half of its highest value: no pulse is lost.
+#[test]
+fn slow_parts_of_an_arc_are_no_lost_pulses() {
+    let truth = model(Mirror::Cone, radians(20.0), 100.0);
+    let parts = flown(&truth, |_| 2e-5, 1.5).into_iter().map(|pulse| truth.fraction(0, pulse.time));
+    let (low, high) = parts.fold((1.0, 0.0), |(low, high), part| (f64::min(low, part), f64::max(high, part)));
+    assert!(high - low > 0.03 && high - low < 0.3, "{low} {high}");
+    let interval = |time: f64| {
+        let along = ((truth.fraction(0, time) - low) / (high - low)).clamp(0.0, 1.0);
+        1.25e-6 * (1.0 + 2.0 * along)
+    };
+    let pulses = flown(&truth, interval, 1.5);
+    let steps: Vec<f64> =
+        pulses.windows(2).map(|pair| pair[1].time - pair[0].time).filter(|step| *step < 1e-4).collect();
+    let mean = steps.iter().sum::<f64>() / steps.len() as f64;
+    let longest = steps.iter().copied().fold(0.0, f64::max);
+    assert!(longest > 2.5 * 1.25e-6, "{longest}");
+    let recording = Recording::new(pulses).unwrap();
+    let rate = PulseRate::of(&recording, &known(&truth));
+    assert!(rate.lost < 1e-3 && (rate.mean * mean - 1.0).abs() < 1e-3, "{} {}", rate.lost, rate.mean * mean);
+    assert!(rate.is_plausible() && rate.has_plausible_range(), "{:?}", rate.range);
 }
 
 /// Times in steps of nearly an interval do not determine the intervals of pulses, but the positions of the

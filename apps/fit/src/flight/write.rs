@@ -72,7 +72,7 @@ impl FlightFit {
     /// is not set.
     pub fn write(&self, path: &Path, command: &str, force: bool) -> Result<FlightFiles> {
         // Times of a file apply to all channels, but each channel was recorded at times of its own.
-        let has_times = !self.rate.is_constant() && !self.solution.model.has_channels();
+        let has_times = self.has_varying_rate() && self.rate.has_plausible_range();
         let times = match has_times {
             true => self.rate.times(&self.solution, self.end(), MAX_TIMES),
             false => None,
@@ -103,6 +103,11 @@ impl FlightFit {
         possible.iter().filter(|path| is_old(path)).for_each(|path| group.remove(path));
         group.commit()?;
         Ok(files)
+    }
+
+    /// True if the times of pulses depend on the mirror or the line, and may be written.
+    pub(super) fn has_varying_rate(&self) -> bool {
+        !self.rate.is_constant() && !self.solution.model.has_channels()
     }
 
     /// Time of the last pulse, s after the first.

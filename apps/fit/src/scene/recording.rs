@@ -4,7 +4,10 @@ use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, read_points};
+use vlscan_formats::{
+    Attribute, AttributeSet, FileFacts, GroupedBy, PointRow, PointSink, PulseGroups, PulseGroupsError,
+    PulseKey, StrayFinder, read_points,
+};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
 /// Gap in time that ends a pass of the instrument over the place, s.
@@ -90,11 +93,16 @@ struct Sink {
     attributes: AttributeSet,
     noise: usize,
     skipped: usize,
+    is_las: bool,
 }
 
 impl PointSink for Sink {
     fn start(&mut self, attributes: AttributeSet) {
         self.attributes = attributes;
+    }
+
+    fn file(&mut self, facts: &FileFacts) {
+        self.is_las = facts.las.is_some();
     }
 
     fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
@@ -114,8 +122,7 @@ impl PointSink for Sink {
                     of: row.number_of_returns.max(number),
                     time: row.time,
                     scan_angle: row.scan_angle,
-                    // Readers count legs from 0, and files point sources from 1.
-                    source: row.leg.saturating_add(1),
+                    source: row.flight_line(self.is_las),
                     channel: row.channel,
                     is_left_out: target.is_none(),
                 });
@@ -132,7 +139,7 @@ impl PointSink for Sink {
 /// the ground.
 pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let attributes = AttributeSet::default();
-    let mut sink = Sink { returns: Vec::new(), attributes, noise: 0, skipped: 0 };
+    let mut sink = Sink { returns: Vec::new(), attributes, noise: 0, skipped: 0, is_las: false };
     found.extend(read_points(path, &mut sink)?);
     let strays = StrayFinder::of(sink.returns.iter().filter(|r| !r.is_left_out).map(|r| r.position));
     strays.warn(path, "left out", found);
@@ -159,7 +166,8 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     if !has(Attribute::Time) {
         warn("the cloud has no times of pulses; each point counts as a separate pulse");
     }
-    if !has(Attribute::NumberOfReturns) || !has(Attribute::ReturnNumber) {
+    let has_numbers = has(Attribute::NumberOfReturns) && has(Attribute::ReturnNumber);
+    if !has_numbers {
         warn(
             "the cloud has no return numbers and numbers of returns; each point counts as the only return \
              of its pulse",
@@ -168,55 +176,76 @@ pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
     let has_times = has(Attribute::Time);
     let has_scan_angles = has(Attribute::ScanAngle) && kept().any(|r| r.scan_angle != first.scan_angle);
     let noise = sink.noise;
-    Ok(Recording { has_scan_angles, noise, ..assemble(sink.returns, has_times) })
+    let (recording, by) = assemble(&sink.returns, (has_times, has_numbers)).map_err(|problem| {
+        Error::input_with_help(
+            format!("{name}: {problem}"),
+            "use the cloud as the instrument delivered it, with the time of each pulse",
+        )
+    })?;
+    if by == GroupedBy::Order {
+        warn(
+            "GPS times are too coarse to tell pulses; returns are grouped into pulses by their order in the \
+             file and their numbers",
+        );
+    }
+    Ok(Recording { has_scan_angles, noise, ..recording })
 }
 
-/// Orders returns into pulses and lines.
-pub(super) fn assemble(mut returns: Vec<Return>, has_times: bool) -> Recording {
-    let key = |r: &Return| (r.source, r.time, r.channel);
-    returns.sort_by(|a, b| {
-        let by_time = a.source.cmp(&b.source).then(a.time.total_cmp(&b.time));
-        by_time.then(a.channel.cmp(&b.channel)).then(a.number.cmp(&b.number))
-    });
-    let ends_pulse = |r: &Return, next: Option<&Return>| {
-        next.is_none_or(|next| !has_times || key(next) != key(r) || next.number <= r.number)
+/// Orders returns into pulses and lines. Each return is a pulse where there are no times or no numbers of
+/// returns.
+///
+/// # Errors
+/// Times that several pulses share, in files whose returns are not in the order of pulses.
+pub(super) fn assemble(
+    returns: &[Return],
+    (has_times, has_numbers): (bool, bool),
+) -> std::result::Result<(Recording, GroupedBy), PulseGroupsError> {
+    let key = |r: &Return| PulseKey {
+        source: r.source,
+        channel: r.channel,
+        time: r.time,
+        number: r.number,
+        of: r.of,
     };
-    // Numbers of pulses, including pulses that are left out.
-    let mut numbers = Vec::with_capacity(returns.len());
-    let mut number = 0usize;
-    for (i, r) in returns.iter().enumerate() {
-        if !r.is_left_out {
-            numbers.push(number);
-        }
-        number += usize::from(ends_pulse(r, returns.get(i + 1)));
-    }
-    returns.retain(|r| !r.is_left_out);
+    let keys: Vec<PulseKey> = returns.iter().map(key).collect();
+    let groups = match has_times && has_numbers {
+        true => PulseGroups::of(&keys)?,
+        false => PulseGroups::by_time(&keys),
+    };
     let mut all = Recording { bounds: Aabb::EMPTY, ..Recording::default() };
-    let mut start = 0;
-    for i in 0..returns.len() {
-        all.bounds = all.bounds.with(returns[i].position);
-        if !ends_pulse(&returns[i], returns.get(i + 1)) {
-            continue;
+    // Numbers of pulses, including pulses that are left out.
+    let mut number = 0;
+    for pulse in &groups.pulses {
+        let members = &groups.order[pulse.clone()];
+        let is_pulse = |a: &usize, b: &usize| has_times && returns[*b].number > returns[*a].number;
+        for part in members.chunk_by(is_pulse) {
+            all.add_pulse(part.iter().map(|i| returns[*i]), number, has_times);
+            number += 1;
         }
-        let first = &returns[start];
-        let pulse = all.pulses.len();
-        let goes_on = pulse > 0 && {
-            let before = &returns[all.pulses[pulse - 1].start];
-            before.source == first.source && (!has_times || first.time - before.time <= MIN_PASS_GAP)
-        };
-        match all.lines.last_mut().filter(|_| goes_on) {
-            Some(line) => line.pulses.end = pulse + 1,
-            None => all.lines.push(Line { source: first.source, pulses: pulse..pulse + 1 }),
-        }
-        all.pulses.push(start..i + 1);
-        all.is_held_out.push(numbers[start].is_multiple_of(FOLDS));
-        start = i + 1;
     }
-    all.returns = returns;
-    all
+    Ok((all, groups.by))
 }
 
 impl Recording {
+    /// Adds the returns of a pulse, unless all are left out. `number` is that of the pulse in the file.
+    fn add_pulse(&mut self, returns: impl Iterator<Item = Return>, number: usize, has_times: bool) {
+        let start = self.returns.len();
+        self.returns.extend(returns.filter(|r| !r.is_left_out));
+        let Some(first) = self.returns.get(start).copied() else { return };
+        self.bounds = self.returns[start..].iter().fold(self.bounds, |bounds, r| bounds.with(r.position));
+        let pulse = self.pulses.len();
+        let goes_on = self.pulses.last().is_some_and(|before| {
+            let before = &self.returns[before.start];
+            before.source == first.source && (!has_times || first.time - before.time <= MIN_PASS_GAP)
+        });
+        match self.lines.last_mut().filter(|_| goes_on) {
+            Some(line) => line.pulses.end = pulse + 1,
+            None => self.lines.push(Line { source: first.source, pulses: pulse..pulse + 1 }),
+        }
+        self.pulses.push(start..self.returns.len());
+        self.is_held_out.push(number.is_multiple_of(FOLDS));
+    }
+
     /// Returns of a pulse, nearest first.
     pub fn of_pulse(&self, pulse: usize) -> &[Return] {
         &self.returns[self.pulses[pulse].clone()]
@@ -226,5 +255,49 @@ impl Recording {
     pub fn density(&self) -> f64 {
         let size = self.bounds.max - self.bounds.min;
         self.pulses.len() as f64 / (size.x * size.y).max(1e-9)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns of pulses of one and two returns, 10 µs apart, with times in these steps, s.
+    fn returns(step: f64) -> Vec<Return> {
+        let pulse = |pulse: u32| {
+            let of = 1 + (pulse % 2) as u8;
+            let time = libm::floor(f64::from(pulse) * 1e-5 / step) * step;
+            (1..=of).map(move |number| Return {
+                position: DVec3::new(f64::from(pulse), 0.0, -f64::from(number)),
+                class: 5,
+                target: Target::Foliage,
+                number,
+                of,
+                time,
+                scan_angle: 0.0,
+                source: 706,
+                channel: 0,
+                is_left_out: pulse == 7,
+            })
+        };
+        (0..2000).flat_map(pulse).collect()
+    }
+
+    #[test]
+    fn coarse_times_do_not_mix_pulses() {
+        let (fine, by_time) = assemble(&returns(1e-7), (true, true)).unwrap();
+        let (coarse, by_order) = assemble(&returns(5e-3), (true, true)).unwrap();
+        assert_eq!((by_time, by_order), (GroupedBy::Time, GroupedBy::Order));
+        assert_eq!((fine.pulses.len(), fine.returns.len(), fine.lines.len()), (1999, 2998, 1));
+        assert_eq!((&fine.pulses, &fine.is_held_out), (&coarse.pulses, &coarse.is_held_out));
+        let places = |recording: &Recording| recording.returns.iter().map(|r| r.position).collect::<Vec<_>>();
+        assert_eq!(places(&fine), places(&coarse));
+        assert_eq!(fine.lines[0].source, 706);
+    }
+
+    #[test]
+    fn each_return_is_a_pulse_where_there_are_no_times() {
+        let (all, _) = assemble(&returns(1.0), (false, true)).unwrap();
+        assert!(all.pulses.iter().all(|pulse| pulse.len() == 1) && all.pulses.len() == 2998);
     }
 }

@@ -44,6 +44,10 @@ const FEW_PLANES: usize = 100;
 const ROUNDS: usize = 3;
 /// Reflectance of the target for which the maximum range is stated.
 const TARGET_REFLECTANCE: f64 = 0.1;
+/// Plausible maximum range over that of the product line: sensors of a line differ, and so do their targets.
+const RANGE_RATIOS: std::ops::RangeInclusive<f64> = 0.6..=1.7;
+/// Maximum plausible standard deviation of the threshold, as a share.
+const MAX_THRESHOLD_DEVIATION: f64 = 0.5;
 
 /// Half of the columns that is fitted; the other half tests the fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -107,7 +111,54 @@ pub fn fit_spinning(
             .warn(Some(Place::of_file(recording)), message)
             .help("compare what --half odd finds; walls, floors and roads are planes");
     }
+    if let Some(reason) = fit.range_doubt() {
+        let message = format!("`max_range` and `threshold_photons` are left out: {reason}");
+        found.warn(Some(Place::of_file(recording)), message).help(
+            "record planes near the largest range, or set the values of the instrument; they are comments \
+             in the pipeline file",
+        );
+    }
     Ok(fit)
+}
+
+impl SpinningFit {
+    /// Maximum range of the product line for a target of a reflectance of 10 %, m, if it is stated.
+    fn stated_range(&self) -> Option<f64> {
+        let target = self.scanner.devices.first()?.receiver.max_range?;
+        Some(target.range * libm::sqrt(TARGET_REFLECTANCE / target.reflectance))
+    }
+
+    /// The reason why the threshold, and the maximum range with it, cannot be that of the sensor; `None` if it
+    /// may be.
+    fn range_doubt(&self) -> Option<String> {
+        let deviation = self.detection.threshold_deviation;
+        if deviation > MAX_THRESHOLD_DEVIATION {
+            return Some(format!("the threshold is uncertain by {:.0} %", 100.0 * deviation));
+        }
+        let stated = self.stated_range()?;
+        (!RANGE_RATIOS.contains(&(self.max_range / stated))).then(|| {
+            format!(
+                "the planes suggest a maximum range of {:.1} m for {} %, that of {} is {stated:.1} m",
+                self.max_range,
+                100.0 * TARGET_REFLECTANCE,
+                self.scanner.name
+            )
+        })
+    }
+
+    /// The noise with the threshold of the written sensor: that of the product line, if the estimate is left
+    /// out. The parts that grow with the weakness of echoes refer to an echo at the threshold, whose strength
+    /// falls with the square of the maximum range.
+    fn written_noise(&self) -> RangeNoise {
+        let noise = self.noise;
+        match (self.range_doubt(), self.stated_range()) {
+            (Some(_), Some(stated)) => {
+                let ratio = stated / self.max_range;
+                RangeNoise { shot: noise.shot * ratio, amplifier: noise.amplifier * ratio * ratio, ..noise }
+            }
+            _ => noise,
+        }
+    }
 }
 
 /// Estimates noise and detection from an image; the error names what the recording lacks.

@@ -90,6 +90,38 @@ fn noise_and_detection_of_a_known_sensor_are_found() {
     }
 }
 
+/// The room suggests a sensor that sees less far than its product line: its threshold is left out, and the
+/// noise of an echo of any strength stays.
+#[test]
+fn a_maximum_range_far_from_that_of_the_product_line_is_a_comment() {
+    let scanner = scanner();
+    let fit = estimate(scanner.clone(), room(&scanner), Half::Even).unwrap();
+    let written = |fit: &SpinningFit| {
+        let folder = tempfile::tempdir().unwrap();
+        let files = SpinningFiles::new(&folder.path().join("fit.toml"), None);
+        fit.write(&files, (Path::new("sensor.json"), "vlscan fit"), false).unwrap();
+        std::fs::read_to_string(&files.pipeline).unwrap()
+    };
+    let with_range = |range: f64| {
+        let mut fit = fit.clone();
+        let target = vlscan_survey::ReferenceTarget { range, reflectance: 0.1, pulse_freq: None };
+        fit.scanner.devices.iter_mut().for_each(|device| device.receiver.max_range = Some(target));
+        fit
+    };
+    let near = with_range(1.2 * fit.max_range);
+    assert!(near.range_doubt().is_none() && written(&near).contains("\nmax_range = "), "{}", written(&near));
+    let far = with_range(2.0 * fit.max_range);
+    let text = written(&far);
+    assert!(text.contains("# left out: ") && text.contains("\n# max_range = "), "{text}");
+    assert!(text.contains("\n# threshold_photons = ") && text.contains("\ndropout_rate = "), "{text}");
+    let (noise, threshold) = (far.written_noise(), fit.detection.threshold);
+    let sigmas = [
+        fit.noise.sigma(20.0 * threshold, threshold, 0.0),
+        noise.sigma(20.0 * threshold, threshold / 4.0, 0.0),
+    ];
+    assert!((sigmas[1] / sigmas[0] - 1.0).abs() < 1e-9, "{sigmas:?}");
+}
+
 #[test]
 fn recordings_without_planes_are_refused() {
     let scanner = scanner();

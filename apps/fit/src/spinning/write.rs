@@ -83,7 +83,7 @@ impl SpinningFit {
             let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
             toml::Value::String(path.to_string_lossy().into_owned())
         };
-        let (noise, detection) = (&self.noise, &self.detection);
+        let (noise, detection, doubt) = (self.written_noise(), &self.detection, self.range_doubt());
         let mut text = format!("# {command}\n#\n# Estimated, with standard deviations:\n");
         // Writing to a string does not fail.
         self.figures().table().lines().for_each(|line| _ = writeln!(text, "#   {line}"));
@@ -96,9 +96,14 @@ impl SpinningFit {
         }
         text.push_str("[platform]\nkind = \"static\"\n\n[[leg]]\nposition_m = [0, 0, 0]\n\n");
         let _ = writeln!(text, "[scanner]\ncatalogue = {}", absolute(calibration));
+        // Estimates that are not plausible are comments.
+        let mark = if doubt.is_some() { "# " } else { "" };
+        if let Some(reason) = &doubt {
+            let _ = writeln!(text, "# left out: {reason}");
+        }
         let _ = writeln!(
             text,
-            "max_range = {{ range_m = {:.2}, reflectance = {TARGET_REFLECTANCE}, pulse_freq_hz = {} }}",
+            "{mark}max_range = {{ range_m = {:.2}, reflectance = {TARGET_REFLECTANCE}, pulse_freq_hz = {} }}",
             self.max_range, self.scanner.pulse_freqs[0]
         );
         let _ = writeln!(
@@ -108,7 +113,7 @@ impl SpinningFit {
         );
         let _ = writeln!(
             text,
-            "threshold_photons = {}\ndropout_rate = {:.5}\nrange_step_m = {}",
+            "{mark}threshold_photons = {}\ndropout_rate = {:.5}\nrange_step_m = {}",
             detection.photons, detection.dropout_rate, self.image.range_step
         );
         text

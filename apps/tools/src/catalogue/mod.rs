@@ -13,7 +13,7 @@ mod sources;
 
 pub use field::{field_figures, field_in_words, field_of_view};
 pub use pattern::Pattern;
-pub use sources::Sources;
+pub use sources::{Sources, unverified_figures};
 
 use serde::Serialize;
 use vlscan_base::error::Result;

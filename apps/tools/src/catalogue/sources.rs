@@ -6,6 +6,11 @@ use vlscan_survey::{FigureSource, Scanner};
 
 /// Remark on figures without a source.
 const UNVERIFIED: &str = "not compared with a data sheet";
+/// Beginnings of the names of sources that are none.
+const NO_SOURCES: [&str; 2] = ["assumption", "not verified"];
+/// Figures that a run depends on, of which [`unverified_figures`] lists those without a source.
+const FIGURES: [&str; 5] =
+    ["accuracy_m", "beamDivergence_rad", "pulseLength_ns", "rangeMin_m", "wavelength_nm"];
 
 /// The sources of an instrument's figures. As JSON: names of figures with their sources.
 pub struct Sources<'s>(&'s [FigureSource]);
@@ -45,6 +50,20 @@ impl Sources<'_> {
     }
 }
 
+/// The figures of an instrument of the built-in catalogue that have not been compared with a data sheet; empty
+/// for other instruments.
+pub fn unverified_figures(scanner: &Scanner) -> Vec<&'static str> {
+    let Some(device) = scanner.devices.first().filter(|device| device.stated.is_built_in) else {
+        return Vec::new();
+    };
+    let is_source = |name: &str| NO_SOURCES.iter().all(|none| !name.starts_with(none));
+    let has_source = |figure: &str| {
+        let mut sources = scanner.sources.iter().chain(&device.stated.sources);
+        sources.any(|source| is_source(&source.name) && source.figures.iter().any(|own| own == figure))
+    };
+    FIGURES.into_iter().filter(|&figure| !has_source(figure)).collect()
+}
+
 impl Serialize for Sources<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let of_source = |source: &'_ FigureSource| {
@@ -59,7 +78,7 @@ impl Serialize for Sources<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_survey::catalogue;
+    use vlscan_survey::{Deflector, Device, catalogue};
 
     #[test]
     fn sources_name_figures_that_exist() {
@@ -97,6 +116,14 @@ mod tests {
                 seen.push(figure.clone());
             }
         }
+        // A source that is none does not count.
+        let of = |name: &str| {
+            let (_, scanner) = known.scanners.iter().find(|(found, _)| found.ends_with(name)).unwrap();
+            unverified_figures(scanner)
+        };
+        assert_eq!(of("#riegl_vz400"), FIGURES);
+        assert_eq!(of("#leica_als50-ii"), ["accuracy_m", "rangeMin_m"]);
+        assert!(unverified_figures(&Scanner::new("own", 1000, Device::new(Deflector::Conic))).is_empty());
         let (_, puck) = known.scanners.iter().find(|(name, _)| name.ends_with("#vlp16")).unwrap();
         let sources = Sources::of(puck);
         assert!(sources.of_figures(&["beamDivergence_rad"]).contains("User Manual"));

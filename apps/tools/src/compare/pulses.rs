@@ -3,6 +3,7 @@
 
 use super::cut::Cut;
 use std::ops::Range;
+use vlscan_formats::{GroupedBy, PulseGroups, PulseGroupsError, PulseKey};
 
 /// Least number of pulses of a line whose figures count.
 const MIN_LINE_PULSES: usize = 5;
@@ -10,8 +11,6 @@ const MIN_LINE_PULSES: usize = 5;
 const MIN_LINES: usize = 10;
 /// Largest ratio of the time between two lines to the usual one; a longer one lies between strips.
 const MAX_LINE_GAP: f64 = 3.0;
-/// Largest fraction of pulses that may have a return number twice.
-const MAX_AMBIGUOUS: f64 = 0.01;
 
 /// A pulse with echoes.
 #[derive(Clone, Copy, Debug)]
@@ -87,40 +86,35 @@ impl Pulses {
             return Err(PulsesError::EqualTimes);
         }
         let sources: Vec<(u16, u8)> = cut.map(|points, i| points.source_of(i)).collect();
-        let mut order: Vec<u32> = (0..cut.len() as u32).collect();
-        order.sort_by(|a, b| {
-            let key = |i: &u32| (sources[*i as usize], times[*i as usize]);
+        let mut groups = groups(cut, &sources, &times)?;
+        let key = |group: &Range<usize>| {
+            let i = groups.order[group.start];
+            (sources[i], times[i])
+        };
+        groups.pulses.sort_by(|a, b| {
             let ((source_a, time_a), (source_b, time_b)) = (key(a), key(b));
             source_a.cmp(&source_b).then(time_a.total_cmp(&time_b))
         });
         let (mut pulses, mut pulse_of) = (Vec::new(), vec![0; cut.len()]);
-        let mut ambiguous = 0;
-        let key = |i: u32| (sources[i as usize], times[i as usize]);
-        for points in order.chunk_by(|a, b| key(*a) == key(*b)) {
-            points.iter().for_each(|i| pulse_of[*i as usize] = pulses.len() as u32);
-            let mut seen = 0_u16;
+        for group in &groups.pulses {
+            let points = &groups.order[group.clone()];
+            points.iter().for_each(|i| pulse_of[*i] = pulses.len() as u32);
             let (mut first, mut least, mut stated) = (points[0], u8::MAX, 0);
             for i in points {
-                let Some((number, count)) = cut.returns(*i as usize) else { continue };
-                let bit = 1 << number.min(15);
-                ambiguous += usize::from(seen & bit != 0);
-                seen |= bit;
+                let Some((number, count)) = cut.returns(*i) else { continue };
                 stated = stated.max(count);
                 if number < least {
                     (first, least) = (*i, number);
                 }
             }
-            let index = cut.index[first as usize] as usize;
+            let index = cut.index[first] as usize;
             pulses.push(Pulse {
-                source: sources[first as usize],
-                time: times[first as usize],
-                first,
+                source: sources[first],
+                time: times[first],
+                first: first as u32,
                 returns: if stated > 0 { stated } else { points.len().min(255) as u8 },
                 angle: cut.points.scan_angle_of(index).map_or(0.0, f64::from),
             });
-        }
-        if ambiguous as f64 > MAX_AMBIGUOUS * pulses.len() as f64 {
-            return Err(PulsesError::CoarseTimes(ambiguous));
         }
         let has_angles = pulses.iter().any(|pulse| pulse.angle != pulses[0].angle);
         let mut found =
@@ -265,6 +259,26 @@ impl Pulses {
         }
         let to = |i: usize| distance_to_segment(place, [self.place(cut, i), self.place(cut, i + 1)]);
         Some(to(nearest - 1).min(to(nearest)))
+    }
+}
+
+/// The points of a cut by pulse, whose times differ.
+///
+/// # Errors
+/// Times that several pulses share: the order of points tells these pulses, but neither their intervals nor
+/// their lines.
+fn groups(cut: &Cut, sources: &[(u16, u8)], times: &[f64]) -> Result<PulseGroups, PulsesError> {
+    let key = |i: usize| {
+        let (number, of) = cut.returns(i).unwrap_or((0, 0));
+        let (source, channel) = sources[i];
+        PulseKey { source, channel: u16::from(channel), time: times[i], number, of }
+    };
+    let keys: Vec<PulseKey> = (0..cut.len()).map(key).collect();
+    match PulseGroups::of(&keys) {
+        Ok(groups) if groups.by == GroupedBy::Time => Ok(groups),
+        Ok(groups) => Err(PulsesError::CoarseTimes(groups.ambiguous)),
+        Err(PulseGroupsError::CoarseTimes(ambiguous)) => Err(PulsesError::CoarseTimes(ambiguous)),
+        Err(_) => Err(PulsesError::CoarseTimes(0)),
     }
 }
 

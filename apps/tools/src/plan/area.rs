@@ -123,6 +123,11 @@ impl Area {
         is_inside(&self.corners, place)
     }
 
+    /// True if a point is inside or on the outline: of a point there, `contains` is true on some sides only.
+    pub(super) fn covers(&self, place: [f64; 2]) -> bool {
+        self.contains(place) || self.sides().any(|side| distance(side, place) <= MIN_CROSSING)
+    }
+
     /// The smallest and the largest coordinates.
     pub fn bounds(&self) -> ([f64; 2], [f64; 2]) {
         let fold = |pick: fn(f64, f64) -> f64, from: f64| {
@@ -189,6 +194,17 @@ pub(super) fn check_coordinates(points: &[[f64; 2]]) -> Result<(), AreaError> {
         Some(wrong) => Err(AreaError::Coordinate(*wrong)),
         None => Ok(()),
     }
+}
+
+/// Distance of a point from a side, m.
+fn distance([a, b]: [[f64; 2]; 2], p: [f64; 2]) -> f64 {
+    let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let square = along[0] * along[0] + along[1] * along[1];
+    let share = match square > 0.0 {
+        true => ((along[0] * to[0] + along[1] * to[1]) / square).clamp(0.0, 1.0),
+        false => 0.0,
+    };
+    libm::hypot(to[0] - share * along[0], to[1] - share * along[1])
 }
 
 #[cfg(test)]

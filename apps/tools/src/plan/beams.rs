@@ -347,6 +347,29 @@ mod tests {
         assert_eq!((all.len(), all[0]), (24, QuarterTurns([0.0; 3])));
     }
 
+    /// A sine is slow at the edges: its density at nadir is 2/π of that of an even mirror.
+    #[test]
+    fn the_field_of_a_mirror_follows_how_it_swings() {
+        let scanners = vlscan_survey::catalogue().unwrap().0.scanners;
+        let (_, als50) = scanners.iter().find(|(name, _)| name.ends_with("#leica_als50")).unwrap();
+        let nadir = |swing: vlscan_survey::Swing| {
+            let mut device = als50.devices[0].clone();
+            device.scan_motion.swing = swing;
+            let mut settings = vlscan_survey::testkit::scanner_settings(100_000);
+            (settings.scan_freq, settings.scan_angle) = (50.0, 20f64.to_radians());
+            let beams = Beams::of(&[(device, Reach::up_to(1e4))], &settings, 20_000.0).unwrap();
+            let count = beams.devices[0].attitudes.len() as f64;
+            let is_near = |beam: &&Rotation| beam.forward().y > libm::cos(2f64.to_radians());
+            beams.devices[0].attitudes.iter().filter(is_near).count() as f64 / count
+        };
+        let even = nadir(vlscan_survey::Swing::TurningPart(0.0));
+        assert!((even - 0.1).abs() < 0.002, "{even}");
+        let sine = nadir(vlscan_survey::Swing::Sine);
+        assert!((sine / even - std::f64::consts::FRAC_2_PI).abs() < 0.02, "{sine} {even}");
+        let turning = nadir(vlscan_survey::Swing::TurningPart(0.4));
+        assert!((turning / even - 0.8).abs() < 0.02, "{turning} {even}");
+    }
+
     #[test]
     fn a_field_is_that_of_its_beams() {
         // A line of beams across, evenly spaced in angle, 30 degrees to either side.

@@ -13,6 +13,9 @@ use vlscan_geom::{DVec3, degrees, radians};
 /// Most positions of a plan.
 const MAX_POSITIONS: usize = 100_000;
 
+/// Share of a spacing by which an area may be too small for another position.
+const ROUNDING: f64 = 1e-9;
+
 /// Positions around a plot if no number is given.
 const DEFAULT_POSITIONS: u32 = 4;
 
@@ -218,11 +221,13 @@ fn positions(area: Option<&Area>, options: &TerrestrialOptions) -> Result<Vec<[f
     }
 }
 
-/// The positions of a square grid within an area, centred: as far from both edges.
+/// The positions of a square grid within an area and on its outline, centred: as far from both edges, so that
+/// a symmetric area has a symmetric grid.
 fn grid(area: &Area, spacing: f64) -> Result<Vec<[f64; 2]>, PlanError> {
     let (low, high) = area.bounds();
     let [(x0, columns), (y0, rows)] = [0, 1].map(|i| {
-        let count = ((high[i] - low[i]) / spacing).floor().max(0.0);
+        // A whole number of spacings may be rounded down.
+        let count = ((high[i] - low[i]) / spacing + ROUNDING).floor().max(0.0);
         (0.5 * (low[i] + high[i]) - 0.5 * count * spacing, count as usize + 1)
     });
     if columns.saturating_mul(rows) > 16 * MAX_POSITIONS {
@@ -230,7 +235,7 @@ fn grid(area: &Area, spacing: f64) -> Result<Vec<[f64; 2]>, PlanError> {
     }
     let at = |first: f64, i: usize| first + i as f64 * spacing;
     let all = (0..rows).flat_map(|r| (0..columns).map(move |c| [at(x0, c), at(y0, r)]));
-    Ok(all.filter(|p| area.contains(*p)).collect())
+    Ok(all.filter(|p| area.covers(*p)).collect())
 }
 
 fn describe(
@@ -295,6 +300,24 @@ mod tests {
             positions(Some(&area), &TerrestrialOptions { spacing: Some(12.0), ..options() }).unwrap();
         assert_eq!(places.len(), 9);
         assert_eq!((places[0], places[8]), ([3.0, 3.0], [27.0, 27.0]));
+    }
+
+    #[test]
+    fn a_grid_that_meets_the_outline_is_symmetric() {
+        let spacing = |spacing: f64| TerrestrialOptions { spacing: Some(spacing), ..options() };
+        // 0.3 / 0.1 is a little less than 3.
+        for (side, step, count) in [(30.0, 15.0, 3), (30.0, 10.0, 4), (0.3, 0.1, 4)] {
+            let area = Area::rectangle([0.0, 0.0], [side, side]).unwrap();
+            let places = positions(Some(&area), &spacing(step)).unwrap();
+            assert_eq!(places.len(), count * count, "{side} {step}");
+            let mirrored = |p: &[f64; 2]| {
+                places.iter().any(|q| (p[0] + q[0] - side).abs() < 1e-9 && (p[1] + q[1] - side).abs() < 1e-9)
+            };
+            assert!(places.iter().all(mirrored));
+        }
+        // A diamond whose corners and sides are positions.
+        let diamond = Area::new(vec![[0.0, -20.0], [20.0, 0.0], [0.0, 20.0], [-20.0, 0.0]]).unwrap();
+        assert_eq!(positions(Some(&diamond), &spacing(10.0)).unwrap().len(), 13);
     }
 
     #[test]

@@ -32,6 +32,8 @@ use vlscan_geom::{DVec3, MAX_COORDINATE};
 
 /// Ground samples through which the plane of a cell goes.
 const SAMPLES_OF_PLANE: usize = 12;
+/// Largest distance of these samples from a cell, in those at which there is terrain.
+const MAX_REACH: f64 = 4.0;
 /// Class of ground points in LAS.
 const GROUND: u8 = 2;
 /// Most cells of a raster.
@@ -225,6 +227,11 @@ impl CloudRasters {
         [self.columns, self.rows]
     }
 
+    /// Largest distance from a ground point at which there is terrain, m.
+    pub fn fill(&self) -> f64 {
+        self.fill
+    }
+
     /// The system of the coordinates as WKT.
     pub fn crs(&self) -> Option<&str> {
         self.crs.as_deref()
@@ -264,7 +271,7 @@ impl CloudRasters {
 
     /// Heights of the ground at the centres of cells: the plane through the nearest mean ground points of
     /// cells, within the convex hull of the cells with points and not farther from a ground point than is
-    /// filled.
+    /// filled. Ground points beyond four times that distance are not searched.
     fn terrain(&self) -> Vec<f64> {
         let side = self.cells.side();
         let samples: Vec<DVec3> = self.cells.ground().collect();
@@ -281,7 +288,7 @@ impl CloudRasters {
             if !neighbours.is_near(x, y, self.fill) {
                 return f64::NAN;
             }
-            let near = neighbours.nearest(x, y, SAMPLES_OF_PLANE, None);
+            let near = neighbours.nearest_within(x, y, SAMPLES_OF_PLANE, MAX_REACH * self.fill);
             plane_at(neighbours.points(), &near, [x, y])
         };
         (0..self.columns * self.rows).into_par_iter().map(height).collect()

@@ -2,7 +2,9 @@
 
 use super::plan::DevicePlan;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 use vlscan_geom::degrees;
+use vlscan_survey::Swing;
 
 /// An oscillating mirror. Angles are rad.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -17,6 +19,8 @@ pub struct Oscillating {
     is_corrected: bool,
     /// Place in the period at which the corrected motion starts, 0 to 1.
     phase: f64,
+    /// Fraction of a half period that each reversal of the corrected motion takes; `None` is a sine.
+    turning: Option<f64>,
     /// Motion of the reference: pulses per period, and change per step between the turns.
     pub(super) period: i64,
     step: f64,
@@ -27,14 +31,13 @@ const MAX_PERIOD: i64 = 1 << 26;
 /// Pulses of acceleration after a turn, as in the reference.
 const TURNING_PULSES: f64 = 50.0;
 
-/// The angle, from −1 to 1, after `turns` periods of a mirror that oscillates `rate` times per pulse:
-/// constant speed between two parabolas of constant acceleration. Half periods of less than 100 pulses are
-/// two parabolas.
-fn oscillation(turns: f64, rate: f64) -> f64 {
+/// The angle, from −1 to 1, after `turns` periods of a mirror: constant speed between two parabolas of
+/// constant acceleration, each of which takes the fraction `turning` of a half period, at most 0.5; or a sine
+/// if it is `None`.
+fn oscillation(turns: f64, turning: Option<f64>) -> f64 {
     let phase = turns - turns.floor();
+    let Some(r) = turning else { return -libm::cos(TAU * phase) };
     let (x, sign) = if phase < 0.5 { (2.0 * phase, 1.0) } else { (2.0 * phase - 1.0, -1.0) };
-    // The fraction of a half period that each of the two accelerations takes.
-    let r = (TURNING_PULSES * 2.0 * rate).min(0.5);
     let speed = 1.0 / (1.0 - r);
     let way = if x < r {
         speed * x * x / (2.0 * r)
@@ -61,7 +64,15 @@ impl Oscillating {
         let is_first = self.period == 0;
         self.half_angle = plan.sense() * half_angle;
         self.rate = scan_freq / frequency;
-        self.is_corrected = plan.kinematics.oscillation_at_leg_frequency;
+        // The reference has neither sines nor turning parts.
+        let swing = plan.motion.swing;
+        self.is_corrected = plan.kinematics.oscillation_at_leg_frequency || swing != Swing::default();
+        self.turning = match swing {
+            // Half periods of less than 100 pulses are two parabolas.
+            Swing::TurningPulses => Some((TURNING_PULSES * 2.0 * self.rate).min(0.5)),
+            Swing::TurningPart(part) => Some(0.5 * part),
+            Swing::Sine => None,
+        };
         if self.is_corrected {
             (self.count, self.phase) = (0, plan.start_turns());
         }
@@ -95,7 +106,7 @@ impl Oscillating {
 
     /// Moves the mirror to `turns` periods after the start of one, by the corrected law.
     pub fn place(&mut self, turns: f64) {
-        self.angle = self.half_angle * oscillation(turns, self.rate);
+        self.angle = self.half_angle * oscillation(turns, self.turning);
     }
 
     /// Moves by one step. Within 50 pulses of each turn the speed changes linearly, in between it is

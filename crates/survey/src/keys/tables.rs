@@ -224,6 +224,11 @@ keys! {
         /// columns, seconds from the start of the leg and the angle, linear in between; or `{ amplitude_deg =
         /// 0.2, freq_hz = 3, phase_deg = 0 }`, a sine. Not `line`. Default: none.
         scan_wander = "scanWander";
+        /// `even` (the default) or `sine`: motion of the mirror between its reversals; `oscillating` only.
+        mirror_motion = "mirrorMotion";
+        /// Share of the time of each sweep in which the mirror reverses, half of it at each end; `oscillating`
+        /// with even motion only. Default: 50 pulses at each end.
+        turning_part = "turningPart" in TURNING_PART;
         /// Lowest scan frequency, Hz. Default: 0.
         scan_freq_min_hz = "scanFreqMin_Hz" in SCAN_FREQ;
         /// Highest scan frequency, Hz; 0 is no limit, the default.

@@ -7,7 +7,7 @@
 //! | `identity` | identities of values in memory |
 //! | `poses` | recorded trajectories |
 //! | `navigation` | errors of navigation |
-//! | `scan_motion` | sense, phase, tilt and wander of deflectors |
+//! | `scan_motion` | sense, phase, tilt, wander and swing of deflectors |
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 
@@ -34,7 +34,7 @@ pub use poses::*;
 pub use pulse_times::PulseTimes;
 pub use raster::{PixelType, RasterFiles, VirtualRaster, VirtualSource};
 pub use receiver::*;
-pub use scan_motion::{AngleTable, ScanMotion, Wander};
+pub use scan_motion::{AngleTable, ScanMotion, Swing, Wander};
 pub use scene::*;
 
 /// A complete survey: scanner, platform, legs and scene.
@@ -423,6 +423,26 @@ pub struct Device {
     pub waveform_place: Option<WaveformPlace>,
     /// Calibration errors of range and angles.
     pub errors: MechanicalErrors,
+    /// Figures of data sheets that pipelines use instead of those of HELIOS++'s catalogue.
+    pub stated: StatedFigures,
+}
+
+/// Figures of an instrument of the built-in catalogue that differ from those of HELIOS++'s catalogue. Surveys
+/// in XML keep the latter, so that their bytes stay; pipelines take these ([`Device::take_stated_figures`]).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StatedFigures {
+    /// True for an instrument of the built-in catalogue.
+    pub is_built_in: bool,
+    /// Wavelength, nm.
+    pub wavelength: Option<f64>,
+    /// Full width of the pulse at half maximum, ns.
+    pub pulse_width: Option<f64>,
+    /// Minimum range, m.
+    pub range_min: Option<f64>,
+    /// Time after an echo during which no other one is detected, ns.
+    pub dead_time: Option<f64>,
+    /// The sources of these figures.
+    pub sources: Vec<FigureSource>,
 }
 
 /// Place of the bins and the window of a waveform.
@@ -586,6 +606,29 @@ impl Beam {
     pub fn take_stated_width(&mut self) {
         self.pulse_length = self.length(true);
         self.stated_width = None;
+    }
+}
+
+impl StatedFigures {
+    /// True if there are figures that have not been taken: those of HELIOS++'s catalogue apply.
+    pub fn are_left(&self) -> bool {
+        [self.wavelength, self.pulse_width, self.range_min, self.dead_time].iter().any(Option::is_some)
+    }
+}
+
+impl Device {
+    /// Takes the stated figures of an instrument of the built-in catalogue, whatever the physics.
+    pub fn take_stated_figures(&mut self) {
+        let (is_built_in, sources) = (self.stated.is_built_in, self.stated.sources.clone());
+        let taken = StatedFigures { is_built_in, sources, ..StatedFigures::default() };
+        let stated = std::mem::replace(&mut self.stated, taken);
+        if let Some(wavelength) = stated.wavelength {
+            (self.beam.wavelength, self.beam.atmosphere_wavelength) = (wavelength, wavelength);
+        }
+        self.beam.stated_width = stated.pulse_width.or(self.beam.stated_width);
+        self.beam.take_stated_width();
+        self.detector.range_min = stated.range_min.unwrap_or(self.detector.range_min);
+        self.receiver.dead_time = stated.dead_time.unwrap_or(self.receiver.dead_time);
     }
 }
 

@@ -20,6 +20,22 @@ pub struct ScanMotion {
     pub axis_tilt: [f64; 2],
     /// Angle that is added to the phase over time.
     pub wander: Option<Wander>,
+    /// How an oscillating mirror swings.
+    pub swing: Swing,
+}
+
+/// Motion of an oscillating mirror from one side to the other.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Swing {
+    /// Evenly between reversals of constant acceleration, which take 50 pulses at each end as in the
+    /// reference.
+    #[default]
+    TurningPulses,
+    /// Evenly between reversals of constant acceleration, which take this share of the time of a sweep, half
+    /// of it at each end, 0 to 1.
+    TurningPart(f64),
+    /// As a sine of the time.
+    Sine,
 }
 
 /// An angle as a function of the time since the start of a leg.

@@ -44,6 +44,28 @@ fn shipped(name: &str, keys: &str) -> vlscan_base::Result<(Scanner, Diagnostics)
 }
 
 #[test]
+fn data_sheets_count_in_pipelines_and_the_catalogue_of_the_reference_in_xml() {
+    let found = |name: &str| {
+        let (scanner, _) = find_scanner(name, &ReadOptions::default()).unwrap();
+        scanner.devices[0].clone()
+    };
+    let swinging = "[settings]\nscan_freq_hz = 50\nscan_angle_deg = 20";
+    let (als, of_xml) = (fine(shipped("leica_als50-ii", swinging))[0].clone(), found("leica_als50-ii"));
+    assert_eq!((als.receiver.dead_time, of_xml.receiver.dead_time), (18.0, 0.0));
+    assert!((width_of_pulse_length(als.beam.pulse_length) - 9.0).abs() < 1e-12);
+    assert_eq!((of_xml.beam.pulse_length, of_xml.beam.stated_width), (10.0, Some(10.0)));
+    let (vz400, of_xml) = (fine(shipped("riegl_vz400", ""))[0].clone(), found("riegl_vz400"));
+    assert_eq!((vz400.beam.wavelength, of_xml.beam.wavelength), (1550.0, 1064.0));
+    assert!(of_xml.stated.are_left() && !vz400.stated.are_left() && vz400.stated.is_built_in);
+    // What the pipeline says counts.
+    let own = fine(shipped("riegl_vz400", "wavelength_nm = 905"))[0].beam;
+    assert_eq!((own.wavelength, own.atmosphere_wavelength), (905.0, 905.0));
+    let puck = fine(shipped("data/scanners_tls.xml#vlp16", ""));
+    assert!(puck.iter().all(|device| device.detector.range_min == 1.0));
+    assert!((found("data/scanners_tls.xml#vlp16").detector.range_min - 0.09144).abs() < 1e-12);
+}
+
+#[test]
 fn scanners_that_ship_state_their_pulse_widths() {
     // 4 ns at half maximum, whatever the physics of a pipeline; in XML by the physics.
     let width = |beam: &Beam| width_of_pulse_length(beam.pulse_length);

@@ -54,6 +54,7 @@ fn every_key_in_both_formats() {
         phase: radians(330.0) % TAU,
         axis_tilt: [radians(0.5), radians(-1.0)],
         wander: Some(Wander::Table(Arc::new(table))),
+        swing: Swing::default(),
     };
     assert_eq!(toml.scan_motion, expected);
     let sine =
@@ -64,8 +65,32 @@ fn every_key_in_both_formats() {
 }
 
 #[test]
+fn mirrors_swing_as_their_keys_say_in_both_formats() {
+    let toml = |keys: &str| of_toml(&format!("optics = \"oscillating\"\nscan_angle_max_deg = 20\n{keys}"));
+    let xml = |keys: &str| of_xml(&format!("optics='oscillating' scanAngleMax_deg='20' {keys}"));
+    for (in_toml, in_xml, expected) in [
+        ("", "", Swing::TurningPulses),
+        ("mirror_motion = \"even\"\n", "mirrorMotion='even'", Swing::TurningPulses),
+        ("mirror_motion = \"sine\"\n", "mirrorMotion='sine'", Swing::Sine),
+        ("turning_part = 0.3\n", "turningPart='0.3'", Swing::TurningPart(0.3)),
+    ] {
+        for read in [toml(in_toml), xml(in_xml)] {
+            let (device, warnings) = read.unwrap();
+            assert!(warnings.is_empty(), "{}", warnings.text());
+            assert_eq!(device.scan_motion.swing, expected);
+        }
+    }
+}
+
+#[test]
 fn what_cannot_be_is_named_with_its_place() {
     for (keys, message) in [
+        ("optics = \"conic\"\nturning_part = 0.3\n", "`turning_part` needs optics = \"oscillating\""),
+        ("optics = \"oscillating\"\nturning_part = 1.5\n", "a share from 0 to 1"),
+        (
+            "optics = \"oscillating\"\nmirror_motion = \"sine\"\nturning_part = 0.3\n",
+            "`turning_part` is not for a sine (`mirror_motion`)",
+        ),
         ("optics = \"line\"\nscan_wander = \"w.txt\"\n", "`scan_wander` needs optics that turn or swing"),
         ("optics = \"conic\"\nscan_wander = \"bad.txt\"\n", "a time later than that of the line before"),
         ("optics = \"conic\"\nscan_wander = \"none.txt\"\n", "`none.txt` has no line of numbers"),

@@ -7,7 +7,7 @@ use crate::platform::Pose;
 use crate::scanner::DeviceState;
 use vlscan_geom::{DVec3, Rotation, radians};
 use vlscan_survey::{
-    Deflector, Leg, Mount, Noise, NoiseKind, PlatformKind, PoseStream, ScanMotion, Survey, Wander,
+    Deflector, Leg, Mount, Noise, NoiseKind, PlatformKind, PoseStream, ScanMotion, Survey, Swing, Wander,
 };
 
 fn busy_survey() -> Survey {
@@ -58,7 +58,8 @@ fn replayed_chunks_equal_the_flight() {
     let mut wandering = busy_survey();
     for device in &mut wandering.scanner.devices {
         let wander = Some(Wander::Sine { amplitude: 0.5, freq: 0.7, phase: 0.0 });
-        device.scan_motion = ScanMotion { is_reversed: true, phase: 1.0, axis_tilt: [0.1, 0.2], wander };
+        let (axis_tilt, swing) = ([0.1, 0.2], Swing::default());
+        device.scan_motion = ScanMotion { is_reversed: true, phase: 1.0, axis_tilt, wander, swing };
     }
     [busy_survey(), wandering].iter().for_each(replay_in_chunks);
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::scanner::testing::{device, settings};
 use vlscan_base::corrections::Corrections;
 use vlscan_geom::{degrees, radians};
-use vlscan_survey::{Device, Formula, Prism};
+use vlscan_survey::{Device, Formula, Prism, Swing};
 
 fn started(device: &Device, settings: &ScannerSettings) -> (DevicePlan, DeflectorState) {
     start(DevicePlan::new(device, Corrections::NONE), device, settings)
@@ -146,6 +146,52 @@ fn a_corrected_mirror_has_the_requested_frequency_within_its_limits() {
     (s.scan_freq, s.scan_angle) = (2.0, radians(200.0));
     let widest = angles(&d, &s, 500, Corrections::MOTION).into_iter().fold(0.0, f64::max);
     assert!((widest - 120.0).abs() < 0.1, "{widest} is beyond the device");
+}
+
+#[test]
+fn mirrors_swing_as_a_sine_or_with_reversals_of_a_share_in_any_physics() {
+    let mut d = device(Deflector::Oscillating { scan_product: 1e6 });
+    let mut s = settings(100_000);
+    (s.scan_freq, s.scan_angle) = (50.0, radians(15.0));
+    for kinematics in [Corrections::MOTION, Corrections::NONE] {
+        d.scan_motion.swing = Swing::Sine;
+        for (k, angle) in angles(&d, &s, 5000, kinematics).into_iter().enumerate() {
+            let expected = -15.0 * libm::cos(TAU * k as f64 / 2000.0);
+            assert!((angle - expected).abs() < 1e-9, "{k}: {angle}");
+        }
+        // A fifth of each sweep of 1000 pulses is a parabola at either end; 15 · 2 · 1.25 / 1000 a pulse between.
+        d.scan_motion.swing = Swing::TurningPart(0.4);
+        let found = angles(&d, &s, 2001, kinematics);
+        for (k, expected) in [
+            (0, -15.0),
+            (100, -14.0625),
+            (200, -11.25),
+            (500, 0.0),
+            (501, 0.0375),
+            (1000, 15.0),
+            (2000, -15.0),
+        ] {
+            assert!((found[k] - expected).abs() < 1e-9, "{k}: {}", found[k]);
+        }
+    }
+}
+
+#[test]
+fn many_steps_of_a_mirror_are_as_many_single_ones() {
+    let mut d = device(Deflector::Oscillating { scan_product: 1e6 });
+    let mut s = settings(100_000);
+    (s.scan_freq, s.scan_angle) = (37.0, radians(15.0));
+    for swing in [Swing::TurningPulses, Swing::TurningPart(0.0), Swing::TurningPart(1.0), Swing::Sine] {
+        d.scan_motion.swing = swing;
+        let (plan, mut stepped) = started(&d, &s);
+        let mut advanced = stepped.clone();
+        for steps in [1, 2, 777, 100_003] {
+            (0..steps).for_each(|_| stepped.step(&plan));
+            assert_eq!(advanced.advance(&plan, steps), steps);
+            let [one, other] = [&stepped, &advanced].map(|state| state.exact_angle().to_bits());
+            assert_eq!(one, other, "{swing:?} {steps}");
+        }
+    }
 }
 
 #[test]

@@ -1,0 +1,55 @@
+//! Estimates that are not plausible: their keys are comments in the pipeline file, with the reason.
+
+use super::FlightFit;
+use super::rate::MAX_LOST_SHARE;
+use vlscan_base::diag::{Diagnostics, Place};
+
+/// Minimum share of lost pulses that is checked, and its maximum standard deviation over the share.
+const MIN_LOST: f64 = 0.005;
+const MAX_LOST_DEVIATION: f64 = 0.5;
+
+/// A key of the pipeline file whose estimate is not plausible.
+#[derive(Clone, Debug)]
+pub(super) struct Doubt {
+    pub key: &'static str,
+    pub reason: String,
+}
+
+impl FlightFit {
+    /// The keys whose estimates are not plausible, in the order of the pipeline file.
+    pub(super) fn doubts(&self) -> Vec<Doubt> {
+        let mut doubts = Vec::new();
+        if let Some(reason) = self.noise.as_ref().and_then(|noise| noise.doubt()) {
+            doubts.push(Doubt { key: "accuracy_m", reason });
+        }
+        let rate = &self.rate;
+        let is_uncertain = rate.lost_deviation > MAX_LOST_DEVIATION * rate.lost;
+        if (MIN_LOST..MAX_LOST_SHARE).contains(&rate.lost) && is_uncertain {
+            let reason = format!(
+                "the share of lost pulses, {:.2} %, is uncertain by {:.2} %",
+                100.0 * rate.lost,
+                100.0 * rate.lost_deviation
+            );
+            doubts.push(Doubt { key: "dropout_rate", reason });
+        }
+        if self.has_varying_rate() && !rate.has_plausible_range() {
+            let (low, high) = rate.range;
+            let reason = format!(
+                "pulse rates from {low:.0} to {high:.0} per second in a revolution are not plausible; the \
+                 mean rate is written"
+            );
+            doubts.push(Doubt { key: "pulse_times", reason });
+        }
+        doubts
+    }
+
+    /// Warns of each key that is left out.
+    pub(super) fn warn_of_doubts(&self, found: &mut Diagnostics) {
+        for doubt in self.doubts() {
+            let message = format!("`{}` is left out: {}", doubt.key, doubt.reason);
+            found
+                .warn(Some(Place::of_file(&self.cloud)), message)
+                .help("the pipeline file has the key as a comment; set the value of the instrument there");
+        }
+    }
+}
