@@ -1,8 +1,9 @@
 //! Parquet: the columns of numbers, row group by row group.
 
-use super::{start, take_rows};
-use crate::Reading;
+use super::start;
+use crate::blocks::{Emit, in_order};
 use crate::point_format::build_with;
+use crate::{Columns, PointRow, Reading};
 use ::parquet::basic::{CompressionCodec, ConvertedType, LogicalType, Type as Physical};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::DataType;
@@ -11,6 +12,7 @@ use ::parquet::file::metadata::RowGroupMetaData;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::schema::types::ColumnDescriptor;
 use bytes::Bytes;
+use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::diag::ProblemKind;
@@ -20,24 +22,60 @@ use vlscan_base::store::FileBytes;
 /// Rows that are read at a time.
 const READ_ROWS: usize = 65_536;
 
-/// Reads a Parquet file; its library panics on some damaged pages.
+/// Rows of a file.
+#[derive(Default)]
+struct Block {
+    rows: Vec<PointRow>,
+    /// The error behind the rows.
+    failure: Option<Error>,
+}
+
+/// The row groups of a file.
+struct Groups<'a> {
+    path: &'a Path,
+    reader: &'a SerializedFileReader<Bytes>,
+    columns: Columns,
+}
+
+/// Reads a Parquet file, whose row groups are decoded on several threads.
 pub(crate) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
-    let path = reading.path;
-    catch_decoder_panic(|| read_row_groups(file, reading))
+    let (path, threads) = (reading.path, reading.threads);
+    let reader = without_panic(path, || SerializedFileReader::new(file).map_err(|e| unreadable(path, &e)))?;
+    let leaves = reader.metadata().file_metadata().schema_descr().columns();
+    let names: Vec<&str> = leaves.iter().map(|leaf| if is_number(leaf) { leaf.name() } else { "" }).collect();
+    let groups = Groups { path, reader: &reader, columns: start(&names, reading)? };
+    let make = |group: usize, block: &mut Block, emit: &mut Emit<'_, Block>| {
+        block.rows.clear();
+        if let Err(failure) = without_panic(path, || groups.read(group, block, emit)) {
+            block.rows.clear();
+            block.failure = Some(failure);
+            let _ = emit(block);
+        }
+    };
+    let mut failure = None;
+    in_order(threads, 0..reader.num_row_groups(), make, |block: &mut Block| {
+        block.rows.iter().try_for_each(|row| reading.take(row))?;
+        failure = block.failure.take();
+        if failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    failure.map_or(Ok(()), Err)
+}
+
+/// Calls `read` and turns a panic of the library, as some damaged pages cause, into an error.
+fn without_panic<T>(path: &Path, read: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_decoder_panic(read)
         .unwrap_or_else(|| Err(Error::input(format!("{}: its pages are damaged", path.display()))))
 }
 
-fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
-    let path = reading.path;
-    let failed = |e: ParquetError| unreadable(path, &e);
-    let reader = SerializedFileReader::new(file).map_err(failed)?;
-    let leaves = reader.metadata().file_metadata().schema_descr().columns();
-    let names: Vec<&str> = leaves.iter().map(|leaf| if is_number(leaf) { leaf.name() } else { "" }).collect();
-    let columns = start(&names, reading)?;
-    for group in 0..reader.num_row_groups() {
-        let group = reader.get_row_group(group).map_err(failed)?;
+impl Groups<'_> {
+    /// Emits the rows of a group.
+    fn read(&self, group: usize, block: &mut Block, emit: &mut Emit<'_, Block>) -> Result<()> {
+        let path = self.path;
+        let failed = |e: ParquetError| unreadable(path, &e);
+        let leaves = self.reader.metadata().file_metadata().schema_descr().columns();
+        let group = self.reader.get_row_group(group).map_err(failed)?;
         let mut open = Vec::new();
-        for (_, column) in columns.used() {
+        for (_, column) in self.columns.used() {
             check_compression(group.metadata(), column, path)?;
             open.push((column, group.get_column_reader(column).map_err(failed)?));
         }
@@ -52,13 +90,16 @@ fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
             if !complete {
                 return Err(failed(ParquetError::EOF("a column ends before the others".into())));
             }
-            if take_rows(&columns, &values, rows, reading).is_break() {
+            block.rows.extend((0..rows).map(|row| self.columns.row(|column| values[column][row])));
+            let flow = emit(block);
+            block.rows.clear();
+            if flow.is_break() {
                 return Ok(());
             }
             left -= rows;
         }
+        Ok(())
     }
-    Ok(())
 }
 
 /// The columns of numbers with these names of a Parquet file, NaN for nulls; `None` for names that it does

@@ -1,7 +1,7 @@
 //! Tests of files that no writer at hand makes.
 
 use super::*;
-use crate::{PointFile, PointSink};
+use crate::{AttributeSet, PointFile, PointRow, PointSink};
 use laz::record::{RecordCompressor, SequentialPointRecordCompressor};
 use laz::{LazItemRecordBuilder, LazItemType, LazVlr};
 use std::path::Path;
