@@ -20,7 +20,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::store::FileBytes;
 
 /// Rows that are read at a time.
-const READ_ROWS: usize = 65_536;
+const READ_ROWS: usize = if cfg!(test) { 1 << 8 } else { 65_536 };
 
 /// Rows of a file.
 #[derive(Default)]
@@ -265,5 +265,73 @@ mod tests {
         let said = columns(GZIP).unwrap_err();
         assert!(said.contains("t.parquet: column X is compressed with GZIP"), "{said}");
         assert!(said.contains("Snappy") && !said.contains("feature"), "{said}");
+    }
+
+    /// A file of row groups with these numbers of points.
+    fn grouped(counts: &[usize]) -> Vec<u8> {
+        use ::parquet::basic::Repetition;
+        use ::parquet::data_type::DoubleType;
+        use ::parquet::file::properties::WriterProperties;
+        use ::parquet::file::writer::SerializedFileWriter;
+        use ::parquet::schema::types::Type;
+        use std::sync::Arc;
+        let field = |name: &str| {
+            let field = Type::primitive_type_builder(name, Physical::DOUBLE);
+            Arc::new(field.with_repetition(Repetition::REQUIRED).build().unwrap())
+        };
+        let fields = ["X", "Y", "Z"].map(field).to_vec();
+        let root = Arc::new(Type::group_type_builder("points").with_fields(fields).build().unwrap());
+        let properties = Arc::new(WriterProperties::builder().build());
+        let mut file = SerializedFileWriter::new(Vec::new(), root, properties).unwrap();
+        for count in counts {
+            let values: Vec<f64> = (0..*count).map(|i| 0.7 * i as f64 + *count as f64).collect();
+            let mut group = file.next_row_group().unwrap();
+            while let Some(mut column) = group.next_column().unwrap() {
+                column.typed::<DoubleType>().write_batch(&values, None, None).unwrap();
+                column.close().unwrap();
+            }
+            group.close().unwrap();
+        }
+        file.into_inner().unwrap()
+    }
+
+    /// The x of the points of a file read on some threads, and the message of the error, if any.
+    fn read_on(bytes: &[u8], threads: usize) -> (Vec<u64>, String) {
+        struct X(Vec<u64>);
+        impl crate::PointSink for X {
+            fn start(&mut self, _: crate::AttributeSet) {}
+            fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+                self.0.push(row.position.x.to_bits());
+                Ok(ControlFlow::Continue(()))
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.parquet");
+        std::fs::write(&path, bytes).unwrap();
+        let mut sink = X(Vec::new());
+        let read = crate::read_points_on(&path, threads, &mut sink);
+        let name = path.display().to_string();
+        (sink.0, read.map_or_else(|e| e.to_string().replace(&name, "t.parquet"), |_| String::new()))
+    }
+
+    #[test]
+    fn points_and_errors_do_not_depend_on_the_number_of_threads() {
+        let counts = [1000, 1, 700, 300, 500];
+        let whole = grouped(&counts);
+        let (points, said) = read_on(&whole, 1);
+        assert_eq!((points.len(), said.as_str()), (counts.iter().sum::<usize>(), ""));
+        let mut errors = 0;
+        for at in std::iter::once(None).chain((4..whole.len()).step_by(whole.len() / 30).map(Some)) {
+            let mut bytes = whole.clone();
+            if let Some(at) = at {
+                bytes[at..].iter_mut().take(64).for_each(|byte| *byte ^= 0x55);
+            }
+            let expected = read_on(&bytes, 1);
+            errors += usize::from(!expected.1.is_empty());
+            for threads in [2, 5] {
+                assert!(read_on(&bytes, threads) == expected, "{threads} threads, damage at {at:?}");
+            }
+        }
+        assert!(errors > 0);
     }
 }

@@ -236,3 +236,79 @@ impl<R: Read> Iterator for Pieces<R> {
         (!text.is_empty()).then_some(text)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{AttributeSet, PointFile, PointSink, Selection};
+    use vlscan_base::diag::Diagnostics;
+
+    /// The first points of a file, with the names of their objects.
+    struct First {
+        rows: Vec<(PointRow, String)>,
+        most: usize,
+    }
+
+    impl PointSink for First {
+        fn start(&mut self, _: AttributeSet) {}
+
+        fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
+            self.rows.push((*row, object.unwrap_or_default().to_owned()));
+            let is_full = self.rows.len() == self.most;
+            Ok(if is_full { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        }
+    }
+
+    fn read_on(text: &str, threads: usize, most: usize) -> (Vec<(PointRow, String)>, String) {
+        let (mut sink, mut found) = (First { rows: Vec::new(), most }, Diagnostics::default());
+        let file = PointFile::new(Path::new("a.csv"), text.as_bytes(), &mut found).unwrap();
+        file.on_threads(threads).read(Selection::All, &mut sink, &mut found).unwrap();
+        (sink.rows, found.text())
+    }
+
+    /// Checks that the points and messages of a file do not depend on the number of threads; returns both.
+    fn same_on_threads(text: &str, most: usize) -> (usize, String) {
+        let (rows, said) = read_on(text, 1, most);
+        for threads in [2, 5] {
+            let (others, found) = read_on(text, threads, most);
+            assert!(rows == others, "{threads} threads: {} and {} points", rows.len(), others.len());
+            assert_eq!(found, said, "{threads} threads, {most} points");
+        }
+        (rows.len(), said)
+    }
+
+    #[test]
+    fn points_and_messages_do_not_depend_on_the_number_of_threads() {
+        let line = |i: usize| match i {
+            333 | 777 => format!("{i},2,3,900,oak\n"),
+            500 => format!("{i},2,3,4,ash,6\n"),
+            600 => format!("{i},2,3,4\n"),
+            _ if i % 50 == 9 => "\r\n# a comment\n".to_owned(),
+            _ => format!("{i},2.5,-3e2,{},tree {}\r\n", i % 9, i % 7),
+        };
+        let text: String =
+            std::iter::once("x,y,z,class,object\n".to_owned()).chain((0..1000).map(line)).collect();
+        let (count, said) = same_on_threads(&text, usize::MAX);
+        assert_eq!(count, 980);
+        assert!(said.contains("2 points have a class") && said.contains("1 line has more values"), "{said}");
+        for most in [1, 2, 470, 490, 491, 492, 979] {
+            assert_eq!(same_on_threads(&text, most).0, most);
+        }
+        let numbered = |said: &str, i: usize| {
+            let line = text.lines().position(|line| line.starts_with(&format!("{i},"))).unwrap() + 1;
+            assert!(said.contains(&format!("a.csv:{line}:")), "{line}: {said}");
+        };
+        numbered(&said, 333);
+        numbered(&said, 500);
+        let wrong = text.replace("450,2.5", "450,two").replace("890,2.5", "890,two");
+        let (count, said) = same_on_threads(&wrong, usize::MAX);
+        assert_eq!(count, 978);
+        let many = text.replace("8,2.5", "8,two");
+        let (_, few) = same_on_threads(&many, usize::MAX);
+        assert_eq!(few.matches("expected y").count(), MAX_PROBLEMS, "{few}");
+        assert!(said.matches("expected y").count() == 2, "{said}");
+        // Blocks without an end of a line.
+        let long = format!("1 2 3\n{}\n4 5 6\n", "7".repeat(200_000));
+        same_on_threads(&long, usize::MAX);
+    }
+}

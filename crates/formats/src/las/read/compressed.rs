@@ -228,11 +228,16 @@ impl<'a> Chunks<'a> {
     }
 
     /// Length of the chunk at an offset of the file, bytes: by its layers if it has any, since the table may
-    /// be missing or damaged.
+    /// be missing or damaged. `None` if the number of points there is not that of the table.
     fn length(&self, start: u64, index: usize) -> Option<u64> {
         let Some(layers) = self.layers else { return self.table.get(index).map(|entry| entry.byte_count) };
         // The first record, the number of points, and the sizes of the layers precede the layers.
-        let sizes_at = usize::try_from(start).ok()?.checked_add(self.record_length + 4)?;
+        let count_at = usize::try_from(start).ok()?.checked_add(self.record_length)?;
+        let is_counted = || self.file.u32(count_at).is_ok_and(|n| Some(n.into()) == self.points(index));
+        if self.vlr.uses_variable_size_chunks() && !is_counted() {
+            return None;
+        }
+        let sizes_at = count_at.checked_add(4)?;
         let mut length = (self.record_length + 4 + 4 * layers) as u64;
         for layer in 0..layers {
             length += u64::from(self.file.u32(sizes_at.checked_add(4 * layer)?).ok()?);
