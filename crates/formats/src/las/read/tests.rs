@@ -379,7 +379,7 @@ fn damage_has_the_same_place_on_any_number_of_threads() {
                 let what = format!("format {format}, {is_variable}, byte {at}");
                 let mut damaged = whole.clone();
                 damaged[at] ^= 0x55;
-                errors += usize::from(same_on_threads(&damaged, &what).1.contains("error"));
+                errors += usize::from(!same_on_threads(&damaged, &what).1.is_empty());
                 same_on_threads(&whole[..at], &format!("{what}, cut"));
             }
             assert!(errors > 0, "format {format}, {is_variable}");
