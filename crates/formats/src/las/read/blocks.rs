@@ -119,7 +119,9 @@ fn take_blocks<I: Send>(
         }
         let mut details = block.details.iter();
         for row in &block.rows {
-            details.next().into_iter().for_each(|details| reading.sink.details(details));
+            if let Some(details) = details.next() {
+                reading.sink.details(details);
+            }
             passed.points += 1;
             if reading.take(row).is_break() {
                 passed.is_ended = true;

@@ -233,7 +233,7 @@ impl<'a> Chunks<'a> {
         let Some(layers) = self.layers else { return self.table.get(index).map(|entry| entry.byte_count) };
         // The first record, the number of points, and the sizes of the layers precede the layers.
         let count_at = usize::try_from(start).ok()?.checked_add(self.record_length)?;
-        let is_counted = || self.file.u32(count_at).is_ok_and(|n| Some(n.into()) == self.points(index));
+        let is_counted = || self.file.u32(count_at).is_ok_and(|n| Some(u64::from(n)) == self.points(index));
         if self.vlr.uses_variable_size_chunks() && !is_counted() {
             return None;
         }
