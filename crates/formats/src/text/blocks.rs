@@ -221,7 +221,9 @@ impl<R: Read> Iterator for Pieces<R> {
                 Err(failure) => {
                     // The line that is cut is no line of the file.
                     (self.failure, self.is_ended) = (Some(failure), true);
-                    text.truncate(end_of_lines(&text));
+                    if !text.ends_with(b"\n") {
+                        text.truncate(end_of_lines(&text));
+                    }
                 }
             }
             if !self.is_ended {
