@@ -31,6 +31,11 @@ pub fn try_spawn_scoped<'scope, T: Send + 'scope>(
     fault::point().and_then(|()| Builder::new().name(name.to_owned()).spawn_scoped(scope, work))
 }
 
+/// Number of threads that this process can run at once; 1 where the system does not state it.
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
 /// Memory that this process can have, bytes: the least of the machine's memory, the limit of its control
 /// group, and the limit of its address space. `None` where the system does not state any.
 pub fn memory() -> Option<u64> {

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads;
+use vlscan_base::machine;
 use vlscan_base::store::FileBytes;
 
 /// Reads all points of a file, or of stdin for `-`. Returns warnings, and notes on how the file was
@@ -21,14 +22,30 @@ use vlscan_base::store::FileBytes;
 /// the points before the damage may have been passed to the sink. [`Error::Io`] when it cannot be read. The
 /// errors of the sink.
 pub fn read_points(path: &Path, sink: &mut dyn PointSink) -> Result<Diagnostics> {
+    read_points_on(path, 0, sink)
+}
+
+/// Reads all points as [`read_points`] does, decoded on `threads` threads; 0 means as many as the machine
+/// runs at once. Points, their order and warnings do not depend on it. Streams are decoded on the calling
+/// thread.
+///
+/// # Errors
+/// Those of [`read_points`].
+pub fn read_points_on(path: &Path, threads: usize, sink: &mut dyn PointSink) -> Result<Diagnostics> {
     let mut found = Diagnostics::default();
-    read_into(path, sink, &mut found)?;
+    read_into(path, threads, sink, &mut found)?;
     found.finish(false)
 }
 
+/// The number of threads for a file; 0 stands for that of the machine.
+fn or_all(threads: usize) -> usize {
+    if threads == 0 { machine::threads() } else { threads }
+}
+
 /// Reads all points of a file; problems of the content are recorded in `found`.
-fn read_into(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostics) -> Result<()> {
+fn read_into(path: &Path, threads: usize, sink: &mut dyn PointSink, found: &mut Diagnostics) -> Result<()> {
     let is_stdin = path.as_os_str() == "-";
+    let is_file = !is_stdin && path.is_file();
     let name = if is_stdin { PathBuf::from("<stdin>") } else { path.to_path_buf() };
     let mut source: Box<dyn Read> = match is_stdin {
         true => Box::new(std::io::stdin().lock()),
@@ -38,7 +55,9 @@ fn read_into(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostics) -> 
     let mut first = Vec::new();
     let read = source.by_ref().take(DETECTED_BYTES as u64).read_to_end(&mut first);
     read.map_err(|e| Error::io("read", &name, e))?;
-    let mut reading = Reading::new(&name, Selection::All, sink, found);
+    // The points of a stream are passed on as they arrive.
+    let threads = if is_file { or_all(threads) } else { 1 };
+    let mut reading = Reading::new(&name, Selection::All, sink, found).on(threads);
     let Some(format) = recognise(&first, &mut reading) else { return Ok(()) };
     reading.tell(format);
     if format.is_stream() {
@@ -46,7 +65,7 @@ fn read_into(path: &Path, sink: &mut dyn PointSink, found: &mut Diagnostics) -> 
         read_stream(source, format, &mut reading)?;
         return reading.end();
     }
-    let file = match !is_stdin && path.is_file() {
+    let file = match is_file {
         true => FileBytes::open(path).map_err(|e| Error::open(path, e))?,
         false => {
             source.read_to_end(&mut first).map_err(|e| Error::io("read", &name, e))?;
@@ -105,13 +124,14 @@ pub struct PointFile<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     format: CloudFormat,
+    threads: usize,
 }
 
 impl<'a> PointFile<'a> {
     /// Recognises the format; `None` if the format is not supported, which is recorded in `found`.
     pub fn new(path: &'a Path, bytes: &'a [u8], found: &mut Diagnostics) -> Option<PointFile<'a>> {
         match CloudFormat::recognise(&bytes[..bytes.len().min(DETECTED_BYTES)], path) {
-            Ok(format) => Some(PointFile { path, bytes, format }),
+            Ok(format) => Some(PointFile { path, bytes, format, threads: 0 }),
             Err(problem) => {
                 let message = format!("{} {problem}", path.display());
                 found.error(Some(Place::in_line(path, 1, "", 0..0)), message).because_of(problem);
@@ -125,6 +145,13 @@ impl<'a> PointFile<'a> {
         self.format
     }
 
+    /// Decodes on this number of threads instead of as many as the machine runs at once; 0 stands for these.
+    /// Points, their order and warnings do not depend on it.
+    #[must_use]
+    pub fn on_threads(self, threads: usize) -> PointFile<'a> {
+        PointFile { threads, ..self }
+    }
+
     /// Reads all points. Problems of the content are recorded in `found`.
     ///
     /// # Errors
@@ -135,7 +162,7 @@ impl<'a> PointFile<'a> {
         sink: &mut dyn PointSink,
         found: &mut Diagnostics,
     ) -> Result<()> {
-        let mut reading = Reading::new(self.path, selection, sink, found);
+        let mut reading = Reading::new(self.path, selection, sink, found).on(or_all(self.threads));
         reading.tell(self.format);
         match self.format {
             #[cfg(feature = "parquet")]

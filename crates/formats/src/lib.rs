@@ -3,7 +3,9 @@
 //! ## Inside
 //!
 //! Every command and loader reads points through [`PointFile`] or [`read_points`], which recognise the format
-//! by the first bytes and pass the points one by one to a [`PointSink`]. Positions are metres.
+//! by the first bytes and pass the points one by one to a [`PointSink`]. Positions are metres. Blocks of LAS,
+//! LAZ, text and Parquet files are decoded on several threads; the sink gets the points in the order of the
+//! file, on the calling thread.
 //!
 //! A [`PointFormat`] is a row in the table of formats that are written. Prepared for the [`CloudSettings`] of
 //! a cloud it is a [`PointEncoder`], which turns [`PointRecord`]s into bytes in any number of threads, and
@@ -24,6 +26,7 @@
 //! | `columnar`, `table` | Arrow and Parquet: written; read, as tables in memory are |
 //! | `columns` | which columns of a table hold which attributes of a point, and in which units |
 //! | `file`, `format` | opens files and streams that are read, and recognises their formats |
+//! | `blocks` | blocks of a file decoded on several threads, in the order of the file |
 //! | `point_format` | the table of the formats that are written |
 //! | `record`, `settings`, `objects` | points as they are written; facts about a cloud; numbers of objects |
 //! | `copy` | copies of clouds in other formats |
@@ -34,6 +37,7 @@
 
 #![deny(unsafe_code)]
 
+mod blocks;
 mod cloud_writer;
 mod columnar;
 mod columns;
@@ -68,7 +72,7 @@ pub use copy::copy;
 #[cfg(feature = "e57")]
 pub use e57::{E57Error, ScanError};
 pub use encode::{EncodedFile, Ending, FileBody, Plain, PointEncoder};
-pub use file::{PointFile, read_points};
+pub use file::{PointFile, read_points, read_points_on};
 pub use format::{CloudFormat, UnreadFormat};
 pub use frames::{Frame, FramePoint, FramePose, read_frames};
 #[doc(hidden)]
@@ -227,6 +231,8 @@ struct Reading<'a> {
     selection: Selection,
     sink: &'a mut dyn PointSink,
     found: &'a mut Diagnostics,
+    /// Number of threads that decode.
+    threads: usize,
     /// Number of points with a value that does not fit, by attribute, and the place of the first one.
     misfits: [(u64, Option<Place>); Attribute::COUNT],
     /// The error of the sink, which has ended reading.
@@ -240,7 +246,12 @@ impl<'a> Reading<'a> {
         sink: &'a mut dyn PointSink,
         found: &'a mut Diagnostics,
     ) -> Reading<'a> {
-        Reading { path, selection, sink, found, misfits: Default::default(), failure: None }
+        Reading { path, selection, sink, found, threads: 1, misfits: Default::default(), failure: None }
+    }
+
+    /// Decodes on this number of threads where the format has blocks; on one unless it is called.
+    fn on(self, threads: usize) -> Reading<'a> {
+        Reading { threads, ..self }
     }
 
     /// Passes the format of the file to the sink, unless its reader passes more.

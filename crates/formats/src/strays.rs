@@ -34,7 +34,7 @@ const MAX_SAMPLE: usize = 1 << 14;
 #[derive(Clone, Debug)]
 pub struct StrayFinder {
     count: u64,
-    /// Every n-th point is in the sample.
+    /// Every n-th point is in the sample, n a power of two.
     stride: u64,
     sample: Vec<DVec3>,
     /// The lower and the upper end of each axis.
@@ -134,7 +134,7 @@ impl StrayFinder {
 
     /// Adds a point, whose coordinates are finite.
     pub fn add(&mut self, p: DVec3) {
-        if self.count.is_multiple_of(self.stride) {
+        if self.count & (self.stride - 1) == 0 {
             if self.sample.len() == MAX_SAMPLE {
                 let mut number = 0;
                 self.sample.retain(|_| {
@@ -143,7 +143,7 @@ impl StrayFinder {
                 });
                 self.stride *= 2;
             }
-            if self.count.is_multiple_of(self.stride) {
+            if self.count & (self.stride - 1) == 0 {
                 self.sample.push(p);
             }
         }

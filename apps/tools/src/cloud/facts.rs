@@ -114,7 +114,9 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
         facts.files.push((path.to_path_buf(), None));
         facts.is_las = false;
         let (named, times_before) = (facts.crs.take(), facts.time.take());
-        cloud.read(&mut facts, &mut found)?;
+        let mut sink = FileSink::new(&mut facts);
+        cloud.read(&mut sink, &mut found)?;
+        sink.finish();
         if let (Some(first), Some(this)) = (&named, &facts.crs)
             && crs::differ(first, this)
         {
@@ -159,21 +161,35 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
     Ok((facts, all))
 }
 
-impl PointSink for CloudSummary {
+/// Counts the points of a file and adds them to the facts. Numbers are counted in tables, which are faster
+/// than maps.
+struct FileSink<'a> {
+    facts: &'a mut CloudSummary,
+    by_class: Box<[u64; 256]>,
+    by_return: Box<[u64; 256]>,
+    pulses_by_returns: Box<[u64; 256]>,
+    by_channel: Vec<u64>,
+    /// The flight line of the last points, whose counts are not yet among those of the facts.
+    line: Option<(u16, LineFacts)>,
+    /// The object of the last point.
+    object: Option<u64>,
+}
+
+impl PointSink for FileSink<'_> {
     fn start(&mut self, attributes: AttributeSet) {
-        self.of_file = attributes;
-        self.note_attributes();
+        self.facts.of_file = attributes;
+        self.facts.note_attributes();
     }
 
     fn file(&mut self, facts: &FileFacts) {
-        self.is_las = facts.las.is_some();
-        if let Some((_, file)) = self.files.last_mut() {
+        self.facts.is_las = facts.las.is_some();
+        if let Some((_, file)) = self.facts.files.last_mut() {
             *file = Some(facts.clone());
         }
     }
 
     fn crs(&mut self, wkt: &str) {
-        self.crs = Some(wkt.to_owned());
+        self.facts.crs = Some(wkt.to_owned());
     }
 
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
@@ -182,16 +198,29 @@ impl PointSink for CloudSummary {
     }
 }
 
-impl CloudSummary {
+impl FileSink<'_> {
+    fn new(facts: &mut CloudSummary) -> FileSink<'_> {
+        let none = || Box::new([0; 256]);
+        FileSink {
+            facts,
+            by_class: none(),
+            by_return: none(),
+            pulses_by_returns: none(),
+            by_channel: vec![0; 1 << 16],
+            line: None,
+            object: None,
+        }
+    }
+
     fn add(&mut self, row: &PointRow, object: Option<&str>) {
         let p = row.position;
         // Also false for NaN.
         if !(p.is_finite() && p.abs().max_element() <= MAX_COORDINATE) {
-            self.skipped += 1;
+            self.facts.skipped += 1;
             return;
         }
         if row.is_miss {
-            self.misses += 1;
+            self.facts.misses += 1;
             return;
         }
         self.count(row, object);
@@ -199,53 +228,99 @@ impl CloudSummary {
 
     fn count(&mut self, row: &PointRow, object: Option<&str>) {
         let p = row.position;
-        let has = |attribute| self.of_file.has(attribute);
-        self.points += 1;
-        self.bounds = Some(self.bounds.unwrap_or(Aabb::EMPTY).with(p));
-        self.cover.mark(p.x, p.y);
-        self.strays.add(p);
+        let of_file = self.facts.of_file;
+        let has = |attribute| of_file.has(attribute);
+        let facts = &mut *self.facts;
+        facts.points += 1;
+        facts.bounds = Some(facts.bounds.unwrap_or(Aabb::EMPTY).with(p));
+        facts.cover.mark(p.x, p.y);
+        facts.strays.add(p);
         if has(Attribute::Class) {
-            *self.by_class.entry(row.class).or_default() += 1;
+            self.by_class[usize::from(row.class)] += 1;
         }
         if has(Attribute::ReturnNumber) {
-            *self.by_return.entry(row.return_number).or_default() += 1;
+            self.by_return[usize::from(row.return_number)] += 1;
             if row.return_number <= 1 && has(Attribute::NumberOfReturns) {
-                *self.pulses_by_returns.entry(row.number_of_returns).or_default() += 1;
-                self.without_number += u64::from(row.return_number == 0 && row.number_of_returns == 0);
+                self.pulses_by_returns[usize::from(row.number_of_returns)] += 1;
+                facts.without_number += u64::from(row.return_number == 0 && row.number_of_returns == 0);
             }
         }
         if has(Attribute::Intensity) && !row.intensity.is_nan() {
             let value = f64::from(row.intensity);
-            self.intensity = Span::with(self.intensity, value);
-            self.intensities = (self.intensities.0 + 1, self.intensities.1 + value);
+            facts.intensity = Span::with(facts.intensity, value);
+            facts.intensities = (facts.intensities.0 + 1, facts.intensities.1 + value);
         }
         if has(Attribute::ScanAngle) {
-            self.scan_angle = Span::with(self.scan_angle, row.scan_angle);
+            facts.scan_angle = Span::with(facts.scan_angle, row.scan_angle);
         }
         let time = has(Attribute::Time).then_some(row.time);
         if let Some(time) = time {
-            self.time = Span::with(self.time, time);
-        }
-        if has(Attribute::Leg) {
-            let line = self.lines.entry(if self.is_las { row.point_source } else { row.leg }).or_default();
-            line.points += 1;
-            line.time = time.map_or(line.time, |time| Span::with(line.time, time));
+            facts.time = Span::with(facts.time, time);
         }
         if has(Attribute::Channel) {
-            *self.by_channel.entry(row.channel).or_default() += 1;
+            self.by_channel[usize::from(row.channel)] += 1;
         }
-        if has(Attribute::Object) && self.objects.len() < MAX_OBJECTS {
-            self.objects.insert(match object {
-                Some(name) => {
-                    let mut hasher = DefaultHasher::new();
-                    name.hash(&mut hasher);
-                    hasher.finish()
-                }
-                None => row.object as u64,
-            });
+        if has(Attribute::Leg) {
+            self.count_of_line(if self.facts.is_las { row.point_source } else { row.leg }, time);
+        }
+        if has(Attribute::Object) {
+            self.note_object(row, object);
         }
     }
 
+    fn count_of_line(&mut self, number: u16, time: Option<f64>) {
+        if self.line.is_none_or(|(current, _)| current != number) {
+            self.end_line();
+        }
+        let (_, line) = self.line.get_or_insert((number, LineFacts::default()));
+        line.points += 1;
+        line.time = time.map_or(line.time, |time| Span::with(line.time, time));
+    }
+
+    /// Adds the counts of the flight line of the last points to the facts.
+    fn end_line(&mut self) {
+        if let Some((number, counted)) = self.line.take() {
+            let line = self.facts.lines.entry(number).or_default();
+            line.points += counted.points;
+            line.time = [line.time, counted.time].into_iter().flatten().reduce(Span::union);
+        }
+    }
+
+    fn note_object(&mut self, row: &PointRow, object: Option<&str>) {
+        let object = match object {
+            Some(name) => {
+                let mut hasher = DefaultHasher::new();
+                name.hash(&mut hasher);
+                hasher.finish()
+            }
+            None => row.object as u64,
+        };
+        if self.object != Some(object) && self.facts.objects.len() < MAX_OBJECTS {
+            self.facts.objects.insert(object);
+            self.object = Some(object);
+        }
+    }
+
+    /// Adds all counts to the facts.
+    fn finish(mut self) {
+        self.end_line();
+        let facts = self.facts;
+        for (counts, all) in [
+            (&self.by_class, &mut facts.by_class),
+            (&self.by_return, &mut facts.by_return),
+            (&self.pulses_by_returns, &mut facts.pulses_by_returns),
+        ] {
+            for (number, count) in (0..=u8::MAX).zip(counts.iter()).filter(|(_, count)| **count > 0) {
+                *all.entry(number).or_default() += count;
+            }
+        }
+        for (number, count) in (0..=u16::MAX).zip(&self.by_channel).filter(|(_, count)| **count > 0) {
+            *facts.by_channel.entry(number).or_default() += count;
+        }
+    }
+}
+
+impl CloudSummary {
     fn note_attributes(&mut self) {
         for attribute in [
             Attribute::Class,

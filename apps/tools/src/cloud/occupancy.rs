@@ -16,17 +16,25 @@ const MIN_POINTS_PER_CELL: f64 = 10.0;
 #[derive(Clone, Debug)]
 pub(super) struct Occupancy {
     side: f64,
-    blocks: HashMap<[i64; 2], Box<[u64; BLOCK_CELLS as usize]>>,
+    /// The blocks with the keys of their places.
+    blocks: Vec<([i64; 2], Box<[u64; BLOCK_CELLS as usize]>)>,
+    places: HashMap<[i64; 2], usize>,
+    /// The block of the last place: neighbours in a cloud are near each other.
+    latest: usize,
     max_blocks: usize,
 }
 
 impl Default for Occupancy {
     fn default() -> Occupancy {
-        Occupancy { side: MIN_SIDE, blocks: HashMap::new(), max_blocks: MAX_BLOCKS }
+        Occupancy::new(MIN_SIDE, MAX_BLOCKS)
     }
 }
 
 impl Occupancy {
+    fn new(side: f64, max_blocks: usize) -> Occupancy {
+        Occupancy { side, blocks: Vec::new(), places: HashMap::new(), latest: 0, max_blocks }
+    }
+
     /// Marks the cell of a place. The cells that are marked in the end do not depend on the order of places.
     /// Doubling the side ends: it halves the indices of blocks, which soon are 0 or −1, four blocks at most.
     pub fn mark(&mut self, x: f64, y: f64) {
@@ -40,14 +48,18 @@ impl Occupancy {
     fn mark_cell(&mut self, cell: [i64; 2]) {
         let block = cell.map(|c| c.div_euclid(BLOCK_CELLS));
         let [column, row] = cell.map(|c| c.rem_euclid(BLOCK_CELLS));
-        let rows = self.blocks.entry(block).or_insert_with(|| Box::new([0; BLOCK_CELLS as usize]));
-        rows[row as usize] |= 1 << column;
+        if self.blocks.get(self.latest).is_none_or(|(latest, _)| *latest != block) {
+            self.latest = *self.places.entry(block).or_insert(self.blocks.len());
+            if self.latest == self.blocks.len() {
+                self.blocks.push((block, Box::new([0; BLOCK_CELLS as usize])));
+            }
+        }
+        self.blocks[self.latest].1[row as usize] |= 1 << column;
     }
 
     /// The same with cells of twice the side.
     fn coarser(&self) -> Occupancy {
-        let mut coarse =
-            Occupancy { side: 2.0 * self.side, blocks: HashMap::new(), max_blocks: self.max_blocks };
+        let mut coarse = Occupancy::new(2.0 * self.side, self.max_blocks);
         for (block, rows) in &self.blocks {
             for (row, bits) in (0..).zip(rows.iter()) {
                 let mut bits = *bits;
@@ -62,10 +74,17 @@ impl Occupancy {
         coarse
     }
 
+    /// True if the same cells are marked, whatever their side.
+    fn is_like(&self, other: &Occupancy) -> bool {
+        let rows_at = |place: &[i64; 2]| other.places.get(place).map(|at| &other.blocks[*at].1);
+        self.blocks.len() == other.blocks.len()
+            && self.blocks.iter().all(|(place, rows)| rows_at(place) == Some(rows))
+    }
+
     fn cells(&self) -> u64 {
         let ones =
             |rows: &[u64; BLOCK_CELLS as usize]| rows.iter().map(|r| u64::from(r.count_ones())).sum::<u64>();
-        self.blocks.values().map(|rows| ones(rows)).sum()
+        self.blocks.iter().map(|(_, rows)| ones(rows)).sum()
     }
 
     /// The area of the cells with points, m², and their side, m: that of the smallest cells which have ten
@@ -84,7 +103,7 @@ impl Occupancy {
                 return area;
             }
             let coarser = cover.coarser();
-            if coarser.blocks == cover.blocks {
+            if coarser.is_like(&cover) {
                 return area;
             }
             cover = coarser;

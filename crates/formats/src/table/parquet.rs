@@ -1,8 +1,9 @@
 //! Parquet: the columns of numbers, row group by row group.
 
-use super::{start, take_rows};
-use crate::Reading;
+use super::start;
+use crate::blocks::{Emit, in_order};
 use crate::point_format::build_with;
+use crate::{Columns, PointRow, Reading};
 use ::parquet::basic::{CompressionCodec, ConvertedType, LogicalType, Type as Physical};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::DataType;
@@ -11,6 +12,7 @@ use ::parquet::file::metadata::RowGroupMetaData;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::schema::types::ColumnDescriptor;
 use bytes::Bytes;
+use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::diag::ProblemKind;
@@ -18,26 +20,62 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::store::FileBytes;
 
 /// Rows that are read at a time.
-const READ_ROWS: usize = 65_536;
+const READ_ROWS: usize = if cfg!(test) { 1 << 8 } else { 65_536 };
 
-/// Reads a Parquet file; its library panics on some damaged pages.
+/// Rows of a file.
+#[derive(Default)]
+struct Block {
+    rows: Vec<PointRow>,
+    /// The error behind the rows.
+    failure: Option<Error>,
+}
+
+/// The row groups of a file.
+struct Groups<'a> {
+    path: &'a Path,
+    reader: &'a SerializedFileReader<Bytes>,
+    columns: Columns,
+}
+
+/// Reads a Parquet file, whose row groups are decoded on several threads.
 pub(crate) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
-    let path = reading.path;
-    catch_decoder_panic(|| read_row_groups(file, reading))
+    let (path, threads) = (reading.path, reading.threads);
+    let reader = without_panic(path, || SerializedFileReader::new(file).map_err(|e| unreadable(path, &e)))?;
+    let leaves = reader.metadata().file_metadata().schema_descr().columns();
+    let names: Vec<&str> = leaves.iter().map(|leaf| if is_number(leaf) { leaf.name() } else { "" }).collect();
+    let groups = Groups { path, reader: &reader, columns: start(&names, reading)? };
+    let make = |group: usize, block: &mut Block, emit: &mut Emit<'_, Block>| {
+        block.rows.clear();
+        if let Err(failure) = without_panic(path, || groups.read(group, block, emit)) {
+            block.rows.clear();
+            block.failure = Some(failure);
+            let _ = emit(block);
+        }
+    };
+    let mut failure = None;
+    in_order(threads, 0..reader.num_row_groups(), make, |block: &mut Block| {
+        block.rows.iter().try_for_each(|row| reading.take(row))?;
+        failure = block.failure.take();
+        if failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    failure.map_or(Ok(()), Err)
+}
+
+/// Calls `read` and turns a panic of the library, as some damaged pages cause, into an error.
+fn without_panic<T>(path: &Path, read: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_decoder_panic(read)
         .unwrap_or_else(|| Err(Error::input(format!("{}: its pages are damaged", path.display()))))
 }
 
-fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
-    let path = reading.path;
-    let failed = |e: ParquetError| unreadable(path, &e);
-    let reader = SerializedFileReader::new(file).map_err(failed)?;
-    let leaves = reader.metadata().file_metadata().schema_descr().columns();
-    let names: Vec<&str> = leaves.iter().map(|leaf| if is_number(leaf) { leaf.name() } else { "" }).collect();
-    let columns = start(&names, reading)?;
-    for group in 0..reader.num_row_groups() {
-        let group = reader.get_row_group(group).map_err(failed)?;
+impl Groups<'_> {
+    /// Emits the rows of a group.
+    fn read(&self, group: usize, block: &mut Block, emit: &mut Emit<'_, Block>) -> Result<()> {
+        let path = self.path;
+        let failed = |e: ParquetError| unreadable(path, &e);
+        let leaves = self.reader.metadata().file_metadata().schema_descr().columns();
+        let group = self.reader.get_row_group(group).map_err(failed)?;
         let mut open = Vec::new();
-        for (_, column) in columns.used() {
+        for (_, column) in self.columns.used() {
             check_compression(group.metadata(), column, path)?;
             open.push((column, group.get_column_reader(column).map_err(failed)?));
         }
@@ -52,13 +90,16 @@ fn read_row_groups(file: Bytes, reading: &mut Reading) -> Result<()> {
             if !complete {
                 return Err(failed(ParquetError::EOF("a column ends before the others".into())));
             }
-            if take_rows(&columns, &values, rows, reading).is_break() {
+            block.rows.extend((0..rows).map(|row| self.columns.row(|column| values[column][row])));
+            let flow = emit(block);
+            block.rows.clear();
+            if flow.is_break() {
                 return Ok(());
             }
             left -= rows;
         }
+        Ok(())
     }
-    Ok(())
 }
 
 /// The columns of numbers with these names of a Parquet file, NaN for nulls; `None` for names that it does
@@ -224,5 +265,73 @@ mod tests {
         let said = columns(GZIP).unwrap_err();
         assert!(said.contains("t.parquet: column X is compressed with GZIP"), "{said}");
         assert!(said.contains("Snappy") && !said.contains("feature"), "{said}");
+    }
+
+    /// A file of row groups with these numbers of points.
+    fn grouped(counts: &[usize]) -> Vec<u8> {
+        use ::parquet::basic::Repetition;
+        use ::parquet::data_type::DoubleType;
+        use ::parquet::file::properties::WriterProperties;
+        use ::parquet::file::writer::SerializedFileWriter;
+        use ::parquet::schema::types::Type;
+        use std::sync::Arc;
+        let field = |name: &str| {
+            let field = Type::primitive_type_builder(name, Physical::DOUBLE);
+            Arc::new(field.with_repetition(Repetition::REQUIRED).build().unwrap())
+        };
+        let fields = ["X", "Y", "Z"].map(field).to_vec();
+        let root = Arc::new(Type::group_type_builder("points").with_fields(fields).build().unwrap());
+        let properties = Arc::new(WriterProperties::builder().build());
+        let mut file = SerializedFileWriter::new(Vec::new(), root, properties).unwrap();
+        for count in counts {
+            let values: Vec<f64> = (0..*count).map(|i| 0.7 * i as f64 + *count as f64).collect();
+            let mut group = file.next_row_group().unwrap();
+            while let Some(mut column) = group.next_column().unwrap() {
+                column.typed::<DoubleType>().write_batch(&values, None, None).unwrap();
+                column.close().unwrap();
+            }
+            group.close().unwrap();
+        }
+        file.into_inner().unwrap()
+    }
+
+    /// The x of the points of a file read on some threads, and the message of the error, if any.
+    fn read_on(bytes: &[u8], threads: usize) -> (Vec<u64>, String) {
+        struct X(Vec<u64>);
+        impl crate::PointSink for X {
+            fn start(&mut self, _: crate::AttributeSet) {}
+            fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+                self.0.push(row.position.x.to_bits());
+                Ok(ControlFlow::Continue(()))
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.parquet");
+        std::fs::write(&path, bytes).unwrap();
+        let mut sink = X(Vec::new());
+        let read = crate::read_points_on(&path, threads, &mut sink);
+        let name = path.display().to_string();
+        (sink.0, read.map_or_else(|e| e.to_string().replace(&name, "t.parquet"), |_| String::new()))
+    }
+
+    #[test]
+    fn points_and_errors_do_not_depend_on_the_number_of_threads() {
+        let counts = [1000, 1, 700, 300, 500];
+        let whole = grouped(&counts);
+        let (points, said) = read_on(&whole, 1);
+        assert_eq!((points.len(), said.as_str()), (counts.iter().sum::<usize>(), ""));
+        let mut errors = 0;
+        for at in std::iter::once(None).chain((4..whole.len()).step_by(whole.len() / 30).map(Some)) {
+            let mut bytes = whole.clone();
+            if let Some(at) = at {
+                bytes[at..].iter_mut().take(64).for_each(|byte| *byte ^= 0x55);
+            }
+            let expected = read_on(&bytes, 1);
+            errors += usize::from(!expected.1.is_empty());
+            for threads in [2, 5] {
+                assert!(read_on(&bytes, threads) == expected, "{threads} threads, damage at {at:?}");
+            }
+        }
+        assert!(errors > 0);
     }
 }

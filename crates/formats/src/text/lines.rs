@@ -55,6 +55,33 @@ pub fn read_line(source: &mut impl BufRead, line: &mut Vec<u8>) -> std::io::Resu
     }
 }
 
+/// The place of the next line of a text from `at` on, without its end, as [`read_line`] reads it; `at` becomes
+/// the start of the line after it. `None` at the end of the text.
+pub fn next_line(text: &[u8], at: &mut usize) -> Option<Range<usize>> {
+    let start = *at;
+    let rest = text.get(start..).filter(|rest| !rest.is_empty())?;
+    let longest = &rest[..rest.len().min(MAX_LINE_BYTES)];
+    let Some(length) = memchr::memchr2(b'\n', b'\r', longest) else {
+        *at = start + longest.len();
+        return Some(start..*at);
+    };
+    let end = start + length;
+    let is_both = text[end] == b'\r' && text.get(end + 1) == Some(&b'\n');
+    *at = end + 1 + usize::from(is_both);
+    Some(start..end)
+}
+
+/// The end of the last line that surely ends within a piece of text from the start of a line on: behind the
+/// last line end that is followed by another byte, or where [`read_line`] cuts a line that is too long. 0 if
+/// there is none.
+pub fn end_of_lines(text: &[u8]) -> usize {
+    let last = text.len().saturating_sub(1);
+    match memchr::memrchr2(b'\n', b'\r', &text[..last]) {
+        Some(end) => end + 1 + usize::from(text[end..].starts_with(b"\r\n")),
+        None => last / MAX_LINE_BYTES * MAX_LINE_BYTES,
+    }
+}
+
 /// Parses `word` as a number; `None` unless all of it is one.
 pub fn float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
@@ -132,6 +159,39 @@ mod tests {
         assert!(read_line(&mut source, &mut line).unwrap() && line.len() == MAX_LINE_BYTES);
         assert!(read_line(&mut source, &mut line).unwrap() && line.len() == 5);
         assert_eq!([&b"a\r\n"[..], b"a\rb\n", b"a\n\r", b"a"].map(last_of_line_ends), *b"\n\r\n\n");
+    }
+
+    #[test]
+    fn pieces_of_any_length_have_the_lines_of_the_text() {
+        let short = b"a b\r\n\r\nc\rd\r\r\n\ne\n".repeat(5);
+        let ones = [b'1'; 2 * MAX_LINE_BYTES];
+        let long = [&short[..], &ones, b"\r\nf\r", &ones[..MAX_LINE_BYTES - 1], b"\r\n\ng"].concat();
+        let lines_of = |piece: &[u8]| {
+            let (mut at, mut lines) = (0, Vec::new());
+            while let Some(line) = next_line(piece, &mut at) {
+                lines.push(piece[line].to_vec());
+            }
+            lines
+        };
+        for (text, length) in
+            [(&short, 2), (&short, 3), (&short, 7), (&long, 4000), (&long, 70_000), (&long, 1 << 20)]
+        {
+            let (mut source, mut line, mut expected) = (&text[..], Vec::new(), Vec::new());
+            while read_line(&mut source, &mut line).unwrap() {
+                expected.push(line.clone());
+            }
+            assert!(lines_of(text) == expected);
+            let (mut rest, mut lines) = (&text[..], Vec::new());
+            let mut piece = length;
+            while !rest.is_empty() {
+                let end = if piece >= rest.len() { rest.len() } else { end_of_lines(&rest[..piece]) };
+                // A piece without an end of a line is extended.
+                piece = if end == 0 { piece + length } else { length };
+                lines.extend(lines_of(&rest[..end]));
+                rest = &rest[end..];
+            }
+            assert!(lines == expected, "{length}");
+        }
     }
 
     #[test]

@@ -6,9 +6,11 @@
 //! | `lines` | splits and parses lines |
 //! | `rows` | reads lines as points |
 //! | `read` | reads files and streams |
+//! | `blocks` | blocks of lines parsed on several threads |
 //! | `write`, `archive` | writes lines; compressed archives of lines, written and read |
 
 mod archive;
+mod blocks;
 mod layout;
 mod lines;
 mod read;

@@ -1,24 +1,20 @@
 //! Reads points from lines of text, from files and from streams.
 
+use super::blocks::{self, LineTaker};
 use super::layout::LayoutFinder;
 use super::lines::read_line;
-use super::rows::{BadRow, RowReader, Widths};
+use super::rows::RowReader;
 use crate::{Attribute, Reading};
 use std::io::BufRead;
-use std::ops::ControlFlow;
 use vlscan_base::error::{Error, Result};
 use vlscan_tables::input::rows::line_place;
-
-/// Number of problems after which reading stops.
-const MAX_PROBLEMS: usize = 10;
 
 /// Reads one point per line.
 pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()> {
     let mut finder = LayoutFinder::default();
     let mut rows: Option<RowReader> = None;
     let (mut line, mut words) = (Vec::new(), Vec::new());
-    let mut problems = 0;
-    let mut widths = Widths::default();
+    let mut taker = LineTaker::default();
     for number in 1.. {
         if !read_line(&mut source, &mut line).map_err(|e| Error::io("read", reading.path, e))? {
             break;
@@ -38,32 +34,23 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
         };
         rows.split(text, &mut words);
         let path = reading.path;
-        match rows.parse(text, &words) {
+        let flow = match rows.parse(text, &words) {
             Ok(row) => {
-                widths.see(rows, text, &words, |at| line_place(path, number, text, at));
+                taker.widths.see(rows, text, &words, |at| line_place(path, number, text, at));
                 let object = rows.word(Attribute::Object, &words);
-                let object = object.map(|at| String::from_utf8_lossy(text[at].trim_ascii()));
-                let place = |attribute| {
-                    let at = rows.word(attribute, &words);
-                    line_place(path, number, text, at.unwrap_or(text.len()..text.len()))
-                };
-                if let ControlFlow::Break(()) = reading.take_from(&row, object.as_deref(), place) {
-                    break;
-                }
+                blocks::take_row(rows, (number, text), (&row, object), reading)
             }
-            Err(BadRow { at, message, help }) => {
-                let problem = reading.found.error(Some(line_place(path, number, text, at)), message);
-                if let Some(help) = help {
-                    problem.help(help);
-                }
-                problems += 1;
-                if problems == MAX_PROBLEMS {
-                    break;
-                }
-            }
+            Err(bad) => taker.take_problem((number, text), bad, reading),
+        };
+        if flow.is_break() {
+            break;
+        }
+        if reading.threads > 1 {
+            blocks::read(source, number, rows, &mut taker, reading)?;
+            break;
         }
     }
-    for (place, message) in rows.map_or_else(Vec::new, |rows| widths.warnings(&rows)) {
+    for (place, message) in rows.map_or_else(Vec::new, |rows| taker.widths.warnings(&rows)) {
         reading.found.warn(Some(place), message);
     }
     Ok(())
@@ -73,6 +60,7 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
 mod tests {
     use super::*;
     use crate::{AttributeSet, PointRow, PointSink, Selection};
+    use std::ops::ControlFlow;
     use std::path::Path;
     use vlscan_base::diag::Diagnostics;
 

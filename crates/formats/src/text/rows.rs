@@ -135,7 +135,7 @@ impl<T> Widths<T> {
     }
 
     /// Adds the lines of the next piece of a file, whose places `moved` makes those of the file.
-    pub fn append(&mut self, later: Widths<T>, moved: impl Fn(T) -> T) {
+    pub fn append<U>(&mut self, later: Widths<U>, moved: impl Fn(U) -> T) {
         for (all, (count, first)) in [(&mut self.longer, later.longer), (&mut self.shorter, later.shorter)] {
             all.0 += count;
             if all.1.is_none() {

@@ -8,33 +8,38 @@
 //! | `extra` | extra dimensions |
 //! | `details` | fields that only copies need |
 //! | `compressed` | compressed records |
+//! | `rows` | records as points |
+//! | `blocks` | blocks of records decoded on several threads |
 //! | `units` | units of positions |
 
+mod blocks;
 mod compressed;
 mod details;
 mod error;
 mod extra;
 mod header;
+mod rows;
 #[cfg(test)]
 mod tests;
 mod units;
 
+pub use compressed::Selection;
 pub use error::{LasError, PointsError};
 pub use extra::ExtraDimension;
 pub use header::{Header, LasFacts};
 
-use crate::{Attribute, AttributeSet, CloudFormat, Columns, FileFacts, Misfits, PointRow, Reading};
+use crate::{CloudFormat, FileFacts, Reading};
+use blocks::Passed;
 use compressed::{Compressed, without_panic};
 use details::DetailFields;
 use header::Fields;
+use rows::RowFormat;
 use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use vlscan_geom::DVec3;
 
 /// Maximum number of records that one call of [`LasReader::read_records`] passes.
 const BATCH_RECORDS: u64 = 1 << 16;
-/// The extra dimension of this program's files with pulses without a return.
-const NAME_OF_MISSES: &str = "BeamDirectionX";
 
 /// Reads the points of a file from first to last.
 pub struct LasReader<'a> {
@@ -49,15 +54,6 @@ pub struct LasReader<'a> {
 enum Records<'a> {
     Plain(&'a [u8]),
     Compressed(Box<Compressed<'a>>),
-}
-
-/// Selection of the fields of compressed records that are decompressed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Selection {
-    /// Position and class only.
-    PositionAndClass,
-    /// All fields.
-    All,
 }
 
 impl<'a> LasReader<'a> {
@@ -109,6 +105,14 @@ impl<'a> LasReader<'a> {
         Ok(!broken && self.at < self.header.count)
     }
 
+    /// Reads the points on several threads. No record may have been read.
+    fn read_blocks(&self, rows: &RowFormat, reading: &mut Reading) -> Passed {
+        match &self.records {
+            Records::Plain(records) => blocks::read_plain(records, &self.header, rows, reading),
+            Records::Compressed(laz) => blocks::read_compressed(laz, &self.header, rows, reading),
+        }
+    }
+
     fn read_record(&mut self) -> Result<(), LasError> {
         let (at, count) = (self.at, self.header.count);
         let ended = |source| LasError::Points { at, count, source };
@@ -150,81 +154,57 @@ impl<'a> LasReader<'a> {
     }
 }
 
-/// The extra dimensions that are read as attributes of points.
-struct Shown {
-    /// The unscaled amplitude of this program. Amplitudes of other programs are another quantity than the
-    /// intensity.
-    intensity: Option<ExtraDimension>,
-    object: Option<ExtraDimension>,
-    device: Option<ExtraDimension>,
-    /// Warnings about scales and offsets that are replaced.
-    warnings: Vec<String>,
-}
-
-impl Shown {
-    fn of(reader: &LasReader, selection: Selection) -> Result<Shown, LasError> {
-        if selection != Selection::All {
-            return Ok(Shown { intensity: None, object: None, device: None, warnings: Vec::new() });
-        }
-        let all = reader.extra_dimensions()?;
-        let numbers: Vec<&(String, ExtraDimension)> = all.iter().filter(|(_, d)| d.is_number()).collect();
-        let columns = Columns::find(numbers.iter().map(|(name, _)| name.as_str()));
-        let dimension = |attribute| columns.get(attribute).map(|column| numbers[column]);
-        let intensity = numbers.iter().copied().find(|(name, _)| name == "heliosAmplitude");
-        let (object, device) = (dimension(Attribute::Object), dimension(Attribute::Channel));
-        let rescaled = [intensity, object, device].into_iter().flatten().filter(|(_, d)| d.is_rescaled());
-        let warning = |(name, _): &(String, ExtraDimension)| {
-            format!(
-                "its dimension {name} has a scale of 0, or a scale or an offset that is not finite; 1 and 0 \
-                 are used instead"
-            )
-        };
-        Ok(Shown {
-            intensity: intensity.map(|(_, d)| *d),
-            object: object.map(|(_, d)| *d),
-            device: device.map(|(_, d)| *d),
-            warnings: rescaled.map(warning).collect(),
-        })
-    }
-}
-
 /// Reads a file.
 pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> {
     let mut reader = LasReader::open(bytes, reading.selection)?;
-    let shown = Shown::of(&reader, reading.selection)?;
-    shown.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
+    let extra = reader.extra_dimensions()?;
+    let reads_all = reading.selection == Selection::All;
+    let (mut rows, warnings) = RowFormat::new(&reader.header, &extra, reads_all);
+    warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     let units = units::position_units(reader.file, &reader.header)?;
     units.note.iter().for_each(|note| reading.note(note.as_str()));
     units.warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     reader.check_count(reading);
-    // A program that edits a file of this program names itself in the header and keeps the dimensions.
-    let extra = reader.extra_dimensions()?;
-    let may_have_misses = reader.header.is_own() || extra.iter().any(|(name, _)| name == NAME_OF_MISSES);
     let is_copc = reader.variable_record("copc", 1)?.is_some();
     let las = Some(reader.header.facts(is_copc));
     reading.sink.file(&FileFacts { format: CloudFormat::Las, las });
-    let format = reader.header.format;
-    reading.sink.start(AttributeSet::of(|attribute| match attribute {
-        Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => false,
-        Attribute::Object => shown.object.is_some(),
-        Attribute::Channel => shown.device.is_some() || format >= 6,
-        Attribute::Time => reader.header.has_time(),
-        _ => true,
-    }));
+    reading.sink.start(rows.attributes());
     // Positions that are converted to metres are not in the file's system any more.
     if let Some(wkt) = units.crs.as_ref().filter(|_| units.metres.is_none()) {
         reading.sink.crs(wkt);
     }
-    let details = reading.sink.takes_details().then(|| DetailFields::of(&reader.header, &extra));
-    if details.is_some() {
+    if reading.sink.takes_details() {
+        rows.read_details(&extra);
         reading.sink.unread(DetailFields::unread(&reader.header, &extra));
     }
-    let (header, metres) = (reader.header.clone(), units.metres.unwrap_or(DVec3::ONE));
-    let mut are_degrees = units.is_angle;
+    rows.metres = units.metres.unwrap_or(DVec3::ONE);
+    // The first position decides whether degrees can be read, before any point is passed on.
+    let passed = match reading.threads > 1 && !units.is_angle {
+        true => reader.read_blocks(&rows, reading),
+        false => Passed::default(),
+    };
+    if passed.is_ended || passed.points == reader.header.count {
+        return Ok(());
+    }
+    read_in_order(&mut reader, &rows, (passed.points, units.is_angle), reading)
+}
+
+/// Reads all records in order, and passes on the points after the first `passed` ones. `are_degrees` is set
+/// if the coordinate reference system is in degrees.
+fn read_in_order(
+    reader: &mut LasReader,
+    rows: &RowFormat,
+    (mut passed, mut are_degrees): (u64, bool),
+    reading: &mut Reading,
+) -> Result<(), LasError> {
     let mut more = true;
     while more {
         let mut is_geographic = false;
         more = reader.read_records(|record, position| {
+            if passed > 0 {
+                passed -= 1;
+                return ControlFlow::Continue(());
+            }
             if std::mem::take(&mut are_degrees) {
                 if position.x.abs() <= 360.0 && position.y.abs() <= 90.0 {
                     is_geographic = true;
@@ -235,37 +215,10 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
                      as metres",
                 );
             }
-            if let Some(details) = &details {
-                reading.sink.details(&details.read(&header, record));
+            if let Some(details) = rows.details(record) {
+                reading.sink.details(&details);
             }
-            let raw_intensity = u16::from_le_bytes([record[12], record[13]]);
-            let mut misfits = Misfits::default();
-            let time = misfits.fitted(Attribute::Time, header.time(record));
-            let mut number = |attribute, dimension: Option<ExtraDimension>| {
-                dimension
-                    .and_then(|dimension| dimension.value(record))
-                    .map(|value| misfits.fitted(attribute, value))
-            };
-            reading.take(&PointRow {
-                position: position * metres,
-                normal: None,
-                intensity: match shown.intensity {
-                    Some(amplitude) => amplitude.value(record).unwrap_or(f64::NAN) as f32,
-                    None => f32::from(raw_intensity),
-                },
-                class: header.class(record),
-                return_number: header.return_number(record),
-                number_of_returns: header.number_of_returns(record),
-                is_miss: may_have_misses && raw_intensity == 0 && header.is_miss(record),
-                scan_angle: header.scan_angle(record),
-                leg: header.source_id(record),
-                point_source: header.point_source(record),
-                channel: number(Attribute::Channel, shown.device)
-                    .map_or(header.channel(record), |v| v as u16),
-                time,
-                object: number(Attribute::Object, shown.object).map_or(0, |v| v as i64),
-                misfits,
-            })
+            reading.take(&rows.row(record))
         })?;
         if is_geographic {
             return Err(LasError::Geographic);

@@ -1,9 +1,10 @@
 //! Tests of files that no writer at hand makes.
 
 use super::*;
-use crate::{PointFile, PointSink};
+use crate::{AttributeSet, PointFile, PointRow, PointSink};
 use laz::record::{RecordCompressor, SequentialPointRecordCompressor};
-use laz::{LazItemRecordBuilder, LazItemType, LazVlr};
+use laz::{LasZipCompressor, LazItemRecordBuilder, LazItemType, LazVlr, LazVlrBuilder};
+use std::io::Cursor;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, ProblemKind};
 
@@ -56,6 +57,11 @@ fn read(bytes: &[u8]) -> (Vec<PointRow>, Vec<String>) {
 }
 
 fn read_with_causes(bytes: &[u8]) -> (Vec<PointRow>, Diagnostics) {
+    read_on(bytes, 1)
+}
+
+/// Reads a file on some threads.
+fn read_on(bytes: &[u8], threads: usize) -> (Vec<PointRow>, Diagnostics) {
     struct Rows(Vec<PointRow>);
     impl PointSink for Rows {
         fn start(&mut self, _: AttributeSet) {}
@@ -65,7 +71,7 @@ fn read_with_causes(bytes: &[u8]) -> (Vec<PointRow>, Diagnostics) {
         }
     }
     let (mut rows, mut found) = (Rows(Vec::new()), Diagnostics::default());
-    let file = PointFile::new(Path::new("a.las"), bytes, &mut found).unwrap();
+    let file = PointFile::new(Path::new("a.las"), bytes, &mut found).unwrap().on_threads(threads);
     file.read(Selection::All, &mut rows, &mut found).unwrap();
     (rows.0, found)
 }
@@ -291,4 +297,103 @@ fn compressions_that_are_not_read_are_named() {
     let (_, said) = read(&file(5, true, Some((LazVlr::USER_ID, LazVlr::RECORD_ID, record)), &cut));
     assert!(said[0].contains("ends within its compressed points; is it truncated?"), "{said:?}");
     assert!(!said[0].contains("IoError") && !said[0].contains("buffer"), "{said:?}");
+}
+
+/// A file of compressed records of a format, in chunks of a hundred or of various numbers of points.
+fn chunked(format: u8, records: &[Vec<u8>], is_variable: bool) -> Vec<u8> {
+    let items = LazItemRecordBuilder::default_for_point_format_id(format, 0).unwrap();
+    let builder = LazVlrBuilder::new(items);
+    let vlr = match is_variable {
+        true => builder.with_variable_chunk_size().build(),
+        false => builder.with_fixed_chunk_size(100).build(),
+    };
+    let mut description = Vec::new();
+    vlr.write_to(&mut description).unwrap();
+    let description = Some((LazVlr::USER_ID, LazVlr::RECORD_ID, description));
+    let mut bytes = file(records.len() as u32, true, description, &[]);
+    bytes[104] |= format;
+    bytes[105] = records[0].len() as u8;
+    let mut out = Cursor::new(bytes);
+    out.set_position(out.get_ref().len() as u64);
+    let mut compressor = LasZipCompressor::new(out, vlr).unwrap();
+    for (i, record) in records.iter().enumerate() {
+        compressor.compress_one(record).unwrap();
+        if is_variable && matches!(i % 190, 20 | 150) {
+            compressor.finish_current_chunk().unwrap();
+        }
+    }
+    compressor.done().unwrap();
+    compressor.into_inner().into_inner()
+}
+
+/// Records of a format with this length whose values change irregularly.
+fn irregular(count: u32, length: usize) -> Vec<Vec<u8>> {
+    let record = |i: u32| {
+        let mut record = vec![0; length];
+        let noise = i.wrapping_mul(2_654_435_761);
+        record[..4].copy_from_slice(&i.to_le_bytes());
+        record[4..8].copy_from_slice(&(noise >> 20).to_le_bytes());
+        record[12..14].copy_from_slice(&((noise >> 8) as u16).to_le_bytes());
+        record
+    };
+    (0..count).map(record).collect()
+}
+
+/// Checks that the points and what is said of a file do not depend on the number of threads; returns both.
+fn same_on_threads(bytes: &[u8], what: &str) -> (Vec<PointRow>, String) {
+    let (rows, found) = read_on(bytes, 1);
+    for threads in [2, 5] {
+        let (others, said) = read_on(bytes, threads);
+        assert!(rows == others, "{what}, {threads} threads: {} and {} points", rows.len(), others.len());
+        assert_eq!(said.text(), found.text(), "{what}, {threads} threads");
+    }
+    (rows, found.text())
+}
+
+#[test]
+fn points_do_not_depend_on_the_number_of_threads() {
+    let plain = file(1000, false, None, &irregular(1000, 20).concat());
+    let (rows, said) = same_on_threads(&plain, "plain");
+    assert_eq!((rows.len(), said.as_str()), (1000, ""));
+    let (rows, said) = same_on_threads(&plain[..plain.len() - 3005], "a plain file that is cut");
+    assert!(rows.len() == 849 && said.contains("the file ends after 849 of 1000 points"), "{said}");
+    for (format, length) in [(0, 20), (6, 30)] {
+        for is_variable in [false, true] {
+            let what = format!("format {format}, {is_variable}");
+            let whole = chunked(format, &irregular(1000, length), is_variable);
+            let (rows, said) = same_on_threads(&whole, &what);
+            assert_eq!((rows.len(), said.as_str()), (1000, ""), "{what}");
+            assert!((0..1000).all(|i| rows[i].position.x == 0.01 * i as f64), "{what}");
+        }
+    }
+}
+
+#[test]
+fn damage_has_the_same_place_on_any_number_of_threads() {
+    for (format, length) in [(0, 20), (6, 30)] {
+        for is_variable in [false, true] {
+            let whole = chunked(format, &irregular(1000, length), is_variable);
+            let data_at = u32::from_le_bytes(std::array::from_fn(|i| whole[96 + i])) as usize;
+            let mut errors = 0;
+            for at in (data_at..whole.len()).step_by((whole.len() - data_at) / 40) {
+                let what = format!("format {format}, {is_variable}, byte {at}");
+                let mut damaged = whole.clone();
+                damaged[at] ^= 0x55;
+                errors += usize::from(!same_on_threads(&damaged, &what).1.is_empty());
+                same_on_threads(&whole[..at], &format!("{what}, cut"));
+            }
+            assert!(errors > 0, "format {format}, {is_variable}");
+        }
+    }
+    // The size of a layer of the sixth chunk.
+    let whole = chunked(6, &irregular(1000, 30), false);
+    let record = irregular(1000, 30).swap_remove(500);
+    let size = whole.windows(30).position(|bytes| bytes == record).unwrap() + 30 + 4;
+    let mut damaged = whole;
+    damaged[size..size + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+    let (rows, said) = same_on_threads(&damaged, "a layer");
+    assert!(
+        rows.len() == 500 && said.contains("a chunk is longer than the file after 500 of 1000"),
+        "{said}"
+    );
 }

@@ -52,6 +52,7 @@ pub(crate) fn load(
     let Some(file) = PointFile::new(source.path(), source.bytes(), &mut scene.diagnostics) else {
         return Ok(());
     };
+    let file = file.on_threads(rayon::current_num_threads());
     let is_text = file.format() == CloudFormat::Text;
     let fed = if is_text { source.with_line_feeds() } else { None };
     let source = fed.as_ref().unwrap_or(source);

@@ -1,0 +1,125 @@
+//! Records as points.
+
+use super::details::DetailFields;
+use super::extra::ExtraDimension;
+use super::header::Header;
+use crate::{Attribute, AttributeSet, Columns, Misfits, PointDetails, PointRow};
+use vlscan_geom::DVec3;
+
+/// The extra dimension of this program's files with pulses without a return.
+const NAME_OF_MISSES: &str = "BeamDirectionX";
+
+/// The extra dimensions that are read as attributes of points.
+#[derive(Default)]
+struct Shown {
+    /// The unscaled amplitude of this program. Amplitudes of other programs are another quantity than the
+    /// intensity.
+    intensity: Option<ExtraDimension>,
+    object: Option<ExtraDimension>,
+    device: Option<ExtraDimension>,
+}
+
+/// Turns the records of a file into points.
+pub(super) struct RowFormat {
+    header: Header,
+    shown: Shown,
+    /// The fields of details, if these are read.
+    details: Option<DetailFields>,
+    /// Metres in a unit of x, y and z.
+    pub metres: DVec3,
+    may_have_misses: bool,
+}
+
+impl RowFormat {
+    /// The points of a file with this header and these extra dimensions, of which the attributes are read if
+    /// `reads_all` is set. Returns also warnings about scales and offsets that are replaced.
+    pub fn new(
+        header: &Header,
+        extra: &[(String, ExtraDimension)],
+        reads_all: bool,
+    ) -> (RowFormat, Vec<String>) {
+        let (shown, warnings) = if reads_all { Shown::of(extra) } else { Default::default() };
+        // A program that edits a file of this program names itself in the header and keeps the dimensions.
+        let may_have_misses = header.is_own() || extra.iter().any(|(name, _)| name == NAME_OF_MISSES);
+        let header = header.clone();
+        let rows = RowFormat { header, shown, details: None, metres: DVec3::ONE, may_have_misses };
+        (rows, warnings)
+    }
+
+    /// Reads details, too.
+    pub fn read_details(&mut self, extra: &[(String, ExtraDimension)]) {
+        self.details = Some(DetailFields::of(&self.header, extra));
+    }
+
+    /// The attributes of the points.
+    pub fn attributes(&self) -> AttributeSet {
+        AttributeSet::of(|attribute| match attribute {
+            Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => false,
+            Attribute::Object => self.shown.object.is_some(),
+            Attribute::Channel => self.shown.device.is_some() || self.header.format >= 6,
+            Attribute::Time => self.header.has_time(),
+            _ => true,
+        })
+    }
+
+    /// The details of a record, if they are read.
+    pub fn details(&self, record: &[u8]) -> Option<PointDetails> {
+        self.details.as_ref().map(|details| details.read(&self.header, record))
+    }
+
+    /// The point of a record.
+    pub fn row(&self, record: &[u8]) -> PointRow {
+        let (header, shown) = (&self.header, &self.shown);
+        let raw_intensity = u16::from_le_bytes([record[12], record[13]]);
+        let mut misfits = Misfits::default();
+        let time = misfits.fitted(Attribute::Time, header.time(record));
+        let mut number = |attribute, dimension: Option<ExtraDimension>| {
+            dimension
+                .and_then(|dimension| dimension.value(record))
+                .map(|value| misfits.fitted(attribute, value))
+        };
+        PointRow {
+            position: header.position(record) * self.metres,
+            normal: None,
+            intensity: match shown.intensity {
+                Some(amplitude) => amplitude.value(record).unwrap_or(f64::NAN) as f32,
+                None => f32::from(raw_intensity),
+            },
+            class: header.class(record),
+            return_number: header.return_number(record),
+            number_of_returns: header.number_of_returns(record),
+            is_miss: self.may_have_misses && raw_intensity == 0 && header.is_miss(record),
+            scan_angle: header.scan_angle(record),
+            leg: header.source_id(record),
+            point_source: header.point_source(record),
+            channel: number(Attribute::Channel, shown.device).map_or(header.channel(record), |v| v as u16),
+            time,
+            object: number(Attribute::Object, shown.object).map_or(0, |v| v as i64),
+            misfits,
+        }
+    }
+}
+
+impl Shown {
+    fn of(all: &[(String, ExtraDimension)]) -> (Shown, Vec<String>) {
+        let numbers: Vec<&(String, ExtraDimension)> = all.iter().filter(|(_, d)| d.is_number()).collect();
+        let columns = Columns::find(numbers.iter().map(|(name, _)| name.as_str()));
+        let dimension = |attribute| columns.get(attribute).map(|column| numbers[column]);
+        let intensity = numbers.iter().copied().find(|(name, _)| name == "heliosAmplitude");
+        let (object, device) = (dimension(Attribute::Object), dimension(Attribute::Channel));
+        let rescaled = [intensity, object, device].into_iter().flatten().filter(|(_, d)| d.is_rescaled());
+        let warning = |(name, _): &(String, ExtraDimension)| {
+            format!(
+                "its dimension {name} has a scale of 0, or a scale or an offset that is not finite; 1 and 0 \
+                 are used instead"
+            )
+        };
+        let warnings = rescaled.map(warning).collect();
+        let shown = Shown {
+            intensity: intensity.map(|(_, d)| *d),
+            object: object.map(|(_, d)| *d),
+            device: device.map(|(_, d)| *d),
+        };
+        (shown, warnings)
+    }
+}
