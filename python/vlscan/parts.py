@@ -735,7 +735,9 @@ def _first(values: NDArray[Any]) -> object:
 
 def _fields(material: Material) -> dict[str, Any]:
     fields = asdict(material)
-    if material.reflectance is None and material.spectrum is None:
+    optics = (material.mirror, material.pane_index, material.pane_thickness_m, material.pane_absorption, material.pane_sheets)
+    is_optical = any(value is not None for value in optics)
+    if material.reflectance is None and material.spectrum is None and not is_optical:
         fields["reflectance"] = material._USUAL_REFLECTANCE
     for key in ("diffuse", "specular"):
         fields[key] = [float(v) for v in fields[key]]
