@@ -173,9 +173,9 @@ impl<'t> PointTable<'t> {
             Amplitude, AttitudeW, AttitudeX, AttitudeY, AttitudeZ, BeamDirectionX, BeamDirectionY,
             BeamDirectionZ, BeamOriginX, BeamOriginY, BeamOriginZ, Classification, Device, EchoWidth,
             ExactEchoWidth, ExactScanAngle, FootprintFraction, HeightAboveGround, IncidenceAngle, NormalX,
-            NormalY, NormalZ, NumberOfReturns, ObjectId, Part, Path, PathOrder, Primitive, PulseNumber, Range,
-            RestX, RestY, RestZ, ReturnNumber, ScanAngle, ScannerX, ScannerY, ScannerZ, Subray, SurfaceClass,
-            SurfaceX, SurfaceY, SurfaceZ, TrueRange, TrueX, TrueY, TrueZ, X, Y, Z,
+            NormalY, NormalZ, NumberOfReturns, ObjectId, Part, Path, PathOrder, Primitive, PulseNumber,
+            Range, RestX, RestY, RestZ, ReturnNumber, ScanAngle, ScannerX, ScannerY, ScannerZ, Subray,
+            SurfaceClass, SurfaceX, SurfaceY, SurfaceZ, TrueRange, TrueX, TrueY, TrueZ, X, Y, Z,
         };
         let world = self.vector([X, Y, Z], row, f64::NAN);
         let rest = match self.frame {
