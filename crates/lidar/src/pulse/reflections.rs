@@ -21,7 +21,7 @@ pub(super) struct Reflections {
     primitive: Vec<u32>,
     ring: Vec<u32>,
     subray: Vec<u32>,
-    /// Where the light of the last reflections went by mirrors and panes.
+    /// Ends of the paths of the last reflections, if they went over mirrors or through panes.
     ends: Vec<PathEnd>,
 }
 
