@@ -154,8 +154,13 @@ impl LightPaths {
         let detector = &instrument.detector;
         let subrays = reflections.subrays();
         let is_near_opaque = !detector.corrections.see_through_near;
+        // Neighbouring subrays mostly hit the same primitive.
+        let mut last = (Hits::MISS, None);
         let mut arrive = |subray: usize, range: f64, primitive: u32| {
-            if let Some(optics) = optics_of(view, primitive).filter(|_| range <= detector.range_max) {
+            if last.0 != primitive {
+                last = (primitive, optics_of(view, primitive));
+            }
+            if let Some(optics) = last.1.filter(|_| range <= detector.range_max) {
                 let direction = traced.direction(subray);
                 let at = traced.start(subray) + direction * range;
                 let light =
