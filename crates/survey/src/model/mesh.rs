@@ -1,6 +1,7 @@
 //! Meshes and materials in memory.
 
 use super::Identity;
+use std::fmt;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
@@ -104,7 +105,7 @@ impl Mesh {
 }
 
 /// A material as it is defined in a file or by a program.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct MaterialDefinition {
     /// Name; the first word after `newmtl`.
     pub name: String,
@@ -135,6 +136,29 @@ pub struct MaterialDefinition {
     pub unused_optics: Option<UnusedOptics>,
     /// Place of the definition; `None` outside of files.
     pub place: Option<Place>,
+}
+
+impl fmt::Debug for MaterialDefinition {
+    /// Checksums of scenes include this text, so opaque materials have no field `optics`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut fields = f.debug_struct("MaterialDefinition");
+        fields
+            .field("name", &self.name)
+            .field("kd", &self.kd)
+            .field("ks", &self.ks)
+            .field("ns", &self.ns)
+            .field("roughness", &self.roughness)
+            .field("element_size", &self.element_size)
+            .field("reflectance", &self.reflectance)
+            .field("spectrum", &self.spectrum)
+            .field("classification", &self.classification)
+            .field("is_ground", &self.is_ground)
+            .field("leaf", &self.leaf);
+        if self.optics != OpticsDefinition::default() {
+            fields.field("optics", &self.optics);
+        }
+        fields.field("unused_optics", &self.unused_optics).field("place", &self.place).finish()
+    }
 }
 
 /// Properties of a material that mean transparency or mirror reflection. Its surfaces are opaque unless
