@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::geom::{DVec3, Rotation};
 use vlscan::scene::{Pack, pack};
 use vlscan::survey::{
-    Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, PartRecipe, RasterFiles, Replaced,
-    SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
+    Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, OpticsDefinition, PartRecipe,
+    RasterFiles, Replaced, SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
 };
 use vlscan::{LoadedScene, MaterialDefinition, ReadOptions, ResolvedRun, Session, read_scene};
 
@@ -80,6 +80,12 @@ fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bo
     fields.set_item("classification", material.classification)?;
     fields.set_item("is_ground", material.is_ground)?;
     fields.set_item("is_leaf", material.leaf)?;
+    fields.set_item("mirror", material.optics.mirror)?;
+    fields.set_item("pane_index", material.optics.index)?;
+    fields.set_item("pane_thickness_m", material.optics.thickness)?;
+    fields.set_item("pane_absorption", material.optics.absorption)?;
+    fields.set_item("pane_sheets", material.optics.sheets)?;
+    fields.set_item("retro", material.optics.retro)?;
     Ok(fields)
 }
 
@@ -101,6 +107,15 @@ fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
         classification: get("classification")?.extract()?,
         is_ground: get("is_ground")?.extract()?,
         leaf: get("is_leaf")?.extract()?,
+        optics: OpticsDefinition {
+            mirror: get("mirror")?.extract()?,
+            index: get("pane_index")?.extract()?,
+            thickness: get("pane_thickness_m")?.extract()?,
+            absorption: get("pane_absorption")?.extract()?,
+            sheets: get("pane_sheets")?.extract()?,
+            retro: get("retro")?.extract()?,
+            opacity: None,
+        },
         unused_optics: None,
         place: None,
     })

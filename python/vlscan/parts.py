@@ -48,6 +48,18 @@ class Material:
     is_leaf : bool, optional
         True for leaves, whose area counts as leaf area. By default the name tells: it contains leaf, leaves, needle, foliage,
         or their German names.
+    mirror : float, optional
+        Share of the light that the surface mirrors, 0 to 1. By default it is not a mirror.
+    pane_index : float, optional
+        Refractive index of a pane, 1 to 5; 1.5 if another property of a pane is given.
+    pane_thickness_m : float, optional
+        Thickness of each sheet of a pane, 0 to 1 m; 0.004 m if another property of a pane is given.
+    pane_absorption : float, optional
+        Absorption within a pane, 0 to 1e6 per metre.
+    pane_sheets : int, optional
+        Number of sheets of a pane, 1 or 2.
+    retro : float, optional
+        Coefficient R_A of a retro-reflector, 0 to 1e5 cd/(lx m²).
 
     Raises
     ------
@@ -71,6 +83,12 @@ class Material:
     roughness_deg: float = 0.0
     element_size_m: float = 0.0
     is_leaf: bool | None = None
+    mirror: float | None = None
+    pane_index: float | None = None
+    pane_thickness_m: float | None = None
+    pane_absorption: float | None = None
+    pane_sheets: int | None = None
+    retro: float | None = None
 
     _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
 
@@ -79,16 +97,22 @@ class Material:
         self._check("roughness_deg", 90)
         self._check("element_size_m", 100)
         self._check("classification", 255)
+        self._check("mirror", 1)
+        self._check("pane_index", 5, 1)
+        self._check("pane_thickness_m", 1)
+        self._check("pane_absorption", 1e6)
+        self._check("pane_sheets", 2, 1)
+        self._check("retro", 1e5)
 
-    def _check(self, name: str, highest: float) -> None:
+    def _check(self, name: str, highest: float, lowest: float = 0) -> None:
         value = getattr(self, name)
         if value is None:
             return
         if not isinstance(value, SupportsFloat):
             hint = "; classes are numbers, as in LAS: 2 is ground, 5 high vegetation, 6 building" if name == "classification" else ""
-            raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a number from 0 to {highest}{hint}")
-        if not 0 <= float(value) <= highest:
-            raise ValueError(f"{name} of the material {self.name!r} is {value}, expected 0 to {highest}")
+            raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a number from {lowest} to {highest}{hint}")
+        if not lowest <= float(value) <= highest:
+            raise ValueError(f"{name} of the material {self.name!r} is {value}, expected {lowest} to {highest}")
 
 
 @dataclass(frozen=True)
@@ -744,7 +768,9 @@ def _fields(material: Material) -> dict[str, Any]:
     if not isinstance(material, Material):
         raise TypeError(f"expected a Material, found {material!r}; vlscan.Material({str(material)!r}) makes one")
     fields = asdict(material)
-    if material.reflectance is None and material.spectrum is None:
+    optics = (material.mirror, material.pane_index, material.pane_thickness_m, material.pane_absorption, material.pane_sheets)
+    is_optical = any(value is not None for value in optics)
+    if material.reflectance is None and material.spectrum is None and not is_optical:
         fields["reflectance"] = material._USUAL_REFLECTANCE
     for key in ("diffuse", "specular"):
         fields[key] = [float(v) for v in fields[key]]

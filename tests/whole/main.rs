@@ -37,6 +37,7 @@ mod hostile;
 mod instruments;
 mod interruption;
 mod library;
+mod light;
 mod limits;
 mod manual;
 mod mcap;

@@ -215,6 +215,18 @@ pub const REFLECTANCE: Bounds = Bounds::new(0.0, 1.0, "a reflectance from 0 to 1
 pub const ROUGHNESS: Bounds = Bounds::new(0.0, 90.0, "a roughness of 0 to 90 degrees");
 /// Size of the elements of foliage, m.
 pub const ELEMENT_SIZE: Bounds = Bounds::new(0.0, 100.0, "a size of 0 to 100 m");
+/// Share of the light that a mirror reflects.
+pub const MIRROR: Bounds = Bounds::new(0.0, 1.0, "a share from 0 to 1");
+/// Refractive index of a pane.
+pub const PANE_INDEX: Bounds = Bounds::new(1.0, 5.0, "a refractive index from 1 to 5");
+/// Thickness of a sheet of a pane, m.
+pub const PANE_THICKNESS: Bounds = Bounds::new(0.0, 1.0, "a thickness of 0 to 1 m");
+/// Absorption within a pane, 1/m.
+pub const PANE_ABSORPTION: Bounds = Bounds::new(0.0, 1e6, "an absorption of 0 to 1e6 per metre");
+/// Number of sheets of a pane.
+pub const PANE_SHEETS: Bounds = Bounds::new(1.0, 2.0, "1 or 2 sheets");
+/// Coefficient R_A of a retro-reflector, cd/(lx·m²).
+pub const RETRO: Bounds = Bounds::new(0.0, 1e5, "a coefficient of 0 to 1e5 cd/(lx·m²)");
 
 /// Formats a number for a message: six digits, or as many as three decimals need, without zeros at its end.
 /// Digits that arithmetic has left over do not appear.

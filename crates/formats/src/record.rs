@@ -151,12 +151,22 @@ pub struct Cause {
     pub fraction: f64,
     /// Number of the strongest subray within the beam, from 0; `u32::MAX` without a surface.
     pub subray: u32,
+    /// Way of the light: 0 straight, 1 through panes, 2 over mirrors.
+    pub path: u8,
+    /// Number of mirrors and panes on the way.
+    pub order: u8,
 }
 
 impl Cause {
     /// Nothing is known.
-    pub const UNKNOWN: Cause =
-        Cause { surface: DVec3::NAN, normal: DVec3::NAN, fraction: f64::NAN, subray: u32::MAX };
+    pub const UNKNOWN: Cause = Cause {
+        surface: DVec3::NAN,
+        normal: DVec3::NAN,
+        fraction: f64::NAN,
+        subray: u32::MAX,
+        path: 0,
+        order: 0,
+    };
 }
 
 impl Default for PointRecord {

@@ -24,7 +24,7 @@
 //! | `instances`, `instance_set` | parts that share a mesh |
 //! | `tiles` | parts that are in memory only while rays need them |
 //! | `coincident` | triangles that repeat an earlier one |
-//! | `model`, `primitive`, `triangle`, `surfaces`, `material`, `voxel`, `grid_voxels`, `lad` | the loaded scene and its components |
+//! | `model`, `primitive`, `triangle`, `surfaces`, `material`, `optics`, `voxel`, `grid_voxels`, `lad` | the loaded scene and its components |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
 //! | `conditions` | the settings that a scene depends on |
@@ -61,6 +61,7 @@ mod motion;
 mod mtl;
 mod mtl_optics;
 mod number;
+mod optics;
 mod pack;
 mod part_facts;
 mod plane;
@@ -93,6 +94,7 @@ pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, check_time_step};
 pub use mtl::read_materials;
+pub use optics::{GLASS_INDEX, Optics, OpticsKind, SHEET_THICKNESS};
 pub use pack::{Pack, pack};
 pub use part_facts::{MaterialArea, PartFacts, material_areas};
 pub use primitive::{PrimitiveFacts, PrimitiveShape};

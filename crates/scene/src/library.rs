@@ -3,6 +3,7 @@
 
 use super::material::{Material, Reflection};
 use super::mtl;
+use super::optics;
 use super::reflectance_issues::{ReflectanceIssue, ReflectanceIssues, assumed};
 use super::reflectance_units::{MAX_FRACTION, ReflectanceUnits};
 use super::spectra::Spectra;
@@ -14,7 +15,7 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::CLASSES;
 use vlscan_base::rng::{Purpose, Stream};
-use vlscan_survey::{Identity, MaterialChoice, MaterialDefinition, UnusedOptics};
+use vlscan_survey::{Identity, MaterialChoice, MaterialDefinition, OpticsDefinition, UnusedOptics};
 
 /// Name of the material of faces without one; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
@@ -314,7 +315,10 @@ impl Library {
             );
             diagnostics.warn(d.place.clone(), message);
         }
-        if let Some(UnusedOptics { properties, place }) = &d.unused_optics {
+        let stated = self.optics(d, diagnostics);
+        if let Some(UnusedOptics { properties, place, .. }) = &d.unused_optics
+            && stated.is_none()
+        {
             let message = format!(
                 "material \"{}\" is opaque: transparency and mirror reflection are not simulated \
                  ({properties})",
@@ -343,7 +347,7 @@ impl Library {
                     format!("no spectrum \"{name}\" for material \"{}\"; it reflects {assumed}", d.name);
                 diagnostics.warn(d.place.clone(), message).help(self.spectra.described());
             }
-        } else if d.reflectance.is_none() && d.has_line() {
+        } else if d.reflectance.is_none() && d.has_line() && stated.is_none() && d.optics.retro.is_none() {
             // Readers of mesh files report materials without a line.
             self.add_issue(ReflectanceIssue::Missing, d);
         }
@@ -355,6 +359,8 @@ impl Library {
                 per_cent / 100.0
             }
             Some(fraction) => fraction,
+            // Mirrors and panes are clean.
+            None if stated.is_some() && from_spectrum.is_none() => 0.0,
             None => per_unit(from_spectrum.as_ref().map_or(50.0, |at| at[0])),
         };
         let further: Vec<f64> =
@@ -380,16 +386,33 @@ impl Library {
             ..Corrections::NONE
         });
         let has_share = self.rules.specular_shares || is_last || from_spectrum.is_some();
+        let opaque = stated.and_then(|stated| stated.opacity).unwrap_or(1.0);
         Material {
             name: d.name.clone(),
-            reflectance: reflectance.max(0.0),
-            further_reflectances: further.into_iter().map(|reflectance| reflectance.max(0.0)).collect(),
+            reflectance: (reflectance * opaque).max(0.0),
+            further_reflectances: further.into_iter().map(|further| (further * opaque).max(0.0)).collect(),
             reflection: reflection(d, has_share, self.rules),
             classification: d.classification,
             is_ground: d.is_ground,
             element_size: d.element_size,
             leaf: d.leaf,
+            optics: stated.map(|stated| optics::resolve(&stated, d.roughness, reflectance)),
         }
+    }
+
+    /// The mirror or pane that a definition states. Records values that cannot be.
+    fn optics(&mut self, d: &MaterialDefinition, diagnostics: &mut Diagnostics) -> Option<OpticsDefinition> {
+        if let Some(both) = optics::conflict(&d.optics) {
+            let message = format!("material \"{}\" is {both}", d.name);
+            diagnostics.error(d.place.clone(), message).help("give it the properties of one of them");
+        }
+        if let Some(expected) = optics::out_of_bounds(&d.optics) {
+            let message = format!("material \"{}\" has an optical property out of range", d.name);
+            diagnostics.error(d.place.clone(), message).help(format!("expected {expected}"));
+        }
+        let has_meaning = d.unused_optics.as_ref().is_some_and(|optics| optics.meaning.is_some());
+        self.relevant_rules.specular_lobe |= has_meaning;
+        optics::stated(d, self.rules)
     }
 
     /// Records an issue of a material that a file defines.
@@ -494,6 +517,9 @@ fn is_specular_only(d: &MaterialDefinition) -> bool {
 
 /// The angular law; without `has_share` the specular share remains 0, as in the reference for most materials.
 fn reflection(d: &MaterialDefinition, has_share: bool, rules: Corrections) -> Reflection {
+    if let Some(coefficient) = d.optics.retro {
+        return Reflection::Retro { coefficient };
+    }
     let (kd, ks): (f64, f64) = (d.kd.iter().sum(), d.ks.iter().sum());
     let (has_kd, has_ks) = (d.kd != [0.0; 3], d.ks != [0.0; 3]);
     let specularity = match (has_kd, has_ks) {

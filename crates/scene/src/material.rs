@@ -1,9 +1,12 @@
 //! Reflection of surfaces (spec pulse-physics §3.2).
 
+use super::optics::Optics;
+use std::f64::consts::PI;
+use std::fmt;
 use vlscan_base::corrections::Corrections;
 
 /// A material with its reflectance at the scanner's wavelength.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Material {
     /// Name; for materials of MTL files the name after `newmtl`.
     pub name: String,
@@ -26,6 +29,30 @@ pub struct Material {
     pub element_size: f64,
     /// True for leaves; `None` if the definition does not state it.
     pub leaf: Option<bool>,
+    /// Mirror or pane that the surface is. Packs store it apart, so that those of opaque scenes keep their
+    /// bytes.
+    #[serde(skip)]
+    pub optics: Option<Optics>,
+}
+
+impl fmt::Debug for Material {
+    /// Checksums of scenes include this text, so opaque materials have no field `optics`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut fields = f.debug_struct("Material");
+        fields
+            .field("name", &self.name)
+            .field("reflectance", &self.reflectance)
+            .field("further_reflectances", &self.further_reflectances)
+            .field("reflection", &self.reflection)
+            .field("classification", &self.classification)
+            .field("is_ground", &self.is_ground)
+            .field("element_size", &self.element_size)
+            .field("leaf", &self.leaf);
+        if let Some(optics) = &self.optics {
+            fields.field("optics", optics);
+        }
+        fields.finish()
+    }
 }
 
 /// Angular law of the reflection back to the source: f(θ) = π·BRDF·cos θ.
@@ -57,7 +84,16 @@ pub enum Reflection {
         /// 0.09).
         roughness: f64,
     },
+    /// π·R_A / cos θ, whatever ρ: a retro-reflecting sheet, whose intensity per illuminance E and area is R_A.
+    /// The light that it receives is E·area·cos θ (CIE 17-24-103).
+    Retro {
+        /// Coefficient R_A, cd/(lx·m²).
+        coefficient: f64,
+    },
 }
+
+/// Minimum cosine of the incidence on a retro-reflector.
+const MIN_RETRO_COSINE: f64 = 1e-3;
 
 /// Words in the names of leaves, in lower case. The umlaut may be two characters.
 const LEAF_WORDS: [&str; 10] =
@@ -85,6 +121,7 @@ impl Material {
             is_ground: false,
             element_size: 0.0,
             leaf: None,
+            optics: None,
         }
     }
 
@@ -130,6 +167,7 @@ impl Material {
                 };
                 reflectance * ((1.0 - s) * diffuse + s * lobe)
             }
+            Reflection::Retro { coefficient } => PI * coefficient / cosine.max(MIN_RETRO_COSINE),
         }
     }
 
@@ -145,7 +183,7 @@ impl Material {
         match self.reflection {
             Reflection::Uniform => reflectance,
             Reflection::Lambert => reflectance * mean_cosine,
-            Reflection::Phong { .. } => self.factor(wavelength, mean_cosine),
+            Reflection::Phong { .. } | Reflection::Retro { .. } => self.factor(wavelength, mean_cosine),
             Reflection::Lobes { specularity: s, exponent, roughness } => {
                 let (a, b) = oren_nayar(roughness);
                 let diffuse = a * SPHERICAL_MEAN_COSINE + b * 0.5;
@@ -183,7 +221,7 @@ fn mean_lobe(exponent: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::{FRAC_PI_2, PI};
+    use std::f64::consts::FRAC_PI_2;
 
     fn with(reflection: Reflection) -> Material {
         Material { reflectance: 0.5, reflection, ..Material::unnamed("m", Corrections::NONE) }
@@ -242,6 +280,33 @@ mod tests {
         assert!((phong.factor(0, c30) - 0.216750492).abs() < 1e-9);
         assert!((phong.factor(0, c60) - 0.125244141).abs() < 1e-9);
         assert_eq!(with(Reflection::Uniform).factor(0, c60), 0.5);
+    }
+
+    #[test]
+    fn retro_reflectors_have_the_factors_of_their_classes() {
+        let at = |coefficient: f64, degrees: f64| {
+            with(Reflection::Retro { coefficient }).factor(0, libm::cos(degrees.to_radians()))
+        };
+        for (coefficient, degrees, expected) in [
+            (180.0, 0.0, 565.4867),
+            (180.0, 5.0, 567.6467),
+            (70.0, 0.0, 219.9115),
+            (250.0, 0.0, 785.3982),
+            (330.0, 0.0, 1036.7256),
+        ] {
+            let found = at(coefficient, degrees);
+            assert!((found - expected).abs() < 1e-4, "{coefficient} at {degrees}°: {found}");
+        }
+        assert!(at(180.0, 90.0).is_finite());
+    }
+
+    #[test]
+    fn the_text_of_opaque_materials_has_no_optics() {
+        use crate::optics::{Optics, OpticsKind};
+        let opaque = Material::unnamed("m", Corrections::NONE);
+        assert!(!format!("{opaque:?}").contains("optics"));
+        let optics = Optics { kind: OpticsKind::Mirror { reflectance: 1.0 }, share: 1.0, roughness: 0.0 };
+        assert!(format!("{:?}", Material { optics: Some(optics), ..opaque }).contains("Mirror"));
     }
 
     #[test]

@@ -7,9 +7,11 @@ use std::ops::Range;
 use std::path::Path;
 use vlscan_base::columns::{comma_note, decoded};
 use vlscan_base::diag::{Diagnostics, nearest};
-use vlscan_base::quantity::CLASSES;
+use vlscan_base::quantity::{
+    CLASSES, MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, RETRO,
+};
 use vlscan_base::recognise::Expected;
-use vlscan_survey::MaterialDefinition;
+use vlscan_survey::{MaterialDefinition, OpticsDefinition};
 
 /// Reads the materials of a single file.
 ///
@@ -116,13 +118,19 @@ fn statement(
 }
 
 /// Keywords that matter.
-const KNOWN: [&str; 10] = [
+const KNOWN: [&str; 16] = [
     "Kd",
     "Ks",
     "Ns",
     "vlscan_roughness_deg",
     "vlscan_element_size_m",
     "vlscan_leaf",
+    "vlscan_mirror",
+    "vlscan_pane_index",
+    "vlscan_pane_thickness_m",
+    "vlscan_pane_absorption",
+    "vlscan_pane_sheets",
+    "vlscan_retro",
     "helios_reflectance",
     "helios_spectra",
     "helios_classification",
@@ -172,6 +180,29 @@ fn warn_of_rest(line: &Line, keyword: &[u8], values: &[(&[u8], Range<usize>)], p
     });
 }
 
+/// Sets an optical property by its key without the prefix. Returns the numbers that it may have if `value` is
+/// none of them.
+pub(super) fn set_optics(
+    optics: &mut OpticsDefinition,
+    key: &[u8],
+    value: Option<f64>,
+) -> Option<&'static str> {
+    let (bounds, slot) = match key {
+        b"mirror" => (MIRROR, &mut optics.mirror),
+        b"pane_index" => (PANE_INDEX, &mut optics.index),
+        b"pane_thickness_m" => (PANE_THICKNESS, &mut optics.thickness),
+        b"pane_absorption" => (PANE_ABSORPTION, &mut optics.absorption),
+        b"pane_sheets" => {
+            let sheets = value.filter(|v| PANE_SHEETS.contains(*v) && v.fract() == 0.0);
+            optics.sheets = sheets.map(|sheets| sheets as u32);
+            return optics.sheets.is_none().then_some(PANE_SHEETS.expected);
+        }
+        _ => (RETRO, &mut optics.retro),
+    };
+    *slot = value.filter(|v| bounds.contains(*v));
+    slot.is_none().then_some(bounds.expected)
+}
+
 fn set(
     material: &mut MaterialDefinition,
     keyword: &[u8],
@@ -203,6 +234,10 @@ fn set(
             material.classification = first.and_then(integer).ok_or("a whole number")?
         }
         b"vlscan_leaf" => material.leaf = Some(first.and_then(boolean).ok_or("true or false")?),
+        _ if keyword.starts_with(b"vlscan_") => {
+            let refused = set_optics(&mut material.optics, &keyword[7..], number());
+            return refused.map_or(Ok(()), Err);
+        }
         _ => material.is_ground = first.and_then(boolean).ok_or("true or false")?,
     }
     Ok(())
@@ -331,6 +366,55 @@ mod tests {
             "d 1\nTf 0.2 0.2 0.2",
         ] {
             assert_eq!(optics(opaque), None, "{opaque}");
+        }
+    }
+
+    #[test]
+    fn mirrors_and_panes_are_read_and_bad_ones_are_errors() {
+        let (m, d) = read_text(
+            b"newmtl pane\nvlscan_pane_index 1.52\nvlscan_pane_thickness_m 0.006\nvlscan_pane_absorption 4\n\
+              vlscan_pane_sheets 2\nnewmtl mirror\nvlscan_mirror 0.9\nnewmtl sign\nvlscan_retro 180\n",
+        );
+        assert!(d.items().is_empty(), "{}", d.text());
+        let none = OpticsDefinition::default();
+        let pane = OpticsDefinition {
+            index: Some(1.52),
+            thickness: Some(0.006),
+            absorption: Some(4.0),
+            sheets: Some(2),
+            ..none
+        };
+        assert_eq!((m[0].optics, m[1].optics.mirror, m[2].optics.retro), (pane, Some(0.9), Some(180.0)));
+        for bad in [
+            "vlscan_pane_index 0",
+            "vlscan_pane_index -1.5",
+            "vlscan_pane_index nan",
+            "vlscan_pane_sheets 1.5",
+            "vlscan_pane_sheets 3",
+            "vlscan_pane_thickness_m -1",
+            "vlscan_mirror 1.1",
+            "vlscan_retro",
+        ] {
+            let (m, d) = read_text(format!("newmtl a\n{bad}\n").as_bytes());
+            assert!(d.is_fatal(false) && m[0].optics == none, "{bad}: {}", d.text());
+        }
+    }
+
+    #[test]
+    fn glass_and_mirrors_of_pictures_have_a_meaning() {
+        let meaning = |lines: &str| {
+            let (m, _) = read_text(format!("newmtl a\n{lines}\n").as_bytes());
+            m[0].unused_optics.as_ref().and_then(|optics| optics.meaning)
+        };
+        let none = OpticsDefinition::default();
+        let glass = |index, opacity| OpticsDefinition { index: Some(index), opacity: Some(opacity), ..none };
+        assert_eq!(meaning("illum 4\nNi 1.45"), Some(glass(1.45, 0.0)));
+        assert_eq!(meaning("Ni 0\nd 0.25"), Some(glass(1.5, 0.25)));
+        assert_eq!(meaning("Tr 0.75"), Some(glass(1.5, 0.25)));
+        let mirror = OpticsDefinition { mirror: Some(0.5), opacity: Some(0.0), ..none };
+        assert_eq!(meaning("Ks 0.5 0.5 0.5\nillum 5"), Some(mirror));
+        for other in ["d 0.5\nmap_d leaf.png", "Tf 0.2 0.2 0.2", "illum 2\nNi 1.45", "illum 11"] {
+            assert_eq!(meaning(other), None, "{other}");
         }
     }
 

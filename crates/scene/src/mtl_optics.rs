@@ -1,12 +1,20 @@
-//! Keywords of material files that mean transparency or mirror reflection, which are not simulated.
+//! Keywords of material files that mean transparency or mirror reflection, which only the refined physics
+//! simulates.
 
 use super::number::float;
+use super::optics::GLASS_INDEX;
 use super::text::shown;
 use vlscan_base::diag::Place;
-use vlscan_survey::{MaterialDefinition, UnusedOptics};
+use vlscan_base::quantity::PANE_INDEX;
+use vlscan_survey::{MaterialDefinition, OpticsDefinition, UnusedOptics};
 
 /// The illumination models without transparency and mirrors; those above are glass and mirrors.
 const OPAQUE_MODELS: std::ops::RangeInclusive<f64> = 0.0..=3.0;
+/// Illumination models of glass.
+const GLASS_MODELS: [f64; 4] = [4.0, 6.0, 7.0, 9.0];
+/// Illumination models of mirrors, with and without ray tracing.
+const MIRROR_MODEL: f64 = 5.0;
+const DARK_MIRROR_MODEL: f64 = 8.0;
 
 /// Transparency of one material as its file states it.
 #[derive(Default)]
@@ -14,6 +22,8 @@ pub(super) struct Optics {
     /// Opacity `d`, transparency `Tr`, illumination model, texture of the opacity, and share `Tf` of the
     /// light that passes, if they are given.
     statements: [Option<Statement>; 5],
+    /// Refractive index `Ni`, which by itself means nothing.
+    index: Option<f64>,
 }
 
 struct Statement {
@@ -34,6 +44,10 @@ impl Optics {
             b"illum" => 2,
             b"map_d" | b"map_D" | b"map_Tr" => 3,
             b"Tf" => 4,
+            b"Ni" => {
+                self.index = float(operand).filter(|index| PANE_INDEX.contains(*index));
+                return true;
+            }
             _ => return false,
         };
         let Some(last) = operand.split(u8::is_ascii_whitespace).rfind(|word| !word.is_empty()) else {
@@ -65,13 +79,42 @@ impl Optics {
             // Nothing passes that could be filtered.
             self.statements[4] = None;
         }
+        let meaning = self.meaning(material.as_deref());
         let mut found: Vec<Statement> = self.statements.into_iter().flatten().collect();
         found.retain(|statement| !statement.is_opaque);
         let properties: Vec<&str> = found.iter().map(|statement| statement.text.as_str()).collect();
         let properties = properties.join(", ");
         let first = found.into_iter().map(|statement| statement.place).min_by_key(|place| place.line);
         if let (Some(material), Some(place)) = (material, first) {
-            material.unused_optics = Some(UnusedOptics { properties, place: Some(place) });
+            material.unused_optics = Some(UnusedOptics { properties, place: Some(place), meaning });
+        }
+    }
+
+    /// The mirror or pane that the numbers describe; `None` if they state full opacity, or if a texture decides
+    /// where light passes.
+    fn meaning(&self, material: Option<&MaterialDefinition>) -> Option<OpticsDefinition> {
+        let number = |i: usize| self.statements[i].as_ref().filter(|s| !s.is_opaque).and_then(|s| s.value);
+        let opacity = number(0).or(number(1).map(|transparency| 1.0 - transparency));
+        // A file that states full opacity beside a model of glass contradicts itself.
+        let is_opaque = self.statements[..2].iter().flatten().any(|s| s.is_opaque) && opacity.is_none();
+        if is_opaque || self.statements[3].is_some() {
+            return None;
+        }
+        let opacity = opacity.map(|opacity| opacity.clamp(0.0, 1.0));
+        match number(2) {
+            // Mirrors with the specular colour, or with all light if there is none.
+            Some(MIRROR_MODEL | DARK_MIRROR_MODEL) if opacity.is_none() => {
+                let ks = material.map_or([0.0; 3], |material| material.ks);
+                let mean = (ks[0] + ks[1] + ks[2]) / 3.0;
+                let mirror = if mean > 0.0 { mean.min(1.0) } else { 1.0 };
+                Some(OpticsDefinition { mirror: Some(mirror), opacity: Some(0.0), ..Default::default() })
+            }
+            model if opacity.is_some() || model.is_some_and(|model| GLASS_MODELS.contains(&model)) => {
+                let index = self.index.unwrap_or(GLASS_INDEX);
+                let opacity = Some(opacity.unwrap_or(0.0));
+                Some(OpticsDefinition { index: Some(index), opacity, ..Default::default() })
+            }
+            _ => None,
         }
     }
 }

@@ -107,8 +107,8 @@ quantities! {
 const UNUSED: &str = "a acceleration alpha azimuthangle b beamdirectionx beamdirectiony beamdirectionz beamoriginx \
     beamoriginy beamoriginz blue classflags cog comment course curvature date day distance echowidth edgeofflightline fid fix \
     footprintfraction frame frameid flightline fullwaveindex g gdop gpsweek green hdop headerframeid headerseq headerstamp \
-    heightaboveground hour id incidenceangle index infrared keypoint minute mode month nir nsats numsats overlap pdop point \
-    pointid primitive pulsenumber q quality r range record red reflectance rgb rgba sat satellites sats scandirectionflag scannerx \
+    heightaboveground hour id incidenceangle index infrared keypoint minute mode month nir nsats numsats overlap path pathorder \
+    pdop point pointid primitive pulsenumber q quality r range record red reflectance rgb rgba sat satellites sats scandirectionflag scannerx \
     scannery scannerz second seq sequence sog status subray surfacex surfacey surfacez synthetic truerange truex truey truez \
     undulation utcdate vdop wanderangle week width withheld year";
 

@@ -56,6 +56,8 @@ pub enum Purpose {
     PhotonCount = 20,
     /// Large numbers of photoelectrons of an echo.
     LargePhotonCount = 21,
+    /// Slopes of the facets of rough mirrors.
+    FacetSlope = 22,
     /// Navigation errors: position, attitude, boresight and lever arm.
     Navigation = 32,
 }

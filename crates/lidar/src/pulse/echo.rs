@@ -63,12 +63,62 @@ pub struct EchoTruth {
     pub fraction: f64,
     /// Number of the strongest subray within the beam, from 0.
     pub subray: u32,
+    /// Way of the light to the surface and back.
+    pub path: EchoPath,
+}
+
+/// Way of the light of an echo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EchoPath {
+    /// Kind of the way.
+    pub kind: PathKind,
+    /// Number of mirrors and panes on the way to the surface.
+    pub order: u8,
+}
+
+/// Kind of the way of the light of an echo; its number is the label in tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathKind {
+    /// Straight to the surface.
+    Direct = 0,
+    /// Through panes.
+    Pane = 1,
+    /// Over a mirror, or mirrored by a pane: the echo is a ghost.
+    Mirror = 2,
+}
+
+impl EchoPath {
+    /// Straight to the surface.
+    pub const DIRECT: EchoPath = EchoPath { kind: PathKind::Direct, order: 0 };
+
+    /// The way as a number; 0 for the straight one.
+    pub fn code(self) -> u16 {
+        u16::from_le_bytes([self.kind as u8, self.order])
+    }
+
+    /// The way of a [`EchoPath::code`].
+    pub fn of_code(code: u16) -> EchoPath {
+        let [kind, order] = code.to_le_bytes();
+        let kind = match kind {
+            1 => PathKind::Pane,
+            2 => PathKind::Mirror,
+            _ => PathKind::Direct,
+        };
+        EchoPath { kind, order }
+    }
 }
 
 impl EchoTruth {
     /// Truth of an echo that no surface caused, or whose cause is not recorded: NaN, no subray.
     pub fn unknown(beam: [DVec3; 2]) -> EchoTruth {
-        EchoTruth { beam, surface: DVec3::NAN, normal: DVec3::NAN, fraction: f64::NAN, subray: u32::MAX }
+        EchoTruth {
+            beam,
+            surface: DVec3::NAN,
+            normal: DVec3::NAN,
+            fraction: f64::NAN,
+            subray: u32::MAX,
+            path: EchoPath::DIRECT,
+        }
     }
 }
 

@@ -12,6 +12,7 @@
 //! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene at the time of a pulse, and its reflections |
 //! | `tiles` | tracing through the tiles of a scene, which are loaded when rays need them |
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
+//! | `paths`, `pane` | light over mirrors and through panes; the formulas of panes |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
@@ -37,6 +38,8 @@ mod maximum;
 mod medium;
 mod noise;
 mod options;
+mod pane;
+mod paths;
 mod peak_detection;
 mod peaks;
 mod photon_counter;
@@ -71,7 +74,7 @@ mod view;
 mod waveform;
 
 pub use batch::{Batch, WeakPulses};
-pub use echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
+pub use echo::{Echo, EchoPath, EchoTruth, PathKind, PulseRecord, WaveformRecord};
 pub use instrument::{InstrumentTable, count_echoes_of_one_pulse};
 pub use options::{PhysicsOptions, PhysicsProfile};
 pub use physics::Physics;

@@ -53,11 +53,17 @@ pub struct PhysicsOptions {
     pub record_scanner_axes: bool,
     /// Append the reflections of all subrays to the batch instead of echoes.
     pub record_subrays: bool,
+    /// Maximum number of mirrors and panes on the way of light from the instrument to a surface; 0 = they do
+    /// not pass light on.
+    pub max_order: u8,
     /// Corrections to the reference's physics.
     pub corrections: Corrections,
 }
 
 impl PhysicsOptions {
+    /// Default of [`PhysicsOptions::max_order`].
+    pub const MAX_ORDER: u8 = 4;
+
     /// The reference's physics: no corrections, improved energy model, seed 0, only points are recorded.
     pub fn helios() -> PhysicsOptions {
         PhysicsOptions {
@@ -71,6 +77,7 @@ impl PhysicsOptions {
             record_truth: false,
             record_scanner_axes: false,
             record_subrays: false,
+            max_order: PhysicsOptions::MAX_ORDER,
             corrections: Corrections::NONE,
         }
     }

@@ -25,6 +25,7 @@ pub struct Physics<'a> {
     pub(super) waveform_noise: Stream,
     pub(super) free_paths: Stream,
     pub(super) pattern_turns: Stream,
+    pub(super) facet_slopes: Stream,
 }
 
 impl<'a> Physics<'a> {
@@ -41,6 +42,8 @@ impl<'a> Physics<'a> {
                 visible_bounds: visible_bounds(scene, sizes, &o),
                 fixed_incidence: o.fixed_incidence,
                 max_cube_size: sizes.max_cube,
+                has_optics: o.max_order > 0
+                    && scene.materials.iter().any(|material| material.optics.is_some()),
             },
             // spec pulse-physics §2.1
             bounds_cull: (!o.corrections.no_axis_gate && !o.corrections.unbounded_scene)
@@ -52,6 +55,7 @@ impl<'a> Physics<'a> {
             waveform_noise: Stream::new(o.seed, Purpose::Waveform),
             free_paths: Stream::new(o.seed, Purpose::FreePath),
             pattern_turns: Stream::new(o.seed, Purpose::PatternTurn),
+            facet_slopes: Stream::new(o.seed, Purpose::FacetSlope),
         })
     }
 

@@ -6,6 +6,7 @@ use super::detector_settings::{DetectorSettings, Return};
 use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
 use super::foliage::FreePaths;
 use super::instrument::Instrument;
+use super::paths::LightPaths;
 use super::peak_detection::{attribute, detect};
 use super::photon_counter::PhotonCounter;
 use super::physics::Physics;
@@ -28,6 +29,7 @@ use vlscan_trace::simd::Simd;
 pub(super) struct Detection {
     pub scratch: ReflectScratch,
     reflections: Reflections,
+    light_paths: LightPaths,
     profile: ReturnProfile,
     slopes: SlopeMerger,
     sources: ReflectionSources,
@@ -83,6 +85,12 @@ impl Detection {
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
         self.scratch.records_hits = options.record_truth || options.record_subrays;
         view.reflect(instrument, (traced, gains), &mut paths, &mut self.scratch, &mut self.reflections);
+        if view.has_optics {
+            let draws = (&physics.facet_slopes, &mut paths);
+            let rules = (options.max_order, draws);
+            let hits = &mut self.scratch.hits;
+            self.light_paths.follow(view, instrument, (traced, gains), rules, hits, &mut self.reflections);
+        }
         let model = instrument.receiver.as_ref();
         let counter = instrument.counter.as_ref();
         let is_idle = !model.is_some_and(ReceiverModel::has_false_alarms)

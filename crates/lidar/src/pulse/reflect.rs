@@ -305,20 +305,21 @@ impl FootprintFrame {
 
 /// Reflection properties of the primitive of the last interaction: neighbouring subrays mostly hit the same
 /// one.
-struct ShadedSurface<'a> {
+pub(super) struct ShadedSurface<'a> {
     primitive: u32,
     /// The scene that holds it in its current position, and its index there.
     scene: &'a Scene,
     local: u32,
     material: Option<&'a Material>,
     /// Unit normal of a triangle or of a cube that has one.
-    normal: Option<DVec3>,
+    pub normal: Option<DVec3>,
     /// See [`SceneView::wavelength`].
     wavelength: usize,
 }
 
 impl<'a> ShadedSurface<'a> {
-    fn none(view: &SceneView<'a>) -> ShadedSurface<'a> {
+    /// No surface yet.
+    pub fn none(view: &SceneView<'a>) -> ShadedSurface<'a> {
         ShadedSurface {
             primitive: Hits::MISS,
             scene: view.scene,
@@ -330,7 +331,7 @@ impl<'a> ShadedSurface<'a> {
     }
 
     /// Looks the primitive up unless it is the last one.
-    fn load(&mut self, view: &SceneView<'a>, primitive: u32) {
+    pub fn load(&mut self, view: &SceneView<'a>, primitive: u32) {
         if self.primitive == primitive {
             return;
         }
@@ -358,7 +359,7 @@ impl<'a> ShadedSurface<'a> {
     }
 
     /// How the surface or its foliage reflects a ray that hits it at `at`.
-    fn response(
+    pub fn response(
         &self,
         at: &Interaction,
         direction: DVec3,
@@ -432,6 +433,7 @@ mod tests {
             fixed_incidence: false,
             max_cube_size: 1.0,
             wavelength: 0,
+            has_optics: false,
         };
         let mut batch = RayBatch::default();
         batch.rays = RayGroup::new(instrument.subrays.len());

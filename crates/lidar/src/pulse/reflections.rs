@@ -1,7 +1,9 @@
 //! The reflections of a pulse (spec pulse-physics §2).
 
+use super::echo::EchoPath;
 use super::energy::Energy;
 use super::lanes::{Block, LANES};
+use vlscan_geom::DVec3;
 use vlscan_trace::Hits;
 
 /// The reflections of a pulse in the order of its subrays, field by field.
@@ -19,6 +21,18 @@ pub(super) struct Reflections {
     primitive: Vec<u32>,
     ring: Vec<u32>,
     subray: Vec<u32>,
+    /// Ends of the paths of the last reflections, if they went over mirrors or through panes.
+    ends: Vec<PathEnd>,
+}
+
+/// End of a path of light over mirrors and panes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PathEnd {
+    /// The point that reflects the light, m.
+    pub surface: DVec3,
+    /// Direction in which the light arrives there.
+    pub direction: DVec3,
+    pub path: EchoPath,
 }
 
 impl Reflections {
@@ -26,6 +40,7 @@ impl Reflections {
     pub fn clear(&mut self, max: usize) {
         self.count = 0;
         self.is_opaque_only = false;
+        self.ends.clear();
         self.reserve(max);
     }
 
@@ -69,6 +84,60 @@ impl Reflections {
             self.reserve(2 * self.count + LANES);
         }
         self.push((0, 0), (range, range), primitive, cosine, intensity);
+    }
+
+    /// Appends the reflection of a subray at the end of a path over mirrors and panes, after all others:
+    /// `range` is the optical length of the path. May exceed the reserved memory.
+    pub fn push_end(
+        &mut self,
+        source: (u32, u32),
+        end: PathEnd,
+        range: f64,
+        (primitive, cosine): (u32, f64),
+        intensity: f64,
+    ) {
+        if self.count == self.range.len() {
+            self.reserve(2 * self.count + LANES);
+        }
+        self.push(source, (range, range), primitive, cosine, intensity);
+        self.ends.push(end);
+    }
+
+    /// The end of the path of reflection `i` if it went over mirrors or panes.
+    pub fn end_of(&self, i: usize) -> Option<&PathEnd> {
+        self.ends.get(i.checked_sub(self.count - self.ends.len())?)
+    }
+
+    /// Fills in the fields that [`Reflections::push_triangles`] leaves out, so that others may follow.
+    /// `subrays` are those of the reflections, in order.
+    pub fn complete(&mut self, subrays: impl Iterator<Item = usize>, rings: &[u32]) {
+        if !self.is_opaque_only {
+            return;
+        }
+        self.is_opaque_only = false;
+        for (i, subray) in (0..self.count).zip(subrays) {
+            self.entry[i] = self.range[i];
+            self.subray[i] = subray as u32;
+            self.ring[i] = rings[subray];
+        }
+    }
+
+    /// Removes the reflections without light from primitives for which `is_dark` is true.
+    pub fn remove_dark(&mut self, is_dark: impl Fn(u32) -> bool) {
+        let mut kept = 0;
+        for i in 0..self.count {
+            if self.intensity[i] == 0.0 && is_dark(self.primitive[i]) {
+                continue;
+            }
+            for field in [&mut self.range, &mut self.entry, &mut self.intensity, &mut self.cosine] {
+                field[kept] = field[i];
+            }
+            for field in [&mut self.primitive, &mut self.ring, &mut self.subray] {
+                field[kept] = field[i];
+            }
+            kept += 1;
+        }
+        self.count = kept;
     }
 
     /// These reflections and others with known intensities, both in the order of their subrays.
@@ -233,6 +302,30 @@ mod tests {
             let which = LaneMask::of(std::array::from_fn(|i| u8::from(i < first)));
             assert!(which.is_prefix() && which.count() == first, "{first}");
         }
+    }
+
+    #[test]
+    fn ends_of_paths_follow_the_others_and_dark_ones_are_removed() {
+        let mut all = Reflections::default();
+        all.clear(8);
+        let range = std::array::from_fn(|i| 1.0 + i as f64);
+        let intensity = std::array::from_fn(|i| i as f64 % 2.0);
+        let primitive = std::array::from_fn(|i| i as u32);
+        all.push_triangles(LaneMask::of([1; 8]), &range, &intensity, &[1.0; LANES], &primitive);
+        all.mark_opaque_only();
+        all.complete(10..18, &[3; 18]);
+        all.remove_dark(|primitive| primitive != 2);
+        assert_eq!((all.primitives(), all.count()), (&[1, 2, 3, 5, 7][..], 5));
+        assert_eq!(all.subrays(), Some(&[11, 12, 13, 15, 17][..]));
+        assert_eq!(all.entries(), [2.0, 3.0, 4.0, 6.0, 8.0]);
+        let end = PathEnd { surface: DVec3::X, direction: DVec3::Y, path: EchoPath::DIRECT };
+        for i in 0..20 {
+            all.push_end((i, 0), end, 9.0, (4, 1.0), 0.5);
+        }
+        assert_eq!((all.count(), all.end_of(4), all.end_of(5), all.end_of(25)), (25, None, Some(&end), None));
+        all.clear(8);
+        all.push((0, 0), (1.0, 1.0), 0, 1.0, 1.0);
+        assert_eq!(all.end_of(0), None);
     }
 
     #[test]

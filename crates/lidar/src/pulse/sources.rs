@@ -1,9 +1,9 @@
 //! True causes of echoes: the surface of the strongest subray, and the share of the footprint.
 
 use super::detector_settings::Return;
-use super::echo::EchoTruth;
+use super::echo::{EchoPath, EchoTruth};
 use super::instrument::Instrument;
-use super::reflections::Reflections;
+use super::reflections::{PathEnd, Reflections};
 use super::traced::{SubrayGains, TracedPulse};
 use super::triangle_cache::TriangleCache;
 use super::view::SceneView;
@@ -75,12 +75,20 @@ impl ReflectionSources {
         let subray = self.subray_of(i);
         let (start, direction) = (traced.start(subray as usize), traced.direction(subray as usize));
         let normal = triangles.look_up(view, reflections.primitives()[i]).map_or(DVec3::ZERO, |t| t.normal);
+        let PathEnd { surface, direction, path } = match reflections.end_of(i) {
+            Some(end) => *end,
+            None => {
+                let surface = start + direction * reflections.ranges()[i];
+                PathEnd { surface, direction, path: EchoPath::DIRECT }
+            }
+        };
         EchoTruth {
             beam,
-            surface: start + direction * reflections.ranges()[i],
+            surface,
             normal: if normal.dot(direction) > 0.0 { -normal } else { normal },
             fraction: 1.0 / traced.primitives.len().max(1) as f64,
             subray,
+            path,
         }
     }
 

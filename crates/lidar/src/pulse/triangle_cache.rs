@@ -27,7 +27,7 @@ pub(super) struct CachedTriangle {
 enum Law {
     Uniform,
     Lambert,
-    /// With a specular share: [`Material::factor`].
+    /// With a specular share, or of a retro-reflector: [`Material::factor`].
     Phong,
 }
 
@@ -63,7 +63,7 @@ impl CachedTriangle {
             // A specular lobe without light is finite and adds nothing.
             Reflection::Phong { specularity: 0.0, exponent } if exponent >= 0.0 => Law::Lambert,
             Reflection::Lobes { specularity: 0.0, roughness: 0.0, .. } => Law::Lambert,
-            Reflection::Phong { .. } | Reflection::Lobes { .. } => Law::Phong,
+            Reflection::Phong { .. } | Reflection::Lobes { .. } | Reflection::Retro { .. } => Law::Phong,
         };
         Some(CachedTriangle {
             primitive,

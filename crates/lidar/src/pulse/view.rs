@@ -23,6 +23,8 @@ pub(super) struct StaticView<'a> {
     pub fixed_incidence: bool,
     /// See [`SceneView::max_cube_size`].
     pub max_cube_size: f64,
+    /// See [`SceneView::has_optics`].
+    pub has_optics: bool,
 }
 
 impl<'a> StaticView<'a> {
@@ -31,9 +33,18 @@ impl<'a> StaticView<'a> {
     where
         'a: 'b,
     {
-        let StaticView { scene, tree, visible_bounds, fixed_incidence, max_cube_size } = *self;
-        let wavelength = 0;
-        SceneView { scene, tree, moving, tiles, visible_bounds, fixed_incidence, max_cube_size, wavelength }
+        let StaticView { scene, tree, visible_bounds, fixed_incidence, max_cube_size, has_optics } = *self;
+        SceneView {
+            scene,
+            tree,
+            moving,
+            tiles,
+            visible_bounds,
+            fixed_incidence,
+            max_cube_size,
+            wavelength: 0,
+            has_optics,
+        }
     }
 }
 
@@ -56,6 +67,8 @@ pub(super) struct SceneView<'a> {
     pub max_cube_size: f64,
     /// Number of the beam's wavelength among those of the scene's spectra.
     pub wavelength: usize,
+    /// True if a material of the scene is a mirror or a pane.
+    pub has_optics: bool,
 }
 
 /// Interaction of a ray with a primitive.
@@ -190,11 +203,32 @@ impl<'a> SceneView<'a> {
         origin: DVec3,
         accept: impl Fn(u32) -> bool,
     ) -> Interaction {
+        self.nearest_among(self.tiles.map(|tiles| tiles.near), (from, direction), origin, accept)
+    }
+
+    /// The nearest interaction of a ray that has left its beam: other than for [`SceneView::nearest`], every
+    /// tile of the scene counts. The range of the interaction is the distance from the start of the ray.
+    pub fn nearest_astray(
+        &self,
+        (from, direction): (DVec3, DVec3),
+        accept: impl Fn(u32) -> bool,
+    ) -> Interaction {
+        self.nearest_among(None, (from, direction), from, accept)
+    }
+
+    /// [`SceneView::nearest`] with the tiles of these indices, or with all.
+    fn nearest_among(
+        &self,
+        tiles: Option<&[u32]>,
+        (from, direction): (DVec3, DVec3),
+        origin: DVec3,
+        accept: impl Fn(u32) -> bool,
+    ) -> Interaction {
         let hit = self.tree.nearest_where(&self.scene.geometry, from, direction, &accept);
         let hit = match self.tiles {
-            Some(NearTiles { reader, near }) => {
+            Some(NearTiles { reader, .. }) => {
                 let accept = |_: &Scene, _, i| accept(i);
-                reader.nearest(self.scene, Some(near), (from, direction), hit, accept)
+                reader.nearest(self.scene, tiles, (from, direction), hit, accept)
             }
             None => hit,
         };

@@ -216,3 +216,17 @@ fn a_transparent_material_is_warned_of_where_it_is_used_and_once() {
     );
     assert_eq!(complaint.place.as_ref().unwrap().line, 3);
 }
+
+#[test]
+fn mirrors_and_panes_are_clean_unless_they_have_a_reflectance() {
+    let mut f = Fixture::new();
+    let mtl = "newmtl mirror\nvlscan_mirror 0.9\nnewmtl dusty\nhelios_reflectance 0.1\nvlscan_pane_sheets 2\n\
+               newmtl glass\nhelios_reflectance 0.5\nd 0.25\nNi 1.4\n";
+    std::fs::write(f.folder.path().join("m.mtl"), mtl).unwrap();
+    let mut library = f.library(Corrections::REFINED);
+    let [mirror, dusty, glass] = ["mirror", "dusty", "glass"].map(|name| f.material(&mut library, name));
+    assert!(f.diagnostics.items().is_empty(), "{}", f.diagnostics.text());
+    assert_eq!((mirror.reflectance, dusty.reflectance, glass.reflectance), (0.0, 0.1, 0.125));
+    let shares = [mirror, dusty, glass].map(|material| material.optics.unwrap().share);
+    assert_eq!(shares, [1.0, 0.9, 0.75]);
+}

@@ -6,7 +6,7 @@ use super::trees::{
     write_geometry, write_grids, write_instance_trees, write_instances, write_tree,
 };
 use crate::grid_voxels::{GridSurfaces, GridVoxels};
-use crate::{InstanceSet, Material, MovingPart, PackedTree, Part, Scene, Sizes, Surface, SurfaceIds};
+use crate::{InstanceSet, Material, MovingPart, Optics, PackedTree, Part, Scene, Sizes, Surface, SurfaceIds};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -18,6 +18,8 @@ use vlscan_trace::{Builder, Geometry, HeightField, Tree, VoxelGrid};
 
 /// The name of the number of epochs.
 const EPOCHS: &str = "epochs";
+/// The name of the mirrors and panes that materials are; missing in scenes without any.
+const OPTICS: &str = "optics";
 
 /// A scene without its arrays. Values are stored in the order of the fields: increment the version of the
 /// file after a change of them.
@@ -92,6 +94,10 @@ pub(super) fn write(scene: &Scene, tree: &Tree, epoch: u32, out: &mut ArrayFileW
 pub(super) fn write_scene(scene: &Scene, tree: &Tree, prefix: &str, out: &mut ArrayFileWriter) -> Result<()> {
     let name = |what: &str| format!("{prefix}{what}");
     out.value(name("values"), &SceneValues::of(scene))?;
+    if scene.materials.iter().any(|material| material.optics.is_some()) {
+        let optics: Vec<Option<Optics>> = scene.materials.iter().map(|material| material.optics).collect();
+        out.value(name(OPTICS), &optics)?;
+    }
     write_geometry(&scene.geometry, &name("own"), out)?;
     write_fields(&scene.geometry.fields, prefix, out)?;
     write_grids(&scene.geometry.grids, prefix, out)?;
@@ -139,6 +145,13 @@ pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Re
         surface_ids: SurfaceIds::unpack(&name("surfaces"), file)?,
         ..Scene::default()
     };
+    if file.element(&name(OPTICS)).is_some() {
+        let optics: Vec<Option<Optics>> = file.value(&name(OPTICS))?;
+        if optics.len() != scene.materials.len() {
+            return Err(file.refuse("the lengths of its arrays do not match"));
+        }
+        scene.materials.iter_mut().zip(optics).for_each(|(material, optics)| material.optics = optics);
+    }
     let (g, cubes) = (&scene.geometry, scene.geometry.cubes.len());
     let stored = g.triangles.len() + cubes;
     let are_fields = scene.field_surfaces.len() == g.fields.len() && are_numbered(g);

@@ -78,6 +78,19 @@ fn a_packed_scene_is_the_scene() {
 }
 
 #[test]
+fn mirrors_and_panes_are_packed() {
+    let mut f = Fixture::new();
+    f.file("m.mtl", "newmtl m\nvlscan_pane_index 1.5\nvlscan_pane_sheets 2\n");
+    f.obj("a.obj", MESH);
+    let scene = f.scene();
+    assert!(scene.materials[0].optics.is_some());
+    let pack = Pack::open(&packed(&f, &f.recipe())).unwrap();
+    let again = pack.scene(&f.options, 0).unwrap();
+    assert_eq!(again.materials, scene.materials);
+    assert_eq!(seen(&again), seen(&scene));
+}
+
+#[test]
 fn parts_without_primitives_are_left_out_of_packs_too() {
     let mut f = everything();
     let empty = |f: &mut Fixture, name: &str| {

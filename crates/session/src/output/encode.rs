@@ -235,7 +235,9 @@ impl OutputPlan {
         if self.needs.cause {
             let truth = echo.truth(truths);
             let (surface, normal) = (truth.surface, truth.normal);
-            record.cause = Cause { surface, normal, fraction: truth.fraction, subray: truth.subray };
+            let [path, order] = truth.path.code().to_le_bytes();
+            let (fraction, subray) = (truth.fraction, truth.subray);
+            record.cause = Cause { surface, normal, fraction, subray, path, order };
         }
     }
 

@@ -173,9 +173,9 @@ impl<'t> PointTable<'t> {
             Amplitude, AttitudeW, AttitudeX, AttitudeY, AttitudeZ, BeamDirectionX, BeamDirectionY,
             BeamDirectionZ, BeamOriginX, BeamOriginY, BeamOriginZ, Classification, Device, EchoWidth,
             ExactEchoWidth, ExactScanAngle, FootprintFraction, HeightAboveGround, IncidenceAngle, NormalX,
-            NormalY, NormalZ, NumberOfReturns, ObjectId, Part, Primitive, PulseNumber, Range, RestX, RestY,
-            RestZ, ReturnNumber, ScanAngle, ScannerX, ScannerY, ScannerZ, Subray, SurfaceClass, SurfaceX,
-            SurfaceY, SurfaceZ, TrueRange, TrueX, TrueY, TrueZ, X, Y, Z,
+            NormalY, NormalZ, NumberOfReturns, ObjectId, Part, Path, PathOrder, Primitive, PulseNumber,
+            Range, RestX, RestY, RestZ, ReturnNumber, ScanAngle, ScannerX, ScannerY, ScannerZ, Subray,
+            SurfaceClass, SurfaceX, SurfaceY, SurfaceZ, TrueRange, TrueX, TrueY, TrueZ, X, Y, Z,
         };
         let world = self.vector([X, Y, Z], row, f64::NAN);
         let rest = match self.frame {
@@ -203,6 +203,8 @@ impl<'t> PointTable<'t> {
                 normal: self.vector([NormalX, NormalY, NormalZ], row, f64::NAN),
                 fraction: self.number(FootprintFraction, row, f64::NAN),
                 subray: self.whole(Subray, row, u32::MAX),
+                path: self.whole(Path, row, 0),
+                order: self.whole(PathOrder, row, 0),
             },
             range: self.number(Range, row, 0.0),
             true_range: self.number(TrueRange, row, 0.0),

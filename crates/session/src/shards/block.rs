@@ -12,7 +12,7 @@ use super::column::{Words, get_records, put_records, words};
 use serde::{Deserialize, Serialize};
 use vlscan_geom::DVec3;
 use vlscan_lidar::flight::PoseSample;
-use vlscan_lidar::pulse::{Batch, Echo, EchoTruth, PulseRecord, WaveformRecord};
+use vlscan_lidar::pulse::{Batch, Echo, EchoPath, EchoTruth, PulseRecord, WaveformRecord};
 use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a block's head.
@@ -28,7 +28,6 @@ words! {
         number_of_returns, pulse_number, device, part, primitive, classification, incidence_cosine,
         scan_angle, time_ns, truth_index,
     }
-    EchoTruth { beam, surface, normal, fraction, subray }
     WaveformRecord {
         pulse_number, device, origin, direction, start_ns, end_ns, time_ns, first_sample, samples,
     }
@@ -36,6 +35,25 @@ words! {
     PoseSample { time_ns, position, roll, pitch, yaw, attitude, flown }
     BlockHead {
         leg, epoch, leg_number, pulses, echoes, truths, waveforms, samples, pulse_records, poses, length, sum,
+    }
+}
+
+impl Words for EchoTruth {
+    fn put(self, put: &mut impl FnMut(u64)) {
+        let EchoTruth { beam, surface, normal, fraction, subray, path } = self;
+        beam.put(put);
+        surface.put(put);
+        normal.put(put);
+        fraction.put(put);
+        // A number of 32 bits leaves the other bits of its word to the path, which mostly is 0.
+        put(u64::from(path.code()) << 32 | u64::from(subray));
+    }
+
+    fn take(next: &mut impl FnMut() -> u64) -> EchoTruth {
+        let (beam, surface) = (Words::take(next), Words::take(next));
+        let (normal, fraction, word) = (Words::take(next), Words::take(next), next());
+        let path = EchoPath::of_code((word >> 32) as u16);
+        EchoTruth { beam, surface, normal, fraction, subray: word as u32, path }
     }
 }
 
@@ -186,6 +204,7 @@ pub(super) mod tests {
             batch.truths.push(EchoTruth {
                 beam: [DVec3::X * x, DVec3::Z],
                 subray: i,
+                path: EchoPath::of_code([0, 0x0201, 0x0102][i as usize % 3]),
                 ..EchoTruth::unknown([DVec3::ZERO; 2])
             });
             batch.waveforms.push(WaveformRecord {

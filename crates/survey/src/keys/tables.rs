@@ -143,6 +143,19 @@ keys! {
         /// Size of the elements of foliage (shoots, clusters of leaves) that intercept light as a whole, m;
         /// refined physics. Default: 0, leaves much smaller than a footprint.
         element_size_m in ELEMENT_SIZE;
+        /// Share of the light that the surface mirrors, 0 to 1. Default: it is not a mirror.
+        mirror in MIRROR;
+        /// Refractive index, 1 to 5, of a pane. Default: 1.5 if another key of a pane is given, else the surface
+        /// is not a pane.
+        pane_index in PANE_INDEX;
+        /// Thickness of each sheet of a pane, m. Default: 0.004.
+        pane_thickness_m in PANE_THICKNESS;
+        /// Absorption within a pane, per metre. Default: 0.
+        pane_absorption in PANE_ABSORPTION;
+        /// Number of sheets of a pane, 1 or 2. Default: 1.
+        pane_sheets in PANE_SHEETS;
+        /// Coefficient R_A of a retro-reflector, cd/(lx·m²). Default: it is not a retro-reflector.
+        retro in RETRO;
     }
 }
 

@@ -1,6 +1,7 @@
 //! Meshes and materials in memory.
 
 use super::Identity;
+use std::fmt;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
@@ -104,7 +105,7 @@ impl Mesh {
 }
 
 /// The definition of a material in a file or by a program.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct MaterialDefinition {
     /// Name; the first word after `newmtl`.
     pub name: String,
@@ -129,19 +130,78 @@ pub struct MaterialDefinition {
     pub is_ground: bool,
     /// True for leaves (`vlscan_leaf`); `None` if the definition does not state it.
     pub leaf: Option<bool>,
-    /// Optical properties that are not simulated.
+    /// Mirror, pane or retro-reflector that the surface is.
+    pub optics: OpticsDefinition,
+    /// Transparency and mirror reflection as file formats for pictures state them.
     pub unused_optics: Option<UnusedOptics>,
     /// Place of the definition; `None` outside of files.
     pub place: Option<Place>,
 }
 
-/// Properties of a material that mean transparency or mirror reflection: its surfaces are opaque.
+impl fmt::Debug for MaterialDefinition {
+    /// Checksums of scenes include this text, so opaque materials have no field `optics`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut fields = f.debug_struct("MaterialDefinition");
+        fields
+            .field("name", &self.name)
+            .field("kd", &self.kd)
+            .field("ks", &self.ks)
+            .field("ns", &self.ns)
+            .field("roughness", &self.roughness)
+            .field("element_size", &self.element_size)
+            .field("reflectance", &self.reflectance)
+            .field("spectrum", &self.spectrum)
+            .field("classification", &self.classification)
+            .field("is_ground", &self.is_ground)
+            .field("leaf", &self.leaf);
+        if self.optics != OpticsDefinition::default() {
+            fields.field("optics", &self.optics);
+        }
+        fields.field("unused_optics", &self.unused_optics).field("place", &self.place).finish()
+    }
+}
+
+/// Properties of a material that mean transparency or mirror reflection. Its surfaces are opaque unless
+/// `meaning` is given and the physics is refined.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnusedOptics {
     /// Names and values as in the file, for a message: `d 0.05, illum 4`.
     pub properties: String,
     /// The first of them; `None` if only the file is known.
     pub place: Option<Place>,
+    /// The mirror or pane that the properties describe; `None` for textures and filters, which have no effect.
+    pub meaning: Option<OpticsDefinition>,
+}
+
+/// Optical properties of a material as its definition states them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OpticsDefinition {
+    /// Share of the light that a mirror reflects (`vlscan_mirror`), 0 to 1.
+    pub mirror: Option<f64>,
+    /// Refractive index of a pane (`vlscan_pane_index`), 1 to 5.
+    pub index: Option<f64>,
+    /// Thickness of each sheet of a pane (`vlscan_pane_thickness_m`), m.
+    pub thickness: Option<f64>,
+    /// Absorption within a pane (`vlscan_pane_absorption`), 1/m.
+    pub absorption: Option<f64>,
+    /// Number of sheets of a pane (`vlscan_pane_sheets`), 1 or 2.
+    pub sheets: Option<u32>,
+    /// Coefficient R_A of a retro-reflector (`vlscan_retro`), cd/(lx·m²).
+    pub retro: Option<f64>,
+    /// Share of a mirror or pane that is opaque (`d` of an MTL file), 0 to 1.
+    pub opacity: Option<f64>,
+}
+
+impl OpticsDefinition {
+    /// True if a property of a pane is given.
+    pub fn is_pane(&self) -> bool {
+        self.index.is_some() || self.thickness.is_some() || self.absorption.is_some() || self.sheets.is_some()
+    }
+
+    /// True if the surface is a mirror or a pane.
+    pub fn is_optical(&self) -> bool {
+        self.mirror.is_some() || self.is_pane()
+    }
 }
 
 impl MaterialDefinition {
@@ -159,6 +219,7 @@ impl MaterialDefinition {
             classification: 0,
             is_ground: false,
             leaf: None,
+            optics: OpticsDefinition::default(),
             unused_optics: None,
             place: None,
         }

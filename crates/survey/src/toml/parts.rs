@@ -5,8 +5,8 @@ use super::super::keys::{MaterialKeys, PartKeys};
 use super::super::read::MESH_ENDINGS;
 use super::super::read::{loader_of_file, raster_loader};
 use super::super::{
-    Loader, MaterialChange, MaterialDefinition, MeshReading, PartRecipe, Replaced, SceneRecipe, Transform,
-    UpAxis,
+    Loader, MaterialChange, MaterialDefinition, MeshReading, OpticsDefinition, PartRecipe, Replaced,
+    SceneRecipe, Transform, UpAxis,
 };
 use super::source::Source;
 use std::path::Path;
@@ -135,6 +135,15 @@ fn read_change(mut fields: Fields) -> MaterialChange {
         classification,
         is_ground: fields.flag(keys.is_ground, false),
         leaf: fields.has(keys.is_leaf).then(|| fields.flag(keys.is_leaf, false)),
+        optics: OpticsDefinition {
+            mirror: fields.optional(keys.mirror),
+            index: fields.optional(keys.pane_index),
+            thickness: fields.optional(keys.pane_thickness_m),
+            absorption: fields.optional(keys.pane_absorption),
+            sheets: fields.has(keys.pane_sheets).then(|| fields.count(keys.pane_sheets, 1)),
+            retro: fields.optional(keys.retro),
+            opacity: None,
+        },
         place: Some(fields.own_place()),
         ..MaterialDefinition::new(name.or(of.clone()).unwrap_or_else(|| "material".to_owned()))
     };

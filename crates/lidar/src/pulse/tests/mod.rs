@@ -4,6 +4,7 @@ mod beam;
 mod continuum;
 mod foliage;
 mod moving;
+mod paths;
 mod ranges;
 mod receivers;
 mod robustness;

@@ -177,6 +177,7 @@ fn view<'a>(scene: &'a Scene, tree: &'a vlscan_trace::Tree) -> SceneView<'a> {
         fixed_incidence: false,
         max_cube_size: EDGE,
         wavelength: 0,
+        has_optics: false,
     }
 }
 

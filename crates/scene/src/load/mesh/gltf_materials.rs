@@ -1,9 +1,12 @@
 //! Materials of glTF documents: their names, and as extras the properties that material files of OBJ have.
 
 use super::{GltfError, diffuse};
+use crate::mtl::set_optics;
+use crate::optics::GLASS_INDEX;
 use serde::Deserialize;
 use serde_json::Value;
-use vlscan_survey::{MaterialDefinition, UnusedOptics};
+use vlscan_base::quantity::{PANE_INDEX, PANE_THICKNESS};
+use vlscan_survey::{MaterialDefinition, OpticsDefinition, UnusedOptics};
 
 #[derive(Debug, Deserialize)]
 pub(super) struct MaterialJson {
@@ -76,8 +79,32 @@ fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, 
             *slot = unit * number.ok_or_else(|| wrong(key, &expected, value))?;
         }
     }
-    material.unused_optics = unused_optics(json).map(|properties| UnusedOptics { properties, place: None });
+    for key in ["mirror", "pane_index", "pane_thickness_m", "pane_absorption", "pane_sheets", "retro"] {
+        let name = format!("vlscan_{key}");
+        if let Some(value) = extra(&name) {
+            let refused = set_optics(&mut material.optics, key.as_bytes(), value.as_f64());
+            refused.map_or(Ok(()), |expected| Err(wrong(&name, expected, value)))?;
+        }
+    }
+    material.unused_optics = unused_optics(json).map(|properties| {
+        let meaning = meaning(json);
+        UnusedOptics { properties, place: None, meaning }
+    });
     Ok(material)
+}
+
+/// The pane that the extension of transmission describes; opacities and diffuse transmission have no effect.
+fn meaning(json: &MaterialJson) -> Option<OpticsDefinition> {
+    let number = |extension: &str, key: &str| json.extensions.get(extension)?.get(key)?.as_f64();
+    let transmission = number("KHR_materials_transmission", "transmissionFactor").filter(|t| *t > 0.0)?;
+    let index = number("KHR_materials_ior", "ior").filter(|ior| PANE_INDEX.contains(*ior));
+    let thickness = number("KHR_materials_volume", "thicknessFactor");
+    Some(OpticsDefinition {
+        index: Some(index.unwrap_or(GLASS_INDEX)),
+        thickness: thickness.filter(|t| *t > 0.0 && PANE_THICKNESS.contains(*t)),
+        opacity: Some(1.0 - transmission.min(1.0)),
+        ..OpticsDefinition::default()
+    })
 }
 
 /// Properties of a material that mean transparency.

@@ -10,6 +10,7 @@
 //! loader, or is the file `materials.csv` next to a PLY, STL or glTF file.
 
 use super::diffuse;
+use crate::mtl::set_optics;
 use crate::text::printable;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -23,9 +24,23 @@ use vlscan_tables::input::read_file;
 
 /// Name of the table that is searched next to a mesh file.
 const FILE_NAME: &str = "materials.csv";
-const COLUMNS: [&str; 6] = ["name", "reflectance", "class", "ground", "leaf", "spectrum"];
+const COLUMNS: [&str; 12] = [
+    "name",
+    "reflectance",
+    "class",
+    "ground",
+    "leaf",
+    "spectrum",
+    "mirror",
+    "pane_index",
+    "pane_thickness_m",
+    "pane_absorption",
+    "pane_sheets",
+    "retro",
+];
 const HELP: &str = "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), \
-                    leaf (true or false), spectrum";
+                    leaf (true or false), spectrum, and those of mirrors and panes: mirror, pane_index, \
+                    pane_thickness_m, pane_absorption, pane_sheets, retro";
 /// Maximum size of a table, bytes.
 const MAX_BYTES: u64 = 1 << 26;
 
@@ -70,6 +85,7 @@ impl MaterialTable {
         material.classification = row.classification;
         material.is_ground = row.is_ground;
         material.leaf = row.leaf.or(material.leaf);
+        material.optics = row.optics;
         material.place = row.place.clone();
     }
 
@@ -98,7 +114,10 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
         "helios_isground" | "is_ground" => "ground".to_owned(),
         "helios_spectra" => "spectrum".to_owned(),
         "vlscan_leaf" | "is_leaf" => "leaf".to_owned(),
-        _ => name,
+        _ => match name.strip_prefix("vlscan_") {
+            Some(key) if COLUMNS[6..].contains(&key) => key.to_owned(),
+            _ => name,
+        },
     };
     let names = separator.split(heading).map(|at| column(heading[at].to_ascii_lowercase()));
     let names: Vec<String> = names.collect();
@@ -180,7 +199,11 @@ fn set(
         "class" => material.classification = value.parse::<u8>().map_err(|_| "a class from 0 to 255")?.into(),
         "ground" => material.is_ground = boolean(value).ok_or("true or false")?,
         "leaf" => material.leaf = Some(boolean(value).ok_or("true or false")?),
-        _ => material.spectrum = Some(value.to_owned()),
+        "spectrum" => material.spectrum = Some(value.to_owned()),
+        key => {
+            let number = separator.number(value.as_bytes(), std::iter::empty());
+            return set_optics(&mut material.optics, key.as_bytes(), number).map_or(Ok(()), Err);
+        }
     }
     Ok(())
 }

@@ -1,0 +1,323 @@
+//! Light that mirrors and panes pass on to other surfaces.
+//!
+//! Each subray that meets a mirror or a pane is followed to the surfaces behind it. Light returns the way
+//! that it came, so every mirror and pane counts twice. A reflection at the end of a path has the optical
+//! length of the path as its range, and the detector receives it like any other: echoes are on the axis of
+//! the beam, as instruments report them.
+//!
+//! A subray splits in two at a pane. Paths end at the maximum order, beyond the maximum range, or when
+//! hardly any light is left. Pulses that meet neither mirrors nor panes have no paths.
+
+use super::continuum::LeafResponse;
+use super::echo::{EchoPath, PathKind};
+use super::foliage::{self, FreePaths, MediumEvent};
+use super::instrument::Instrument;
+use super::pane::Pane;
+use super::reflect::ShadedSurface;
+use super::reflections::{PathEnd, Reflections};
+use super::traced::{SubrayGains, TracedPulse};
+use super::view::{Interaction, STEP_BEHIND, SceneView};
+use vlscan_base::rng::Stream;
+use vlscan_geom::{DVec3, unit};
+use vlscan_scene::{Optics, OpticsKind};
+use vlscan_trace::Hits;
+
+/// Share of the light, one way, below which a path ends: 1e-8 of it would return.
+const MIN_SHARE: f64 = 1e-4;
+/// Minimum radius of a beam that a rough mirror widens, m.
+const MIN_RADIUS: f64 = 1e-3;
+
+/// Paths of the light of one pulse.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LightPaths {
+    /// Arrivals at mirrors and panes that are not passed on yet; the last one is next.
+    open: Vec<Arrival>,
+    ends: Vec<Found>,
+    ranges: Vec<f64>,
+    rings: Vec<u32>,
+    intensities: Vec<f64>,
+    /// Draws of the pulse so far.
+    drawn: u32,
+}
+
+/// Light that arrives at a mirror or pane.
+#[derive(Clone, Copy, Debug)]
+struct Arrival {
+    optics: Optics,
+    /// The mirror or pane.
+    primitive: u32,
+    at: DVec3,
+    direction: DVec3,
+    light: Light,
+}
+
+/// State of the light on a path.
+#[derive(Clone, Copy, Debug)]
+struct Light {
+    subray: u32,
+    /// Optical length so far, m.
+    length: f64,
+    /// Share of the light of the subray, one way.
+    share: f64,
+    path: EchoPath,
+}
+
+/// Light that leaves a mirror or pane.
+#[derive(Clone, Copy, Debug)]
+struct Departure {
+    /// The mirror or pane.
+    primitive: u32,
+    from: DVec3,
+    direction: DVec3,
+    /// Standard deviation of the slopes of the facets that spread the light, rad.
+    roughness: f64,
+    light: Light,
+}
+
+/// Reflection at the end of a path.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    end: PathEnd,
+    subray: u32,
+    primitive: u32,
+    cosine: f64,
+}
+
+/// The mirror or pane that a primitive is. Voxels are opaque.
+fn optics_of(view: &SceneView, primitive: u32) -> Option<Optics> {
+    if primitive == Hits::MISS || !view.is_triangle(primitive) {
+        return None;
+    }
+    view.scene.materials[view.surface(primitive).material as usize].optics
+}
+
+impl LightPaths {
+    /// Appends the reflections at the ends of all paths to `out`, and to `hits` if they differ from it.
+    /// `max_order` is the maximum number of mirrors and panes on a path.
+    #[inline(never)]
+    pub fn follow(
+        &mut self,
+        view: &SceneView,
+        instrument: &Instrument,
+        (traced, gains): (TracedPulse, SubrayGains),
+        (max_order, (slopes, paths)): (u8, (&Stream, &mut FreePaths)),
+        hits: &mut Option<Reflections>,
+        out: &mut Reflections,
+    ) {
+        self.find_arrivals(view, instrument, (&traced, &gains), out);
+        if self.open.is_empty() {
+            return;
+        }
+        let (detector, rings) = (&instrument.detector, &instrument.subrays.ring);
+        let is_reflected =
+            |i: &usize| traced.primitives[*i] != Hits::MISS && detector.is_in_range(gains.ranges[*i]);
+        out.complete((0..traced.primitives.len()).filter(is_reflected), rings);
+        let is_optical = |primitive: u32| optics_of(view, primitive).is_some();
+        out.remove_dark(is_optical);
+        if let Some(hits) = hits {
+            hits.remove_dark(is_optical);
+        }
+        self.drawn = 0;
+        self.ends.clear();
+        self.ranges.clear();
+        self.intensities.clear();
+        while let Some(arrival) = self.open.pop() {
+            let [mirrored, passed] = self.departures(view, &arrival, slopes, paths);
+            // The light that is pushed last goes on first.
+            for departure in [mirrored, passed].into_iter().flatten() {
+                self.send(view, instrument, &departure, max_order, paths);
+            }
+        }
+        self.rings.clear();
+        self.rings.extend(self.ends.iter().map(|found| rings[found.subray as usize]));
+        instrument.energy.apply(&self.rings, &self.ranges, &mut self.intensities);
+        for (i, Found { end, subray, primitive, cosine }) in self.ends.iter().enumerate() {
+            let source = (*subray, self.rings[i]);
+            let (range, intensity) = (self.ranges[i], self.intensities[i]);
+            out.push_end(source, *end, range, (*primitive, *cosine), intensity);
+            if let Some(hits) = hits {
+                hits.push_end(source, *end, range, (*primitive, *cosine), intensity);
+            }
+        }
+    }
+
+    /// Finds the subrays that meet mirrors and panes first: those among the reflections, which may lie behind
+    /// foliage, and those that are nearer than the instrument measures.
+    fn find_arrivals(
+        &mut self,
+        view: &SceneView,
+        instrument: &Instrument,
+        (traced, gains): (&TracedPulse, &SubrayGains),
+        reflections: &Reflections,
+    ) {
+        self.open.clear();
+        let detector = &instrument.detector;
+        let subrays = reflections.subrays();
+        let is_near_opaque = !detector.corrections.see_through_near;
+        // Neighbouring subrays mostly hit the same primitive.
+        let mut last = (Hits::MISS, None);
+        let mut arrive = |subray: usize, range: f64, primitive: u32| {
+            if last.0 != primitive {
+                last = (primitive, optics_of(view, primitive));
+            }
+            if let Some(optics) = last.1.filter(|_| range <= detector.range_max) {
+                let direction = traced.direction(subray);
+                let at = traced.start(subray) + direction * range;
+                let light =
+                    Light { subray: subray as u32, length: range, share: 1.0, path: EchoPath::DIRECT };
+                self.open.push(Arrival { optics, primitive, at, direction, light });
+            }
+        };
+        for (subray, (primitive, range)) in traced.primitives.iter().zip(gains.ranges).enumerate() {
+            if subrays.is_none() || (is_near_opaque && *range < detector.range_min) {
+                arrive(subray, *range, *primitive);
+            }
+        }
+        for (i, subray) in subrays.into_iter().flatten().enumerate() {
+            arrive(*subray as usize, reflections.ranges()[i], reflections.primitives()[i]);
+        }
+        self.open.reverse();
+    }
+
+    /// The light that a mirror or pane mirrors, and that which it lets pass.
+    fn departures(
+        &mut self,
+        view: &SceneView,
+        arrival: &Arrival,
+        slopes: &Stream,
+        paths: &FreePaths,
+    ) -> [Option<Departure>; 2] {
+        let Arrival { optics, primitive, at, direction, light } = *arrival;
+        let mut surface = ShadedSurface::none(view);
+        surface.load(view, primitive);
+        let Some(normal) = surface.normal.filter(|normal| normal.is_finite()) else { return [None; 2] };
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        let cosine = (-normal.dot(direction)).min(1.0);
+        let order = light.path.order + 1;
+        let pane = match optics.kind {
+            OpticsKind::Mirror { .. } => None,
+            OpticsKind::Pane { index, thickness, absorption, sheets } => {
+                Some(Pane { index, thickness, absorption, sheets })
+            }
+        };
+        let shares = pane.map(|pane| pane.shares(cosine));
+        let mirrored_share = match optics.kind {
+            OpticsKind::Mirror { reflectance } => reflectance,
+            OpticsKind::Pane { .. } => shares.map_or(0.0, |shares| shares.mirrored),
+        };
+        let passed = pane.zip(shares).map(|(pane, shares)| {
+            let crossing = pane.crossing(normal, direction);
+            let kind = match light.path.kind {
+                PathKind::Mirror => PathKind::Mirror,
+                _ => PathKind::Pane,
+            };
+            let light = Light {
+                length: light.length + crossing.length,
+                share: light.share * optics.share * shares.transmitted,
+                path: EchoPath { kind, order },
+                ..light
+            };
+            Departure { primitive, from: at + crossing.way, direction, roughness: 0.0, light }
+        });
+        let facet = self.facet(normal, optics.roughness, slopes, paths);
+        let direction = unit(direction - facet * (2.0 * facet.dot(direction)));
+        let light = Light {
+            share: light.share * optics.share * mirrored_share,
+            path: EchoPath { kind: PathKind::Mirror, order },
+            ..light
+        };
+        let mirrored = Departure { primitive, from: at, direction, roughness: optics.roughness, light };
+        // Light that a steep facet throws into the surface is lost.
+        [Some(mirrored).filter(|_| direction.dot(normal) > 0.0), passed]
+    }
+
+    /// Draws the normal of a facet of a surface: its slopes along two axes are normally distributed.
+    fn facet(&mut self, normal: DVec3, roughness: f64, slopes: &Stream, paths: &FreePaths) -> DVec3 {
+        if roughness == 0.0 {
+            return normal;
+        }
+        let aside = if normal.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
+        let u = unit(normal.cross(aside));
+        let v = normal.cross(u);
+        let mut slope = || {
+            let drawn = slopes.normal(paths.device, paths.pulse, self.drawn);
+            self.drawn = self.drawn.wrapping_add(1);
+            roughness * drawn
+        };
+        let (along_u, along_v) = (slope(), slope());
+        unit(normal + u * along_u + v * along_v)
+    }
+
+    /// Follows light to the next surface, which reflects it or passes it on.
+    fn send(
+        &mut self,
+        view: &SceneView,
+        instrument: &Instrument,
+        departure: &Departure,
+        max_order: u8,
+        paths: &mut FreePaths,
+    ) {
+        let Departure { from, direction, roughness, light, .. } = *departure;
+        if light.share < MIN_SHARE {
+            return;
+        }
+        let Some((at, way)) = next_surface(view, instrument, departure, paths) else { return };
+        let length = light.length + way;
+        let share = light.share * spread_share(instrument, roughness, way, length);
+        let mut surface = ShadedSurface::none(view);
+        surface.load(view, at.primitive);
+        let corrections = &instrument.detector.corrections;
+        let LeafResponse { cosine, factor } =
+            surface.response(&at, direction, view.fixed_incidence, corrections);
+        let point = from + direction * way;
+        if factor > 0.0 && instrument.detector.is_in_range(length) {
+            let end = PathEnd { surface: point, direction, path: light.path };
+            self.ends.push(Found { end, subray: light.subray, primitive: at.primitive, cosine });
+            self.ranges.push(length);
+            self.intensities.push(factor * share * share);
+        }
+        if let Some(optics) = optics_of(view, at.primitive).filter(|_| light.path.order < max_order) {
+            let light = Light { length, share, ..light };
+            self.open.push(Arrival { optics, primitive: at.primitive, at: point, direction, light });
+        }
+    }
+}
+
+/// The next surface on the way of light, or the foliage that intercepts it, and its distance, m.
+fn next_surface(
+    view: &SceneView,
+    instrument: &Instrument,
+    departure: &Departure,
+    paths: &mut FreePaths,
+) -> Option<(Interaction, f64)> {
+    let Departure { primitive, from, direction, light, .. } = *departure;
+    let detector = &instrument.detector;
+    let mut way = STEP_BEHIND;
+    loop {
+        let start = from + direction * way;
+        let at = view.nearest_astray((start, direction), |i| i != primitive);
+        // False for a ray that misses, and for one that is not finite.
+        let is_in_reach = at.primitive != Hits::MISS && light.length + way + at.t <= detector.range_max;
+        if !is_in_reach {
+            return None;
+        }
+        let (scene, local) = view.locate(at.primitive);
+        let ray = (start, direction);
+        match foliage::medium_event(scene, &detector.corrections, local, ray, at.t, paths) {
+            MediumEvent::Scatter(depth) => return Some((at, way + at.t + depth)),
+            MediumEvent::Lost => return None,
+            MediumEvent::Exit(exit) => way += exit + STEP_BEHIND,
+        }
+    }
+}
+
+/// Square root of the share of light that returns from a surface `way` m behind a rough mirror: facets of
+/// slope σ turn rays by 2σ, so that both the spot on the surface, of radius w over a polished mirror, and the
+/// view of the receiver widen by 4σ·way. They overlap by w²/(w² + (4σ·way)²).
+fn spread_share(instrument: &Instrument, roughness: f64, way: f64, length: f64) -> f64 {
+    if roughness == 0.0 {
+        return 1.0;
+    }
+    let radius = (instrument.footprint_angle * length).max(MIN_RADIUS);
+    radius / libm::hypot(radius, 4.0 * roughness * way)
+}

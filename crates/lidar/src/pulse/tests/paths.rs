@@ -1,0 +1,171 @@
+//! Ghosts of mirrors, and surfaces behind panes.
+
+use super::*;
+use crate::pulse::testkit::*;
+use crate::pulse::{EchoPath, PathKind};
+use vlscan_geom::unit;
+use vlscan_scene::{Optics, OpticsKind};
+
+const PANE: OpticsKind = OpticsKind::Pane { index: 1.5, thickness: 0.004, absorption: 0.0, sheets: 1 };
+
+/// A scene of rectangles, the first `optical` of which are mirrors or panes without diffuse reflectance.
+fn scene_of(kind: OpticsKind, optical: usize, of: &[[DVec3; 3]]) -> Scene {
+    let mut scene = rectangles(half_white(), of);
+    let optics = Optics { kind, share: 1.0, roughness: 0.0 };
+    scene.materials.push(Material { reflectance: 0.0, optics: Some(optics), ..half_white() });
+    scene.surfaces.iter_mut().take(optical).for_each(|surface| surface.material = 1);
+    scene
+}
+
+/// One subray, the axis, every reflection of which is a row with its truth.
+fn one_ray() -> (Survey, PhysicsOptions) {
+    let options = PhysicsOptions { record_truth: true, record_subrays: true, ..PhysicsOptions::refined() };
+    (tls_with(|d| d.waveform.quality = 1), options)
+}
+
+/// The records of a ray along +y that is turned about z by this angle, degrees.
+fn ray(scene: &Scene, degrees: f64) -> Batch {
+    let (survey, options) = one_ray();
+    simulate_pulses(scene, &survey, options, 0, &[pulse(Rotation::about_z(radians(degrees)))])
+}
+
+/// A wall that faces +x or −x at this x.
+fn side_wall(x: f64) -> [DVec3; 3] {
+    [DVec3::new(x, -20.0, -20.0), DVec3::Y * 60.0, DVec3::Z * 40.0]
+}
+
+fn mirror() -> OpticsKind {
+    OpticsKind::Mirror { reflectance: 1.0 }
+}
+
+#[test]
+fn a_ghost_has_the_range_of_the_mirrored_wall_and_the_position_of_the_true_one() {
+    let scene = scene_of(mirror(), 1, &[side_wall(3.0), wall(-20.0, 20.0, 8.0)]);
+    // 60° from +x.
+    let batch = ray(&scene, -30.0);
+    let [ghost] = &batch.echoes[..] else { panic!("{:?}", batch.echoes) };
+    let truth = ghost.truth(&batch.truths);
+    assert!((ghost.range - 9.237604307).abs() < 1e-9, "{}", ghost.range);
+    let at = truth.surface + scene.shift;
+    assert!((at - DVec3::new(1.381197846, 8.0, 0.0)).length() < 1e-9, "{at}");
+    let reported = ghost.origin + ghost.direction * ghost.range + scene.shift;
+    assert!((reported - DVec3::new(4.618802154, 8.0, 0.0)).length() < 1e-9, "{reported}");
+    assert_eq!((truth.path, ghost.part), (EchoPath { kind: PathKind::Mirror, order: 1 }, 1));
+    assert!((truth.normal - DVec3::NEG_Y).length() < 1e-12, "{}", truth.normal);
+}
+
+#[test]
+fn a_perfect_mirror_shows_the_mirrored_copy_at_its_amplitude() {
+    let mirrored = scene_of(mirror(), 1, &[side_wall(3.0), side_wall(-5.0)]);
+    let copy = rectangles(half_white(), &[side_wall(11.0)]);
+    for step in 0..12 {
+        let degrees = -70.0 + 3.0 * f64::from(step);
+        let (ghost, direct) = (ray(&mirrored, degrees), ray(&copy, degrees));
+        let ([ghost], [direct]) = (&ghost.echoes[..], &direct.echoes[..]) else { panic!("{degrees}°") };
+        assert!((ghost.range - direct.range).abs() < 1e-9, "{degrees}°");
+        assert!((ghost.intensity / direct.intensity - 1.0).abs() < 1e-9, "{degrees}°");
+        assert!((ghost.incidence_cosine - direct.incidence_cosine).abs() < 1e-12, "{degrees}°");
+    }
+}
+
+#[test]
+fn a_wall_behind_a_pane_is_farther_and_darker() {
+    let wall_alone = rectangles(half_white(), &[wall(-30.0, 30.0, 20.0)]);
+    let scene = scene_of(PANE, 1, &[wall(-30.0, 30.0, 10.0), wall(-30.0, 30.0, 20.0)]);
+    for (degrees, parallel, squared) in [(0.0, 2.0, 0.852071), (45.0, 1.146506, 0.823274)] {
+        let (seen, alone) = (ray(&scene, degrees), ray(&wall_alone, degrees));
+        let ([seen], [alone], [truth]) = (&seen.echoes[..], &alone.echoes[..], &seen.truths[..]) else {
+            panic!("{degrees}°: {:?}", seen.echoes)
+        };
+        assert!((seen.range - alone.range - parallel * 1e-3).abs() < 1e-9, "{degrees}°");
+        let fading = (alone.range / seen.range).powi(2);
+        // The air takes a little more on the longer way.
+        assert!((seen.intensity / alone.intensity / fading - squared).abs() < 2e-6, "{degrees}°");
+        assert_eq!(truth.path, EchoPath { kind: PathKind::Pane, order: 1 });
+        assert!(((truth.surface + scene.shift).y - 20.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn the_light_that_a_pane_mirrors_comes_from_the_room() {
+    let scene =
+        scene_of(PANE, 1, &[wall(-20.0, 20.0, 10.0), wall(-30.0, 30.0, 20.0), wall(-20.0, 20.0, -5.0)]);
+    let batch = ray(&scene, 0.0);
+    let kinds: Vec<_> = batch.truths.iter().map(|truth| truth.path.kind).collect();
+    assert_eq!(kinds.len(), 2, "{:?}", batch.echoes);
+    assert!(kinds.contains(&PathKind::Mirror) && kinds.contains(&PathKind::Pane));
+    let ghost = batch.truths.iter().position(|truth| truth.path.kind == PathKind::Mirror).unwrap();
+    assert!((batch.echoes[ghost].range - 25.0).abs() < 1e-9 && batch.echoes[ghost].part == 2);
+}
+
+#[test]
+fn facing_mirrors_end_at_the_maximum_order() {
+    let mut scene = scene_of(mirror(), 2, &[wall(-20.0, 20.0, 10.0), wall(-20.0, 20.0, -5.0)]);
+    scene.materials[1].reflectance = 0.1;
+    let orders = |max_order: u8| {
+        let (survey, options) = one_ray();
+        let options = PhysicsOptions { max_order, ..options };
+        let batch = simulate(&scene, &survey, options);
+        batch.truths.iter().map(|truth| truth.path.order).collect::<Vec<_>>()
+    };
+    assert_eq!(orders(4), [0, 1, 2, 3, 4]);
+    assert_eq!(orders(1), [0, 1]);
+    assert_eq!(orders(0), [0]);
+}
+
+#[test]
+fn nested_panes_end_at_the_maximum_order_or_show_what_is_behind() {
+    let panes = |count: i32| {
+        let mut all: Vec<_> = (0..count).map(|i| wall(-20.0, 20.0, f64::from(5 + i))).collect();
+        all.push(wall(-20.0, 20.0, 30.0));
+        ray(&scene_of(PANE, count as usize, &all), 0.0)
+    };
+    for count in 1..=4 {
+        let batch = panes(count);
+        let through = |truth: &&crate::pulse::EchoTruth| truth.path.kind == PathKind::Pane;
+        let found: Vec<_> = batch.truths.iter().filter(through).collect();
+        assert_eq!(found.len(), 1, "{count} panes");
+        assert_eq!(i32::from(found[0].path.order), count);
+    }
+    assert!(panes(5).truths.iter().all(|truth| truth.path.kind != PathKind::Pane));
+}
+
+#[test]
+fn opaque_pulses_do_not_change_beside_mirrors() {
+    let walls = [wall(-20.0, 0.0, 10.0), side_wall(15.0)];
+    let (plain, optical) = (rectangles(half_white(), &walls), {
+        let mut scene = scene_of(mirror(), 0, &walls);
+        scene.surfaces[1].material = 1;
+        scene
+    });
+    let options = PhysicsOptions { record_truth: true, ..PhysicsOptions::refined() };
+    let [plain, optical] = [plain, optical].map(|scene| {
+        let aimed = pulse(Rotation::about_z(radians(20.0)));
+        simulate_pulses(&scene, &tls(), options, 0, &[aimed])
+    });
+    assert_eq!(plain.echoes.len(), 1);
+    assert_eq!((plain.echoes, plain.truths), (optical.echoes, optical.truths));
+}
+
+#[test]
+fn rough_mirrors_blur_and_give_the_same_ghosts_again() {
+    let mut scene = scene_of(mirror(), 1, &[side_wall(3.0), wall(-20.0, 20.0, 8.0)]);
+    let polished = ray(&scene, -30.0);
+    if let Some(optics) = &mut scene.materials[1].optics {
+        optics.roughness = 0.01;
+    }
+    let (one, other) = (ray(&scene, -30.0), ray(&scene, -30.0));
+    assert_eq!((&one.echoes, &one.truths), (&other.echoes, &other.truths));
+    assert_eq!(one.echoes.len(), 1);
+    assert!(one.echoes[0].intensity < polished.echoes[0].intensity);
+    let off = unit(one.truths[0].surface - polished.truths[0].surface);
+    assert!(off.is_finite() && one.truths[0].surface != polished.truths[0].surface);
+}
+
+#[test]
+fn windows_nearer_than_the_minimum_range_let_light_pass() {
+    let scene = scene_of(PANE, 1, &[wall(-20.0, 20.0, 0.5), wall(-30.0, 30.0, 20.0)]);
+    let batch = ray(&scene, 0.0);
+    assert_eq!(batch.echoes.len(), 1, "{:?}", batch.echoes);
+    assert!((batch.echoes[0].range - 20.002).abs() < 1e-9);
+}

@@ -1,0 +1,186 @@
+//! Mirrors and panes in complete runs: the image of a mirror, surfaces behind a pane, labels, hostile materials.
+
+use crate::common::{folder, run, succeed, text};
+use arrow_array::RecordBatch;
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
+use std::fs;
+use std::path::Path;
+use vlscan::base::corrections::Corrections;
+use vlscan::survey::{MaterialDefinition, OpticsDefinition, find_scanner};
+use vlscan::{DVec3, Mesh, ReadOptions, Scan};
+
+/// Rectangles as triangles of two materials: the first ones of walls, the last of a mirror if `is_mirror`.
+fn mesh(walls: &[[DVec3; 4]], mirror: Option<[DVec3; 4]>) -> Mesh {
+    let all: Vec<[DVec3; 4]> = walls.iter().copied().chain(mirror).collect();
+    let triangles = (0..all.len() as u32).flat_map(|i| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|k| 4 * i + k)));
+    let material_of = (0..all.len() * 2).map(|i| u32::from(i / 2 == walls.len())).collect();
+    let plain =
+        MaterialDefinition { kd: [1.0; 3], reflectance: Some(0.5), ..MaterialDefinition::new("plain") };
+    let optics = OpticsDefinition { mirror: Some(1.0), ..OpticsDefinition::default() };
+    let shiny = MaterialDefinition { optics, ..MaterialDefinition::new("mirror") };
+    Mesh::new(all.concat(), triangles.collect(), vec![plain, shiny], material_of).unwrap()
+}
+
+/// A rectangle across x with these bounds of y and z.
+fn across(x: f64, y: [f64; 2], z: [f64; 2]) -> [DVec3; 4] {
+    [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| DVec3::new(x, y[i], z[j]))
+}
+
+/// Numbers of the points of one turn of a scanner at the origin, column by column.
+fn turn(scene: Mesh) -> Vec<[f64; 6]> {
+    let (scanner, _) = find_scanner("vlp16", &ReadOptions::default()).unwrap();
+    let full = std::f64::consts::TAU;
+    let scan = Scan::new(scene, scanner)
+        .station(DVec3::Z * 1.5)
+        // The light of a slope is continuous only where no mirror is.
+        .corrections(Corrections { smooth_slopes: false, ..Corrections::REFINED })
+        .configure(|settings| (settings.head_rate, settings.head_stop) = (20.0 * full, full));
+    let rows = |batch: RecordBatch| {
+        let columns = ["X", "Y", "Z", "Range", "TrueRange", "Amplitude"];
+        let columns = columns.map(|name| batch.column_by_name(name).unwrap().as_primitive::<Float64Type>());
+        (0..batch.num_rows()).map(|row| columns.map(|column| column.value(row))).collect::<Vec<_>>()
+    };
+    scan.batches(10_000).unwrap().flat_map(|batch| rows(batch.unwrap())).collect()
+}
+
+#[test]
+fn a_room_with_a_mirror_is_the_room_with_its_copy_behind_a_hole() {
+    let (hole, wide, high) = ([-2.0, 2.0], [-40.0, 40.0], [-20.0, 25.0]);
+    let pane = across(3.0, hole, [0.5, 2.5]);
+    let frame = [
+        across(3.0, [wide[0], hole[0]], high),
+        across(3.0, [hole[1], wide[1]], high),
+        across(3.0, hole, [high[0], 0.5]),
+        across(3.0, hole, [2.5, high[1]]),
+    ];
+    let board = [(-1.0, 3.0, 0.5), (-2.0, 5.0, 0.5), (-2.0, 5.0, 3.0), (-1.0, 3.0, 3.0)];
+    let room = [across(-5.0, [-30.0, 30.0], [-10.0, 12.0]), board.map(|(x, y, z)| DVec3::new(x, y, z))];
+    let copy = room.map(|wall| wall.map(|corner| DVec3::new(6.0 - corner.x, corner.y, corner.z)));
+    let mirrored = turn(mesh(&[&frame[..], &room].concat(), Some(pane)));
+    let copied = turn(mesh(&[&frame[..], &room, &copy].concat(), None));
+    assert_eq!(mirrored.len(), copied.len());
+    let ghosts = mirrored.iter().filter(|row| row[0] > 3.5).count();
+    assert!(ghosts > 100, "{ghosts} ghosts of {} points", mirrored.len());
+    for (one, other) in mirrored.iter().zip(&copied) {
+        let are_equal = one[..5].iter().zip(&other[..5]).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(are_equal, "{one:?} is not {other:?}");
+        assert!((one[5] / other[5] - 1.0).abs() < 1e-9, "{one:?} is not {other:?}");
+    }
+}
+
+const SCANNER: &str = "[platform]\nkind = \"linear_path\"\nmount = { rotate_deg = [{ x = -90 }, { z = 90 }] }\n\
+    [scanner]\nid = \"exact\"\noptics = \"rotating\"\npulse_freqs_hz = [10000]\nscan_angle_max_deg = 30\n\
+    scan_angle_effective_max_deg = 30\nscan_freq_min_hz = 1\nscan_freq_max_hz = 100\nwavelength_nm = 1064\n\
+    beam_divergence_rad = 0.0001\npulse_length_ns = 4\nvisibility_km = 100000\naccuracy_m = 0\n\
+    range_min_m = 0.5\nrange_max_m = 2000\n[settings]\npulse_freq_hz = 10000\nscan_freq_hz = 20\n\
+    [waveform]\nquality = 1\n[[leg]]\nposition_m = [-5, 0, 100]\nspeed_m_per_s = 50\n\
+    [[leg]]\nposition_m = [5, 0, 100]\nactive = false\n";
+
+/// A square of 2 km at a height.
+fn square(material: &str, z: f64) -> String {
+    format!(
+        "usemtl {material}\nv -1000 -1000 {z}\nv 1000 -1000 {z}\nv 1000 1000 {z}\nv -1000 1000 {z}\nf -4 -3 -2 -1\n"
+    )
+}
+
+/// Writes a scene of squares of these materials at these heights, and a flight 100 m above 0.
+fn write(dir: &Path, materials: &str, squares: &[(&str, f64)]) {
+    let faces: String = squares.iter().map(|(material, z)| square(material, *z)).collect();
+    fs::write(dir.join("m.mtl"), materials).unwrap();
+    fs::write(dir.join("s.obj"), format!("mtllib m.mtl\n{faces}")).unwrap();
+    fs::write(dir.join("p.toml"), format!("scene = \"s.obj\"\n{SCANNER}")).unwrap();
+}
+
+const GROUND: &str = "newmtl ground\nKd 1 1 1\nhelios_reflectance 0.3\n";
+const COLUMNS: &str = "PulseNumber,Z,Range,Amplitude,BeamDirectionZ,Path,PathOrder,SurfaceZ,ReturnNumber";
+
+/// The rows of a flight, in the order of [`COLUMNS`].
+fn flown(dir: &Path, more: &[&str]) -> Vec<Vec<f64>> {
+    let base = ["run", "p.toml", "-q", "--force", "-o", "a.csv", "--columns", COLUMNS];
+    succeed(dir, &[&base[..], more].concat());
+    let table = fs::read_to_string(dir.join("a.csv")).unwrap();
+    let numbers = |line: &str| line.split(',').map(|word| word.parse().unwrap()).collect();
+    table.lines().skip(1).map(numbers).collect()
+}
+
+#[test]
+fn ground_below_a_pane_is_labelled_farther_and_darker() {
+    let dir = folder();
+    let pane = format!("{GROUND}newmtl pane\nvlscan_pane_index 1.5\nvlscan_pane_thickness_m 0.004\n");
+    write(dir.path(), &pane, &[("ground", 0.0)]);
+    let bare = flown(dir.path(), &[]);
+    write(dir.path(), &pane, &[("ground", 0.0), ("pane", 50.0)]);
+    let seen = flown(dir.path(), &[]);
+    assert_eq!((bare.len(), seen.len()), (2000, 2000));
+    for (bare, seen) in bare.iter().zip(&seen) {
+        let cosine = -bare[4];
+        let root = (2.25 - (1.0 - cosine * cosine)).sqrt();
+        let surplus = 0.004 * (2.25 / root - 1.0 / cosine);
+        assert!((seen[2] - bare[2] - surplus).abs() < 1.1e-4, "{bare:?} {seen:?}");
+        let [s, p] = [(cosine - root) / (cosine + root), (2.25 * cosine - root) / (2.25 * cosine + root)];
+        let passed = [s, p].map(|r| (1.0 - r * r) / (1.0 + r * r));
+        let squared = (0.5 * (passed[0] + passed[1])).powi(2);
+        assert!((seen[3] / bare[3] / squared - 1.0).abs() < 2e-3, "{bare:?} {seen:?}");
+        assert_eq!((bare[5], bare[6], seen[5], seen[6]), (0.0, 0.0, 1.0, 1.0));
+        assert!(seen[7].abs() < 1e-4 && (seen[1] + surplus * cosine).abs() < 2e-4, "{seen:?}");
+    }
+    let bytes = |more: &[&str]| {
+        flown(dir.path(), more);
+        fs::read(dir.path().join("a.csv")).unwrap()
+    };
+    assert!(bytes(&["-j", "1"]) == bytes(&["-j", "4", "--chunk-size", "7"]));
+}
+
+#[test]
+fn glass_of_pictures_lets_light_pass_in_the_refined_physics_only() {
+    let dir = folder();
+    let glass = format!("{GROUND}newmtl glass\nKd 1 1 1\nhelios_reflectance 0.1\nd 0\nillum 4\nNi 1.5\n");
+    write(dir.path(), &glass, &[("ground", 0.0), ("glass", 50.0)]);
+    let refined = flown(dir.path(), &["--physics", "refined"]);
+    assert!(refined.iter().all(|row| row[5] == 1.0) && refined.len() == 2000, "{}", refined.len());
+    let done =
+        run(dir.path(), &["run", "p.toml", "--physics", "helios", "-o", "b.csv", "--columns", COLUMNS]);
+    assert!(text(&done.stderr).contains("material \"glass\" is opaque"), "{}", text(&done.stderr));
+    let table = fs::read_to_string(dir.path().join("b.csv")).unwrap();
+    assert!(table.lines().skip(1).all(|line| line.split(',').nth(5) == Some("0")), "{table}");
+}
+
+#[test]
+fn facing_mirrors_give_ghosts_up_to_the_maximum_order() {
+    let dir = folder();
+    let mirror = "newmtl mirror\nKd 1 1 1\nhelios_reflectance 0.1\nvlscan_mirror 1\n";
+    write(dir.path(), mirror, &[("mirror", 0.0), ("mirror", 200.0)]);
+    let rows = flown(dir.path(), &[]);
+    let greatest = rows.iter().map(|row| row[6]).fold(0.0, f64::max);
+    assert_eq!(greatest, 4.0);
+    for row in &rows {
+        assert!(row[5] == if row[6] == 0.0 { 0.0 } else { 2.0 }, "{row:?}");
+        let height = if row[6] % 2.0 == 0.0 { 0.0 } else { 200.0 };
+        assert!((row[7] - height).abs() < 1e-3, "{row:?}");
+    }
+}
+
+#[test]
+fn hostile_materials_are_refused_with_a_message() {
+    for (bad, expected) in [
+        ("vlscan_pane_index 0", "a refractive index from 1 to 5"),
+        ("vlscan_pane_index -1.5", "a refractive index from 1 to 5"),
+        ("vlscan_pane_index nan", "a refractive index from 1 to 5"),
+        ("vlscan_pane_sheets 9", "1 or 2 sheets"),
+        ("vlscan_mirror 1.5", "a share from 0 to 1"),
+        ("vlscan_mirror 1\nvlscan_pane_index 1.5", "both a mirror and a pane"),
+    ] {
+        let dir = folder();
+        write(dir.path(), &format!("newmtl m\n{bad}\n"), &[("m", 0.0)]);
+        let done = run(dir.path(), &["run", "p.toml", "-o", "a.csv"]);
+        assert!(!done.status.success(), "{bad}");
+        assert!(text(&done.stderr).contains(expected), "{bad}: {}", text(&done.stderr));
+    }
+    let dir = folder();
+    let part = "[[part]]\nfile = \"s.obj\"\n[[part.material]]\npane_index = 0.5\n";
+    write(dir.path(), GROUND, &[("ground", 0.0)]);
+    fs::write(dir.path().join("p.toml"), format!("{SCANNER}{part}")).unwrap();
+    let done = run(dir.path(), &["run", "p.toml", "-o", "a.csv"]);
+    assert!(text(&done.stderr).contains("a refractive index from 1 to 5"), "{}", text(&done.stderr));
+}
