@@ -246,6 +246,6 @@ mod tests {
             assert!(named.starts_with("is ") && named.contains(expected), "{named}");
             assert!(!named.contains("damaged") && !named.contains("truncated"), "{named}");
         }
-        assert!(of("a.las", b"1 2 3\n").unwrap_err().contains("expected to be LAS by its name"));
+        assert!(of("a.las", b"1 2 3\n").unwrap_err().contains("the extension says LAS"));
     }
 }
