@@ -77,7 +77,9 @@ def _of_library(table: Any) -> Any:
             columns["ScanAngle"] = columns["ScanAngle"] * 0.006
         return columns
     if hasattr(table, "data_vars") and hasattr(table, "coords"):
-        return {str(name): values.to_numpy() for part in (table.coords, table.data_vars) for name, values in part.items() if values.ndim == 1}
+        return {
+            str(name): values.to_numpy() for part in (table.coords, table.data_vars) for name, values in part.items() if values.ndim == 1
+        }
     if hasattr(table, "geometry") and hasattr(table, "to_crs"):
         places = table.geometry.get_coordinates(include_z=True)
         columns = {axis.upper(): places[axis].to_numpy() for axis in "xyz"}
