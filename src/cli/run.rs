@@ -50,8 +50,8 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     show_report(console, &report, started)
 }
 
-/// Names the figures of an instrument of the catalogue that have not been compared with a data sheet, and says
-/// if those of HELIOS++ are kept.
+/// Names the figures of an instrument of the catalogue that have not been compared with a data sheet, and
+/// says if those of HELIOS++ are kept.
 fn note_unverified_figures(console: &Console, scanner: &Scanner) {
     let figures = unverified_figures(scanner);
     if !figures.is_empty() {

@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 const SESSION: Duration = Duration::from_secs(12 * 3600);
 /// Most sessions; the oldest ones end earlier.
 const MAX_SESSIONS: usize = 10_000;
-/// First part of the names of cookies. Browsers send cookies to all ports of a host, so the rest is that of the
-/// service.
+/// First part of the names of cookies. Browsers send cookies to all ports of a host, so the rest is that of
+/// the service.
 const COOKIE: &str = "vlscan_session_";
 
 /// Browsers that are logged in.

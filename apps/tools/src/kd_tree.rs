@@ -44,8 +44,8 @@ impl KdTree {
         self.nearest_within(p, count, f64::INFINITY, accepts)
     }
 
-    /// As [`nearest_few`](KdTree::nearest_few), of all indices that are accepted and whose squared distance is
-    /// at most `square`.
+    /// As [`nearest_few`](KdTree::nearest_few), of all indices that are accepted and whose squared distance
+    /// is at most `square`.
     pub fn nearest_within(
         &self,
         p: &[f64; 3],

@@ -1,8 +1,8 @@
 //! Blocks of a file decoded on several threads, and taken in the order of the file by the thread that reads.
 //!
 //! Items of the file, such as chunks and pieces of text, go to the threads in turn. Each thread makes one or
-//! more blocks of an item and waits when enough of them are unread, so that memory is bounded by the number of
-//! threads and not by that of points.
+//! more blocks of an item and waits when enough of them are unread, so that memory is bounded by the number
+//! of threads and not by that of points.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};

@@ -84,8 +84,8 @@ pub enum Reflection {
         /// 0.09).
         roughness: f64,
     },
-    /// π·R_A / cos θ, whatever ρ: a retro-reflecting sheet, whose intensity per illuminance E and area is R_A.
-    /// The light that it receives is E·area·cos θ (CIE 17-24-103).
+    /// π·R_A / cos θ, whatever ρ: a retro-reflecting sheet, whose intensity per illuminance E and area is
+    /// R_A. The light that it receives is E·area·cos θ (CIE 17-24-103).
     Retro {
         /// Coefficient R_A, cd/(lx·m²).
         coefficient: f64,

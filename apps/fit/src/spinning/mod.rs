@@ -128,8 +128,8 @@ impl SpinningFit {
         Some(target.range * libm::sqrt(TARGET_REFLECTANCE / target.reflectance))
     }
 
-    /// The reason why the threshold, and the maximum range with it, cannot be that of the sensor; `None` if it
-    /// may be.
+    /// The reason why the threshold, and the maximum range with it, cannot be that of the sensor; `None` if
+    /// it may be.
     fn range_doubt(&self) -> Option<String> {
         let deviation = self.detection.threshold_deviation;
         if deviation > MAX_THRESHOLD_DEVIATION {

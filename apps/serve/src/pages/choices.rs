@@ -5,6 +5,16 @@ use crate::store::{FileKind, Listed, Result as StoreResult, Status, UploadFile};
 use crate::worker::Workshop;
 use maud::{Markup, html};
 
+/// Formats that the form of a run offers: ending and name.
+pub const FORMATS: [(&str, &str); 7] = [
+    ("copc.laz", "LAZ, COPC: shown at once"),
+    ("laz", "LAZ"),
+    ("las", "LAS"),
+    ("xyz", "text"),
+    ("ply", "PLY"),
+    ("e57", "E57"),
+    ("parquet", "Parquet"),
+];
 /// Most files in a list to choose from.
 const MAX_CHOICES: usize = 500;
 /// Most jobs whose results are offered for comparisons.
@@ -167,4 +177,14 @@ impl Files {
 
 fn has_ending(name: &str, endings: &[&str]) -> bool {
     name.rsplit_once('.').is_some_and(|(_, end)| endings.iter().any(|known| end.eq_ignore_ascii_case(known)))
+}
+
+/// Seed and format of a run.
+pub fn run_fields() -> Markup {
+    html! {
+        div .row {
+            label { "Format" select name="format" { @for (ending, name) in FORMATS { option value=(ending) { (name) } } } }
+            label { "Seed" input name="seed" inputmode="numeric" size="8" placeholder="0" autocomplete="off"; }
+        }
+    }
 }

@@ -92,7 +92,7 @@ async fn run_or_forecast(
         _ => Process::Run,
     };
     if let Some(format) = fields.remove("format") {
-        if !super::job::FORMATS.iter().any(|(known, _)| *known == format) {
+        if !super::choices::FORMATS.iter().any(|(known, _)| *known == format) {
             return Err(bad("choose a format of the list"));
         }
         inputs.insert("output".to_owned(), json!([{ "path": format!("points.{format}") }]));

@@ -1,6 +1,7 @@
 //! The page of a job: its progress, then its results with pictures, and the command that does the same in a
 //! shell.
 
+use super::choices::run_fields;
 use super::cloud::{cloud, is_cloud, is_octree, show_form};
 use super::compared::REPORT;
 use super::home::encoded as in_query;
@@ -25,30 +26,10 @@ use serde_json::{Map, Value};
 use std::sync::Arc;
 use vlscan_messages::ProblemMessage;
 
-/// Formats that the form of a run offers: ending and name.
-pub const FORMATS: [(&str, &str); 7] = [
-    ("copc.laz", "LAZ, COPC: shown at once"),
-    ("laz", "LAZ"),
-    ("las", "LAS"),
-    ("xyz", "text"),
-    ("ply", "PLY"),
-    ("e57", "E57"),
-    ("parquet", "Parquet"),
-];
 /// Largest document that a page shows, bytes.
 const MAX_SHOWN: u64 = 64 << 10;
 /// Most files that a page lists.
 const MAX_LISTED: usize = 200;
-
-/// Seed and format of a run.
-pub fn run_fields() -> Markup {
-    html! {
-        div .row {
-            label { "Format" select name="format" { @for (ending, name) in FORMATS { option value=(ending) { (name) } } } }
-            label { "Seed" input name="seed" inputmode="numeric" size="8" placeholder="0" autocomplete="off"; }
-        }
-    }
-}
 
 /// Contents of files that the page shows.
 #[derive(Debug, Default)]

@@ -1,9 +1,8 @@
 //! Forms of new scans, by their kind.
 
-use super::choices::{AREAS, Files, TABLES, TERRAINS, TRAJECTORIES};
+use super::choices::{AREAS, Files, TABLES, TERRAINS, TRAJECTORIES, run_fields};
 use super::fixes::Problem;
 use super::home::encoded;
-use super::job::run_fields;
 use super::layout::form_token;
 use crate::app::{App, Identity};
 use maud::{Markup, html};

@@ -50,8 +50,8 @@ impl Sources<'_> {
     }
 }
 
-/// The figures of an instrument of the built-in catalogue that have not been compared with a data sheet; empty
-/// for other instruments.
+/// The figures of an instrument of the built-in catalogue that have not been compared with a data sheet;
+/// empty for other instruments.
 pub fn unverified_figures(scanner: &Scanner) -> Vec<&'static str> {
     let Some(device) = scanner.devices.first().filter(|device| device.stated.is_built_in) else {
         return Vec::new();

@@ -57,7 +57,13 @@ pub struct TerrestrialOptions {
     #[arg(long, requires = "around")]
     pub at_centre: bool,
     /// Place of the tripod, repeatable, instead of a grid or a plot.
-    #[arg(long, value_name = "X,Y", conflicts_with = "around", allow_hyphen_values = true, value_parser = args::position)]
+    #[arg(
+        long,
+        value_name = "X,Y",
+        conflicts_with = "around",
+        allow_hyphen_values = true,
+        value_parser = args::position,
+    )]
     pub at: Vec<[f64; 2]>,
     /// Angle between points, degrees.
     #[arg(long, value_name = "DEG", default_value = "0.04", value_parser = args::positive)]

@@ -55,8 +55,8 @@ pub fn read_line(source: &mut impl BufRead, line: &mut Vec<u8>) -> std::io::Resu
     }
 }
 
-/// The place of the next line of a text from `at` on, without its end, as [`read_line`] reads it; `at` becomes
-/// the start of the line after it. `None` at the end of the text.
+/// The place of the next line of a text from `at` on, without its end, as [`read_line`] reads it; `at`
+/// becomes the start of the line after it. `None` at the end of the text.
 pub fn next_line(text: &[u8], at: &mut usize) -> Option<Range<usize>> {
     let start = *at;
     let rest = text.get(start..).filter(|rest| !rest.is_empty())?;

@@ -145,8 +145,8 @@ keys! {
         element_size_m in ELEMENT_SIZE;
         /// Share of the light that the surface mirrors, 0 to 1. Default: it is not a mirror.
         mirror in MIRROR;
-        /// Refractive index, 1 to 5, of a pane. Default: 1.5 if another key of a pane is given, else the surface
-        /// is not a pane.
+        /// Refractive index, 1 to 5, of a pane. Default: 1.5 if another key of a pane is given, else the
+        /// surface is not a pane.
         pane_index in PANE_INDEX;
         /// Thickness of each sheet of a pane, m. Default: 0.004.
         pane_thickness_m in PANE_THICKNESS;
@@ -239,8 +239,8 @@ keys! {
         scan_wander = "scanWander";
         /// `even` (the default) or `sine`: motion of the mirror between its reversals; `oscillating` only.
         mirror_motion = "mirrorMotion";
-        /// Share of the time of each sweep in which the mirror reverses, half of it at each end; `oscillating`
-        /// with even motion only. Default: 50 pulses at each end.
+        /// Share of the time of each sweep in which the mirror reverses, half of it at each end;
+        /// `oscillating` with even motion only. Default: 50 pulses at each end.
         turning_part = "turningPart" in TURNING_PART;
         /// Lowest scan frequency, Hz. Default: 0.
         scan_freq_min_hz = "scanFreqMin_Hz" in SCAN_FREQ;

@@ -169,7 +169,8 @@ pub struct UnusedOptics {
     pub properties: String,
     /// The first of them; `None` if only the file is known.
     pub place: Option<Place>,
-    /// The mirror or pane that the properties describe; `None` for textures and filters, which have no effect.
+    /// The mirror or pane that the properties describe; `None` for textures and filters, which have no
+    /// effect.
     pub meaning: Option<OpticsDefinition>,
 }
 
