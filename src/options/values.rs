@@ -275,7 +275,7 @@ impl FromStr for GpsStart {
     }
 }
 
-/// How long points may wait, at most [`MAX_LATENCY_S`](vlscan_session::MAX_LATENCY_S).
+/// How long points may wait, at most [`MAX_LATENCY_S`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latency(pub Duration);
 

@@ -42,7 +42,7 @@ pub fn fly(
 /// outputs in the order of the stream.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) for malformed rows, with their line; otherwise as for [`fly`].
+/// [`vlscan_base::Error::Input`] for malformed rows, with their line; otherwise as for [`fly`].
 pub(super) fn trace(
     pass: &Pass<'_>,
     tracing: &Tracing<'_>,

@@ -42,7 +42,7 @@ impl YieldCheck<'_> {
     /// Checks the counters at the end of the run.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) where warnings are errors.
+    /// [`vlscan_base::Error::Input`] where warnings are errors.
     pub fn run(&self, progress: &Progress) -> Result<()> {
         let (done, beam_counts) = (progress.snapshot(), progress.beam_counts());
         // Beams that met the scene are not explained by where the flight is.
