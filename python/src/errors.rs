@@ -80,7 +80,7 @@ impl Notices {
         }
     }
 
-    /// Issues each warning by Python's `warnings`, logs notes, and returns both as dictionaries.
+    /// Issues the warnings by Python's `warnings` and returns them as dictionaries; notes are returned alone.
     pub fn issue<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let (found, notes) = std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
         let list = records(py, &found)?;
@@ -93,8 +93,9 @@ impl Notices {
             }
             list.append(fields)?;
         }
-        if !list.is_empty() {
-            py.import("vlscan.errors")?.getattr("report")?.call1((&list,))?;
+        if found.items().iter().any(|problem| problem.severity == Severity::Warning) {
+            let text = found.render_warnings(false);
+            py.import("vlscan.errors")?.getattr("warn")?.call1((text.trim_end(),))?;
         }
         Ok(list)
     }

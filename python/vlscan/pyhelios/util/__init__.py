@@ -1,1 +1,0 @@
-"""Helpers of HELIOS++ 2 for notebooks."""
