@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::base::diag::{Diagnostic, Severity};
+use vlscan::base::error::MissingFile;
 use vlscan::render::Render as _;
 use vlscan::{Diagnostics, Error, Notice};
 
@@ -20,6 +21,14 @@ pub fn exception(py: Python<'_>, error: Error) -> PyErr {
 
 fn make(py: Python<'_>, error: &Error) -> PyResult<PyErr> {
     let module = py.import("vlscan.errors")?;
+    let missing = match error {
+        Error::Input(problems) => problems.cause::<MissingFile>(),
+        _ => None,
+    };
+    if let Some(MissingFile { path }) = missing {
+        let value = module.getattr("missing_file")?.call1((path.display().to_string(),))?;
+        return Ok(PyErr::from_value(value));
+    }
     let value = match error {
         Error::Input(problems) | Error::Limits(problems) => {
             let text = problems.render(false);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import inspect
 import os
 import re
@@ -162,6 +163,22 @@ def file_error(text: str, number: int | None, path: str) -> FileError:
         The error.
     """
     return FileError(text) if number is None else FileError(number, os.strerror(number), path)
+
+
+def missing_file(path: str) -> FileError:
+    """Return the error of a file that does not exist.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+
+    Returns
+    -------
+    FileError
+        The error.
+    """
+    return FileError(errno.ENOENT, os.strerror(errno.ENOENT), path)
 
 
 # Packages of the wheel: a warning is of the line that called them.

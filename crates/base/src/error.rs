@@ -42,6 +42,20 @@ pub enum Error {
     Other(Box<dyn std::error::Error + Send + Sync>),
 }
 
+/// The cause of an [`Error::Input`] about a file that the caller named and that does not exist.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}: there is no such file", path.display())]
+pub struct MissingFile {
+    /// The file.
+    pub path: PathBuf,
+}
+
+impl Problem for MissingFile {
+    fn kind(&self) -> ProblemKind {
+        ProblemKind::NotFound
+    }
+}
+
 impl Error {
     /// An I/O error of the operation `action` on `path`. A broken pipe becomes [`Error::ClosedPipe`]; a file
     /// that is too large to be read is invalid input.
@@ -61,7 +75,8 @@ impl Error {
         let path = path.as_ref();
         match source.kind() {
             std::io::ErrorKind::NotFound => {
-                Error::input_of(ProblemKind::NotFound, format!("{}: there is no such file", path.display()))
+                let missing = MissingFile { path: path.to_path_buf() };
+                Error::caused_by(missing.to_string(), missing)
             }
             _ => Error::io("read", path, source),
         }
