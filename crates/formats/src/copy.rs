@@ -21,8 +21,8 @@ const BLOCK_POINTS: usize = 4096;
 /// but colours, waveform packets and extra dimensions of other programs.
 ///
 /// # Errors
-/// Those of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a stream, and for an extension that
-/// names no format.
+/// The errors of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a stream, and for an extension
+/// that names no format.
 pub fn copy(from: &Path, to: &Path, settings: &CloudSettings) -> Result<(Tally, Diagnostics)> {
     let format = PointFormat::required(to);
     let format = format.map_err(|unknown| Error::input(format!("{}: {unknown}", to.display())))?;
