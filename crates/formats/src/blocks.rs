@@ -5,7 +5,9 @@
 //! of threads and not by that of points.
 
 use std::ops::ControlFlow;
+use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use vlscan_base::damage::outside_decoder;
 use vlscan_base::error::Result;
 use vlscan_base::machine::{memory, spawn_scoped};
 
@@ -60,13 +62,20 @@ fn decode_here<I, B: Default>(
     make: impl Fn(I, &mut B, &mut Emit<'_, B>),
     mut take: impl FnMut(&mut B) -> ControlFlow<()>,
 ) {
-    let (mut block, mut is_ended) = (B::default(), false);
+    let (mut block, mut is_ended, mut panic) = (B::default(), false, None);
     for item in items {
         make(item, &mut block, &mut |full: &mut B| {
-            let flow = take(full);
+            // `make` catches panics over damaged data, but not those of `take`.
+            let flow = outside_decoder(|| take(full)).unwrap_or_else(|payload| {
+                panic = Some(payload);
+                ControlFlow::Break(())
+            });
             is_ended = flow.is_break();
             flow
         });
+        if let Some(payload) = panic.take() {
+            resume_unwind(payload);
+        }
         if is_ended {
             break;
         }
@@ -201,6 +210,28 @@ mod tests {
                 let few = taken(threads, items, 7);
                 assert_eq!(few, expected[..expected.len().min(7)], "{threads} threads, {items} items");
             }
+        }
+    }
+
+    #[test]
+    fn a_panic_while_blocks_are_taken_is_not_one_of_the_decoder() {
+        use std::panic::{AssertUnwindSafe, catch_unwind};
+        use vlscan_base::damage::catch_decoder_panic;
+        for threads in [1, 3] {
+            let make = |item: usize, block: &mut usize, emit: &mut Emit<'_, usize>| {
+                *block = item;
+                let _ = catch_decoder_panic(|| emit(block));
+            };
+            let mut taken = 0;
+            let read = || {
+                in_order(threads, 0..9, make, |block: &mut usize| {
+                    taken += 1;
+                    assert!(*block != 4, "on purpose");
+                    ControlFlow::Continue(())
+                })
+            };
+            assert!(catch_unwind(AssertUnwindSafe(read)).is_err(), "{threads} threads");
+            assert_eq!(taken, 5, "{threads} threads");
         }
     }
 
