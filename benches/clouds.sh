@@ -3,26 +3,18 @@
 #
 #   benches/clouds.sh [FOLDER]        default: a folder under $TMPDIR, removed at the end
 #
-# Writes one flight as LAZ, COPC, LAS, Parquet and text unless the files exist, and describes each of them with vlscan and with the
-# others in turn: laspy with lazrs for LAS and LAZ, pyarrow for Parquet, polars for text; what is not installed is skipped. Prints
-# the median times and the median ratio of neighbouring runs; below 1, vlscan is faster. Times include the start of the interpreter.
+# Writes one flight as LAZ, COPC, LAS, Parquet and text unless the files exist, and describes each of them
+# with vlscan and with another program in turn: laspy with lazrs for LAS, LAZ and COPC, pyarrow for Parquet,
+# polars for text; programs that are not installed are skipped. Prints the median times and the median ratio
+# of neighbouring runs; below 1, vlscan is faster. Times include the start of the interpreter.
 #
-# Environment: VLSCAN (the program; default: built with `cargo build --release`), PULSES (20M), ROUNDS (5), FORMATS (laz copc las
-# parquet xyz), PYTHON (python3; with the packages to compare with).
+# Environment: VLSCAN (the program; default: built with `cargo build --release`), PULSES (20M), ROUNDS (5),
+# FORMATS (laz copc las parquet xyz), PYTHON (python3; with the packages to compare with).
 set -eu
 
 here=$(cd "$(dirname "$0")/.." && pwd)
-if [ -z "${VLSCAN:-}" ]; then
-    (cd "$here" && cargo build --release --quiet)
-    VLSCAN="${CARGO_TARGET_DIR:-$here/target}/release/vlscan"
-fi
-if [ $# -gt 0 ]; then
-    folder=$1
-    mkdir -p "$folder"
-else
-    folder=$(mktemp -d)
-    trap 'rm -rf "$folder"' EXIT
-fi
+. "$here/benches/program.sh"
+use_folder "$@"
 formats=${FORMATS:-laz copc las parquet xyz}
 
 for format in $formats; do

@@ -9,12 +9,8 @@
 set -eu
 
 here=$(cd "$(dirname "$0")/.." && pwd)
-if [ -z "${VLSCAN:-}" ]; then
-    (cd "$here" && cargo build --release --quiet)
-    VLSCAN="${CARGO_TARGET_DIR:-$here/target}/release/vlscan"
-fi
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
+. "$here/benches/program.sh"
+use_folder
 mkfifo "$folder/poses"
 cat > "$folder/live.toml" << TOML
 scene = "$here/fixtures/terrain/scene.xml#terrain"

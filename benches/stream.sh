@@ -9,15 +9,11 @@
 set -eu
 
 here=$(cd "$(dirname "$0")/.." && pwd)
-if [ -z "${VLSCAN:-}" ]; then
-    (cd "$here" && cargo build --release --quiet)
-    VLSCAN="${CARGO_TARGET_DIR:-$here/target}/release/vlscan"
-fi
+. "$here/benches/program.sh"
 if [ $# -gt 0 ]; then
     survey=$1
 else
-    folder=$(mktemp -d)
-    trap 'rm -rf "$folder"' EXIT
+    use_folder
     "$VLSCAN" scene make forest -o "$folder" -n 1M --pulses "${PULSES:-100M}" -q
     survey=$folder/survey.xml
 fi

@@ -9,16 +9,8 @@
 set -eu
 
 here=$(cd "$(dirname "$0")/.." && pwd)
-if [ -z "${VLSCAN:-}" ]; then
-    (cd "$here" && cargo build --release --quiet)
-    VLSCAN="${CARGO_TARGET_DIR:-$here/target}/release/vlscan"
-fi
-if [ $# -gt 0 ]; then
-    folder=$1
-else
-    folder=$(mktemp -d)
-    trap 'rm -rf "$folder"' EXIT
-fi
+. "$here/benches/program.sh"
+use_folder "$@"
 tiles=${TILES:-60} cells=${CELLS:-256}
 
 . "$here/benches/measured.sh"

@@ -45,8 +45,8 @@
 //! | pulses of your own | [`PulseReader`] and [`Session::trace`] |
 //! | a scene to send rays through | [`scene::load`], [`trace::Tree`] |
 //!
-//! What is written is an [`OutputRequest`]: [files](Target) in any [`PointFormat`], [tables](TableRequest) in
-//! memory, [columns](Column), waveforms, tiles. Problems of the input are [`Error::Input`] with
+//! An [`OutputRequest`] describes the outputs: [files](Target) in any [`PointFormat`], [tables](TableRequest)
+//! in memory, [columns](Column), waveforms, tiles. Problems of the input are [`Error::Input`] with
 //! [`Diagnostics`]: each has its file, line and remedy; warnings reach the observer of a session as
 //! [`Notice`]s. The programs in `examples/` show each of these at work.
 //!
@@ -107,7 +107,7 @@
 //! No module imports one from a row below its own; `tests/whole/structure.rs` holds it. What each crate is
 //! for is in ARCHITECTURE.md.
 //!
-//! What holds everywhere:
+//! These rules hold everywhere:
 //! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and
 //!   tree: every random draw is a function of what it is for (`rng`), and what a ray hits is decided by that
 //!   ray and that primitive alone (`tree`);

@@ -32,7 +32,7 @@ impl NamedScene<'_> {
     /// Reads the scene's description and the properties of its scan.
     ///
     /// # Errors
-    /// Those of [`read_survey`] and of [`vlscan_survey::read_scene`].
+    /// The errors of [`read_survey`] and of [`vlscan_survey::read_scene`].
     pub fn recipe(&self) -> Result<(SceneRecipe, Scanning, Diagnostics)> {
         let default = LoadOptions::default().wavelength_nm;
         let path = Path::new(self.name);

@@ -41,7 +41,7 @@ impl SurveySketch {
     /// Flies a sample of a survey or pipeline file. Files are looked for in `assets`, too.
     ///
     /// # Errors
-    /// Those of [`ResolvedRun::resolve`] and of a flight; [`Error::Interrupted`].
+    /// The errors of [`ResolvedRun::resolve`] and of a flight; [`Error::Interrupted`].
     pub fn of_file(
         survey: &Path,
         assets: &[PathBuf],
@@ -59,7 +59,7 @@ impl SurveySketch {
     /// Flies a sample of the survey of a session, which `name` names in messages.
     ///
     /// # Errors
-    /// Those of a flight; [`Error::Interrupted`].
+    /// The errors of a flight; [`Error::Interrupted`].
     pub fn of_session(
         session: &mut Session,
         name: &Path,
@@ -106,7 +106,7 @@ impl SurveySketch {
 /// them, from 1, or 0, and the flight lines. Files are looked for in `assets`, too.
 ///
 /// # Errors
-/// Those of [`ResolvedRun::resolve`] and of a flight; [`Error::Interrupted`].
+/// The errors of [`ResolvedRun::resolve`] and of a flight; [`Error::Interrupted`].
 pub fn survey_points(survey: &Path, assets: &[PathBuf], observer: &Observer, stop: &Stop) -> Result<Points> {
     SurveySketch::of_file(survey, assets, observer, stop).map(SurveySketch::into_points)
 }
@@ -114,7 +114,7 @@ pub fn survey_points(survey: &Path, assets: &[PathBuf], observer: &Observer, sto
 /// The points of [`survey_points`] of the survey of a session, which `name` names in messages.
 ///
 /// # Errors
-/// Those of a flight; [`Error::Interrupted`].
+/// The errors of a flight; [`Error::Interrupted`].
 pub fn session_points(
     session: &mut Session,
     name: &Path,
@@ -127,7 +127,7 @@ pub fn session_points(
 /// The surfaces of a scene as points, which `name` names in messages.
 ///
 /// # Errors
-/// Those of [`LoadedScene::sample`].
+/// The errors of [`LoadedScene::sample`].
 pub fn scene_points(loaded: &LoadedScene, name: &Path, observer: &Observer) -> Result<Points> {
     surface_points(loaded, name, &|_| 0, observer)
 }

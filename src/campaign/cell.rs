@@ -114,7 +114,7 @@ impl<'c> CellRunner<'c> {
     /// Computes a cell into the folder `out` within `work` and completes its record.
     ///
     /// # Errors
-    /// Those of what the campaign asks for; [`Error::Internal`] for a panic; inputs that change meanwhile.
+    /// The errors of the runs of the campaign; [`Error::Internal`] for a panic; inputs that change meanwhile.
     pub fn compute(
         &mut self,
         cell: &Cell,

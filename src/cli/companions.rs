@@ -26,7 +26,7 @@ pub fn resolve(file: &Path, options: &Options, console: &Console) -> Result<Reso
 /// Opens the session of a run: loads the scene and builds its tree.
 ///
 /// # Errors
-/// Those of [`Session::open`].
+/// The errors of [`Session::open`].
 pub fn open(settings: Settings, console: &Console) -> Result<Session> {
     during(console, "reading the survey", || Session::open(settings, console.observer()))
 }
@@ -58,7 +58,7 @@ impl Companions {
     /// Keeps the facts of the parts of the first epoch's scene.
     ///
     /// # Errors
-    /// Those of [`PartTable::new`].
+    /// The errors of [`PartTable::new`].
     pub fn describe(&mut self, scene: &Scene) -> Result<()> {
         self.parts = self.part_table.is_some().then(|| PartTable::new(scene)).transpose()?;
         Ok(())
@@ -68,7 +68,7 @@ impl Companions {
     /// of its schedule is recorded if it is asked for; `legs` is the number of legs of the survey.
     ///
     /// # Errors
-    /// Those of the work; [`Error::Io`]; [`Error::Input`] if a file exists and is not to be replaced.
+    /// The errors of the work; [`Error::Io`]; [`Error::Input`] if a file exists and is not to be replaced.
     pub fn run(
         self,
         console: &Console,

@@ -1,4 +1,5 @@
-//! Mirrors and panes in complete runs: the image of a mirror, surfaces behind a pane, labels, hostile materials.
+//! Mirrors and panes in complete runs: the image of a mirror, surfaces behind a pane, labels, hostile
+//! materials.
 
 use crate::common::{folder, run, succeed, text};
 use arrow_array::RecordBatch;

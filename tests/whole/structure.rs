@@ -550,8 +550,8 @@ fn names_say_what_they_hold() {
     assert!(found.is_empty(), "name the content or the condition: {found:#?}");
 }
 
-/// The first words with which no comment of an item begins: it names the item, says what it does, or when it
-/// is true.
+/// The first words with which no paragraph of a comment of an item begins: it names the item, says what it
+/// does, or when it is true.
 const RIDDLES: [&str; 7] = ["Whether", "What", "Those", "So", "Nobody", "Which", "Where"];
 
 /// Width of a line of code and comments, characters.
@@ -594,28 +594,41 @@ fn lines_fit_into_their_width() {
     assert!(found.is_empty(), "wrap these at {LINE_WIDTH} characters: {found:#?}");
 }
 
-/// The lines of `text` that begin the comment of an item or a module with one of [`RIDDLES`].
+/// The marker and the words of a line of a comment of an item or a module.
+fn comment_of(line: &str) -> Option<(&'static str, &str)> {
+    let line = line.trim_start();
+    ["///", "//!"].into_iter().find_map(|marker| Some((marker, line.strip_prefix(marker)?.trim())))
+}
+
+/// The lines of `text` that begin a paragraph in the comment of an item or a module with one of [`RIDDLES`].
 fn riddles(text: &str) -> Vec<usize> {
-    let marker = |line: &str| ["///", "//!"].into_iter().find(|marker| line.trim_start().starts_with(marker));
-    let lines: Vec<&str> = text.lines().collect();
-    let begins = |i: &usize| {
-        let first =
-            marker(lines[*i]).filter(|marker| *i == 0 || !lines[i - 1].trim_start().starts_with(marker));
-        let word = |marker| lines[*i].trim_start().trim_start_matches(marker).split_whitespace().next();
-        first.and_then(word).is_some_and(|word| RIDDLES.contains(&word))
-    };
-    (0..lines.len()).filter(begins).map(|i| i + 1).collect()
+    let mut found = Vec::new();
+    let mut before = None;
+    for (number, line) in (1..).zip(text.lines()) {
+        let this = comment_of(line);
+        if let Some((marker, words)) = this {
+            // A paragraph follows on code, the other kind of comment, an empty line or a heading.
+            let continues = |(other, words): (&str, &str)| {
+                other == marker && !words.is_empty() && !words.starts_with('#')
+            };
+            let word = words.split_whitespace().next();
+            if !before.is_some_and(continues) && word.is_some_and(|word| RIDDLES.contains(&word)) {
+                found.push(number);
+            }
+        }
+        before = this;
+    }
+    found
 }
 
 #[test]
 fn comments_of_items_begin_with_what_the_item_is_or_does() {
     assert_eq!(riddles("/// What it is.\n/// Where it lies.\n\n//! Places.\n    /// Which one.\n"), [1, 5]);
+    assert_eq!(riddles("/// Opens it.\n///\n/// # Errors\n/// Those of it.\n///\n/// So be it.\n"), [4, 6]);
     let found: Vec<String> = crates()
         .iter()
-        .flat_map(|of| sources(of).into_iter().map(move |file| (of.clone(), file)))
-        .flat_map(|(of, file)| {
-            riddles(&file.text).into_iter().map(move |line| format!("{of}/{}:{line}", file.path))
-        })
+        .flat_map(|of| sources(of))
+        .flat_map(|file| riddles(&file.text).into_iter().map(move |line| format!("{}:{line}", file.path)))
         .collect();
     assert!(found.is_empty(), "begin with a noun, a verb or \"True if\": {found:#?}");
 }

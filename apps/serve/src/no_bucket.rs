@@ -17,7 +17,8 @@ impl Bucket {
     /// Always.
     pub fn new(address: &str, _: Handle) -> io::Result<Bucket> {
         let message = format!(
-            "--store {address}: this program has no buckets; install it with `cargo install --locked --path apps/serve --features s3`"
+            "--store {address}: this program has no buckets; install it with `cargo install \
+             --locked --path apps/serve --features s3`"
         );
         Err(io::Error::new(io::ErrorKind::Unsupported, message))
     }

@@ -21,6 +21,18 @@ pub fn catch_decoder_panic<T>(decode: impl FnOnce() -> T) -> Option<T> {
     decoded.ok()
 }
 
+/// Calls `work` as a part of `decode` in [`catch_decoder_panic`] that is not decoding: a panic shows its
+/// message and is returned as the error.
+///
+/// # Errors
+/// The panic.
+pub fn outside_decoder<T>(work: impl FnOnce() -> T) -> std::thread::Result<T> {
+    let is_caught = IS_CAUGHT.replace(false);
+    let done = panic::catch_unwind(AssertUnwindSafe(work));
+    IS_CAUGHT.set(is_caught);
+    done
+}
+
 /// Installs the panic hook that omits the messages of panics that are caught.
 fn install_panic_hook() {
     static HOOK: Once = Once::new();
@@ -41,6 +53,9 @@ mod tests {
     #[test]
     fn a_panic_gives_none_and_a_result_is_passed_on() {
         assert_eq!(catch_decoder_panic(|| 7), Some(7));
+        let outside =
+            catch_decoder_panic(|| outside_decoder(|| assert!(std::hint::black_box(false), "sink")));
+        assert!(outside.unwrap().is_err());
         assert_eq!(catch_decoder_panic(|| (0..3).collect::<Vec<_>>()[std::hint::black_box(3)]), None);
     }
 }

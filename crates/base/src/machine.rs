@@ -20,7 +20,7 @@ pub fn spawn_scoped<'scope, T: Send + 'scope>(
 /// As [`spawn_scoped`], with the error of the system.
 ///
 /// # Errors
-/// Those of [`Builder::spawn_scoped`].
+/// The errors of [`Builder::spawn_scoped`].
 pub fn try_spawn_scoped<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     name: &str,

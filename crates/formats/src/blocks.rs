@@ -5,21 +5,28 @@
 //! of threads and not by that of points.
 
 use std::ops::ControlFlow;
+use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use vlscan_base::damage::outside_decoder;
 use vlscan_base::error::Result;
-use vlscan_base::machine::spawn_scoped;
+use vlscan_base::machine::{memory, spawn_scoped};
 
 /// Maximum number of items that a thread has, with those that wait for it.
 const ITEMS_PER_THREAD: usize = 2;
 /// Maximum number of unread blocks of a thread, with the mark at the end of an item.
 const UNREAD_BLOCKS: usize = 5;
+/// Memory of the blocks of a thread, bytes: eight blocks of 16,384 points with their details take 24 MB.
+const THREAD_BYTES: u64 = 32 << 20;
+/// The blocks of all threads take up at most this fraction of the memory.
+const MAX_BLOCKS_FRACTION: u64 = 8;
 
 /// Passes a block on, and leaves a block with any content to be filled next; `Break` if no more are needed.
 pub(crate) type Emit<'e, B> = dyn FnMut(&mut B) -> ControlFlow<()> + 'e;
 
-/// Calls `make` for all items on `threads` threads, and `take` with the blocks that it emits, in the order of
-/// the items and on this thread, until `take` breaks. The block that `make` gets has any content. A single
-/// item, and all of them for a single thread, are decoded on this thread.
+/// Calls `make` for all items on `threads` threads, or fewer where memory is short, and `take` with the
+/// blocks that it emits, in the order of the items and on this thread, until `take` breaks. The block that
+/// `make` gets has any content. A single item, and all of them for a single thread, are decoded on this
+/// thread.
 ///
 /// # Errors
 /// [`Error::Io`](vlscan_base::error::Error::Io) if a thread cannot be started.
@@ -29,6 +36,7 @@ pub(crate) fn in_order<I: Send, B: Default + Send>(
     make: impl Fn(I, &mut B, &mut Emit<'_, B>) + Sync,
     take: impl FnMut(&mut B) -> ControlFlow<()>,
 ) -> Result<()> {
+    let threads = if threads > 1 { affordable(threads, memory()) } else { threads };
     if threads <= 1 {
         decode_here(items, make, take);
         return Ok(());
@@ -43,18 +51,31 @@ pub(crate) fn in_order<I: Send, B: Default + Send>(
     decode_on_threads(threads, items, &make, take)
 }
 
+/// The number of threads whose blocks fit into a process of this memory, bytes.
+fn affordable(threads: usize, memory: Option<u64>) -> usize {
+    let most = memory.map_or(u64::MAX, |memory| memory / MAX_BLOCKS_FRACTION / THREAD_BYTES);
+    threads.min(usize::try_from(most).unwrap_or(usize::MAX))
+}
+
 fn decode_here<I, B: Default>(
     items: impl Iterator<Item = I>,
     make: impl Fn(I, &mut B, &mut Emit<'_, B>),
     mut take: impl FnMut(&mut B) -> ControlFlow<()>,
 ) {
-    let (mut block, mut is_ended) = (B::default(), false);
+    let (mut block, mut is_ended, mut panic) = (B::default(), false, None);
     for item in items {
         make(item, &mut block, &mut |full: &mut B| {
-            let flow = take(full);
+            // `make` catches panics over damaged data, but not those of `take`.
+            let flow = outside_decoder(|| take(full)).unwrap_or_else(|payload| {
+                panic = Some(payload);
+                ControlFlow::Break(())
+            });
             is_ended = flow.is_break();
             flow
         });
+        if let Some(payload) = panic.take() {
+            resume_unwind(payload);
+        }
         if is_ended {
             break;
         }
@@ -190,6 +211,40 @@ mod tests {
                 assert_eq!(few, expected[..expected.len().min(7)], "{threads} threads, {items} items");
             }
         }
+    }
+
+    #[test]
+    fn a_panic_while_blocks_are_taken_is_not_one_of_the_decoder() {
+        use std::panic::{AssertUnwindSafe, catch_unwind};
+        use vlscan_base::damage::catch_decoder_panic;
+        for threads in [1, 3] {
+            let make = |item: usize, block: &mut usize, emit: &mut Emit<'_, usize>| {
+                *block = item;
+                let _ = catch_decoder_panic(|| emit(block));
+            };
+            let mut taken = 0;
+            let read = || {
+                in_order(threads, 0..9, make, |block: &mut usize| {
+                    taken += 1;
+                    assert!(*block != 4, "on purpose");
+                    ControlFlow::Continue(())
+                })
+            };
+            assert!(catch_unwind(AssertUnwindSafe(read)).is_err(), "{threads} threads");
+            assert_eq!(taken, 5, "{threads} threads");
+        }
+    }
+
+    #[test]
+    fn the_number_of_threads_is_bounded_by_the_memory() {
+        for (memory, expected) in
+            [(None, 64), (Some(1 << 40), 64), (Some(4 << 30), 16), (Some(1 << 30), 4), (Some(1 << 20), 0)]
+        {
+            assert_eq!(affordable(64, memory), expected, "{memory:?}");
+        }
+        let point = size_of::<crate::PointRow>() + size_of::<crate::PointDetails>();
+        let blocks = (UNREAD_BLOCKS + 3) * (1 << 14) * point;
+        assert!(blocks as u64 <= THREAD_BYTES, "{blocks} bytes");
     }
 
     #[test]

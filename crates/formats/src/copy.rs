@@ -2,8 +2,8 @@
 
 use crate::record::WEEK_S;
 use crate::{
-    Attribute, AttributeSet, CloudFormat, CloudSettings, CloudWriter, ExtraDimensions, FileFacts,
-    PointDetails, PointFormat, PointRecord, PointRow, PointSink, Tally, read_points,
+    Attribute, AttributeSet, CloudFormat, CloudSettings, CloudWriter, ExtraDimensions, FileFacts, LasVersion,
+    PointDetails, PointFlags, PointFormat, PointRecord, PointRow, PointSink, Tally, read_points,
 };
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -21,8 +21,8 @@ const BLOCK_POINTS: usize = 4096;
 /// but colours, waveform packets and extra dimensions of other programs.
 ///
 /// # Errors
-/// Those of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a stream, and for an extension that
-/// names no format.
+/// The errors of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a stream, and for an extension
+/// that names no format.
 pub fn copy(from: &Path, to: &Path, settings: &CloudSettings) -> Result<(Tally, Diagnostics)> {
     let format = PointFormat::required(to);
     let format = format.map_err(|unknown| Error::input(format!("{}: {unknown}", to.display())))?;
@@ -32,7 +32,7 @@ pub fn copy(from: &Path, to: &Path, settings: &CloudSettings) -> Result<(Tally, 
     }
     let mut facts = SourceFacts::default();
     let mut found = read_points(from, &mut facts)?;
-    facts.warn(from, format, &mut found);
+    facts.warn(from, (format, settings.las.version), &mut found);
     let settings = facts.settings(settings, format);
     let mut writer = CopyWriter {
         writer: CloudWriter::create(to, false, format, &settings, &mut found)?,
@@ -57,24 +57,33 @@ struct SourceFacts {
     highest_class: u8,
     has_adjusted_times: bool,
     has_flags: bool,
+    /// True if a point has the flag that LAS 1.0 lacks.
+    has_overlap: bool,
     has_user_data: bool,
+    /// True if the number of an object does not fit into 32 bits.
+    has_long_objects: bool,
     /// True if a point has a detail that is an extra dimension of this program.
     has_extra: bool,
     unread: Vec<String>,
 }
 
 impl SourceFacts {
-    fn warn(&self, from: &Path, format: PointFormat, found: &mut Diagnostics) {
+    fn warn(&self, from: &Path, (format, version): (PointFormat, LasVersion), found: &mut Diagnostics) {
         let is_las = format.is_las();
         let has_normals = Attribute::NORMAL.iter().all(|attribute| self.attributes.has(*attribute));
         let others = [
             (has_normals, "normals"),
             (self.has_flags && !is_las, "flags"),
+            (self.has_overlap && is_las && version == LasVersion::V10, "overlap flags"),
             (self.has_user_data && !is_las, "user data"),
         ];
         let others = others.into_iter().filter(|(is_there, _)| *is_there).map(|(_, name)| name);
         for name in self.unread.iter().map(String::as_str).chain(others) {
             let message = format!("the copy lacks an attribute of the points: {name}");
+            found.warn(Some(Place::of_file(from)), message);
+        }
+        if self.has_long_objects {
+            let message = "numbers of objects that do not fit into 32 bits are truncated in the copy";
             found.warn(Some(Place::of_file(from)), message);
         }
         let is_named =
@@ -130,11 +139,13 @@ impl PointSink for SourceFacts {
 
     fn details(&mut self, details: &PointDetails) {
         self.has_flags |= !details.stored.flags.is_empty();
+        self.has_overlap |= details.stored.flags.has(PointFlags::OVERLAP);
         self.has_user_data |= details.stored.user_data != 0;
         self.has_extra |= details.has_extra();
     }
 
-    fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+    fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
+        self.has_long_objects |= object.is_none() && i32::try_from(row.object).is_err();
         if row.position.is_finite() {
             self.bounds = Some(self.bounds.unwrap_or(Aabb::EMPTY).with(row.position));
         }
@@ -203,7 +214,7 @@ impl PointSink for CopyWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{PointFlags, StoredFields};
+    use crate::StoredFields;
     use vlscan_geom::DVec3;
 
     /// All rows of a file with their details.
@@ -323,5 +334,25 @@ mod tests {
         assert!(said.contains("points: flags") && said.contains("points: user data"), "{said}");
         assert!(copy(&at("a.las"), &at("b.las"), &CloudSettings::default()).is_err(), "it exists");
         assert!(copy(folder.path(), &at("d.las"), &CloudSettings::default()).is_err());
+    }
+
+    #[test]
+    fn values_that_a_format_cannot_hold_are_warned_of() {
+        let said = |format: &str, version| {
+            let mut facts = SourceFacts { format: Some(CloudFormat::Las), ..SourceFacts::default() };
+            let flags = PointFlags::OVERLAP;
+            let stored = StoredFields { flags, ..StoredFields::default() };
+            facts.details(&PointDetails { stored, ..PointDetails::default() });
+            let row = PointRow { object: 5_000_000_000, ..PointRow::default() };
+            let _ = facts.point(&row, None).unwrap();
+            let (format, mut found) =
+                (PointFormat::required(Path::new(format)).unwrap(), Diagnostics::default());
+            facts.warn(Path::new("a.laz"), (format, version), &mut found);
+            found.text()
+        };
+        let old = said("b.las", LasVersion::V10);
+        assert!(old.contains("overlap flags") && old.contains("do not fit into 32 bits"), "{old}");
+        assert!(!said("b.las", LasVersion::V14).contains("flags"));
+        assert!(said("b.xyz", LasVersion::V14).contains("points: flags"));
     }
 }

@@ -28,7 +28,7 @@ pub trait PointEncoder: Debug + Send + Sync {
     /// so that an incomplete file is not mistaken for a complete one.
     ///
     /// # Errors
-    /// Those of writing.
+    /// The errors of writing.
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>>;
 
     /// The box around stored coordinates in the world, m.
@@ -61,7 +61,7 @@ pub trait FileBody: Send {
     /// Appends encoded points.
     ///
     /// # Errors
-    /// Those of writing.
+    /// The errors of writing.
     fn append(&mut self, bytes: Vec<u8>, out: &mut OutputStream, offload: &dyn Offload) -> Result<()> {
         out.append_piece(bytes, offload)
     }
@@ -77,7 +77,7 @@ pub trait FileBody: Send {
     /// Writes the collected bytes, for readers of live streams.
     ///
     /// # Errors
-    /// Those of writing.
+    /// The errors of writing.
     fn flush(&mut self, _out: &mut OutputStream) -> Result<()> {
         Ok(())
     }
@@ -88,7 +88,7 @@ pub trait FileBody: Send {
     /// Writes everything after the last point.
     ///
     /// # Errors
-    /// Those of writing.
+    /// The errors of writing.
     fn finish(&mut self, _end: &Ending, _out: &mut OutputStream, _offload: &dyn Offload) -> Result<()> {
         Ok(())
     }
@@ -135,7 +135,7 @@ impl EncodedFile {
     /// Begins a file with what `begin` writes.
     ///
     /// # Errors
-    /// Those of `begin`.
+    /// The errors of `begin`.
     pub fn begin(
         mut out: OutputStream,
         begin: impl FnOnce(&mut OutputStream) -> Result<Box<dyn FileBody>>,
@@ -157,7 +157,7 @@ impl EncodedFile {
     /// Appends encoded points.
     ///
     /// # Errors
-    /// Those of writing, and more points than the format can count.
+    /// The errors of writing, and more points than the format can count.
     pub fn append(&mut self, bytes: Vec<u8>, tally: &Tally, offload: &dyn Offload) -> Result<()> {
         self.tally.add(tally);
         self.body.append(bytes, &mut self.out, offload)?;
@@ -167,7 +167,7 @@ impl EncodedFile {
     /// Writes the collected bytes, for readers of a live stream.
     ///
     /// # Errors
-    /// Those of writing.
+    /// The errors of writing.
     pub fn flush_live(&mut self) -> Result<()> {
         if self.out.is_stream() { self.body.flush(&mut self.out) } else { Ok(()) }
     }
@@ -186,7 +186,7 @@ impl EncodedFile {
     /// [finished](OutputStream::finish), and the counts.
     ///
     /// # Errors
-    /// Those of writing, and of `trailer`.
+    /// The errors of writing, and of `trailer`.
     pub fn finish(
         mut self,
         is_partial: bool,

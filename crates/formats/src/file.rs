@@ -30,7 +30,7 @@ pub fn read_points(path: &Path, sink: &mut dyn PointSink) -> Result<Diagnostics>
 /// thread.
 ///
 /// # Errors
-/// Those of [`read_points`].
+/// The errors of [`read_points`].
 pub fn read_points_on(path: &Path, threads: usize, sink: &mut dyn PointSink) -> Result<Diagnostics> {
     let mut found = Diagnostics::default();
     read_into(path, threads, sink, &mut found)?;

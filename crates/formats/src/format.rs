@@ -69,7 +69,7 @@ impl CloudFormat {
     /// Recognises a format by the beginning of a file, at least 4096 bytes if it has them.
     ///
     /// # Errors
-    /// What the file is instead.
+    /// The kind of file that it is instead.
     pub fn recognise(first: &[u8], path: &Path) -> Result<CloudFormat, UnreadFormat> {
         let format = if first.starts_with(b"LASF") {
             CloudFormat::Las

@@ -221,7 +221,7 @@ pub trait PointSink {
     /// names. `Break` ends reading.
     ///
     /// # Errors
-    /// Those of the sink: they end reading, and are returned by the reader.
+    /// The errors of the sink: they end reading, and are returned by the reader.
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>>;
 }
 

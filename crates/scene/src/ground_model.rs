@@ -38,7 +38,7 @@ impl GroundModel {
     /// [`load`](fn@load) warns of.
     ///
     /// # Errors
-    /// Those of [`load`](fn@load).
+    /// The errors of [`load`](fn@load).
     pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(GroundModel, Diagnostics)> {
         let (scene, warnings) = load(recipe, options)?;
         let tree = scene.tree(&BuildOptions::default());

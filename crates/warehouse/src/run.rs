@@ -48,8 +48,8 @@ pub trait Collect<R>: Send {
 /// the order of the results is returned. A `recorder` records the activity of all threads.
 ///
 /// # Errors
-/// Those of producer, workers and collector; a [`RunError`] for a schedule outside of its limits and for
-/// threads that cannot be started or panic.
+/// The errors of producer, workers and collector; a [`RunError`] for a schedule outside of its limits, and
+/// for threads that cannot be started or panic.
 pub fn run<C, R, W, K>(
     schedule: Schedule,
     jobs: &Arc<JobQueue>,

@@ -96,7 +96,8 @@ fn selection(parameters: &Parameters, default_limit: u32) -> Result<Selection, F
     let created = parameters.get("datetime").map_or(Ok((None, None)), |text| {
         interval(text).ok_or_else(|| {
             let message = format!(
-                "datetime: expected a time such as 2026-01-31T12:00:00Z, or START/END, where .. is an open end; found `{text}`"
+                "datetime: expected a time such as 2026-01-31T12:00:00Z, or START/END, where .. is an open \
+                 end; found `{text}`"
             );
             Failure::new(StatusCode::BAD_REQUEST, message)
         })

@@ -1,4 +1,5 @@
-//! Examples, uploads from pages, forms that are shown again with a fix, and the way through the jobs of a scan.
+//! Examples, uploads from pages, forms that are shown again with a fix, and the way through the jobs of a
+//! scan.
 
 use super::browser::{finished, page, send, token_of};
 use super::jobs::{flight, with_field};

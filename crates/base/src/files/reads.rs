@@ -313,7 +313,7 @@ pub fn note_opened<T>(path: &Path, opened: &io::Result<T>) {
 /// Opens a file.
 ///
 /// # Errors
-/// Those of [`File::open`].
+/// The errors of [`File::open`].
 pub fn open(path: impl AsRef<Path>) -> io::Result<File> {
     let path = path.as_ref();
     let opened = File::open(path);
@@ -325,7 +325,7 @@ pub fn open(path: impl AsRef<Path>) -> io::Result<File> {
 /// place is an error and is not waited for.
 ///
 /// # Errors
-/// Those of [`File::open`], and for anything but a regular file.
+/// The errors of [`File::open`], and for anything but a regular file.
 pub fn open_own(path: &Path) -> io::Result<File> {
     let mut options = File::options();
     options.read(true);
@@ -344,7 +344,7 @@ pub fn open_own(path: &Path) -> io::Result<File> {
 /// Reads a complete file of the program's own, see [`open_own`].
 ///
 /// # Errors
-/// Those of [`open_own`] and of reading.
+/// The errors of [`open_own`] and of reading.
 pub fn read_own(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open_own(path)?.read_to_end(&mut bytes)?;
@@ -354,7 +354,7 @@ pub fn read_own(path: &Path) -> io::Result<Vec<u8>> {
 /// Reads a complete file.
 ///
 /// # Errors
-/// Those of [`fs::read`].
+/// The errors of [`fs::read`].
 pub fn read(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(path)?.read_to_end(&mut bytes)?;
@@ -364,7 +364,7 @@ pub fn read(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
 /// Reads a complete text in UTF-8.
 ///
 /// # Errors
-/// Those of [`fs::read_to_string`].
+/// The errors of [`fs::read_to_string`].
 pub fn read_to_string(path: impl AsRef<Path>) -> io::Result<String> {
     let mut text = String::new();
     open(path)?.read_to_string(&mut text)?;
@@ -396,7 +396,7 @@ pub fn is_pipe(_: &Path) -> bool {
 /// The paths in a folder, sorted.
 ///
 /// # Errors
-/// Those of [`fs::read_dir`].
+/// The errors of [`fs::read_dir`].
 pub fn list(folder: impl AsRef<Path>) -> io::Result<Vec<PathBuf>> {
     let folder = folder.as_ref();
     let shown = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };

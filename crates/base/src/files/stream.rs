@@ -45,8 +45,8 @@ mod unix {
             let waits = !kind.as_ref().is_ok_and(|kind| kind.is_file());
             let is_pipe = kind.is_ok_and(|kind| kind.is_fifo());
             // Another description of the same pipe has separate flags, so that the writes of other processes
-            // are affected. Linux opens one by this name; elsewhere, and where permission lacks, small writes
-            // do.
+            // are not affected. Linux opens one by this name; elsewhere, and without permission, writes are
+            // small.
             let name = format!("/proc/self/fd/{}", file.as_fd().as_raw_fd());
             let flags = rustix::fs::OFlags::NONBLOCK.bits() as i32;
             let again = || OpenOptions::new().write(true).custom_flags(flags).open(name).ok();

@@ -36,7 +36,7 @@ impl OutputStream {
     /// Opens an output, as [`FileWriter::create`] or [`FileWriter::stdout`].
     ///
     /// # Errors
-    /// Those of [`FileWriter`].
+    /// The errors of [`FileWriter`].
     pub fn open(place: &Destination, force: bool, patched: Patched) -> Result<OutputStream> {
         Ok(OutputStream::new(match place {
             Destination::Stdout => FileWriter::stdout(patched)?,
@@ -105,7 +105,7 @@ impl OutputStream {
     /// Appends bytes.
     ///
     /// # Errors
-    /// Those of [`FileWriter::append`].
+    /// The errors of [`FileWriter::append`].
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
         if self.out.is_stream() || self.buffer.len() + bytes.len() > BUFFER_BYTES {
             self.flush()?;

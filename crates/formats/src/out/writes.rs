@@ -52,7 +52,7 @@ impl ParallelWrites {
     /// Queues a write.
     ///
     /// # Errors
-    /// Those of earlier writes.
+    /// The errors of earlier writes.
     pub fn submit(&mut self, offset: u64, bytes: Vec<u8>, offload: &dyn Offload) -> io::Result<()> {
         let writes = &self.0;
         let mut state = writes.lock();

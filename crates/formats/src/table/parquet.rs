@@ -20,7 +20,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::store::FileBytes;
 
 /// Rows that are read at a time.
-const READ_ROWS: usize = if cfg!(test) { 1 << 8 } else { 65_536 };
+const READ_ROWS: usize = if cfg!(test) { 1 << 8 } else { 1 << 14 };
 
 /// Rows of a file.
 #[derive(Default)]

@@ -51,7 +51,7 @@ struct ArchiveBody {
 /// Begins a compressed text, whose lines are appended unchanged.
 ///
 /// # Errors
-/// Those of writing.
+/// The errors of writing.
 pub fn begin_archive(out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
     out.append(&ZLIB_HEADER)?;
     Ok(Box::new(ArchiveBody { plain: head(), blocks: BlockCompressor::new(deflate), sum: Adler32::new() }))

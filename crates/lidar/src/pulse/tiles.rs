@@ -73,7 +73,7 @@ impl TileTracer {
     /// Begins another batch: tiles of the last one may be dropped.
     ///
     /// # Errors
-    /// Those of [`TileReader::release`].
+    /// The errors of [`TileReader::release`].
     pub fn release(&mut self) -> Result<()> {
         self.near.clear();
         self.reader.release()

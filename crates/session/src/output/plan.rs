@@ -158,7 +158,7 @@ impl OutputPlan {
     /// Plans every file after all checks of [`OutputRequest::check`].
     ///
     /// # Errors
-    /// Those of [`OutputRequest::check`].
+    /// The errors of [`OutputRequest::check`].
     pub fn new(request: OutputRequest, context: &OutputContext) -> Result<OutputPlan> {
         request.check(context)?.plan(context)
     }

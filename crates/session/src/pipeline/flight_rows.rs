@@ -126,7 +126,7 @@ impl Flight {
 /// true poses, without errors of navigation.
 ///
 /// # Errors
-/// Those of [`Session::open_for_flight`] and of [`emit`](super::emit()); [`Error::Interrupted`].
+/// The errors of [`Session::open_for_flight`] and of [`emit`](super::emit()); [`Error::Interrupted`].
 pub fn flight_table(
     mut settings: Settings,
     rows: FlightRows,

@@ -157,7 +157,7 @@ pub fn output_context(shards: &ShardSet) -> Result<OutputContext> {
 /// reference system.
 ///
 /// # Errors
-/// Those of [`OutputRequest::check`], but for files that exist: they are asked for where they are written.
+/// The errors of [`OutputRequest::check`], but for existing files: those are checked where files are written.
 pub fn merge_warnings(shards: &ShardSet, outputs: &OutputRequest) -> Result<Diagnostics> {
     let context = output_context(shards)?;
     let epochs = shards.head.epochs.max(1);

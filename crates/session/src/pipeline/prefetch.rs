@@ -29,7 +29,7 @@ impl Prefetcher {
     /// Runs `work` with a thread that loads tiles in parallel.
     ///
     /// # Errors
-    /// Those of `work`, and [`Error::Io`] if the system has no more threads.
+    /// The errors of `work`, and [`Error::Io`] if the system has no more threads.
     pub fn run<R>(tiles: &Arc<Tiles>, work: impl FnOnce(&Prefetcher) -> Result<R>) -> Result<R> {
         // One that waits is enough: the next will be newer.
         let (sender, sightings) = flume::bounded(1);

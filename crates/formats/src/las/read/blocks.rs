@@ -1,8 +1,8 @@
 //! Blocks of records decoded on several threads.
 //!
-//! What these threads cannot read, such as a damaged chunk, is left to the reader of all records in order,
-//! whose errors have their place. Chunks count only if each begins where the one before ends: the reader in
-//! order does not jump either.
+//! Records that these threads cannot read, such as a damaged chunk, are left to the reader of all records in
+//! order, whose errors have their place. Chunks count only if each begins where the one before ends: the
+//! reader in order does not jump either.
 
 use super::compressed::{Chunk, Compressed, without_panic};
 use super::header::Header;

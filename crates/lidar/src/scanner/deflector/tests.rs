@@ -159,7 +159,8 @@ fn mirrors_swing_as_a_sine_or_with_reversals_of_a_share_in_any_physics() {
             let expected = -15.0 * libm::cos(TAU * k as f64 / 2000.0);
             assert!((angle - expected).abs() < 1e-9, "{k}: {angle}");
         }
-        // A fifth of each sweep of 1000 pulses is a parabola at either end; 15 · 2 · 1.25 / 1000 a pulse between.
+        // A fifth of each sweep of 1000 pulses is a parabola at either end; 15 · 2 · 1.25 / 1000 a pulse
+        // between.
         d.scan_motion.swing = Swing::TurningPart(0.4);
         let found = angles(&d, &s, 2001, kinematics);
         for (k, expected) in [
