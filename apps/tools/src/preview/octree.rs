@@ -21,7 +21,7 @@ const SCALE: f64 = 1e-3;
 /// time, leg and device. The cloud is read once, in bounded memory. Returns the number of points.
 ///
 /// # Errors
-/// Those of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points.
+/// Errors of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points.
 pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer) -> Result<u64> {
     let mut copy = Copy {
         out,
