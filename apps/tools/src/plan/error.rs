@@ -363,7 +363,7 @@ pub enum PlanError {
         possible: [f64; 2],
     },
     /// Positions of a tripod without a place.
-    #[error("give --spacing and an area, or --around and --radius")]
+    #[error("give --spacing and an area, --around and --radius, or --at")]
     NoPlace,
     /// An area between the positions of the grid.
     #[error("no position is inside the area; choose a smaller --spacing")]

@@ -38,7 +38,7 @@ pub struct Flown {
 /// Samples the pulses of the parallel lines of a plan. `shift` is the origin of the flight's frame, world, m.
 ///
 /// # Errors
-/// Those of steps of a flight.
+/// Errors of steps of a flight.
 pub fn fly_sample(flight: &FlightPlan, document: &PlannedSurvey, area: &Area, shift: DVec3) -> Result<Flown> {
     let Some(Promise { height, .. }) = document.promise else {
         return Err(Error::Internal("the plan is not a flight".to_owned()));

@@ -49,7 +49,7 @@ pub struct TerrestrialOptions {
         short = 'n',
         long,
         value_name = "N",
-        conflicts_with = "spacing",
+        conflicts_with_all = ["spacing", "at"],
         value_parser = clap::value_parser!(u32).range(1..=100_000),
     )]
     pub positions: Option<u32>,
