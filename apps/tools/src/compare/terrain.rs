@@ -31,7 +31,7 @@ impl Terrain {
     /// Loads a raster (.tif, .asc, .vrt, a folder of tiles) or mesh (.obj, .ply, .stl, .off).
     ///
     /// # Errors
-    /// Those of reading it.
+    /// Errors of reading the file.
     pub fn load(path: &Path, corner: DVec3, observer: &Observer) -> Result<Terrain> {
         let is_mesh = path.extension().is_some_and(|extension| {
             ["obj", "ply", "stl", "off"].iter().any(|known| extension.eq_ignore_ascii_case(known))
