@@ -221,43 +221,58 @@ fn draw_tracks(lines: &[Vec<DVec3>], points: &mut Points) {
 /// A strip or sector of ground with the number of its flight line.
 type Swath = (u16, [DVec3; 4]);
 
-/// Swaths, sorted into the columns of a grid.
+/// Swaths, sorted into the cells of a grid: there may be thousands of them, and a million points.
 struct Cover {
     swaths: Vec<Swath>,
-    low: f64,
-    width: f64,
-    /// Indices of the swaths that reach into each column.
-    columns: Vec<Vec<u32>>,
+    /// South-western corner of the grid, m.
+    low: [f64; 2],
+    /// Width and height of a cell, m.
+    side: [f64; 2],
+    /// Indices of the swaths that reach into each cell, row by row.
+    cells: Vec<Vec<u32>>,
 }
 
-const COLUMNS: usize = 512;
+/// Cells along each side of the grid.
+const CELLS: usize = 32;
 
 impl Cover {
     fn of(coverage: &FlightCoverage, numbers: &BTreeMap<u32, u16>) -> Cover {
         let numbered = |(leg, quad): &(u32, [DVec3; 4])| Some((*numbers.get(leg)?, *quad));
         let swaths: Vec<Swath> = coverage.swaths.iter().filter_map(numbered).collect();
-        let corners = || swaths.iter().flat_map(|(_, quad)| quad).map(|corner| corner.x);
-        let (low, high) =
-            corners().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-        let width = ((high - low) / COLUMNS as f64).max(1e-9);
-        let mut columns = vec![Vec::new(); COLUMNS];
-        for (index, (_, quad)) in (0..).zip(&swaths) {
-            let of = |x: f64| (((x - low) / width).max(0.0) as usize).min(COLUMNS - 1);
-            let (from, to) = quad.iter().fold((COLUMNS - 1, 0), |(a, b), p| (a.min(of(p.x)), b.max(of(p.x))));
-            columns[from..=to].iter_mut().for_each(|column| column.push(index));
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for corner in swaths.iter().flat_map(|(_, quad)| quad) {
+            for (axis, value) in [corner.x, corner.y].into_iter().enumerate() {
+                (low[axis], high[axis]) = (low[axis].min(value), high[axis].max(value));
+            }
         }
-        Cover { swaths, low, width, columns }
+        let side = [0, 1].map(|axis| ((high[axis] - low[axis]) / CELLS as f64).max(1e-9));
+        let mut cells = vec![Vec::new(); CELLS * CELLS];
+        for (index, (_, quad)) in (0..).zip(&swaths) {
+            let range = |axis: usize| {
+                let places = quad.map(|p| {
+                    (((p.to_array()[axis] - low[axis]) / side[axis]).max(0.0) as usize).min(CELLS - 1)
+                });
+                places.into_iter().fold((CELLS - 1, 0), |(first, last), at| (first.min(at), last.max(at)))
+            };
+            let ((west, east), (south, north)) = (range(0), range(1));
+            for row in south..=north {
+                let row = &mut cells[row * CELLS..][west..=east];
+                row.iter_mut().for_each(|cell: &mut Vec<u32>| cell.push(index));
+            }
+        }
+        Cover { swaths, low, side, cells }
     }
 
     /// The number of the first flight line that covers a place; 0 is none.
     fn line(&self, place: DVec3) -> u16 {
-        let column = (place.x - self.low) / self.width;
-        let swaths =
-            if (0.0..COLUMNS as f64).contains(&column) { &self.columns[column as usize][..] } else { &[] };
-        let covering = swaths.iter().map(|i| &self.swaths[*i as usize]);
-        let mut covering =
-            covering.filter(|(_, quad)| is_inside(&quad.map(|p| [p.x, p.y]), [place.x, place.y]));
-        covering.next().map_or(0, |(line, _)| *line)
+        let cell = |axis: usize| {
+            let at = (place.to_array()[axis] - self.low[axis]) / self.side[axis];
+            (0.0..CELLS as f64).contains(&at).then_some(at as usize)
+        };
+        let Some((column, row)) = cell(0).zip(cell(1)) else { return 0 };
+        let mut swaths = self.cells[row * CELLS + column].iter().map(|i| &self.swaths[*i as usize]);
+        let covering = swaths.find(|(_, quad)| is_inside(&quad.map(|p| [p.x, p.y]), [place.x, place.y]));
+        covering.map_or(0, |(line, _)| *line)
     }
 }
 

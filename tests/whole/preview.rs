@@ -257,7 +257,7 @@ fn a_waveform_is_plotted_with_the_echoes_that_the_run_found() {
     succeed(dir.path(), &["preview", &wave, "--pulse", pulse, "-o", "wave.html", "-q"]);
     let page = std::fs::read_to_string(dir.path().join("wave.html")).unwrap();
     let width: f64 = only[4].parse().unwrap();
-    assert!(page.contains(&format!("fitted width {width:.2} ns")), "{width} in {page}");
+    assert!(page.contains(&format!("fit: {width:.2} ns")), "{width} in {page}");
     assert!(page.contains("echo 1: range ") && !page.contains("echo 2"), "{page}");
 
     let packed = find("001_fullwave.bin");

@@ -32,8 +32,9 @@ pub struct Args {
         long,
         value_name = "SCHEDULE,…",
         value_delimiter = ',',
-        default_value = "single,static,dynamic,warehouse"
-    , value_parser = choice::<PolicyKind>())]
+        default_value = "single,static,dynamic,warehouse",
+        value_parser = choice::<PolicyKind>(),
+    )]
     pub schedule: Vec<PolicyKind>,
     /// Pulses per chunk; single pulses and sequential runs aside.
     #[arg(
@@ -147,11 +148,11 @@ fn count(text: &str) -> Result<u64, NumberError> {
 /// Barriers between legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Barriers {
-    /// They do not.
+    /// No barriers.
     Off,
-    /// They do.
+    /// A barrier after each leg.
     On,
-    /// Once and once.
+    /// Each schedule without and with barriers.
     Both,
 }
 
@@ -231,7 +232,8 @@ mod tests {
 
     #[test]
     fn every_rule_of_a_tree_can_be_changed() {
-        let line = "--tree-strict --tree-costs 1,2,3 --tree-min-primitives 9 --tree-depth 12 --tree-bins 40 --tree-geom-jobs 2";
+        let line = "--tree-strict --tree-costs 1,2,3 --tree-min-primitives 9 --tree-depth 12 --tree-bins 40 \
+                    --tree-geom-jobs 2";
         let expected = BuildOptions {
             cost_interior: 1.0,
             cost_leaf: 2.0,

@@ -228,7 +228,7 @@ pub fn solve_by_elimination<const N: usize>(
 }
 
 /// Median; the mean of the two middle values of an even number of values, `None` for none. NaN counts as
-/// larger than all numbers.
+/// larger than all numbers, or as smaller if its sign is negative.
 pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.into_iter().collect();
     let count = values.len();

@@ -363,8 +363,11 @@ pub enum PlanError {
         possible: [f64; 2],
     },
     /// Positions of a tripod without a place.
-    #[error("give --spacing and an area, or --around and --radius")]
+    #[error("give --spacing and an area, --around and --radius, or --at")]
     NoPlace,
+    /// Several kinds of positions of a tripod.
+    #[error("--spacing, --around with its options, and --at exclude each other: give one of them")]
+    SeveralPlaces,
     /// An area between the positions of the grid.
     #[error("no position is inside the area; choose a smaller --spacing")]
     NoPosition,

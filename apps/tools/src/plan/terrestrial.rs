@@ -49,7 +49,7 @@ pub struct TerrestrialOptions {
         short = 'n',
         long,
         value_name = "N",
-        conflicts_with = "spacing",
+        conflicts_with_all = ["spacing", "at"],
         value_parser = clap::value_parser!(u32).range(1..=100_000),
     )]
     pub positions: Option<u32>,
@@ -206,6 +206,12 @@ fn scan_of(instrument: &SwathModel, resolution: f64, pulse_rate: u32) -> Result<
 }
 
 fn positions(area: Option<&Area>, options: &TerrestrialOptions) -> Result<Vec<[f64; 2]>, PlanError> {
+    let TerrestrialOptions { spacing, around, radius, positions, at_centre, at, .. } = options;
+    let has_plot = around.is_some() || radius.is_some() || positions.is_some() || *at_centre;
+    // The command does not accept several, but programs may have given them.
+    if [spacing.is_some(), has_plot, !at.is_empty()].into_iter().filter(|given| *given).count() > 1 {
+        return Err(PlanError::SeveralPlaces);
+    }
     let places = match (options.around.zip(options.radius), area.zip(options.spacing)) {
         _ if !options.at.is_empty() => options.at.clone(),
         // The first one stands to the north.
@@ -344,6 +350,8 @@ mod tests {
     fn places_are_positions_in_their_order() {
         let places = vec![[5.0, -2.0], [0.0, 7.5]];
         assert_eq!(positions(None, &TerrestrialOptions { at: places.clone(), ..options() }).unwrap(), places);
+        let both = TerrestrialOptions { at: places, positions: Some(3), ..options() };
+        assert!(matches!(positions(None, &both), Err(PlanError::SeveralPlaces)));
     }
 
     #[test]

@@ -11,6 +11,8 @@ pub(super) const ABOVE: f64 = 14.0;
 pub(super) const BELOW: f64 = 16.0;
 /// Room for the ticks left of a view beside their names, units of the font.
 pub(super) const LEFT: f64 = 7.0;
+/// Number of letters of the names of axes.
+pub(super) const NAME_LETTERS: usize = 4;
 /// Maximum number of letters of the name of a tick.
 pub(super) const MAX_LETTERS: usize = 12;
 /// Maximum number of ticks that are requested; axes may have 2.5 times as many.

@@ -84,19 +84,18 @@ impl Chart {
         let vector = |v: vlscan_geom::DVec3, digits: usize| {
             format!("({}, {}, {})", fixed(v.x, digits), fixed(v.y, digits), fixed(v.z, digits))
         };
-        let facts = format!(
-            "from {} m towards {} · GPS time {:.6} s · {} samples of {} ns",
-            vector(wave.origin, 2),
-            vector(wave.direction, 4),
+        let beam = format!("from {} m towards {}", vector(wave.origin, 2), vector(wave.direction, 4));
+        self.write(20.0 * t, 28.0 * t, beam, Role::Faint);
+        let mut facts = format!(
+            "GPS time {:.6} s · {} samples of {} ns",
             wave.gps_time,
             grouped(wave.samples.len()),
             round_number(interval, 0.01)
         );
-        self.write(20.0 * t, 28.0 * t, facts, Role::Faint);
         if wave.duplicates > 0 {
-            let note = format!("the first of {} channels with a pulse of this number", wave.duplicates + 1);
-            self.write(20.0 * t, 42.0 * t, note, Role::Faint);
+            facts += &format!(" · the first of {} channels with a pulse of this number", wave.duplicates + 1);
         }
+        self.write(20.0 * t, 42.0 * t, facts, Role::Faint);
     }
 
     fn scales(&mut self, Field { plot, time }: &Field) {
@@ -151,7 +150,10 @@ impl Chart {
             let label = match fits {
                 true => {
                     let full = half_maximum(width);
-                    format!("{width:.2} ns (half width at 1/e), {:.2} ns at half maximum", full[1] - full[0])
+                    format!(
+                        "fit: {width:.2} ns half width at 1/e, {:.2} ns at half maximum",
+                        full[1] - full[0]
+                    )
                 }
                 false => "no Gaussian fits".to_owned(),
             };
@@ -160,20 +162,20 @@ impl Chart {
             }
             let at = field.at(centre, echo.amplitude);
             let range = centre * LIGHT_SPEED;
-            let note = format!("echo {}: {range:.3} m, width {label}", n + 1);
+            let note = format!("echo {}: {range:.3} m, {label}", n + 1);
             self.drawing.add(Mark::Dot { at, radius: 4.0 * t, role, note });
             self.write(at[0] - 2.5 * t, at[1] - 14.0 * t, (n + 1).to_string(), role);
             if n < MAX_DESCRIBED {
                 let line = format!(
-                    "echo {}: range {range:.3} m, {centre:.3} ns · amplitude {} · fitted width {label}",
+                    "echo {}: range {range:.3} m, {centre:.3} ns · amplitude {} · {label}",
                     n + 1,
                     significant(echo.amplitude)
                 );
-                self.write(field.plot.left, below + 14.0 * n as f64 * t, line, role);
+                self.write(20.0 * t, below + 14.0 * n as f64 * t, line, role);
             }
         }
         if echoes.is_empty() {
-            self.write(field.plot.left, below, "no echo", Role::Faint);
+            self.write(20.0 * t, below, "no echo", Role::Faint);
         }
     }
 
@@ -245,7 +247,7 @@ fn significant(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::Rgb;
+    use crate::chart::{Rgb, font};
     use vlscan_geom::DVec3;
 
     fn wave(samples: Vec<f64>) -> Wave {
@@ -275,7 +277,7 @@ mod tests {
         for text in [
             "echo 1: range 287.801 m",
             "echo 2: range 290.424 m",
-            "fitted width 1.00 ns (half width at 1/e), 1.6",
+            "fit: 1.00 ns half width at 1/e, 1.6",
             "&lt;w&gt;.txt",
             "2 channels",
         ] {
@@ -319,6 +321,22 @@ mod tests {
             assert!(curve.unwrap().windows(2).any(crosses), "{end:?}");
         }
         assert!(from[1] == to[1] && to[0] > from[0], "{from:?} {to:?}");
+    }
+
+    #[test]
+    fn texts_are_within_a_picture_of_usual_shape() {
+        let bell = |i: i32| 2.0 * libm::exp(-f64::from((i - 40).pow(2)) / 16.0);
+        let origin = DVec3::new(455_610.12, 5_428_000.12, 1234.56);
+        let wave =
+            Wave { origin, direction: DVec3::new(-0.1, -0.2, -0.9), ..wave((0..80).map(bell).collect()) };
+        let chart = Chart::new(&wave, "", 1000, 750);
+        let texts = chart.drawing.marks.iter().filter_map(|mark| match mark {
+            Mark::Text { at, text, anchor: Anchor::Start, .. } => Some((at[0], text)),
+            _ => None,
+        });
+        for (left, text) in texts {
+            assert!(left + font::width(text) * chart.drawing.text <= 1000.0, "{text}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::PreviewOptions;
 use super::colour::{ColourBy, Colouring, object_colour};
 use super::layout::Sheet;
 use super::panel::Panel;
-use crate::chart::{Picture, Rgb, font};
+use crate::chart::{Frame, Picture, Rgb, font};
 use crate::cloud::Points;
 
 /// Width of a flight line, units of the font.
@@ -83,16 +83,17 @@ impl Overlay<'_> {
                 }
             }
         }
-        for (number, at) in numbers(&paths, text) {
+        for (number, at) in numbers(&paths, self.panel.frame, text) {
             let colour = FlightMap::colour(number - 1);
             picture.text_on(at, &number.to_string(), text, colour, style.ground);
         }
     }
 }
 
-/// The numbers of lines and their upper left corners, ahead of the starts of the lines. Numbers that would
-/// overlap earlier ones are left out.
-fn numbers(paths: &[Vec<[f64; 2]>], text: f64) -> Vec<(usize, [f64; 2])> {
+/// The numbers of lines and their upper left corners, ahead of the starts of the lines, but within the frame
+/// of the view: captions and coordinates are around it. Numbers that would overlap earlier ones are left out.
+fn numbers(paths: &[Vec<[f64; 2]>], frame: Frame, text: f64) -> Vec<(usize, [f64; 2])> {
+    let [left, top, wide, high] = [frame.x, frame.y, frame.width, frame.height].map(f64::from);
     let mut placed: Vec<(usize, [f64; 2], f64)> = Vec::new();
     for (number, path) in (1_usize..).zip(paths) {
         let Some(start) = path.first() else { continue };
@@ -102,6 +103,12 @@ fn numbers(paths: &[Vec<[f64; 2]>], text: f64) -> Vec<(usize, [f64; 2])> {
         let back = NUMBER_DISTANCE * text / libm::hypot(dx, dy).max(1e-9);
         let size = [font::width(&number.to_string()) * text, font::HEIGHT * text];
         let corner = [start[0] - back * dx - 0.5 * size[0], start[1] - back * dy - 0.5 * size[1]];
+        if !corner.iter().all(|v| v.is_finite()) {
+            continue;
+        }
+        // No clamp: a frame may be smaller than a number.
+        let corner =
+            [corner[0].min(left + wide - size[0]).max(left), corner[1].min(top + high - size[1]).max(top)];
         let overlaps = |(_, [x, y], wide): &(usize, [f64; 2], f64)| {
             corner[0] < x + wide + text
                 && *x < corner[0] + size[0] + text
@@ -161,8 +168,13 @@ mod tests {
         assert!(heights.is_sorted_by(|a, b| a > b), "{heights:?}");
         let paths = [vec![[100.0, 50.0], [200.0, 50.0]], vec![[100.0, 90.0], [100.0, 90.0], [100.0, 10.0]]];
         // To the left of a line to the right, below a line upwards, both centred.
-        assert_eq!(numbers(&paths, 1.0), [(1, [89.5, 46.5]), (2, [97.5, 94.5])]);
-        assert_eq!(numbers(&[paths[0].clone(), paths[0].clone(), Vec::new()], 1.0).len(), 1);
+        let frame = Frame { x: 0, y: 0, width: 300, height: 200 };
+        assert_eq!(numbers(&paths, frame, 1.0), [(1, [89.5, 46.5]), (2, [97.5, 94.5])]);
+        let twice = [paths[0].clone(), paths[0].clone(), Vec::new(), vec![[f64::NAN, 0.0]]];
+        assert_eq!(numbers(&twice, frame, 1.0).len(), 1);
+        // Numbers stay within the frame: 5 by 7 dots.
+        let narrow = Frame { x: 95, y: 20, width: 100, height: 75 };
+        assert_eq!(numbers(&paths, narrow, 1.0), [(1, [95.0, 46.5]), (2, [97.5, 88.0])]);
     }
 
     #[test]

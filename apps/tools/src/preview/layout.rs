@@ -80,7 +80,8 @@ impl Sheet {
     fn room(&self, extent: &Extent, wide: &Extent, colour: ColourBy) -> Room {
         let dots = |units: f64| (units * self.text).ceil() as u32;
         let range = |extent: &Extent, axis: usize| extent.range(axis).map(|v| v + self.origin[axis]);
-        let names = axes::letters(range(wide, 1)).max(axes::letters(range(extent, 2)));
+        let names =
+            axes::letters(range(wide, 1)).max(axes::letters(range(extent, 2))).max(axes::NAME_LETTERS);
         let names = dots(names as f64 * font::ADVANCE + axes::LEFT).min(self.width / 5);
         // Numbers are shorter than names of classes and objects.
         let letters = match colour {
