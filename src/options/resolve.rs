@@ -161,9 +161,10 @@ fn tree(options: &Options, all: usize) -> BuildOptions {
     BuildOptions { jobs, geometry_jobs: jobs, ..BuildOptions::of(options.tree.tree.unwrap_or_default()) }
 }
 
-/// Returns the requested number of threads; 0 and `None` mean `all`.
+/// Returns the requested number of threads; 0 and `None` mean `all`. A request above [`MAX_THREADS`] is not
+/// lowered: it is an error of the schedule.
 fn threads(requested: Option<usize>, all: usize) -> usize {
-    requested.filter(|&n| n > 0).unwrap_or(all).min(MAX_THREADS)
+    requested.filter(|&n| n > 0).unwrap_or(all.min(MAX_THREADS))
 }
 
 fn all_threads() -> usize {
