@@ -72,7 +72,7 @@
 //! ```text
 //! base ◄─ render, warehouse
 //! geom, base ◄─ crs ◄─ tables ◄─ survey, formats
-//! geom, base ◄─ trace
+//! geom ◄─ trace
 //! survey, formats, trace ◄─ scene ◄─ lidar ◄─ session
 //! lidar ◄─ tools ◄─ fit
 //! session, fit ◄─ vlscan

@@ -359,7 +359,7 @@ pub fn run_batches(
     let end = move || interruption.request();
     let batches = Batches::spawn(waiting, end, move |sink| {
         let mut points = TableRequest::new(TableContent::Points, sink);
-        (points.batch_rows, points.batch_per_leg, points.batch_seconds) = (rows.max(1), per_leg, seconds);
+        (points.batch_rows, points.batch_per_leg, points.batch_seconds) = (rows, per_leg, seconds);
         requests.insert(0, points);
         request.get().execute(requests, &own_notices, &Progress::default(), &own)
     });

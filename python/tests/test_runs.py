@@ -106,6 +106,8 @@ def test_batches_end_at_intervals_of_time(room):
     assert np.all(np.diff(np.concatenate(intervals)) >= 1)
     with pytest.raises(vlscan.InputError, match="GpsTime"):
         list(vlscan.run_batches(room, seconds=1, columns=["X"]))
+    with pytest.raises(vlscan.InputError, match="batches of 0 rows"):
+        list(vlscan.run_batches(room, rows=0))
     with pytest.raises(ValueError, match="seconds"):
         vlscan.run_batches(room, seconds=0)
 

@@ -127,7 +127,7 @@ def test_materials_are_checked():
     assert replace(Material(), spectrum="grass").reflectance is None
     for wrong in (
         {"reflectance": 1.5}, {"reflectance": float("nan")}, {"reflectance": -0.1}, {"roughness_deg": 91}, {"classification": 256},
-        {"classification": -1},
+        {"classification": -1}, {"mirror": 1.1}, {"pane_index": 0.9}, {"pane_thickness_m": -0.1}, {"pane_sheets": 3}, {"retro": -1},
     ):  # fmt: skip
         with pytest.raises(ValueError, match=f"{next(iter(wrong))} of the material 'a' is"):
             Material("a", **wrong)

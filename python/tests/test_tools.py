@@ -30,6 +30,8 @@ def test_plans_are_those_of_the_command(command, tmp_path):
     assert tripods.text.count("[[leg]]") == 5
     tripods = vlscan.plan_terrestrial("riegl_vz400", at=[(0, 0), (4, -2.5)], resolution=0.1, scene=scene, ground=0)
     assert tripods.text.count("[[leg]]") == 2 and "position_m = [4, -2.5, 0]" in tripods.text
+    with pytest.raises(ValueError, match="spacing has no meaning"):
+        vlscan.plan_terrestrial("riegl_vz400", at=[(0, 0)], spacing=5, scene=scene)
     assert "vlp16" in vlscan.plan_mobile("vlp16", "LINESTRING (0 0, 40 0)", scene=scene, ground=0).text
     with pytest.raises(vlscan.InputError, match="height=-5"):
         vlscan.plan_airborne("riegl_vux-1uav", -5, density=5, area=SQUARE)
@@ -60,6 +62,10 @@ plan = "airborne --scanner riegl_vux-1uav --height 50 --density 5"
         assert [json.loads(line)["seed"] for line in file] == [1, 2]
     clouds = [tmp_path / f"set/cells/flat-u-{seed}/points.laz" for seed in (1, 2)]
     found = vlscan.compare(*clouds, chance=True)
+    sampled = vlscan.compare(*clouds, max_distances=100)["first_to_second"]
+    assert vlscan.compare(*clouds, most_distances=100)["first_to_second"] == sampled
+    with pytest.raises(TypeError, match="earlier name of max_distances"):
+        vlscan.compare(*clouds, most_distances=100, max_distances=100)
     returns = next(quantity for quantity in found["quantities"] if quantity["name"] == "returns per pulse")
     assert returns["figures"][0]["is_within_chance"] is True and found["chance"]["splits"] == 39
     assert found["first_to_second"]["mean_m"] < 1 and found["first"]["points"] > 5000

@@ -20,7 +20,12 @@ def renamed(**names: str) -> Callable[[Function], Function]:
     def decorate(function: Function) -> Function:
         @wraps(function)
         def call(*args: object, **arguments: object) -> object:
-            return function(*args, **{names.get(name, name): value for name, value in arguments.items()})
+            for earlier, now in names.items():
+                if earlier in arguments:
+                    if now in arguments:
+                        raise TypeError(f"{earlier} is the earlier name of {now}; give {now} only")
+                    arguments[now] = arguments.pop(earlier)
+            return function(*args, **arguments)
 
         return cast(Function, call)
 

@@ -28,7 +28,7 @@ class Material:
     name : str
         Name, by which :meth:`Part.with_material` finds it.
     reflectance : float, optional
-        Reflectance, 0 to 1. By default that of ``spectrum``, else 0.5.
+        Reflectance, 0 to 1. By default that of ``spectrum``, else 0.5; a mirror or pane is clean by default.
     classification : int
         Class of the points, 0 to 255.
     spectrum : str, optional

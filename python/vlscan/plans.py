@@ -303,7 +303,7 @@ def plan_terrestrial(
     at_centre : bool
         Whether there is one at its centre, too.
     at : iterable of tuple of float
-        Places of the tripod, m, instead of a grid or a plot.
+        Places of the tripod, m, instead of an area with a grid, or a plot.
     resolution : float
         Angle between points, degrees.
     platform : str, optional
@@ -328,6 +328,8 @@ def plan_terrestrial(
     ------
     InputError
         The options are missing, invalid, or beyond what the instrument can do.
+    ValueError
+        ``at`` is combined with an area, a grid or a plot.
     """
     return _plan("terrestrial", dict(locals()))
 
@@ -393,6 +395,10 @@ def _plan(kind: str, fields: dict[str, Any]) -> Plan:
         fields["area"] = area_of(fields["area"])
     if "at" in fields:
         fields["at"] = [tuple(place) for place in fields["at"]]
+        others = (name for name in ("area", "spacing", "around", "radius", "positions") if fields[name] is not None)
+        other = next(others, "at_centre" if fields["at_centre"] else None)
+        if fields["at"] and other is not None:
+            raise ValueError(f"at={fields['at']} names the positions, so {other} has no meaning; give one of them")
     if "along" in fields:
         along = area_of(fields["along"])
         fields["along"] = along if isinstance(along, str) else f"LINESTRING ({', '.join(f'{x} {y}' for x, y in along)})"

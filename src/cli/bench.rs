@@ -18,7 +18,7 @@ use vlscan_session::output::{OutputRequest, PointFormat, Target};
 use vlscan_session::{LoadedScene, Progress, RunContext, Session, Settings};
 use vlscan_survey::PlatformKind;
 use vlscan_trace::BuildOptions;
-use vlscan_warehouse::{Log, Policy, Recorder, Schedule};
+use vlscan_warehouse::{Log, MAX_THREADS, Policy, Recorder, Schedule};
 
 /// Measurements under one schedule.
 #[derive(Serialize)]
@@ -132,10 +132,10 @@ fn schedules(args: &BenchArgs, settings: &Settings) -> Result<Vec<Schedule>> {
     let all = all_threads();
     let threads = match &args.threads[..] {
         [] => (0..).map(|i| 1 << i).take_while(|&n| n < all).chain([all]).collect(),
-        sizes_given => sizes_given.to_vec(),
+        given => given.to_vec(),
     };
-    if let Some(n) = threads.iter().find(|n| !(1..=1024).contains(*n)) {
-        return Err(Error::input(format!("--threads: expected 1 to 1024 threads, found {n}")));
+    if let Some(n) = threads.iter().find(|n| !(1..=MAX_THREADS).contains(*n)) {
+        return Err(Error::input(format!("--threads: expected 1 to {MAX_THREADS} threads, found {n}")));
     }
     let default_size = [ChunkSize(settings.schedule.policy.size())];
     let sizes = if args.chunk_size.is_empty() { &default_size[..] } else { &args.chunk_size };

@@ -62,7 +62,6 @@ impl ResolvedRun {
             survey.crs_wkt = Some(crs.wkt()?);
         }
         let seed = options.origin.seed.map(|seed| seed.0).or(survey.seed).unwrap_or(0);
-        check_threads(options)?;
         let threads = threads(options.schedule.threads, all_threads());
         let is_live = matches!(survey.platform.kind, PlatformKind::Stream(_));
         let mut settings = Settings::new(survey);
@@ -104,6 +103,7 @@ impl ResolvedRun {
                 "subrays have no waveforms: leave out either --subrays or the waveforms",
             ));
         }
+        settings.check()?;
         let speed = &options.schedule;
         if let Some(path) = speed.schedule_log.as_deref().filter(|path| means_stdout(path)) {
             let message = format!("--schedule-log {}: stdout is for points; name a file", path.display());
@@ -117,18 +117,6 @@ impl ResolvedRun {
             progress_lines: speed.progress.is_on(),
         })
     }
-}
-
-/// Checks the numbers of threads.
-fn check_threads(options: &Options) -> Result<()> {
-    for (option, requested) in
-        [("--threads", options.schedule.threads), ("--tree-jobs", options.tree.tree_jobs)]
-    {
-        if let Some(requested) = requested.filter(|requested| *requested > MAX_THREADS) {
-            return Err(Error::input(format!("{option} {requested}: expected at most {MAX_THREADS}")));
-        }
-    }
-    Ok(())
 }
 
 /// Returns a schedule with those parameters that apply to it.
@@ -161,9 +149,10 @@ fn tree(options: &Options, all: usize) -> BuildOptions {
     BuildOptions { jobs, geometry_jobs: jobs, ..BuildOptions::of(options.tree.tree.unwrap_or_default()) }
 }
 
-/// Returns the requested number of threads; 0 and `None` mean `all`.
+/// Returns the requested number of threads; 0 and `None` mean `all`. A request above [`MAX_THREADS`] is not
+/// lowered: it is an error of the schedule.
 fn threads(requested: Option<usize>, all: usize) -> usize {
-    requested.filter(|&n| n > 0).unwrap_or(all).min(MAX_THREADS)
+    requested.filter(|&n| n > 0).unwrap_or(all.min(MAX_THREADS))
 }
 
 fn all_threads() -> usize {
@@ -235,5 +224,17 @@ mod tests {
             assert_eq!(policy(line), expected, "{line}");
         }
         assert!(parsed("--chunk-size 0").is_err() && parsed("--idle-threshold=-1").is_err());
+    }
+
+    #[test]
+    fn requests_for_too_many_threads_are_errors() {
+        let survey = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/room/survey.xml");
+        for (line, expected) in [
+            ("--threads 1025", "--threads 1025: expected at most 1024"),
+            ("--tree-jobs 1025", "--tree-jobs 1025: expected at most 1024"),
+        ] {
+            let error = ResolvedRun::resolve(&survey, &options(line)).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
     }
 }

@@ -1,5 +1,5 @@
 //! Switches: options without a value. Each has an opposite, by which the command line undoes the choice of a
-//! file says.
+//! file.
 
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use serde::Deserialize;

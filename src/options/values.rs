@@ -464,7 +464,9 @@ mod tests {
         let text = "expected a number of bytes such as 8000000000 or 8G, found \"5 bananas\"";
         assert_eq!(error.to_string(), text);
         let error = "0".parse::<ChunkSize>().unwrap_err();
-        assert_eq!(error.to_string(), "expected 1 to 16777216 pulses, found 0");
+        assert_eq!(error.to_string(), format!("expected 1 to {MAX_CHUNK_SIZE} pulses, found 0"));
+        let error = "3601".parse::<Latency>().unwrap_err();
+        assert_eq!(error.to_string(), format!("expected seconds from 0 to {MAX_LATENCY_S}, found 3601"));
         let error = "32N".parse::<Crs>().unwrap_err().to_string();
         assert!(error.ends_with("found \"32N\"; UTM zone 32N on WGS 84 is EPSG:32632"), "{error}");
     }

@@ -305,6 +305,9 @@ fn merged_points_go_to_stdout() {
                 .stdout;
         assert!(found == expected, "{threads} threads");
     }
+    let many = run(dir.path(), &["merge", "shards", "-q", "-o", "-", "--format", "laz", "-j", "5000"]);
+    assert_eq!((many.status.code(), &many.stdout[..]), (Some(2), &b""[..]));
+    assert!(text(&many.stderr).contains("5000 threads: expected 1 to 1024"), "{}", text(&many.stderr));
 }
 
 #[test]

@@ -17,7 +17,7 @@ use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::pulse::Batch;
-use vlscan_warehouse::{Feed, Outcome, Schedule, Tasks};
+use vlscan_warehouse::{Feed, Outcome, RunError, Schedule, Tasks};
 
 /// A block of an open shard.
 struct Block {
@@ -194,6 +194,7 @@ pub(super) fn merge_echoes(
     schedule: Schedule,
     control: RunContext<'_>,
 ) -> Result<Report> {
+    schedule.check().map_err(RunError::from)?;
     let context = output_context(shards)?;
     check_records(shards, &outputs)?;
     let epochs = shards.head.epochs.max(1);

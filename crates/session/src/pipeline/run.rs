@@ -41,8 +41,8 @@ pub struct Report {
     pub seconds: f64,
     /// True if the run was stopped: the outputs contain the points until then, and are marked as partial.
     pub interrupted: bool,
-    /// Warnings and notes, with an observer or without one: all that the session has had so far, of loading
-    /// its scene and of its runs.
+    /// All warnings of the session so far, with an observer or without one: of loading its scene and of its
+    /// runs.
     pub warnings: Diagnostics,
 }
 

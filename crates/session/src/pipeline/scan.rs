@@ -420,8 +420,9 @@ mod tests {
         batches.stop();
         let rest = batches.by_ref().filter(|batch| batch.is_ok()).count();
         assert!(batches.report().is_some_and(|report| report.interrupted), "{rest} batches after the stop");
+        let folder = tempfile::tempdir().unwrap();
         let turning = scan().configure(|settings| settings.head_stop = 100.0).station(DVec3::Z);
-        let report = turning.sink(Target::File("/dev/null".into()), PointFormat::Xyz).run().unwrap();
+        let report = turning.output(folder.path().join("turns.xyz")).unwrap().run().unwrap();
         let warnings = report.warnings.text();
         assert!(warnings.contains("the head makes 15.9 turns"), "{warnings}");
     }

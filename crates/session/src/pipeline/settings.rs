@@ -14,10 +14,10 @@ use vlscan_survey::Survey;
 use vlscan_trace::BuildOptions;
 use vlscan_warehouse::{MAX_THREADS, Policy, RunError, Schedule};
 
-/// Pulses per chunk: enough to make the cost of the queues negligible, few enough to keep all threads busy on
 /// Maximum delay for which points of a live trajectory may wait, s.
 pub const MAX_LATENCY_S: f64 = 3600.0;
 
+/// Pulses per chunk: enough to make the cost of the queues negligible, few enough to keep all threads busy on
 /// short legs.
 pub const DEFAULT_CHUNK_SIZE: u32 = 1024;
 
@@ -65,7 +65,7 @@ impl Settings {
             flight: FlightOptions { seed, gps_start_ns, ..FlightOptions::default() },
             physics: PhysicsOptions { seed, ..PhysicsOptions::helios() },
             schedule: Schedule {
-                threads: available_parallelism().map_or(1, NonZero::get),
+                threads: available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS),
                 policy: Policy::Warehouse { size: DEFAULT_CHUNK_SIZE, factor: DEFAULT_WAREHOUSE_FACTOR },
                 leg_barrier: false,
             },
