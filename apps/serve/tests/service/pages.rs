@@ -1,4 +1,5 @@
-//! Examples, uploads from pages, forms that are shown again with a fix, and the way through the jobs of a scan.
+//! Examples, uploads from pages, forms that are shown again with a fix, and the way through the jobs of a
+//! scan.
 
 use super::browser::{finished, page, send, token_of};
 use super::jobs::{flight, with_field};
@@ -109,7 +110,11 @@ fn pages_of_a_scan_lead_back_to_its_files() {
         ("area", area),
     ];
     let plan = send(&service, "/forms/plan", &token, &fields).header("location").to_owned();
-    assert!(finished(&service, &plan).contains("RIEGL VUX-1UAV, 60 m</h1>"));
+    let planned = finished(&service, &plan);
+    assert!(
+        planned.contains("RIEGL VUX-1UAV, 60 m</h1>") && !planned.contains("message-format"),
+        "{planned}"
+    );
     let file = format!("{}/plan.toml", plan.trim_start_matches('/'));
     let next = |action: &str| {
         let fields = [("file", file.as_str()), ("action", action), ("format", "copc.laz"), ("seed", "3")];
