@@ -30,6 +30,20 @@ pub fn request_json(words: &[OsString]) -> bool {
     is_pair || words.iter().any(|word| *word == "--message-format=json")
 }
 
+/// Returns the words of a command line without the option for the form of messages.
+pub fn without_format(words: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let mut words = words.into_iter();
+    let mut kept = Vec::new();
+    while let Some(word) = words.next() {
+        if word == "--message-format" {
+            words.next();
+        } else if !word.as_encoded_bytes().starts_with(b"--message-format=") {
+            kept.push(word);
+        }
+    }
+    kept
+}
+
 /// Returns a message as a line.
 pub fn line(message: &Message) -> String {
     serde_json::to_string(message).map_or_else(|_| String::new(), |text| text + "\n")
@@ -247,6 +261,17 @@ mod tests {
         {
             assert!(!is_requested(line), "{line}");
         }
+    }
+
+    #[test]
+    fn a_command_line_is_repeated_without_the_form_of_its_messages() {
+        let kept = |line: &str| {
+            let words = without_format(line.split(' ').map(OsString::from));
+            words.iter().map(|word| word.to_str().unwrap().to_owned()).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(kept("--message-format=json plan mobile --speed 8"), "plan mobile --speed 8");
+        assert_eq!(kept("plan --message-format json mobile"), "plan mobile");
+        assert_eq!(kept("plan mobile"), "plan mobile");
     }
 
     #[test]

@@ -27,9 +27,10 @@ pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// The command line as typed, with quotes where a shell needs them.
+/// The command line as typed, with quotes where a shell needs them. The form of its messages is left out: plans
+/// do not depend on it.
 fn command_line() -> String {
-    let words = std::env::args_os().skip(1).map(|word| {
+    let words = messages::without_format(std::env::args_os().skip(1)).into_iter().map(|word| {
         let word = word.to_string_lossy().into_owned();
         let is_plain = word.chars().all(|c| c.is_alphanumeric() || "-_./=,:#+%".contains(c));
         if is_plain && !word.is_empty() { word } else { format!("'{}'", word.replace('\'', r"'\''")) }

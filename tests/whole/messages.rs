@@ -95,6 +95,13 @@ fn stdout_is_that_of_a_run_with_text() {
     assert!(as_json.stdout == succeed(dir.path(), &rest).stdout && as_json.stdout.len() > 10_000);
     let messages = messages(&as_json);
     assert_eq!(result(&messages).files[0].path, "-");
+    // A plan begins with its command.
+    let scene = fixture("terrain/scene.xml").to_str().unwrap().to_owned();
+    let area = "POLYGON ((-20 -20, 20 -20, 20 20, -20 20))";
+    let plan = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--height", "60", "--density", "4"];
+    let plan = [&plan[..], &["--scene", &scene, "--area", area]].concat();
+    let as_json = succeed(dir.path(), &[&[JSON][..], &plan].concat()).stdout;
+    assert!(as_json == succeed(dir.path(), &plan).stdout && as_json.starts_with(b"# vlscan plan airborne "));
 }
 
 #[test]

@@ -17,6 +17,9 @@ const MAX_LAST: u64 = 8 << 10;
 /// Longest message of a job, bytes.
 const MAX_MESSAGE: usize = 8 << 10;
 
+/// Beginning of a message in JSON.
+const START: &[u8] = b"{\"kind\":";
+
 /// Messages of a successful process.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Said {
@@ -36,6 +39,8 @@ impl Line {
     fn of(bytes: &[u8]) -> Line {
         match serde_json::from_slice(bytes) {
             Ok(message) => Line::Message(message),
+            // A line that was cut off: by the limit of a log, a full disk or the end of the process.
+            Err(error) if error.is_eof() && bytes.starts_with(START) => Line::Message(Message::Unknown),
             Err(_) => Line::Text(String::from_utf8_lossy(bytes).into_owned()),
         }
     }
@@ -276,6 +281,17 @@ mod tests {
         let said = said(WARNING.as_bytes().chain(&b"\n"[..]).chain(std::io::repeat(b'x')), plain).text;
         assert!(said.starts_with("warning: leg 2") && said.contains("… and 1 more lines"), "{said}");
         assert!(said.ends_with("the first 1048576 bytes of the messages are read)"), "{said}");
+    }
+
+    #[test]
+    fn messages_that_were_cut_off_are_not_shown_as_text() {
+        let half = &PROGRESS[..PROGRESS.len() / 2];
+        assert_eq!(failure(log_of(&format!("{WARNING}\n{half}")).path(), plain), "");
+        let progress = format!("{PROGRESS}\n").repeat(MAX_LOG as usize / PROGRESS.len() + 1);
+        let found = said(format!("{WARNING}\n{progress}").as_bytes(), plain).text;
+        assert!(found.starts_with("warning: leg 2") && !found.contains("kind"), "{found}");
+        let other = said(&b"{\"kind\":\"weather\",\"sun\":true}\n{\"sun\": tr\n"[..], plain).text;
+        assert_eq!(other, "{\"sun\": tr", "kinds of later versions are left out, other text is not");
     }
 
     #[test]

@@ -12,6 +12,9 @@ use std::sync::OnceLock;
 /// Name of the program.
 const NAME: &str = if cfg!(windows) { "vlscan.exe" } else { "vlscan" };
 
+/// Option of the program for messages that the service reads.
+pub(crate) const MESSAGES: &str = "--message-format=json";
+
 /// Prefix of references that vlscan resolves in its catalogue, whatever files exist.
 pub const CATALOGUE: &str = "catalogue:";
 
@@ -61,7 +64,8 @@ impl Program {
             None => look().ok_or(ProgramError::Absent)?,
         };
         let path = path.canonicalize().unwrap_or(path);
-        let schemas = ask(&path, &["man", "--json-schema"])?;
+        // A program of an earlier version fails here already, not in each job.
+        let schemas = ask(&path, &[MESSAGES, "man", "--json-schema"])?;
         let catalogue = ask(&path, &["catalogue", "--json"])?;
         // The version is part of what determines results.
         let version = schemas["version"].as_str().map(str::to_owned);

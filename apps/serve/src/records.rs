@@ -1,7 +1,7 @@
 //! Records of uploads and jobs.
 
 use serde::Serialize;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use vlscan_messages::ProblemMessage;
 
 /// Kind of stored files.
@@ -218,6 +218,41 @@ pub fn now() -> i64 {
     i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
 }
 
+/// Clock by which jobs expire. It follows the clock of the system, one that is put forward only after a day: a
+/// wrong clock would have everything removed at once.
+#[derive(Debug)]
+pub(crate) struct ExpiryClock {
+    time: i64,
+    checked: Instant,
+    /// Since when the clock of the system has been ahead.
+    ahead: Option<Instant>,
+}
+
+impl ExpiryClock {
+    /// Largest difference of clocks that count as equal, ms.
+    const TOLERANCE: i64 = 60_000;
+    /// Time after which a clock that was put forward is followed.
+    const PATIENCE: Duration = Duration::from_secs(86_400);
+
+    /// A clock that begins at the time `wall`, ms since 1970.
+    pub(crate) fn new(wall: i64, at: Instant) -> ExpiryClock {
+        ExpiryClock { time: wall, checked: at, ahead: None }
+    }
+
+    /// The time at `at`, ms since 1970, when the clock of the system has the time `wall`.
+    pub(crate) fn time(&mut self, wall: i64, at: Instant) -> i64 {
+        let passed = at.saturating_duration_since(self.checked).as_millis();
+        let steady = self.time.saturating_add(i64::try_from(passed).unwrap_or(i64::MAX));
+        let is_ahead = wall > steady.saturating_add(ExpiryClock::TOLERANCE);
+        let ahead = is_ahead.then(|| self.ahead.unwrap_or(at));
+        let is_followed =
+            ahead.is_none_or(|since| at.saturating_duration_since(since) > ExpiryClock::PATIENCE);
+        let time = if is_followed { wall } else { steady };
+        *self = ExpiryClock { time, checked: at, ahead: ahead.filter(|_| !is_followed) };
+        time
+    }
+}
+
 /// A time as RFC 3339 has it.
 pub fn time_text(ms: i64) -> String {
     let time = chrono::DateTime::from_timestamp_millis(ms).unwrap_or_default();
@@ -226,4 +261,24 @@ pub fn time_text(ms: i64) -> String {
 
 fn as_time<S: serde::Serializer>(ms: &i64, serializer: S) -> std::result::Result<S::Ok, S::Error> {
     serializer.serialize_str(&time_text(*ms))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_that_is_put_forward_is_followed_after_a_day() {
+        let start = Instant::now();
+        let at = |seconds: u64| start + Duration::from_secs(seconds);
+        let year = 31_536_000_000;
+        let mut clock = ExpiryClock::new(1_000_000, start);
+        assert_eq!(clock.time(1_061_000, at(60)), 1_061_000, "a second of drift");
+        assert_eq!(clock.time(1_121_000 + year, at(120)), 1_121_000);
+        assert_eq!(clock.time(1_180_000, at(180)), 1_180_000, "the clock was corrected");
+        assert_eq!(clock.time(1_240_000 + year, at(240)), 1_240_000);
+        assert_eq!(clock.time(year + 90_000_000, at(240 + 86_400)), 1_240_000 + 86_400_000);
+        assert_eq!(clock.time(year + 90_001_000, at(241 + 86_400)), year + 90_001_000);
+        assert_eq!(clock.time(5, at(86_700)), 5, "a clock that was put back");
+    }
 }

@@ -30,6 +30,8 @@ const MAX_NUMBER: u32 = 1000;
 /// Memory and processor time of the process that expands an archive.
 const EXPAND_MEMORY: u64 = 1 << 30;
 const EXPAND_SECONDS: u64 = 300;
+/// Room on the disk without which an archive counts as too large for the disk, not as damaged, bytes.
+const MIN_ROOM: usize = 1 << 20;
 /// Name of an archive for the process that expands it.
 const ARCHIVE: &str = "archive.zip";
 /// First bytes of a zip archive.
@@ -303,11 +305,18 @@ fn expand_confined(archive: &Path, work: &Path, limits: &ServeArgs) -> Result<Pa
     {
         End::Success => Ok(out),
         End::Failure(message) | End::NotDivisible(message) => {
+            check_room(work)?;
             let message = message.trim_start_matches("error: ");
             Err(UploadError::Wrong(format!("the archive cannot be expanded: {message}")))
         }
         End::GivenUp => Err(UploadError::Wrong("the archive was not expanded".to_owned())),
     }
+}
+
+/// Returns the error of a full disk, which the process that expands an archive may not even have been able to
+/// report.
+fn check_room(folder: &Path) -> io::Result<()> {
+    fs::write(folder.join("room"), vec![0; MIN_ROOM])
 }
 
 fn is_archive(path: &Path) -> io::Result<bool> {

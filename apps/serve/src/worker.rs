@@ -13,9 +13,9 @@ use crate::files::Fetched;
 use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results};
 use crate::messages::{MAX_LOG, progress_of};
 use crate::processes::Process;
-use crate::program::Program;
+use crate::program::{MESSAGES, Program};
 use crate::queue::{Lane, Outcome};
-use crate::records::Kind;
+use crate::records::{ExpiryClock, Kind};
 use crate::request::Prepared;
 use crate::steps::Steps;
 use crate::store::{Job, Result, Status, Store, StoreError, now, remove_folder};
@@ -42,8 +42,6 @@ const DAY: i64 = 86_400_000;
 const EXPIRY: Duration = Duration::from_secs(60);
 /// Largest forecast that is read, bytes.
 const MAX_REPORT: u64 = 1 << 20;
-/// Option of the program for messages that the service reads.
-const MESSAGES: &str = "--message-format=json";
 /// Lease owner of cancelled jobs still queued in an engine.
 const WITHDRAWAL: &str = "withdrawal";
 
@@ -124,10 +122,11 @@ impl Workshop {
         let keep = self.limits.keep.map(|days| (days * DAY as f64) as i64);
         let period = keep.map_or(EXPIRY, |keep| EXPIRY.min(Duration::from_millis(keep.unsigned_abs())));
         let mut checked: Option<Instant> = None;
+        let mut clock = ExpiryClock::new(now(), Instant::now());
         while !self.is_ending() {
             if checked.is_none_or(|checked| checked.elapsed() > period) {
                 checked = Some(Instant::now());
-                if let Err(error) = self.remove_old(keep) {
+                if let Err(error) = self.remove_old(keep, clock.time(now(), Instant::now())) {
                     eprintln!("vlscan serve: {error}");
                 }
             }
@@ -135,14 +134,14 @@ impl Workshop {
         }
     }
 
-    /// Removes jobs that were finished longer ago than `keep`, ms.
-    fn remove_old(self: &Arc<Workshop>, keep: Option<i64>) -> Result<()> {
+    /// Removes jobs that were finished longer than `keep` before `time`, ms.
+    fn remove_old(self: &Arc<Workshop>, keep: Option<i64>, time: i64) -> Result<()> {
         if let Some(keep) = keep {
-            for (owner, id) in self.store.finished_before(now() - keep)? {
+            for (owner, id) in self.store.finished_before(time.saturating_sub(keep))? {
                 self.dismiss(&owner, &id)?;
             }
         }
-        self.store.forget_before(now() - DAY)
+        self.store.forget_before(time - DAY)
     }
 
     /// True if the service ends.

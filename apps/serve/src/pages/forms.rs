@@ -8,7 +8,8 @@ use super::{new, plan_fields};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::processes::Process;
-use crate::store::Status;
+use crate::store::{Result as StoreResult, Status};
+use crate::worker::Workshop;
 use axum::Extension;
 use axum::extract::{Form, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -191,12 +192,22 @@ pub async fn dismiss(
     Extension(identity): Extension<Identity>,
     form: FormBody,
 ) -> Answer {
-    let id = genuine(&app, &identity, form)?.remove("id").unwrap_or_default();
+    let mut fields = genuine(&app, &identity, form)?;
+    let id = fields.remove("id").unwrap_or_default();
+    let is_giving_up = fields.contains_key("unfinished");
     let owner = identity.owner.clone();
     let name = id.clone();
     let workshop = Arc::clone(&app.workshop);
-    match blocking(&app, move |_| workshop.dismiss(&owner, &name)).await? {
-        // The page of the job says that it is removed or given up.
+    let dismiss = move |_: &Workshop| -> StoreResult<bool> {
+        // A job that has finished since its page was shown keeps its results.
+        let job = workshop.store.job(&owner, &name)?;
+        if is_giving_up && job.is_some_and(|job| job.status.is_final()) {
+            return Ok(true);
+        }
+        workshop.dismiss(&owner, &name)
+    };
+    match blocking(&app, dismiss).await? {
+        // The page of the job says that it is removed, given up, or finished.
         true => Ok(Redirect::to(&format!("/jobs/{id}")).into_response()),
         false => Err(Failure::no_job(&id)),
     }

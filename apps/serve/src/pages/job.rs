@@ -116,6 +116,7 @@ fn removal(app: &App, identity: &Identity, job: &Job) -> Markup {
             form method="post" action="/forms/dismiss" {
                 (form_token(app, identity))
                 input type="hidden" name="id" value=(job.id);
+                @if !job.status.is_final() { input type="hidden" name="unfinished" value="on"; }
                 button .quiet type="submit" { (answer) }
             }
         }

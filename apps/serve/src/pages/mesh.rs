@@ -6,6 +6,8 @@ use crate::store::{Result, Store};
 /// Largest mesh and file of materials that are looked into, bytes.
 const MAX_MESH: u64 = 16 << 20;
 const MAX_MATERIALS: u64 = 1 << 20;
+/// Most files of materials of a mesh that are looked into.
+const MAX_LIBRARIES: usize = 16;
 
 /// The lowest place, m, of a mesh (OBJ) of an upload that has no ground. `None` for other scenes.
 ///
@@ -20,7 +22,7 @@ pub fn level(store: &Store, owner: &str, scene: &str) -> Result<Option<f64>> {
     let Some(bytes) = store.read(Kind::Upload, &upload.id, path, MAX_MESH)? else { return Ok(None) };
     let mesh = String::from_utf8_lossy(&bytes);
     let folder = path.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
-    for library in mesh.lines().filter_map(|line| line.strip_prefix("mtllib ")) {
+    for library in mesh.lines().filter_map(|line| line.strip_prefix("mtllib ")).take(MAX_LIBRARIES) {
         let materials =
             store.read(Kind::Upload, &upload.id, &format!("{folder}{}", library.trim()), MAX_MATERIALS)?;
         if materials.is_some_and(|materials| has_ground(&String::from_utf8_lossy(&materials))) {

@@ -24,6 +24,15 @@ pub fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures")
 }
 
+/// Starts a service that ends at once, without success. Returns its messages.
+pub fn refused(data: &Path, options: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vlscan-serve"));
+    command.args(["--listen", "127.0.0.1:0", "--program"]).arg(vlscan()).arg("--data").arg(data);
+    let done = command.args(options).output().unwrap();
+    assert!(!done.status.success(), "{options:?}");
+    String::from_utf8_lossy(&done.stderr).into_owned()
+}
+
 /// A service that runs.
 pub struct Service {
     process: Child,

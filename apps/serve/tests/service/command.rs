@@ -70,6 +70,26 @@ fn a_start_tells_why_a_program_cannot_be_executed_in_the_sandbox() {
 }
 
 #[test]
+fn a_program_without_messages_in_json_is_refused_at_the_start() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("program");
+    let refusal = "echo \"error: unexpected argument '$1' found\" >&2; exit 2";
+    let script = format!(
+        "#!/bin/sh\ncase \"$1\" in --message-format*) {refusal};; esac\nexec {} \"$@\"\n",
+        vlscan().display()
+    );
+    std::fs::write(&program, script).unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let data = folder.path().join("data");
+    let options = ["--listen", "127.0.0.1:0", "--program", program.to_str().unwrap(), "--data"];
+    let told = serve(&[&options[..], &[data.to_str().unwrap()]].concat());
+    let message = text(&told.stderr);
+    assert_eq!(told.status.code(), Some(2), "{message}");
+    assert!(message.contains("unexpected argument '--message-format=json'"), "{message}");
+}
+
+#[test]
 fn restricted_processes_reach_their_own_files_only_and_no_network() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

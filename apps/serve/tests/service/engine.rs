@@ -1,7 +1,7 @@
 //! Jobs that an engine computes. The engine is a script that starts each task as a separate process, which
 //! outlives the service.
 
-use crate::client::Service;
+use crate::client::{Service, refused};
 use crate::jobs::{flight, wait_for_processes, with_field};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -250,31 +250,13 @@ fn a_service_without_the_engine_leaves_its_jobs_alone() {
     service.submit("run", &flight(1, 4000));
     wait_for_processes(&service, true);
     service.kill();
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_vlscan-serve"));
-    command
-        .args(["--listen", "127.0.0.1:0", "--program"])
-        .arg(crate::client::vlscan())
-        .arg("--data")
-        .arg(&service.data);
-    let done = command.output().unwrap();
-    assert!(!done.status.success());
-    assert!(String::from_utf8_lossy(&done.stderr).contains("--submit, --poll and --cancel"), "{done:?}");
+    let said = refused(&service.data, &[]);
+    assert!(said.contains("--submit, --poll and --cancel"), "{said}");
 }
 
 #[test]
 fn commands_of_an_engine_are_checked_at_the_start() {
-    let refused = |options: &[&str]| {
-        let folder = tempfile::tempdir().unwrap();
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_vlscan-serve"));
-        command
-            .args(["--listen", "127.0.0.1:0", "--program"])
-            .arg(crate::client::vlscan())
-            .arg("--data")
-            .arg(folder.path());
-        let done = command.args(options).output().unwrap();
-        assert!(!done.status.success(), "{options:?}");
-        String::from_utf8_lossy(&done.stderr).into_owned()
-    };
+    let refused = |options: &[&str]| refused(tempfile::tempdir().unwrap().path(), options);
     assert!(refused(&["--submit", "a {command}"]).contains("--poll"));
     let said = refused(&["--submit", "a {comand}", "--poll", "b", "--cancel", "c"]);
     assert!(said.contains("--submit: {comand} is no placeholder; expected {name}"), "{said}");

@@ -1,6 +1,6 @@
 //! Queue, results given again, limits, interruptions.
 
-use crate::client::Service;
+use crate::client::{Service, refused};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -195,13 +195,6 @@ fn limits_end_a_job_with_a_message() {
 #[test]
 fn two_services_do_not_share_a_folder() {
     let service = Service::start(&["--workers", "0"]);
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_vlscan-serve"));
-    command
-        .args(["--listen", "127.0.0.1:0", "--program"])
-        .arg(crate::client::vlscan())
-        .arg("--data")
-        .arg(&service.data);
-    let done = command.output().unwrap();
-    assert!(!done.status.success());
-    assert!(String::from_utf8_lossy(&done.stderr).contains("another service uses the folder"), "{done:?}");
+    let said = refused(&service.data, &[]);
+    assert!(said.contains("another service uses the folder"), "{said}");
 }

@@ -132,8 +132,8 @@ fn finished_jobs_expire_where_the_operator_says_so() {
 fn scripted(folder: &Path, script: &str, options: &[&str]) -> Service {
     let program = folder.join("program");
     let vlscan = vlscan();
-    let script =
-        format!("#!/bin/sh\ncase $1 in man|catalogue) exec {} \"$@\";; esac\n{script}\n", vlscan.display());
+    let asked = "case \"$*\" in catalogue*|*' man '*)";
+    let script = format!("#!/bin/sh\n{asked} exec {} \"$@\";; esac\n{script}\n", vlscan.display());
     std::fs::write(&program, script).unwrap();
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
     Service::start(

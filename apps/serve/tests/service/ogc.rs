@@ -1,5 +1,5 @@
-//! The requirements of OGC API - Processes, Part 1: Core 1.0 (OGC 18-062r2) for the declared classes, each by
-//! the id in the comment above its test.
+//! Requirements of OGC API - Processes, Part 1: Core 1.0 (OGC 18-062r2) for the declared classes, with their
+//! ids where sources agree on them.
 
 use crate::client::{Answer, Service};
 use serde_json::{Value, json};
@@ -82,8 +82,8 @@ fn the_list_of_processes_has_at_most_as_many_as_its_limit() {
     }
 }
 
-// /req/core/process-exception-no-such-process, /req/core/job-exception-no-such-job,
-// /req/core/job-results-exception-no-such-job, /req/core/job-results-exception-results-not-ready
+// /req/core/process-exception/no-such-process, /req/core/job-exception-no-such-job,
+// /req/core/job-results-exception/no-such-job, /req/core/job-results-exception/results-not-ready
 #[test]
 fn exceptions_have_the_types_of_the_standard() {
     let service = Service::start(&["--workers", "0"]);
@@ -139,8 +139,7 @@ fn every_error_is_a_problem() {
     );
 }
 
-// /req/core/job-creation-default-execution-mode, /req/core/job-creation-auto-execution-mode,
-// /req/core/job-creation-success-async
+// Core: the execution mode, and the answer to an asynchronous request.
 #[test]
 fn preferences_choose_between_results_and_a_job() {
     let service = with_terrain();
@@ -165,8 +164,7 @@ fn preferences_choose_between_results_and_a_job() {
     }
 }
 
-// /req/core/job-creation-sync-raw-value-one, /req/core/job-creation-sync-raw-ref,
-// /req/core/job-creation-sync-document, /req/core/job-creation-default-outputs
+// Core: answers to synchronous requests for one output, raw or in a document, by value or by reference.
 #[test]
 fn an_output_is_the_answer_a_link_or_in_a_document() {
     let service = with_terrain();
@@ -205,9 +203,8 @@ fn an_output_is_the_answer_a_link_or_in_a_document() {
     assert!(reference["plan.toml"]["href"].is_string(), "{reference}");
 }
 
-// /req/core/job-creation-sync-raw-value-multi, /req/core/job-creation-sync-raw-mixed-multi,
-// /req/core/job-results-async-raw-value-one, /req/core/job-results-async-raw-ref,
-// /req/core/job-results-async-document
+// Core: raw answers of several outputs; /req/core/job-results-async-raw-value-one,
+// /req/core/job-results-async-raw-ref, /req/core/job-results-async-document
 #[test]
 fn several_outputs_are_parts_and_jobs_answer_in_the_form_of_their_request() {
     let service = with_terrain();
@@ -266,8 +263,8 @@ fn several_outputs_are_parts_and_jobs_answer_in_the_form_of_their_request() {
     assert_eq!((links.status, links.header("link").matches("rel=\"item\"").count()), (204, 2));
 }
 
-// /req/job-list/limit-definition, /req/job-list/limit-response, /req/job-list/links,
-// /req/job-list/processID-definition, /req/job-list/status-definition, /req/job-list/type-definition
+// The limit of lists; /req/job-list/links, /req/job-list/processID-definition,
+// /req/job-list/status-definition, /req/job-list/type-definition
 #[test]
 fn lists_of_jobs_are_pages_whose_links_keep_their_filters() {
     let service = Service::start(&["--workers", "0"]);

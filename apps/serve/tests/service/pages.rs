@@ -110,7 +110,11 @@ fn pages_of_a_scan_lead_back_to_its_files() {
         ("area", area),
     ];
     let plan = send(&service, "/forms/plan", &token, &fields).header("location").to_owned();
-    assert!(finished(&service, &plan).contains("RIEGL VUX-1UAV, 60 m</h1>"));
+    let planned = finished(&service, &plan);
+    assert!(
+        planned.contains("RIEGL VUX-1UAV, 60 m</h1>") && !planned.contains("message-format"),
+        "{planned}"
+    );
     let file = format!("{}/plan.toml", plan.trim_start_matches('/'));
     let next = |action: &str| {
         let fields = [("file", file.as_str()), ("action", action), ("format", "copc.laz"), ("seed", "3")];
@@ -153,6 +157,7 @@ fn jobs_tell_their_place_in_the_queue_and_are_removed_after_a_question() {
     for (id, place) in ids.iter().zip(["Next in the queue", "1 job before this one"]) {
         let text = page(&service, &format!("/jobs/{id}"));
         assert!(text.contains(place) && text.contains("<summary>Give up</summary>"), "{text}");
+        assert!(text.contains("name=\"unfinished\""), "{text}");
     }
     let token = token_of(&page(&service, "/")).to_owned();
     let path = format!("/jobs/{}", ids[1]);
@@ -167,6 +172,10 @@ fn jobs_tell_their_place_in_the_queue_and_are_removed_after_a_question() {
     assert!(done.contains("<summary>Remove</summary>") && done.contains("The picture is drawn"), "{done}");
     assert!(done.contains("<script src=\"/static/page.js\" defer>"), "{done}");
     let token = token_of(&done).to_owned();
+    // A job that was finished before it was given up keeps its results.
+    let late = send(&service, "/forms/dismiss", &token, &[("id", &ids[0]), ("unfinished", "on")]);
+    assert_eq!((late.status, late.header("location")), (303, path.as_str()));
+    assert_eq!(service.json(&path)["status"], "successful");
     assert_eq!(send(&service, "/forms/dismiss", &token, &[("id", &ids[0])]).header("location"), path);
     let removed = page(&service, &path);
     assert!(removed.contains(">removed<") && !removed.contains("/forms/dismiss"), "{removed}");

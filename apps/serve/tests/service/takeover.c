@@ -161,14 +161,15 @@ static void *idle(void *nothing) { return nothing; }
 int main(int count, char **words) {
   char path[8192];
   struct stat about;
-  if (count > 1 && (!strcmp(words[1], "man") || !strcmp(words[1], "catalogue"))) {
-    execv(VLSCAN, words);
-    return 1;
-  }
-  /* Jobs have their command behind the format of messages. */
+  /* Jobs, and the question for schemas, have their command behind the format of messages. */
+  char **all = words;
   if (count > 1 && !strncmp(words[1], "--message-format", 16)) {
     count--;
     words++;
+  }
+  if (count > 1 && (!strcmp(words[1], "man") || !strcmp(words[1], "catalogue"))) {
+    execv(VLSCAN, all);
+    return 1;
   }
   if (count > 2 && !strcmp(words[1], "scene")) {
     FILE *frame = fopen("../view/map.pgw", "w");
