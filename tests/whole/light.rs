@@ -185,3 +185,28 @@ fn hostile_materials_are_refused_with_a_message() {
     let done = run(dir.path(), &["run", "p.toml", "-o", "a.csv"]);
     assert!(text(&done.stderr).contains("a refractive index from 1 to 5"), "{}", text(&done.stderr));
 }
+
+#[test]
+fn ghosts_of_surfaces_aside_have_the_same_bytes_from_tiles_and_from_shards() {
+    let dir = folder();
+    let write = |name: &str, content: &str| fs::write(dir.path().join(name), content).unwrap();
+    write("m.mtl", "newmtl wall\nKd 1 1 1\nhelios_reflectance 0.3\nnewmtl mirror\nvlscan_mirror 1\n");
+    // A mirror at 45° below the flight, and the wall that it shows, which no beam meets by itself.
+    let mirror = "v -75 -500 95\nv 75 -500 -55\nv 75 500 -55\nv -75 500 95\n";
+    write("mirror.obj", &format!("mtllib m.mtl\nusemtl mirror\n{mirror}f 1 2 3 4\n"));
+    let wall = "v 200 -500 -500\nv 200 500 -500\nv 200 500 500\nv 200 -500 500\n";
+    write("wall.obj", &format!("mtllib m.mtl\nusemtl wall\n{wall}f 1 2 3 4\n"));
+    write("p.toml", &format!("{SCANNER}[[part]]\nfile = \"mirror.obj\"\n[[part]]\nfile = \"wall.obj\"\n"));
+    let bytes = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    let rows = flown(dir.path(), &[]);
+    assert_eq!(rows.len(), 2001);
+    assert!(rows.iter().all(|row| row[5..7] == [2.0, 1.0]), "{:?}", rows[0]);
+    let all = bytes("a.csv");
+    assert_eq!(flown(dir.path(), &["--scene-memory", "1M"]), rows);
+    assert!(bytes("a.csv") == all, "tiles");
+    for shard in ["0/2", "1/2"] {
+        succeed(dir.path(), &["run", "p.toml", "-q", "--shard", shard, "-o", "shards", "--columns", COLUMNS]);
+    }
+    succeed(dir.path(), &["merge", "shards", "-q", "-o", "b.csv", "--columns", COLUMNS]);
+    assert!(bytes("b.csv") == all, "shards");
+}

@@ -347,7 +347,7 @@ impl Library {
                     format!("no spectrum \"{name}\" for material \"{}\"; it reflects {assumed}", d.name);
                 diagnostics.warn(d.place.clone(), message).help(self.spectra.described());
             }
-        } else if d.reflectance.is_none() && d.has_line() && stated.is_none() && d.optics.retro.is_none() {
+        } else if d.reflectance.is_none() && d.has_line() && !optics::is_diffuse_free(d, self.rules) {
             // Readers of mesh files report materials without a line.
             self.add_issue(ReflectanceIssue::Missing, d);
         }
@@ -359,8 +359,7 @@ impl Library {
                 per_cent / 100.0
             }
             Some(fraction) => fraction,
-            // Mirrors and panes are clean.
-            None if stated.is_some() && from_spectrum.is_none() => 0.0,
+            None if stated.is_some_and(|stated| stated.is_clean()) && from_spectrum.is_none() => 0.0,
             None => per_unit(from_spectrum.as_ref().map_or(50.0, |at| at[0])),
         };
         let further: Vec<f64> =
@@ -387,6 +386,9 @@ impl Library {
         });
         let has_share = self.rules.specular_shares || is_last || from_spectrum.is_some();
         let opaque = stated.and_then(|stated| stated.opacity).unwrap_or(1.0);
+        // The reference's physics keeps per cent.
+        let is_per_cent = !is_fraction && (from_spectrum.is_some() || reflectance > MAX_FRACTION);
+        let diffuse = if is_per_cent { reflectance / 100.0 } else { reflectance };
         Material {
             name: d.name.clone(),
             reflectance: (reflectance * opaque).max(0.0),
@@ -396,7 +398,7 @@ impl Library {
             is_ground: d.is_ground,
             element_size: d.element_size,
             leaf: d.leaf,
-            optics: stated.map(|stated| optics::resolve(&stated, d.roughness, reflectance)),
+            optics: stated.map(|stated| optics::resolve(&stated, d.roughness, diffuse)),
         }
     }
 

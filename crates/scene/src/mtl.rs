@@ -407,13 +407,16 @@ mod tests {
             m[0].unused_optics.as_ref().and_then(|optics| optics.meaning)
         };
         let none = OpticsDefinition::default();
-        let glass = |index, opacity| OpticsDefinition { index: Some(index), opacity: Some(opacity), ..none };
-        assert_eq!(meaning("illum 4\nNi 1.45"), Some(glass(1.45, 0.0)));
-        assert_eq!(meaning("Ni 0\nd 0.25"), Some(glass(1.5, 0.25)));
-        assert_eq!(meaning("Tr 0.75"), Some(glass(1.5, 0.25)));
-        let mirror = OpticsDefinition { mirror: Some(0.5), opacity: Some(0.0), ..none };
+        let glass = |index, opacity| OpticsDefinition { index: Some(index), opacity, ..none };
+        assert_eq!(meaning("illum 4\nNi 1.45"), Some(glass(1.45, None)));
+        assert_eq!(meaning("Ni 0\nd 0.25"), Some(glass(1.5, Some(0.25))));
+        assert_eq!(meaning("Tr 0.75"), Some(glass(1.5, Some(0.25))));
+        let mirror = OpticsDefinition { mirror: Some(0.5), ..none };
         assert_eq!(meaning("Ks 0.5 0.5 0.5\nillum 5"), Some(mirror));
-        for other in ["d 0.5\nmap_d leaf.png", "Tf 0.2 0.2 0.2", "illum 2\nNi 1.45", "illum 11"] {
+        assert_eq!(meaning("Ks 0.5 0.5 0.5\nillum 5\nd 1"), Some(mirror));
+        for other in
+            ["d 0.5\nmap_d leaf.png", "Tf 0.2 0.2 0.2", "illum 2\nNi 1.45", "illum 11", "illum 4\nd 1"]
+        {
             assert_eq!(meaning(other), None, "{other}");
         }
     }

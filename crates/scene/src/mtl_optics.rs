@@ -90,28 +90,28 @@ impl Optics {
         }
     }
 
-    /// The mirror or pane that the numbers describe; `None` if they state full opacity, or if a texture
-    /// decides where light passes.
+    /// The mirror or pane that the numbers describe; `None` for glass of full opacity, or if a texture decides
+    /// where light passes.
     fn meaning(&self, material: Option<&MaterialDefinition>) -> Option<OpticsDefinition> {
         let number = |i: usize| self.statements[i].as_ref().filter(|s| !s.is_opaque).and_then(|s| s.value);
         let opacity = number(0).or(number(1).map(|transparency| 1.0 - transparency));
-        // A file that states full opacity beside a model of glass contradicts itself.
+        // A file that states full opacity beside a model of glass contradicts itself. Mirrors are opaque.
         let is_opaque = self.statements[..2].iter().flatten().any(|s| s.is_opaque) && opacity.is_none();
-        if is_opaque || self.statements[3].is_some() {
+        if self.statements[3].is_some() {
             return None;
         }
         let opacity = opacity.map(|opacity| opacity.clamp(0.0, 1.0));
+        let is_glass = |model: Option<f64>| model.is_some_and(|model| GLASS_MODELS.contains(&model));
         match number(2) {
             // Mirrors with the specular colour, or with all light if there is none.
             Some(MIRROR_MODEL | DARK_MIRROR_MODEL) if opacity.is_none() => {
                 let ks = material.map_or([0.0; 3], |material| material.ks);
                 let mean = (ks[0] + ks[1] + ks[2]) / 3.0;
                 let mirror = if mean > 0.0 { mean.min(1.0) } else { 1.0 };
-                Some(OpticsDefinition { mirror: Some(mirror), opacity: Some(0.0), ..Default::default() })
+                Some(OpticsDefinition { mirror: Some(mirror), ..Default::default() })
             }
-            model if opacity.is_some() || model.is_some_and(|model| GLASS_MODELS.contains(&model)) => {
+            model if opacity.is_some() || (is_glass(model) && !is_opaque) => {
                 let index = self.index.unwrap_or(GLASS_INDEX);
-                let opacity = Some(opacity.unwrap_or(0.0));
                 Some(OpticsDefinition { index: Some(index), opacity, ..Default::default() })
             }
             _ => None,

@@ -50,6 +50,12 @@ pub(super) fn stated(d: &MaterialDefinition, rules: Corrections) -> Option<Optic
     meaning.filter(|_| rules.specular_lobe && d.optics.retro.is_none())
 }
 
+/// True if a definition reflects nothing diffusely unless it has a reflectance: clean mirrors and panes, and
+/// retro-reflectors.
+pub(super) fn is_diffuse_free(d: &MaterialDefinition, rules: Corrections) -> bool {
+    d.optics.retro.is_some() || stated(d, rules).is_some_and(|stated| stated.is_clean())
+}
+
 /// Properties of a definition that contradict each other, for a message.
 pub(super) fn conflict(d: &OpticsDefinition) -> Option<&'static str> {
     match (d.mirror.is_some(), d.is_pane(), d.retro.is_some()) {
@@ -79,7 +85,7 @@ pub(super) fn out_of_bounds(d: &OpticsDefinition) -> Option<&'static str> {
     .map(|(_, bounds)| bounds.expected)
 }
 
-/// The mirror or pane of a definition whose diffuse reflectance is `reflectance`.
+/// The mirror or pane of a definition whose diffuse reflectance is the fraction `reflectance`.
 pub(super) fn resolve(d: &OpticsDefinition, roughness: f64, reflectance: f64) -> Optics {
     let kind = match d.mirror {
         Some(reflectance) => OpticsKind::Mirror { reflectance },

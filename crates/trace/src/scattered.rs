@@ -57,7 +57,7 @@ impl Tree {
                 turn.cmple(DVec3::splat(MAX_DISTANCE.0)).all()
                     && away.cmple(DVec3::splat(MAX_DISTANCE.1)).all()
             };
-            let end = first + 1 + (first + 1..count).take_while(is_near).count();
+            let end = first + 1 + (first + 1..count).take(MAX_WAITING).take_while(is_near).count();
             let run = origins[first..end].iter().zip(&directions[first..end]);
             if end - first < MIN_RUN {
                 for (hit, (origin, direction)) in found[first..end].iter_mut().zip(run) {

@@ -15,7 +15,7 @@ use vlscan_session::LegRule;
 use vlscan_session::output::Target;
 use vlscan_session::streams::PulseReader;
 use vlscan_survey::{
-    Mount, Platform, PlatformKind, PlatformNoise, ReadOptions, Scanner, SceneRecipe, Survey,
+    Device, Mount, Platform, PlatformKind, PlatformNoise, ReadOptions, Scanner, SceneRecipe, Survey,
 };
 
 pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
@@ -88,8 +88,12 @@ impl Setting {
             }
             return Ok((Setting { survey, options, known: true }, warnings));
         }
-        options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);
-        let (scanner, mut warnings) = vlscan_survey::find_scanner(&args.scanner, &reading)?;
+        let profile = *options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);
+        let (mut scanner, mut warnings) = vlscan_survey::find_scanner(&args.scanner, &reading)?;
+        if profile == PhysicsProfile::Refined {
+            // As in pipelines. The physics of HELIOS++ has the figures of its catalogue.
+            scanner.devices.iter_mut().for_each(Device::take_stated_figures);
+        }
         let Some(name) = &scene else {
             return Err(Error::input(
                 "--scene is required, unless --scanner names a survey, which has its own scene",

@@ -31,6 +31,17 @@ pub struct Batch {
     pub poses: Vec<PoseSample>,
 }
 
+/// Records of pulses in a batch at some time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BatchMark {
+    weak: WeakPulses,
+    echoes: usize,
+    truths: usize,
+    waveforms: usize,
+    samples: usize,
+    pulses: usize,
+}
+
 /// Pulses whose light came back, but too weak to be detected.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WeakPulses {
@@ -53,6 +64,28 @@ impl WeakPulses {
 }
 
 impl Batch {
+    /// The records so far.
+    pub(super) fn mark(&self) -> BatchMark {
+        BatchMark {
+            weak: self.weak,
+            echoes: self.echoes.len(),
+            truths: self.truths.len(),
+            waveforms: self.waveforms.len(),
+            samples: self.samples.len(),
+            pulses: self.pulses.len(),
+        }
+    }
+
+    /// Removes the records of pulses since `mark`.
+    pub(super) fn truncate(&mut self, mark: &BatchMark) {
+        self.weak = mark.weak;
+        self.echoes.truncate(mark.echoes);
+        self.truths.truncate(mark.truths);
+        self.waveforms.truncate(mark.waveforms);
+        self.samples.truncate(mark.samples);
+        self.pulses.truncate(mark.pulses);
+    }
+
     /// Empties the batch for the next chunk; memory is kept.
     pub fn clear(&mut self, leg: u32) {
         self.leg = leg;

@@ -106,13 +106,22 @@ impl<'p> PulseSimulator<'p> {
         batch: &mut Batch,
         mut on_end: impl FnMut(Phase),
     ) -> Result<()> {
-        let mut rest = pulses;
+        let (mut rest, mut max_pulses) = (pulses, usize::MAX);
         while !rest.is_empty() {
-            let (pulses, later) = rest.split_at(self.trace_some(leg, rest, &mut on_end)?);
+            let (pulses, later) = rest.split_at(self.trace_some(leg, rest, max_pulses, &mut on_end)?);
+            let mark = batch.mark();
             self.detect(leg, pulses, 0..pulses.len(), &[], batch)?;
+            if pulses.len() > 1 && self.needs_too_many_tiles() {
+                // Mirrors have sent light to further tiles; those of fewer pulses may fit into memory.
+                let _ = self.release_tiles();
+                batch.truncate(&mark);
+                max_pulses = pulses.len() / 2;
+                continue;
+            }
             self.release_tiles()?;
             on_end(Phase::Detection);
             rest = later;
+            max_pulses = max_pulses.saturating_mul(2);
         }
         Ok(())
     }
@@ -131,7 +140,7 @@ impl<'p> PulseSimulator<'p> {
         let (mut simulated, mut updates) = (0, updates.iter().peekable());
         while simulated < pulses.len() {
             let rest = &pulses[simulated..];
-            let chunk = &rest[..self.trace_some(leg, rest, |_| ())?];
+            let chunk = &rest[..self.trace_some(leg, rest, usize::MAX, |_| ())?];
             let mut done = 0;
             while done < chunk.len() {
                 while let Some(update) = updates.next_if(|u| u.first_pulse <= simulated + done) {
@@ -150,17 +159,27 @@ impl<'p> PulseSimulator<'p> {
         Ok(())
     }
 
-    /// Generates the rays of the first of `pulses`, as many as are traced together, and traces them through
-    /// the static scene. Returns their number.
-    fn trace_some(&mut self, leg: u32, pulses: &[Pulse], mut on_end: impl FnMut(Phase)) -> Result<usize> {
-        let mut count = self.batch_pulses().min(pulses.len());
+    /// True if the tiles that were needed since they were released last exceed the memory for tiles.
+    fn needs_too_many_tiles(&self) -> bool {
+        self.tiles.as_ref().is_some_and(TileTracer::is_over_budget)
+    }
+
+    /// Generates the rays of the first of `pulses`, as many as are traced together and at most `max`, and
+    /// traces them through the static scene. Returns their number.
+    fn trace_some(
+        &mut self,
+        leg: u32,
+        pulses: &[Pulse],
+        max: usize,
+        mut on_end: impl FnMut(Phase),
+    ) -> Result<usize> {
+        let mut count = self.batch_pulses().min(pulses.len()).min(max);
         loop {
             self.generate_rays(leg, &pulses[..count])?;
             on_end(Phase::RayGeneration);
             self.trace(leg)?;
             on_end(Phase::Traversal);
-            let is_too_much = self.tiles.as_ref().is_some_and(TileTracer::is_over_budget);
-            if count == 1 || !is_too_much {
+            if count == 1 || !self.needs_too_many_tiles() {
                 return Ok(count);
             }
             // The tiles under fewer pulses may fit into memory; a missing tile is not a failure yet.

@@ -230,3 +230,28 @@ fn mirrors_and_panes_are_clean_unless_they_have_a_reflectance() {
     let shares = [mirror, dusty, glass].map(|material| material.optics.unwrap().share);
     assert_eq!(shares, [1.0, 0.9, 0.75]);
 }
+
+#[test]
+fn the_opaque_share_of_a_pane_of_pictures_reflects_the_default_with_a_warning() {
+    let mut f = Fixture::new();
+    let mtl = "newmtl veil\nd 0.25\nnewmtl glass\nd 0\nillum 4\n";
+    std::fs::write(f.folder.path().join("m.mtl"), mtl).unwrap();
+    let mut library = f.library(Corrections::REFINED);
+    let [veil, glass] = ["veil", "glass"].map(|name| f.material(&mut library, name));
+    assert_eq!((veil.reflectance, glass.reflectance), (0.125, 0.0));
+    assert_eq!([veil, glass].map(|material| material.optics.unwrap().share), [0.75, 1.0]);
+    let mut missing = Diagnostics::default();
+    library.issues.report(Corrections::REFINED, &mut missing);
+    let text = missing.text();
+    assert!(text.contains("\"veil\" has no reflectance") && !text.contains("glass"), "{text}");
+}
+
+#[test]
+fn dust_in_per_cent_leaves_the_rest_of_the_light_to_a_mirror() {
+    let mut f = Fixture::new();
+    let mtl = "newmtl dusty\nhelios_reflectance 20\nvlscan_mirror 1\n";
+    std::fs::write(f.folder.path().join("m.mtl"), mtl).unwrap();
+    let mut library = f.library(Corrections::NONE);
+    let dusty = f.material(&mut library, "dusty");
+    assert_eq!((dusty.reflectance, dusty.optics.unwrap().share), (20.0, 0.8));
+}

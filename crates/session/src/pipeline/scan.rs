@@ -78,7 +78,9 @@ const MAX_TURNS: f64 = 10.0;
 impl Scan {
     /// A scan of a scene, which is a [`Mesh`](vlscan_survey::Mesh) in memory or what
     /// [`read_scene`](vlscan_survey::read_scene) returns, with a scanner, which is one of the catalogue
-    /// ([`find_scanner`](vlscan_survey::find_scanner)) or a custom one ([`Scanner::new`]).
+    /// ([`find_scanner`](vlscan_survey::find_scanner)) or a custom one ([`Scanner::new`]). Scanners of the
+    /// catalogue have the figures of HELIOS++'s catalogue unless
+    /// [`Device::take_stated_figures`](vlscan_survey::Device::take_stated_figures) replaces them.
     pub fn new(scene: impl Into<SceneRecipe>, scanner: Scanner) -> Scan {
         Scan {
             scene: scene.into(),

@@ -203,6 +203,11 @@ impl OpticsDefinition {
     pub fn is_optical(&self) -> bool {
         self.mirror.is_some() || self.is_pane()
     }
+
+    /// True if no share of a mirror or pane is opaque, so that a missing reflectance is 0.
+    pub fn is_clean(&self) -> bool {
+        self.opacity.is_none_or(|opacity| opacity == 0.0)
+    }
 }
 
 impl MaterialDefinition {

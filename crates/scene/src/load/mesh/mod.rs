@@ -40,6 +40,7 @@ pub(crate) use expand::{EpochPart, parts_in_epoch};
 
 use crate::builder::{PartSource, SceneBuilder};
 use crate::library::{DefinedBy, Names};
+use crate::optics::is_diffuse_free;
 use crate::reflectance_issues::missing;
 use crate::text::{Source, printable};
 use materials::MaterialTable;
@@ -274,8 +275,11 @@ fn finish(
             table.apply(material);
         }
     }
-    let is_lacking =
-        |m: &&MaterialDefinition| m.reflectance.is_none() && m.spectrum.is_none() && !m.has_line();
+    let rules = scene.options.rules;
+    let is_lacking = |m: &&MaterialDefinition| {
+        let is_given = m.reflectance.is_some() || m.spectrum.is_some();
+        !is_given && !m.has_line() && !is_diffuse_free(m, rules)
+    };
     unknown.extend(raw.materials.iter().filter(is_lacking).map(|m| m.name.clone()));
     match Mesh::new(raw.vertices, raw.triangles, raw.materials, raw.material_of) {
         Ok(mesh) => Ok(Some(mesh)),
