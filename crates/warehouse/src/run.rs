@@ -43,9 +43,9 @@ pub trait Collect<R>: Send {
 /// them fails.
 ///
 /// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent
-/// of the schedule. `produce` should check between chunks whether the run [is stopped](RunState::is_stopped),
-/// which [`Feed::state`] tells: by the request of the caller, or by a failure of a thread. The first error in
-/// the order of the results is returned. A `recorder` records the activity of all threads.
+/// of the schedule. `produce` should check [`RunState::is_stopped`] of [`Feed::state`] between chunks: the
+/// caller may have requested the stop, or a thread may have failed. The first error in the order of the
+/// results is returned. A `recorder` records the activity of all threads.
 ///
 /// # Errors
 /// The errors of producer, workers and collector; a [`RunError`] for a schedule outside of its limits, and

@@ -27,19 +27,19 @@ impl Stop {
         self.requested.load(Ordering::Relaxed)
     }
 
-    /// The outputs of a run, which has not opened them yet.
+    /// Outputs of a run, not open yet.
     pub fn outputs(&self) -> OpenOutputs<'_> {
         OpenOutputs { stop: self, is_open: AtomicBool::new(false) }
     }
 
-    /// True if a request ends a run in order, because outputs are open. Otherwise nothing has been measured
-    /// or everything is closed: the process can be ended at once.
+    /// True if outputs are open, so that a requested stop has to complete them. Otherwise nothing has been
+    /// measured, or everything is closed, and the process can be ended at once.
     pub fn has_open_outputs(&self) -> bool {
         self.open.load(Ordering::Relaxed) > 0
     }
 }
 
-/// The outputs of a run: from when they are open until this is dropped, [`Stop::has_open_outputs`].
+/// Outputs of a run. [`Stop::has_open_outputs`] is true from [`OpenOutputs::open`] until the drop.
 #[derive(Debug)]
 pub struct OpenOutputs<'a> {
     stop: &'a Stop,

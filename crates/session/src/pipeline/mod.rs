@@ -14,16 +14,16 @@
 //! | `scene` | a loaded scene with its tree; facts about it, points on its surfaces |
 //! | `settings` | everything that is chosen before the start |
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
-//! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches while the run goes |
-//! | `dry_run` | what a run will cost and give, from a measured sample |
+//! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches during the run |
+//! | `dry_run` | forecast of a run's time and points, from a measured sample |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
-//! | `load` | scene and tree of an epoch, refused if they exceed the memory limit |
+//! | `load` | scene and tree of an epoch, within the memory limit |
 //! | `prefetch` | loading of tiles of the scene ahead of the flight |
 //! | `chunk` | the producer of a flight: steps become chunks |
 //! | `stream` | the producer and worker of a stream of pulses |
-//! | `worker`, `moving` | the computing stage, and the moving parts of the scene |
-//! | `shard`, `merge`, `resume` | shares of a run as files, their merging to outputs, runs that go on where they were ended |
-//! | `resume_folder` | the folder with the shards of a run that can go on: its mark, its lock, its removal |
+//! | `worker`, `moving` | the computing stage, which replays chunks to pulses; the moving parts of the scene |
+//! | `shard`, `merge`, `resume` | shares of a run as files, their merging to outputs, resumed runs |
+//! | `resume_folder` | the folder with the shards of a resumable run: its mark, its lock, its removal |
 //! | `segment` | merges that many processes share |
 //! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `part_table` | the parts of the scene as a table beside labelled points |
