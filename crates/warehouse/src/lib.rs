@@ -11,10 +11,10 @@
 //! ```
 //!
 //! The queue of pending results keeps the order, without sequence numbers or a heap. Every queue is bounded
-//! ([`Schedule::queue_capacity`], [`Schedule::results_capacity`], [`JobQueue::new`]), so that a slow reader of
-//! the results slows the producer down. A [`Policy`] decides how large chunks are,
-//! when they go to a worker and what the producer does while all workers are busy. Workers and collector are
-//! independent of it, and so are the results. The paper's barrier between legs is a switch.
+//! ([`Schedule::queue_capacity`], [`Schedule::results_capacity`], [`JobQueue::new`]), so that a slow reader
+//! of the results slows the producer down. A [`Policy`] decides how large chunks are, when they go to a
+//! worker and what the producer does while all workers are busy. Workers and collector are independent of it,
+//! and so are the results. The paper's barrier between legs is a switch.
 //!
 //! A worker sends its error, or the text of its panic, as the result of its chunk. The collector returns the
 //! first error in the order of the results and stops the producer ([`RunState`]). [`run`](crate::run()) joins
