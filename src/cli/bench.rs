@@ -242,7 +242,7 @@ fn cell(
     }
 }
 
-/// The cells in lines, and the quickest one as options of a run.
+/// The cells in lines, and the fastest one as options of a run.
 fn table(cells: &[Cell]) -> String {
     let head = [
         "tree",
@@ -286,7 +286,7 @@ fn table(cells: &[Cell]) -> String {
         };
         let Cell { tree, threads, chunk_size, .. } = best;
         text +=
-            &format!("\nquickest: --threads {threads}{schedule} --chunk-size {chunk_size} --tree {tree}\n");
+            &format!("\nfastest: --threads {threads}{schedule} --chunk-size {chunk_size} --tree {tree}\n");
     }
     text
 }

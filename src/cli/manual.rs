@@ -57,14 +57,14 @@ fn pages() -> impl Iterator<Item = Page> {
 const EXIT_STATUS: &[(&str, &str)] = &[
     ("0", "Success. Also when the reader of stdout closes it, as head(1) does."),
     ("1", "A system error: a file could not be read or written, or the disk is full."),
-    ("2", "The input or the command line is wrong; the message says where, and what was expected."),
+    ("2", "The input or the command line is invalid; the message states where, and what was expected."),
     ("3", "A scan frequency is outside the scanner's limits."),
     (
         "4",
         "The run cannot be divided into shards (--shard, --resume), or not continued with the shards that \
          exist; without them it can be computed.",
     ),
-    ("5", "Another process works in the folder of the shards; repeat the command when it has ended."),
+    ("5", "Another process is using the folder of the shards; repeat the command when it has finished."),
     (
         "130",
         "Interrupted (Ctrl-C, SIGTERM): files and streams are valid, contain what was done so far, and are \
@@ -109,7 +109,8 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
     group.commit()?;
     if !args.python {
         let page = dir.join("vlscan.1");
-        let text = format!("{} pages in {}; look: man -l {}", pages.len(), dir.display(), page.display());
+        let text =
+            format!("{} pages in {}; view them with: man -l {}", pages.len(), dir.display(), page.display());
         console.wrote(messages::written(dir, "pages"), text);
     }
     Ok(())

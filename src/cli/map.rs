@@ -36,7 +36,7 @@ pub fn run(args: &MapArgs, console: &Console) -> Result<()> {
     let map = Map::draw(&points, args.side).ok_or_else(|| {
         Error::input_with_help(
             format!("{} has no surfaces to draw", args.scene),
-            "`vlscan scene info` tells what a scene has",
+            "`vlscan scene info` lists the contents of a scene",
         )
     })?;
     let mut group = FileGroup::default();
@@ -44,7 +44,7 @@ pub fn run(args: &MapArgs, console: &Console) -> Result<()> {
     group.write(&place, args.force, map.world_file().as_bytes())?;
     group.commit()?;
     let text = format!(
-        "{}: {} m per pixel; {} tells where it lies",
+        "{}: {} m per pixel; {} contains its position",
         args.out.display(),
         number(map.pixel),
         place.display()

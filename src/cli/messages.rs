@@ -127,7 +127,10 @@ pub fn of_usage(error: &clap::Error) -> ProblemMessage {
         ..ProblemMessage::default()
     };
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        return problem("the command line is not complete", Some("--help lists what follows".to_owned()));
+        return problem(
+            "the command line is incomplete",
+            Some("--help lists the possible subcommands and options".to_owned()),
+        );
     }
     let text = error.render().to_string();
     let end = ["\n\nUsage:", "\n\nFor more information"].iter().filter_map(|end| text.find(end)).min();

@@ -138,9 +138,7 @@ fn check(args: &PreviewArgs) -> Result<()> {
     }
     if means_stdout(out) {
         if std::io::stdout().is_terminal() && !args.force {
-            return Err(Error::input(
-                "a picture is not written to a terminal: use -o NAME.png, or insist with --force",
-            ));
+            return Err(Error::input("a picture is not written to a terminal: use -o NAME.png, or --force"));
         }
         return Ok(());
     }

@@ -71,7 +71,7 @@ fn terrain_reach(kind: RasterKind, rasters: &CloudRasters) -> String {
 fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
     if requested.is_empty() {
         return Err(Error::input(
-            "no raster is asked for: name at least one of --dtm, --dsm, --chm, --density, --pulse-density",
+            "no raster requested: give at least one of --dtm, --dsm, --chm, --density, --pulse-density",
         ));
     }
     for (i, (kind, path)) in requested.iter().enumerate() {
@@ -83,7 +83,7 @@ fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
             if std::io::stdout().is_terminal() && !args.force {
                 let name = kind.name();
                 return Err(Error::input(format!(
-                    "a raster is not written to a terminal: use --{name} {name}.tif, or insist with --force"
+                    "a raster is not written to a terminal: use --{name} {name}.tif, or --force"
                 )));
             }
             continue;

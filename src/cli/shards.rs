@@ -41,7 +41,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     let legs = session.survey().legs.len();
     let mut shards = session.shards(&folder, &output, force, &interrupt::STOP)?;
     if args.shards.part_points.is_some() {
-        let text = "--part-points has no effect any more: every output format can be made from a shard";
+        let text = "--part-points no longer has an effect: every output format can be made from a shard";
         console.caution(text, messages::warning(None, text.to_owned()));
     }
     if resumes && !force && shards.existing(shard)?.is_some() {

@@ -15,7 +15,7 @@ fn threads_and_schedules_are_compared() {
     let options = ["--schedule", "static,warehouse", "-j", "1,2", "--repetitions", "2", "--json", "all.json"];
     let output = succeed(dir.path(), &[&["bench", survey], &options[..], &["--", "--seed", "3"]].concat());
     let table = text(&output.stdout);
-    assert!(table.contains("pulses/s") && table.contains("\nquickest: --threads "), "{table}");
+    assert!(table.contains("pulses/s") && table.contains("\nfastest: --threads "), "{table}");
     let json: Value =
         serde_json::from_str(&std::fs::read_to_string(dir.path().join("all.json")).unwrap()).unwrap();
     let cells = json["cells"].as_array().unwrap();

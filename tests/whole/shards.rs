@@ -796,7 +796,7 @@ fn earlier_names_of_options_and_commands_work_the_same() {
     succeed(dir.path(), &["plan-parts", &survey, "-q", "-o", "shards"]);
     let run = ["run", &survey, "-o", "shards", "--part", "0/1", "--part-points", "las"];
     let said = text(&succeed(dir.path(), &run).stderr);
-    assert!(said.contains("--part-points has no effect any more"), "{said}");
+    assert!(said.contains("--part-points no longer has an effect"), "{said}");
     succeed(dir.path(), &["merge", "shards", "-q", "-o", "a.las", "--part", "0/1"]);
     succeed(dir.path(), &["merge", "shards", "-q", "-o", "a.las", "--join"]);
     let expected = of_run(&survey, &[], &["-o", "a.las"]);

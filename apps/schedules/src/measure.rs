@@ -135,7 +135,9 @@ impl Bench {
         let loaded = LoadedScene::load(&survey.scene, load, &tree, *strict, &show)?;
         let load_s = started.elapsed().as_secs_f64();
         if loaded.epochs() > 1 {
-            return Err(Error::input("the scene's swaps ask for several flights, and a comparison has one"));
+            return Err(Error::input(
+                "the scene's swaps require several flights; an experiment has only one",
+            ));
         }
         let mut seconds: Vec<(usize, f64)> = Vec::new();
         let (mut statistics, mut tree_bytes, mut rays) = (Statistics::default(), 0, 0);
@@ -231,7 +233,7 @@ impl Bench {
             "xyz" => Some(PointFormat::Xyz),
             "las" => Some(PointFormat::Las),
             "laz" => Some(PointFormat::Laz),
-            other => return Err(Error::input(format!("--format: {other:?} is none of none, xyz, las, laz"))),
+            other => return Err(Error::input(format!("--format {other}: expected none, xyz, las or laz"))),
         };
         let file = self.folder.path().join(format!("points.{format}"));
         let mut request = self.output.clone();

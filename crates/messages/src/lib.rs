@@ -57,7 +57,7 @@ pub struct StartMessage {
     pub version: u32,
     /// Version of the program: `0.1.0`.
     pub program: String,
-    /// Name of the command: `run`, `scene make`; empty if the command line is wrong.
+    /// Name of the command: `run`, `scene make`; empty if the command line is invalid.
     pub command: String,
 }
 

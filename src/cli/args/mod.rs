@@ -49,7 +49,7 @@ use vlscan_base::files::means_stdout;
 
 /// Returns a parser of the names of folders and of groups of files, which do not fit into one stream.
 fn files() -> impl TypedValueParser<Value = PathBuf> {
-    except_stdout("several files are written, which stdout cannot hold; name a place on disk")
+    except_stdout("stdout cannot hold several files; name a file or folder")
 }
 
 /// Returns a parser of the names of files that are written besides a report on stdout.
@@ -59,7 +59,7 @@ fn besides_report() -> impl TypedValueParser<Value = PathBuf> {
 
 /// Returns a parser of the names of files that are written at any place, which a stream cannot be.
 fn on_disk() -> impl TypedValueParser<Value = PathBuf> {
-    except_stdout("the file is not written from its beginning to its end, as stdout is; name a file")
+    except_stdout("the file cannot be written sequentially, as stdout is; name a file")
 }
 
 fn except_stdout(reason: &'static str) -> impl TypedValueParser<Value = PathBuf> {

@@ -54,7 +54,7 @@ fn fly(
 ) -> Result<()> {
     if emit_args.format == EmitFormat::Arrow && !emit_args.force && std::io::stdout().is_terminal() {
         return Err(Error::input(
-            "an Arrow stream would go to the terminal; redirect standard output, or insist with --force",
+            "an Arrow stream would go to the terminal; redirect standard output, or use --force",
         ));
     }
     let ResolvedRun { mut settings, progress_lines, .. } = resolve(&args.file, &args.options(), console)?;

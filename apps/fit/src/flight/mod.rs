@@ -194,7 +194,7 @@ impl FlightFit {
         let (recording, solution) = (&self.recording, &self.solution);
         if solution.residual > DOUBTFUL_RESIDUAL {
             let message = format!(
-                "the fitted flight misses its points by {:.2} m on the ground: its figures are doubtful",
+                "the fitted flight misses its points by {:.2} m on the ground: its estimates are unreliable",
                 solution.residual
             );
             found.warn(Some(Place::of_file(&self.cloud)), message);
@@ -279,8 +279,7 @@ fn best_solution(recording: &Recording) -> std::result::Result<Solution, String>
     let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
     trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
     let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()));
-    let best =
-        best.ok_or("neither circles nor lines across the track are found by the times of their pulses")?;
+    let best = best.ok_or("the pulse times show neither circles nor lines across the track")?;
     let solved = |max| solve::solve(recording, &best.model, &sections_of(recording, &best.model, max), true);
     // All sections take long: where no guess explains the points, some sections are tried before.
     if is_doubtful && misfit(&solved(DOUBTFUL_SECTIONS), recording).is_some() {

@@ -188,7 +188,7 @@ impl Recording {
         if pulses.len() == 1 && rows.len() > 1 {
             return Err(Error::input_with_help(
                 format!("{name}: all points of the flight line have the GPS time {start}"),
-                "a flight is estimated from the time of each pulse, which this file has lost",
+                "a flight is estimated from the time of each pulse, which is missing here",
             ));
         }
         if others > pulses.len() / 10 {
@@ -239,9 +239,7 @@ impl Recording {
         if self.angle_spread() == 0.0 {
             let angle = degrees(self.pulses[0].angle);
             return Err(Error::input_with_help(
-                format!(
-                    "{name}: all scan angles are {angle}°, and a flight is estimated from how they change"
-                ),
+                format!("{name}: all scan angles are {angle}°, but a flight is estimated from their changes"),
                 "programs that convert clouds often lose them; fit the cloud as it was delivered",
             ));
         }

@@ -104,12 +104,12 @@ pub fn fit_spinning(
         .map_err(|problem| Error::input(format!("{}: {problem}", recording.display())))?;
     if fit.planes.len() < FEW_PLANES {
         let message = format!(
-            "{} planes are few for a law of noise: the law may differ between the halves of the columns",
+            "{} planes are few for a noise law: it may differ between the halves of the columns",
             fit.planes.len()
         );
         found
             .warn(Some(Place::of_file(recording)), message)
-            .help("compare what --half odd finds; walls, floors and roads are planes");
+            .help("compare with the result of --half odd; walls, floors and roads are planes");
     }
     if let Some(reason) = fit.range_doubt() {
         let message = format!("`max_range` and `threshold_photons` are left out: {reason}");

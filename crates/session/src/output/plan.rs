@@ -316,7 +316,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     if request.sinks.iter().any(binary) && !request.force && std::io::stdout().is_terminal() {
         problems
             .error(None, "binary points would go to the terminal")
-            .help("redirect standard output, or insist with --force");
+            .help("redirect standard output, or use --force");
     }
 }
 
