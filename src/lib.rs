@@ -59,8 +59,8 @@
 //! * [`crs`]: coordinate reference systems as well-known text
 //! * [`tables`]: tables read while they arrive, as text and as Arrow streams
 //! * [`render`]: reports of problems for people
-//! * [`trace`]: a watertight ray tracer in double precision for packets of rays; nothing of LiDAR
-//! * [`warehouse`]: producer, bounded queue, workers, ordered collector; nothing of LiDAR
+//! * [`trace`]: a watertight ray tracer in double precision for packets of rays; independent of LiDAR
+//! * [`warehouse`]: producer, bounded queue, workers, ordered collector; independent of LiDAR
 //! * [`survey`]: surveys, scenes and instruments as their files describe them, the catalogue
 //! * [`formats`]: point clouds, read and written
 //! * [`scene`]: scenes that can be traced
