@@ -149,7 +149,8 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
         }
         let without_number = facts.without_number - without_number;
         if without_number > 0 {
-            let message = format!("{without_number} points have no return number (0 of 0); they are points");
+            let message =
+                format!("{without_number} points have no return number (0 of 0); they count as points");
             found.note(Some(Place::of_file(path)), message);
         }
         all.extend(found.finish(false)?);

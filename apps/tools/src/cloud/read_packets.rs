@@ -37,7 +37,7 @@ pub fn read_packet(path: &Path, number_wanted: u64) -> Result<Wave> {
     let dimension = |wanted: &str| dimensions.iter().find(|(name, _)| name == wanted).map(|(_, d)| *d);
     let Some(index) = dimension("fullwaveIndex") else {
         return Err(unusable(
-            "its pulses cannot be told apart: it has no dimension fullwaveIndex".to_owned(),
+            "its pulses cannot be distinguished: it has no dimension fullwaveIndex".to_owned(),
         ));
     };
     let range = dimension("range");

@@ -160,7 +160,7 @@ pub fn write_frames(
     let (_, most) = options.layout.intensities();
     read_frames(source, name, &mut |frame| {
         let placed = place(&frame, options.forward, options.intensity_factor).ok_or_else(|| {
-            let message = format!("{}: it has points without poses of their frame (/tf)", name.display());
+            let message = format!("{}: it contains points whose frame has no poses (/tf)", name.display());
             Error::input_with_help(message, "write it with vlscan run -o points.mcap, whose poses are on /tf")
         })?;
         counts.frames += 1;
@@ -169,7 +169,7 @@ pub fn write_frames(
         writer.frame(&placed)
     })?;
     if counts.frames == 0 {
-        return Err(Error::input(format!("{}: it has no messages of points", name.display())));
+        return Err(Error::input(format!("{}: it contains no point messages", name.display())));
     }
     observer.warnings(intensities.doubts(name, options))?;
     writer.finish()?;

@@ -143,11 +143,13 @@ impl PointSink for Sink {
 /// of a command.
 fn check_points(sink: &Sink, kinds: &[RasterKind], name: &str, input: &str) -> Result<()> {
     if sink.points == 0 {
-        return Err(Error::input(format!("{name}: no points to make a raster of")));
+        return Err(Error::input(format!("{name}: no points to rasterise")));
     }
     if sink.ground == 0 && kinds.iter().any(|kind| kind.needs_ground()) {
         return Err(Error::input_with_help(
-            format!("{name}: no points of class 2 (ground), of which terrain and canopy height are made"),
+            format!(
+                "{name}: no points of class 2 (ground), from which terrain and canopy height are computed"
+            ),
             format!("classify the ground first, for example: pdal translate {input} classified.laz smrf"),
         ));
     }

@@ -177,7 +177,7 @@ fn absolute(path: &Path) -> Result<String> {
     let name = whole.to_str().filter(|name| !name.contains([',', '\n']));
     name.map(str::to_owned).ok_or_else(|| {
         Error::input(format!(
-            "{}: a name with a comma or bytes that are no UTF-8 cannot stand in a table",
+            "{}: a name with a comma or invalid UTF-8 cannot be used in a table",
             path.display()
         ))
     })
@@ -338,9 +338,8 @@ fn content(path: &Path) -> Result<Vec<u8>> {
 /// The name of a copy of a file in a folder of the stand.
 fn in_folder(folder: &str, path: &Path) -> Result<String> {
     let name = path.file_name().and_then(|name| name.to_str()).filter(|name| !name.contains([',', '\n']));
-    name.map(|name| format!("{folder}/{name}")).ok_or_else(|| {
-        Error::input(format!("{}: its name has a comma or bytes that are no UTF-8", path.display()))
-    })
+    name.map(|name| format!("{folder}/{name}"))
+        .ok_or_else(|| Error::input(format!("{}: its name has a comma or invalid UTF-8", path.display())))
 }
 
 /// Writes the soil and the meshes that get it. Returns the loader of each terrain.

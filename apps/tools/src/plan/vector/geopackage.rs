@@ -67,7 +67,7 @@ pub enum FeatureError {
     #[error("geometry collections are nested too deeply")]
     TooDeep,
     /// A byte order with an unknown code.
-    #[error("an order of bytes that is neither 0 nor 1")]
+    #[error("a byte order other than 0 or 1")]
     ByteOrder,
     /// Dimensions with an unknown code.
     #[error("an unknown kind of geometry")]

@@ -70,7 +70,7 @@ pub enum SqliteError {
     #[error("the database is truncated")]
     Truncated,
     /// Texts in an encoding that is not supported.
-    #[error("the texts of the database are in UTF-16")]
+    #[error("the text of the database is in UTF-16")]
     Utf16,
     /// A view in place of a table, by its name.
     #[error("`{0}` is a view, whose rows are not stored")]
