@@ -107,12 +107,17 @@ fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
     };
     line("name", name, &[]);
     line("optics", optics, &[]);
-    line("channels", channels, &["channels"]);
+    // A single channel, optics without a rate of their own, a head that does not turn and any number of
+    // returns are no figures, unless a source states them.
+    let stated_of = |figures: &'static [&'static str], is_figure: bool| -> &'static [&'static str] {
+        if is_figure || figures.iter().all(|figure| sources.has(figure)) { figures } else { &[] }
+    };
+    line("channels", channels, stated_of(&["channels"], scanner.devices.len() > 1));
     line("pulse rates", format!("{} kHz", rates.join(", ")), &["pulseFreqs_Hz"]);
     let field = field_in_words(&row.field_of_view_deg, row.head_deg_per_s > 0.0);
     line("field of view", field, &field_figures(scanner, &sources));
-    line("lines", lines, &["scanFreqMin_Hz", "scanFreqMax_Hz"]);
-    line("head", head, &["headRotatePerSecMax_deg"]);
+    line("lines", lines, stated_of(&["scanFreqMin_Hz", "scanFreqMax_Hz"], device.scan_freq.1 > 0.0));
+    line("head", head, stated_of(&["headRotatePerSecMax_deg"], row.head_deg_per_s > 0.0));
     // A range without an end is not a figure.
     let ranges: &[&str] =
         if row.range_max_m.is_some() { &["rangeMin_m", "rangeMax_m"] } else { &["rangeMin_m"] };
@@ -124,7 +129,7 @@ fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
         line("farthest echo", value, &["maxRange"]);
     }
     line("accuracy", format!("{} m (standard deviation)", row.accuracy_m), &["accuracy_m"]);
-    line("returns", returns, &["maxNOR"]);
+    line("returns", returns, stated_of(&["maxNOR"], row.max_returns > 0));
     line("wavelength", format!("{wavelength} nm"), &["wavelength_nm"]);
     let divergences: &[&str] = match row.divergence_y_mrad {
         Some(_) => &["beamDivergence_rad", "beamDivergenceY_rad"],

@@ -32,6 +32,9 @@ use vlscan_warehouse::Stop;
 /// Height below which a flight is a drone's if no platform is named, m.
 const MAX_DRONE_HEIGHT: f64 = 150.0;
 
+/// File of the catalogue's airborne scanners.
+const AIRBORNE_SCANNERS: &str = "scanners_als.xml";
+
 /// Plans a survey, checks it, and writes it to the file that the request names, if it names one. `command` is
 /// what made the plan, in its first line.
 ///
@@ -61,7 +64,7 @@ pub fn plan_survey(
     observer: &Observer,
     stop: &Stop,
 ) -> Result<PlannedSurvey> {
-    let planner = Planner::new(request.common(), observer)?;
+    let planner = Planner::new(request, observer)?;
     let (plan, area, reported) = match request {
         PlanRequest::Airborne(request) => planner.airborne(request),
         PlanRequest::Terrestrial(request) => planner.terrestrial(request),
@@ -77,7 +80,7 @@ pub fn plan_survey(
 /// [`Error::Io`].
 pub(crate) fn check_instrument(request: &PlanRequest) -> Result<()> {
     let setup = request.common();
-    let (mut scanner, _) = find_scanner(&setup.scanner, &reading(setup))?;
+    let (mut scanner, _) = find_scanner(&scanner_of(request)?, &reading(setup))?;
     scanner.devices.iter_mut().for_each(Device::take_stated_figures);
     if let Some(platform) = &setup.platform {
         find_platform(platform, &reading(setup))?;
@@ -132,13 +135,14 @@ impl Site {
 type Planned = (PlannedSurvey, Option<Area>, Diagnostics);
 
 impl Planner<'_> {
-    fn new<'a>(setup: &'a PlanSetup, observer: &'a Observer) -> Result<Planner<'a>> {
-        let (mut scanner, reported) = find_scanner(&setup.scanner, &reading(setup))?;
+    fn new<'a>(request: &'a PlanRequest, observer: &'a Observer) -> Result<Planner<'a>> {
+        let (setup, name) = (request.common(), scanner_of(request)?);
+        let (mut scanner, reported) = find_scanner(&name, &reading(setup))?;
         // The plan is a pipeline.
         scanner.devices.iter_mut().for_each(Device::take_stated_figures);
         observer.warnings(reported.clone())?;
         let (known, _) = catalogue()?;
-        let reference = in_catalogue(&setup.scanner, known.scanners.iter().map(|(name, _)| name));
+        let reference = in_catalogue(&name, known.scanners.iter().map(|(name, _)| name));
         let instrument = SwathModel::new(reference, &scanner, setup.pulse_rate);
         let scene = setup.scene.as_deref();
         let site = scene.map(|name| Site::load(name, setup, &instrument, observer)).transpose()?;
@@ -390,6 +394,23 @@ fn named_system(text: &str) -> Result<(String, String)> {
 
 fn reading(setup: &PlanSetup) -> ReadOptions {
     ReadOptions { assets: setup.assets.clone(), ..ReadOptions::default() }
+}
+
+/// The name of the scanner of a request. An id that both files of the catalogue have is that of the airborne
+/// scanners for a flight, and that of the others on the ground.
+fn scanner_of(request: &PlanRequest) -> Result<String> {
+    let name = &request.common().scanner;
+    let (prefix, own) = name.split_at(if name.starts_with(CATALOGUE) { CATALOGUE.len() } else { 0 });
+    let (known, _) = catalogue()?;
+    let is_named = |reference: &&String| reference.split_once('#').is_some_and(|(_, id)| id == own);
+    let alike: Vec<&String> =
+        known.scanners.iter().map(|(reference, _)| reference).filter(is_named).collect();
+    let is_airborne = matches!(request, PlanRequest::Airborne(_));
+    let fitting = alike.iter().find(|reference| reference.contains(AIRBORNE_SCANNERS) == is_airborne);
+    Ok(match fitting.filter(|_| alike.len() > 1) {
+        Some(reference) => format!("{prefix}{reference}"),
+        None => name.clone(),
+    })
 }
 
 /// The full reference of an id in the catalogue; other names unchanged. A prefix `catalogue:` is kept.

@@ -272,6 +272,23 @@ fn all_scanners_of_the_catalogue_fly_what_is_promised() {
 }
 
 #[test]
+fn an_id_of_both_files_of_the_catalogue_is_that_for_the_kind_of_plan() {
+    let dir = folder();
+    let flight = ["--area", "POLYGON ((-40 -40, 40 -40, 40 40, -40 40))", "--height", "50", "--speed", "10"];
+    let drive = ["--along", "LINESTRING (0 0, 100 0)", "--speed", "20"];
+    for (kind, rest, file) in
+        [("airborne", &flight[..], "scanners_als"), ("mobile", &drive[..], "scanners_tls")]
+    {
+        let plan = ["plan", kind, "--scanner", "livox_mid-70", "-o", "p.toml", "--force", "-q"];
+        succeed(dir.path(), &[&plan[..], rest].concat());
+        let plan = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+        assert!(plan.contains(&format!("data/{file}.xml#livox_mid-70")), "{kind}: {plan}");
+    }
+    let several = refused(dir.path(), &["catalogue", "show", "livox_mid-70"]);
+    assert!(several.contains("2 scanners of the catalogue have the id"), "{several}");
+}
+
+#[test]
 fn what_an_instrument_cannot_do_is_refused() {
     let dir = folder();
     flat_ground(dir.path());

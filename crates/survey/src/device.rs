@@ -46,6 +46,7 @@ pub(super) const DEVICE_BEAM: Beam = Beam {
     quality: 1.0,
     efficiency: 0.99,
     receiver_diameter: 0.15,
+    overlap: None,
     visibility: 23.0,
 };
 

@@ -1,10 +1,10 @@
 //! Beam and receiver of a device in more detail than HELIOS++, which ignores these attributes.
 
 use super::fields::Fields;
-use super::keys::{InstrumentKeys, RangeNoiseKeys, RatioKeys, TargetKeys};
+use super::keys::{InstrumentKeys, OverlapKeys, RangeNoiseKeys, RatioKeys, TargetKeys};
 use super::pulse_file::read_pulse_file;
 use super::{
-    AmplifierNoise, Beam, BeamProfile, RangeNoise, Ranging, Receiver, ReferenceTarget, ShotNoise,
+    AmplifierNoise, Beam, BeamProfile, Overlap, RangeNoise, Ranging, Receiver, ReferenceTarget, ShotNoise,
     pulse_length_of_width,
 };
 
@@ -23,6 +23,15 @@ pub(super) fn change_emission(fields: &mut Fields, beam: &mut Beam) {
     beam.profile = fields.choice(K.beam_profile, &profiles, None).unwrap_or(beam.profile);
     beam.divergence_y = fields.optional(K.beam_divergence_y_rad).or(beam.divergence_y);
     fields.set(K.exit_aperture_m, &mut beam.aperture);
+    if let Some(mut table) = fields.child(K.overlap, &OverlapKeys::TABLE) {
+        let keys = OverlapKeys::KEYS;
+        let field_of_view = table.exact_number(keys.field_of_view_rad);
+        let baseline = table.number(keys.baseline_m, 0.0);
+        let focus = table.optional(keys.focus_m).map_or(0.0, f64::recip);
+        table.done(&[]);
+        beam.overlap =
+            field_of_view.map(|field_of_view| Overlap { field_of_view, baseline, focus }).or(beam.overlap);
+    }
 }
 
 /// Applies the file of the pulse's shape.

@@ -12,6 +12,7 @@ import argparse
 import json
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -166,4 +167,8 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except subprocess.CalledProcessError as error:
+        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
+        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")

@@ -8,6 +8,7 @@ times; the differences of place and scan angle are printed by the time since the
 import argparse
 import shutil
 import subprocess
+import sys
 import tempfile
 import tomllib
 from pathlib import Path
@@ -68,9 +69,15 @@ def main():
     rms = lambda chosen: [np.sqrt(np.mean(difference[chosen] ** 2)) for difference in differences]
     print("| s after the last pulse that was fitted | east, rms, m | north, rms, m | scan angle, rms |\n|---|---|---|---|")
     print("| fitted | {:.3f} | {:.3f} | {:.4f}° |".format(*rms(first & (time <= until))))
-    for low, high in zip(*(lambda limits: (limits[:-1], limits[1:]))(np.linspace(last, time.max(), 6))):
-        print(f"| {low - last:.1f} to {high - last:.1f} | " + "{:.2f} | {:.2f} | {:.4f}° |".format(*rms(first & (time > low) & (time <= high))))
+    # In small steps where the forecast begins.
+    limits = [last + step for step in (0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8) if last + step < time.max()] + [time.max()]
+    for low, high in zip(limits[:-1], limits[1:]):
+        print(f"| {low - last:.2f} to {high - last:.2f} | " + "{:.2f} | {:.2f} | {:.4f}° |".format(*rms(first & (time > low) & (time <= high))))
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except subprocess.CalledProcessError as error:
+        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
+        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")

@@ -30,7 +30,10 @@ QUARTILES = 1.3489795
 
 
 def table(folder, kind):
-    (path,) = Path(folder).glob(f"*_{kind}.parquet")
+    paths = list(Path(folder).glob(f"*_{kind}.parquet"))
+    if len(paths) != 1:
+        sys.exit(f"{folder} has {len(paths)} files *_{kind}.parquet, expected one: a beam of ICESat-2 ATL03")
+    (path,) = paths
     return {name: np.array(column) for name, column in pq.read_table(path).to_pydict().items()}
 
 
@@ -163,6 +166,9 @@ def simulated(vlscan, out, mean, dead_ns, roughness, width, background, shots, p
             lines += [f"f {a} {b} {b + 1}", f"f {a} {b + 1} {a + 1}"]
     (out / "ice.obj").write_text("\n".join(lines) + "\n")
     (out / "ice.mtl").write_text(f"newmtl ice\nhelios_reflectance {REFLECTANCE}\n")
+    # The target of one photoelectron in each pixel: a reflectance, or if it is above 1 a white target that is as bright from nearer.
+    reflectance = REFLECTANCE * pixels / mean
+    target = HEIGHT / np.sqrt(max(reflectance, 1)), min(reflectance, 1)
     channels = "\n".join(f'[[scanner.channel]]\nid = "{pixel}"' for pixel in range(pixels))
     (out / "shots.toml").write_text(
         f"""scene = "ice.obj"
@@ -184,7 +190,7 @@ range_max_m = {HEIGHT + WINDOW}
 detector = "photons"
 # {pixels} pixels; together an echo of {mean:.3f} photoelectrons, and {background:.0f} of background a second
 threshold_photons = 1
-max_range = {{ range_m = {HEIGHT}, reflectance = {REFLECTANCE * pixels / mean} }}
+max_range = {{ range_m = {target[0]}, reflectance = {target[1]} }}
 dead_time_ns = {dead_ns}
 background_w = {background / pixels * 1.602176634e-19 / 0.1}
 responsivity_a_per_w = 0.1
@@ -229,6 +235,12 @@ def main(vlscan, folder, out):
     out.mkdir(parents=True, exist_ok=True)
     (even, odd), width, background = recorded(folder)
     distance, same = even.pairs()
+    if not same.any() or len(even.of_surface().shot) < 100 or odd.of_surface().fired == 0:
+        sys.exit(f"{folder}: {len(even.of_surface().shot)} photons of the surface, {same.sum()} pairs of one pixel: too few to estimate a receiver")
+    # Light that comes back from within crowns is no echo of one surface.
+    far = np.mean(np.abs(even.height) > NEAR)
+    if far > 0.5:
+        print(f"{far:.0%} of the photons are more than {NEAR:.0f} m from the surface, of background or of crowns: a rough plane has none of the latter")
     dead = distance[same].min()
     wanted, _ = even.level()
     alone = fitted(vlscan, out, even, dead, width, background, None)
@@ -256,4 +268,7 @@ def main(vlscan, folder, out):
 if __name__ == "__main__":
     if len(sys.argv) != 4:
         sys.exit(__doc__)
-    main(*sys.argv[1:])
+    try:
+        main(*sys.argv[1:])
+    except subprocess.CalledProcessError as error:
+        sys.exit(f"`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")

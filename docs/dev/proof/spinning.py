@@ -1,9 +1,10 @@
 """Holds a spinning sensor against its recording: python spinning.py VLSCAN RECORDING.parquet CALIBRATION.json OUT
 
-VLSCAN is the program. The recording is a revolution: beam, column, range_mm, reflectivity, signal (see `vlscan fit --help`). The even
-columns give planes, noise and detection; the sensor that was estimated is flown over the planes as a scene; what it records is
-fitted in the same way, and scatter and dropouts of the odd columns of both are compared by class. Chance is the same comparison of
-the odd and the even columns of the recording. Writes OUT/figures.md, OUT/figures.json and OUT/noise.png.
+VLSCAN is the program. The recording is a revolution: beam, column, range_mm, reflectivity, signal (see `vlscan fit --help`). It is
+divided into bands of four beams, of which every second one is of either part, so that no plane is in both. One part gives noise and
+detection; the sensor that was estimated is flown over the planes of the other part as a scene; what it records is fitted in the same way,
+and scatter and dropouts are compared by class with those recorded at the same planes. Chance is the same comparison of the recorded
+planes of both parts. Writes OUT/figures.md, OUT/figures.json and OUT/noise.png.
 """
 
 import json
@@ -98,9 +99,22 @@ def record(ranges, amplitudes, real, sensor, path):
     pq.write_table(pa.table({name: np.asarray(column, float).ravel() for name, column in data.items()}), path)
 
 
-def row(real, simulated):
-    """A line of the table: the classes of the real recording, those of the simulated one, chance."""
-    scatter, chance = real["scatter_m"][1], real["scatter_m"][0]
+BAND = 4  # beams: those of the patches in which planes are looked for
+
+
+def part_of(table, number, path):
+    """Writes the recording with the bands of one part only; other pixels have no echo."""
+    is_other = table["beam"].to_numpy().astype(int) // BAND % 2 != number
+    data = {name: table[name].to_numpy().copy() for name in table.column_names}
+    data["range_mm"] = np.where(is_other, 0, data["range_mm"])
+    pq.write_table(pa.table(data), path)
+    return path
+
+
+def row(real, simulated, fitted):
+    """A line of the table: the classes of the planes that were not fitted, of the simulated ones, and of the fitted planes."""
+    scatter = real["scatter_m"][1]
+    other_planes = f"{fitted['scatter_m'][1] / scatter - 1:+.0%}" if fitted else "–"
     mm = lambda value: f"{1000 * value:.1f}"
     lost = lambda figures: f"{100 * figures['dropouts'][1]:.2f}" if figures else "–"
     # A class may have too few simulated echoes.
@@ -111,11 +125,11 @@ def row(real, simulated):
     low, high = real["limits"]
     return (
         f"| {real['by']} {low:g}–{high:g} | {real['echoes'][1]} | {mm(scatter)} | {other} | {difference} | "
-        f"{chance / scatter - 1:+.0%} | {verdict} | {lost(real)} | {lost(simulated)} | {100 * real['dropouts'][0]:.2f} |"
+        f"{other_planes} | {verdict} | {lost(real)} | {lost(simulated)} | {lost(fitted)} |"
     )
 
 
-def picture(real, simulated, product, path):
+def picture(real, simulated, fitted, product, path):
     import matplotlib
 
     matplotlib.use("Agg")
@@ -125,7 +139,7 @@ def picture(real, simulated, product, path):
     for axis, by, unit in zip(axes, ("distance", "incidence"), ("m", "°")):
         for figures, half, label, style in (
             (real, 1, "recorded", "ko-"),
-            (real, 0, "recorded, other half", "k.:"),
+            (fitted, 1, "recorded, planes that were fitted", "k.:"),
             (simulated, 1, "simulated", "C1s-"),
         ):
             classes = [c for c in figures["classes"] if c["by"] == by]
@@ -143,25 +157,38 @@ def main():
     vlscan, recording, calibration, out = (Path(argument) for argument in sys.argv[1:5])
     out.mkdir(parents=True, exist_ok=True)
     sensor = beams(calibration)
-    real = fit(vlscan, recording, calibration, out / "sensor.toml", "--planes", out / "planes.obj")
+    table = pq.read_table(recording)
+    parts = [part_of(table, number, out / f"part_{number}.parquet") for number in (0, 1)]
+    fitted = fit(vlscan, parts[0], calibration, out / "sensor.toml", "--planes", out / "fitted_planes.obj")
+    real = fit(vlscan, parts[1], calibration, out / "other.toml", "--planes", out / "planes.obj")
+    # The fitted sensor before the planes that it was not fitted to.
+    text = (out / "sensor.toml").read_text()
+    if "fitted_planes.obj" not in text:
+        sys.exit(f"{out / 'sensor.toml'} does not name its planes")
+    (out / "sensor.toml").write_text(text.replace("fitted_planes.obj", "planes.obj"))
     shape = directions(sensor)[0].shape[:2]
     ranges, amplitudes, pattern = simulate(vlscan, out / "sensor.toml", sensor, out)
-    record(ranges, amplitudes, images(pq.read_table(recording), shape), sensor, out / "simulated.parquet")
+    record(ranges, amplitudes, images(table, shape), sensor, out / "simulated.parquet")
     simulated = fit(vlscan, out / "simulated.parquet", calibration, out / "again.toml")
-    of_simulated = {(c["by"], *c["limits"]): c for c in simulated["classes"]}
+    by_class = lambda figures: {(c["by"], *c["limits"]): c for c in figures["classes"]}
+    of_simulated, of_fitted = by_class(simulated), by_class(fitted)
     lines = [
-        f"{real['product']}: {real['planes']} planes; directions of beams and columns within {pattern[0]:.1e}°, origins within "
+        f"{real['product']}: {fitted['planes']} planes fitted, {real['planes']} compared; directions of beams and columns within {pattern[0]:.1e}°, origins within "
         f"{1000 * pattern[1]:.1e} mm of the calibration",
         "",
-        "| class | echoes | scatter, mm | simulated | difference | chance | within 20 % | dropouts, % | simulated | other half |",
+        "| class | echoes | scatter, mm | simulated | difference | chance | within 20 % | dropouts, % | simulated | fitted planes |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    lines += [row(c, of_simulated.get((c["by"], *c["limits"]))) for c in real["classes"]]
+    lines += [row(c, of_simulated.get((c["by"], *c["limits"])), of_fitted.get((c["by"], *c["limits"]))) for c in real["classes"]]
     (out / "figures.md").write_text("\n".join(lines) + "\n")
-    (out / "figures.json").write_text(json.dumps({"real": real, "simulated": simulated}, indent=1))
-    picture(real, simulated, real["product"], out / "noise.png")
+    (out / "figures.json").write_text(json.dumps({"real": real, "simulated": simulated, "fitted": fitted}, indent=1))
+    picture(real, simulated, fitted, real["product"], out / "noise.png")
     print("\n".join(lines))
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except subprocess.CalledProcessError as error:
+        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
+        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")

@@ -4,7 +4,7 @@
     python town.py TILE.laz [FOLDER] [--vlscan PROGRAM] [--picture FILE.png]
 
 The pulses (points of one time and source) are divided at random. `vlscan scene reconstruct` makes a scene of one half; the beams of the
-other half go through it by `vlscan trace`, in the refined physics and in that of HELIOS++. Compared are the pulses whose beams stay
+other half go through it by `vlscan trace`, in the refined physics and in that of HELIOS++, both with the fitted threshold. Compared are the pulses whose beams stay
 within the tile from the highest to the lowest point. Chance is the same comparison of the two recorded halves, and of two quarters of the
 half that was not used. Writes FOLDER/figures.json and prints a table. Needs laspy (with lazrs), numpy, scipy, and matplotlib for pictures.
 """
@@ -12,6 +12,8 @@ import argparse
 import csv
 import json
 import subprocess
+import sys
+import tomllib
 from pathlib import Path
 
 import laspy
@@ -39,6 +41,10 @@ def read(path):
     las.points = las.points[~np.isin(np.asarray(las.classification), NOISE)]
     key = np.stack([np.asarray(las.point_source_id, float), np.asarray(las.gps_time)], 1)
     _, pulse = np.unique(key, axis=0, return_inverse=True)
+    firsts = np.bincount(pulse.ravel(), np.asarray(las.return_number) == 1)
+    if (firsts > 1).mean() > 0.01:
+        sys.exit(f"{path}: {(firsts > 1).mean():.0%} of its GPS times have several first returns: the times are too coarse to tell pulses, "
+                 "and this comparison needs the pulses")
     cloud = Cloud(np.asarray(las.xyz), np.asarray(las.classification), np.asarray(las.return_number),
                   np.asarray(las.number_of_returns), pulse.ravel())
     return las, cloud
@@ -54,7 +60,7 @@ def beams(las, cloud, pulses, folder):
     order = np.lexsort((cloud.number, cloud.pulse))
     last = np.r_[np.flatnonzero(np.diff(cloud.pulse[order])), len(order) - 1]
     at = order[last][pulses]
-    time, source = np.asarray(las.gps_time)[at], np.maximum(np.asarray(las.point_source_id)[at].astype(int) - 1, 0)
+    time, source = np.asarray(las.gps_time)[at], np.asarray(las.point_source_id)[at].astype(int)
     origin = np.empty((len(at), 3))
     for line, path in paths.items():
         path = np.array(path)
@@ -71,6 +77,36 @@ def beams(las, cloud, pulses, folder):
     return time, origin, direction / np.linalg.norm(direction, axis=1, keepdims=True), target
 
 
+def with_threshold(text, watts):
+    """The scanner with a threshold in W in place of the target that just reaches it, which HELIOS++'s physics does not have."""
+    return "\n".join(f"received_energy_min_w = {watts:.6e}" if line.startswith("max_range") else line for line in text.split("\n"))
+
+
+def threshold_w(program, folder, text, physics):
+    """The threshold that the same target just reaches in HELIOS++'s physics, W: by bisection, with a wall in place of the scene."""
+    target = tomllib.loads(next(line for line in text.split("\n") if line.startswith("max_range")))["max_range"]
+    # beside the scene, whose files of pulse and path the scanner names
+    wall = folder / "scene"
+    way, edge = target["range_m"], target["range_m"] / 10
+    (wall / "wall.mtl").write_text(f"newmtl wall\nhelios_reflectance {target['reflectance']}\n")
+    (wall / "wall.obj").write_text("mtllib wall.mtl\nusemtl wall\n" + "".join(f"v {x} {way} {z}\n" for x, z in
+                                   ((-edge, -edge), (edge, -edge), (edge, edge), (-edge, edge))) + "f 1 2 3 4\n")
+    (wall / "wall_pulses.csv").write_text("time,x,y,z,dx,dy,dz\n0,0,0,0,0,1,0\n")
+    keys = [line for line in text.split("\n") if not line.startswith(("scene", "assets"))]
+
+    def is_seen(watts):
+        (wall / "wall.toml").write_text('scene = "wall.obj"\n' + with_threshold("\n".join(keys), watts))
+        command = [program, "trace", "--scanner", str(wall / "wall.toml"), str(wall / "wall_pulses.csv"), "-q", "--force", "-o", str(wall / "wall.csv"), *physics]
+        subprocess.run(command, check=True, capture_output=True)
+        return len((wall / "wall.csv").read_text().splitlines()) > 1
+
+    low, high = -15.0, 3.0
+    while high - low > 0.005:
+        middle = (low + high) / 2
+        low, high = (middle, high) if is_seen(10**middle) else (low, middle)
+    return 10**low
+
+
 def trace(program, folder, name, pulses, beams_of, physics):
     time, origin, direction, _ = beams_of
     with open(folder / "pulses.csv", "w") as file:
@@ -79,8 +115,7 @@ def trace(program, folder, name, pulses, beams_of, physics):
     out, scanner = folder / f"{name}.csv", folder / "scene" / f"{name}.toml"
     text = (folder / "scene/scene.toml").read_text()
     if "helios" in physics:
-        # its physics has no threshold relative to a target
-        text = "\n".join("received_energy_min_w = 1e-15" if line.startswith("max_range") else line for line in text.split("\n"))
+        text = with_threshold(text, threshold_w(program, folder, text, physics))
     scanner.write_text(text)
     command = [program, "trace", "--scanner", str(scanner), str(folder / "pulses.csv"), "-q", "--force", "-o", str(out),
                "--columns", "X,Y,Z,Classification,ReturnNumber,NumberOfReturns,GpsTime", *physics]
@@ -248,6 +283,10 @@ def main():
     for n in names:
         row = [of_real[n], *(columns[k][n] for k in simulated), result["chance in figures"][n]]
         print(f"{n:34}" + "".join(f"{v:10.4f}" for v in row))
+    # of a number that is small of all pulses, the error of its own
+    for n in ("share double", "share triple"):
+        off = "".join(f"{columns[k][n] / of_real[n] - 1:+10.0%}" for k in simulated)
+        print(f"{n + ', off by':34}{'':10}{off}{result['chance in figures'][n] / of_real[n]:10.0%}")
     for n, v in versus["chance"].items():
         show = lambda v: "  ".join(f"{x:+.2f}" for x in v) if isinstance(v, list) else f"{v:.4f}"
         print(f"{n:42}  " + "   ".join(f"{k} {show(versus[k][n])}" for k in (*simulated, "chance")))
@@ -257,4 +296,8 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except subprocess.CalledProcessError as error:
+        text = (error.stderr or b"") if isinstance(error.stderr, (bytes, type(None))) else error.stderr.encode()
+        sys.exit(f"{text.decode()}`{' '.join(map(str, error.cmd[:3]))}` ended with status {error.returncode}: this recording cannot be compared")

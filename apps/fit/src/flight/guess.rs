@@ -18,3 +18,8 @@ pub fn guesses(recording: &Recording) -> Vec<Model> {
     found.extend(of_facets);
     found
 }
+
+/// Guesses of mirrors that swing otherwise than evenly, if the lines go to and fro.
+pub fn swings(recording: &Recording) -> Vec<Model> {
+    [Mirror::Turning, Mirror::Sine].iter().filter_map(|mirror| lines::guess(recording, *mirror, 1)).collect()
+}

@@ -22,6 +22,8 @@ const SAME: f64 = 0.07;
 const MIN_SHARE: f64 = 0.1;
 /// Number of lines that are tried as the direction of a channel.
 const MAX_TRIALS: usize = 200;
+/// First guess of the share of a sweep in which a mirror reverses.
+const FIRST_TURNING: f64 = 0.3;
 /// Lines of a mirror go to and fro if those of one sense are at most this many times as many as the others.
 const MAX_RATIO: usize = 5;
 
@@ -179,7 +181,13 @@ pub fn guess(recording: &Recording, mirror: Mirror, channels: usize) -> Option<M
         }
         speeds.push(speed.abs());
     }
-    let (parameters, channels) = mirror_from_angles(mirror, &lines, median(speeds).unwrap_or(0.0))?;
+    let speed = median(speeds).unwrap_or(0.0);
+    let (mut parameters, channels) = mirror_from_angles(mirror, &lines, speed)?;
+    if matches!(mirror, Mirror::Turning | Mirror::Sine) {
+        // The mean speed of a sweep is below that in its middle.
+        let angles = recording.pulses.iter().map(|pulse| pulse.angle.abs());
+        parameters.angle = parameters.angle.max(angles.fold(0.0, f64::max));
+    }
     let mut parameters = Parameters {
         position: track.start.extend(level.height),
         velocity: velocity.extend(0.0),
@@ -242,10 +250,15 @@ fn mirror_from_angles(
 ) -> Option<(MirrorParameters, Vec<Channel>)> {
     match mirror {
         Mirror::Polygon if !lines.iter().any(ChannelLines::is_to_and_fro) => polygon(lines, speed),
-        Mirror::Oscillating if lines[0].is_to_and_fro() => {
+        Mirror::Oscillating | Mirror::Turning | Mirror::Sine if lines[0].is_to_and_fro() => {
             let swing = line_rate(&lines[0].to_right, 1.0)?;
-            let angle = speed / (4.0 * swing.rate);
-            let mirror = MirrorParameters { angle, rate: swing.rate, ..MirrorParameters::default() };
+            let (way, turning) = match mirror {
+                Mirror::Sine => (TAU, 0.0),
+                Mirror::Turning => (4.0 / (1.0 - 0.5 * FIRST_TURNING), FIRST_TURNING),
+                _ => (4.0, 0.0),
+            };
+            let angle = speed / (way * swing.rate);
+            let mirror = MirrorParameters { angle, rate: swing.rate, turning, ..MirrorParameters::default() };
             let phase = wrapped(0.25 * TAU + swing.phase);
             Some((mirror, vec![Channel { phase, ..Channel::default() }]))
         }
@@ -260,7 +273,7 @@ fn polygon(lines: &[ChannelLines], speed: f64) -> Option<(MirrorParameters, Vec<
     let mean_yaw = lines.iter().map(|channel| channel.yaw).sum::<f64>() / lines.len() as f64;
     // A yaw of the scanner is not visible in the lines of one channel.
     let yaw = if lines.len() > 1 { mean_yaw } else { 0.0 };
-    let mirror = MirrorParameters { angle: sense * speed / rate, rate, yaw, angle_along: 0.0 };
+    let mirror = MirrorParameters { angle: sense * speed / rate, rate, yaw, ..MirrorParameters::default() };
     let channel = |channel: &ChannelLines| Channel {
         // The angle is 0 in the middle of a line.
         phase: wrapped(0.5 * TAU + coherence(&PhaseSample::zeros(channel.crossings()), rate).phase),

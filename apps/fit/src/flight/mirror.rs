@@ -6,6 +6,9 @@ use libm::{cos, sin, tan};
 use std::f64::consts::TAU;
 use vlscan_geom::DVec3;
 
+/// Largest share of a sweep in which a mirror reverses: two parabolas.
+const MAX_TURNING: f64 = 1.0;
+
 /// Kind of mirror that deflects the beam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mirror {
@@ -17,6 +20,10 @@ pub enum Mirror {
     Polygon,
     /// Lines to and fro with constant speed (oscillating mirror).
     Oscillating,
+    /// Lines to and fro with constant speed between reversals that take a share of each sweep.
+    Turning,
+    /// Lines to and fro as a sine.
+    Sine,
 }
 
 /// Parameters of a mirror.
@@ -31,6 +38,9 @@ pub struct MirrorParameters {
     pub yaw: f64,
     /// Half angle of an elliptic cone along the flight, rad; unused for other mirrors.
     pub angle_along: f64,
+    /// Share of each sweep in which a mirror of the kind [`Mirror::Turning`] reverses, 0 to 1; unused for
+    /// other mirrors.
+    pub turning: f64,
 }
 
 impl MirrorParameters {
@@ -49,14 +59,21 @@ impl MirrorParameters {
 
 impl Mirror {
     /// All kinds.
-    pub const ALL: [Mirror; 4] = [Mirror::Cone, Mirror::EllipticCone, Mirror::Polygon, Mirror::Oscillating];
+    pub const ALL: [Mirror; 6] = [
+        Mirror::Cone,
+        Mirror::EllipticCone,
+        Mirror::Polygon,
+        Mirror::Oscillating,
+        Mirror::Turning,
+        Mirror::Sine,
+    ];
 
     /// Name of the optics in pipeline files.
     pub fn optics(self) -> &'static str {
         match self {
             Mirror::Cone | Mirror::EllipticCone => "conic",
             Mirror::Polygon => "rotating",
-            Mirror::Oscillating => "oscillating",
+            Mirror::Oscillating | Mirror::Turning | Mirror::Sine => "oscillating",
         }
     }
 
@@ -67,6 +84,8 @@ impl Mirror {
             Mirror::EllipticCone => "an elliptic cone",
             Mirror::Polygon => "a polygon mirror",
             Mirror::Oscillating => "an oscillating mirror",
+            Mirror::Turning => "an oscillating mirror with long reversals",
+            Mirror::Sine => "a mirror that swings as a sine",
         }
     }
 
@@ -87,13 +106,33 @@ impl Mirror {
                 DVec3::new(tan(p.angle) * sin(turn), tan(p.angle_along) * cos(turn), -1.0).normalize()
             }
             Mirror::Polygon => across(p.angle * (p.fraction(phase, time) - 0.5)),
-            Mirror::Oscillating => {
-                let fraction = p.fraction(phase, time);
-                let share = if fraction < 0.5 { 4.0 * fraction - 1.0 } else { 3.0 - 4.0 * fraction };
-                across(p.angle * share)
-            }
+            Mirror::Oscillating => across(p.angle * swing(p.fraction(phase, time), 0.0)),
+            Mirror::Turning => across(p.angle * swing(p.fraction(phase, time), p.turning)),
+            Mirror::Sine => across(-p.angle * cos(turn)),
         }
     }
+
+    /// True if the beam goes to and fro.
+    pub fn is_swinging(self) -> bool {
+        matches!(self, Mirror::Oscillating | Mirror::Turning | Mirror::Sine)
+    }
+}
+
+/// Place of a mirror that swings, from −1 to 1, after this fraction of a period: constant speed between
+/// reversals of constant acceleration, which take the share `turning` of each sweep.
+fn swing(fraction: f64, turning: f64) -> f64 {
+    let (x, sign) = if fraction < 0.5 { (2.0 * fraction, 1.0) } else { (2.0 * fraction - 1.0, -1.0) };
+    // Half of a reversal is at either end of a sweep.
+    let half = 0.5 * turning.clamp(0.0, MAX_TURNING);
+    let speed = 1.0 / (1.0 - half);
+    let way = if x < half {
+        speed * x * x / (2.0 * half)
+    } else if x <= 1.0 - half {
+        speed * (x - 0.5 * half)
+    } else {
+        1.0 - speed * (1.0 - x) * (1.0 - x) / (2.0 * half)
+    };
+    sign * (2.0 * way - 1.0)
 }
 
 /// Direction at an angle across the flight, positive to the right.
@@ -106,7 +145,7 @@ mod tests {
     use super::*;
 
     const PARAMETERS: MirrorParameters =
-        MirrorParameters { angle: 0.4, rate: 2.0, yaw: 0.0, angle_along: 0.2 };
+        MirrorParameters { angle: 0.4, rate: 2.0, yaw: 0.0, angle_along: 0.2, turning: 0.5 };
 
     fn is_near(found: DVec3, expected: [f64; 3]) -> bool {
         (found - DVec3::from(expected)).length() < 1e-12
@@ -137,6 +176,27 @@ mod tests {
         for (time, angle) in [(0.0, -0.4), (0.125, 0.0), (0.25, 0.4), (0.375, 0.0), (0.5, -0.4)] {
             assert!(is_near(at(time), [sin(angle), 0.0, -cos(angle)]), "{time}: {}", at(time));
         }
+    }
+
+    #[test]
+    fn reversals_take_their_share_of_a_sweep() {
+        let angle = |mirror: Mirror, turning: f64, time: f64| {
+            let at = mirror.direction(&MirrorParameters { turning, ..PARAMETERS }, 0.0, time);
+            libm::atan2(at.x, -at.z) / 0.4
+        };
+        for mirror in [Mirror::Turning, Mirror::Sine] {
+            for (time, place) in [(0.0, -1.0), (0.125, 0.0), (0.25, 1.0), (0.375, 0.0), (0.5, -1.0)] {
+                assert!((angle(mirror, 0.5, time) - place).abs() < 1e-12, "{mirror:?} {time}");
+            }
+        }
+        // Half a sweep of reversals: even at 4/3 of the mean speed in the half between.
+        let step = angle(Mirror::Turning, 0.5, 0.14) - angle(Mirror::Turning, 0.5, 0.11);
+        assert!((step - 0.03 * 8.0 * 4.0 / 3.0).abs() < 1e-12, "{step}");
+        // An eighth of a sweep from its end, within the reversal.
+        let end = angle(Mirror::Turning, 0.5, 0.125 / 4.0);
+        assert!((end - (2.0 * (4.0 / 3.0) * 0.125 * 0.125 / 0.5 - 1.0)).abs() < 1e-12, "{end}");
+        let even = angle(Mirror::Oscillating, 0.5, 0.03);
+        assert!((angle(Mirror::Turning, 0.0, 0.03) - even).abs() < 1e-12);
     }
 
     #[test]

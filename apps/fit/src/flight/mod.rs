@@ -9,6 +9,7 @@
 //! |---|---|
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
 //! | `turning` | scanners that stand and turn, which are rejected |
+//! | `sweeps` | lines that no gap divides: sweeps of a mirror that swings, full turns |
 //! | `phases`, `level` | rates and phases of what recurs; straight flights and their height |
 //! | `guess`, `cones`, `lines`, `facets` | first guesses for each kind of mirror |
 //! | `model`, `mirror`, `parameters` | intersection of the beam of a flown scanner with the ground |
@@ -36,6 +37,7 @@ mod repeat;
 mod report;
 mod solution;
 mod solve;
+mod sweeps;
 #[cfg(test)]
 mod tests;
 mod turning;
@@ -67,6 +69,9 @@ const MAX_SECTIONS: usize = 20_000;
 const SECTIONS_PER_TURN: f64 = 8.0;
 /// Residuals of a kind of mirror that are larger than the best by this factor rule it out.
 const RULED_OUT: f64 = 3.0;
+/// Mirrors that swing otherwise than evenly have to leave this share of what the others leave unexplained, or
+/// less: in the middle of a swath all swings look alike.
+const CLEARLY_BETTER: f64 = 0.7;
 /// Maximum residual of a flight, m on the ground.
 const MAX_RESIDUAL: f64 = 0.5;
 /// Maximum deviations of the attitude, rad, and of the scan angles, in steps of the angles and rad.
@@ -127,6 +132,9 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     }
     let mut recording = Recording::read(path, request.flight_line, found)?;
     reject_tripod(path, &recording)?;
+    if let Some(lines) = sweeps::of_undivided(&recording) {
+        recording.lines = lines;
+    }
     lines::find_channels(&mut recording);
     let (recording, solution) = match best_solution(&recording) {
         Ok(solution) => (recording, solution),
@@ -267,6 +275,9 @@ impl Failure {
 fn best_solution(recording: &Recording) -> std::result::Result<Solution, String> {
     let mut trials: Vec<Solution> =
         guess::guesses(recording).iter().map(|first| trial(recording, first)).collect();
+    let others = trials.iter().map(Solution::unexplained).fold(f64::INFINITY, f64::min);
+    let swings = guess::swings(recording).into_iter().map(|first| trial(recording, &first));
+    trials.extend(swings.filter(|swing| swing.unexplained() < CLEARLY_BETTER * others));
     if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
         let ellipses = cones::elliptic_guesses(recording)
             .into_iter()

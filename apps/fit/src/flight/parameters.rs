@@ -72,7 +72,13 @@ impl Parameters {
             acceleration: DVec2::splat(value),
             roll: value,
             pitch: value,
-            mirror: MirrorParameters { angle: value, rate: value, yaw: value, angle_along: value },
+            mirror: MirrorParameters {
+                angle: value,
+                rate: value,
+                yaw: value,
+                angle_along: value,
+                turning: value,
+            },
             channels: self.channels.iter().map(channel).collect(),
             facet_tilts: vec![value; self.facet_tilts.len()],
         }
@@ -118,6 +124,9 @@ impl Parameters {
         if mirror == Mirror::EllipticCone {
             values.push(&mut self.mirror.angle_along);
         }
+        if mirror == Mirror::Turning {
+            values.push(&mut self.mirror.turning);
+        }
         let last = self.channels.len().saturating_sub(1);
         for (number, channel) in self.channels.iter_mut().enumerate() {
             values.push(&mut channel.phase);
@@ -150,7 +159,7 @@ mod tests {
             acceleration: DVec2::new(7.0, 8.0),
             roll: 9.0,
             pitch: 10.0,
-            mirror: MirrorParameters { angle: 11.0, rate: 12.0, yaw: 13.0, angle_along: 14.0 },
+            mirror: MirrorParameters { angle: 11.0, rate: 12.0, yaw: 13.0, angle_along: 14.0, turning: 19.0 },
             channels: vec![
                 Channel { phase: 15.0, yaw: 16.0, pitch: 17.0, sense: 1.0 },
                 Channel { phase: 18.0, yaw: -16.0, pitch: -17.0, sense: -1.0 },
@@ -162,17 +171,20 @@ mod tests {
     #[test]
     fn vectors_hold_each_estimated_value_once() {
         let example = example();
-        for (mirror, yaw, angle_along) in [
-            (Mirror::Cone, false, false),
-            (Mirror::EllipticCone, true, true),
-            (Mirror::Polygon, true, false),
-            (Mirror::Oscillating, true, false),
+        for (mirror, yaw, angle_along, turning) in [
+            (Mirror::Cone, false, false, false),
+            (Mirror::EllipticCone, true, true, false),
+            (Mirror::Polygon, true, false, false),
+            (Mirror::Oscillating, true, false, false),
+            (Mirror::Turning, true, false, true),
+            (Mirror::Sine, true, false, false),
         ] {
             let vector = example.to_vector(mirror);
             let mut sorted = vector.clone();
             sorted.sort_by(f64::total_cmp);
-            let expected = (1..=18).map(f64::from);
-            let expected = expected.filter(|v| (yaw || *v != 13.0) && (angle_along || *v != 14.0));
+            let expected = (1..=19).map(f64::from);
+            let expected = expected
+                .filter(|v| (yaw || *v != 13.0) && (angle_along || *v != 14.0) && (turning || *v != 19.0));
             assert_eq!(sorted, expected.collect::<Vec<f64>>(), "{mirror:?}");
             let back = example.filled(0.0).with_vector(mirror, &vector);
             assert_eq!(back.to_vector(mirror), vector);

@@ -218,7 +218,7 @@ impl FlightFit {
     fn setting_rows(&self, files: &FlightFiles) -> Vec<Row> {
         let model = &self.solution.model;
         let mut rows = vec![Row::number("scan_freq_hz", model.parameters.mirror.rate.abs())];
-        if model.mirror == Mirror::Oscillating {
+        if model.mirror.is_swinging() {
             rows.push(Row::number("scan_angle_deg", degrees(self.scan_angle())));
         }
         rows.push(Row::new("pulse_freq_hz", format_args!("{:.0}", self.rate.mean)));
@@ -256,12 +256,17 @@ impl FlightFit {
             // The phase of a polygon mirror is 0 in the middle of a line.
             Mirror::Polygon if angle < 0.0 => (180.0 - phase, true),
             Mirror::Polygon => (phase - 180.0, false),
-            Mirror::Oscillating if angle < 0.0 => (phase + 180.0, false),
-            Mirror::Oscillating => (phase, false),
+            Mirror::Oscillating | Mirror::Turning | Mirror::Sine if angle < 0.0 => (phase + 180.0, false),
+            Mirror::Oscillating | Mirror::Turning | Mirror::Sine => (phase, false),
         };
         let mut rows = vec![Row::new("scan_phase_deg", format_args!("{:.5}", phase.rem_euclid(360.0)))];
         if is_reversed {
             rows.push(Row::new("scan_reverse", true));
+        }
+        match model.mirror {
+            Mirror::Sine => rows.push(Row::text("mirror_motion", "sine")),
+            Mirror::Turning => rows.push(Row::number("turning_part", p.turning.clamp(0.0, 1.0))),
+            _ => {}
         }
         let tilts = &model.parameters.facet_tilts;
         if !tilts.is_empty() {
@@ -281,19 +286,9 @@ impl FlightFit {
         let angle = self.solution.model.parameters.mirror.angle.abs();
         match self.solution.model.mirror {
             Mirror::Polygon => 0.5 * angle,
-            Mirror::Oscillating => self.half_angle(),
+            Mirror::Oscillating | Mirror::Turning | Mirror::Sine => self.half_angle(),
             Mirror::Cone | Mirror::EllipticCone => angle,
         }
-    }
-
-    /// Half angle of an oscillating mirror, rad. Each reversal takes 50 pulses, at most half of a sweep;
-    /// between reversals the mirror moves evenly, and faster than a mirror of the same angle that reverses at
-    /// once (docs/physics.md, kinematics).
-    pub(super) fn half_angle(&self) -> f64 {
-        const REVERSAL: f64 = 50.0;
-        let mirror = &self.solution.model.parameters.mirror;
-        let pulses_of_sweep = self.rate.mean / (2.0 * mirror.rate.abs());
-        mirror.angle.abs() * (1.0 - (REVERSAL / pulses_of_sweep).min(0.5))
     }
 
     /// Distance from the platform to the farthest points, m.
@@ -370,7 +365,7 @@ mod tests {
             velocity: DVec3::new(0.0, 40.0, 0.0),
             roll: radians(1.0),
             pitch: radians(2.0),
-            mirror: MirrorParameters { angle: radians(40.0), rate: 60.0, yaw: 0.0, angle_along: 0.0 },
+            mirror: MirrorParameters { angle: radians(40.0), rate: 60.0, ..MirrorParameters::default() },
             channels: vec![Channel { phase: 1.0, ..Channel::default() }],
             ..Parameters::default()
         };

@@ -117,12 +117,28 @@ impl FlightFit {
                 figures.add_angle("yaw of the lines", p.yaw, Some(d.yaw));
                 self.add_facets_and_channels(figures);
             }
-            Mirror::Oscillating => {
+            Mirror::Oscillating | Mirror::Turning | Mirror::Sine => {
                 figures.add_angle("half angle", self.half_angle(), Some(of_angle));
                 figures.add("periods", p.rate, Some(d.rate), "1/s");
+                if self.solution.model.mirror == Mirror::Turning {
+                    figures.add("share of a sweep in reversals", p.turning, Some(d.turning), "");
+                }
                 figures.add_angle("yaw of the lines", p.yaw, Some(d.yaw));
             }
         }
+    }
+
+    /// Half angle of an oscillating mirror, rad. Reversals that have not been estimated take 50 pulses each, at
+    /// most half of a sweep; between reversals the mirror moves evenly, and faster than a mirror of the same
+    /// angle that reverses at once (docs/physics.md, kinematics).
+    pub(super) fn half_angle(&self) -> f64 {
+        const REVERSAL: f64 = 50.0;
+        let mirror = &self.solution.model.parameters.mirror;
+        if self.solution.model.mirror != Mirror::Oscillating {
+            return mirror.angle.abs();
+        }
+        let pulses_of_sweep = self.rate.mean / (2.0 * mirror.rate.abs());
+        mirror.angle.abs() * (1.0 - (REVERSAL / pulses_of_sweep).min(0.5))
     }
 
     fn add_facets_and_channels(&self, figures: &mut Figures) {

@@ -73,7 +73,7 @@ fn priors(model: &Model) -> Parameters {
         acceleration: DVec2::splat(0.3),
         roll: radians(2.0),
         pitch: radians(2.0),
-        mirror: MirrorParameters { yaw: radians(10.0), ..unknown.mirror },
+        mirror: MirrorParameters { yaw: radians(10.0), turning: 1.0, ..unknown.mirror },
         channels: unknown.channels.iter().map(of_channel).collect(),
         facet_tilts: vec![radians(20.0); unknown.facet_tilts.len()],
         ..unknown

@@ -12,6 +12,17 @@ fn flown(model: &Model, interval: impl Fn(f64) -> f64, duration: f64) -> Vec<Pul
 
 /// Pulses of one of the channels.
 fn flown_by(model: &Model, channel: usize, interval: impl Fn(f64) -> f64, duration: f64) -> Vec<Pulse> {
+    flown_within(model, channel, interval, duration, 100.0)
+}
+
+/// Pulses of one of the channels that fall into a square with this half side, m.
+fn flown_within(
+    model: &Model,
+    channel: usize,
+    interval: impl Fn(f64) -> f64,
+    duration: f64,
+    reach: f64,
+) -> Vec<Pulse> {
     let ground = |x: f64, y: f64| 3.0 * sin(x * 0.02) + 2.0 * cos(y * 0.03);
     let mut pulses = Vec::new();
     let (mut k, mut time) = (0, 0.0);
@@ -25,14 +36,14 @@ fn flown_by(model: &Model, channel: usize, interval: impl Fn(f64) -> f64, durati
         };
         let mut height = 0.0;
         let mut at = model.footprint(&attitude, channel, time, height);
-        if at.x.abs() > 130.0 || at.y.abs() > 130.0 {
+        if at.x.abs() > reach + 30.0 || at.y.abs() > reach + 30.0 {
             continue;
         }
         for _ in 0..6 {
             height = ground(at.x, at.y);
             at = model.footprint(&attitude, channel, time, height);
         }
-        if at.x.abs() < 100.0 && at.y.abs() < 100.0 {
+        if at.x.abs() < reach && at.y.abs() < reach {
             let noise = 0.02 * noise(k);
             let angle = radians((degrees(at.angle) / 0.006).round() * 0.006);
             pulses.push(Pulse {
@@ -142,6 +153,28 @@ fn lines_of_a_polygon_mirror_are_found() {
 fn a_mirror_that_swings_is_found() {
     let solution = check(&model(Mirror::Oscillating, radians(25.0), 50.0), 200_000.0);
     assert!((degrees(solution.model.parameters.mirror.angle) - 25.0).abs() < 0.2);
+}
+
+/// Sweeps up to their ends, which no gap divides.
+#[test]
+fn mirrors_that_reverse_slowly_or_swing_as_a_sine_are_found() {
+    for (mirror, turning) in [(Mirror::Turning, 0.4), (Mirror::Sine, 0.0)] {
+        let mut truth = model(mirror, radians(20.0), 40.0);
+        truth.parameters.mirror.turning = turning;
+        let mut recording = Recording::new(flown_within(&truth, 0, |_| 1e-5, 3.0, 3000.0)).unwrap();
+        assert_eq!(recording.lines.len(), 1);
+        recording.lines = sweeps::of_undivided(&recording).unwrap();
+        assert!(recording.lines.len().abs_diff(240) <= 2, "{}", recording.lines.len());
+        let solution = best_solution(&recording).unwrap();
+        assert_eq!(solution.model.mirror, mirror);
+        let found = solution.model.parameters.mirror;
+        assert!((degrees(found.angle) - 20.0).abs() < 0.1, "{mirror:?}: {}", degrees(found.angle));
+        assert!((found.rate / 40.0 - 1.0).abs() < 1e-4, "{mirror:?}: {}", found.rate);
+        assert!((found.turning - turning).abs() < 0.01, "{}", found.turning);
+        assert!(solution.residual < 0.06, "{mirror:?}: {}", solution.residual);
+        let rate = PulseRate::of(&recording, &solution);
+        assert!((rate.mean * 1e-5 - 1.0).abs() < 1e-4, "{}", rate.mean);
+    }
 }
 
 #[test]

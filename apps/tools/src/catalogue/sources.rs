@@ -127,7 +127,7 @@ mod tests {
         let (_, puck) = known.scanners.iter().find(|(name, _)| name.ends_with("#vlp16")).unwrap();
         let sources = Sources::of(puck);
         assert!(sources.of_figures(&["beamDivergence_rad"]).contains("User Manual"));
-        assert_eq!(sources.of_figures(&["accuracy_m"]), UNVERIFIED);
+        assert_eq!(sources.of_figures(&["maxNOR"]), UNVERIFIED);
         assert_eq!(sources.of_figures(&[]), "");
         let (channels, both) = (sources.of_figures(&["channels"]), ["channels", "pulseFreqs_Hz"]);
         assert_eq!(sources.of_figures(&both), channels);

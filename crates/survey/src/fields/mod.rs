@@ -33,7 +33,7 @@ const MAX_UNKNOWN_CHILDREN: usize = 1000;
 const REPEATED: [&str; 10] =
     ["channel", "dmotion", "filter", "leg", "motion", "param", "part", "rot", "source", "swap"];
 /// Settings that XML has in child elements; all others are attributes.
-const IN_CHILDREN: [&str; 11] = [
+const IN_CHILDREN: [&str; 12] = [
     "beamOrigin",
     "channels",
     "deflectionError",
@@ -41,6 +41,7 @@ const IN_CHILDREN: [&str; 11] = [
     "headRotateAxis",
     "incidentBeam",
     "maxRange",
+    "overlap",
     "rangeError",
     "rangeNoise",
     "scannerMount",

@@ -95,7 +95,7 @@ macro_rules! key_table {
 }
 
 /// Documentation of all tables of a pipeline file that describe the survey.
-pub const SURVEY_TABLES: [KeyTable; 16] = [
+pub const SURVEY_TABLES: [KeyTable; 17] = [
     SurveyKeys::TABLE,
     PartKeys::TABLE,
     MaterialKeys::TABLE,
@@ -106,6 +106,7 @@ pub const SURVEY_TABLES: [KeyTable; 16] = [
     RatioKeys::TABLE,
     WanderKeys::TABLE,
     RangeNoiseKeys::TABLE,
+    OverlapKeys::TABLE,
     SettingsKeys::TABLE,
     LegKeys::TABLE,
     WaveformKeys::TABLE,

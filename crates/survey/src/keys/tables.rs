@@ -295,6 +295,9 @@ keys! {
         optical_efficiency = "opticalEfficiency" in EFFICIENCY;
         /// Receiver diameter, m. Default: 0.15.
         receiver_diameter_m = "receiverDiameter_m" in RECEIVER_DIAMETER;
+        /// Light of near targets that misses the detector: `{ field_of_view_rad = 0.001, baseline_m = 0.05,
+        /// focus_m = 50 }`; refined physics. Default: all light reaches it.
+        overlap = "overlap", With("radiometry");
         /// Atmospheric visibility, km. Default: 23.
         visibility_km = "atmosphericVisibility_km" in VISIBILITY;
         /// Standard deviation of the range noise, m. Default: 0.
@@ -393,6 +396,19 @@ keys! {
         pulse_freq_hz = "pulseFreq_Hz" in POSITIVE;
         /// Peak amplitude over the noise's standard deviation.
         value = "value" in POSITIVE;
+    }
+}
+
+keys! {
+    /// Share of the light of near targets that reaches the detector.
+    OverlapKeys = "overlap" {
+        /// Full field of view of the receiver, rad.
+        field_of_view_rad = "fieldOfView_rad" in DIVERGENCE;
+        /// Distance between the axes of transmitter and receiver, m. Default: 0, they have one axis.
+        baseline_m = "baseline_m" in APERTURE;
+        /// Range at which the receiver is focused and its axis meets that of the transmitter, m. Default: far
+        /// away.
+        focus_m = "focus_m" in POSITIVE;
     }
 }
 

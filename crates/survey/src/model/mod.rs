@@ -590,6 +590,8 @@ pub struct Beam {
     pub efficiency: f64,
     /// Receiver diameter, m.
     pub receiver_diameter: f64,
+    /// Overlap of transmitter and receiver near by; `None` = all light reaches the detector.
+    pub overlap: Option<Overlap>,
     /// Visibility, km.
     pub visibility: f64,
 }

@@ -1,6 +1,8 @@
 //! Settings of an instrument's receiver beyond the reference's threshold on a noiseless waveform. All of them
 //! apply in refined physics only (correction `receiver`).
 
+use libm::{acos, sqrt};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Profile of the beam across its axis.
@@ -80,6 +82,51 @@ impl RangeNoise {
             self.constant * self.constant + (shot + amplifier * weakness) * weakness + texture * texture,
         )
     }
+}
+
+/// Overlap of transmitter and receiver: the share of the light of a near target that reaches the detector.
+///
+/// A receiver of diameter D that is focused at F images a point at the range R as a disc of the angular
+/// diameter D·|1/R − 1/F| (defocus), shifted by B·|1/R − 1/F| if the axes of transmitter and receiver are B
+/// apart and meet at F (parallax). The share is that of the disc within the round field of view, for a beam
+/// that is narrower than the field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Overlap {
+    /// Full field of view of the receiver, rad.
+    pub field_of_view: f64,
+    /// Distance between the axes of transmitter and receiver, m.
+    pub baseline: f64,
+    /// Reciprocal of the range at which the receiver is focused, 1/m; 0 far away.
+    pub focus: f64,
+}
+
+impl Overlap {
+    /// Share of the light of a target at `range` (m) that reaches the detector of a receiver of this diameter
+    /// (m), 0 to 1.
+    pub fn share(&self, diameter: f64, range: f64) -> f64 {
+        let defocus = (1.0 / range - self.focus).abs();
+        let (disc, field) = (0.5 * diameter * defocus, 0.5 * self.field_of_view);
+        let shift = if self.baseline > 0.0 { self.baseline * defocus } else { 0.0 };
+        if shift <= field - disc {
+            1.0
+        } else if shift <= disc - field {
+            (field / disc) * (field / disc)
+        } else if shift < disc + field {
+            common_area(disc, field, shift) / (PI * disc * disc)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Area that two discs of these radii have in common whose centres are `distance` apart: less than the sum and
+/// more than the difference of the radii.
+fn common_area(a: f64, b: f64, distance: f64) -> f64 {
+    let half_angle = |own: f64, other: f64| {
+        acos(((distance * distance + own * own - other * other) / (2.0 * distance * own)).clamp(-1.0, 1.0))
+    };
+    let kite = (-distance + a + b) * (distance + a - b) * (distance - a + b) * (distance + a + b);
+    a * a * half_angle(a, b) + b * b * half_angle(b, a) - 0.5 * sqrt(kite.max(0.0))
 }
 
 /// Samples of a pulse's power over time, normalised.

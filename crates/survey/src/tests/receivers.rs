@@ -282,6 +282,7 @@ fn example(key: &str) -> &'static str {
         "max_range" => "{ range_m = 600, reflectance = 0.9 }",
         "snr" => "{ range_m = 100, reflectance = 0.2, value = 20 }",
         "range_noise" => "{ constant_m = 0.002 }",
+        "overlap" => "{ field_of_view_rad = 0.002 }",
         "threshold_photons" => "8",
         "digitiser_clock" => "true",
         "detector" => "\"gaussian\"",

@@ -16,7 +16,7 @@ use super::beam::{NANO, extinction};
 use super::series::{MAX_SERIES_ARGUMENT, exponential, series};
 use crate::pulse::lanes::{Block, LANES};
 use vlscan_base::corrections::Corrections;
-use vlscan_survey::Beam;
+use vlscan_survey::{Beam, Overlap};
 
 /// Pulse rate at which `average_power` is the power of one pulse, Hz, see [`pulse_energy`].
 const RATED_FREQUENCY: f64 = 100_000.0;
@@ -47,6 +47,8 @@ pub struct LidarEquation {
     scale: f64,
     /// 2α, 1/m.
     double_extinction: f64,
+    /// Overlap of transmitter and receiver, with the diameter of the latter, m.
+    overlap: Option<(Overlap, f64)>,
 }
 
 impl LidarEquation {
@@ -57,6 +59,7 @@ impl LidarEquation {
         LidarEquation {
             scale: NANO * power * aperture * beam.efficiency / subrays as f64,
             double_extinction: 2.0 * extinction(beam, corrections),
+            overlap: beam.overlap.map(|overlap| (overlap, beam.receiver_diameter)),
         }
     }
 
@@ -75,6 +78,9 @@ impl LidarEquation {
             for i in 0..LANES {
                 out[i] = self.scale * exponential(x[i]) / (range[i] * range[i]);
             }
+        }
+        if let Some((overlap, diameter)) = &self.overlap {
+            out.iter_mut().zip(range).for_each(|(out, range)| *out *= overlap.share(*diameter, *range));
         }
     }
 }
@@ -116,6 +122,31 @@ mod tests {
         for frequency in [1e4, 1e6] {
             assert!((gain(&beam, frequency, 100.0) / (875.0 * 2250.0 / 4.0) - 1.0).abs() < 1e-12);
         }
+    }
+
+    /// Shares that follow from geometry alone, for a receiver of 0.1 m.
+    #[test]
+    fn light_of_near_targets_misses_the_detector() {
+        let share = |overlap: Overlap, range: f64| {
+            let beam = Beam { receiver_diameter: 0.1, ..clear(4.0) };
+            gain(&Beam { overlap: Some(overlap), ..beam }, 1e5, range) / gain(&beam, 1e5, range)
+        };
+        let near = |found: f64, expected: f64| (found - expected).abs() < 1e-12;
+        // On one axis, focused far away: (2 mrad · R/0.1 m)² up to 50 m.
+        let coaxial = Overlap { field_of_view: 2e-3, baseline: 0.0, focus: 0.0 };
+        for (range, expected) in [(1.0, 4e-4), (10.0, 0.04), (25.0, 0.25), (50.0, 1.0), (500.0, 1.0)] {
+            assert!(near(share(coaxial, range), expected), "{range} m: {}", share(coaxial, range));
+        }
+        // Focused at 10 m the disc is 0.1·|1/R − 1/10| wide.
+        let focused = Overlap { focus: 0.1, ..coaxial };
+        assert!(near(share(focused, 10.0), 1.0) && near(share(focused, 5.0), 0.04));
+        assert!(near(share(focused, 1e14), 0.04));
+        // Axes 1 m apart: the disc reaches the field from (1 − 0.05)/1e-3 m on, and is within from 1050 m on. At
+        // 1000 m its centre is on the edge of the field, which is 20 times as wide.
+        let biaxial = Overlap { baseline: 1.0, ..coaxial };
+        assert!(share(biaxial, 949.0) == 0.0 && near(share(biaxial, 1051.0), 1.0));
+        let at_edge = share(biaxial, 1000.0);
+        assert!((0.48..0.5).contains(&at_edge), "{at_edge}");
     }
 
     #[test]

@@ -25,13 +25,16 @@ dji-zenmuse-l1-non-repetitive | 40000 0.8 450, 40000 0.1 190 | DJI Zenmuse L1, s
 dji-zenmuse-l2-repetitive dji-zenmuse-l2-non-repetitive | 40000 0.5 450, 40000 0.1 250 | DJI Zenmuse L2, specifications: 450 m at 50 % and 0 klx, 250 m at 10 % and 100 klx; the entry lies between
 velodyne_hdl-64e | 20833 0.8 120, 20833 0.1 50 | Velodyne HDL-64E, data sheet: 120 m for cars and foliage (0.8), 50 m for pavement (0.1)
 vlp16 | 18750 0.8 100 | Velodyne VLP-16, data sheet: up to 100 m, no reflectance stated; the entry's range gate alone
-ouster_os0-128 | 10240 0.1 20, 10240 0.8 55 | Ouster OS0, data sheet of revision 6, not at hand to compare: 1024 columns at 10 Hz, 100 klx, detection probability above 50 %
+ouster_os0-128 | 10240 0.1 20, 10240 0.8 50 | Ouster OS0, data sheet of revision 6: 1024 columns at 10 Hz, 100 klx, detection probability above 50 %
 ouster_os1-128 | 10240 0.1 55, 10240 0.8 120 | Ouster OS1, data sheet of revision 6: as above; the entry lies between
 ouster_os2-128 | 10240 0.1 100, 10240 0.8 240 | Ouster OS2, data sheet of revision 6: as above; the entry lies between
+ouster_os0-128-rev7 | 10240 0.1 42, 10240 0.8 91 | Ouster OS0, data sheet of revision 7: 35 and 75 m with a detection probability of 90 %, which are 1/1.213 of these at 8 photons; the entry lies between
+ouster_os1-128-rev7 | 10240 0.1 109, 10240 0.8 206 | Ouster OS1, data sheet of revision 7: 90 and 170 m, as above; the entry's range gate ends at 233 m
+ouster_os2-128-rev7 | 10240 0.1 243, 10240 0.8 425 | Ouster OS2, data sheet of revision 7: 200 and 350 m, as above; the entry's range gate ends at 404 m
 livox_mid-360 | 200000 0.1 40, 200000 0.8 70 | Livox Mid-360, data sheet: 40 m at 10 %, 70 m at 80 %
 leica_als50 leica_als50-ii optech_2033 | | flying heights alone are published, without reflectance; the entries are left as they are
 riegl_vq_780i riegl_vq-1560i riegl_vq-880g riegl_vq-880g-infrared | | no figures at hand that are certain; the entries are left as they are
-riegl_vq-1560ii riegl_vq-840-g velodyne_hdl-32e hesai_xt32 hesai_pandar128 leica_rtc360 leica_blk360 riegl_vux-120 velodyne_alpha_prime hovermap | | no figures at hand that are certain; the entries have range gates alone
+riegl_vq-1560ii riegl_vq-840-g riegl_vq-840-gl velodyne_hdl-32e hesai_xt32 hesai_pandar128 leica_rtc360 leica_blk360 riegl_vux-120 velodyne_alpha_prime hovermap | | no figures at hand that are certain; the entries have range gates alone
 tractorscanner panoscanner | | prototypes without a data sheet; the entries are left as they are";
 
 /// Distance of the farthest wall of that reflectance that the scanner's first device detects at a pulse rate,
