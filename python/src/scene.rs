@@ -116,6 +116,7 @@ fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
             retro: get("retro")?.extract()?,
             opacity: None,
         },
+        colour: None,
         unused_optics: None,
         place: None,
     })

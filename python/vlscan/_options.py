@@ -16,7 +16,7 @@ class RunOptions(TypedDict, total=False):
     """Format of the points where the extension does not determine it."""
 
     columns: str | Sequence[str] | None
-    """Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as X,Y,Z,Intensity,GpsTime. docs/outputs.md lists them all, as does the message for an unknown name."""
+    """Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as X,Y,Z,Intensity,GpsTime. With Red, Green or Blue, las, laz, ply, pcd, e57 and mcap have colours, too. docs/outputs.md lists all columns, as does the message for an unknown name."""
 
     frame_s: float | None
     """Duration of the frames of mcap. [default: a revolution of a spinning scanner, 0.1 for others]"""

@@ -4,7 +4,7 @@ use super::groups::Options;
 use super::outputs::OutputKeys;
 use super::precedence::Precedence;
 use super::trajectory::TrajectoryOptions;
-use super::values::{Crs, GpsStart, NavigationError, Vector};
+use super::values::{ColumnList, Crs, GpsStart, NavigationError, Vector};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
@@ -69,6 +69,11 @@ fn is_pipeline(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
+/// True if columns are chosen and one of them is of colours, which files of other columns have, too.
+fn has_colours(columns: &Option<ColumnList>) -> bool {
+    columns.iter().flat_map(|columns| &columns.0).any(|column| column.needs().colour)
+}
+
 impl Options {
     /// How the survey's files are read.
     pub fn read_options(&self) -> ReadOptions {
@@ -109,8 +114,10 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
     let mut options = typed.over(file);
     options.input.assets = assets;
     // Columns that the file chooses are for its own outputs.
-    if replaces_outputs && !typed_columns && !options.sinks()?.iter().any(|(_, format)| format.has_columns())
-    {
+    let sinks = options.sinks()?;
+    let has_colours = has_colours(&options.output.columns) && sinks.iter().any(|(_, f)| f.has_colours());
+    let has_columns = has_colours || sinks.iter().any(|(_, format)| format.has_columns());
+    if replaces_outputs && !typed_columns && !has_columns {
         options.output.columns = None;
     }
     let mut reading = ReadOptions { trajectory: None, ..options.read_options() };

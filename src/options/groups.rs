@@ -116,7 +116,8 @@ pub struct OutputOptions with opposites {
     #[arg(long, action = SetTrue)]
     pub pulses: Switch,
     /// Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as
-    /// X,Y,Z,Intensity,GpsTime. docs/outputs.md lists them all, as does the message for an unknown name.
+    /// X,Y,Z,Intensity,GpsTime. With Red, Green or Blue, las, laz, ply, pcd, e57 and mcap have colours, too.
+    /// docs/outputs.md lists all columns, as does the message for an unknown name.
     #[arg(long, value_name = "NAMES")]
     pub columns: Option<ColumnList>,
     /// Also write part, primitive and true range to las, laz and ply; csv, arrow, parquet and geoparquet

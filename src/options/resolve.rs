@@ -98,6 +98,7 @@ impl ResolvedRun {
         }
         let mut output = options.output_request(day)?;
         output.live = is_live;
+        settings.load.colours = output.records().colours;
         if physics.record_subrays && output.records().waveforms {
             return Err(Error::input(
                 "subrays have no waveforms: leave out either --subrays or the waveforms",

@@ -13,6 +13,7 @@ mod chains;
 mod citations;
 mod closed_form;
 mod clouds;
+mod colours;
 mod compare;
 mod conformance;
 mod crs;

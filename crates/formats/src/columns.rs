@@ -188,6 +188,8 @@ impl AttributeSet {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Columns {
     columns: [Option<usize>; Attribute::COUNT],
+    /// The columns of red, green and blue, which are not attributes: few readers use them.
+    colours: Option<[usize; 3]>,
     /// Metres in a unit of x, y and z.
     metres: DVec3,
     /// Seconds in a unit of time.
@@ -201,7 +203,7 @@ pub struct Columns {
 impl Default for Columns {
     fn default() -> Columns {
         let columns = [None; Attribute::COUNT];
-        Columns { columns, metres: DVec3::ONE, seconds: 1.0, degrees: 1.0, is_own: false }
+        Columns { columns, colours: None, metres: DVec3::ONE, seconds: 1.0, degrees: 1.0, is_own: false }
     }
 }
 
@@ -257,7 +259,11 @@ impl Columns {
         let metres = DVec3::from(Attribute::POSITION.map(unit));
         let (seconds, degrees) = (unit(Attribute::Time), unit(Attribute::ScanAngle));
         let is_own = [OWN_NAME, NAME_OF_MISSES].into_iter().any(|name| position(name).is_some());
-        Columns { columns, metres, seconds, degrees, is_own }
+        let colours = match ["red", "green", "blue"].map(position) {
+            [Some(red), Some(green), Some(blue)] => Some([red, green, blue]),
+            _ => None,
+        };
+        Columns { columns, colours, metres, seconds, degrees, is_own }
     }
 
     /// Finds the columns of positions and other attributes by their names.
@@ -360,6 +366,17 @@ impl Columns {
         self
     }
 
+    /// The columns of red, green and blue, if there are all three.
+    pub fn colours(&self) -> Option<[usize; 3]> {
+        self.colours
+    }
+
+    /// Replaces the columns of red, green and blue.
+    #[must_use]
+    pub fn with_colours(self, colours: Option<[usize; 3]>) -> Columns {
+        Columns { colours, ..self }
+    }
+
     /// The columns of a table of this program if `is_own` is set, in which return 0 of 0 marks a pulse
     /// without a return.
     pub(crate) fn of_own_table(self, is_own: bool) -> Columns {
@@ -414,6 +431,8 @@ impl Columns {
             point_source: 0,
             channel: fitted(Attribute::Channel) as u16,
             time: fitted(Attribute::Time) * self.seconds,
+            // The conversion saturates, and NaN becomes 0.
+            colour: self.colours.map(|columns| columns.map(|column| value(column).round() as u16)),
             misfits,
         }
     }

@@ -45,6 +45,8 @@ const CRS: u8 = 2;
 const COLUMNS: u8 = 4;
 /// It has records of LAS, compressed or not.
 const LAS: u8 = 8;
+/// It has a place for colours, which it fills if a column of colours is chosen.
+const COLOURS: u8 = 32;
 /// Its points are in the axes of the scanner, and come in frames.
 const FRAMES: u8 = 16;
 
@@ -86,19 +88,19 @@ formats! {
     Xyz "xyz" ["txt"] "xyz" [TEXT COLUMNS] xyz "Eleven columns of text as HELIOS++ writes them";
     Csv "csv" [] "csv" [TEXT COLUMNS] csv "Comma-separated values with a line of names";
     Bin "bin" [] "bin" [] bin "The text of xyz, compressed";
-    Las "las" [] "las" [CRS LAS] las "LAS";
-    Laz "laz" [] "laz" [CRS LAS] laz "LAS compressed as LAZ";
-    Copc "copc" ["copc.laz"] "copc.laz" [CRS LAS] copc
+    Las "las" [] "las" [CRS LAS COLOURS] las "LAS";
+    Laz "laz" [] "laz" [CRS LAS COLOURS] laz "LAS compressed as LAZ";
+    Copc "copc" ["copc.laz"] "copc.laz" [CRS LAS COLOURS] copc
         "LAZ whose chunks are the nodes of an octree; files end in .copc.laz";
-    PlyBinary "ply" [] "ply" [CRS] binary "PLY, little-endian";
-    PlyAscii "ply-ascii" [] "ply" [TEXT CRS] ascii "PLY as text";
+    PlyBinary "ply" [] "ply" [CRS COLOURS] binary "PLY, little-endian";
+    PlyAscii "ply-ascii" [] "ply" [TEXT CRS COLOURS] ascii "PLY as text";
     RayCloud "raycloud" ["raycloud.ply"] "raycloud.ply" [] ray_cloud
         "PLY of rays, as raycloudtools reads it; files end in .raycloud.ply";
-    Pcd "pcd" [] "pcd" [] pcd "PCD of the Point Cloud Library, binary";
+    Pcd "pcd" [] "pcd" [COLOURS] pcd "PCD of the Point Cloud Library, binary";
     #[cfg(feature = "e57")]
-    E57 "e57" [] "e57" [] e57 "E57 with a scan and its pose for each leg";
+    E57 "e57" [] "e57" [COLOURS] e57 "E57 with a scan and its pose for each leg";
     #[cfg(feature = "mcap")]
-    Mcap "mcap" [] "mcap" [FRAMES] mcap
+    Mcap "mcap" [] "mcap" [FRAMES COLOURS] mcap
         "MCAP with a message `PointCloud2` of ROS 2 for each revolution, in the axes of the scanner";
     Arrow "arrow" ["arrows"] "arrow" [COLUMNS CRS] arrow "Arrow IPC stream with the columns of csv";
     #[cfg(feature = "parquet")]
@@ -224,6 +226,11 @@ impl PointFormat {
     /// True if the columns can be chosen.
     pub fn has_columns(self) -> bool {
         self.is(COLUMNS)
+    }
+
+    /// True if files of other columns have colours, too, if a column of colours is chosen.
+    pub fn has_colours(self) -> bool {
+        self.is(COLOURS)
     }
 
     /// True if points come in frames, whose duration can be chosen.

@@ -155,6 +155,8 @@ pub struct Cause {
     pub path: u8,
     /// Number of mirrors and panes on the way.
     pub order: u8,
+    /// Red, green and blue of the surface, of sRGB with 8 bits; black without a colour.
+    pub colour: [u8; 3],
 }
 
 impl Cause {
@@ -166,6 +168,7 @@ impl Cause {
         subray: u32::MAX,
         path: 0,
         order: 0,
+        colour: [0; 3],
     };
 }
 
@@ -260,6 +263,12 @@ impl PointRecord {
         [self.return_number, self.number_of_returns].map(|count| u8::try_from(count).unwrap_or(u8::MAX))
     }
 
+    /// The colour of the surface with 16 bits, as LAS files have it: 256 times the 8 bits.
+    #[inline]
+    pub(crate) fn colour_u16(&self) -> [u16; 3] {
+        self.cause.colour.map(|component| u16::from(component) << 8)
+    }
+
     /// Index of the device, saturated to 16 bits.
     #[inline]
     pub(crate) fn device_u16(&self) -> u16 {
@@ -282,8 +291,10 @@ pub(crate) fn round_half_even(x: f64) -> f64 {
 /// others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// [`PointRecord::cause`].
+    /// [`PointRecord::cause`] without the colour.
     pub cause: bool,
+    /// [`Cause::colour`].
+    pub colour: bool,
     /// [`PointRecord::in_scanner`] and [`PointRecord::scanner`].
     pub in_scanner: bool,
     /// [`PointRecord::true_position`].
@@ -298,6 +309,7 @@ impl Needs {
     pub fn union(self, other: Needs) -> Needs {
         Needs {
             cause: self.cause || other.cause,
+            colour: self.colour || other.colour,
             in_scanner: self.in_scanner || other.in_scanner,
             true_position: self.true_position || other.true_position,
             height: self.height || other.height,

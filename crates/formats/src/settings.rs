@@ -139,6 +139,11 @@ impl CloudSettings {
         })
     }
 
+    /// True if files have the colours of surfaces: a column of theirs is chosen.
+    pub fn has_colours(&self) -> bool {
+        self.columns.iter().flatten().any(|column| column.needs().colour)
+    }
+
     /// The rows of devices.
     pub(crate) fn rows(&self) -> Rings {
         Rings(self.rings.as_slice().into())

@@ -1,6 +1,7 @@
 //! A scene under construction, to which the loaders append.
 
 use super::change::AppliedChanges;
+use super::colour_store::{ColourBuilder, ColourMark};
 use super::grid_voxels::{GridSurfaces, GridVoxels};
 use super::library::Library;
 use super::model::{MovingPart, Part};
@@ -55,6 +56,9 @@ pub struct LoadOptions {
     /// Minimum number of voxels of a file that become a grid, not stored cubes. Changes nothing but memory
     /// and speed.
     pub min_grid_voxels: usize,
+    /// True if surfaces have [colours](super::Colours), which take memory: the texels of textures, and the
+    /// texture coordinates of triangles.
+    pub colours: bool,
     /// How parts at rest are loaded when rays need them and dropped when they do not; `None` loads the whole
     /// scene. Does not change the points of a survey.
     pub tiles: Option<TileOptions>,
@@ -96,6 +100,7 @@ impl Default for LoadOptions {
             triangulate_rasters: false,
             // Cubes of fewer voxels fit into the memory of any machine; rays traverse them faster.
             min_grid_voxels: 1 << 22,
+            colours: false,
             tiles: None,
             stop: None,
         }
@@ -179,6 +184,8 @@ pub(super) struct SceneBuilder<'a> {
     pub moving_parts: Vec<MovingPart>,
     pub library: Library,
     pub meshes: SharedMeshes,
+    /// Colours, if they are requested.
+    pub colours: ColourBuilder,
     /// Materials of parts that have been replaced.
     pub changes: AppliedChanges,
     /// Geometry files and tables that were opened.
@@ -234,6 +241,12 @@ impl Extent {
         }
     }
 
+    /// The numbers of primitives before the extent.
+    pub fn colour_mark(&self) -> ColourMark {
+        let (triangles, cubes, grids) = (self.triangles.start, self.cubes.start, self.grids.start);
+        ColourMark { triangles, cubes, grids }
+    }
+
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty() && self.cubes.is_empty() && self.fields.is_empty() && self.grids.is_empty()
     }
@@ -255,6 +268,7 @@ impl<'a> SceneBuilder<'a> {
             moving_parts: Vec::new(),
             library,
             meshes: SharedMeshes::default(),
+            colours: ColourBuilder::default(),
             changes: AppliedChanges::default(),
             sources: Vec::new(),
             leaf_table_rules: Corrections::NONE,
@@ -321,6 +335,9 @@ impl<'a> SceneBuilder<'a> {
         self.triangle_surfaces.truncate(start.triangles.start);
         self.cube_surfaces.truncate(start.cubes.start);
         self.field_surfaces.truncate(start.fields.start);
+        if self.options.colours {
+            self.colours.truncate(start.colour_mark());
+        }
     }
 
     /// The empty extent after all primitives loaded so far, for [`SceneBuilder::since`].
@@ -411,7 +428,8 @@ impl<'a> SceneBuilder<'a> {
 
     /// Memory of everything that is loaded, bytes.
     pub fn memory(&self) -> u64 {
-        self.memory_within(&Extent::of(&self.geometry)).saturating_add(self.meshes.memory())
+        self.memory_within(&Extent::of(&self.geometry))
+            .saturating_add(self.meshes.memory() + self.colours.memory())
     }
 
     /// Memory of the primitives of an extent, bytes.

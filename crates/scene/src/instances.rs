@@ -118,6 +118,9 @@ fn read_model(
     let geometry = Geometry { vertices, triangles, ..Geometry::default() };
     scene.meshes.models.push(Arc::new(Model::new(geometry)));
     scene.meshes.materials.push(materials);
+    if scene.options.colours {
+        scene.colours.add_model(start.triangles.start);
+    }
     Ok(scene.meshes.models.len() as u32 - 1)
 }
 

@@ -18,13 +18,15 @@
 //! | `load`, `builder` | load a scene from meshes, rasters, point clouds and vegetation voxels; the scene under construction |
 //! | `text`, `number` | files of text: lines, problems with their places, numbers |
 //! | `change` | materials that replace those of a part |
-//! | `library`, `mtl`, `mtl_optics`, `spectra`, `reflectance_issues`, `reflectance_units` | material definitions, their resolution and problems |
+//! | `library`, `mtl`, `mtl_optics`, `mtl_texture`, `spectra`, `surface_library`, `reflectance_issues`, `reflectance_units` | material definitions, their resolution and problems |
 //! | `ground`, `plane` | drop parts to the ground; planes fitted to points |
 //! | `ground_model` | the ground of a loaded scene |
 //! | `instances`, `instance_set` | parts that share a mesh |
 //! | `tiles` | parts that are in memory only while rays need them |
 //! | `coincident` | triangles that repeat an earlier one |
 //! | `model`, `primitive`, `triangle`, `surfaces`, `material`, `optics`, `voxel`, `grid_voxels`, `lad` | the loaded scene and its components |
+//! | `colours`, `colour_at`, `texture` | colours of surfaces for people; images |
+//! | `colour_builder`, `colour_store` | colours of a scene under construction |
 //! | `motion` | moving parts |
 //! | `epoch` | swapped parts |
 //! | `conditions` | the settings that a scene depends on |
@@ -38,6 +40,10 @@
 mod builder;
 mod change;
 mod coincident;
+mod colour_at;
+mod colour_builder;
+mod colour_store;
+mod colours;
 mod conditions;
 mod crs;
 mod epoch;
@@ -60,6 +66,7 @@ mod model;
 mod motion;
 mod mtl;
 mod mtl_optics;
+mod mtl_texture;
 mod number;
 mod optics;
 mod pack;
@@ -69,15 +76,18 @@ mod primitive;
 mod reflectance_issues;
 mod reflectance_units;
 mod spectra;
+mod surface_library;
 mod surfaces;
 #[cfg(test)]
 mod tests;
 mod text;
+mod texture;
 mod tiles;
 mod triangle;
 mod voxel;
 
 pub use builder::{LoadOptions, Sharing};
+pub use colours::Colours;
 pub use conditions::{ConditionMismatch, Conditions};
 pub use epoch::{SceneFrame, count_epochs};
 pub use fingerprint::fingerprint;
@@ -98,6 +108,7 @@ pub use optics::{GLASS_INDEX, Optics, OpticsKind, SHEET_THICKNESS};
 pub use pack::{Pack, pack};
 pub use part_facts::{MaterialArea, PartFacts, material_areas};
 pub use primitive::{PrimitiveFacts, PrimitiveShape};
+pub use surface_library::{SURFACE_SPECTRA, SurfaceSpectrum};
 pub use surfaces::{Surface, SurfaceIds};
 pub use tiles::{PlaceInRaster, Tile, TileFacts, TileOptions, TileReader, Tiles};
 pub use triangle::SceneTriangle;

@@ -15,7 +15,9 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::quantity::CLASSES;
 use vlscan_base::rng::{Purpose, Stream};
-use vlscan_survey::{Identity, MaterialChoice, MaterialDefinition, OpticsDefinition, UnusedOptics};
+use vlscan_survey::{
+    ColourDefinition, Identity, MaterialChoice, MaterialDefinition, OpticsDefinition, UnusedOptics,
+};
 
 /// Name of the material of faces without one; no file can redefine it.
 pub(super) const DEFAULT: &str = "default";
@@ -45,6 +47,8 @@ pub(super) struct Library {
     index_of: HashMap<Key, u32>,
     /// The material that another one differs from in its class or its colours only.
     base_of: HashMap<u32, u32>,
+    /// Colours of materials that have one, with the places of their definitions.
+    colours: HashMap<u32, (ColourDefinition, Option<Place>)>,
     /// In the order of first use.
     pub materials: Vec<Material>,
 }
@@ -154,6 +158,7 @@ impl Library {
             of_memory: HashMap::new(),
             index_of: HashMap::new(),
             base_of: HashMap::new(),
+            colours: HashMap::new(),
             materials: Vec::new(),
         }
     }
@@ -283,6 +288,18 @@ impl Library {
         used
     }
 
+    /// The colour of a material, if its definition has one, and the place of the definition.
+    pub fn colour_of(&self, material: u32) -> Option<&(ColourDefinition, Option<Place>)> {
+        let mut of = material;
+        loop {
+            match (self.colours.get(&of), self.base_of.get(&of)) {
+                (Some(found), _) => return Some(found),
+                (None, Some(base)) => of = *base,
+                (None, None) => return None,
+            }
+        }
+    }
+
     fn defined(&mut self, known: DefinitionId, diagnostics: &mut Diagnostics) -> u32 {
         if let Some(&index) = self.index_of.get(&Key::Defined(known)) {
             return index;
@@ -301,6 +318,9 @@ impl Library {
         self.materials.push(material);
         let index = self.materials.len() as u32 - 1;
         self.index_of.insert(Key::Defined(known), index);
+        if let Some(colour) = definition.colour {
+            self.colours.insert(index, (colour, definition.place));
+        }
         if is_in_memory {
             self.of_memory.entry(definition.name).or_default().push((placeless, index));
         }

@@ -128,13 +128,7 @@ impl Material {
     /// True if triangles of this material are leaves: by its definition, else by an English or German word in
     /// its name. `None` if neither shows it.
     pub fn is_leaf(&self) -> Option<bool> {
-        self.leaf.or_else(|| {
-            let name = self.name.to_lowercase();
-            let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
-            let is_whole = |word: &str| WHOLE_WOOD_WORDS.contains(&word);
-            let is_wood = has(&WOOD_WORDS) || name.split(|c: char| !c.is_alphanumeric()).any(is_whole);
-            (has(&LEAF_WORDS) && !is_wood).then_some(true)
-        })
+        self.leaf.or_else(|| has_leaf_word(&self.name).then_some(true))
     }
 
     /// ρ at a wavelength by its number: 0 for the first, from 1 for the further ones.
@@ -192,6 +186,15 @@ impl Material {
             }
         }
     }
+}
+
+/// True if a name is that of leaves, by an English or German word in it.
+pub(super) fn has_leaf_word(name: &str) -> bool {
+    let name = name.to_lowercase();
+    let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+    let is_whole = |word: &str| WHOLE_WOOD_WORDS.contains(&word);
+    let is_wood = has(&WOOD_WORDS) || name.split(|c: char| !c.is_alphanumeric()).any(is_whole);
+    has(&LEAF_WORDS) && !is_wood
 }
 
 /// Coefficients A and B of Oren and Nayar's qualitative model for a roughness in rad.

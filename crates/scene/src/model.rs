@@ -1,6 +1,7 @@
 //! The loaded scene, which workers share.
 
 use super::coincident::repeated_triangles;
+use super::colours::Colours;
 use super::grid_voxels::{GridSurfaces, GridVoxels};
 use super::instance_set::InstanceSet;
 use super::lad::LadTable;
@@ -49,6 +50,8 @@ pub struct Scene {
     /// Parts that are in memory only while rays need them, if any; their primitives are numbered after those
     /// of `geometry` and of instances.
     pub tiles: Option<Arc<Tiles>>,
+    /// Colours of its surfaces, if they were requested; those of tiles are in the scenes of the tiles.
+    pub colours: Option<Arc<Colours>>,
     /// Number of simulation steps between updates of the moving parts.
     pub dyn_step: u32,
     /// Time between updates, s; overrides all step counts.
@@ -305,6 +308,7 @@ impl Scene {
             + names
             + self.instances.as_ref().map_or(0, InstanceSet::memory)
             + self.tiles.as_ref().map_or(0, |tiles| tiles.memory())
+            + self.colours.as_ref().map_or(0, |colours| colours.memory())
             + vec_bytes(&self.geometry.vertices)
             + vec_bytes(&self.geometry.triangles)
             + vec_bytes(&self.geometry.cubes)

@@ -1,6 +1,7 @@
 //! Material libraries (spec input-formats §4.2).
 
 use super::mtl_optics::Optics;
+use super::mtl_texture;
 use super::number::{float, skip_blanks};
 use super::text::{Line, Lines, Problems, Source, Words, operand, printable, shown};
 use std::ops::Range;
@@ -74,6 +75,13 @@ fn statement(
     if optics.read(keyword, &line.text[operand(&line.text, at.end)], whole_line) {
         return;
     }
+    if keyword == b"map_Kd" {
+        if let Some(material) = definitions.last_mut() {
+            let folder = source.path().parent().unwrap_or(Path::new(""));
+            mtl_texture::set(material, folder, &line.text, (at.end, &values));
+        }
+        return;
+    }
     if !is_known(keyword) {
         return warn_of_unknown(line.number, keyword, in_file(at), problems);
     }
@@ -92,6 +100,10 @@ fn statement(
         }
     }
     let is_set = set(material, keyword, &values);
+    if is_set.is_ok() && keyword == b"Kd" {
+        // Colours beyond white are those of pictures with other units.
+        mtl_texture::colour_of(material).factor = material.kd.map(|c| c.min(1.0));
+    }
     if is_set.is_ok() {
         warn_of_rest(line, keyword, &values, problems);
     }

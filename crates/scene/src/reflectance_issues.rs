@@ -1,6 +1,7 @@
 //! Collects materials whose reflectance is missing or not a fraction, to report them file by file.
 
 use super::library::DEFAULT;
+use super::material::has_leaf_word;
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use vlscan_base::corrections::Corrections;
@@ -47,6 +48,10 @@ pub(super) fn missing(names: &[String], rules: Corrections) -> String {
 pub(super) fn assumed(rules: Corrections) -> &'static str {
     if rules.reflectance_fraction { "0.5" } else { "50 per cent, the default of HELIOS++" }
 }
+
+/// Advice for leaves with the default reflectance.
+const HELP_OF_LEAVES: &str = "leaves reflect less than that at most wavelengths: give them the built-in spectrum \
+                              broadleaf or needle (helios_spectra in MTL files), or a reflectance from 0 to 1";
 
 /// Maximum number of names in one message.
 const MAX_LISTED: usize = 8;
@@ -107,6 +112,8 @@ impl ReflectanceIssues {
                     "helios_reflectance 0.3 reflects 30 per cent",
                 ),
             };
+            let has_leaves = names.iter().any(|name| has_leaf_word(name));
+            let help = if *issue == ReflectanceIssue::Missing && has_leaves { HELP_OF_LEAVES } else { help };
             diagnostics.warn(place, message).help(help);
         }
     }

@@ -2,6 +2,7 @@
 //! the reference takes them; rows that are probably meant differently cause a warning.
 
 use super::number::float;
+use super::surface_library::SurfaceSpectrum;
 use super::text::{Lines, Problems, Source, Words, shown};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -42,6 +43,8 @@ impl Row {
 #[derive(Clone)]
 pub(super) struct Spectra {
     folders: Vec<PathBuf>,
+    /// Folders of an installation of HELIOS++ around the scene, which come after the others.
+    installed: Vec<PathBuf>,
     /// The first is that of the first device.
     wavelengths_um: Vec<f32>,
     known: HashMap<String, Option<Vec<f64>>>,
@@ -53,6 +56,7 @@ impl Spectra {
     pub fn new(asset_folders: &[PathBuf], wavelengths_nm: impl IntoIterator<Item = f64>) -> Spectra {
         Spectra {
             folders: asset_folders.iter().map(|f| f.join("spectra")).filter(|f| f.is_dir()).collect(),
+            installed: asset_folders.last().map_or_else(Vec::new, |folder| installed(folder)),
             wavelengths_um: wavelengths_nm.into_iter().map(|nm| (nm / 1000.0) as f32).collect(),
             known: HashMap::new(),
             files: Vec::new(),
@@ -67,9 +71,30 @@ impl Spectra {
         }
         let file = self.find(name, diagnostics);
         self.files.extend(file.clone());
-        let values = file.and_then(|path| reflectances_in(&path, &self.wavelengths_um, diagnostics));
+        let values = match file {
+            Some(path) => reflectances_in(&path, &self.wavelengths_um, diagnostics),
+            None => self.built_in(name, diagnostics),
+        };
         self.known.insert(name.to_owned(), values.clone());
         values
+    }
+
+    /// Reflectances of a surface of the library at the wavelengths in per cent; `None` for another name.
+    fn built_in(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
+        let surface = SurfaceSpectrum::find(name)?;
+        let (first, last) = surface.range();
+        let wavelengths = self.wavelengths_um.iter().map(|um| f64::from(*um) * 1000.0);
+        // A wavelength in µm has the digits of a number of 32 bits.
+        let is_beyond = |nm: &f64| *nm < first - 0.01 || *nm > last + 0.01;
+        if let Some(beyond) = wavelengths.clone().find(is_beyond) {
+            let message = format!(
+                "the built-in spectrum \"{name}\" has values from {first} to {last} nm; the nearest one is \
+                 used for {} nm",
+                number(beyond.round())
+            );
+            diagnostics.warn(None, message);
+        }
+        Some(wavelengths.map(|nm| 100.0 * surface.reflectance(nm)).collect())
     }
 
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
@@ -78,6 +103,11 @@ impl Spectra {
 
     /// The folders that are searched, for messages.
     pub fn described(&self) -> String {
+        let names = SurfaceSpectrum::names();
+        format!("{}; built in are {names}", self.described_folders())
+    }
+
+    fn described_folders(&self) -> String {
         match self.folders.as_slice() {
             [] => "no asset folder holds a folder \"spectra\"".to_owned(),
             all => {
@@ -89,7 +119,12 @@ impl Spectra {
 
     /// The first file of this name; others are warned of.
     fn find(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<PathBuf> {
-        let files = self.folders.iter().flat_map(|folder| reads::list(folder).unwrap_or_default());
+        let found = Spectra::find_in(&self.folders, name, diagnostics);
+        found.or_else(|| Spectra::find_in(&self.installed, name, diagnostics))
+    }
+
+    fn find_in(folders: &[PathBuf], name: &str, diagnostics: &mut Diagnostics) -> Option<PathBuf> {
+        let files = folders.iter().flat_map(|folder| reads::list(folder).unwrap_or_default());
         let named = files.filter(|f| f.file_stem().is_some_and(|s| s == name) && f.is_file());
         // Several paths can lead to the same folder.
         let mut seen = HashSet::new();
@@ -105,6 +140,17 @@ impl Spectra {
         }
         Some(first)
     }
+}
+
+/// Number of folders above that of a scene in which the assets of HELIOS++ are searched: scenes are in
+/// `data/scenes/NAME`, spectra in `assets/spectra`.
+const MAX_ABOVE: usize = 4;
+
+/// The folders of spectra in `assets` beside a scene's folder and those above it.
+fn installed(folder: &Path) -> Vec<PathBuf> {
+    let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+    let above = whole.ancestors().take(MAX_ABOVE + 1);
+    above.map(|folder| folder.join("assets").join("spectra")).filter(|folder| folder.is_dir()).collect()
 }
 
 fn reflectances_in(path: &Path, wavelengths: &[f32], diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {

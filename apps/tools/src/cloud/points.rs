@@ -1,4 +1,4 @@
-//! A point cloud in memory: 24 bytes for each position and up to 22 for its attributes, and a bounded number
+//! A point cloud in memory: 24 bytes for each position and up to 28 for its attributes, and a bounded number
 //! of points.
 
 use std::collections::HashMap;
@@ -29,6 +29,10 @@ pub struct Points {
     pub(crate) leg: Vec<u16>,
     /// Numbers above 255 are 255.
     pub(crate) channel: Vec<u8>,
+    /// Red, green and blue as the file has them; empty without colours.
+    colour: Vec<[u16; 3]>,
+    /// The greatest component of colours.
+    max_colour: u16,
     /// Seconds after the first point.
     pub(crate) time: Vec<f64>,
     first_time: Option<f64>,
@@ -74,6 +78,8 @@ impl Points {
             objects: Vec::new(),
             leg: Vec::new(),
             channel: Vec::new(),
+            colour: Vec::new(),
+            max_colour: 0,
             time: Vec::new(),
             first_time: None,
             crs: None,
@@ -143,6 +149,12 @@ impl Points {
             self.high_channels += u64::from(row.channel > 255);
             self.channel.push(row.channel.min(255) as u8);
         }
+        if let Some(colour) = row.colour {
+            // Points of other scans may have none.
+            self.colour.resize(self.positions.len() - 1, [0; 3]);
+            self.colour.push(colour);
+            self.max_colour = colour.into_iter().fold(self.max_colour, u16::max);
+        }
         if self.has(Attribute::Time) {
             let first = *self.first_time.get_or_insert(row.time);
             self.time.push(row.time - first);
@@ -172,6 +184,7 @@ impl Points {
         keep(&mut self.object, &is_kept);
         keep(&mut self.leg, &is_kept);
         keep(&mut self.channel, &is_kept);
+        keep(&mut self.colour, &is_kept);
         keep(&mut self.time, &is_kept);
         self.added -= strays.count;
         self.bounds = self.positions.iter().fold(Aabb::EMPTY, |bounds, p| bounds.with(*p));
@@ -192,6 +205,7 @@ impl Points {
         halve(&mut self.object);
         halve(&mut self.leg);
         halve(&mut self.channel);
+        halve(&mut self.colour);
         halve(&mut self.time);
         self.stride *= 2;
     }
@@ -267,6 +281,17 @@ impl Points {
     /// Scan angle of a point, degrees; `None` if the points have none.
     pub fn scan_angle_of(&self, i: usize) -> Option<f32> {
         self.scan_angle.get(i).copied()
+    }
+
+    /// True if some points have colours other than black.
+    pub(crate) fn has_colours(&self) -> bool {
+        self.max_colour > 0
+    }
+
+    /// Red, green and blue of a point; black if it has none. Files have 8 bits or the upper 8 of 16.
+    pub(crate) fn colour_of(&self, i: usize) -> [u8; 3] {
+        let shift = if self.max_colour > 255 { 8 } else { 0 };
+        self.colour.get(i).map_or([0; 3], |colour| colour.map(|component| (component >> shift) as u8))
     }
 
     /// Time of a point, s; `None` if the points have none. Points of one pulse have the same bits.

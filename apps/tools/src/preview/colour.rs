@@ -28,24 +28,27 @@ pub enum ColourBy {
     Channel,
     /// Time of the pulse.
     Time,
+    /// Red, green and blue of the point.
+    Rgb,
 }
 
 impl ColourBy {
     /// All of them.
-    pub const ALL: [ColourBy; 8] = {
-        use ColourBy::{Channel, Class, Height, Intensity, Leg, Object, Return, Time};
-        [Height, Class, Intensity, Object, Return, Leg, Channel, Time]
+    pub const ALL: [ColourBy; 9] = {
+        use ColourBy::{Channel, Class, Height, Intensity, Leg, Object, Return, Rgb, Time};
+        [Height, Class, Intensity, Object, Return, Leg, Channel, Time, Rgb]
     };
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
-        ["height", "class", "intensity", "object", "return", "leg", "channel", "time"][self as usize]
+        ["height", "class", "intensity", "object", "return", "leg", "channel", "time", "rgb"][self as usize]
     }
 
     /// True if the points have the attribute of this colouring.
     pub(super) fn shown_by(self, points: &Points) -> bool {
         points.has(match self {
             ColourBy::Height => return true,
+            ColourBy::Rgb => return points.has_colours(),
             ColourBy::Class => Attribute::Class,
             ColourBy::Intensity => Attribute::Intensity,
             ColourBy::Object => Attribute::Object,
@@ -117,6 +120,8 @@ pub(super) enum Colouring {
     Ranks { quantiles: Vec<f32>, table: &'static [Rgb] },
     /// A value of each point from 0 to `high`; points of 0 have none.
     Values { title: &'static str, values: Vec<f32>, high: f32, table: &'static [Rgb] },
+    /// The colours of the points themselves.
+    Own,
     /// A colour for each number.
     Table { value: ColourBy, colours: Vec<Rgb> },
 }
@@ -135,6 +140,8 @@ pub(super) enum Legend {
     Marks { title: &'static str, marks: Vec<(f32, String)>, table: &'static [Rgb] },
     /// Colours with names; `more` is the number of entries that did not fit.
     List { title: &'static str, entries: Vec<Entry>, more: usize },
+    /// Nothing: colours have no meaning but their own.
+    Nothing,
 }
 
 impl Colouring {
@@ -145,6 +152,7 @@ impl Colouring {
         match wanted {
             _ if !wanted.shown_by(points) => Colouring::of_heights(points, heights),
             ColourBy::Height => Colouring::of_heights(points, heights),
+            ColourBy::Rgb => Colouring::Own,
             ColourBy::Intensity => {
                 Colouring::Ranks { quantiles: quantiles(&points.intensity), table: &STRENGTHS }
             }
@@ -190,6 +198,7 @@ impl Colouring {
             Colouring::Ramp { table, .. }
             | Colouring::Ranks { table, .. }
             | Colouring::Values { table, .. } => mixed(table, self.fraction(points, i)),
+            Colouring::Own => points.colour_of(i),
             Colouring::Table { value, colours } => colours[number(points, *value, i)],
         }
     }
@@ -204,7 +213,7 @@ impl Colouring {
             Colouring::Ramp { low, high, .. } => (points.offset(i)[2] - low) / (high - low),
             Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity[i]),
             Colouring::Values { values, high, .. } => values.get(i).map_or(0.0, |value| value / high),
-            Colouring::Table { .. } => 0.0,
+            Colouring::Own | Colouring::Table { .. } => 0.0,
         }
     }
 
@@ -241,6 +250,7 @@ impl Colouring {
             Colouring::Values { title, high, table, .. } => {
                 Legend::Bar { title, low: 0.0, high: *high, table }
             }
+            Colouring::Own => Legend::Nothing,
             Colouring::Table { value, colours } => {
                 let mut counts = vec![0u64; colours.len()];
                 (0..points.len()).for_each(|i| counts[number(points, *value, i)] += 1);
@@ -385,6 +395,24 @@ mod tests {
         }
         assert_eq!(mixed(&HEIGHTS, f32::NAN), HEIGHTS[0]);
         assert_eq!(mixed(&HEIGHTS, 7.0), HEIGHTS[7]);
+    }
+
+    #[test]
+    fn colours_of_points_have_the_upper_eight_bits() {
+        let drawn = |all: &[Option<[u16; 3]>]| {
+            let mut points = Points::new(AttributeSet::default());
+            for colour in all {
+                points.push(&PointRow { colour: *colour, ..PointRow::default() }, None);
+            }
+            let colouring = Colouring::new(&points, ColourBy::Rgb, None);
+            let is_own = matches!(colouring, Colouring::Own);
+            is_own.then(|| (0..points.len()).map(|i| colouring.of(&points, i)).collect::<Vec<_>>())
+        };
+        assert_eq!(drawn(&[None, None]), None, "heights");
+        assert_eq!(drawn(&[None, Some([255, 7, 0])]), Some(vec![[0; 3], [255, 7, 0]]));
+        // 256 or 257 times the number of 8 bits.
+        assert_eq!(drawn(&[Some([65_280, 37_376, 0])]), Some(vec![[255, 146, 0]]));
+        assert_eq!(drawn(&[Some([65_535, 37_522, 0])]), Some(vec![[255, 146, 0]]));
     }
 
     #[test]

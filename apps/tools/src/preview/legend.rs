@@ -24,6 +24,7 @@ pub(super) fn draw(picture: &mut Picture, frame: Frame, legend: &Legend, text: f
             let marks: Vec<(f32, String)> = marks.collect();
             bar(picture, frame, (*title, *table, &marks[..]), text, style);
         }
+        Legend::Nothing => {}
         Legend::List { title, entries, more } => {
             let [x, y] = [frame.x, frame.y].map(f64::from);
             picture.text([x, y], title, text, style.faint);

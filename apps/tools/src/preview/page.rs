@@ -142,6 +142,7 @@ fn entries(colouring: &Colouring, points: &Points, chosen: &[u32], lowest: f64) 
         Legend::Marks { marks, table, .. } => {
             json!({ "low": 0.0, "high": 1.0, "marks": marks, "ramp": table })
         }
+        Legend::Nothing => json!({ "own": true }),
         Legend::List { .. } => {
             let entries: Vec<(usize, String, Rgb, u64)> = colouring.names(points, chosen);
             json!({ "entries": entries })

@@ -225,6 +225,9 @@ columns! {
     ScannerZ f64 4 "m" |p, _| p.in_scanner.z, "Position relative to the beam's origin, in the axes of the scanner's mount.";
     Path u8 0 "" |p, _| p.cause.path, "Way of the light: 0 straight, 1 through panes, 2 over mirrors (a ghost).";
     PathOrder u8 0 "" |p, _| p.cause.order, "Number of mirrors and panes on the way of the light.";
+    Red u16 0 "" |p, _| p.colour_u16()[0], "Red of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";
+    Green u16 0 "" |p, _| p.colour_u16()[1], "Green of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";
+    Blue u16 0 "" |p, _| p.colour_u16()[2], "Blue of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";
     ExactScanAngle f64 9 "rad" |p, _| p.scan_angle, "ScanAngle with all its digits.";
     RestX f32 9 "m" |p, o| rest(p.position.x, o.x), "What X, relative to the origin of the scene, has lost in the world frame.";
     RestY f32 9 "m" |p, o| rest(p.position.y, o.y), "What Y, relative to the origin of the scene, has lost in the world frame.";
@@ -259,6 +262,7 @@ impl Column {
             Column::FootprintFraction | Column::Subray | Column::Path | Column::PathOrder => {
                 Needs { cause: true, ..Needs::default() }
             }
+            Column::Red | Column::Green | Column::Blue => Needs { colour: true, ..Needs::default() },
             Column::ScannerX | Column::ScannerY | Column::ScannerZ => {
                 Needs { in_scanner: true, ..Needs::default() }
             }

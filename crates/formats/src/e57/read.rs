@@ -73,6 +73,8 @@ struct Scan {
     return_count: Option<usize>,
     time: Option<usize>,
     class: Option<usize>,
+    /// Red, green and blue.
+    colour: Option<[usize; 3]>,
     pose: Transform,
     /// True if this program has written the scan; its pulses without a return have no returns.
     is_own: bool,
@@ -106,6 +108,7 @@ impl Scan {
             return_count: column(RecordName::ReturnCount),
             time: column(RecordName::TimeStamp),
             class,
+            colour: all([RecordName::ColorRed, RecordName::ColorGreen, RecordName::ColorBlue]),
             pose: cloud.transform.clone().unwrap_or_default(),
             is_own: cloud.name.as_ref().is_some_and(|name| name.starts_with(SCAN_NAME)),
         }
@@ -161,6 +164,7 @@ impl Scan {
             class: fitted(Attribute::Class, self.class, 0.0) as u8,
             time: fitted(Attribute::Time, self.time, 0.0),
             leg: u16::try_from(number).unwrap_or(u16::MAX),
+            colour: self.colour.map(|columns| columns.map(|column| value(column).round() as u16)),
             misfits,
             ..PointRow::default()
         })

@@ -15,8 +15,8 @@ use vlscan_base::files::{FileWriter, scratch_failed};
 use vlscan_crs as crs;
 use vlscan_geom::DVec3;
 
-/// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number.
-const RECORD_BYTES: usize = 2 + 7 * 8 + 4 + 2;
+/// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number, colour.
+const RECORD_BYTES: usize = 2 + 7 * 8 + 4 + 2 + 3;
 
 /// Bytes of points that are kept in memory.
 const MAX_MEMORY_BYTES: usize = 1 << 16;
@@ -28,12 +28,14 @@ struct E57 {
     origin: DVec3,
     /// Name of the coordinate reference system.
     crs: Option<String>,
+    /// True if points have the colour of the surface.
+    colours: bool,
 }
 
 /// E57 files.
 pub(crate) fn e57(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let crs = settings.crs.as_deref().map(crs::short_name);
-    Ok(Arc::new(E57 { origin: settings.origin, crs }))
+    Ok(Arc::new(E57 { origin: settings.origin, crs, colours: settings.has_colours() }))
 }
 
 impl PointEncoder for E57 {
@@ -51,6 +53,7 @@ impl PointEncoder for E57 {
             out.extend(point.seconds().to_le_bytes());
             out.extend((point.amplitude as f32).to_le_bytes());
             out.extend(point.returns());
+            out.extend(point.cause.colour);
             Some(position)
         });
     }
@@ -68,6 +71,7 @@ struct Point {
     time: f64,
     intensity: f32,
     returns: [u8; 2],
+    colour: [u8; 3],
 }
 
 impl Point {
@@ -80,6 +84,7 @@ impl Point {
             time: double(6),
             intensity: f32::from_le_bytes(std::array::from_fn(|b| bytes[58 + b])),
             returns: [bytes[62], bytes[63]],
+            colour: [bytes[64], bytes[65], bytes[66]],
         }
     }
 }
@@ -130,8 +135,9 @@ impl FileBody for E57Body {
         writer.set_coordinate_metadata(self.encoder.crs.clone());
         let mut scan = 0;
         while let Some(first) = points.next()? {
-            let mut cloud =
-                writer.add_pointcloud(&guid(scan, self.count), prototype()).map_err(e57_failed)?;
+            let mut cloud = writer
+                .add_pointcloud(&guid(scan, self.count), prototype(self.encoder.colours))
+                .map_err(e57_failed)?;
             cloud.set_name(Some(format!("{SCAN_NAME}{}", first.leg)));
             let DVec3 { x, y, z } = first.origin;
             let rotation = Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 };
@@ -139,7 +145,7 @@ impl FileBody for E57Body {
             let (leg, pose) = (first.leg, first.origin);
             let mut point = first;
             loop {
-                cloud.add_point(values(&point, pose)).map_err(e57_failed)?;
+                cloud.add_point(values(&point, pose, self.encoder.colours)).map_err(e57_failed)?;
                 match points.next()? {
                     Some(next) if next.leg == leg => point = next,
                     next => {
@@ -181,10 +187,12 @@ impl Points {
 }
 
 /// The fields of a point, in the frame of its scan: axes as in the world, origin at the scanner.
-fn prototype() -> Vec<Record> {
+fn prototype(colours: bool) -> Vec<Record> {
     let double = RecordDataType::Double { min: None, max: None };
     let single = RecordDataType::Single { min: None, max: None };
     let count = RecordDataType::Integer { min: 0, max: 255 };
+    let colour = [RecordName::ColorRed, RecordName::ColorGreen, RecordName::ColorBlue]
+        .map(|name| (name, count.clone()));
     [
         (RecordName::CartesianX, double.clone()),
         (RecordName::CartesianY, double.clone()),
@@ -195,14 +203,15 @@ fn prototype() -> Vec<Record> {
         (RecordName::ReturnCount, count),
     ]
     .into_iter()
+    .chain(colour.into_iter().filter(|_| colours))
     .map(|(name, data_type)| Record { name, data_type })
     .collect()
 }
 
-fn values(point: &Point, pose: DVec3) -> Vec<RecordValue> {
+fn values(point: &Point, pose: DVec3, colours: bool) -> Vec<RecordValue> {
     let local = point.position - pose;
     let [number, count] = point.returns;
-    vec![
+    let mut values = vec![
         RecordValue::Double(local.x),
         RecordValue::Double(local.y),
         RecordValue::Double(local.z),
@@ -211,7 +220,11 @@ fn values(point: &Point, pose: DVec3) -> Vec<RecordValue> {
         // Counted from 0.
         RecordValue::Integer(i64::from(number.saturating_sub(1))),
         RecordValue::Integer(i64::from(count)),
-    ]
+    ];
+    if colours {
+        values.extend(point.colour.map(|component| RecordValue::Integer(component.into())));
+    }
+    values
 }
 
 /// An identifier that depends on the content alone, so that the same run gives the same bytes.

@@ -39,6 +39,11 @@ const HEAD_BYTES: usize = 16 + POSE_BYTES;
 /// Bytes of a point in a message.
 const POINT_BYTES: usize = 32;
 
+/// Bytes of a point in a message, with or without a colour.
+fn point_bytes(colours: bool) -> usize {
+    POINT_BYTES + if colours { COLOUR_BYTES } else { 0 }
+}
+
 /// Place of the time after the start of the frame in a point.
 const TIME_AT: usize = 16;
 
@@ -55,6 +60,10 @@ const FIELDS: [(&str, u32, u8); 10] = [
     ("label", 24, INT32),
     ("instance", 28, INT32),
 ];
+/// Red, green and blue in the bits of a number, blue in the lowest eight; as a float, which programs expect.
+const COLOUR: (&str, u32, u8) = ("rgb", POINT_BYTES as u32, FLOAT32);
+/// Bytes of the colour.
+const COLOUR_BYTES: usize = 4;
 const UINT8: u8 = 2;
 const UINT16: u8 = 4;
 const INT32: u8 = 5;
@@ -82,12 +91,14 @@ struct Mcap {
     origin: DVec3,
     names: FrameNames,
     rings: Rings,
+    /// True if points have the colour of the surface.
+    colours: bool,
 }
 
 /// MCAP files.
 pub(crate) fn mcap(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let (names, rings) = (settings.frame_names.clone(), settings.rows());
-    Ok(Arc::new(Mcap { origin: settings.origin, names, rings }))
+    Ok(Arc::new(Mcap { origin: settings.origin, names, rings, colours: settings.has_colours() }))
 }
 
 impl PointEncoder for Mcap {
@@ -110,14 +121,18 @@ impl PointEncoder for Mcap {
             out.extend(point.returns());
             out.extend(point.class.to_le_bytes());
             out.extend(point.object.to_le_bytes());
+            if self.colours {
+                let [red, green, blue] = point.cause.colour;
+                out.extend([blue, green, red, 0]);
+            }
             Some(point.position + self.origin)
         });
     }
 
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
         let container = Container::begin(SOFTWARE, &CHANNELS, out)?;
-        let (names, track) = (self.names.clone(), PoseTrack::default());
-        Ok(Box::new(McapBody { container, names, track, begin: 0, points: Vec::new() }))
+        let (names, track, colours) = (self.names.clone(), PoseTrack::default(), self.colours);
+        Ok(Box::new(McapBody { container, names, colours, track, begin: 0, points: Vec::new() }))
     }
 }
 
@@ -128,6 +143,7 @@ const UNKNOWN: Rotation = Rotation { w: 0.0, u: DVec3::ZERO };
 struct McapBody {
     container: Container,
     names: FrameNames,
+    colours: bool,
     track: PoseTrack,
     /// Start of the frame, ns.
     begin: u64,
@@ -137,11 +153,12 @@ struct McapBody {
 impl FileBody for McapBody {
     /// Appends collected points, in order of emission.
     fn append(&mut self, collected: Vec<u8>, out: &mut OutputStream, _: &dyn Offload) -> Result<()> {
-        for record in collected.chunks_exact(HEAD_BYTES + POINT_BYTES) {
+        let length = point_bytes(self.colours);
+        for record in collected.chunks_exact(HEAD_BYTES + length) {
             let (head, point) = record.split_at(HEAD_BYTES);
             let begin = u64::from_le_bytes(std::array::from_fn(|i| head[i]));
             let after = f64::from_le_bytes(std::array::from_fn(|i| head[8 + i]));
-            if begin != self.begin || self.points.len() >= MAX_POINTS * POINT_BYTES {
+            if begin != self.begin || self.points.len() >= MAX_POINTS * length {
                 self.publish(out)?;
                 self.begin = begin;
             }
@@ -176,7 +193,8 @@ impl McapBody {
         if let Some(pose) = self.track.end_frame() {
             self.publish_pose(pose, out)?;
         }
-        let head = cloud_head(self.begin, &self.names.sensor, (self.points.len() / POINT_BYTES) as u32);
+        let count = (self.points.len() / point_bytes(self.colours)) as u32;
+        let head = cloud_head(self.begin, &self.names.sensor, count, self.colours);
         // The last byte marks all points as finite.
         self.container.message(POINTS, self.begin, &[&head, &self.points, &[1]], out)?;
         self.points.clear();
@@ -198,13 +216,14 @@ impl McapBody {
 }
 
 /// Returns a message with this many points up to their bytes.
-fn cloud_head(stamp_ns: u64, frame: &str, points: u32) -> Vec<u8> {
+fn cloud_head(stamp_ns: u64, frame: &str, points: u32, colours: bool) -> Vec<u8> {
+    let fields = FIELDS.into_iter().chain(colours.then_some(COLOUR));
     let mut cdr = CdrWriter::new();
     cdr.header(stamp_ns, frame);
     cdr.word(1);
     cdr.word(points);
-    cdr.word(FIELDS.len() as u32);
-    for (name, at, datatype) in FIELDS {
+    cdr.word(FIELDS.len() as u32 + u32::from(colours));
+    for (name, at, datatype) in fields {
         cdr.string(name);
         cdr.word(at);
         cdr.byte(datatype);
@@ -212,8 +231,9 @@ fn cloud_head(stamp_ns: u64, frame: &str, points: u32) -> Vec<u8> {
     }
     // Not big-endian.
     cdr.byte(0);
-    cdr.word(POINT_BYTES as u32);
-    let bytes = points * POINT_BYTES as u32;
+    let length = point_bytes(colours) as u32;
+    cdr.word(length);
+    let bytes = points * length;
     cdr.word(bytes);
     cdr.word(bytes);
     cdr.0
@@ -239,7 +259,7 @@ mod tests {
 
     #[test]
     fn values_of_messages_are_aligned() {
-        let head = cloud_head(3_000_000_007, "lidar", 5);
+        let head = cloud_head(3_000_000_007, "lidar", 5, false);
         let word = |at: usize| u32::from_le_bytes(head[at..at + 4].try_into().unwrap());
         assert_eq!((word(4), word(8), word(12), &head[16..22]), (3, 7, 6, &b"lidar\0"[..]));
         // Height and width follow the text, aligned.

@@ -29,6 +29,8 @@ const FIELDS: [(&str, u8, char); 9] = [
     ("number_of_returns", 1, 'U'),
     ("label", 4, 'I'),
 ];
+/// Red, green and blue in the bits of a number, blue in the lowest eight.
+const COLOUR: (&str, u8, char) = ("rgb", 4, 'U');
 
 /// The point that coordinates are relative to, for a scene with this box in the world.
 fn offset(world: &Aabb) -> DVec3 {
@@ -57,9 +59,11 @@ fn viewpoint(origins: &Aabb) -> Option<DVec3> {
 /// Returns the header of a file with `count` points, whose length does not depend on the count. `viewpoint`
 /// is where the scanner stands; `Some(None)` stands for one that moves after all, and `None` leaves no room
 /// for such a place.
-fn head(offset: DVec3, count: u64, state: &str, viewpoint: Option<Option<DVec3>>) -> Vec<u8> {
-    let list =
-        |text: &dyn Fn(&(&str, u8, char)) -> String| FIELDS.iter().map(text).collect::<Vec<_>>().join(" ");
+fn head(offset: DVec3, count: u64, state: &str, viewpoint: Option<Option<DVec3>>, colours: bool) -> Vec<u8> {
+    let list = |text: &dyn Fn(&(&str, u8, char)) -> String| {
+        let colour = colours.then_some(&COLOUR);
+        FIELDS.iter().chain(colour).map(text).collect::<Vec<_>>().join(" ")
+    };
     let count = count.to_string();
     let DVec3 { x, y, z } = viewpoint.flatten().unwrap_or(DVec3::ZERO);
     let place = format!("{x} {y} {z}");
@@ -90,13 +94,16 @@ struct Pcd {
     rings: Rings,
     /// True if the scanner stands, so that files may have one viewpoint.
     stands: bool,
+    /// True if points have the colour of the surface.
+    colours: bool,
 }
 
 /// PCD files.
 pub(crate) fn pcd(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let offset = offset(&settings.world_bounds());
     let origin = settings.origin - offset;
-    Ok(Arc::new(Pcd { offset, origin, rings: settings.rows(), stands: settings.stands }))
+    let (rings, stands, colours) = (settings.rows(), settings.stands, settings.has_colours());
+    Ok(Arc::new(Pcd { offset, origin, rings, stands, colours }))
 }
 
 impl PointEncoder for Pcd {
@@ -113,6 +120,10 @@ impl PointEncoder for Pcd {
             out.extend(self.rings.of(point).to_le_bytes());
             out.extend(point.returns());
             out.extend(point.class.to_le_bytes());
+            if self.colours {
+                let [red, green, blue] = point.cause.colour;
+                out.extend([blue, green, red, 0]);
+            }
             Some(position)
         });
     }
@@ -124,7 +135,7 @@ impl PointEncoder for Pcd {
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
         let header = move |tally: &Tally, state: &str| {
             let place = || viewpoint(&tally.origins).map(|place| place + self.origin);
-            head(self.offset, tally.records, state, self.stands.then(place))
+            head(self.offset, tally.records, state, self.stands.then(place), self.colours)
         };
         Counted::begin(header, out)
     }
@@ -145,10 +156,10 @@ mod tests {
         assert_eq!(offset(&far), DVec3::new(477_000.0, 5_430_000.0, 0.0));
         assert_eq!(offset(&Aabb::EMPTY), DVec3::ZERO);
         let west = Aabb { min: DVec3::splat(-9000.0), max: DVec3::splat(8900.0) };
-        let text = String::from_utf8(head(offset(&west), 0, "complete", None)).unwrap();
+        let text = String::from_utf8(head(offset(&west), 0, "complete", None, false)).unwrap();
         assert!(text.contains("# add 0 0 0 to x y z"), "{text}");
-        let length = head(offset(&far), 0, "complete", None).len();
-        assert_eq!(head(offset(&far), u64::MAX, "partial", None).len(), length);
+        let length = head(offset(&far), 0, "complete", None, false).len();
+        assert_eq!(head(offset(&far), u64::MAX, "partial", None, false).len(), length);
         let sizes: usize = FIELDS.iter().map(|f| usize::from(f.1)).sum();
         assert_eq!(sizes, POINT_BYTES);
     }
@@ -161,7 +172,7 @@ mod tests {
         assert_eq!(viewpoint(&around(at(3.0), at(5.0))), None);
         assert_eq!(viewpoint(&around(DVec3::NEG_INFINITY, DVec3::INFINITY)), None);
         assert_eq!(viewpoint(&Aabb::EMPTY), None);
-        let of = |place| String::from_utf8(head(DVec3::ZERO, 7, "complete", place)).unwrap();
+        let of = |place| String::from_utf8(head(DVec3::ZERO, 7, "complete", place, false)).unwrap();
         let (blank, found) = (of(Some(None)), of(Some(Some(DVec3::new(3.1, -1_234.567_891, 0.25)))));
         assert!(found.contains("\nVIEWPOINT 3.1 -1234.567891 0.25 1 0 0 0\n"), "{found}");
         assert!(blank.contains("\nVIEWPOINT 0 0 0 1 0 0 0\n") && blank.len() == found.len(), "{blank}");

@@ -46,6 +46,10 @@ struct PlyReader<'a> {
 
 /// The slot of a vertex after its attributes: the opacity.
 const ALPHA: usize = Attribute::COUNT;
+/// The slots of red, green and blue.
+const COLOURS: [usize; 3] = [ALPHA + 1, ALPHA + 2, ALPHA + 3];
+/// Number of slots.
+const SLOTS: usize = ALPHA + 4;
 
 /// The values behind the header that are not read yet.
 enum Values<'a> {
@@ -140,7 +144,8 @@ fn read_text_element(numbers: &mut PlyNumbers, element: &ElementDef) -> Result<V
 /// Renames the properties that hold attributes to the attributes' numbers, so that names are compared once
 /// per file instead of once per vertex.
 fn number_properties(element: &mut ElementDef, found: &Columns) -> Columns {
-    let (mut numbered, mut columns) = (KeyMap::new(), *found);
+    let (mut numbered, mut columns) = (KeyMap::new(), found.with_colours(found.colours().and(Some(COLOURS))));
+    let colours = found.colours().unwrap_or([usize::MAX; 3]);
     for (column, property) in std::mem::take(&mut element.properties).into_values().enumerate() {
         let name = match found.used().find(|(_, c)| *c == column) {
             Some((attribute, _)) => {
@@ -148,6 +153,10 @@ fn number_properties(element: &mut ElementDef, found: &Columns) -> Columns {
                 (attribute as usize).to_string()
             }
             None if property.name == "alpha" => ALPHA.to_string(),
+            None if colours.contains(&column) => {
+                let component = colours.iter().position(|colour| *colour == column).unwrap_or(0);
+                COLOURS[component].to_string()
+            }
             None => format!("-{}", property.name),
         };
         numbered.add(PropertyDef::new(name, property.data_type));
@@ -156,12 +165,12 @@ fn number_properties(element: &mut ElementDef, found: &Columns) -> Columns {
     columns
 }
 
-/// The values of a vertex, by attribute.
-struct Vertex([f64; Attribute::COUNT + 1]);
+/// The values of a vertex, by attribute, with opacity and colour.
+struct Vertex([f64; SLOTS]);
 
 impl PropertyAccess for Vertex {
     fn new() -> Vertex {
-        Vertex([f64::NAN; Attribute::COUNT + 1])
+        Vertex([f64::NAN; SLOTS])
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {

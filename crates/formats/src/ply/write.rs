@@ -43,6 +43,7 @@ const DIRECTIONS: [(&str, &str); 3] = [
     ("float", "scalar_BeamDirectionZ"),
 ];
 
+const COLOURS: [(&str, &str); 3] = [("uchar", "red"), ("uchar", "green"), ("uchar", "blue")];
 const HEIGHTS: [(&str, &str); 1] = [("float", "scalar_HeightAboveGround")];
 
 /// Encoder of points as vertices; as text if `ASCII`, with four decimals, nine for times and directions.
@@ -56,6 +57,8 @@ struct Ply<const ASCII: bool> {
     directions: bool,
     /// Height above the ground.
     heights: bool,
+    /// Red, green and blue of the surface.
+    colours: bool,
     /// The header before the state and the count.
     head: String,
 }
@@ -81,7 +84,7 @@ impl<const ASCII: bool> Ply<ASCII> {
             head.push_str(&format!("comment object {number} {}\n", comment(name)));
         }
         let CloudSettings { origin, labels, misses, heights, .. } = *settings;
-        Ply { origin, labels, directions: misses, heights, head }
+        Ply { origin, labels, directions: misses, heights, colours: settings.has_colours(), head }
     }
 
     /// Returns the header of a file with `count` vertices. A padded comment makes its length independent of
@@ -94,7 +97,8 @@ impl<const ASCII: bool> Ply<ASCII> {
         let labels = if self.labels { &LABELS[..] } else { &[] };
         let directions = if self.directions { &DIRECTIONS[..] } else { &[] };
         let heights = if self.heights { &HEIGHTS[..] } else { &[] };
-        for (kind, name) in PROPERTIES.iter().chain(labels).chain(directions).chain(heights) {
+        let colours = if self.colours { &COLOURS[..] } else { &[] };
+        for (kind, name) in PROPERTIES.iter().chain(labels).chain(directions).chain(heights).chain(colours) {
             head.push_str(&format!("property {kind} {name}\n"));
         }
         head.push_str("end_header\n");
@@ -127,6 +131,9 @@ impl<const ASCII: bool> Ply<ASCII> {
         }
         if self.heights {
             vertex.float::<3>(f64::from(point.height));
+        }
+        if self.colours {
+            point.cause.colour.iter().for_each(|component| vertex.integer(*component, &[*component]));
         }
         vertex.end();
         position

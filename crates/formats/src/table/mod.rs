@@ -111,6 +111,11 @@ pub fn read_record_batch(
             ))
         })?;
     }
+    let colours = columns.colours().filter(|columns| {
+        let read = columns.map(|column| numbers(batch.column(column)).map(|read| values[column] = read));
+        read.iter().all(Option::is_some)
+    });
+    let columns = columns.with_colours(colours);
     // Nothing follows the rows, whether or not the sink has enough.
     let _ = take_rows(&columns, &values, batch.num_rows(), &mut reading);
     reading.end()

@@ -75,7 +75,8 @@ impl Groups<'_> {
         let leaves = self.reader.metadata().file_metadata().schema_descr().columns();
         let group = self.reader.get_row_group(group).map_err(failed)?;
         let mut open = Vec::new();
-        for (_, column) in self.columns.used() {
+        let columns = self.columns.used().map(|(_, column)| column);
+        for column in columns.chain(self.columns.colours().into_iter().flatten()) {
             check_compression(group.metadata(), column, path)?;
             open.push((column, group.get_column_reader(column).map_err(failed)?));
         }

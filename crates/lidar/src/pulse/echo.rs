@@ -65,6 +65,9 @@ pub struct EchoTruth {
     pub subray: u32,
     /// Way of the light to the surface and back.
     pub path: EchoPath,
+    /// Red, green and blue of the surface there, of sRGB with 8 bits; black without a colour, and unless they
+    /// are recorded ([`super::PhysicsOptions::record_colours`]).
+    pub colour: [u8; 3],
 }
 
 /// Way of the light of an echo.
@@ -118,6 +121,7 @@ impl EchoTruth {
             fraction: f64::NAN,
             subray: u32::MAX,
             path: EchoPath::DIRECT,
+            colour: [0; 3],
         }
     }
 }

@@ -49,6 +49,9 @@ pub struct PhysicsOptions {
     pub record_pulses: bool,
     /// Append a record to the batch of the true cause of every echo ([`super::EchoTruth`]).
     pub record_truth: bool,
+    /// Record the colours of surfaces with their true causes ([`super::EchoTruth::colour`]), if the scene has
+    /// colours.
+    pub record_colours: bool,
     /// Give every echo the attitude of the scanner ([`super::Echo::scanner`]).
     pub record_scanner_axes: bool,
     /// Append the reflections of all subrays to the batch instead of echoes.
@@ -75,6 +78,7 @@ impl PhysicsOptions {
             record_waveforms: false,
             record_pulses: false,
             record_truth: false,
+            record_colours: false,
             record_scanner_axes: false,
             record_subrays: false,
             max_order: PhysicsOptions::MAX_ORDER,

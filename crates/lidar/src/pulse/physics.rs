@@ -44,6 +44,7 @@ impl<'a> Physics<'a> {
                 max_cube_size: sizes.max_cube,
                 has_optics: o.max_order > 0
                     && scene.materials.iter().any(|material| material.optics.is_some()),
+                has_colours: o.record_colours,
             },
             // spec pulse-physics §2.1
             bounds_cull: (!o.corrections.no_axis_gate && !o.corrections.unbounded_scene)

@@ -434,6 +434,7 @@ mod tests {
             max_cube_size: 1.0,
             wavelength: 0,
             has_optics: false,
+            has_colours: false,
         };
         let mut batch = RayBatch::default();
         batch.rays = RayGroup::new(instrument.subrays.len());

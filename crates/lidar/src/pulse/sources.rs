@@ -82,6 +82,8 @@ impl ReflectionSources {
                 PathEnd { surface, direction, path: EchoPath::DIRECT }
             }
         };
+        let primitive = reflections.primitives()[i];
+        let colour = if view.has_colours { view.colour_at(primitive, surface) } else { [0; 3] };
         EchoTruth {
             beam,
             surface,
@@ -89,6 +91,7 @@ impl ReflectionSources {
             fraction: 1.0 / traced.primitives.len().max(1) as f64,
             subray,
             path,
+            colour,
         }
     }
 

@@ -25,6 +25,8 @@ pub(super) struct StaticView<'a> {
     pub max_cube_size: f64,
     /// See [`SceneView::has_optics`].
     pub has_optics: bool,
+    /// See [`SceneView::has_colours`].
+    pub has_colours: bool,
 }
 
 impl<'a> StaticView<'a> {
@@ -33,7 +35,15 @@ impl<'a> StaticView<'a> {
     where
         'a: 'b,
     {
-        let StaticView { scene, tree, visible_bounds, fixed_incidence, max_cube_size, has_optics } = *self;
+        let StaticView {
+            scene,
+            tree,
+            visible_bounds,
+            fixed_incidence,
+            max_cube_size,
+            has_optics,
+            has_colours,
+        } = *self;
         SceneView {
             scene,
             tree,
@@ -44,6 +54,7 @@ impl<'a> StaticView<'a> {
             max_cube_size,
             wavelength: 0,
             has_optics,
+            has_colours,
         }
     }
 }
@@ -69,6 +80,8 @@ pub(super) struct SceneView<'a> {
     pub wavelength: usize,
     /// True if a material of the scene is a mirror or a pane.
     pub has_optics: bool,
+    /// True if the colours of surfaces are recorded.
+    pub has_colours: bool,
 }
 
 /// Interaction of a ray with a primitive.
@@ -128,6 +141,17 @@ impl<'a> SceneView<'a> {
                 Surface { part: facts.part, material: facts.materials[material] }
             }
             None => self.scene.surface(i),
+        }
+    }
+
+    /// The colour of primitive `i` at a point of it, see [`Scene::colour_at`].
+    pub fn colour_at(&self, i: u32, at: DVec3) -> [u8; 3] {
+        let (holder, local) = self.locate(i);
+        let corners = holder.triangle(local);
+        // Colours of moving objects are those of the scene.
+        match self.locate_moving(i) {
+            Some(_) => self.scene.colour_at(i, corners, at),
+            None => holder.colour_at(local, corners, at),
         }
     }
 

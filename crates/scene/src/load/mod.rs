@@ -97,6 +97,11 @@ pub fn load_epoch(
                     "the scene was packed without --scene-memory, so that it is read into memory whole";
                 warnings.warn(Some(Place::of_file(path)), message.to_owned());
             }
+            if options.colours && epoch == 0 {
+                let message = "packed scenes have no colours: red, green and blue of all points are 0";
+                let help = "name the files of the scene instead of the packed one";
+                warnings.warn(Some(Place::of_file(path)), message.to_owned()).help(help);
+            }
             Ok((pack.scene(options, epoch)?, warnings))
         };
         return machine::with_pool(options.jobs, read)?;
@@ -359,7 +364,9 @@ fn load_files(
     };
     let Some(materials) = chosen else { return Ok(()) };
     let start = scene.end();
-    let are_requested = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
+    let names_faces = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
+    // Corners of OBJ files find their texture coordinates by the numbers of their faces.
+    let are_requested = names_faces || scene.options.colours;
     scene.faces = FaceNumbers { are_requested, ..FaceNumbers::default() };
     let mut densities = Vec::new();
     match &part.loader {
@@ -540,6 +547,7 @@ fn freeze(
     let found = instances.as_ref().map_or(own, |set| set.instances.exact_bounds(own));
     let numbers = geometry.len() + instances.as_ref().map_or(0, |set| set.instances.triangles() as usize);
     let tiles = tiles.finish(scene.options, &library, shift, numbers)?;
+    let colours = scene.options.colours.then(|| Arc::new(scene.colours.finish()));
     sources.extend(library.files());
     sources.sort();
     sources.dedup();
@@ -558,6 +566,7 @@ fn freeze(
         moving_parts: scene.moving_parts,
         instances,
         tiles,
+        colours,
         sources,
         ..Scene::default()
     };

@@ -33,6 +33,8 @@ struct IndexedTile {
     source: TileSource,
     facts: TileFacts,
     vertices: usize,
+    /// Bytes of its colours.
+    colours: u64,
     /// Box around its vertices, and around the centres of its cubes for each half size, world frame, m.
     corners: Aabb,
     centres: Vec<(f64, Aabb)>,
@@ -114,14 +116,16 @@ impl TileIndex {
         let files = files.to_vec();
         let source = TileFiles { recipe, files, part, known_names, names: Arc::default() };
         let source = TileSource::Files(source);
-        self.tiles.push(IndexedTile { source, facts, vertices: extent.vertices.len(), corners, centres });
-        scene.truncate(&Extent {
+        let start = Extent {
             vertices: extent.vertices.start..extent.vertices.start,
             triangles: extent.triangles.start..extent.triangles.start,
             cubes: extent.cubes.start..extent.cubes.start,
             fields: extent.fields.start..extent.fields.start,
             grids: extent.grids.start..extent.grids.start,
-        });
+        };
+        let (vertices, colours) = (extent.vertices.len(), scene.colours.memory_since(start.colour_mark()));
+        self.tiles.push(IndexedTile { source, facts, vertices, colours, corners, centres });
+        scene.truncate(&start);
         true
     }
 
@@ -153,7 +157,8 @@ impl TileIndex {
                 before,
                 ..TileFacts::default()
             };
-            self.tiles.push(IndexedTile { source, facts, vertices: 0, corners, centres: Vec::new() });
+            let (colours, centres) = (0, Vec::new());
+            self.tiles.push(IndexedTile { source, facts, vertices: 0, colours, corners, centres });
         }
     }
 
@@ -208,7 +213,9 @@ impl TileIndex {
             let (triangles, cubes) = (tile.facts.triangles as usize, tile.facts.cubes as usize);
             let tree = Tree::estimate_build_memory((triangles + cubes) as u64, tile_options.trees.builder);
             let bytes = match &tile.source {
-                TileSource::Files(_) => memory_of(tile.vertices, triangles, cubes).saturating_add(tree),
+                TileSource::Files(_) => {
+                    memory_of(tile.vertices, triangles, cubes).saturating_add(tree + tile.colours)
+                }
                 TileSource::Page(raster, page, _) => raster.bytes(*page),
             };
             let bounds = tile.bounds(shift);
@@ -326,6 +333,7 @@ impl TileLoader {
             parts: vec![source.part.clone()],
             materials,
             voxels,
+            colours: self.options.colours.then(|| Arc::new(scene.colours.finish())),
             ..Scene::default()
         })
     }

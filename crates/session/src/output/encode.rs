@@ -232,12 +232,12 @@ impl OutputPlan {
             let below = source.ground.and_then(|ground| ground.height(echo.position.x, echo.position.y));
             record.height = below.map_or(f32::NAN, |z| (echo.position.z - z) as f32);
         }
-        if self.needs.cause {
+        if self.needs.cause || self.needs.colour {
             let truth = echo.truth(truths);
             let (surface, normal) = (truth.surface, truth.normal);
             let [path, order] = truth.path.code().to_le_bytes();
-            let (fraction, subray) = (truth.fraction, truth.subray);
-            record.cause = Cause { surface, normal, fraction, subray, path, order };
+            let (fraction, subray, colour) = (truth.fraction, truth.subray, truth.colour);
+            record.cause = Cause { surface, normal, fraction, subray, path, order, colour };
         }
     }
 

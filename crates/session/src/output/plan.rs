@@ -297,7 +297,9 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     }
     let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
     let has_columns = has_table || request.sinks.iter().any(|(_, format)| format.has_columns());
-    if request.cloud.columns.is_some() && !has_columns {
+    let has_colours =
+        request.cloud.has_colours() && request.sinks.iter().any(|(_, format)| format.has_colours());
+    if request.cloud.columns.is_some() && !has_columns && !has_colours {
         problems
             .error(
                 None,

@@ -240,6 +240,10 @@ fn check_columns(
         PointFormat::Mcap => &[X, Y, Z, ScannerX, ScannerY, ScannerZ, GpsTime],
         _ => &[X, Y, Z],
     };
+    let colours = [Column::Red, Column::Green, Column::Blue];
+    if format.has_colours() && settings.columns.is_none() && colours.iter().all(|column| rows.has(*column)) {
+        settings.columns = Some(colours.to_vec());
+    }
     let chosen = if format.has_columns() { settings.columns.as_deref().unwrap_or_default() } else { &[] };
     let missing = |columns: &[Column]| {
         let names: Vec<&str> = columns.iter().filter(|c| !rows.has(**c)).map(|c| c.name()).collect();

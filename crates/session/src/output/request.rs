@@ -208,7 +208,9 @@ impl OutputRequest {
             ..Records::default()
         };
         let needs = self.needs();
-        Records { truth: needs.cause, scanner_axes: needs.in_scanner, ..own }
+        // Colours are a part of the causes.
+        let truth = needs.cause || needs.colour;
+        Records { truth, colours: needs.colour, scanner_axes: needs.in_scanner, ..own }
     }
 
     /// Needs of formats and columns.

@@ -176,6 +176,10 @@ impl Session {
         context: &OutputContext,
     ) -> Result<(Arc<OutputPlan>, Epochs)> {
         let options = self.settings().physics_for(&outputs);
+        if options.record_colours && !self.may_have_colours() {
+            let help = "set `colours` of the settings for loading it";
+            return Err(Error::input_with_help("the scene was loaded without colours", help));
+        }
         let epochs = self.epochs();
         let is_joined = |target: &Target| !matches!(target, Target::Helios(_));
         if epochs > 1 && outputs.sinks.iter().any(|(target, _)| is_joined(target)) {

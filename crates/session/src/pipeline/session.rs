@@ -201,6 +201,11 @@ impl Session {
         self.settings.physics = self.settings.physics_for(outputs);
     }
 
+    /// See [`LoadedScene::may_have_colours`].
+    pub(super) fn may_have_colours(&self) -> bool {
+        self.scene.may_have_colours()
+    }
+
     /// Frees the tree, which is built again when it is needed.
     pub(super) fn drop_tree(&mut self) {
         self.scene.drop_tree();

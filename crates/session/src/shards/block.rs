@@ -40,20 +40,24 @@ words! {
 
 impl Words for EchoTruth {
     fn put(self, put: &mut impl FnMut(u64)) {
-        let EchoTruth { beam, surface, normal, fraction, subray, path } = self;
+        let EchoTruth { beam, surface, normal, fraction, subray, path, colour } = self;
         beam.put(put);
         surface.put(put);
         normal.put(put);
         fraction.put(put);
         // A number of 32 bits leaves the other bits of its word to the path, which mostly is 0.
         put(u64::from(path.code()) << 32 | u64::from(subray));
+        let [red, green, blue] = colour;
+        put(u32::from_le_bytes([red, green, blue, 0]).into());
     }
 
     fn take(next: &mut impl FnMut() -> u64) -> EchoTruth {
         let (beam, surface) = (Words::take(next), Words::take(next));
         let (normal, fraction, word) = (Words::take(next), Words::take(next), next());
         let path = EchoPath::of_code((word >> 32) as u16);
-        EchoTruth { beam, surface, normal, fraction, subray: word as u32, path }
+        let [red, green, blue, _] = (next() as u32).to_le_bytes();
+        let colour = [red, green, blue];
+        EchoTruth { beam, surface, normal, fraction, subray: word as u32, path, colour }
     }
 }
 
@@ -205,6 +209,7 @@ pub(super) mod tests {
                 beam: [DVec3::X * x, DVec3::Z],
                 subray: i,
                 path: EchoPath::of_code([0, 0x0201, 0x0102][i as usize % 3]),
+                colour: [i as u8, 255, 7],
                 ..EchoTruth::unknown([DVec3::ZERO; 2])
             });
             batch.waveforms.push(WaveformRecord {

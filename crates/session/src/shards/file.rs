@@ -22,7 +22,7 @@ use xxhash_rust::xxh3::xxh3_64;
 /// The first bytes of every shard.
 pub(super) const MAGIC: &[u8; 8] = b"VLSHARD\n";
 /// Version of the contents; incremented whenever the meaning of any content changes.
-const VERSION: u64 = 7;
+const VERSION: u64 = 8;
 const START_BYTES: usize = 16;
 const END_BYTES: usize = 24;
 
@@ -56,6 +56,8 @@ pub struct Records {
     pub pulses: bool,
     /// True causes of echoes.
     pub truth: bool,
+    /// Colours of surfaces, with the true causes.
+    pub colours: bool,
     /// Positions of echoes in the axes of the scanner.
     pub scanner_axes: bool,
     /// True if the echoes are the reflections of subrays.
@@ -69,6 +71,7 @@ impl Records {
             waveforms: physics.record_waveforms,
             pulses: physics.record_pulses,
             truth: physics.record_truth,
+            colours: physics.record_colours,
             scanner_axes: physics.record_scanner_axes,
             subrays: physics.record_subrays,
         }
@@ -80,6 +83,7 @@ impl Records {
             record_waveforms: self.waveforms,
             record_pulses: self.pulses,
             record_truth: self.truth,
+            record_colours: self.colours,
             record_scanner_axes: self.scanner_axes,
             record_subrays: self.subrays,
             ..physics
@@ -92,6 +96,7 @@ impl Records {
             waveforms: self.waveforms | other.waveforms,
             pulses: self.pulses | other.pulses,
             truth: self.truth | other.truth,
+            colours: self.colours | other.colours,
             scanner_axes: self.scanner_axes | other.scanner_axes,
             subrays: self.subrays | other.subrays,
         }

@@ -2,6 +2,8 @@
 
 use super::Identity;
 use std::fmt;
+use std::path::PathBuf;
+use std::sync::Arc;
 use vlscan_base::diag::Place;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
@@ -15,6 +17,17 @@ pub struct Mesh {
     materials: Vec<MaterialDefinition>,
     material_of: Vec<u32>,
     name: String,
+    colours: MeshColours,
+}
+
+/// Colours of the triangles of a mesh in addition to those of its materials. Either list is empty or has an
+/// entry for each triangle.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshColours {
+    /// Texture coordinates of the corners.
+    pub texels: Vec<[[f32; 2]; 3]>,
+    /// Colours of the corners, which multiply that of the material; 65535 is 1.
+    pub tints: Vec<[[u16; 3]; 3]>,
 }
 
 impl Mesh {
@@ -65,7 +78,29 @@ impl Mesh {
             materials,
             material_of,
             name: String::new(),
+            colours: MeshColours::default(),
         })
+    }
+
+    /// The mesh with colours of its triangles.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if they are not those of as many triangles as the mesh has.
+    pub fn with_colours(self, colours: MeshColours) -> Result<Mesh> {
+        let count = self.triangles.len();
+        for found in [colours.texels.len(), colours.tints.len()] {
+            if found != 0 && found != count {
+                return Err(Error::input(format!(
+                    "there are colours of {found} triangles, expected {count}"
+                )));
+            }
+        }
+        Ok(Mesh { colours, ..self })
+    }
+
+    /// Colours of its triangles.
+    pub fn colours(&self) -> &MeshColours {
+        &self.colours
     }
 
     /// Its identity, which its clones share.
@@ -132,6 +167,8 @@ pub struct MaterialDefinition {
     pub leaf: Option<bool>,
     /// Mirror, pane or retro-reflector that the surface is.
     pub optics: OpticsDefinition,
+    /// Colour; `None` if the definition states none.
+    pub colour: Option<ColourDefinition>,
     /// Transparency and mirror reflection as file formats for pictures state them.
     pub unused_optics: Option<UnusedOptics>,
     /// Place of the definition; `None` outside of files.
@@ -157,8 +194,81 @@ impl fmt::Debug for MaterialDefinition {
         if self.optics != OpticsDefinition::default() {
             fields.field("optics", &self.optics);
         }
+        if let Some(colour) = &self.colour {
+            fields.field("colour", colour);
+        }
         fields.field("unused_optics", &self.unused_optics).field("place", &self.place).finish()
     }
+}
+
+/// The colour of a material as its definition states it. It does not change what a scanner measures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColourDefinition {
+    /// Red, green and blue, 0 to 1, which multiply those of the texture.
+    pub factor: [f64; 3],
+    /// True if `factor` and the colours of corners are linear, as in glTF: texels are decoded from sRGB before
+    /// they are multiplied. Otherwise all are multiplied as they are stored.
+    pub is_linear: bool,
+    /// Texture.
+    pub texture: Option<TextureDefinition>,
+}
+
+impl ColourDefinition {
+    /// A colour whose numbers are multiplied as they are stored.
+    pub fn stored(factor: [f64; 3]) -> ColourDefinition {
+        ColourDefinition { factor, is_linear: false, texture: None }
+    }
+}
+
+/// A texture of a material, and how texture coordinates find their texel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureDefinition {
+    /// Image.
+    pub image: TextureImage,
+    /// Linear map of texture coordinates, by rows, and the offset that is added to its result.
+    pub transform: ([[f64; 2]; 2], [f64; 2]),
+    /// What texture coordinates outside of 0 to 1 mean, along either axis.
+    pub wrap: [TextureWrap; 2],
+    /// True if the second coordinate counts from the lower edge of the image, as in OBJ.
+    pub is_upward: bool,
+}
+
+impl TextureDefinition {
+    /// The transform that changes no coordinates.
+    pub const IDENTITY: ([[f64; 2]; 2], [f64; 2]) = ([[1.0, 0.0], [0.0, 1.0]], [0.0; 2]);
+}
+
+/// The image of a texture: PNG or JPEG.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub enum TextureImage {
+    /// A file, by the folder of the file that names it and the name there.
+    File(PathBuf, String),
+    /// The bytes of such a file, and the file that they are part of.
+    Bytes(PathBuf, Arc<[u8]>),
+}
+
+impl fmt::Debug for TextureImage {
+    /// The bytes are counted, not shown.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            TextureImage::File(folder, name) => f.debug_tuple("File").field(folder).field(name).finish(),
+            TextureImage::Bytes(path, bytes) => {
+                f.debug_tuple("Bytes").field(path).field(&bytes.len()).finish()
+            }
+        }
+    }
+}
+
+/// Texels for texture coordinates outside of 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TextureWrap {
+    /// The image is repeated.
+    #[default]
+    Repeat,
+    /// Every second repetition is mirrored.
+    Mirror,
+    /// The texels of the edge.
+    Clamp,
 }
 
 /// Properties of a material that mean transparency or mirror reflection. Its surfaces are opaque unless
@@ -226,6 +336,7 @@ impl MaterialDefinition {
             is_ground: false,
             leaf: None,
             optics: OpticsDefinition::default(),
+            colour: None,
             unused_optics: None,
             place: None,
         }
@@ -285,5 +396,16 @@ mod tests {
         assert!(of(&square, [0, 1, 2], &[1]).unwrap_err().contains("material 1"));
         assert!(of(&square, [0, 1, 2], &[0, 0]).unwrap_err().contains("2 indices"));
         assert!(of(&[DVec3::NAN; 3], [0, 1, 2], &[]).unwrap_err().contains("vertex 0"));
+    }
+
+    #[test]
+    fn colours_are_those_of_all_triangles() {
+        let mesh = || {
+            Mesh::new(vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], Vec::new(), Vec::new()).unwrap()
+        };
+        let of = |count| MeshColours { texels: vec![[[0.0; 2]; 3]; count], tints: Vec::new() };
+        assert_eq!(mesh().with_colours(of(1)).unwrap().colours().texels.len(), 1);
+        assert!(mesh().with_colours(of(0)).is_ok());
+        assert!(mesh().with_colours(of(2)).unwrap_err().to_string().contains("of 2 triangles, expected 1"));
     }
 }

@@ -28,7 +28,10 @@ use vlscan_base::diag::Place;
 use vlscan_geom::{DVec3, Rotation, radians};
 
 pub use identity::{Identity, MaterialChanges};
-pub use mesh::{MaterialChange, MaterialDefinition, Mesh, OpticsDefinition, Replaced, UnusedOptics};
+pub use mesh::{
+    ColourDefinition, MaterialChange, MaterialDefinition, Mesh, MeshColours, OpticsDefinition, Replaced,
+    TextureDefinition, TextureImage, TextureWrap, UnusedOptics,
+};
 pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
 pub use poses::*;
 pub use pulse_times::PulseTimes;

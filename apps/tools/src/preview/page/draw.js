@@ -12,6 +12,7 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in uvec4 values;
 layout(location = 2) in uint object;
 layout(location = 3) in uvec4 more;
+layout(location = 4) in uint rgb;
 flat out vec3 colour;
 void main() {
   gl_Position = matrix * vec4(position, 1.0);
@@ -19,7 +20,8 @@ void main() {
   uint at = object;
   if (by == 0) at = uint(clamp((position.z - low) / (high - low), 0.0, 1.0) * 255.0 + 0.5);
   if (by >= 1 && by <= 3) at = values[by - 1];
-  if (by >= 5) at = more[by - 5];
+  if (by >= 5 && by <= 7) at = more[by - 5];
+  if (by == 8) at = rgb;
   vec4 entry = texelFetch(colours, ivec2(at & 255u, at >> 8), 0);
   colour = entry.rgb;
   if (entry.a == 0.0 || position.z > cut) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
@@ -114,6 +116,7 @@ function upload(block) {
   attribute(1, block.values, 4, gl.UNSIGNED_BYTE);
   attribute(3, block.more, 4, gl.UNSIGNED_BYTE);
   attribute(2, block.object, 1, gl.UNSIGNED_SHORT);
+  attribute(4, block.rgb, 1, gl.UNSIGNED_SHORT);
 }
 
 /** The colours of the way that is chosen; an entry without opacity hides its points. */

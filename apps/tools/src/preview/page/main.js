@@ -1,8 +1,8 @@
 // Controls, legend, and the loop that draws when something has changed.
 
 // In the order of the shader.
-const WAYS = ['height', 'intensity', 'class', 'return', 'object', 'leg', 'channel', 'time'];
-const NAMES = { height: 'height', intensity: 'intensity', class: 'class', return: 'echo number', object: 'object', leg: 'leg', channel: 'channel', time: 'time, s' };
+const WAYS = ['height', 'intensity', 'class', 'return', 'object', 'leg', 'channel', 'time', 'rgb'];
+const NAMES = { height: 'height', intensity: 'intensity', class: 'class', return: 'echo number', object: 'object', leg: 'leg', channel: 'channel', time: 'time, s', rgb: 'colour' };
 const ways = WAYS.filter(way => meta[way]);
 const hidden = Object.fromEntries(WAYS.map(way => [way, new Set()]));
 const shown = { way: meta.colour, size: 1, cut: half[2] * 1.001 + 1, shading: true };
@@ -65,7 +65,9 @@ function mixed(table, t) {
 function recolour() {
   const way = meta[shown.way], table = new Uint8Array(4 * 65536).fill(255);
   const set = (i, rgb, alpha) => table.set([...rgb, alpha], 4 * i);
-  if (way.ramp) for (let i = 0; i < 256; i++) set(i, mixed(way.ramp, i / 255), 255);
+  const spread = (bits, count) => Math.round((bits & (1 << count) - 1) * 255 / ((1 << count) - 1));
+  if (way.own) for (let i = 0; i < 65536; i++) set(i, [spread(i, 5), spread(i >> 5, 6), spread(i >> 11, 5)], 255);
+  else if (way.ramp) for (let i = 0; i < 256; i++) set(i, mixed(way.ramp, i / 255), 255);
   else for (const [value, , rgb] of way.entries) set(value, rgb, hidden[shown.way].has(value) ? 0 : 255);
   colour(table);
   redraw();
@@ -75,7 +77,7 @@ function legend() {
   const way = meta[shown.way], box = $('legend');
   const title = document.createElement('h2');
   title.textContent = shown.way === 'height' ? 'height, m' : NAMES[shown.way];
-  box.replaceChildren(title, way.ramp ? ramp(way) : list(way));
+  box.replaceChildren(title, way.own ? '' : way.ramp ? ramp(way) : list(way));
 }
 
 function ramp(way) {

@@ -172,6 +172,15 @@ fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, scales: &Scales) -
     if points.has(Attribute::Time) {
         plane(&|i| shade(scales.time, points, i));
     }
+    if points.has_colours() {
+        // Five, six and five bits of red, green and blue.
+        let packed = |i: usize| {
+            let [red, green, blue] = points.colour_of(i).map(u16::from);
+            red >> 3 | green >> 2 << 5 | blue >> 3 << 11
+        };
+        plane(&|i| packed(i) as u8);
+        plane(&|i| (packed(i) >> 8) as u8);
+    }
     let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len() / 2), Compression::default());
     // Writing to memory does not fail.
     let packed = encoder.write_all(&bytes).and_then(|()| encoder.finish());

@@ -12,7 +12,7 @@ function fail(message) {
 addEventListener('error', e => fail(e.message));
 addEventListener('unhandledrejection', e => fail(String(e.reason?.message ?? e.reason)));
 
-/** Blocks that are loaded: {count, position, values, more, object, vao}. Positions are metres from the middle of the cloud. */
+/** Blocks that are loaded: {count, position, values, more, object, rgb, vao}. Positions are metres from the middle of the cloud. */
 const blocks = [];
 const half = meta.size.map(s => s / 2);
 
@@ -24,7 +24,7 @@ async function bytesOf(text) {
 
 /**
  * Undoes the packing: per coordinate three planes of bytes with zigzag differences, then a plane each of intensity,
- * class, return number, two of the object, and a plane each of leg, channel and time, where the cloud has them. Points lie along a curve that fills space; they
+ * class, return number, two of the object, a plane each of leg, channel and time, and two of the colour, where the cloud has them. Points lie along a curve that fills space; they
  * are dealt out so that any first part of a block is an even sample of it.
  */
 function unpack(planes, count) {
@@ -63,7 +63,9 @@ function unpack(planes, count) {
   if (meta.leg) deal(more, 4, 0);
   if (meta.channel) deal(more, 4, 1);
   if (meta.time) deal(more, 4, 2);
-  return { count, position, values, more, object: new Uint16Array(object.buffer) };
+  const rgb = new Uint8Array(2 * count);
+  if (meta.rgb) { deal(rgb, 2, 0); deal(rgb, 2, 1); }
+  return { count, position, values, more, object: new Uint16Array(object.buffer), rgb: new Uint16Array(rgb.buffer) };
 }
 
 function common(a, b) {

@@ -28,6 +28,8 @@ pub(super) struct RowFormat {
     /// Metres in a unit of x, y and z.
     pub metres: DVec3,
     may_have_misses: bool,
+    /// Offset of red, green and blue in a record, if the format has them and all fields are read.
+    colour_at: Option<usize>,
 }
 
 impl RowFormat {
@@ -41,8 +43,14 @@ impl RowFormat {
         let (shown, warnings) = if reads_all { Shown::of(extra) } else { Default::default() };
         // A program that edits a file of this program names itself in the header and keeps the dimensions.
         let may_have_misses = header.is_own() || extra.iter().any(|(name, _)| name == NAME_OF_MISSES);
-        let header = header.clone();
-        let rows = RowFormat { header, shown, details: None, metres: DVec3::ONE, may_have_misses };
+        let colour_at = match header.format {
+            2 => Some(20),
+            3 | 5 => Some(28),
+            7 | 8 | 10 => Some(30),
+            _ => None,
+        };
+        let (colour_at, header) = (colour_at.filter(|_| reads_all), header.clone());
+        let rows = RowFormat { header, shown, details: None, metres: DVec3::ONE, may_have_misses, colour_at };
         (rows, warnings)
     }
 
@@ -95,6 +103,10 @@ impl RowFormat {
             channel: number(Attribute::Channel, shown.device).map_or(header.channel(record), |v| v as u16),
             time,
             object: number(Attribute::Object, shown.object).map_or(0, |v| v as i64),
+            colour: self
+                .colour_at
+                .and_then(|at| record.get(at..at + 6))
+                .map(|of| [0, 2, 4].map(|c| u16::from_le_bytes([of[c], of[c + 1]]))),
             misfits,
         }
     }

@@ -26,6 +26,8 @@ pub(in crate::las) struct LasFormat {
     /// patched.
     pub(super) reach: Aabb,
     pub groups: Groups,
+    /// True if points have the colour of the surface.
+    pub colours: bool,
     /// Layout of waveform packets, if requested.
     pub packets: Option<WavePackets>,
     pub(super) adjusted_times: bool,
@@ -58,6 +60,10 @@ impl LasFormat {
                     ),
                 )
                 .help("leave out --las10: LAS 1.4 has classes up to 255");
+        }
+        let colours = cloud.has_colours();
+        if colours && settings.version == LasVersion::V10 {
+            problems.error(None, "LAS 1.0 has no colours").help("leave out --las10: LAS 1.4 has them");
         }
         let mut vlrs = Vec::new();
         if settings.extra != ExtraDimensions::None {
@@ -96,6 +102,7 @@ impl LasFormat {
             adjusted_times: cloud.adjusted_times,
             creation: cloud.creation,
             groups,
+            colours,
             packets,
             system: cloud.scanner.clone(),
             vlrs,
@@ -104,6 +111,8 @@ impl LasFormat {
 
     pub fn point_format(&self) -> u8 {
         match (self.version, &self.packets) {
+            (LasVersion::V14, None) if self.colours => 7,
+            (LasVersion::V14, Some(_)) if self.colours => 10,
             (LasVersion::V14, None) => 6,
             (LasVersion::V14, Some(_)) => 9,
             (LasVersion::V10, _) => 1,
@@ -112,11 +121,19 @@ impl LasFormat {
 
     /// Bytes of a point without extra bytes.
     pub fn base_length(&self) -> u16 {
-        match (self.version, &self.packets) {
-            (LasVersion::V14, None) => 30,
-            (LasVersion::V14, Some(_)) => 59,
-            (LasVersion::V10, _) => 28,
+        match self.point_format() {
+            6 => 30,
+            7 => 36,
+            9 => 59,
+            10 => 67,
+            _ => 28,
         }
+    }
+
+    /// Offset of a reference to a waveform packet in a record: after the fields that format 9 shares with
+    /// format 6, and after red, green, blue and near infrared in format 10.
+    pub fn packet_offset(&self) -> usize {
+        if self.colours { 38 } else { 30 }
     }
 
     pub fn extra_length(&self) -> u16 {

@@ -1,5 +1,5 @@
-//! LAS 1.4 with point data record format 6, or 9 with waveform packets, and LAS 1.0 with format 1 (spec
-//! outputs §4).
+//! LAS 1.4 with point data record format 6, or 9 with waveform packets, 7 and 10 with colours, and LAS 1.0
+//! with format 1 (spec outputs §4).
 //!
 //! | file | contents |
 //! |---|---|
@@ -147,7 +147,8 @@ impl PointEncoder for Las {
     }
 
     fn place_packets(&self, points: &mut [u8], before: u64) {
-        packets::place_packets(points, self.format.record_length(), before);
+        let places = (self.format.record_length(), self.format.packet_offset());
+        packets::place_packets(points, places, before);
     }
 }
 

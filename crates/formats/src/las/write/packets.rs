@@ -13,8 +13,6 @@ use crate::las::PacketPlace;
 use crate::record::{EncodedPoints, Packet, PointBatch, PointRecord, Wave};
 use vlscan_base::diag::Diagnostics;
 
-/// Offset in bytes of the reference in a record: after the fields that format 9 shares with format 6.
-const FIELD_AT: usize = 30;
 /// Number of gains: 2^(−44), 2^(−40), … 2^12.
 const GAINS: usize = 15;
 /// Binary logarithm of the smallest gain, and of the factor between gains.
@@ -159,7 +157,8 @@ impl LasFormat {
             let before = bytes.len();
             match self.push(bytes, point) {
                 Some(stored) => {
-                    bytes.splice(before + FIELD_AT..before + FIELD_AT, field);
+                    let at = before + self.packet_offset();
+                    bytes.splice(at..at, field);
                     tally.count_point(stored, point);
                 }
                 None => tally.left_out += 1,
@@ -169,11 +168,9 @@ impl LasFormat {
 }
 
 /// Adds `before`, the position of the first packet in its file, to the packet offsets of encoded points.
-pub(super) fn place_packets(points: &mut [u8], record_length: u16, before: u64) {
+pub(super) fn place_packets(points: &mut [u8], (record_length, at): (u16, usize), before: u64) {
     for point in points.chunks_exact_mut(usize::from(record_length)) {
-        let Some((descriptor, offset)) =
-            point.get_mut(FIELD_AT..FIELD_AT + 9).and_then(<[u8]>::split_first_mut)
-        else {
+        let Some((descriptor, offset)) = point.get_mut(at..at + 9).and_then(<[u8]>::split_first_mut) else {
             return;
         };
         if *descriptor != 0 {

@@ -13,7 +13,7 @@ const WITHHELD_1: u8 = 1 << 7;
 const ADJUSTMENT_S: f64 = 1e9;
 
 /// Bytes of a record with all extra bytes.
-pub(super) const MAX_RECORD_BYTES: usize = 116;
+pub(super) const MAX_RECORD_BYTES: usize = 124;
 impl LasFormat {
     /// Appends the record of a point, without the fields of waveform packets. Returns its coordinates as
     /// stored, or `None`, with nothing appended, if they do not fit into 32 bits.
@@ -37,7 +37,8 @@ impl LasFormat {
         holds.then_some(stored)
     }
 
-    /// Writes the fields defined by the format: 6 of LAS 1.4, 1 of LAS 1.0.
+    /// Writes the fields defined by the format: 6, 7 or those of 9 and 10 without the packet of LAS 1.4, 1 of
+    /// LAS 1.0.
     fn put_base(&self, record: &mut Record, stored: DVec3, point: &PointRecord) {
         let (withheld, angle) = (point.is_miss(), degrees(point.scan_angle));
         // X, Y, Z
@@ -87,6 +88,14 @@ impl LasFormat {
             _ => point.seconds(),
         };
         record.put(seconds.to_le_bytes());
+        if self.colours {
+            // Red, green, blue
+            point.colour_u16().into_iter().for_each(|component| record.put(component.to_le_bytes()));
+            if self.packets.is_some() {
+                // Near infrared
+                record.put([0; 2]);
+            }
+        }
     }
 
     /// Writes the extra bytes, in the order described by [`super::vlr`].

@@ -178,6 +178,7 @@ fn view<'a>(scene: &'a Scene, tree: &'a vlscan_trace::Tree) -> SceneView<'a> {
         max_cube_size: EDGE,
         wavelength: 0,
         has_optics: false,
+        has_colours: false,
     }
 }
 

@@ -4,6 +4,7 @@
 //! several readings, some at a time.
 
 mod cells;
+mod colours;
 mod occupancy;
 mod sorter;
 #[cfg(test)]
@@ -31,6 +32,9 @@ use vlscan_survey::XyzLoader;
 /// Bytes of text read by one task.
 const PIECE_BYTES: usize = if cfg!(test) { 1 << 10 } else { 1 << 20 };
 
+/// What cells need of points.
+const CELLS: Selection = Selection::PositionAndClass;
+
 /// Minimum number of points to which a plane is fitted.
 const MIN_PLANE_POINTS: u32 = 3;
 
@@ -57,7 +61,10 @@ pub(crate) fn load(
     let fed = if is_text { source.with_line_feeds() } else { None };
     let source = fed.as_ref().unwrap_or(source);
     let cloud = match is_text {
-        true => Cloud::of_text(source, loader, &settings, &mut scene.diagnostics),
+        true => {
+            let wanted = (&settings, scene.options.colours);
+            Cloud::of_text(source, loader, wanted, &mut scene.diagnostics)
+        }
         false => Some(Cloud::File(file)),
     };
     let Some(cloud) = cloud else { return Ok(()) };
@@ -97,13 +104,14 @@ struct Voxels<'a> {
 impl Voxels<'_> {
     /// Appends them to the scene.
     fn load<S: CellSums>(&self, scene: &mut SceneBuilder, part: &PartSource) -> Result<()> {
+        let (before, mut coloured) = (scene.end(), Vec::new());
         let mut store = VoxelStore::new(self.grid.place(), self.grid.counts(), self.keeps_grid);
         let mut classes = Vec::new();
         let mut sorter = Sorter::<S>::new(self.grid, self.settings, scene.free_memory());
         loop {
             let mut failure = Ok(());
             // What there is to say was said when the extent was looked for.
-            self.cloud.each_batch(self.source, &mut Diagnostics::default(), |batches| {
+            self.cloud.each_batch(self.source, CELLS, &mut Diagnostics::default(), |batches| {
                 failure = scene.options.check_stop().and_then(|()| sorter.sort(scene, self.source, batches));
                 failure.is_ok()
             })?;
@@ -121,6 +129,9 @@ impl Voxels<'_> {
                     rule => sums.normal(rule).or(self.settings.default_normal),
                 };
                 store.push(scene, cell, &Voxel::of_points(normal));
+                if scene.options.colours {
+                    coloured.push(cell);
+                }
                 classes.push(sums.class());
             }
             if !sorter.go_on() {
@@ -141,7 +152,12 @@ impl Voxels<'_> {
             });
             GridSurfaces::Each(surfaces.collect())
         };
-        store.finish(scene, surfaces)
+        store.finish(scene, surfaces)?;
+        if scene.options.colours {
+            let colours = self.mean_colours(scene, &coloured)?;
+            scene.add_voxel_colours(&scene.since(&before), colours);
+        }
+        Ok(())
     }
 }
 
@@ -160,14 +176,15 @@ impl<'s> Cloud<'s> {
     fn of_text(
         source: &Source,
         loader: &XyzLoader,
-        settings: &Settings,
+        (settings, has_colours): (&Settings, bool),
         diagnostics: &mut Diagnostics,
     ) -> Option<Cloud<'s>> {
         if !source.is_text(&Expected::POINTS, diagnostics) {
             return None;
         }
         let mut found = Diagnostics::default();
-        let format = RowFormat::new(loader, settings.rule != NormalRule::Plane, source, &mut found);
+        let wanted = (settings.rule != NormalRule::Plane, has_colours);
+        let format = RowFormat::new(loader, wanted, source, &mut found);
         let is_wrong = found.is_fatal(false);
         diagnostics.extend(found);
         if format.is_none() {
@@ -189,7 +206,7 @@ impl<'s> Cloud<'s> {
         let (mut without_normal, mut has_normals) = (0, false);
         let mut found = Diagnostics::default();
         let mut strays = StrayFinder::default();
-        self.each_batch(source, &mut found, |batches| {
+        self.each_batch(source, CELLS, &mut found, |batches| {
             let places = batches.iter().flatten().map(|point| point.position);
             places.filter(|p| p.is_finite()).for_each(|p| strays.add(p));
             let seen: Vec<_> = batches.par_iter().map(|batch| settings.look_at(batch)).collect();
@@ -224,6 +241,7 @@ impl<'s> Cloud<'s> {
     fn each_batch(
         &self,
         source: &Source,
+        selection: Selection,
         found: &mut Diagnostics,
         mut take: impl FnMut(&[Vec<PointRow>]) -> bool,
     ) -> Result<()> {
@@ -241,7 +259,7 @@ impl<'s> Cloud<'s> {
                     take(batches)
                 };
                 let mut batches = Batches { take, batches: vec![Vec::new()], misses: 0, is_ended: false };
-                file.read(Selection::PositionAndClass, &mut batches, found)?;
+                file.read(selection, &mut batches, found)?;
                 if batches.misses > 0 {
                     let message = format!("{} pulses without a return are left out", batches.misses);
                     found.note(Some(Place::of_file(source.path())), message);
@@ -349,6 +367,8 @@ struct Settings {
     voxel_size: f64,
     default_normal: Option<DVec3>,
     rule: NormalRule,
+    /// Greatest number of a component of colours.
+    max_colour: f64,
     /// True if the scene names a material; if so, its class overrides that of the points.
     has_material: bool,
 }
@@ -378,7 +398,8 @@ impl Settings {
             (0, false) => NormalRule::Mean,
         };
         let has_material = loader.material.file.is_some();
-        Ok(Settings { voxel_size: size, default_normal, rule, has_material })
+        let max_colour = Some(loader.max_color_value).filter(|max| *max > 0.0).unwrap_or(255.0);
+        Ok(Settings { voxel_size: size, default_normal, rule, max_colour, has_material })
     }
 }
 

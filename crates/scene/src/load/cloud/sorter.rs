@@ -249,7 +249,8 @@ mod tests {
     ) -> (Vec<(Cell, T)>, usize, bool) {
         let grid = CloudGrid::around(Aabb { min: DVec3::ZERO, max: DVec3::from(size) }, 1.0).unwrap();
         let rule = NormalRule::Mean;
-        let settings = Settings { voxel_size: 1.0, default_normal: None, rule, has_material: false };
+        let settings =
+            Settings { voxel_size: 1.0, default_normal: None, rule, max_colour: 255.0, has_material: false };
         let options = LoadOptions::default();
         let library = Library::new(Spectra::new(&[], [1064.0]), options.rules, 0);
         let (scene, source) = (SceneBuilder::new(&options, library), Source::of("a.las", b""));

@@ -31,7 +31,7 @@ impl RowFormat {
     /// file without points.
     pub fn new(
         loader: &XyzLoader,
-        has_normals: bool,
+        (has_normals, has_colours): (bool, bool),
         source: &Source,
         diagnostics: &mut Diagnostics,
     ) -> Option<RowFormat> {
@@ -72,6 +72,11 @@ impl RowFormat {
                 with_normal(columns, normal)
             }
         };
+        let colours = match layout.is_named() {
+            true => columns.colours(),
+            false => loader.rgb_columns,
+        };
+        let columns = columns.with_colours(colours.filter(|_| has_colours));
         let rows = RowReader::new(layout, columns, &line.text);
         warn_of_unread(&rows, loader, source, &line, diagnostics);
         if loader.normal_columns.is_none() && !rows.is_named() {

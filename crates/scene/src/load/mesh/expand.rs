@@ -75,7 +75,7 @@ fn expand<'r>(
     if !*are_gltf.entry(file).or_insert_with(|| is_gltf(file)) {
         return Ok(None);
     }
-    let opened = GltfDocument::open(file, scene.free_memory())
+    let opened = GltfDocument::open(file, scene.free_memory(), scene.options.colours)
         .and_then(|document| Ok((document.placed_meshes()?, document)));
     let (placed, document) = match opened {
         Ok(opened) => opened,

@@ -1,8 +1,9 @@
 //! Documents of glTF 2.0 (Khronos, ISO/IEC 12113:2022), as JSON with buffers next to it or within it, or as
-//! GLB: buffers, accessors, meshes and materials. Triangles are read; points, lines, skins, morph targets and
-//! textures are not.
+//! GLB: buffers, accessors, meshes and materials. Triangles are read; points, lines, skins and morph targets
+//! are not, and textures only if colours are requested.
 
 use super::gltf_buffers::{Buffer, BufferJson, open_buffer, split_chunks};
+use super::gltf_colours::{ColourJson, complete_colours};
 use super::gltf_extensions::{COMPRESSIONS, compressed, refused};
 use super::gltf_materials::{MaterialJson, definitions};
 use super::{FileFrame, GltfError, RawMesh};
@@ -29,11 +30,11 @@ pub(super) struct Json {
     #[serde(default)]
     buffer_views: Vec<View>,
     #[serde(default)]
-    accessors: Vec<Accessor>,
+    pub accessors: Vec<Accessor>,
     #[serde(default)]
     meshes: Vec<MeshJson>,
     #[serde(default)]
-    materials: Vec<MaterialJson>,
+    pub materials: Vec<MaterialJson>,
     #[serde(default)]
     pub nodes: Vec<NodeJson>,
     #[serde(default)]
@@ -59,7 +60,7 @@ struct View {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Accessor {
+pub(super) struct Accessor {
     buffer_view: Option<usize>,
     #[serde(default)]
     byte_offset: usize,
@@ -68,7 +69,7 @@ struct Accessor {
     normalized: bool,
     count: usize,
     #[serde(rename = "type")]
-    shape: String,
+    pub shape: String,
     sparse: Option<Sparse>,
 }
 
@@ -142,14 +143,17 @@ pub(super) struct Instancing {
 
 /// A document with its buffers.
 pub(super) struct GltfDocument {
-    source: Source,
+    pub source: Source,
     pub json: Json,
     buffers: Vec<Buffer>,
     /// The materials of the document, and after them that of primitives without one.
-    materials: Vec<MaterialDefinition>,
+    pub materials: Vec<MaterialDefinition>,
+    /// Number of the texture coordinates that each of these materials uses; empty unless colours are
+    /// requested.
+    pub texel_sets: Vec<usize>,
     /// Memory that its meshes may still take, bytes.
     pub free_memory: u64,
-    warnings: Vec<String>,
+    pub warnings: Vec<String>,
 }
 
 /// First vertex and number of vertices of the accessors of positions that a mesh has appended.
@@ -158,7 +162,8 @@ type Appended = HashMap<usize, (u32, u32)>;
 impl GltfDocument {
     /// Opens a document and the buffers that it names. Its meshes may take `free_memory` bytes. Errors are
     /// sentences about the file.
-    pub fn open(path: &Path, free_memory: u64) -> Result<GltfDocument, GltfError> {
+    /// With `colours`, its materials have colours and its meshes texture coordinates.
+    pub fn open(path: &Path, free_memory: u64, colours: bool) -> Result<GltfDocument, GltfError> {
         let source = Source::open(path)?;
         let (text, chunk) = split_chunks(source.bytes())?;
         let json: Json = serde_json::from_slice(text).map_err(GltfError::Json)?;
@@ -174,7 +179,15 @@ impl GltfDocument {
             .map(|(i, b)| open_buffer(path, i, b, &chunk, &mut warnings))
             .collect::<Result<_, _>>()?;
         let materials = definitions(&json.materials)?;
-        Ok(GltfDocument { source, json, buffers, materials, free_memory, warnings })
+        let of_colours: Option<ColourJson> =
+            colours.then(|| serde_json::from_slice(text)).transpose().map_err(GltfError::Json)?;
+        let texel_sets = Vec::new();
+        let mut document =
+            GltfDocument { source, json, buffers, materials, texel_sets, free_memory, warnings };
+        if let Some(of_colours) = of_colours {
+            document.add_colours(&of_colours);
+        }
+        Ok(document)
     }
 
     /// Warnings about omitted features that change the shape of meshes and about files in another spelling,
@@ -220,6 +233,7 @@ impl GltfDocument {
             all.vertices[first..].iter_mut().for_each(|v| *v = place(*v));
         }
         self.add_materials(&mut all);
+        complete_colours(&mut all);
         Ok(all)
     }
 
@@ -229,6 +243,7 @@ impl GltfDocument {
         self.append_mesh(mesh, &mut raw)?;
         raw.vertices.iter_mut().for_each(|v| *v = frame.apply(linear * *v));
         self.add_materials(&mut raw);
+        complete_colours(&mut raw);
         let taken = memory_of(raw.vertices.len(), raw.triangles.len(), 0);
         self.free_memory = self.free_memory.saturating_sub(taken);
         Ok(raw)
@@ -312,7 +327,13 @@ impl GltfDocument {
         if material >= self.materials.len() {
             return Err(missing("material", material));
         }
-        let mut add = |corners: [u32; 3]| raw.add_polygon(&corners.map(|c| c + first), material as u32);
+        let texels = self.corner_colours(&primitive.attributes, material, count as usize)?;
+        let mut add = |corners: [u32; 3]| {
+            raw.add_polygon(&corners.map(|c| c + first), material as u32);
+            if let Some(of_vertices) = &texels {
+                of_vertices.add_triangle(raw, corners);
+            }
+        };
         match mode {
             4 => indices.chunks_exact(3).for_each(|t| add([t[0], t[1], t[2]])),
             5 => (0..).zip(indices.windows(3)).for_each(|(i, t)| {
@@ -367,7 +388,12 @@ impl GltfDocument {
 
     /// The vectors of an accessor; normalised integers become fractions (`KHR_mesh_quantization`).
     pub fn vectors<const N: usize>(&self, accessor: usize) -> Result<Vec<[f64; N]>, GltfError> {
-        let accessor = self.accessor(accessor, if N == 4 { "VEC4" } else { "VEC3" })?;
+        let shape = match N {
+            2 => "VEC2",
+            4 => "VEC4",
+            _ => "VEC3",
+        };
+        let accessor = self.accessor(accessor, shape)?;
         self.numbers::<N>(accessor, accessor.normalized)
     }
 
@@ -420,7 +446,7 @@ impl GltfDocument {
     }
 
     /// The bytes of a view from `offset` on, and the distance of its elements.
-    fn view(&self, index: usize, offset: usize, element: usize) -> Result<(&[u8], usize), GltfError> {
+    pub fn view(&self, index: usize, offset: usize, element: usize) -> Result<(&[u8], usize), GltfError> {
         let view = self.json.buffer_views.get(index).ok_or(missing("buffer view", index))?;
         let buffer = self.buffers.get(view.buffer).ok_or(missing("buffer", view.buffer))?;
         let buffer = buffer.bytes(&self.source);

@@ -119,7 +119,7 @@ pub(super) fn open_buffer(
 }
 
 /// A relative URI as a path: `%20` is a blank.
-fn decode_percent(uri: &str) -> String {
+pub(super) fn decode_percent(uri: &str) -> String {
     let bytes = uri.as_bytes();
     let mut decoded = Vec::with_capacity(bytes.len());
     let mut at = 0;

@@ -19,7 +19,7 @@ pub(super) struct MaterialJson {
     #[serde(default, rename = "alphaCutoff")]
     alpha_cutoff: Value,
     #[serde(default, rename = "pbrMetallicRoughness")]
-    pbr: Value,
+    pub pbr: Value,
     #[serde(default)]
     extensions: Value,
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::error::Result;
 use vlscan_geom::DVec3;
-use vlscan_survey::Mesh;
+use vlscan_survey::{Mesh, MeshColours};
 
 /// Appends the triangles of a mesh to the scene. Triangles without area are left out and counted in a
 /// warning.
@@ -41,6 +41,7 @@ pub(crate) fn load_with(
     scene.geometry.vertices.extend_from_slice(vertices);
     let first_face = scene.faces.count;
     scene.faces.count += face_of.last().map_or(triangles.len(), |last| *last as usize + 1);
+    let mut colours = MeshColours::default();
     let mut without_area = 0;
     for (i, triangle) in triangles.iter().enumerate() {
         if !has_area(triangle) {
@@ -54,10 +55,16 @@ pub(crate) fn load_with(
         scene.geometry.triangles.push(*triangle);
         let material = mesh.material_of().get(i).map_or(0, |&m| m as usize);
         scene.triangle_surfaces.push(surfaces[material]);
+        if scene.options.colours {
+            colours.texels.extend(mesh.colours().texels.get(i));
+            colours.tints.extend(mesh.colours().tints.get(i));
+        }
     }
     if without_area > 0 {
         let message = format!("{without_area} triangles without area are left out");
         scene.diagnostics.warn(part.place.cloned(), message);
     }
-    scene.finish_mesh(&start)
+    scene.finish_mesh(&start)?;
+    scene.add_colours(start.triangles.start, colours);
+    Ok(())
 }

@@ -10,6 +10,7 @@
 //! | `gltf`, `gltf_buffers` | documents of glTF 2.0: accessors, meshes, materials; their bytes |
 //! | `gltf_extensions` | extensions that a document may require |
 //! | `gltf_materials` | materials of a glTF document with their extras |
+//! | `gltf_colours` | colours and textures of a glTF document |
 //! | `gltf_nodes` | the nodes of a glTF document with their transforms |
 //! | `expand` | glTF files as parts, one for each mesh that a node places |
 //! | `materials` | tables of materials by name |
@@ -22,6 +23,7 @@ mod error;
 mod expand;
 mod gltf;
 mod gltf_buffers;
+mod gltf_colours;
 mod gltf_extensions;
 mod gltf_materials;
 mod gltf_nodes;
@@ -52,7 +54,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::recognise::{Expected, Foreign, foreign, is_off};
 use vlscan_formats::is_ply;
 use vlscan_geom::DVec3;
-use vlscan_survey::{MaterialDefinition, Mesh, MeshReading, UpAxis};
+use vlscan_survey::{MaterialDefinition, Mesh, MeshColours, MeshReading, UpAxis};
 
 /// Formats of mesh files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,6 +131,10 @@ struct RawMesh {
     edges: usize,
     /// Omissions, as sentences about the file.
     warnings: Vec<String>,
+    /// Colours of triangles, if they are requested.
+    colours: MeshColours,
+    /// Colours of vertices, in place of those of triangles.
+    vertex_colours: Vec<[u16; 3]>,
 }
 
 impl RawMesh {
@@ -162,6 +168,11 @@ impl RawMesh {
             self.material_of.retain(|_| keep());
             self.face_of.retain(|_| keep());
         }
+        if !self.vertex_colours.is_empty() {
+            let tint =
+                |corner: u32| self.vertex_colours.get(corner as usize).copied().unwrap_or([u16::MAX; 3]);
+            self.colours.tints = self.triangles.iter().map(|corners| corners.map(tint)).collect();
+        }
     }
 }
 
@@ -188,11 +199,12 @@ pub(crate) fn load(
     let frame = FileFrame::new(reading, format);
     let found = match format {
         Format::Obj => return load_obj(scene, part, source, reading, names),
-        Format::Ply => ply::read(source).map_err(MeshError::from),
+        Format::Ply => ply::read(source, scene.options.colours).map_err(MeshError::from),
         Format::Stl => stl::read(source).map_err(MeshError::from),
         Format::Off => off::read(source).map_err(MeshError::from),
         Format::Gltf => {
-            let document = gltf::GltfDocument::open(source.path(), scene.free_memory());
+            let document =
+                gltf::GltfDocument::open(source.path(), scene.free_memory(), scene.options.colours);
             let raw = document.and_then(|document| {
                 scene.sources.extend(document.files().map(Path::to_path_buf));
                 let warnings = document.warnings();
@@ -281,7 +293,9 @@ fn finish(
         !is_given && !m.has_line() && !is_diffuse_free(m, rules)
     };
     unknown.extend(raw.materials.iter().filter(is_lacking).map(|m| m.name.clone()));
-    match Mesh::new(raw.vertices, raw.triangles, raw.materials, raw.material_of) {
+    let colours = raw.colours;
+    let mesh = Mesh::new(raw.vertices, raw.triangles, raw.materials, raw.material_of);
+    match mesh.and_then(|mesh| mesh.with_colours(colours)) {
         Ok(mesh) => Ok(Some(mesh)),
         Err(Error::Input(problems)) => {
             let message = problems.items().first().map_or_else(String::new, |p| p.message.clone());

@@ -11,12 +11,13 @@ use vlscan_base::damage::catch_decoder_panic;
 use vlscan_formats::{PlyNumbers, ply_header};
 use vlscan_geom::DVec3;
 
-pub(super) fn read(source: &Source) -> Result<RawMesh, PlyMeshError> {
+/// Reads a mesh, with the colours of its vertices if `colours` is set.
+pub(super) fn read(source: &Source, colours: bool) -> Result<RawMesh, PlyMeshError> {
     let name = source.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    catch_decoder_panic(|| read_mesh(source.bytes(), name)).unwrap_or(Err(PlyMeshError::Damaged))
+    catch_decoder_panic(|| read_mesh(source.bytes(), name, colours)).unwrap_or(Err(PlyMeshError::Damaged))
 }
 
-fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, PlyMeshError> {
+fn read_mesh(bytes: &[u8], name: String, colours: bool) -> Result<RawMesh, PlyMeshError> {
     let spelled = ply_header(bytes).map_err(PlyMeshError::Header)?;
     let parser = Parser::<Element>::new();
     let header = parser
@@ -37,7 +38,13 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, PlyMeshError> {
                 PlyMeshError::Element { at, count, name, source: Box::new(e) }
             })?;
             match definition.name.as_str() {
-                "vertex" => mesh.vertices.push(DVec3::from(element.position)),
+                "vertex" => {
+                    mesh.vertices.push(DVec3::from(element.position));
+                    if colours && element.colour.iter().all(|component| !component.is_nan()) {
+                        // The conversion saturates.
+                        mesh.vertex_colours.push(element.colour.map(|c| (c * 65_535.0).round() as u16));
+                    }
+                }
                 name @ ("face" | "tristrips") if element.has_fractions => {
                     return Err(PlyMeshError::Fractions { name: name.to_owned(), at });
                 }
@@ -52,6 +59,9 @@ fn read_mesh(bytes: &[u8], name: String) -> Result<RawMesh, PlyMeshError> {
                 _ => {}
             }
         }
+    }
+    if mesh.vertex_colours.len() != mesh.vertices.len() {
+        mesh.vertex_colours.clear();
     }
     match &reader {
         ElementReader::Text(numbers) if !numbers.is_at_end() => {
@@ -106,8 +116,15 @@ fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Resul
     for property in definition.properties.values() {
         let name = property.name.as_str();
         match &property.data_type {
-            PropertyType::Scalar(_) => {
+            PropertyType::Scalar(kind) => {
                 let value = numbers.number()?;
+                // Colours are shares of the greatest number of their type.
+                let value = match (component_of(name), kind) {
+                    (Some(_), ScalarType::Char | ScalarType::UChar) => value / 255.0,
+                    (Some(_), ScalarType::Float | ScalarType::Double) => value,
+                    (Some(_), _) => value / 65_535.0,
+                    (None, _) => value,
+                };
                 element.set_property(name, Property::Double(value));
             }
             PropertyType::List(_, number) => {
@@ -126,6 +143,11 @@ fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Resul
     Ok(element)
 }
 
+/// Index of the component of colours that a property is.
+fn component_of(name: &str) -> Option<usize> {
+    ["red", "green", "blue"].iter().position(|component| name.eq_ignore_ascii_case(component))
+}
+
 /// True if a list has the name of the corners of faces.
 fn is_corners(name: &str) -> bool {
     ["vertex_indices", "vertex_index"].iter().any(|known| name.eq_ignore_ascii_case(known))
@@ -139,6 +161,8 @@ fn first_line(e: &impl ToString) -> String {
 /// A vertex or a face.
 struct Element {
     position: [f64; 3],
+    /// Red, green and blue, 0 to 1; NaN if they are missing.
+    colour: [f64; 3],
     corners: Vec<i64>,
     /// True if the corners are floats instead of indices.
     has_fractions: bool,
@@ -146,7 +170,7 @@ struct Element {
 
 impl PropertyAccess for Element {
     fn new() -> Element {
-        Element { position: [f64::NAN; 3], corners: Vec::new(), has_fractions: false }
+        Element { position: [f64::NAN; 3], colour: [f64::NAN; 3], corners: Vec::new(), has_fractions: false }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
@@ -167,7 +191,17 @@ impl PropertyAccess for Element {
                     }
                 };
             }
-            _ => return PropertyAccessResult::Ignored,
+            name => {
+                let Some(component) = component_of(name) else { return PropertyAccessResult::Ignored };
+                self.colour[component] = match property {
+                    Property::UChar(v) => f64::from(v) / 255.0,
+                    Property::UShort(v) => f64::from(v) / 65_535.0,
+                    Property::Float(v) => f64::from(v),
+                    Property::Double(v) => v,
+                    _ => f64::NAN,
+                };
+                return PropertyAccessResult::Set;
+            }
         };
         self.position[slot] = match property {
             Property::Float(v) => f64::from(v),

@@ -2,6 +2,7 @@
 //! threads in parallel; the pieces are appended in the order of the file, so the result does not depend on
 //! their number.
 
+mod colours;
 mod slice;
 #[cfg(test)]
 mod tests;
@@ -49,6 +50,7 @@ pub(crate) fn load(
         return Ok(());
     }
     let start = scene.end();
+    let first_face = scene.faces.count;
     let (mesh, problems) = read_pieces(scene, source, reading)?;
     problems.report(source, &mut scene.diagnostics);
     check_whole(scene, source, &mesh);
@@ -61,6 +63,14 @@ pub(crate) fn load(
     let faults = leave_out_faults(scene, source, reading, &mesh);
     faults.report(source, &mut scene.diagnostics);
     let vertices = scene.geometry.vertices.len();
+    if scene.options.colours {
+        let triangles = &scene.geometry.triangles[mesh.first_triangle..];
+        let faces = &scene.faces.of_triangles;
+        let faces = &faces[faces.len().saturating_sub(triangles.len())..];
+        let faces: Vec<u32> = faces.iter().map(|face| face - first_face as u32).collect();
+        let colours = colours::read(source.bytes(), reading, triangles, &faces);
+        scene.add_colours(mesh.first_triangle, colours);
+    }
     scene.finish_mesh(&start)?;
     let unused = vertices - scene.geometry.vertices.len();
     if let Some((number, at, text)) = source.unended_line().filter(|_| unused > 0) {

@@ -11,6 +11,7 @@ use vlscan_base::diag::ProblemKind;
 use vlscan_geom::DVec3;
 use vlscan_survey::{Loader, MaterialChange, MaterialDefinition, MeshReading, Replaced, Transform, UpAxis};
 
+mod colours;
 mod variants;
 
 const SQUARE_STL: &str = "solid roof

@@ -1,0 +1,59 @@
+//! Colours of the cells of a cloud, which are read only if they are requested, in another pass over the file.
+
+use super::Voxels;
+use super::cells::Cell;
+use crate::builder::SceneBuilder;
+use std::collections::HashMap;
+use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::Result;
+use vlscan_formats::Selection;
+
+/// Greatest component of colours of 8 bits.
+const MAX_BYTE: f64 = 255.0;
+
+/// Sums over the points of a cell.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    colour: [f64; 3],
+    points: u32,
+}
+
+impl Voxels<'_> {
+    /// The mean colour of the points in each of the cells; none if the points have no colours. Black stands
+    /// for a cell of points without.
+    pub(super) fn mean_colours(&self, scene: &SceneBuilder, cells: &[Cell]) -> Result<Vec<[u8; 3]>> {
+        let index_of: HashMap<Cell, usize> = cells.iter().copied().zip(0..).collect();
+        let mut sums = vec![Sums::default(); cells.len()];
+        let (mut max, mut failure) = (0u16, Ok(()));
+        // What there is to say was said when the extent was looked for.
+        let mut found = Diagnostics::default();
+        self.cloud.each_batch(self.source, Selection::All, &mut found, |batches| {
+            failure = scene.options.check_stop();
+            for point in batches.iter().flatten() {
+                let Some(colour) = point.colour else { continue };
+                let Some(point) = self.settings.usable(*point) else { continue };
+                let Some(&index) = index_of.get(&self.grid.cell_of(point.position)) else { continue };
+                let of_cell: &mut Sums = &mut sums[index];
+                of_cell.points += 1;
+                for (sum, component) in of_cell.colour.iter_mut().zip(colour) {
+                    *sum += f64::from(component);
+                    max = max.max(component);
+                }
+            }
+            failure.is_ok()
+        })?;
+        failure?;
+        if max == 0 {
+            return Ok(Vec::new());
+        }
+        // Numbers above the greatest one that the scene states have 16 bits, of which the upper eight count.
+        let stated = self.settings.max_colour;
+        let scale = if f64::from(max) > stated { 1.0 / 256.0 } else { MAX_BYTE / stated };
+        let mean = |of_cell: &Sums| match of_cell.points {
+            0 => [0; 3],
+            // The conversion saturates.
+            count => of_cell.colour.map(|sum| (sum / f64::from(count) * scale).round() as u8),
+        };
+        Ok(sums.iter().map(mean).collect())
+    }
+}

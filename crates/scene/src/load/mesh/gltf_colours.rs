@@ -1,0 +1,211 @@
+//! Colours of a glTF document: base colours of materials, their textures, and colours of vertices. They are
+//! read only if they are requested. Metalness, emission and other light are not.
+
+use super::gltf::GltfDocument;
+use super::gltf_buffers::decode_percent;
+use super::{GltfError, RawMesh};
+use base64::Engine;
+use serde::Deserialize;
+use serde_json::Value;
+use std::collections::HashMap;
+use std::path::Path;
+use vlscan_survey::{ColourDefinition, TextureDefinition, TextureImage, TextureWrap};
+
+/// Texture coordinates of a corner without any.
+const NO_TEXEL: [f32; 2] = [f32::NAN; 2];
+
+/// The parts of a document that only colours need.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct ColourJson {
+    #[serde(default)]
+    textures: Vec<TextureJson>,
+    #[serde(default)]
+    images: Vec<ImageJson>,
+    #[serde(default)]
+    samplers: Vec<SamplerJson>,
+}
+
+#[derive(Debug, Deserialize)]
+struct TextureJson {
+    source: Option<usize>,
+    sampler: Option<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct ImageJson {
+    uri: Option<String>,
+    buffer_view: Option<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct SamplerJson {
+    wrap_s: Option<u32>,
+    wrap_t: Option<u32>,
+}
+
+/// Colours of the vertices of a primitive; either list may be empty.
+pub(super) struct VertexColours {
+    texels: Vec<[f32; 2]>,
+    tints: Vec<[u16; 3]>,
+}
+
+impl GltfDocument {
+    /// Gives the materials their colours.
+    pub fn add_colours(&mut self, json: &ColourJson) {
+        let mut warnings = Vec::new();
+        let of_materials: Vec<_> =
+            self.json.materials.iter().map(|m| self.colour_of(json, &m.pbr, &mut warnings)).collect();
+        self.texel_sets = of_materials.iter().map(|(_, set)| *set).chain([0]).collect();
+        let default = ColourDefinition { is_linear: true, ..ColourDefinition::stored([1.0; 3]) };
+        let colours = of_materials.into_iter().map(|(colour, _)| colour).chain([default]);
+        for (material, colour) in self.materials.iter_mut().zip(colours) {
+            material.colour = Some(colour);
+        }
+        self.warnings.extend(warnings);
+    }
+
+    /// The colour of a material and the number of the texture coordinates that it uses.
+    fn colour_of(
+        &self,
+        json: &ColourJson,
+        pbr: &Value,
+        warnings: &mut Vec<String>,
+    ) -> (ColourDefinition, usize) {
+        let component = |i: usize| pbr.get("baseColorFactor")?.get(i)?.as_f64();
+        let factor = [0, 1, 2].map(|i| component(i).unwrap_or(1.0).clamp(0.0, 1.0));
+        let plain = ColourDefinition { is_linear: true, ..ColourDefinition::stored(factor) };
+        let Some(reference) = pbr.get("baseColorTexture") else { return (plain, 0) };
+        let number = |value: &Value, key: &str| value.get(key)?.as_u64().map(|n| n as usize);
+        let Some(index) = number(reference, "index") else { return (plain, 0) };
+        let moved = reference.get("extensions").and_then(|all| all.get("KHR_texture_transform"));
+        let set = moved.and_then(|moved| number(moved, "texCoord"));
+        let set = set.or_else(|| number(reference, "texCoord")).unwrap_or(0);
+        let image = match self.image(json, index) {
+            Ok(image) => image,
+            Err(what) => {
+                let message = format!(
+                    "texture {index} {what}; its surfaces have the colour of their material without it"
+                );
+                if !warnings.contains(&message) {
+                    warnings.push(message);
+                }
+                return (plain, set);
+            }
+        };
+        let sampler = json.textures[index].sampler.and_then(|sampler| json.samplers.get(sampler));
+        let wrap = |mode: Option<u32>| match mode {
+            Some(33_071) => TextureWrap::Clamp,
+            Some(33_648) => TextureWrap::Mirror,
+            _ => TextureWrap::Repeat,
+        };
+        let wrap = sampler.map_or_else(Default::default, |of| [wrap(of.wrap_s), wrap(of.wrap_t)]);
+        let transform = moved.map_or(TextureDefinition::IDENTITY, transform);
+        let texture = TextureDefinition { image, transform, wrap, is_upward: false };
+        (ColourDefinition { texture: Some(texture), ..plain }, set)
+    }
+
+    /// The image of a texture.
+    ///
+    /// # Errors
+    /// The rest of a sentence about the texture.
+    fn image(&self, json: &ColourJson, texture: usize) -> Result<TextureImage, String> {
+        let texture = json.textures.get(texture).ok_or("does not exist")?;
+        let source = texture.source.ok_or("has no PNG or JPEG image")?;
+        let image =
+            json.images.get(source).ok_or_else(|| format!("refers to image {source}, which is missing"))?;
+        let path = self.source.path();
+        let within = |bytes: &[u8]| TextureImage::Bytes(path.to_path_buf(), bytes.into());
+        match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => match uri.strip_prefix("data:") {
+                Some(data) => {
+                    let text = data.split_once(";base64,").ok_or("is not base64")?.1;
+                    let bytes = base64::engine::general_purpose::STANDARD.decode(text);
+                    Ok(within(&bytes.map_err(|e| format!("is not base64: {e}"))?))
+                }
+                None if uri.contains("://") => Err("is on another machine".to_owned()),
+                None => {
+                    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+                    Ok(TextureImage::File(folder, decode_percent(uri)))
+                }
+            },
+            (None, Some(view)) => {
+                self.view(view, 0, 1).map(|(bytes, _)| within(bytes)).map_err(|e| e.to_string())
+            }
+            (None, None) => Err("has no image".to_owned()),
+        }
+    }
+
+    /// The colours of the vertices of a primitive with `count` of them and this material; `None` if none are
+    /// requested or there are none.
+    pub fn corner_colours(
+        &self,
+        attributes: &HashMap<String, usize>,
+        material: usize,
+        count: usize,
+    ) -> Result<Option<VertexColours>, GltfError> {
+        let Some(set) = self.texel_sets.get(material) else { return Ok(None) };
+        let texels = match attributes.get(&format!("TEXCOORD_{set}")) {
+            Some(&accessor) => {
+                self.vectors::<2>(accessor)?.into_iter().map(|t| t.map(|c| c as f32)).collect()
+            }
+            None => Vec::new(),
+        };
+        // The conversion saturates.
+        let tint = |of: [f64; 3]| of.map(|c| (c * 65_535.0).round() as u16);
+        let tints = match attributes.get("COLOR_0") {
+            Some(&accessor) if self.json.accessors.get(accessor).is_some_and(|a| a.shape == "VEC4") => {
+                self.vectors::<4>(accessor)?.into_iter().map(|[r, g, b, _]| tint([r, g, b])).collect()
+            }
+            Some(&accessor) => self.vectors::<3>(accessor)?.into_iter().map(tint).collect(),
+            None => Vec::new(),
+        };
+        let colours = VertexColours { texels, tints };
+        let is_usable = |length: usize| length == 0 || length >= count;
+        if !is_usable(colours.texels.len()) || !is_usable(colours.tints.len()) {
+            return Err(GltfError::OutOfRange {
+                corner: count.saturating_sub(1) as u32,
+                count: colours.texels.len().max(colours.tints.len()) as u32,
+            });
+        }
+        Ok((!colours.texels.is_empty() || !colours.tints.is_empty()).then_some(colours))
+    }
+}
+
+impl VertexColours {
+    /// Adds the colours of the last triangle of a mesh, whose corners are these vertices of the primitive.
+    pub fn add_triangle(&self, raw: &mut RawMesh, corners: [u32; 3]) {
+        let Some(before) = raw.triangles.len().checked_sub(1) else { return };
+        if !self.texels.is_empty() {
+            raw.colours.texels.resize(before, [NO_TEXEL; 3]);
+            raw.colours.texels.push(corners.map(|corner| self.texels[corner as usize]));
+        }
+        if !self.tints.is_empty() {
+            raw.colours.tints.resize(before, [[u16::MAX; 3]; 3]);
+            raw.colours.tints.push(corners.map(|corner| self.tints[corner as usize]));
+        }
+    }
+}
+
+/// Gives the last triangles of a mesh the colours of those without, if others have some.
+pub(super) fn complete_colours(raw: &mut RawMesh) {
+    let count = raw.triangles.len();
+    if !raw.colours.texels.is_empty() {
+        raw.colours.texels.resize(count, [NO_TEXEL; 3]);
+    }
+    if !raw.colours.tints.is_empty() {
+        raw.colours.tints.resize(count, [[u16::MAX; 3]; 3]);
+    }
+}
+
+/// The transform of texture coordinates of the extension `KHR_texture_transform`: scale, rotation, offset.
+fn transform(json: &Value) -> ([[f64; 2]; 2], [f64; 2]) {
+    let pair = |key: &str, default: f64| {
+        [0, 1].map(|i| json.get(key).and_then(|all| all.get(i)?.as_f64()).unwrap_or(default))
+    };
+    let (offset, [su, sv]) = (pair("offset", 0.0), pair("scale", 1.0));
+    let angle = json.get("rotation").and_then(Value::as_f64).unwrap_or(0.0);
+    let (s, c) = (libm::sin(angle), libm::cos(angle));
+    ([[c * su, s * sv], [-s * su, c * sv]], offset)
+}
