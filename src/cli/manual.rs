@@ -8,13 +8,13 @@ use super::Cli;
 use super::args::{CompletionsArgs, ManArgs};
 use super::console::Console;
 use super::messages;
-use crate::options::{command_schema, pipeline_keys, pipeline_schema, python_module};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, FileWriter, Patched, reads, write_stdout};
 use vlscan_lidar::pulse::Corrections;
+use vlscan_options::{command_schema, pipeline_keys, pipeline_schema, python_module};
 
 /// Introduction below the short help, for new users.
 const BEGIN: &str = "\

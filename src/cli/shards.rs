@@ -5,13 +5,13 @@ use super::companions::{Companions, resolve};
 use super::run::{show_report, warn_of_few_points};
 use super::watch::during;
 use super::{Console, interrupt, messages};
-use crate::options::{OneOf, Options};
-use crate::options::{ResolvedRun, schedule_of};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_taken, reads};
 use vlscan_base::quantity::{amount, amount_of, counted};
+use vlscan_options::{OneOf, Options};
+use vlscan_options::{ResolvedRun, schedule_of};
 use vlscan_session::shards::{ShardSet, shard_path};
 use vlscan_session::{
     LoadedScene, Session, Settings, join_segments, merge as merge_shards, merge_segment, merge_warnings,

@@ -1,10 +1,10 @@
 //! The command line of `bench`, `catalogue`, `unzip`, `preview`, `serve`, `completions` and `man`.
 
-use crate::options::choice;
-use crate::options::{ChunkSize, Count};
 use clap::{Args, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
+use vlscan_options::choice;
+use vlscan_options::{ChunkSize, Count};
 use vlscan_tools::preview::ColourBy;
 use vlscan_trace::Builder;
 use vlscan_warehouse::PolicyKind;

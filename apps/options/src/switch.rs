@@ -65,7 +65,7 @@ impl FromStr for Switch {
 }
 
 /// The name of the opposite of a switch: `no-misses` for `misses`, `leg-noise` for `no-leg-noise`.
-pub fn opposite(long: &str) -> String {
+fn opposite(long: &str) -> String {
     long.strip_prefix("no-").map_or_else(|| format!("no-{long}"), str::to_owned)
 }
 
@@ -107,52 +107,5 @@ impl FromArgMatches for Opposites {
 
     fn update_from_arg_matches(&mut self, _: &ArgMatches) -> Result<(), clap::Error> {
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cli::command_line;
-    use clap::error::ErrorKind;
-
-    /// All subcommands with their names before them.
-    fn commands(command: &Command, before: &[String]) -> Vec<(Vec<String>, Command)> {
-        let mut all = vec![(before.to_vec(), command.clone())];
-        for sub in command.get_subcommands() {
-            let names = [before, &[sub.get_name().to_owned()]].concat();
-            all.extend(commands(sub, &names));
-        }
-        all
-    }
-
-    #[test]
-    fn every_switch_of_a_file_is_undone_by_its_opposite() {
-        let mut found = 0;
-        for (names, command) in commands(&command_line(), &[]).into_iter().skip(1) {
-            for arg in command.get_arguments() {
-                let id = arg.get_id().as_str();
-                // `--strict` of commands that read no file is that of the program.
-                if arg.is_global_set() || arg.get_value_parser().type_id() != TypeId::of::<Switch>() {
-                    continue;
-                }
-                let on = format!("--{}", arg.get_long().unwrap());
-                let off = format!("--{}", opposite(arg.get_long().unwrap()));
-                let parsed = |words: &[&str]| {
-                    let command = command.clone().no_binary_name(true).ignore_errors(true);
-                    *command.try_get_matches_from(words).unwrap().get_one::<Switch>(id).unwrap()
-                };
-                let message = format!("{names:?} {on}");
-                assert_eq!(parsed(&[]), Switch::Unset, "{message}");
-                assert_eq!(parsed(&[&on]), Switch::On, "{message}");
-                assert_eq!(parsed(&[&off]), Switch::Off, "{message}");
-                assert_eq!(parsed(&[&on, &off]), Switch::Off, "{message}");
-                assert_eq!(parsed(&[&off, &on]), Switch::On, "{message}");
-                let unknown = command.clone().no_binary_name(true).try_get_matches_from([&off]);
-                assert!(unknown.err().is_none_or(|e| e.kind() != ErrorKind::UnknownArgument), "{message}");
-                found += 1;
-            }
-        }
-        assert!(found > 60, "{found}");
     }
 }

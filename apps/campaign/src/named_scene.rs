@@ -1,10 +1,10 @@
 //! Scenes as commands name them: directly, or by a file that refers to one.
 
-use crate::options::{InputOptions, Options, holds_survey, read_survey};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
 use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
+use vlscan_options::{InputOptions, Options, holds_survey, read_survey};
 use vlscan_scene::LoadOptions;
 use vlscan_survey::{ReadOptions, SceneRecipe};
 

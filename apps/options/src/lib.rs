@@ -21,6 +21,7 @@
     rustdoc::broken_intra_doc_links,
     reason = "comments are shown as help, where units stand in brackets"
 )]
+#![deny(unsafe_code)]
 
 mod choice;
 mod file;

@@ -2,7 +2,6 @@
 //! itself is refused, with its line in the file and what to write instead: an option that changes nothing
 //! must not stand in the record of a cell.
 
-use crate::options::Options;
 use crate::planning::check_instrument;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, Subcommand};
@@ -10,6 +9,7 @@ use std::path::PathBuf;
 use toml::Spanned;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_options::Options;
 use vlscan_tools::campaign::{File, text_of, words};
 use vlscan_tools::generate::{SceneOptions, StandOptions};
 use vlscan_tools::plan::PlanRequest;
@@ -175,6 +175,13 @@ const DECIDED: [(&[&str], &[&str], &str); 15] = [
     ),
 ];
 
+/// The options that a campaign sets itself, without hyphens, each with the key of a line that must not hold it.
+pub fn options_of_campaigns() -> impl Iterator<Item = (&'static str, &'static str)> {
+    DECIDED.into_iter().flat_map(|(keys, names, _)| {
+        keys.iter().flat_map(move |key| names.iter().map(move |name| (*key, *name)))
+    })
+}
+
 /// Replacement for an option that a campaign sets itself; `None` for those that it leaves to the line.
 fn advice(key: &str, option: &str) -> Option<&'static str> {
     // A switch and its opposite alike.
@@ -262,75 +269,9 @@ fn collect(command: &Command, matches: &ArgMatches, key: &str, all: &mut Vec<(St
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::Cli;
-    use clap::CommandFactory;
-
-    /// Options of outputs that say how is measured and not where it is written.
-    const ALLOWED: [&str; 20] = [
-        "waveforms",
-        "pulses",
-        "columns",
-        "labels",
-        "true-positions",
-        "height-above-ground",
-        "frame-s",
-        "world-frame",
-        "sensor-frame",
-        "tile",
-        "per-object",
-        "subrays",
-        "misses",
-        "las-at-most",
-        "wave-packets",
-        "split-by-channel",
-        "crs",
-        "las10",
-        "zip-output",
-        "las-scale",
-    ];
 
     fn refusals(key: &'static str, line: &str) -> Vec<String> {
         decided(&command(key), key, &words(line).unwrap()).into_iter().map(|(option, _)| option).collect()
-    }
-
-    #[test]
-    fn every_option_of_outputs_and_shards_is_decided() {
-        let mut root = Cli::command();
-        root.build();
-        let at = |parent: &Command, name: &str| parent.find_subcommand(name).unwrap().clone();
-        for argument in at(&root, "run").get_arguments() {
-            let heading = argument.get_help_heading().unwrap_or_default();
-            let Some(long) =
-                argument.get_long().filter(|_| ["Output", "Shards", "Dry run"].contains(&heading))
-            else {
-                continue;
-            };
-            assert!(
-                ALLOWED.contains(&long.strip_prefix("no-").unwrap_or(long))
-                    || long == "las-extra"
-                    || advice("run", long).is_some(),
-                "decide whether a campaign's `run` may hold --{long}: DECIDED"
-            );
-        }
-        // Every option of the table is one of the program.
-        let (plan, scene) = (at(&root, "plan"), at(&root, "scene"));
-        let commands = [
-            ("run", at(&root, "run")),
-            ("plan", at(&plan, "airborne")),
-            ("make", at(&scene, "make")),
-            ("stand", at(&scene, "stand")),
-        ];
-        for (keys, names, _) in DECIDED {
-            for (key, command) in commands.iter().filter(|(key, _)| keys.contains(key)) {
-                for name in names {
-                    let has = |a: &Arg| {
-                        a.get_long() == Some(name)
-                            || a.get_all_aliases().is_some_and(|all| all.contains(name))
-                    };
-                    assert!(command.get_arguments().any(has), "{key}: --{name}");
-                }
-            }
-        }
     }
 
     #[test]

@@ -7,7 +7,6 @@
 mod check;
 
 use crate::named_scene::NamedScene;
-use crate::options::{Crs, holds_survey};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -17,6 +16,7 @@ use vlscan_base::{Observer, machine};
 use vlscan_crs::{differ, name as name_of_system};
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_options::{Crs, holds_survey};
 use vlscan_scene::{Fallback, GroundModel, LoadOptions};
 use vlscan_session::LoadedScene;
 use vlscan_survey::{
@@ -36,10 +36,12 @@ const MAX_DRONE_HEIGHT: f64 = 150.0;
 /// what made the plan, in its first line.
 ///
 /// ```
-/// use vlscan::tools::plan::{AirborneOptions, AirborneRequest, Area, AreaSource, PlanRequest, PlanSetup};
-/// use vlscan::{Observer, Stop, plan_survey};
+/// use vlscan_base::Observer;
+/// use vlscan_campaign::plan_survey;
+/// use vlscan_tools::plan::{AirborneOptions, AirborneRequest, Area, AreaSource, PlanRequest, PlanSetup};
+/// use vlscan_warehouse::Stop;
 ///
-/// # fn main() -> vlscan::Result<()> {
+/// # fn main() -> vlscan_base::error::Result<()> {
 /// let request = PlanRequest::Airborne(Box::new(AirborneRequest {
 ///     area: Some(AreaSource::Given(Area::rectangle([0.0, 0.0], [400.0, 300.0]).unwrap())),
 ///     buffer: None,

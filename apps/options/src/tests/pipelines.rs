@@ -1,8 +1,8 @@
 //! Pipeline files.
 
 use super::*;
-use crate::options::outputs::OutputContent;
-use crate::options::values::{Bytes, Crs, Seed};
+use crate::outputs::OutputContent;
+use crate::values::{Bytes, Crs, Seed};
 use vlscan_geom::{DVec3, radians};
 use vlscan_survey::*;
 use vlscan_trace::Builder;
@@ -83,7 +83,7 @@ format = "xyz"
 content = "trajectory"
 "#;
 
-fn read(text: &str) -> crate::Result<(Pipeline, Diagnostics)> {
+fn read(text: &str) -> Result<(Pipeline, Diagnostics)> {
     let folder = Folder::new(&[("p.toml", text), ("a.obj", ""), ("t.csv", "")]);
     folder.write(
         "survey.xml",
@@ -316,7 +316,7 @@ fn wrong_values_are_marked() {
 
 #[test]
 fn shipped_pipelines_are_read_without_a_warning() {
-    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines");
     let mut count = 0;
     for file in
         shipped.read_dir().unwrap().flatten().filter(|f| f.path().extension().is_some_and(|e| e == "toml"))
@@ -405,12 +405,12 @@ fn messages_about_wrong_types_name_no_types_of_the_program() {
         ["0.001", "3", "-1", "1e300", "\"x\"", "true", "[1, \"x\"]", "{ a = 1 }", "[]", "1979-05-27"];
     let folder = Folder::new(&[("a.obj", "")]);
     let (mut wrong, mut reports) = (Vec::new(), 0);
-    for table in crate::options::pipeline_keys() {
+    for table in crate::pipeline_keys() {
         for key in table.keys.iter().map(|key| &key.name) {
             for value in values {
                 folder.write("p.toml", &within(&table.name, &format!("{key} = {value}")));
                 let Err(error) = read_pipeline(&folder.path("p.toml")) else { continue };
-                let crate::Error::Input(problems) = &error else { continue };
+                let Error::Input(problems) = &error else { continue };
                 reports += 1;
                 for item in problems.items() {
                     let text = format!("{} {}", item.message, item.help.as_deref().unwrap_or_default());

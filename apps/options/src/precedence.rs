@@ -46,10 +46,10 @@ macro_rules! group {
             /// The opposites of all switches.
             #[command(flatten)]
             #[serde(skip)]
-            pub opposites: $crate::options::switch::Opposites,
+            pub opposites: $crate::switch::Opposites,
         }
 
-        impl $crate::options::Precedence for $name {
+        impl $crate::Precedence for $name {
             fn over(self, file: Self) -> Self {
                 $name { $($field: self.$field.over(file.$field),)* opposites: self.opposites }
             }
@@ -61,7 +61,7 @@ macro_rules! group {
             $($(#[$doc])* pub $field: $type,)*
         }
 
-        impl $crate::options::Precedence for $name {
+        impl $crate::Precedence for $name {
             fn over(self, file: Self) -> Self {
                 $name { $($field: self.$field.over(file.$field),)* }
             }

@@ -178,7 +178,7 @@ fn navigation(options: &Options) -> Result<NavigationErrors> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::Precedence;
+    use crate::Precedence;
     use vlscan_trace::Builder;
 
     fn options(line: &str) -> Options {
@@ -228,7 +228,7 @@ mod tests {
 
     #[test]
     fn requests_for_too_many_threads_are_errors() {
-        let survey = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/room/survey.xml");
+        let survey = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/room/survey.xml");
         for (line, expected) in [
             ("--threads 1025", "--threads 1025: expected at most 1024"),
             ("--tree-jobs 1025", "--tree-jobs 1025: expected at most 1024"),

@@ -1,8 +1,6 @@
 //! A survey over its scene: surfaces with the flight line that covers them, the flight lines, and the pulses
 //! that the ground receives.
 
-use crate::options::ResolvedRun;
-use crate::options::{InputOptions, Options, Switch};
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int32Type};
 use std::collections::BTreeMap;
@@ -13,6 +11,8 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::CLASSES;
 use vlscan_formats::{Attribute, AttributeSet, PointRow};
 use vlscan_geom::{Aabb, DVec3, is_inside};
+use vlscan_options::ResolvedRun;
+use vlscan_options::{InputOptions, Options, Switch};
 use vlscan_session::{FlightCoverage, LoadedScene, Progress, RunContext, Session};
 use vlscan_tools::cloud::Points;
 use vlscan_tools::preview::{FlightMap, Picture, PreviewOptions, draw_flight};

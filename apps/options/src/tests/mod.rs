@@ -1,10 +1,11 @@
 //! Tests with complete pipeline files.
 
 use super::read_survey;
-use crate::options::Options;
+use crate::Options;
 use proptest::prelude::*;
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
+use vlscan_base::error::{Error, Result};
 use vlscan_survey::Survey;
 use vlscan_survey::testkit::documents::*;
 
@@ -12,7 +13,7 @@ mod pipelines;
 
 type Pipeline = (Survey, Options);
 
-fn read_pipeline(path: &Path) -> crate::Result<(Pipeline, Diagnostics)> {
+fn read_pipeline(path: &Path) -> Result<(Pipeline, Diagnostics)> {
     let (survey, options, warnings) = read_survey(path, Options::default())?;
     Ok(((survey, options), warnings))
 }

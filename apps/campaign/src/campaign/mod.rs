@@ -14,7 +14,8 @@ mod labels;
 mod lines;
 mod messages;
 
-use crate::options::OneOf;
+pub use lines::options_of_campaigns;
+
 use cell::{CellRunner, Failure};
 use folder::WorkingFolder;
 use lines::Requests;
@@ -27,6 +28,7 @@ use std::time::Instant;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_choice::Choice as _;
+use vlscan_options::OneOf;
 use vlscan_session::output::PointFormat;
 use vlscan_tools::campaign::{Cell, CellLock, Cells, File, Inputs, Outcome, Record, Store, text_of};
 use vlscan_warehouse::Stop;

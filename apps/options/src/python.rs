@@ -34,7 +34,8 @@ pub fn python_module() -> Result<String> {
     let mut module = HEAD.to_owned();
     for option in Options::names() {
         let Some(kind) = option.python_type else {
-            let message = format!("--{} has no type in Python: add it to src/options/python.rs", option.long);
+            let message =
+                format!("--{} has no type in Python: add it to apps/options/src/python.rs", option.long);
             return Err(Error::Internal(message));
         };
         let about = option.help.split("\n\n").next().unwrap_or_default();

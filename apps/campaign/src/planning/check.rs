@@ -3,8 +3,6 @@
 //! whether the instrument measures what surrounds it.
 
 use super::{extent_of, shown};
-use crate::options::ResolvedRun;
-use crate::options::{InputOptions, Options, ProfileOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,6 +12,8 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::number;
 use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_options::ResolvedRun;
+use vlscan_options::{InputOptions, Options, ProfileOptions};
 use vlscan_session::output::OutputRequest;
 use vlscan_session::{DryRunReport, LoadedScene, Progress, RunContext, Session, Settings};
 use vlscan_survey::{MaterialDefinition, Mesh, PlatformKind, SceneRecipe};
