@@ -146,7 +146,7 @@ fn schedules(args: &BenchArgs, settings: &Settings) -> Result<Vec<Schedule>> {
                 // On one thread they are all the same.
                 let policy = match threads {
                     1 => Policy::Static { size },
-                    _ => policy(kind, size, args.warehouse_factor, None),
+                    _ => policy(kind, size, args.warehouse_factor.0, None),
                 };
                 let schedule = Schedule { threads, policy, ..settings.schedule };
                 if !found.contains(&schedule) {

@@ -7,6 +7,7 @@ use super::switch::Switch;
 use super::trajectory::TrajectoryOptions;
 use super::values::{
     Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Positive, Seed,
+    WarehouseFactor,
 };
 use clap::ArgAction::SetTrue;
 use clap::Args;
@@ -339,7 +340,7 @@ pub struct ScheduleOptions with opposites {
     pub chunk_size: Option<ChunkSize>,
     /// Chunks per worker that may wait in the queue. [default: 4]
     #[arg(long, value_name = "N")]
-    pub warehouse_factor: Option<usize>,
+    pub warehouse_factor: Option<WarehouseFactor>,
     /// How pulses are handed out to the threads; the points are the same. [default: warehouse]
     #[arg(id = "policy", long = "schedule", value_name = "SCHEDULE", value_parser = choice::<PolicyKind>())]
     #[serde(alias = "schedule")]

@@ -2,7 +2,7 @@
 
 use super::groups::Options;
 use super::values::{Bytes, ChunkSize, ColumnList, Count, Crs, Finite, GpsStart, Latency};
-use super::values::{NavigationError, NotNegative, Positive, Seed, Vector, Zone};
+use super::values::{NavigationError, NotNegative, Positive, Seed, Vector, WarehouseFactor, Zone};
 use super::words::is_list;
 use clap::Arg;
 use clap::builder::ValueParser;
@@ -78,13 +78,14 @@ pub(super) fn value_types(parser: &ValueParser) -> &'static [&'static str] {
 }
 
 /// Types of values, their names in Python, and their types in JSON.
-const NAMES: [(TypeId, &str, &[&str]); 19] = [
+const NAMES: [(TypeId, &str, &[&str]); 20] = [
     (TypeId::of::<String>(), "str", &["string"]),
     (TypeId::of::<char>(), "str", &["string"]),
     (TypeId::of::<Zone>(), "str", &["string"]),
     (TypeId::of::<PathBuf>(), "PathLike", &["string"]),
     (TypeId::of::<usize>(), "int", &["integer"]),
     (TypeId::of::<ChunkSize>(), "int", &["integer"]),
+    (TypeId::of::<WarehouseFactor>(), "int", &["integer"]),
     (TypeId::of::<Count<1>>(), "int | str", &["integer", "string"]),
     (TypeId::of::<Bytes>(), "int | str", &["integer", "string"]),
     (TypeId::of::<f64>(), "float", &["number"]),

@@ -12,7 +12,7 @@ use vlscan_session::output::OutputRequest;
 use vlscan_session::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, Settings};
 use vlscan_survey::{NavigationErrors, PlatformKind, Survey};
 use vlscan_trace::BuildOptions;
-use vlscan_warehouse::{MAX_FACTOR, MAX_THREADS, Policy, PolicyKind, Schedule};
+use vlscan_warehouse::{MAX_THREADS, Policy, PolicyKind, Schedule};
 
 /// Idle times that dynamic chunks ignore, in milliseconds.
 const DEFAULT_IDLE_THRESHOLD_MS: f64 = 0.1;
@@ -123,7 +123,7 @@ impl ResolvedRun {
 pub fn policy(kind: PolicyKind, size: u32, factor: usize, idle_threshold_ms: Option<f64>) -> Policy {
     let ms = idle_threshold_ms.unwrap_or(DEFAULT_IDLE_THRESHOLD_MS);
     match kind {
-        PolicyKind::Warehouse => Policy::Warehouse { size, factor: factor.clamp(1, MAX_FACTOR) },
+        PolicyKind::Warehouse => Policy::Warehouse { size, factor },
         PolicyKind::Dynamic => Policy::Dynamic { size, significant_ns: (ms * 1e6).round() as u64 },
         PolicyKind::Static => Policy::Static { size },
         PolicyKind::Single => Policy::Single,
@@ -138,7 +138,7 @@ pub fn schedule_of(options: &Options) -> Schedule {
 fn schedule(options: &Options, threads: usize) -> Schedule {
     let speed = &options.schedule;
     let size = speed.chunk_size.map_or(DEFAULT_CHUNK_SIZE, |size| size.0);
-    let factor = speed.warehouse_factor.unwrap_or(DEFAULT_WAREHOUSE_FACTOR);
+    let factor = speed.warehouse_factor.map_or(DEFAULT_WAREHOUSE_FACTOR, |factor| factor.0);
     let idle_threshold = speed.idle_threshold.map(|ms| ms.0);
     let policy = policy(speed.policy.unwrap_or_default(), size, factor, idle_threshold);
     Schedule { threads, policy, leg_barrier: speed.leg_barrier.is_on() }
@@ -223,7 +223,11 @@ mod tests {
         ] {
             assert_eq!(policy(line), expected, "{line}");
         }
-        assert!(parsed("--chunk-size 0").is_err() && parsed("--idle-threshold=-1").is_err());
+        for line in
+            ["--chunk-size 0", "--warehouse-factor 0", "--warehouse-factor 65537", "--idle-threshold=-1"]
+        {
+            assert!(parsed(line).is_err(), "{line}");
+        }
     }
 
     #[test]

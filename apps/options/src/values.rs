@@ -13,13 +13,13 @@ use vlscan_base::recognise::{Expected, foreign};
 use vlscan_crs as crs;
 use vlscan_crs::EpsgError;
 use vlscan_formats::ColumnListError;
-use vlscan_geom::UtmZone;
+use vlscan_geom::{UnknownZone, UtmZone};
 use vlscan_lidar::flight::{TimeError, calendar_day, gps_start};
 use vlscan_session::MAX_LATENCY_S;
 use vlscan_session::output::Column;
 use vlscan_survey::{NavigationErrors, NavigationKeyError, SeedError, parse_seed};
 use vlscan_tables::input::read_file;
-use vlscan_warehouse::MAX_CHUNK_SIZE;
+use vlscan_warehouse::{MAX_CHUNK_SIZE, MAX_FACTOR};
 
 /// Reads a value from its text or from a number; `LIST`: or from a list, whose text joins the elements with
 /// commas.
@@ -52,7 +52,7 @@ macro_rules! deserialize_from_text {
 }
 
 deserialize_from_text!(false, Seed, Bytes, ChunkSize, Finite, NotNegative, Positive, GpsStart, Latency, Crs);
-deserialize_from_text!(false, Zone, Count<1>);
+deserialize_from_text!(false, Zone, Count<1>, WarehouseFactor);
 deserialize_from_text!(true, Vector, ColumnList);
 
 /// A text that is not a value of an option.
@@ -160,6 +160,21 @@ impl FromStr for ChunkSize {
         match text.parse() {
             Ok(n @ 1..=MAX_CHUNK_SIZE) => Ok(ChunkSize(n)),
             _ => Err(NumberError { expected: "1 to 16777216 pulses", found: text.to_owned() }.into()),
+        }
+    }
+}
+
+/// Chunks per worker that may wait in the queue.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WarehouseFactor(pub usize);
+
+impl FromStr for WarehouseFactor {
+    type Err = ValueError;
+
+    fn from_str(text: &str) -> Result<WarehouseFactor, ValueError> {
+        match text.parse() {
+            Ok(n @ 1..=MAX_FACTOR) => Ok(WarehouseFactor(n)),
+            _ => Err(NumberError { expected: "1 to 65536 chunks", found: text.to_owned() }.into()),
         }
     }
 }
@@ -369,10 +384,10 @@ fn hint(text: &str) -> String {
 pub struct Zone(pub UtmZone);
 
 impl FromStr for Zone {
-    type Err = String;
+    type Err = UnknownZone;
 
-    fn from_str(text: &str) -> Result<Zone, String> {
-        text.parse::<UtmZone>().map(Zone).map_err(|e| e.to_string())
+    fn from_str(text: &str) -> Result<Zone, UnknownZone> {
+        text.parse().map(Zone)
     }
 }
 
@@ -431,6 +446,7 @@ mod tests {
         check(&[("0", Some(NotNegative(0.0))), ("-1", None), ("nan", None), ("inf", None)]);
         check(&[("0.5", Some(Positive(0.5))), ("0", None)]);
         check(&[("1", Some(ChunkSize(1))), ("0", None), ("-32", None), ("16777217", None)]);
+        check(&[("65536", Some(WarehouseFactor(65_536))), ("0", None), ("-4", None), ("65537", None)]);
         check(&[
             ("0.25", Some(Latency(Duration::from_millis(250)))),
             ("-1", None),
@@ -465,6 +481,8 @@ mod tests {
         assert_eq!(error.to_string(), text);
         let error = "0".parse::<ChunkSize>().unwrap_err();
         assert_eq!(error.to_string(), format!("expected 1 to {MAX_CHUNK_SIZE} pulses, found 0"));
+        let error = "0".parse::<WarehouseFactor>().unwrap_err();
+        assert_eq!(error.to_string(), format!("expected 1 to {MAX_FACTOR} chunks, found 0"));
         let error = "3601".parse::<Latency>().unwrap_err();
         assert_eq!(error.to_string(), format!("expected seconds from 0 to {MAX_LATENCY_S}, found 3601"));
         let error = "32N".parse::<Crs>().unwrap_err().to_string();
