@@ -27,7 +27,7 @@ pub trait Collect<R>: Send {
     /// Ends a run, all results of which have been taken.
     fn finish(self) -> Result<Self::Summary, Self::Error>;
     /// Ends a run that the user has stopped; no further results follow. The summary is dropped if the
-    /// producer has failed.
+    /// producer failed before the stop.
     fn cut(self) -> Result<Self::Summary, Self::Error>
     where
         Self: Sized,
@@ -45,7 +45,8 @@ pub trait Collect<R>: Send {
 /// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent
 /// of the schedule. `produce` should check between chunks whether the run [is stopped](RunState::is_stopped),
 /// which [`Feed::state`] tells: by the request of the caller, or by a failure of a thread. The first error in
-/// the order of the results is returned. A `recorder` records the activity of all threads.
+/// the order of the results is returned; an error of `produce` after the caller's stop follows from it, and the
+/// run ends as one that was stopped. A `recorder` records the activity of all threads.
 ///
 /// # Errors
 /// The errors of producer, workers and collector; a [`RunError`] for a schedule outside of its limits, and
@@ -137,8 +138,10 @@ where
         };
         // The producer computes chunks, too. If that panics, the collector must not take what it has for
         // everything.
+        let mut is_stop_first = false;
         let produced = catch_unwind(AssertUnwindSafe(|| {
             let produced = produce(&mut feed);
+            is_stop_first = produced.is_err() && stop.is_requested();
             // Results before a failure or a stop are part of the output, too.
             let flushed = feed.flush();
             produced.and(flushed).map(|()| feed.drain())
@@ -165,6 +168,8 @@ where
         // When the collector fails, the producer fails too because it cannot pass results on: the collector's
         // error is the cause.
         match (collected, produced) {
+            // What stops the run also stops the programs that it reads from: their streams end early.
+            (Ok(Collected::Cut(summary)), Err(_)) if is_stop_first => summary,
             // The collector only followed the producer's stop.
             (Ok(Collected::Cut(_)), Err(reason)) => Err(reason),
             (Ok(Collected::Cut(summary)), Ok(())) => summary,
