@@ -95,7 +95,7 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
         false => manual()?,
     };
     for path in pages.iter().map(|(name, _)| dir.join(name)).filter(|path| path.exists()) {
-        let text = reads::read_own(&path).unwrap_or_default();
+        let text = reads::read_own(&path).map_err(|e| Error::open(&path, e))?;
         if !MARKS.iter().any(|mark| String::from_utf8_lossy(&text).contains(mark)) {
             return Err(Error::input(format!(
                 "{} exists and is not a page of vlscan; choose another folder",
