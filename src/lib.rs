@@ -69,8 +69,8 @@
 //! * [`options`]: the options of a run, for the command line and pipeline files alike
 //! * [`tools`]: generated scenes, plans, comparison, pictures
 //! * [`fit`]: flights, instruments and scenes estimated from recorded point clouds
-//! * `vlscan-campaign`: surveys that are planned and checked, sketches of flights, data sets of many runs, all
-//!   of which are re-exported here
+//! * `vlscan-campaign`: surveys that are planned and checked, sketches of flights, data sets of many runs,
+//!   all of which are re-exported here
 //!
 //! ```text
 //! base ◄─ render, warehouse

@@ -45,8 +45,8 @@ pub trait Collect<R>: Send {
 /// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent
 /// of the schedule. `produce` should check between chunks whether the run [is stopped](RunState::is_stopped),
 /// which [`Feed::state`] tells: by the request of the caller, or by a failure of a thread. The first error in
-/// the order of the results is returned; an error of `produce` after the caller's stop follows from it, and the
-/// run ends as one that was stopped. A `recorder` records the activity of all threads.
+/// the order of the results is returned; an error of `produce` after the caller's stop follows from it, and
+/// the run ends as one that was stopped. A `recorder` records the activity of all threads.
 ///
 /// # Errors
 /// The errors of producer, workers and collector; a [`RunError`] for a schedule outside of its limits, and

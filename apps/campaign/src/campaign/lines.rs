@@ -175,7 +175,8 @@ const DECIDED: [(&[&str], &[&str], &str); 15] = [
     ),
 ];
 
-/// The options that a campaign sets itself, without hyphens, each with the key of a line that must not hold it.
+/// The options that a campaign sets itself, without hyphens, each behind the key of a line that must not have
+/// it.
 pub fn options_of_campaigns() -> impl Iterator<Item = (&'static str, &'static str)> {
     DECIDED.into_iter().flat_map(|(keys, names, _)| {
         keys.iter().flat_map(move |key| names.iter().map(move |name| (*key, *name)))

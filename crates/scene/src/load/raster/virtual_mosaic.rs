@@ -155,8 +155,8 @@ fn windows(
     Ok((window, target))
 }
 
-/// Checks that a file lies where the virtual raster has it: the pixels of the first window of the file at those
-/// of the second of the grid.
+/// Checks that a file lies where the virtual raster has it: the pixels of the first window, of the file, at
+/// those of the second, of the grid.
 fn check_place(
     grid: &Georeference,
     placed: &Georeference,
