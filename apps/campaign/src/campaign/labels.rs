@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use vlscan_base::columns::{Separator, quoted, unquoted};
+use vlscan_base::columns::quoted;
 use vlscan_base::error::{Error, Result};
+use vlscan_tables::TextTable;
 use vlscan_tools::campaign::Cell;
 
 /// Labels of the parts of a scene from an inventory, as columns of text.
@@ -16,8 +17,6 @@ pub struct Labels {
 
 /// Columns of a stand's labels that the table of parts has already.
 const KNOWN: [&str; 5] = ["part", "x", "y", "z", "height"];
-
-const COMMA: Separator = Separator::Char(',');
 
 /// A table with the number of its rows.
 pub struct Table {
@@ -32,20 +31,20 @@ impl Labels {
     /// [`Error::Io`]; [`Error::Internal`] for a table that is none.
     pub fn read(path: &Path) -> Result<Labels> {
         let text = vlscan_base::files::reads::read_to_string(path).map_err(|e| Error::open(path, e))?;
-        Labels::parse(&text).ok_or_else(|| Error::Internal(format!("{}: no table of labels", path.display())))
+        Labels::parse(path, &text).ok_or_else(|| Error::Internal(format!("{}: no table of labels", path.display())))
     }
 
-    fn parse(text: &str) -> Option<Labels> {
-        let mut lines = text.lines();
-        let heading = unquoted(lines.next()?, COMMA);
+    fn parse(path: &Path, text: &str) -> Option<Labels> {
+        let mut lines = TextTable::new(path, text);
+        let heading = lines.next()?.fields;
         let part = heading.iter().position(|name| name == "part")?;
-        let own: Vec<usize> = (0..heading.len()).filter(|i| !KNOWN.contains(&heading[*i].as_str())).collect();
+        let own: Vec<usize> = (0..heading.len()).filter(|i| !KNOWN.contains(&&*heading[*i])).collect();
         // The table of parts has an id and a name of each part, too.
-        let name = |i: &usize| if heading[*i] == "id" { "tree".to_owned() } else { heading[*i].clone() };
+        let name = |i: &usize| if heading[*i] == "id" { "tree".to_owned() } else { heading[*i].to_string() };
         let mut labels = Labels { columns: own.iter().map(name).collect(), rows: BTreeMap::new() };
         for line in lines {
-            let row = unquoted(line, COMMA);
-            let pick = |i: &usize| row.get(*i).cloned().unwrap_or_default();
+            let row = line.fields;
+            let pick = |i: &usize| row.get(*i).map(ToString::to_string).unwrap_or_default();
             labels.rows.insert(row.get(part)?.parse().ok()?, own.iter().map(pick).collect());
         }
         Some(labels)
@@ -85,8 +84,8 @@ mod tests {
 
     #[test]
     fn labels_stand_beside_the_parts_they_are_of() {
-        let labels =
-            Labels::parse("part,id,species,x,crown\n1,\"a, b\",beech,3.0,\n2,c,oak,4.0,5.5\n").unwrap();
+        let text = "part,id,species,x,crown\n1,\"a, b\",beech,3.0,\n2,c,oak,4.0,5.5\n";
+        let labels = Labels::parse(Path::new("labels.csv"), text).unwrap();
         assert_eq!(labels.columns, ["tree", "species", "crown"]);
         let file: vlscan_tools::campaign::File = toml::from_str(
             "out = \"o\"\n[[scene]]\nname = \"s\"\nfile = \"x\"\n[[variant]]\nname = \"v\"\nplan = \"p\"\n",
