@@ -31,7 +31,8 @@ impl Labels {
     /// [`Error::Io`]; [`Error::Internal`] for a table that is none.
     pub fn read(path: &Path) -> Result<Labels> {
         let text = vlscan_base::files::reads::read_to_string(path).map_err(|e| Error::open(path, e))?;
-        Labels::parse(path, &text).ok_or_else(|| Error::Internal(format!("{}: no table of labels", path.display())))
+        Labels::parse(path, &text)
+            .ok_or_else(|| Error::Internal(format!("{}: no table of labels", path.display())))
     }
 
     fn parse(path: &Path, text: &str) -> Option<Labels> {
