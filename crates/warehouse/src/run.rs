@@ -165,18 +165,7 @@ where
         if let Some(recorder) = recorder {
             recorder.end_run(&schedule);
         }
-        // When the collector fails, the producer fails too because it cannot pass results on: the collector's
-        // error is the cause.
-        match (collected, produced) {
-            // What stops the run also stops the programs that it reads from: their streams end early.
-            (Ok(Collected::Cut(summary)), Err(_)) if is_stop_first => summary,
-            // The collector only followed the producer's stop.
-            (Ok(Collected::Cut(_)), Err(reason)) => Err(reason),
-            (Ok(Collected::Cut(summary)), Ok(())) => summary,
-            (Err(reason), _) => Err(reason),
-            (Ok(_), Err(reason)) => Err(reason),
-            (Ok(Collected::Finished(summary)), Ok(())) => Ok(summary),
-        }
+        first_cause(collected, produced, is_stop_first)
     })
 }
 
@@ -289,6 +278,26 @@ enum Collected<S, E> {
     Finished(S),
     /// The run was stopped.
     Cut(Result<S, E>),
+}
+
+/// The result of a run, or the first cause of its end. `is_stop_first` is true if the caller had requested the
+/// stop when the producer failed.
+fn first_cause<S, E>(
+    collected: Result<Collected<S, E>, E>,
+    produced: Result<(), E>,
+    is_stop_first: bool,
+) -> Result<S, E> {
+    match (collected, produced) {
+        // What stops the run also stops the programs that it reads from: their streams end early.
+        (Ok(Collected::Cut(summary)), Err(_)) if is_stop_first => summary,
+        // The collector only followed the producer's stop.
+        (Ok(Collected::Cut(_)), Err(reason)) => Err(reason),
+        (Ok(Collected::Cut(summary)), Ok(())) => summary,
+        // When the collector fails, the producer fails too because it cannot pass results on.
+        (Err(reason), _) => Err(reason),
+        (Ok(_), Err(reason)) => Err(reason),
+        (Ok(Collected::Finished(summary)), Ok(())) => Ok(summary),
+    }
 }
 
 fn collect<R, K: Collect<R>>(
