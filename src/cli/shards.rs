@@ -10,8 +10,7 @@ use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_taken, reads};
 use vlscan_base::quantity::{amount, amount_of, counted};
-use vlscan_options::{OneOf, Options};
-use vlscan_options::{ResolvedRun, schedule_of};
+use vlscan_options::{OneOf, Options, ResolvedRun, schedule_of};
 use vlscan_session::shards::{ShardSet, shard_path};
 use vlscan_session::{
     LoadedScene, Session, Settings, join_segments, merge as merge_shards, merge_segment, merge_warnings,

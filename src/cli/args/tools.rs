@@ -3,8 +3,7 @@
 use clap::{Args, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
-use vlscan_options::choice;
-use vlscan_options::{ChunkSize, Count, WarehouseFactor};
+use vlscan_options::{ChunkSize, Count, WarehouseFactor, choice};
 use vlscan_tools::preview::ColourBy;
 use vlscan_trace::Builder;
 use vlscan_warehouse::PolicyKind;
