@@ -256,7 +256,8 @@ impl GpsStart {
         let text = match self.0.trim() {
             "" | "now" => {
                 let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-                since.map_or(0, |d| d.as_secs()).to_string()
+                let before = |_| Error::input("GPS start: the clock of this machine is before 1970");
+                since.map_err(before)?.as_secs().to_string()
             }
             text => text.to_owned(),
         };

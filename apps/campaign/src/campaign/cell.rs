@@ -5,12 +5,12 @@ use super::labels::{Labels, objects};
 use super::lines::{Requests, SceneSource, SurveySource};
 use super::messages::{is_of_machine, near};
 use crate::planning::plan_survey;
-use std::any::Any;
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::Observer;
+use vlscan_base::damage::panic_text;
 use vlscan_base::diag::{Diagnostics, Notice, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileLog, FileWriter, Patched, Reads};
@@ -124,7 +124,7 @@ impl<'c> CellRunner<'c> {
         let log = FileLog::default();
         let ended = log.record(|| catch_unwind(AssertUnwindSafe(|| self.make(cell, work))));
         let ended =
-            ended.unwrap_or_else(|panic| Err(Error::Internal(format!("a panic: {}", text_of(&*panic)))));
+            ended.unwrap_or_else(|panic| Err(Error::Internal(format!("a panic: {}", panic_text(&*panic)))));
         let mut reads = log.reads();
         // The scene may have been read for an earlier cell.
         reads.extend(self.reused.take().unwrap_or_default());
@@ -300,12 +300,6 @@ fn changed_meanwhile(own: Option<Error>, name: &str) -> Error {
         }
         Some(error) => Error::input(format!("{error}; {text}")),
     }
-}
-
-/// The message of a panic.
-fn text_of(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "without a message".to_owned())
 }
 
 /// Warns of values in a survey that a campaign overrides.
