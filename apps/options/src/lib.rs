@@ -4,6 +4,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `values` | types of values with a syntax of their own: counts, bytes, seeds, vectors |
+//! | `systems` | coordinate reference systems and UTM zones |
 //! | `choice` | values with names on the command line |
 //! | `precedence` | the command line over the file over the default |
 //! | `switch` | options without a value, and their opposites |
@@ -33,6 +34,7 @@ mod python;
 mod resolve;
 mod schema;
 mod switch;
+mod systems;
 #[cfg(test)]
 mod tests;
 mod trajectory;
