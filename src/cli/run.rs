@@ -23,7 +23,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         return super::shards::run_shard(args, shard, console);
     }
     let started = Instant::now();
-    let ResolvedRun { settings, mut output, schedule_log, part_table, progress_lines } =
+    let ResolvedRun { settings, mut output, schedule_log, part_table, progress_lines, .. } =
         resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);

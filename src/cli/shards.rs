@@ -29,7 +29,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
             "replace it with --force; --resume recomputes it only if it is damaged",
         ));
     }
-    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines } =
+    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines, .. } =
         resolve(&args.file, &options, console)?;
     // A merge may write any format.
     settings.physics.record_scanner_axes = true;

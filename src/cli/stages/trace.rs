@@ -24,7 +24,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings)?;
     change_instrument(&mut setting.survey, &args.instrument);
     let known = setting.known;
-    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines } =
+    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines, .. } =
         ResolvedRun::new(setting.survey, &setting.options)?;
     output.inputs.push(args.stream.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);
