@@ -66,16 +66,21 @@
 //! * [`scene`]: scenes that can be traced
 //! * [`lidar`]: the instrument: platform, scanner, flight, pulse
 //! * `vlscan-session`: sessions, outputs, shards and streams, all of which are re-exported here
-//! * [`tools`]: generated scenes, planning, campaigns, comparison, pictures
+//! * [`options`]: the options of a run, for the command line and pipeline files alike
+//! * [`tools`]: generated scenes, plans, comparison, pictures
 //! * [`fit`]: flights, instruments and scenes estimated from recorded point clouds
+//! * `vlscan-campaign`: surveys that are planned and checked, sketches of flights, data sets of many runs,
+//!   all of which are re-exported here
 //!
 //! ```text
 //! base ◄─ render, warehouse
 //! geom, base ◄─ crs ◄─ tables ◄─ survey, formats
 //! geom ◄─ trace
 //! survey, formats, trace ◄─ scene ◄─ lidar ◄─ session
+//! session ◄─ options
 //! lidar ◄─ tools ◄─ fit
-//! session, fit ◄─ vlscan
+//! options, tools ◄─ campaign
+//! campaign, fit ◄─ vlscan
 //! ```
 //!
 //! # How a run works
@@ -96,16 +101,7 @@
 //!                                       output: points (las, ply, arrow …), trajectory, waveforms, pulses
 //! ```
 //!
-//! | module | what it does | uses |
-//! |---|---|---|
-//! | `options` | the options of a run, for the command line and pipeline files alike | session, lidar, warehouse, survey, trace |
-//! | `named_scene` | scenes as commands name them | options |
-//! | `planning`, `sketch` | surveys that are planned and checked; a survey as points | named_scene, session, tools |
-//! | `campaign` | data sets of many runs | planning, session, tools |
-//! | `cli` | the command line | all above |
-//!
-//! No module imports one from a row below its own; `tests/whole/structure.rs` holds it. What each crate is
-//! for is in ARCHITECTURE.md.
+//! The only module of this crate is the command line. What each crate is for is in ARCHITECTURE.md.
 //!
 //! These rules hold everywhere:
 //! * the same inputs and seed give the same bytes for any number of threads, any schedule, chunk size and
@@ -118,12 +114,7 @@
 
 #![deny(unsafe_code)]
 
-mod campaign;
 mod cli;
-mod named_scene;
-pub mod options;
-mod planning;
-mod sketch;
 
 /// The arrays of the record batches in which points arrive.
 pub use arrow_array;
@@ -133,6 +124,7 @@ pub use vlscan_fit as fit;
 pub use vlscan_formats as formats;
 pub use vlscan_geom as geom;
 pub use vlscan_lidar as lidar;
+pub use vlscan_options as options;
 pub use vlscan_render as render;
 pub use vlscan_scene as scene;
 pub use vlscan_survey as survey;
@@ -141,16 +133,17 @@ pub use vlscan_tools as tools;
 pub use vlscan_trace as trace;
 pub use vlscan_warehouse as warehouse;
 
-pub use campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport, FailedCell};
 #[doc(hidden)]
 pub use cli::{command_line, main, scene_json};
-pub use options::{OneOf, OptionName, Options, ResolvedRun, schedule_of};
-pub use planning::plan_survey;
-pub use sketch::{SurveySketch, session_points, survey_points};
 pub use vlscan_base::Observer;
 pub use vlscan_base::diag::{Diagnostics, Notice};
 pub use vlscan_base::error::{Error, Result};
+pub use vlscan_campaign::{
+    Campaign, CampaignEvent, CampaignOptions, CampaignReport, FailedCell, SurveySketch, plan_survey,
+    session_points, survey_points,
+};
 pub use vlscan_geom::DVec3;
+pub use vlscan_options::{OneOf, OptionName, Options, ResolvedRun, schedule_of};
 pub use vlscan_session::output;
 pub use vlscan_session::output::{
     CloudFacts, Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target,

@@ -4,8 +4,6 @@
 use super::args::BenchArgs;
 use super::companions::open;
 use super::{Console, interrupt, messages};
-use crate::options::{ChunkSize, Options, Switch};
-use crate::options::{ResolvedRun, policy};
 use serde::Serialize;
 use serde_json::json;
 use std::time::Instant;
@@ -14,6 +12,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{reads, refuse_existing, write_file, write_stderr, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_choice::Choice as _;
+use vlscan_options::{ChunkSize, Options, ResolvedRun, Switch, policy};
 use vlscan_session::output::{OutputRequest, PointFormat, Target};
 use vlscan_session::{LoadedScene, Progress, RunContext, Session, Settings};
 use vlscan_survey::PlatformKind;
@@ -146,7 +145,7 @@ fn schedules(args: &BenchArgs, settings: &Settings) -> Result<Vec<Schedule>> {
                 // On one thread they are all the same.
                 let policy = match threads {
                     1 => Policy::Static { size },
-                    _ => policy(kind, size, args.warehouse_factor, None),
+                    _ => policy(kind, size, args.warehouse_factor.0, None),
                 };
                 let schedule = Schedule { threads, policy, ..settings.schedule };
                 if !found.contains(&schedule) {

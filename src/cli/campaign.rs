@@ -2,13 +2,13 @@
 
 use super::args::CampaignArgs;
 use super::{Console, Verbosity, interrupt, messages};
-use crate::campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::listed;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
 use vlscan_base::quantity::{amount_of, counted, duration};
+use vlscan_campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport};
 
 pub fn run(args: &CampaignArgs, console: &Console) -> Result<()> {
     let campaign = Campaign::read(&args.file)?;
@@ -137,4 +137,73 @@ fn tell(report: &CampaignReport, args: &CampaignArgs, console: &Console) -> Resu
     }
     let file = args.file.display();
     Err(Error::input_with_help(text, format!("vlscan campaign {file}{of} --retry computes {them} again")))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::cli::Cli;
+    use clap::{Arg, Command, CommandFactory};
+    use vlscan_campaign::options_of_campaigns;
+
+    /// Options of outputs that say how is measured and not where it is written.
+    const ALLOWED: [&str; 20] = [
+        "waveforms",
+        "pulses",
+        "columns",
+        "labels",
+        "true-positions",
+        "height-above-ground",
+        "frame-s",
+        "world-frame",
+        "sensor-frame",
+        "tile",
+        "per-object",
+        "subrays",
+        "misses",
+        "las-at-most",
+        "wave-packets",
+        "split-by-channel",
+        "crs",
+        "las10",
+        "zip-output",
+        "las-scale",
+    ];
+
+    #[test]
+    fn every_option_of_outputs_and_shards_is_decided() {
+        let mut root = Cli::command();
+        root.build();
+        let at = |parent: &Command, name: &str| parent.find_subcommand(name).unwrap().clone();
+        for argument in at(&root, "run").get_arguments() {
+            let heading = argument.get_help_heading().unwrap_or_default();
+            let Some(long) =
+                argument.get_long().filter(|_| ["Output", "Shards", "Dry run"].contains(&heading))
+            else {
+                continue;
+            };
+            // A switch and its opposite alike.
+            let name = long.strip_prefix("no-").unwrap_or(long);
+            assert!(
+                ALLOWED.contains(&name)
+                    || long == "las-extra"
+                    || options_of_campaigns().any(|decided| decided == ("run", name)),
+                "decide whether a campaign's `run` may hold --{long}: DECIDED in campaign/lines.rs"
+            );
+        }
+        // Every option of the table is one of the program.
+        let (plan, scene) = (at(&root, "plan"), at(&root, "scene"));
+        let commands = [
+            ("run", at(&root, "run")),
+            ("plan", at(&plan, "airborne")),
+            ("make", at(&scene, "make")),
+            ("stand", at(&scene, "stand")),
+        ];
+        for (key, name) in options_of_campaigns() {
+            let (_, command) = commands.iter().find(|(known, _)| *known == key).unwrap();
+            let has = |a: &Arg| {
+                a.get_long() == Some(name) || a.get_all_aliases().is_some_and(|all| all.contains(&name))
+            };
+            assert!(command.get_arguments().any(has), "{key}: --{name}");
+        }
+    }
 }

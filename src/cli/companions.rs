@@ -3,11 +3,10 @@
 use super::console::Console;
 use super::interrupt;
 use super::watch::{during, watched};
-use crate::options::Options;
-use crate::options::ResolvedRun;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_file;
+use vlscan_options::{Options, ResolvedRun};
 use vlscan_scene::Scene;
 use vlscan_session::output::OutputRequest;
 use vlscan_session::{PartTable, Progress, Report, RunContext, Session, Settings};

@@ -4,12 +4,12 @@ use super::args::RunArgs;
 use super::companions::{open, resolve};
 use super::watch::during;
 use super::{Console, interrupt};
-use crate::options::ResolvedRun;
 use std::fmt::Write as _;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
 use vlscan_base::quantity::{amount, bytes, duration, metres};
+use vlscan_options::ResolvedRun;
 use vlscan_session::{DryRunReport, LegEstimate, Progress, RunContext};
 
 /// Legs that are listed as text; `--json` lists all.

@@ -221,8 +221,8 @@ fn is_xml(word: &OsStr) -> bool {
 mod tests {
     use super::*;
     use crate::cli::{Cli, Command};
-    use crate::options::{ChunkSize, Seed};
     use clap::Parser;
+    use vlscan_options::{ChunkSize, Seed};
     use vlscan_trace::Builder;
 
     fn words(line: &str) -> Vec<OsString> {

@@ -3,7 +3,6 @@
 use super::Console;
 use super::args::InfoArgs;
 use super::watch::during;
-use crate::named_scene::{NamedScene, Scanning};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -11,6 +10,7 @@ use vlscan_base::diag::{Diagnostics, Severity};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_base::quantity::{bytes, fixed, number};
+use vlscan_campaign::{NamedScene, Scanning};
 use vlscan_crs as crs;
 use vlscan_scene::{
     Inventory, LoadOptions, Material, MaterialArea, Pack, Part, PartFacts, Scene, TileOptions, material_areas,

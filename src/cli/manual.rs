@@ -1,20 +1,20 @@
 //! Parts of the manual beyond the options: examples, files and exit statuses of every subcommand; and the
 //! manual pages, which `vlscan man DIR` writes in the format of man(7).
 //!
-//! The pages in `man/` are checked in, and so is `python/vlscan/_options.py`, which `vlscan man --python DIR`
-//! writes; `tests/whole/manual.rs` fails when they differ from the generated ones.
+//! The pages are made for releases. `python/vlscan/_options.py`, which `vlscan man --python DIR` writes, is
+//! checked in; `tests/whole/manual.rs` fails when it differs from the generated one.
 
 use super::Cli;
 use super::args::{CompletionsArgs, ManArgs};
 use super::console::Console;
 use super::messages;
-use crate::options::{command_schema, pipeline_keys, pipeline_schema, python_module};
 use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, FileWriter, Patched, reads, write_stdout};
 use vlscan_lidar::pulse::Corrections;
+use vlscan_options::{command_schema, pipeline_keys, pipeline_schema, python_module};
 
 /// Introduction below the short help, for new users.
 const BEGIN: &str = "\
@@ -95,7 +95,7 @@ pub fn run(args: &ManArgs, console: &Console) -> Result<()> {
         false => manual()?,
     };
     for path in pages.iter().map(|(name, _)| dir.join(name)).filter(|path| path.exists()) {
-        let text = reads::read_own(&path).unwrap_or_default();
+        let text = reads::read_own(&path).map_err(|e| Error::open(&path, e))?;
         if !MARKS.iter().any(|mark| String::from_utf8_lossy(&text).contains(mark)) {
             return Err(Error::input(format!(
                 "{} exists and is not a page of vlscan; choose another folder",

@@ -3,12 +3,11 @@
 use super::args::MapArgs;
 use super::watch::during;
 use super::{Console, info, messages};
-use crate::named_scene::NamedScene;
-use crate::sketch::scene_points;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, reads, refuse_existing};
 use vlscan_base::quantity::number;
+use vlscan_campaign::{NamedScene, scene_points};
 use vlscan_session::LoadedScene;
 use vlscan_tools::preview::Map;
 use vlscan_trace::BuildOptions;

@@ -3,12 +3,12 @@
 use super::args::PackArgs;
 use super::watch::during;
 use super::{Console, messages};
-use crate::named_scene::NamedScene;
 use std::time::Instant;
 use vlscan_base::error::Result;
 use vlscan_base::files::refuse_existing;
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, bytes};
+use vlscan_campaign::NamedScene;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_messages::WrittenFile;
 use vlscan_scene::{LoadOptions, TileOptions};

@@ -3,9 +3,9 @@
 use super::args::PlanArgs;
 use super::watch::during;
 use super::{Console, interrupt, messages};
-use crate::planning::plan_survey;
 use vlscan_base::error::Result;
 use vlscan_base::files::{is_stdout, write_stdout};
+use vlscan_campaign::plan_survey;
 
 pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     let command = command_line();

@@ -4,13 +4,13 @@
 use super::args::PreviewArgs;
 use super::watch::during;
 use super::{Console, interrupt, messages};
-use crate::options::holds_survey;
-use crate::sketch::SurveySketch;
 use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, means_stdout, reads, refuse_existing};
 use vlscan_base::quantity::{amount, amount_of};
+use vlscan_campaign::SurveySketch;
+use vlscan_options::holds_survey;
 use vlscan_session::output::expand;
 use vlscan_tools::cloud::{Points, Wave, read_packet, read_points, read_wave};
 use vlscan_tools::preview::{Chart, ColourBy, Picture, PreviewOptions, draw, write_octree, write_page};

@@ -17,7 +17,7 @@ use vlscan_tools::raster::{CloudRasters, RasterKind};
 pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     let requested = args.files.requested();
     check(args, &requested)?;
-    let crs = args.crs.as_ref().map(crate::options::Crs::wkt).transpose()?;
+    let crs = args.crs.as_ref().map(vlscan_options::Crs::wkt).transpose()?;
     let kinds: Vec<RasterKind> = requested.iter().map(|(kind, _)| *kind).collect();
     let clouds = CloudSource::files(&args.clouds);
     let read = || CloudRasters::read(&clouds, &kinds, &args.options, crs, machine::memory());

@@ -4,12 +4,12 @@ use super::args::RunArgs;
 use super::companions::{Companions, open, resolve};
 use super::shards::open_without_tree;
 use super::{Console, Verbosity, messages};
-use crate::options::ResolvedRun;
 use std::io::Write;
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{amount, amount_of, counted, duration};
+use vlscan_options::ResolvedRun;
 use vlscan_session::output::{FileKind, Target};
 use vlscan_session::{Report, ResumeOptions};
 use vlscan_survey::Scanner;
@@ -23,7 +23,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         return super::shards::run_shard(args, shard, console);
     }
     let started = Instant::now();
-    let ResolvedRun { settings, mut output, schedule_log, part_table, progress_lines } =
+    let ResolvedRun { settings, mut output, schedule_log, part_table, progress_lines, .. } =
         resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);

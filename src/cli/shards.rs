@@ -5,13 +5,12 @@ use super::companions::{Companions, resolve};
 use super::run::{show_report, warn_of_few_points};
 use super::watch::during;
 use super::{Console, interrupt, messages};
-use crate::options::{OneOf, Options};
-use crate::options::{ResolvedRun, schedule_of};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_taken, reads};
 use vlscan_base::quantity::{amount, amount_of, counted};
+use vlscan_options::{OneOf, Options, ResolvedRun, schedule_of};
 use vlscan_session::shards::{ShardSet, shard_path};
 use vlscan_session::{
     LoadedScene, Session, Settings, join_segments, merge as merge_shards, merge_segment, merge_warnings,
@@ -30,7 +29,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
             "replace it with --force; --resume recomputes it only if it is damaged",
         ));
     }
-    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines } =
+    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines, .. } =
         resolve(&args.file, &options, console)?;
     // A merge may write any format.
     settings.physics.record_scanner_axes = true;

@@ -1,6 +1,7 @@
 //! Panics over damaged data: libraries that assert that a file is valid are called through
-//! [`catch_decoder_panic`].
+//! [`catch_decoder_panic`]. Texts of other panics.
 
+use std::any::Any;
 use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
@@ -33,6 +34,12 @@ pub fn outside_decoder<T>(work: impl FnOnce() -> T) -> std::thread::Result<T> {
     done
 }
 
+/// The text of a panic, for messages.
+pub fn panic_text(payload: &(dyn Any + Send)) -> &str {
+    let text = payload.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("a value that is not text")
+}
+
 /// Installs the panic hook that omits the messages of panics that are caught.
 fn install_panic_hook() {
     static HOOK: Once = Once::new();
@@ -55,7 +62,9 @@ mod tests {
         assert_eq!(catch_decoder_panic(|| 7), Some(7));
         let outside =
             catch_decoder_panic(|| outside_decoder(|| assert!(std::hint::black_box(false), "sink")));
-        assert!(outside.unwrap().is_err());
+        assert_eq!(panic_text(&*outside.unwrap().unwrap_err()), "sink");
+        let formatted = outside_decoder(|| assert!(std::hint::black_box(0) == 1, "of {}", 7));
+        assert_eq!(panic_text(&*formatted.unwrap_err()), "of 7");
         assert_eq!(catch_decoder_panic(|| (0..3).collect::<Vec<_>>()[std::hint::black_box(3)]), None);
     }
 }

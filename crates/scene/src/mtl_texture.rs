@@ -7,6 +7,9 @@ use std::path::Path;
 use vlscan_base::columns::decoded;
 use vlscan_survey::{ColourDefinition, MaterialDefinition, TextureDefinition, TextureImage, TextureWrap};
 
+/// A word of a line, and its bytes there.
+type Word<'l> = (&'l [u8], Range<usize>);
+
 /// The colour of a material, white until a line states another one.
 pub(super) fn colour_of(material: &mut MaterialDefinition) -> &mut ColourDefinition {
     material.colour.get_or_insert_with(|| ColourDefinition::stored([1.0; 3]))
@@ -18,7 +21,7 @@ pub(super) fn set(
     material: &mut MaterialDefinition,
     folder: &Path,
     line: &[u8],
-    (first, values): (usize, &[(&[u8], Range<usize>)]),
+    (first, values): (usize, &[Word]),
 ) {
     let mut transform = TextureDefinition::IDENTITY;
     let mut wrap = [TextureWrap::Repeat; 2];

@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::io;
 use vlscan_base::Error;
+use vlscan_base::damage::panic_text;
 
 /// Maximum number of threads of a run.
 pub const MAX_THREADS: usize = 1024;
@@ -61,9 +62,7 @@ pub enum RunError {
 impl RunError {
     /// The error for a panic of a thread, with its text.
     pub(super) fn panicked(who: &'static str, payload: &(dyn Any + Send)) -> RunError {
-        let text = payload.downcast_ref::<String>().map(String::as_str);
-        let text = text.or_else(|| payload.downcast_ref::<&str>().copied());
-        RunError::Panicked { who, message: text.unwrap_or("a value that is not text").to_owned() }
+        RunError::Panicked { who, message: panic_text(payload).to_owned() }
     }
 }
 

@@ -27,7 +27,7 @@ pub trait Collect<R>: Send {
     /// Ends a run, all results of which have been taken.
     fn finish(self) -> Result<Self::Summary, Self::Error>;
     /// Ends a run that the user has stopped; no further results follow. The summary is dropped if the
-    /// producer has failed.
+    /// producer failed before the stop.
     fn cut(self) -> Result<Self::Summary, Self::Error>
     where
         Self: Sized,
@@ -45,7 +45,8 @@ pub trait Collect<R>: Send {
 /// `make_worker` is called once per computing thread; each worker owns its scratch memory and is independent
 /// of the schedule. `produce` should check [`RunState::is_stopped`] of [`Feed::state`] between chunks: the
 /// caller may have requested the stop, or a thread may have failed. The first error in the order of the
-/// results is returned. A `recorder` records the activity of all threads.
+/// results is returned. An error of `produce` after the caller's stop follows from the stop, and the run ends
+/// as stopped. A `recorder` records the activity of all threads.
 ///
 /// # Errors
 /// The errors of producer, workers and collector; a [`RunError`] for a schedule outside of its limits, and
@@ -137,8 +138,10 @@ where
         };
         // The producer computes chunks, too. If that panics, the collector must not take what it has for
         // everything.
+        let mut is_stop_first = false;
         let produced = catch_unwind(AssertUnwindSafe(|| {
             let produced = produce(&mut feed);
+            is_stop_first = produced.is_err() && stop.is_requested();
             // Results before a failure or a stop are part of the output, too.
             let flushed = feed.flush();
             produced.and(flushed).map(|()| feed.drain())
@@ -162,16 +165,7 @@ where
         if let Some(recorder) = recorder {
             recorder.end_run(&schedule);
         }
-        // When the collector fails, the producer fails too because it cannot pass results on: the collector's
-        // error is the cause.
-        match (collected, produced) {
-            // The collector only followed the producer's stop.
-            (Ok(Collected::Cut(_)), Err(reason)) => Err(reason),
-            (Ok(Collected::Cut(summary)), Ok(())) => summary,
-            (Err(reason), _) => Err(reason),
-            (Ok(_), Err(reason)) => Err(reason),
-            (Ok(Collected::Finished(summary)), Ok(())) => Ok(summary),
-        }
+        first_cause(collected, produced, is_stop_first)
     })
 }
 
@@ -284,6 +278,26 @@ enum Collected<S, E> {
     Finished(S),
     /// The run was stopped.
     Cut(Result<S, E>),
+}
+
+/// The result of a run, or the first cause of its end. `is_stop_first` is true if the caller had requested the
+/// stop when the producer failed.
+fn first_cause<S, E>(
+    collected: Result<Collected<S, E>, E>,
+    produced: Result<(), E>,
+    is_stop_first: bool,
+) -> Result<S, E> {
+    match (collected, produced) {
+        // What stops the run also stops the programs that it reads from: their streams end early.
+        (Ok(Collected::Cut(summary)), Err(_)) if is_stop_first => summary,
+        // The collector only followed the producer's stop.
+        (Ok(Collected::Cut(_)), Err(reason)) => Err(reason),
+        (Ok(Collected::Cut(summary)), Ok(())) => summary,
+        // When the collector fails, the producer fails too because it cannot pass results on.
+        (Err(reason), _) => Err(reason),
+        (Ok(_), Err(reason)) => Err(reason),
+        (Ok(Collected::Finished(summary)), Ok(())) => Ok(summary),
+    }
 }
 
 fn collect<R, K: Collect<R>>(

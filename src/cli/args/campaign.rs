@@ -1,8 +1,8 @@
 //! The command line of `vlscan campaign`.
 
-use crate::campaign::CampaignOptions;
 use clap::Args;
 use std::path::PathBuf;
+use vlscan_campaign::CampaignOptions;
 
 /// `vlscan campaign`.
 #[derive(Debug, Args)]

@@ -1,8 +1,8 @@
 //! The command line of `vlscan info`, `vlscan raster` and `vlscan frames`.
 
-use crate::options::Crs;
 use clap::Args;
 use std::path::PathBuf;
+use vlscan_options::Crs;
 use vlscan_tools::frames::FrameOptions;
 use vlscan_tools::raster::{RasterFiles, RasterOptions};
 

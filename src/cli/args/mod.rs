@@ -41,11 +41,11 @@ pub use tools::{
 };
 
 use super::{LogTo, MessageFormat, Verbosity};
-use crate::options::Switch;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{ArgAction, Parser, Subcommand};
 use std::path::PathBuf;
 use vlscan_base::files::means_stdout;
+use vlscan_options::Switch;
 
 /// Returns a parser of the names of folders and of groups of files, which do not fit into one stream.
 fn files() -> impl TypedValueParser<Value = PathBuf> {
@@ -247,4 +247,58 @@ pub enum Command {
     /// Write the manual pages.
     #[command(hide = true)]
     Man(ManArgs),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::command_line;
+    use clap::Command;
+    use clap::error::ErrorKind;
+    use std::any::TypeId;
+
+    /// The name of the opposite of a switch.
+    fn opposite(long: &str) -> String {
+        long.strip_prefix("no-").map_or_else(|| format!("no-{long}"), str::to_owned)
+    }
+
+    /// All subcommands with their names before them.
+    fn commands(command: &Command, before: &[String]) -> Vec<(Vec<String>, Command)> {
+        let mut all = vec![(before.to_vec(), command.clone())];
+        for sub in command.get_subcommands() {
+            let names = [before, &[sub.get_name().to_owned()]].concat();
+            all.extend(commands(sub, &names));
+        }
+        all
+    }
+
+    #[test]
+    fn every_switch_of_a_file_is_undone_by_its_opposite() {
+        let mut found = 0;
+        for (names, command) in commands(&command_line(), &[]).into_iter().skip(1) {
+            for arg in command.get_arguments() {
+                let id = arg.get_id().as_str();
+                // `--strict` of commands that read no file is that of the program.
+                if arg.is_global_set() || arg.get_value_parser().type_id() != TypeId::of::<Switch>() {
+                    continue;
+                }
+                let on = format!("--{}", arg.get_long().unwrap());
+                let off = format!("--{}", opposite(arg.get_long().unwrap()));
+                let parsed = |words: &[&str]| {
+                    let command = command.clone().no_binary_name(true).ignore_errors(true);
+                    *command.try_get_matches_from(words).unwrap().get_one::<Switch>(id).unwrap()
+                };
+                let message = format!("{names:?} {on}");
+                assert_eq!(parsed(&[]), Switch::Unset, "{message}");
+                assert_eq!(parsed(&[&on]), Switch::On, "{message}");
+                assert_eq!(parsed(&[&off]), Switch::Off, "{message}");
+                assert_eq!(parsed(&[&on, &off]), Switch::Off, "{message}");
+                assert_eq!(parsed(&[&off, &on]), Switch::On, "{message}");
+                let unknown = command.clone().no_binary_name(true).try_get_matches_from([&off]);
+                assert!(unknown.err().is_none_or(|e| e.kind() != ErrorKind::UnknownArgument), "{message}");
+                found += 1;
+            }
+        }
+        assert!(found > 60, "{found}");
+    }
 }

@@ -1,11 +1,10 @@
 //! The command line of `vlscan scene`.
 
-use crate::options::choice;
-use crate::options::{Bytes, Seed};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use vlscan_fit::scene::ReconstructOptions;
 use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_options::{Bytes, Seed, choice};
 use vlscan_scene::Sharing;
 use vlscan_tools::generate::{SceneOptions, StandOptions};
 use vlscan_trace::Builder;

@@ -1,12 +1,12 @@
 //! The command line of `vlscan run` and of its stages: `vlscan trajectory`, `vlscan pulses`, `vlscan trace`.
 
-use crate::options::{
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use vlscan_options::{
     Count, Divergence, EchoOptions, InputOptions, NavigationOptions, NoiseOptions, NotNegative, OneOf,
     Options, OriginOptions, OutputOptions, Positive, ProfileOptions, ScheduleOptions, TrajectoryOptions,
     TreeOptions,
 };
-use clap::{Args, ValueEnum};
-use std::path::PathBuf;
 
 /// The survey, and where, when and how it is flown.
 #[derive(Clone, Debug, Args)]

@@ -1,10 +1,9 @@
 //! The command line of `bench`, `catalogue`, `unzip`, `preview`, `serve`, `completions` and `man`.
 
-use crate::options::choice;
-use crate::options::{ChunkSize, Count};
 use clap::{Args, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
+use vlscan_options::{ChunkSize, Count, WarehouseFactor, choice};
 use vlscan_tools::preview::ColourBy;
 use vlscan_trace::Builder;
 use vlscan_warehouse::PolicyKind;
@@ -36,8 +35,8 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     pub chunk_size: Vec<ChunkSize>,
     /// Chunks per worker that may wait in the warehouse.
-    #[arg(long, value_name = "N", default_value_t = 4)]
-    pub warehouse_factor: usize,
+    #[arg(long, value_name = "N", default_value = "4")]
+    pub warehouse_factor: WarehouseFactor,
     /// Numbers of threads to compare. [default: 1, 2, 4, … to all]
     #[arg(short = 'j', long, value_name = "N,…", value_delimiter = ',')]
     pub threads: Vec<usize>,

@@ -4,7 +4,6 @@ use crate::cli::args::{EmitArgs, EmitFormat, PulsesArgs, SurveyArgs, TrajectoryA
 use crate::cli::companions::resolve;
 use crate::cli::watch::{during, watched};
 use crate::cli::{Console, Verbosity, interrupt, messages};
-use crate::options::ResolvedRun;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::time::Instant;
@@ -12,6 +11,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched};
 use vlscan_base::quantity::{amount_of, duration};
 use vlscan_messages::{ResultMessage, WrittenFile};
+use vlscan_options::ResolvedRun;
 use vlscan_session::streams::TableWriter;
 use vlscan_session::{Emitted, Flight, FlightRows, Progress, RunContext, Session, emit};
 

@@ -4,13 +4,12 @@ use crate::cli::Console;
 use crate::cli::args::{InstrumentArgs, TraceArgs};
 use crate::cli::companions::{Companions, open};
 use crate::cli::run::show_report;
-use crate::options::ResolvedRun;
-use crate::options::{InputOptions, NotNegative, Options, Switch, holds_survey, read_survey};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_lidar::pulse::PhysicsProfile;
+use vlscan_options::{InputOptions, NotNegative, Options, ResolvedRun, Switch, holds_survey, read_survey};
 use vlscan_session::LegRule;
 use vlscan_session::output::Target;
 use vlscan_session::streams::PulseReader;
@@ -25,7 +24,7 @@ pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings)?;
     change_instrument(&mut setting.survey, &args.instrument);
     let known = setting.known;
-    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines } =
+    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines, .. } =
         ResolvedRun::new(setting.survey, &setting.options)?;
     output.inputs.push(args.stream.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);

@@ -71,7 +71,8 @@ impl Origin {
 
     /// Reads all files again for their checksums and appends the origin to the pack at `pack`.
     pub fn write(self, pack: &Path, out: &mut ArrayFileWriter) -> Result<()> {
-        let folder = std::fs::canonicalize(folder_of(pack)).unwrap_or_default();
+        let folder = folder_of(pack);
+        let folder = std::fs::canonicalize(folder).map_err(|e| Error::io("read", folder, e))?;
         let mut sources = Vec::new();
         for path in self.files.iter().filter(|p| p.is_file()) {
             let about = std::fs::metadata(path).map_err(|e| Error::io("read", path, e))?;

@@ -33,6 +33,16 @@ pub(super) struct Divider {
     pub names: Vec<String>,
 }
 
+/// A division into this number of files, which is not from 1 to [`MAX_FILES`].
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{files} files are too many, at most {max} are written", files = shown(*.0), max = MAX_FILES)]
+pub(super) struct TooManyFiles(f64);
+
+/// A number of files, for messages.
+fn shown(count: f64) -> String {
+    if count < 1e9 { format!("{count:.0}") } else { format!("{count:e}") }
+}
+
 #[derive(Clone, Debug)]
 enum Kind {
     Tiles {
@@ -46,17 +56,13 @@ enum Kind {
 
 impl Divider {
     /// # Errors
-    /// A sentence if there would be too many files.
+    /// Divisions into too many files.
     pub fn new(
         division: &Division,
         bounds: &Aabb,
         shift: DVec3,
         parts: &ObjectIds,
-    ) -> Result<Divider, String> {
-        let too_many = |count: f64| {
-            let count = if count < 1e9 { format!("{count:.0}") } else { format!("{count:e}") };
-            format!("{count} files are too many, at most {MAX_FILES} are written")
-        };
+    ) -> Result<Divider, TooManyFiles> {
         match division {
             Division::Tiles(size) => {
                 let world = bounds.translated(shift);
@@ -70,7 +76,7 @@ impl Divider {
                 let fits = |counts: &[f64; 2]| (1.0..=MAX_FILES as f64).contains(&(counts[0] * counts[1]));
                 let Some((first, counts)) = grids.into_iter().find(|(_, counts)| fits(counts)) else {
                     let [_, _, (_, least)] = grids;
-                    return Err(too_many(least[0] * least[1]));
+                    return Err(TooManyFiles(least[0] * least[1]));
                 };
                 let first = first.map(|v| v as i64);
                 let (columns, rows) = (counts[0] as usize, counts[1] as usize);
@@ -98,7 +104,7 @@ impl Divider {
                     }));
                 }
                 if numbers.len() > MAX_FILES {
-                    return Err(too_many(numbers.len() as f64));
+                    return Err(TooManyFiles(numbers.len() as f64));
                 }
                 let names = numbers.iter().map(|number| format!("object_{number}")).collect();
                 Ok(Divider { kind: Kind::Objects(of_part), names })
@@ -144,8 +150,10 @@ mod tests {
         let small = Divider::new(&Division::Tiles(0.5), &bounds, shift, &ObjectIds::default()).unwrap();
         assert!(small.names.len() <= MAX_FILES && small.names.iter().any(|name| name == "tile_980_-10"));
         let most = Divider::new(&Division::Tiles(1e-200), &bounds, shift, &ObjectIds::default()).unwrap_err();
-        assert!(most.len() < 80, "{most}");
+        assert!(most.to_string().len() < 80, "{most}");
         let many = Divider::new(&Division::Tiles(1e-3), &bounds, shift, &ObjectIds::default());
-        assert!(many.unwrap_err().contains("too many"));
+        assert!(matches!(many, Err(TooManyFiles(count)) if count > MAX_FILES as f64));
+        let message = TooManyFiles(2.5e12).to_string();
+        assert_eq!(message, "2.5e12 files are too many, at most 10000 are written");
     }
 }

@@ -9,7 +9,7 @@ use super::summary::FileSummary;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, NewFolder, identity, is_special, is_taken, reads, remove_litter};
@@ -192,7 +192,7 @@ impl OutputPlan {
 
     /// Partial files that a failed run left, see [`Writer`](super::Writer).
     pub fn partial_files(&self) -> Vec<FileSummary> {
-        self.partial_files.lock().map(|files| files.clone()).unwrap_or_default()
+        self.partial_files.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -257,7 +257,7 @@ fn divider(
         return None;
     }
     let made = Divider::new(division, &context.bounds, context.shift, objects);
-    made.map_err(|message| problems.error(None, message)).ok()
+    made.map_err(|error| problems.error(None, error.to_string())).ok()
 }
 
 fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &mut Diagnostics) {

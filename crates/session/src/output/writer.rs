@@ -8,7 +8,7 @@ use super::plan::{OutputPlan, create_run_directory, stamp};
 use super::request::TableContent;
 use super::summary::OutputSummary;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, NewFolder};
 use vlscan_formats::Offload;
@@ -335,9 +335,8 @@ impl Drop for Writer {
             let mut group = FileGroup::default();
             if let Ok(files) = file.finish(&plan, &*self.offload, true, &mut group)
                 && group.commit().is_ok()
-                && let Ok(mut partial_files) = plan.partial_files.lock()
             {
-                partial_files.extend(files);
+                plan.partial_files.lock().unwrap_or_else(PoisonError::into_inner).extend(files);
             }
         }
     }

@@ -10,6 +10,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
+use vlscan_base::damage::panic_text;
 use vlscan_base::error::{Error, Result};
 use vlscan_warehouse::Stop;
 
@@ -123,8 +124,10 @@ impl Batches {
     fn finish(&mut self) -> Result<()> {
         self.batches = None;
         let Some(worker) = self.worker.take() else { return Ok(()) };
-        let failed = |_| Err(Error::Internal("a thread of the run has failed".to_owned()));
-        self.report = Some(worker.join().unwrap_or_else(failed)?);
+        let ended = worker.join().unwrap_or_else(|panic| {
+            Err(Error::Internal(format!("the thread of the run panicked: {}", panic_text(&*panic))))
+        });
+        self.report = Some(ended?);
         Ok(())
     }
 }

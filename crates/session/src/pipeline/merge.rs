@@ -248,7 +248,7 @@ fn merge_epochs(
             Ended::NextEpoch(open) => writer = Some(open),
         }
     }
-    Err(Error::Internal("shards without a last epoch".to_owned()))
+    Err(Error::input("the shards contain no epoch of the scene; compute them again"))
 }
 
 fn encode(

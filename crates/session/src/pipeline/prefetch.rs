@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::time::Instant;
+use vlscan_base::damage::panic_text;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::machine;
 use vlscan_geom::{Aabb, DVec3};
@@ -38,7 +39,10 @@ impl Prefetcher {
             let thread = machine::spawn_scoped(scope, "vlscan-tiles", || load_ahead(tiles, &sightings))?;
             let result = work(&prefetcher);
             drop(prefetcher);
-            thread.join().map_err(|_| Error::Internal("the thread that loads tiles panicked".to_owned()))?;
+            thread.join().map_err(|panic| {
+                let text = panic_text(&*panic);
+                Error::Internal(format!("the thread that loads tiles panicked: {text}"))
+            })?;
             result
         })
     }

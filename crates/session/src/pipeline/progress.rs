@@ -2,7 +2,7 @@
 
 use super::beam_counts::{BeamCounts, BeamLog};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use vlscan_scene::Tiles;
 use vlscan_trace::ResidencyStatistics;
 
@@ -44,21 +44,21 @@ impl Progress {
 
     /// Adds the beam directions of a piece.
     pub(super) fn add_beam_counts(&self, piece: &BeamCounts) {
-        if let Ok(mut log) = self.beam_counts.lock() {
-            log.add(piece);
-        }
+        self.beam_counts.lock().unwrap_or_else(PoisonError::into_inner).add(piece);
     }
 
     /// Statistics of where the beams have pointed so far.
     pub(super) fn beam_counts(&self) -> BeamLog {
-        self.beam_counts.lock().map(|log| log.clone()).unwrap_or_default()
+        self.beam_counts.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Sets the tiles of the scene that is measured.
     pub(super) fn set_tiles(&self, tiles: Option<&Arc<Tiles>>) {
-        if let Ok(mut own) = self.tiles.lock() {
-            *own = tiles.cloned();
-        }
+        *self.tiles() = tiles.cloned();
+    }
+
+    fn tiles(&self) -> MutexGuard<'_, Option<Arc<Tiles>>> {
+        self.tiles.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Reads the counters.
@@ -68,7 +68,7 @@ impl Progress {
             echoes: self.echoes.load(Relaxed),
             leg: self.leg.load(Relaxed),
             done: f64::from_bits(self.done.load(Relaxed)),
-            tiles: self.tiles.lock().ok().and_then(|tiles| Some(tiles.as_ref()?.statistics())),
+            tiles: self.tiles().as_ref().map(|tiles| tiles.statistics()),
         }
     }
 }

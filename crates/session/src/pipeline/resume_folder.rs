@@ -209,7 +209,11 @@ fn is_unused(path: &Path) -> bool {
 
 fn write_mark(folder: &Path, state: &State) -> Result<()> {
     let mark = Mark { program: PROGRAM.to_owned(), state: state.clone() };
-    let text = serde_json::to_string(&mark).map_err(|e| Error::Internal(format!("a mark: {e}")))?;
+    // JSON has no other names of files.
+    let text = serde_json::to_string(&mark).map_err(|_| {
+        let message = format!("{}: --resume cannot note outputs whose names are not UTF-8", folder.display());
+        Error::input_with_help(message, "run without --resume, or give the outputs other names")
+    })?;
     let mut file = FileWriter::create_own(&folder.join(MARK))?;
     file.append((text + "\n").as_bytes())?;
     file.finish().map(drop)

@@ -18,6 +18,8 @@ pub(super) const MAGIC: &[u8; 8] = b"VLINDEX\n";
 const MAX_STATES: usize = 2048;
 /// Maximum size of all stored states together, bytes.
 const MAX_BYTES: usize = 32 << 20;
+/// Name of the file of the borders.
+const FILE_NAME: &str = "flight.vlindex";
 /// Pulses between stored states, at first; doubled when there are too many.
 const FIRST_INTERVAL: u64 = 1024;
 
@@ -89,12 +91,15 @@ impl Borders {
     /// nearest.
     ///
     /// # Errors
-    /// [`Error::Internal`] for a state that cannot be read.
+    /// [`Error::Input`] for a state that cannot be read.
     pub fn nearest(&self, pulses: u64) -> Result<Option<Border>> {
         let before = self.states.partition_point(|stored| stored.pulses < pulses);
         let read = |stored: &StoredState| {
             let state = postcard::from_bytes(&stored.state);
-            let state = state.map_err(|e| Error::Internal(format!("a stored state of the flight: {e}")))?;
+            let state = state.map_err(|e| {
+                let message = format!("a state of the flight in {FILE_NAME} cannot be read: {e}");
+                Error::input_with_help(message, "remove that file; it is computed again")
+            })?;
             Ok(Border { pulses: stored.pulses, epoch: stored.epoch, state })
         };
         self.states[..before].last().map(read).transpose()
@@ -102,7 +107,7 @@ impl Borders {
 
     /// The file of the borders in a folder of shards.
     pub fn path(folder: &Path) -> PathBuf {
-        folder.join("flight.vlindex")
+        folder.join(FILE_NAME)
     }
 
     /// Reads the borders of a folder.

@@ -326,6 +326,30 @@ fn a_stop_ends_the_run_as_interrupted() {
 }
 
 #[test]
+fn an_error_of_the_producer_after_a_stop_follows_from_it() {
+    let outcome = |is_stopped: bool| {
+        let stop = Stop::new();
+        run(
+            Schedule { threads: 2, policy: Policy::Warehouse { size: 1, factor: 2 }, leg_barrier: false },
+            &Arc::new(JobQueue::new(4)),
+            &stop,
+            None,
+            || |x: u64| Ok(x),
+            |feed| {
+                (0..50).try_for_each(|x| feed.put(x))?;
+                if is_stopped {
+                    stop.request();
+                }
+                Err(Error::input("the stream ends within a row"))
+            },
+            Each(|_: u64| Ok(()), || ()),
+        )
+    };
+    assert!(matches!(outcome(true), Err(Error::Interrupted)));
+    assert!(matches!(outcome(false), Err(Error::Input(_))));
+}
+
+#[test]
 fn the_failure_of_a_run_does_not_stop_the_next() {
     let stop = Stop::new();
     let run_until = |failing: u64| {

@@ -4,7 +4,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `mosaic` | files as tiles of one grid |
+//! | `mosaic`, `virtual_mosaic` | files, and virtual rasters of GDAL, as tiles of one grid |
 //! | `pages` | rasters that are in memory only where rays need them |
 //! | `tile` | one file: what it says of its pixels, and the numbers in a window |
 //! | `file` | files of which parts are read |
@@ -33,6 +33,7 @@ mod tests;
 mod tile;
 mod unpack;
 mod validity;
+mod virtual_mosaic;
 
 use crate::builder::{LoadOptions, PartSource, SceneBuilder, memory_of};
 use blocks::Window;

@@ -7,21 +7,16 @@
 use super::blocks::Window;
 use super::error::RasterError;
 use super::georeference::Georeference;
-use super::keys::{LengthUnit, METRES, System};
+use super::keys::{LengthUnit, METRES};
 use super::refusal::Refusal;
 use super::tile::Raster;
 use super::validity::{Doubts, NoData};
 use crate::builder::MAX_ELEMENTS;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Place;
-use vlscan_survey::{RasterFiles, VirtualRaster};
+use vlscan_survey::RasterFiles;
 use vlscan_trace::{HeightGrid, Heights};
-
-/// Advice for a virtual raster that cannot be read.
-const ONE_RASTER: &str = "gdal_translate in.vrt out.tif makes one raster of it";
-/// Advice for a virtual raster whose type differs from that of a source.
-const OTHER_TYPE: &str = "write dataType=\"Float64\" in its <VRTRasterBand>, or give all files one type with \
-                          gdal_translate -ot Float32 in.tif out.tif and make it anew with gdalbuildvrt";
 
 /// Maximum distance of the pixels of a tile from those of the grid, pixels: coordinates of tiles are rounded.
 const MAX_OFFSET: f64 = 0.01;
@@ -50,14 +45,15 @@ pub(super) struct Mosaic {
 pub(super) struct Tile {
     /// Index of the raster.
     pub raster: usize,
-    band: usize,
-    no_data: NoData,
+    /// Index of the band.
+    pub band: usize,
+    pub no_data: NoData,
     /// The pixels of the raster.
     pub window: Window,
     /// Column and row of the grid at which they begin.
     pub at: [usize; 2],
     /// True if it may cover pixels of an earlier one.
-    overlaps: bool,
+    pub overlaps: bool,
 }
 
 impl Tile {
@@ -75,7 +71,7 @@ impl Tile {
 }
 
 /// Why there is no grid, and where a virtual raster names the cause.
-type Misplaced = (Option<Box<Place>>, Refusal);
+pub(super) type Misplaced = (Option<Box<Place>>, Refusal);
 
 impl Mosaic {
     /// The grid of these files. Warnings are for a single file, or for all if they name none.
@@ -101,13 +97,13 @@ impl Mosaic {
                 warnings.push(UNPLACED.to_owned());
                 Georeference::UNKNOWN
             }
-            None => return Err(apart(first, &rasters[1], "the first does not say where it lies", PLACE_IT)),
+            None => return Err(apart(first, &rasters[1], &"the first does not say where it lies", PLACE_IT)),
         };
         let mut starts = Vec::with_capacity(rasters.len());
         for raster in &rasters {
             check_same(first, raster)?;
             let Some(own) = raster.georeference.or((rasters.len() == 1).then_some(grid)) else {
-                return Err(apart(first, raster, "the second does not say where it lies", PLACE_IT));
+                return Err(apart(first, raster, &"the second does not say where it lies", PLACE_IT));
             };
             starts.push(start_in(&grid, &own, raster).map_err(|what| apart(first, raster, &what, ALIGN))?);
         }
@@ -154,124 +150,8 @@ impl Mosaic {
         .finished(warnings)
     }
 
-    fn of_virtual(raster: &VirtualRaster, warnings: &mut Vec<String>) -> Result<Mosaic, Misplaced> {
-        let own = &raster.files[0];
-        let place_of =
-            |file: usize| raster.sources.iter().find(|s| s.file == file).map(|s| Box::new(s.place.clone()));
-        let mut rasters: Vec<Raster> = Vec::new();
-        for (number, path) in raster.files.iter().enumerate().skip(1) {
-            let found = Raster::find(path).and_then(|found| {
-                rasters.first().map_or(Ok(()), |first| check_same(first, &found)).map(|()| found)
-            });
-            rasters.push(found.map_err(|refusal| (place_of(number), refusal))?);
-        }
-        let first = &rasters[0];
-        let system = raster.crs.as_deref().map_or(System::Unknown, System::of_wkt);
-        if system != first.system && system != System::Unknown && first.system != System::Unknown {
-            warnings.push(format!(
-                "its coordinates are taken to be in {}, but {} is in {}",
-                system.name(),
-                first.file.path().display(),
-                first.system.name()
-            ));
-        }
-        let grid = raster.geo_transform.map(|c| Georeference::from_affine(c, false)).transpose();
-        let grid = grid.map_err(|problem| (None, Refusal::unusable(own.clone(), problem)))?;
-        if grid.is_none() {
-            warnings.push(UNPLACED.to_owned());
-        }
-        let extent = Window { left: 0, top: 0, width: raster.size[0], height: raster.size[1] };
-        let mut tiles = Vec::with_capacity(raster.sources.len());
-        for source in &raster.sources {
-            let found = &rasters[source.file - 1];
-            let refuse =
-                |message: String| (Some(Box::new(source.place.clone())), Refusal::Apart(message, ONE_RASTER));
-            let shown = found.file.path().display();
-            let of = |[left, top, width, height]: [usize; 4]| Window { left, top, width, height };
-            let image = whole(found);
-            let window = source.window.map_or(image, of);
-            let target = source.target.map_or(extent, of);
-            for (part, of, what) in [(window, image, "<SrcRect>"), (target, extent, "<DstRect>")] {
-                if part.pixels() == 0 || part.intersection(&of) != Some(part) {
-                    return Err(refuse(format!(
-                        "{what} of {shown} reaches from column {} and row {} over {} x {} pixels, beyond the \
-                         {} x {} that there are",
-                        part.left, part.top, part.width, part.height, of.width, of.height
-                    )));
-                }
-            }
-            if (window.width, window.height) != (target.width, target.height) {
-                return Err(refuse(format!(
-                    "{} x {} pixels of {shown} would be resampled to {} x {}, which is not supported",
-                    window.width, window.height, target.width, target.height
-                )));
-            }
-            let pixels = found.blocks.pixels();
-            if !raster.pixels.holds(pixels) {
-                let message = format!(
-                    "{} has the type {}, which does not hold every number of {shown}, {pixels}",
-                    own.display(),
-                    raster.pixels
-                );
-                let place = Some(Box::new(source.place.clone()));
-                return Err((place, Refusal::Apart(message, OTHER_TYPE)));
-            }
-            if source.band > found.blocks.bands {
-                let (band, bands) = (source.band, found.blocks.bands);
-                return Err(refuse(format!("band {band} of {shown} is named, which has {bands}")));
-            }
-            if let (Some(grid), Some(placed)) = (&grid, &found.georeference) {
-                let start = start_in(grid, placed, found).and_then(|start| {
-                    let there = [0, 1]
-                        .map(|a| [target.left, target.top][a] as i64 - [window.left, window.top][a] as i64);
-                    let apart = [start[0] - there[0], start[1] - there[1]];
-                    if apart == [0, 0] {
-                        return Ok(());
-                    }
-                    Err(format!(
-                        "the second lies {} columns and {} rows from where the first has it",
-                        apart[0], apart[1]
-                    ))
-                });
-                if let Err(what) = start {
-                    let message = differ(own, found.file.path(), &what);
-                    return Err((Some(Box::new(source.place.clone())), Refusal::Apart(message, ALIGN)));
-                }
-            }
-            let stated = [found.no_data, source.no_data, raster.no_data];
-            tiles.push(Tile {
-                raster: source.file - 1,
-                band: source.band - 1,
-                no_data: NoData::new(stated.into_iter().flatten(), pixels),
-                window,
-                at: [target.left, target.top],
-                overlaps: false,
-            });
-        }
-        let units = virtual_units(raster, first, warnings);
-        let (horizontal, vertical) = metres(&units, warnings);
-        let (scale, offset) =
-            (raster.scale.unwrap_or(first.band.scale), raster.offset.unwrap_or(first.band.offset));
-        if (scale, offset) != (1.0, 0.0) {
-            warnings.push(scaled(scale, offset));
-        }
-        if raster.other_bands > 0 {
-            warnings.push(bands(raster.other_bands + 1));
-        }
-        let mosaic = Mosaic {
-            columns: extent.width,
-            rows: extent.height,
-            georeference: grid.unwrap_or(Georeference::UNKNOWN).scaled(horizontal),
-            scale: scale * vertical,
-            offset: offset * vertical,
-            rasters,
-            tiles,
-        };
-        mosaic.finished(warnings).map_err(|refusal| (None, refusal))
-    }
-
     /// Checks the whole grid.
-    fn finished(mut self, warnings: &mut Vec<String>) -> Result<Mosaic, Refusal> {
+    pub fn finished(mut self, warnings: &mut Vec<String>) -> Result<Mosaic, Refusal> {
         let first = &self.rasters[0];
         let path = self.path();
         if first.is_geographic {
@@ -404,35 +284,38 @@ impl Mosaic {
     }
 }
 
-const UNPLACED: &str = "it does not say where it lies; pixels of 1 m from the origin are assumed";
+/// Warning about a raster without a place.
+pub(super) const UNPLACED: &str = "it does not say where it lies; pixels of 1 m from the origin are assumed";
 const PLACE_IT: &str = "a world file, or gdal_edit.py -a_ullr, places it";
-const ALIGN: &str =
+/// Advice for tiles that are not of one grid.
+pub(super) const ALIGN: &str =
     "gdalwarp -t_srs EPSG:25832 -tr 1 1 -tap in.tif out.tif brings tiles into one system and grid";
 
 /// The message about numbers that are scaled.
-fn scaled(scale: f64, offset: f64) -> String {
+pub(super) fn scaled(scale: f64, offset: f64) -> String {
     format!("its numbers are taken times {scale} plus {offset}, as its metadata says")
 }
 
 /// The message about bands that are left out.
-fn bands(count: usize) -> String {
+pub(super) fn bands(count: usize) -> String {
     format!("it has {count} bands, of which the first is read as heights")
 }
 
-fn whole(raster: &Raster) -> Window {
+pub(super) fn whole(raster: &Raster) -> Window {
     Window { left: 0, top: 0, width: raster.blocks.columns, height: raster.blocks.rows }
 }
 
-fn differ(one: &Path, other: &Path, what: &str) -> String {
+/// The message about two files that are not tiles of one grid.
+pub(super) fn differ(one: &Path, other: &Path, what: &dyn fmt::Display) -> String {
     format!("{} and {} are not tiles of one grid: {what}", one.display(), other.display())
 }
 
-fn apart(one: &Raster, other: &Raster, what: &str, help: &'static str) -> Refusal {
+fn apart(one: &Raster, other: &Raster, what: &dyn fmt::Display, help: &'static str) -> Refusal {
     Refusal::Apart(differ(one.file.path(), other.file.path(), what), help)
 }
 
 /// Checks that two rasters have the same system, units and scale.
-fn check_same(first: &Raster, other: &Raster) -> Result<(), Refusal> {
+pub(super) fn check_same(first: &Raster, other: &Raster) -> Result<(), Refusal> {
     if first.system != other.system {
         let what = format!("the first is in {}, the second in {}", first.system.name(), other.system.name());
         return Err(apart(first, other, &what, ALIGN));
@@ -461,19 +344,45 @@ fn check_same(first: &Raster, other: &Raster) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Column and row of the first pixel of a raster, counted from that of a grid; the error is how they differ.
-fn start_in(grid: &Georeference, own: &Georeference, raster: &Raster) -> Result<[i64; 2], String> {
+/// How a raster differs from a grid of which it should be a tile.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+pub(super) enum Misalignment {
+    /// Pixels of other sizes.
+    #[error("pixels of the first are {}, those of the second {}", pixels_of(&.0[0]), pixels_of(&.0[1]))]
+    Pixels([Georeference; 2]),
+    /// Pixels that lie this number of columns and rows beside those of the grid.
+    #[error("pixels of the second lie {:.3} columns and {:.3} rows beside those of the first", .0[0], .0[1])]
+    Between([f64; 2]),
+    /// A distance, in columns and rows, that no grid has.
+    #[error("the second lies {} columns and {} rows from the first", .0[0], .0[1])]
+    Far([f64; 2]),
+    /// Columns and rows between the raster and its place in a virtual raster.
+    #[error("the second lies {} columns and {} rows from where the first has it", .0[0], .0[1])]
+    Elsewhere([i64; 2]),
+}
+
+/// The size of the pixels of a raster, for messages.
+fn pixels_of(grid: &Georeference) -> String {
+    let ((a, c), (b, d)) = (grid.of_column, grid.of_row);
+    let turned = if (b, c) == (0.0, 0.0) { "" } else { ", turned" };
+    format!("{a} x {d}{turned}")
+}
+
+/// Column and row of the first pixel of a raster, counted from that of a grid.
+///
+/// # Errors
+/// How they differ.
+pub(super) fn start_in(
+    grid: &Georeference,
+    own: &Georeference,
+    raster: &Raster,
+) -> Result<[i64; 2], Misalignment> {
     let ((a, c), (b, d)) = (own.of_column, own.of_row);
     let ((grid_a, grid_c), (grid_b, grid_d)) = (grid.of_column, grid.of_row);
     let size = grid_a.abs().max(grid_b.abs()).max(grid_c.abs()).max(grid_d.abs());
     let steps = [(a, grid_a), (b, grid_b), (c, grid_c), (d, grid_d)];
     if steps.iter().any(|(own, of_grid)| (own - of_grid).abs() > size * MAX_SIZE_DIFFERENCE) {
-        let turned = |b: f64, c: f64| if (b, c) == (0.0, 0.0) { "" } else { ", turned" };
-        return Err(format!(
-            "pixels of the first are {grid_a} x {grid_d}{}, those of the second {a} x {d}{}",
-            turned(grid_b, grid_c),
-            turned(b, c)
-        ));
+        return Err(Misalignment::Pixels([*grid, *own]));
     }
     let (columns, rows) = (raster.blocks.columns - 1, raster.blocks.rows - 1);
     let start = grid.index_of(own.origin);
@@ -482,44 +391,22 @@ fn start_in(grid: &Georeference, own: &Georeference, raster: &Raster) -> Result<
         let at = grid.index_of(own.at(column as f64, row as f64));
         let off = [at[0] - nearest[0] - column as f64, at[1] - nearest[1] - row as f64];
         if off.iter().any(|off| off.abs() > MAX_OFFSET || off.is_nan()) {
-            return Err(format!(
-                "pixels of the second lie {:.3} columns and {:.3} rows beside those of the first",
-                off[0], off[1]
-            ));
+            return Err(Misalignment::Between(off));
         }
     }
     // Beyond these no grid could hold both.
     if nearest.iter().any(|n| n.abs() > MAX_ELEMENTS as f64) {
-        return Err(format!("the second lies {} columns and {} rows from the first", nearest[0], nearest[1]));
+        return Err(Misalignment::Far(nearest));
     }
     Ok(nearest.map(|n| n as i64))
 }
 
-/// The units of a virtual raster: its own as far as it states them, else those of its sources.
-fn virtual_units(
-    raster: &VirtualRaster,
-    first: &Raster,
-    warnings: &mut Vec<String>,
-) -> [Option<LengthUnit>; 2] {
-    let [horizontal, vertical] = first.units.clone();
-    let horizontal = horizontal.or_else(|| match System::of_wkt(raster.crs.as_deref()?) {
-        System::Epsg(code) => vlscan_crs::length_unit(code.into()),
-        System::Defined(text, _) => vlscan_crs::length_unit_in(&text),
-        System::Unknown => None,
-    });
-    let Some(name) = &raster.unit else { return [horizontal, vertical] };
-    let own = LengthUnit::of_name(name);
-    if own.is_none() {
-        warnings.push(format!(
-            "the unit \"{name}\" of its heights is not known; it is taken as that of its sources"
-        ));
-    }
-    [horizontal, own.or(vertical)]
-}
-
 /// The lengths of the units of coordinates and of heights, m. Heights without a unit have that of the
 /// coordinates.
-fn metres([horizontal, vertical]: &[Option<LengthUnit>; 2], warnings: &mut Vec<String>) -> (f64, f64) {
+pub(super) fn metres(
+    [horizontal, vertical]: &[Option<LengthUnit>; 2],
+    warnings: &mut Vec<String>,
+) -> (f64, f64) {
     let is_foreign = |unit: &Option<LengthUnit>| unit.as_ref().is_some_and(|unit| !unit.is_metre());
     let metres = |unit: &Option<LengthUnit>| unit.as_ref().map_or(1.0, |unit| unit.metres);
     let name = |unit: &Option<LengthUnit>| unit.as_ref().map_or(METRES.to_owned(), |unit| unit.name.clone());
