@@ -1,8 +1,8 @@
 //! Parts of the manual beyond the options: examples, files and exit statuses of every subcommand; and the
 //! manual pages, which `vlscan man DIR` writes in the format of man(7).
 //!
-//! The pages are made for releases. `python/vlscan/_options.py`, which `vlscan man --python DIR` writes, is
-//! checked in; `tests/whole/manual.rs` fails when it differs from the generated one.
+//! The pages in `man/` are checked in, and so is `python/vlscan/_options.py`, which `vlscan man --python DIR`
+//! writes; `tests/whole/manual.rs` fails when they differ from the generated ones.
 
 use super::Cli;
 use super::args::{CompletionsArgs, ManArgs};

@@ -233,7 +233,7 @@ fn examples_of_manual(page: &str) -> Vec<String> {
 fn examples_of_the_readme_run() {
     let page = fs::read_to_string(root().join("README.md")).unwrap();
     let workspace = Workspace::new();
-    workspace.copy_in("fixtures", "fixtures").copy_in("pipelines", "pipelines");
+    workspace.copy_in("fixtures", "fixtures").copy_in("pipelines", "pipelines").copy_in("man", "man");
     // A survey as HELIOS++ users have it.
     workspace.copy_in("fixtures/room", "my_assets").copy_in("fixtures/room/survey.xml", "survey.xml");
     let ran = workspace.run_examples("README.md", &examples(&page));
@@ -544,9 +544,8 @@ fn every_correction_has_its_row() {
 #[test]
 #[ignore = "minutes; part of the continuous integration"]
 fn the_examples_of_the_manual_run_in_an_empty_folder() {
-    let made = folder();
-    common::succeed(made.path(), &["man", ".", "-q"]);
-    let mut pages: Vec<PathBuf> = fs::read_dir(made.path()).unwrap().map(|e| e.unwrap().path()).collect();
+    let mut pages: Vec<PathBuf> =
+        fs::read_dir(root().join("man")).unwrap().map(|e| e.unwrap().path()).collect();
     // Section 5 shows a pipeline file, section 1 commands.
     pages.retain(|path| path.extension().is_some_and(|e| e == "1"));
     pages.sort();
