@@ -176,8 +176,12 @@ fn problem(warning: &ProblemMessage) -> Markup {
     }
 }
 
-/// A link to the form that the job comes from, with what was filled in.
+/// A link to the form that the job comes from, with what was filled in. The page of a failed plan has the form
+/// itself.
 fn change(job: &Job) -> Markup {
+    if job.status == Status::Failed && job.process == Process::Plan.id() {
+        return html! {};
+    }
     let inputs: Map<String, Value> = serde_json::from_str(&job.inputs).unwrap_or_default();
     let address =
         Process::named(&job.process).filter(|_| job.status.is_final()).and_then(|of| address(of, &inputs));
