@@ -369,7 +369,7 @@ impl Store {
         let day = now() - 24 * 3_600_000;
         let spent: u64 = transaction
             .prepare_cached(
-                // A job may have waited for an engine, or been interrupted, longer than a day after its start.
+                // A job may have waited for an engine longer than a day after its start.
                 "SELECT coalesce(sum(pulses), 0) FROM jobs
                  WHERE owner = ? AND max(coalesce(started, 0), coalesce(finished, updated)) > ? AND id <> ?",
             )?

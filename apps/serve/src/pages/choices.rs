@@ -28,11 +28,17 @@ pub(super) const CLOUDS: [&str; 10] =
     ["laz", "las", "ply", "pcd", "e57", "pts", "xyz", "csv", "arrow", "parquet"];
 pub(super) const TRAJECTORIES: [&str; 5] = ["csv", "txt", "out", "sbet", "trj"];
 pub(super) const TABLES: [&str; 3] = ["csv", "txt", "tsv"];
+const MESHES: [&str; 6] = ["obj", "ply", "stl", "off", "gltf", "glb"];
 pub(super) const TERRAINS: [&str; 6] = ["tif", "tiff", "vrt", "obj", "ply", "stl"];
 
 /// True if a scene can be made of the file by itself.
 pub fn is_scene(name: &str) -> bool {
     has_ending(name, &SCENES)
+}
+
+/// True if the file is a mesh, perhaps of a building or a room.
+pub fn is_mesh(name: &str) -> bool {
+    has_ending(name, &MESHES)
 }
 
 /// True if the file may be an inventory.

@@ -180,8 +180,8 @@ fn problem(job: &Job, warning: &ProblemMessage) -> Markup {
     }
 }
 
-/// A link to the form that the job comes from, with what was filled in. The page of a failed plan has the form
-/// itself.
+/// A link to the form that the job comes from, with what was filled in. The page of a failed plan has the
+/// form itself.
 fn change(job: &Job) -> Markup {
     if job.status == Status::Failed && job.process == Process::Plan.id() {
         return html! {};

@@ -1,6 +1,6 @@
 //! The page of an upload: its files, and what can be done with each.
 
-use super::choices::{is_scene, is_table, is_trajectory};
+use super::choices::{is_mesh, is_scene, is_table, is_trajectory};
 use super::cloud::{is_cloud, is_octree, show_form, viewer};
 use super::home::{encoded, remove_form};
 use super::layout::{bytes_text, page};
@@ -80,6 +80,9 @@ fn actions(app: &App, identity: &Identity, upload: &str, file: &UploadFile) -> V
     }
     if file.kind == FileKind::Scene || is_scene(&name) {
         found.push(link("airborne", "scene", "Plan a scan"));
+    }
+    if file.kind == FileKind::Scene || is_mesh(&name) {
+        found.push(link("terrestrial", "scene", "Place tripods"));
     }
     if is_table(&name) {
         found.push(link("stand", "inventory", "Make trees of an inventory"));
