@@ -231,7 +231,7 @@ mod denied {
             (libc::SYS_sched_setattr, vec![another()?]),
             (libc::SYS_setpriority, vec![rule(&[(0, Ne, 0)])?, rule(&[(1, Ne, 0), (1, Ne, own)])?]),
             (libc::SYS_ioprio_set, vec![rule(&[(0, Ne, 1)])?, rule(&[(1, Ne, 0), (1, Ne, own)])?]),
-            (libc::SYS_ioctl, vec![rule(&REQUESTS.map(|request| (1, Ne, request)))?]),
+            (libc::SYS_ioctl, vec![rule(&REQUESTS.map(|request| (1u8, Ne, request)))?]),
             (
                 libc::SYS_fcntl,
                 COMMANDS.iter().map(|command| rule(&[(1, Eq, *command)])).collect::<Result<_, _>>()?,

@@ -308,7 +308,7 @@ fn hidden_maps(process: u32, folders: &[PathBuf]) -> BTreeSet<u64> {
     let mut mapped = BTreeSet::new();
     for line in maps.lines().filter_map(|line| line.strip_suffix(DELETED)) {
         let Some(at) = line.find('/') else { continue };
-        let inode = line[..at].split_whitespace().nth(4).and_then(|inode| inode.parse().ok());
+        let inode = line[..at].split_whitespace().nth(4).and_then(|inode| inode.parse::<u64>().ok());
         if folders.iter().any(|folder| Path::new(&line[at..]).starts_with(folder)) {
             mapped.extend(inode);
         }

@@ -329,7 +329,7 @@ impl Received {
         let is_owners = max_bytes < limits.max_upload;
         let too_large = ExpandError::Bytes(max_bytes).to_string();
         match expand_confined(archive, work, max_bytes, limits) {
-            Err(UploadError::Wrong(message)) if is_owners && message.ends_with(&too_large) => {
+            Err(UploadError::Wrong(message)) if is_owners && message.contains(&too_large) => {
                 Err(too_much(limits.max_stored))
             }
             expanded => expanded,

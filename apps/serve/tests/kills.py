@@ -163,7 +163,7 @@ def main() -> None:
             service.end(signal.SIGKILL)
             if kill % ACCIDENT >= ACCIDENT - 2:
                 moved += accident(service, next(accidents), yesterday)
-            if kill % (4 * ACCIDENT) == 2 * ACCIDENT + 1:
+            if kill % (4 * ACCIDENT) == 1:
                 yesterday = database(service.data)
             service.start()
         print(f"{kills} kills, {len(jobs)} runs; {moved} folders were set aside and moved back", flush=True)
