@@ -260,8 +260,8 @@ impl Store {
     }
 
     /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`.
-    /// Lists have no long texts: neither what is executed nor warnings, long inputs in part, and results only
-    /// in lists of `Listed::Results`, unless they are very many.
+    /// Lists have no long texts: neither what is executed nor warnings, long inputs and messages in part, and
+    /// results only in lists of `Listed::Results`, unless they are very many.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -295,6 +295,7 @@ impl Store {
         };
         let columns = COLUMNS
             .replace("prepared,", "'{}',")
+            .replace("message,", &format!("{SHORT_MESSAGE},"))
             .replace("inputs,", &format!("{inputs},"))
             .replace("results,", &format!("{results},"))
             .replace("updated, warnings", "updated, '[]'");
@@ -421,6 +422,9 @@ const DURATION: &str = "CASE status WHEN 'running' THEN ?8 - started ELSE finish
 const ROW: u64 = 1024;
 /// Free pages of the database that are kept, and given back at a time.
 const MAX_FREE: u64 = 512;
+/// Messages as lists show them: the start of long ones.
+const SHORT_MESSAGE: &str =
+    "CASE WHEN length(message) <= 1000 THEN message ELSE substr(message, 1, 1000) || ' …' END";
 /// Inputs as titles and lists show them: without the long ones.
 const SHORT_INPUTS: &str = "CASE WHEN octet_length(inputs) <= 8192 THEN inputs ELSE (
     SELECT CASE WHEN octet_length(short) <= 8192 THEN short ELSE '{}' END

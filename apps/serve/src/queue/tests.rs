@@ -270,6 +270,18 @@ fn failed_jobs_keep_their_inputs_and_nothing_that_was_made_of_them() {
 }
 
 #[test]
+fn lists_have_the_start_of_long_messages() {
+    let (_folder, store) = store();
+    store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
+    store.take_job("w", Lane::Any).unwrap();
+    let long = "ä".repeat(5000);
+    store.finish("a", "w", &Outcome::Failed(long.clone())).unwrap();
+    let listed = store.jobs(Listed::Bare, "anna", &[], &[], 0, 9).unwrap();
+    assert_eq!(listed[0].message, format!("{} …", "ä".repeat(1000)));
+    assert_eq!(store.job("anna", "a").unwrap().unwrap().message, long);
+}
+
+#[test]
 fn quotas_count_what_has_started_within_a_day() {
     let (_folder, store) = store();
     for id in ["a", "b"] {
