@@ -56,7 +56,7 @@ pub struct UploadFile {
     pub kind: FileKind,
 }
 
-/// Content of an XML file, as far as pages offer it.
+/// Content of an XML file or of a table, as far as pages offer it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FileKind {
@@ -64,7 +64,9 @@ pub enum FileKind {
     Survey,
     /// A scene.
     Scene,
-    /// Anything else, or a file that is not XML.
+    /// A table of trees.
+    Inventory,
+    /// Anything else.
     #[default]
     Other,
 }
@@ -74,6 +76,7 @@ impl FileKind {
         match self {
             FileKind::Survey => "survey",
             FileKind::Scene => "scene",
+            FileKind::Inventory => "inventory",
             FileKind::Other => "other",
         }
     }
@@ -82,6 +85,7 @@ impl FileKind {
         match name {
             "survey" => FileKind::Survey,
             "scene" => FileKind::Scene,
+            "inventory" => FileKind::Inventory,
             _ => FileKind::Other,
         }
     }

@@ -98,7 +98,7 @@ impl Store {
         Ok(true)
     }
 
-    /// The uploads of an owner, newest first.
+    /// The newest uploads of an owner, newest first.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -106,9 +106,9 @@ impl Store {
         let database = self.database();
         let mut query = database.prepare_cached(
             "SELECT id, name, files, folders, bytes, sha256, created FROM uploads
-             WHERE owner = ? AND name IS NOT NULL ORDER BY created DESC, id",
+             WHERE owner = ?1 AND name IS NOT NULL ORDER BY created DESC, id LIMIT ?2",
         )?;
-        let rows = query.query_map([owner], upload_of)?;
+        let rows = query.query_map(params![owner, MAX_UPLOADS], upload_of)?;
         Ok(rows.collect::<rusqlite::Result<_>>()?)
     }
 
@@ -418,6 +418,8 @@ pub enum Listed {
 /// Time of the computation of a job, ms; null for a job that waits. The time now is parameter 8.
 const DURATION: &str = "CASE status WHEN 'running' THEN ?8 - started ELSE finished - started END";
 
+/// Most uploads in a list.
+const MAX_UPLOADS: u32 = 10_000;
 /// Bytes that a row takes besides its texts.
 const ROW: u64 = 1024;
 /// Free pages of the database that are kept, and given back at a time.

@@ -35,6 +35,8 @@ const EXPAND_SECONDS: u64 = 300;
 const MIN_ROOM: usize = 1 << 20;
 /// Name of an archive for the process that expands it.
 const ARCHIVE: &str = "archive.zip";
+/// Names of columns that only inventories of trees have.
+const OF_TREES: [&str; 7] = ["species", "baumart", "art", "dbh", "bhd", "crown", "kronendurchmesser"];
 /// First bytes of a zip archive.
 const ZIP: &[u8] = b"PK\x03\x04";
 
@@ -464,8 +466,8 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<Contents, UploadError> 
             if read == 0 {
                 break;
             }
-            if bytes == 0 && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("xml")) {
-                kind = kind_of(&buffer[..read]);
+            if bytes == 0 {
+                kind = kind_of(&path, &buffer[..read]);
             }
             hash.update(&buffer[..read]);
             bytes += read as u64;
@@ -478,8 +480,26 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<Contents, UploadError> 
     Ok(Contents { files, folders, sha256: hex(&all.finalize()) })
 }
 
+/// Kind of a file by its ending and beginning.
+fn kind_of(path: &Path, start: &[u8]) -> FileKind {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    match ending.to_ascii_lowercase().as_str() {
+        "xml" => kind_of_document(start),
+        "csv" | "txt" | "tsv" if is_inventory(start) => FileKind::Inventory,
+        _ => FileKind::Other,
+    }
+}
+
+/// True if the first line of a table names what only trees have.
+fn is_inventory(start: &[u8]) -> bool {
+    let line = start.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let line = String::from_utf8_lossy(&line[..line.len().min(MAX_TEXT)]).to_lowercase();
+    let mut words = line.split(|letter: char| !letter.is_alphanumeric());
+    words.any(|word| OF_TREES.contains(&word))
+}
+
 /// Kind of an XML document by its beginning.
-fn kind_of(start: &[u8]) -> FileKind {
+fn kind_of_document(start: &[u8]) -> FileKind {
     let has = |tag: &[u8]| start.windows(tag.len()).any(|window| window == tag);
     match (has(b"<survey"), has(b"<scene")) {
         (true, _) => FileKind::Survey,
@@ -627,6 +647,21 @@ mod tests {
             fs::create_dir_all(path.parent().unwrap()).unwrap();
             fs::write(path, "").unwrap();
             assert_eq!(inner_folder(folder.path()).unwrap(), folder.path().join(inner), "{made}");
+        }
+    }
+
+    #[test]
+    fn kinds_of_files_follow_from_their_beginnings() {
+        for (name, start, kind) in [
+            ("a.XML", "<document><scene id='a'>", FileKind::Scene),
+            ("a.xml", "<document><survey scene='a'>", FileKind::Survey),
+            ("a.csv", "Baum;X;Y;H\u{f6}he;BHD;Art\n1;2", FileKind::Inventory),
+            ("a.csv", "x,y,height,species", FileKind::Inventory),
+            ("a.txt", "time x y z roll pitch yaw\n0 0 0 0 0 0 0 dbh", FileKind::Other),
+            ("a.csv", "x,y,z,particle,intensity", FileKind::Other),
+            ("a.xyz", "species", FileKind::Other),
+        ] {
+            assert_eq!(kind_of(Path::new(name), start.as_bytes()), kind, "{name}: {start}");
         }
     }
 

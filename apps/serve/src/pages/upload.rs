@@ -30,7 +30,8 @@ pub fn upload(
     let rank = |kind: FileKind| match kind {
         FileKind::Survey => 0,
         FileKind::Scene => 1,
-        FileKind::Other => 2,
+        FileKind::Inventory => 2,
+        FileKind::Other => 3,
     };
     sorted.sort_by_key(|(file, actions)| (actions.is_empty(), rank(file.kind)));
     let content = html! {
@@ -86,6 +87,9 @@ fn actions(app: &App, identity: &Identity, upload: &str, file: &UploadFile) -> V
     }
     if is_table(&name) {
         found.push(link("stand", "inventory", "Make trees of an inventory"));
+    }
+    if file.kind == FileKind::Inventory {
+        return found;
     }
     if is_trajectory(&name) {
         found.push(link("trajectory", "trajectory", "Fly along a trajectory"));
