@@ -26,6 +26,14 @@ pub struct Entry {
     pub kind: EntryKind,
     /// Bytes of a file.
     pub bytes: u64,
+    /// Bytes that it takes on the disk.
+    pub space: u64,
+}
+
+/// Disk space, bytes, of a file or folder with this content: a block besides the content, or the space that
+/// the system has given it, which can be more than the content.
+pub(crate) fn space(content: u64, allocated: u64) -> u64 {
+    content.saturating_add(BLOCK).max(allocated)
 }
 
 /// Kind of an entry.
@@ -165,7 +173,10 @@ mod system {
                 };
                 let bytes = u64::try_from(about.st_size).unwrap_or(0);
                 let path = inner.join(std::ffi::OsStr::from_bytes(name.to_bytes()));
-                found.push(Entry { path, kind, bytes });
+                let content = if kind == EntryKind::File { bytes } else { 0 };
+                // Blocks of 512 bytes, whatever the file system has.
+                let allocated = u64::try_from(about.st_blocks).unwrap_or(0).saturating_mul(512);
+                found.push(Entry { path, kind, bytes, space: super::space(content, allocated) });
                 if found.len() > most {
                     break;
                 }
@@ -213,7 +224,9 @@ mod system {
                     (_, true) => EntryKind::Folder,
                     _ => EntryKind::Other,
                 };
-                found.push(Entry { path: inner.join(entry.file_name()), kind, bytes: about.len() });
+                let content = if kind == EntryKind::File { about.len() } else { 0 };
+                let space = super::space(content, 0);
+                found.push(Entry { path: inner.join(entry.file_name()), kind, bytes: about.len(), space });
             }
             Ok(())
         }

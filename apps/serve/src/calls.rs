@@ -3,9 +3,10 @@
 //!
 //! | denied | why |
 //! |---|---|
-//! | processes: fork, clone without a thread, ptrace, signals to others, prctl(PR_SET_PDEATHSIG, PR_SET_DUMPABLE) | a job is one process, which ends with the service and shows it its open files |
+//! | processes: fork, clone without a thread or with open files of its own, close_range(CLOSE_RANGE_UNSHARE), ptrace, signals to others, prctl(PR_SET_PDEATHSIG, PR_SET_DUMPABLE) | a job is one process, which ends with the service and shows it its open files |
 //! | sockets of every kind, message queues, shared memory, io_uring | sockets of the file system, which Landlock does not cover; TCP before Linux 6.7 |
-//! | modes, owners, times, attributes and flags of files | Landlock does not cover them |
+//! | modes, owners, times, attributes and flags of files; all of ioctl(2) but questions of terminals and pipes | Landlock does not cover them; reservations of disk space |
+//! | umask(2), and folders that their owner cannot read or change | the service could not count or remove their files |
 //! | truncate(2), symbolic links, pipes and devices | truncation before Linux 6.2; names that lead elsewhere |
 //! | fallocate(2) with any mode | space on the disk that the size of a file does not tell |
 //! | namespaces, mounts, credentials, limits and priorities of others, modules, clocks, keys, tracing | nothing of it belongs to a job |
@@ -84,6 +85,7 @@ mod denied {
         libc::SYS_fanotify_init,
         libc::SYS_inotify_add_watch,
         libc::SYS_quotactl,
+        libc::SYS_umask,
         libc::SYS_memfd_create,
         libc::SYS_memfd_secret,
         libc::SYS_execveat,
@@ -177,8 +179,14 @@ mod denied {
     #[cfg(not(target_arch = "x86_64"))]
     const OLD: &[i64] = &[];
 
-    /// Requests of ioctl(2) that change flags and keys of files which are open for reading only.
-    const REQUESTS: [u64; 6] = [0x4008_6602, 0x4004_6602, 0x401c_5820, 0x800c_6613, 0x4040_6685, 0x4080_6685];
+    /// Requests of ioctl(2) that are allowed: TCGETS, TCGETS2, TIOCGWINSZ, FIONREAD, FIONBIO, FIONCLEX and
+    /// FIOCLEX. Others change flags and keys of files that are open for reading only, or reserve disk space
+    /// that the size of a file does not include.
+    const REQUESTS: [u64; 7] = [0x5401, 0x802c_542a, 0x5413, 0x541b, 0x5421, 0x5450, 0x5451];
+    /// Rights of a folder's owner, without which the service could not count or remove its files.
+    const FOLDER_RIGHTS: [u64; 3] = [0o400, 0o200, 0o100];
+    /// CLOSE_RANGE_UNSHARE: open files of a thread of its own, which the service would not find.
+    const UNSHARE: u64 = 2;
     /// Commands of fcntl(2): signals to others (F_SETOWN, F_SETSIG, F_SETOWN_EX, F_NOTIFY), and leases, which
     /// keep others waiting.
     const COMMANDS: [u64; 5] = [8, 10, 15, 1024, 1026];
@@ -193,13 +201,15 @@ mod denied {
     /// The calls that are denied, each where one of its rules holds, or always if it has none.
     pub fn rules() -> Result<BTreeMap<i64, Vec<SeccompRule>>, BackendError> {
         let own = u64::from(std::process::id());
-        let thread = libc::CLONE_THREAD as u64;
+        let (thread, files) = (libc::CLONE_THREAD as u64, libc::CLONE_FILES as u64);
         let another = || rule(&[(0, Ne, 0), (0, Ne, own)]);
         let mut rules: BTreeMap<i64, Vec<SeccompRule>> =
             ALWAYS.iter().chain(OLD).map(|call| (*call, Vec::new())).collect();
         rules.extend([
-            // Threads, but no processes.
-            (libc::SYS_clone, vec![rule(&[(0, MaskedEq(thread), 0)])?]),
+            // Threads, but no processes, and no threads whose open files the service would not find.
+            (libc::SYS_clone, vec![rule(&[(0, MaskedEq(thread), 0)])?, rule(&[(0, MaskedEq(files), 0)])?]),
+            (libc::SYS_close_range, vec![rule(&[(2, MaskedEq(UNSHARE), UNSHARE)])?]),
+            (libc::SYS_mkdirat, folders(2)?),
             // A process ends itself, but no other: `kill` of 0 is that of its group.
             (libc::SYS_kill, vec![rule(&[(0, Ne, own)])?]),
             (libc::SYS_tkill, vec![rule(&[(0, Ne, own)])?]),
@@ -221,18 +231,23 @@ mod denied {
             (libc::SYS_sched_setattr, vec![another()?]),
             (libc::SYS_setpriority, vec![rule(&[(0, Ne, 0)])?, rule(&[(1, Ne, 0), (1, Ne, own)])?]),
             (libc::SYS_ioprio_set, vec![rule(&[(0, Ne, 1)])?, rule(&[(1, Ne, 0), (1, Ne, own)])?]),
-            (
-                libc::SYS_ioctl,
-                REQUESTS.iter().map(|request| rule(&[(1, Eq, *request)])).collect::<Result<_, _>>()?,
-            ),
+            (libc::SYS_ioctl, vec![rule(&REQUESTS.map(|request| (1u8, Ne, request)))?]),
             (
                 libc::SYS_fcntl,
                 COMMANDS.iter().map(|command| rule(&[(1, Eq, *command)])).collect::<Result<_, _>>()?,
             ),
         ]);
         #[cfg(target_arch = "x86_64")]
-        add_x32(&mut rules);
+        {
+            rules.insert(libc::SYS_mkdir, folders(1)?);
+            add_x32(&mut rules);
+        }
         Ok(rules)
+    }
+
+    /// Rules for folders whose mode, in this argument, lacks a right of their owner.
+    fn folders(argument: u8) -> Result<Vec<SeccompRule>, BackendError> {
+        FOLDER_RIGHTS.iter().map(|right| rule(&[(argument, MaskedEq(*right), 0)])).collect()
     }
 
     /// Adds the calls by the numbers of the x32 interface, which some kernels have and which counts as the

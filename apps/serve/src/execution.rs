@@ -1,7 +1,7 @@
 //! A process of vlscan: started under its restrictions, watched, and how it ended. Workers of the service use
 //! it, and tasks of an engine on its nodes.
 
-use crate::beneath::{BLOCK, Beneath, EntryKind};
+use crate::beneath::Beneath;
 use crate::config::ConfineArgs;
 use crate::messages::{Said, failure, said};
 use crate::program::confined;
@@ -9,6 +9,7 @@ use crate::store::Result;
 use serde::{Deserialize, Serialize};
 #[cfg(target_os = "linux")]
 use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -33,6 +34,9 @@ const FOLDER_IN_USE: i32 = 5;
 
 /// The message of a job whose process is always killed.
 const KILLED: &str = "the system has ended the process of the job; it may need more memory than there is";
+
+/// The message of a job that maps deleted files, whose space on the disk nothing tells.
+const HIDDEN_MAPS: &str = "it maps deleted files, which are beyond the limits of this service";
 
 /// End of a process.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -132,6 +136,7 @@ impl Setting {
     ) -> Result<Ended> {
         let start = Instant::now();
         let mut checked = Instant::now();
+        let mut hidden = BTreeSet::new();
         loop {
             if let Some(status) = child.try_wait()? {
                 return Ok(self.ended(status, log));
@@ -144,6 +149,12 @@ impl Setting {
                     let message = format!("it took more than {} s, the limit of this service", self.max_time);
                     return Ok(Ended::By(End::Failure(message)));
                 }
+                let maps = hidden_maps(child.id(), &self.restrictions.write);
+                // A file that is being closed may be seen once.
+                if !maps.is_disjoint(&hidden) {
+                    return Ok(Ended::By(End::Failure(HIDDEN_MAPS.to_owned())));
+                }
+                hidden = maps;
                 match bytes_in(&self.folder).map(|bytes| bytes.saturating_add(deleted_bytes(child.id()))) {
                     Ok(bytes) if bytes <= self.max_disk => {}
                     Ok(_) => {
@@ -251,26 +262,72 @@ pub(crate) fn end(child: &mut Child, has_sandbox: bool) {
     let _ = child.wait();
 }
 
-/// Disk space of a job folder, bytes: the content of its files, and a block for each file and folder.
+/// Disk space of a job folder, bytes.
 ///
 /// # Errors
 /// Errors of files, and too many files.
 pub(crate) fn bytes_in(folder: &Path) -> std::io::Result<u64> {
-    let of = |bytes: u64| bytes.saturating_add(BLOCK);
     let entries = Beneath::of(folder)?.entries(MAX_ENTRIES)?;
-    Ok(entries.iter().map(|entry| of(if entry.kind == EntryKind::File { entry.bytes } else { 0 })).sum())
+    Ok(entries.iter().fold(0, |sum, entry| sum.saturating_add(entry.space)))
 }
 
-/// Bytes of the regular files that a process has open and whose names are gone.
+/// The folders of the threads of a process, in /proc. All threads share memory and open files, but the first
+/// one shows nothing after its own end.
+#[cfg(target_os = "linux")]
+fn threads(process: u32) -> impl Iterator<Item = PathBuf> {
+    let threads = fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
+    threads.map(|entry| entry.path())
+}
+
+/// Disk space, bytes, of each regular file that a process has open and whose name is gone, by device and
+/// inode.
+#[cfg(target_os = "linux")]
+fn deleted_files(process: u32) -> BTreeMap<(u64, u64), u64> {
+    use std::os::unix::fs::MetadataExt as _;
+    let open = |thread: PathBuf| fs::read_dir(thread.join("fd")).into_iter().flatten().flatten().peekable();
+    let first = threads(process).map(open).find_map(|mut open| open.peek().is_some().then_some(open));
+    let files = first.into_iter().flatten().filter_map(|entry| fs::metadata(entry.path()).ok());
+    let deleted = files.filter(|about| about.is_file() && about.nlink() == 0);
+    let space = |about: &fs::Metadata| about.len().max(about.blocks().saturating_mul(512));
+    deleted.map(|about| ((about.dev(), about.ino()), space(&about))).collect()
+}
+
+/// Disk space, bytes, of the regular files that a process has open and whose names are gone.
 #[cfg(target_os = "linux")]
 fn deleted_bytes(process: u32) -> u64 {
-    use std::os::unix::fs::MetadataExt as _;
-    let open = fs::read_dir(format!("/proc/{process}/fd")).into_iter().flatten().flatten();
-    let files = open.filter_map(|entry| fs::metadata(entry.path()).ok());
-    let deleted = files.filter(|about| about.is_file() && about.nlink() == 0);
-    let sizes: BTreeMap<(u64, u64), u64> =
-        deleted.map(|about| ((about.dev(), about.ino()), about.len())).collect();
-    sizes.values().fold(0, |sum, bytes| sum.saturating_add(*bytes))
+    deleted_files(process).values().fold(0, |sum, bytes| sum.saturating_add(*bytes))
+}
+
+/// Files of these folders, by their inodes, that a process maps, that it does not have open, and whose names
+/// are gone: they keep their space, and only the system knows how much that is.
+#[cfg(target_os = "linux")]
+fn hidden_maps(process: u32, folders: &[PathBuf]) -> BTreeSet<u64> {
+    let mut maps = threads(process).filter_map(|thread| fs::read(thread.join("maps")).ok());
+    let maps = maps.find(|maps| !maps.is_empty()).unwrap_or_default();
+    let maps = String::from_utf8_lossy(&maps);
+    let mut mapped = BTreeSet::new();
+    for line in maps.lines().filter_map(|line| line.strip_suffix(DELETED)) {
+        let Some(at) = line.find('/') else { continue };
+        let inode = line[..at].split_whitespace().nth(4).and_then(|inode| inode.parse::<u64>().ok());
+        if folders.iter().any(|folder| Path::new(&line[at..]).starts_with(folder)) {
+            mapped.extend(inode);
+        }
+    }
+    if !mapped.is_empty() {
+        for (_, inode) in deleted_files(process).keys() {
+            mapped.remove(inode);
+        }
+    }
+    mapped
+}
+
+/// End of the names of deleted files in /proc.
+#[cfg(target_os = "linux")]
+const DELETED: &str = " (deleted)";
+
+#[cfg(not(target_os = "linux"))]
+fn hidden_maps(_: u32, _: &[PathBuf]) -> BTreeSet<u64> {
+    BTreeSet::new()
 }
 
 #[cfg(not(target_os = "linux"))]
@@ -293,5 +350,29 @@ mod tests {
         assert!((1 << 40..2 << 40).contains(&deleted_bytes(own)), "once, however often it is open");
         drop((file, again));
         assert!(deleted_bytes(own) <= before.max(1 << 30));
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn maps_of_deleted_files_are_found_unless_they_are_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().canonicalize().unwrap();
+        let hidden = |script: &str| {
+            let start = "import mmap, os\nf = open('f', 'w+b'); f.truncate(9000); m = mmap.mmap(os.dup(f.fileno()), 4096)\n";
+            let script = format!("{start}{script}\nos.unlink('f'); print(flush=True); input()");
+            let mut command = std::process::Command::new("python3");
+            command.args(["-c", &script]).current_dir(&inner).stdin(Stdio::piped()).stdout(Stdio::piped());
+            let mut child = command.spawn().unwrap();
+            std::io::Read::read_exact(child.stdout.as_mut().unwrap(), &mut [0]).unwrap();
+            let found =
+                [inner.clone(), inner.join("other")].map(|folder| hidden_maps(child.id(), &[folder]).len());
+            child.kill().unwrap();
+            child.wait().unwrap();
+            found
+        };
+        assert_eq!(hidden("os.closerange(3, 100)"), [1, 0]);
+        assert_eq!(hidden(""), [0, 0], "its size is known");
+        let another = "os.closerange(3, 100); os.unlink('f'); g = open('f', 'w+b')";
+        assert_eq!(hidden(another), [1, 0], "another file of that name is open");
     }
 }

@@ -15,7 +15,7 @@
 //! | `records`, `error`, `schema`, `store`, `queue` | uploads, jobs and leases, in SQLite |
 //! | `place` | the place of a job in the queue, and when it is expected to be finished |
 //! | `opening`, `inspect` | whether folder, database and bucket belong together, and what the database does not list |
-//! | `uploads`, `missing` | files that are received, archives that are expanded, and files that are named and not there |
+//! | `uploads`, `reservations`, `missing` | files that are received, their disk space until they are listed, archives that are expanded, and files that are named and not there |
 //! | `submit` | from a request to a job in the queue |
 //! | `files`, `bucket`, `no_bucket` | where files of uploads and results are kept; `no_bucket` takes the place of `bucket` without the feature `s3` |
 //! | `worker` | threads that have jobs computed |
@@ -66,6 +66,7 @@ pub mod query;
 pub mod queue;
 pub mod records;
 pub mod request;
+mod reservations;
 pub mod scene_map;
 mod schema;
 pub mod security;

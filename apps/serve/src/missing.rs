@@ -33,7 +33,8 @@ pub fn missing(store: &Store, program: &Program, id: &str, files: &[UploadFile])
 
 fn look(store: &Store, program: &Program, id: &str, files: &[UploadFile]) -> Result<Vec<String>> {
     let known: BTreeSet<&str> = files.iter().map(|file| file.path.as_str()).collect();
-    let is_document = |file: &&UploadFile| file.kind != FileKind::Other && file.bytes <= MAX_BYTES;
+    let is_described = |kind| matches!(kind, FileKind::Survey | FileKind::Scene);
+    let is_document = |file: &&UploadFile| is_described(file.kind) && file.bytes <= MAX_BYTES;
     let mut found = BTreeSet::new();
     for file in files.iter().filter(is_document).take(MAX_DOCUMENTS) {
         let Some(bytes) = store.read(Kind::Upload, id, &file.path, MAX_BYTES)? else { continue };

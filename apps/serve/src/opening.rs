@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 /// The database in the folder of a service.
 pub(crate) const DATABASE: &str = "service.db";
@@ -107,6 +107,7 @@ impl Store {
             kept,
             fetches: crate::files::Fetches::default(),
             served: Mutex::default(),
+            receiving: Arc::default(),
         })
     }
 
@@ -117,8 +118,13 @@ impl Store {
     /// [`StoreError`].
     pub fn tidy(&self) -> Result<Lost> {
         let incoming = self.root().join("incoming");
-        remove_folder(&incoming)?;
-        fs::create_dir_all(&incoming)?;
+        for name in names_in(&incoming)? {
+            let path = incoming.join(&name);
+            let removed = if path.is_dir() { remove_folder(&path) } else { fs::remove_file(&path) };
+            if let Err(error) = removed {
+                eprintln!("vlscan serve: warning: {} cannot be removed: {error}", path.display());
+            }
+        }
         self.finish_removals()?;
         let mut lost = Lost::default();
         for kind in [Kind::Upload, Kind::Results] {

@@ -369,7 +369,9 @@ impl Store {
         let day = now() - 24 * 3_600_000;
         let spent: u64 = transaction
             .prepare_cached(
-                "SELECT coalesce(sum(pulses), 0) FROM jobs WHERE owner = ? AND started > ? AND id <> ?",
+                // A job may have waited for an engine longer than a day after its start.
+                "SELECT coalesce(sum(pulses), 0) FROM jobs
+                 WHERE owner = ? AND max(coalesce(started, 0), coalesce(finished, updated)) > ? AND id <> ?",
             )?
             .query_row(params![job.owner, day, job.id], |row| row.get(0))?;
         if quota.is_some_and(|quota| spent.saturating_add(pulses) > quota) {

@@ -56,7 +56,7 @@ pub struct UploadFile {
     pub kind: FileKind,
 }
 
-/// Content of an XML file, as far as pages offer it.
+/// Content of an XML file or of a table, as far as pages offer it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FileKind {
@@ -64,7 +64,9 @@ pub enum FileKind {
     Survey,
     /// A scene.
     Scene,
-    /// Anything else, or a file that is not XML.
+    /// A table of trees.
+    Inventory,
+    /// Anything else.
     #[default]
     Other,
 }
@@ -74,6 +76,7 @@ impl FileKind {
         match self {
             FileKind::Survey => "survey",
             FileKind::Scene => "scene",
+            FileKind::Inventory => "inventory",
             FileKind::Other => "other",
         }
     }
@@ -82,6 +85,7 @@ impl FileKind {
         match name {
             "survey" => FileKind::Survey,
             "scene" => FileKind::Scene,
+            "inventory" => FileKind::Inventory,
             _ => FileKind::Other,
         }
     }
@@ -224,8 +228,8 @@ pub fn now() -> i64 {
 pub(crate) struct ExpiryClock {
     time: i64,
     checked: Instant,
-    /// Since when the clock of the system has been ahead.
-    ahead: Option<Instant>,
+    /// Time for which the clock of the system has been ahead.
+    ahead: Option<Duration>,
 }
 
 impl ExpiryClock {
@@ -239,14 +243,31 @@ impl ExpiryClock {
         ExpiryClock { time: wall, checked: at, ahead: None }
     }
 
+    /// The clock of an earlier service, as [`ExpiryClock::record`] has it: a clock may have been put forward
+    /// meanwhile. `None` for a text that is no record.
+    pub(crate) fn recorded(record: &str, at: Instant) -> Option<ExpiryClock> {
+        let (time, ahead) = record.trim().split_once(' ')?;
+        let ahead = match ahead {
+            "-" => None,
+            seconds => Some(Duration::from_secs(seconds.parse().ok()?)),
+        };
+        Some(ExpiryClock { time: time.parse().ok()?, checked: at, ahead })
+    }
+
+    /// Its time, and the seconds for which the clock of the system has been ahead.
+    pub(crate) fn record(&self) -> String {
+        let ahead = self.ahead.map_or("-".to_owned(), |ahead| ahead.as_secs().to_string());
+        format!("{} {ahead}\n", self.time)
+    }
+
     /// The time at `at`, ms since 1970, when the clock of the system has the time `wall`.
     pub(crate) fn time(&mut self, wall: i64, at: Instant) -> i64 {
-        let passed = at.saturating_duration_since(self.checked).as_millis();
-        let steady = self.time.saturating_add(i64::try_from(passed).unwrap_or(i64::MAX));
+        let passed = at.saturating_duration_since(self.checked);
+        let steady = self.time.saturating_add(i64::try_from(passed.as_millis()).unwrap_or(i64::MAX));
         let is_ahead = wall > steady.saturating_add(ExpiryClock::TOLERANCE);
-        let ahead = is_ahead.then(|| self.ahead.unwrap_or(at));
-        let is_followed =
-            ahead.is_none_or(|since| at.saturating_duration_since(since) > ExpiryClock::PATIENCE);
+        let longer = self.ahead.map_or(Duration::ZERO, |ahead| ahead.saturating_add(passed));
+        let ahead = is_ahead.then_some(longer);
+        let is_followed = ahead.is_none_or(|ahead| ahead > ExpiryClock::PATIENCE);
         let time = if is_followed { wall } else { steady };
         *self = ExpiryClock { time, checked: at, ahead: ahead.filter(|_| !is_followed) };
         time
@@ -280,5 +301,25 @@ mod tests {
         assert_eq!(clock.time(year + 90_000_000, at(240 + 86_400)), 1_240_000 + 86_400_000);
         assert_eq!(clock.time(year + 90_001_000, at(241 + 86_400)), year + 90_001_000);
         assert_eq!(clock.time(5, at(86_700)), 5, "a clock that was put back");
+    }
+
+    #[test]
+    fn a_clock_that_is_put_forward_between_services_is_followed_after_a_day_of_both() {
+        let start = Instant::now();
+        let at = |seconds: u64| start + Duration::from_secs(seconds);
+        let year = 31_536_000_000;
+        let record = ExpiryClock::new(1_000_000, start).record();
+        let mut clock = ExpiryClock::recorded(&record, at(100)).unwrap();
+        assert_eq!(clock.time(year, at(100)), 1_000_000);
+        assert_eq!(clock.time(year, at(80_100)), 81_000_000);
+        let mut next = ExpiryClock::recorded(&clock.record(), at(90_000)).unwrap();
+        assert_eq!(next.time(year, at(90_000)), 81_000_000);
+        assert_eq!(next.time(year, at(96_401)), year, "a day altogether");
+        let record = next.record();
+        assert_eq!(record, format!("{year} -\n"));
+        assert_eq!(ExpiryClock::recorded(&record, start).unwrap().time(5, start), 5);
+        for damaged in ["", "5", "x -", "5 x", "5 -1"] {
+            assert!(ExpiryClock::recorded(damaged, start).is_none(), "{damaged}");
+        }
     }
 }

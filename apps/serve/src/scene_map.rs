@@ -2,6 +2,7 @@
 //! they are drawn from.
 
 use crate::beneath::Beneath;
+use crate::execution::bytes_in;
 use crate::processes::Process;
 use crate::request::{Prepared, RequestError, check};
 use crate::store::{StoreError, remove_folder};
@@ -18,8 +19,9 @@ const MAPS: &str = "maps";
 
 /// Pixels along the longer side.
 const SIDE: u32 = 800;
-/// Most pictures that are kept.
-const MAX_KEPT: usize = 500;
+/// Most pictures of an owner that are kept, and their disk space, bytes.
+const MAX_KEPT: usize = 100;
+const MAX_SPACE: u64 = 64 << 20;
 /// The picture and its world file in their folder.
 const PICTURE: &str = "map.png";
 const FRAME: &str = "map.pgw";
@@ -114,7 +116,7 @@ impl Workshop {
         let view = drawn.path().join(VIEW);
         if SceneMap::of(view.clone()).is_some() {
             let place = || {
-                make_room(&self.store.root().join(MAPS))?;
+                make_room(&self.store.root().join(MAPS), owner, bytes_in(&view)?)?;
                 // What is there is damaged.
                 remove_folder(&folder)?;
                 fs::rename(&view, &folder)
@@ -134,19 +136,31 @@ impl Workshop {
     }
 }
 
-/// Removes the oldest pictures when there are many.
-fn make_room(all: &Path) -> std::io::Result<()> {
+/// Removes the oldest pictures of an owner when there are many, to have room for one of so many bytes.
+fn make_room(all: &Path, owner: &str, bytes: u64) -> std::io::Result<()> {
     fs::create_dir_all(all)?;
     let mut kept = Vec::new();
     for entry in fs::read_dir(all)? {
         let entry = entry?;
+        let name = entry.file_name();
+        // Names of owners have dashes, too; fingerprints have none.
+        if name.to_str().and_then(|name| name.rsplit_once('-')).is_none_or(|(of, _)| of != owner) {
+            continue;
+        }
         // Another drawing may remove pictures, too.
         let Ok(about) = entry.metadata() else { continue };
-        kept.push((about.modified()?, entry.path()));
+        kept.push((about.modified()?, entry.path(), bytes_in(&entry.path()).unwrap_or(0)));
     }
     kept.sort();
-    let surplus = kept.len().saturating_sub(MAX_KEPT - 1);
-    kept.into_iter().take(surplus).try_for_each(|(_, path)| remove_folder(&path))
+    let (mut number, mut space) = (1, bytes);
+    for (_, path, bytes) in kept.iter().rev() {
+        number += 1;
+        space = space.saturating_add(*bytes);
+        if number > MAX_KEPT || space > MAX_SPACE {
+            remove_folder(path)?;
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -165,14 +179,25 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_pictures_go() {
+    fn the_oldest_pictures_of_an_owner_go() {
         let folder = tempfile::tempdir().unwrap();
         let all = folder.path().join("maps");
-        make_room(&all).unwrap();
-        for number in 0..MAX_KEPT + 3 {
-            fs::create_dir(all.join(number.to_string())).unwrap();
-        }
-        make_room(&all).unwrap();
-        assert_eq!(fs::read_dir(&all).unwrap().count(), MAX_KEPT - 1);
+        make_room(&all, "anna", 0).unwrap();
+        let add = |name: String, bytes: u64| {
+            fs::create_dir(all.join(&name)).unwrap();
+            fs::File::create(all.join(name).join(PICTURE)).unwrap().set_len(bytes).unwrap();
+        };
+        let count = |owner: &str| {
+            let names =
+                fs::read_dir(&all).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+            names.filter(|name| name.rsplit_once('-').unwrap().0 == owner).count()
+        };
+        (0..MAX_KEPT + 3).for_each(|number| add(format!("anna-{number}"), 10));
+        (0..3).for_each(|number| add(format!("an-anna-{number}"), MAX_SPACE));
+        make_room(&all, "anna", 10).unwrap();
+        assert_eq!((count("anna"), count("an-anna")), (MAX_KEPT - 1, 3), "owners have no part in others");
+        make_room(&all, "anna", MAX_SPACE).unwrap();
+        make_room(&all, "an-anna", 10).unwrap();
+        assert_eq!((count("anna"), count("an-anna")), (0, 0));
     }
 }

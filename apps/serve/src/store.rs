@@ -3,6 +3,7 @@
 //! ```text
 //! DATA/service.db            uploads, jobs, queue (write-ahead log)
 //! DATA/id                    the id of the service, which is also in the database and in the bucket
+//! DATA/clock                 the clock by which jobs expire
 //! DATA/uploads/ID/…          files of an upload; never changed once they are listed
 //! DATA/jobs/ID/in/           what a job reads: links to uploads and results, its pipeline file
 //! DATA/jobs/ID/out/          its results
@@ -24,9 +25,10 @@ pub use crate::error::{Result, StoreError};
 use crate::files::{Fetches, Files};
 use crate::records::Kind;
 pub use crate::records::{FileKind, Job, ResultFile, Selection, Status, Upload, UploadFile, now, time_text};
+use crate::reservations::Reservations;
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Uploads, jobs and their folders.
 #[derive(Debug)]
@@ -37,6 +39,8 @@ pub struct Store {
     pub(crate) fetches: Fetches,
     /// Owners whose jobs were taken, the last one at the end.
     pub(crate) served: Mutex<Vec<String>>,
+    /// Uploads that are being received.
+    pub(crate) receiving: Arc<Reservations>,
 }
 
 impl Store {
@@ -94,7 +98,7 @@ impl Store {
         Ok(true)
     }
 
-    /// The uploads of an owner, newest first.
+    /// The newest uploads of an owner, newest first.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -102,9 +106,9 @@ impl Store {
         let database = self.database();
         let mut query = database.prepare_cached(
             "SELECT id, name, files, folders, bytes, sha256, created FROM uploads
-             WHERE owner = ? AND name IS NOT NULL ORDER BY created DESC, id",
+             WHERE owner = ?1 AND name IS NOT NULL ORDER BY created DESC, id LIMIT ?2",
         )?;
-        let rows = query.query_map([owner], upload_of)?;
+        let rows = query.query_map(params![owner, MAX_UPLOADS], upload_of)?;
         Ok(rows.collect::<rusqlite::Result<_>>()?)
     }
 
@@ -169,11 +173,20 @@ impl Store {
     }
 
     /// Disk space of an owner, bytes: files of uploads and jobs in any state, a block for each file and
-    /// folder, and the rows of the database, those of dismissed jobs until they are forgotten.
+    /// folder, the rows of the database, those of dismissed jobs until they are forgotten, and uploads that
+    /// are being received.
     ///
     /// # Errors
     /// [`StoreError`].
     pub fn stored_bytes(&self, owner: &str) -> Result<u64> {
+        Ok(self.listed_bytes(owner)?.saturating_add(self.receiving.of(owner)))
+    }
+
+    /// Disk space of an owner, bytes, without uploads that are being received.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn listed_bytes(&self, owner: &str) -> Result<u64> {
         let database = self.database();
         let mut query = database.prepare_cached(
             "SELECT (SELECT coalesce(sum(bytes + (files + folders) * ?2), 0) FROM uploads WHERE owner = ?1)
@@ -247,8 +260,8 @@ impl Store {
     }
 
     /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`.
-    /// Lists have no long texts: neither what is executed nor warnings, long inputs in part, and results only
-    /// in lists of `Listed::Results`, unless they are very many.
+    /// Lists have no long texts: neither what is executed nor warnings, long inputs and messages in part, and
+    /// results only in lists of `Listed::Results`, unless they are very many.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -282,6 +295,7 @@ impl Store {
         };
         let columns = COLUMNS
             .replace("prepared,", "'{}',")
+            .replace("message,", &format!("{SHORT_MESSAGE},"))
             .replace("inputs,", &format!("{inputs},"))
             .replace("results,", &format!("{results},"))
             .replace("updated, warnings", "updated, '[]'");
@@ -404,10 +418,15 @@ pub enum Listed {
 /// Time of the computation of a job, ms; null for a job that waits. The time now is parameter 8.
 const DURATION: &str = "CASE status WHEN 'running' THEN ?8 - started ELSE finished - started END";
 
+/// Most uploads in a list.
+const MAX_UPLOADS: u32 = 10_000;
 /// Bytes that a row takes besides its texts.
 const ROW: u64 = 1024;
 /// Free pages of the database that are kept, and given back at a time.
 const MAX_FREE: u64 = 512;
+/// Messages as lists show them: the start of long ones.
+const SHORT_MESSAGE: &str =
+    "CASE WHEN length(message) <= 1000 THEN message ELSE substr(message, 1, 1000) || ' …' END";
 /// Inputs as titles and lists show them: without the long ones.
 const SHORT_INPUTS: &str = "CASE WHEN octet_length(inputs) <= 8192 THEN inputs ELSE (
     SELECT CASE WHEN octet_length(short) <= 8192 THEN short ELSE '{}' END
@@ -473,9 +492,35 @@ pub(crate) fn make_private(folder: &Path) -> std::io::Result<()> {
     builder.create(folder)
 }
 
+/// Removes a folder with everything in it, also folders that their owner cannot read or change.
 pub(crate) fn remove_folder(folder: &Path) -> std::io::Result<()> {
+    use std::io::ErrorKind;
     match std::fs::remove_dir_all(folder) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => {
+            open_folders(folder)?;
+            std::fs::remove_dir_all(folder)
+        }
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     }
+}
+
+/// Gives the owner of a folder, and of all folders in it, all rights to them.
+fn open_folders(folder: &Path) -> std::io::Result<()> {
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt as _;
+            std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o700))?;
+        }
+        for entry in std::fs::read_dir(&folder)? {
+            let entry = entry?;
+            // Links are not followed.
+            if entry.file_type()?.is_dir() {
+                folders.push(entry.path());
+            }
+        }
+    }
+    Ok(())
 }

@@ -6,6 +6,7 @@ use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
 use crate::execution::{End, Setting};
 use crate::names;
 use crate::records::Kind;
+use crate::reservations::Reservation;
 use crate::store::{FileKind, Store, StoreError, Upload, UploadFile, now};
 use crate::tokens::{hex, random_name};
 use axum::extract::Multipart;
@@ -34,6 +35,8 @@ const EXPAND_SECONDS: u64 = 300;
 const MIN_ROOM: usize = 1 << 20;
 /// Name of an archive for the process that expands it.
 const ARCHIVE: &str = "archive.zip";
+/// Names of columns that only inventories of trees have.
+const OF_TREES: [&str; 7] = ["species", "baumart", "art", "dbh", "bhd", "crown", "kronendurchmesser"];
 /// First bytes of a zip archive.
 const ZIP: &[u8] = b"PK\x03\x04";
 
@@ -76,23 +79,30 @@ pub struct Received {
     is_numbered: bool,
     first: String,
     files: BTreeSet<PathBuf>,
+    /// Disk space of the files.
+    space: Reservation,
 }
 
-/// Receives the files of a form. `is_genuine` judges the field `csrf`, which forms of pages begin with;
-/// `None` where none is needed.
+/// Receives the files of a form for an owner. `is_genuine` judges the field `csrf`, which forms of pages begin
+/// with; `None` where none is needed.
 ///
 /// # Errors
 /// [`UploadError`].
 pub async fn receive(
     mut form: Multipart,
+    owner: &str,
     store: &Store,
     limits: &ServeArgs,
     is_genuine: Option<&(dyn Fn(&str) -> bool + Sync)>,
 ) -> Result<Received, UploadError> {
     let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
-    let mut received =
-        Received { folder, name: None, is_numbered: false, first: String::new(), files: BTreeSet::new() };
-    let mut bytes = 0;
+    let mut received = Received::new(folder, owner, store);
+    let mut room = Room {
+        bytes: 0,
+        max_bytes: limits.max_upload,
+        listed: store.listed_bytes(owner)?,
+        max_stored: limits.max_stored,
+    };
     let mut is_admitted = is_genuine.is_none();
     while let Some(mut field) = form.next_field().await? {
         let Some(file_name) = field.file_name().map(str::to_owned) else {
@@ -128,7 +138,8 @@ pub async fn receive(
         if !received.files.insert(path) {
             return Err(UploadError::Wrong(format!("the upload has two files `{file_name}`")));
         }
-        receive_file(&mut field, &target, &mut bytes, limits.max_upload).await?;
+        room.take(&mut received.space, BLOCK)?;
+        receive_file(&mut field, &target, &mut received.space, &mut room).await?;
     }
     if !is_admitted {
         return Err(UploadError::Forged);
@@ -141,22 +152,51 @@ pub async fn receive(
     }
 }
 
-/// Receives a file of an upload, of which `bytes` have been received.
+/// Room for an upload.
+struct Room {
+    /// Bytes that have been received.
+    bytes: u64,
+    /// Maximum number of these bytes.
+    max_bytes: u64,
+    /// Disk space of the owner at the start, bytes, without uploads that are being received.
+    listed: u64,
+    /// Maximum disk space of an owner, bytes.
+    max_stored: u64,
+}
+
+impl Room {
+    /// Reserves disk space.
+    fn take(&self, space: &mut Reservation, bytes: u64) -> Result<(), UploadError> {
+        match self.listed.saturating_add(space.add(bytes)) > self.max_stored {
+            true => Err(too_much(self.max_stored)),
+            false => Ok(()),
+        }
+    }
+}
+
+fn too_much(max_stored: u64) -> UploadError {
+    UploadError::TooLarge(format!(
+        "your uploads and jobs would take more than {max_stored} bytes; remove some first"
+    ))
+}
+
+/// Receives a file of an upload.
 async fn receive_file(
     field: &mut Field<'_>,
     target: &Path,
-    bytes: &mut u64,
-    max_bytes: u64,
+    space: &mut Reservation,
+    room: &mut Room,
 ) -> Result<(), UploadError> {
     if let Some(parent) = target.parent() {
         tokio::fs::create_dir_all(parent).await?;
     }
     let mut file = tokio::fs::File::create_new(target).await?;
     while let Some(chunk) = next_chunk(field).await? {
-        *bytes += chunk.len() as u64;
-        if *bytes > max_bytes {
-            return Err(UploadError::TooLarge(format!("an upload has at most {max_bytes} bytes")));
+        room.bytes += chunk.len() as u64;
+        if room.bytes > room.max_bytes {
+            return Err(UploadError::TooLarge(format!("an upload has at most {} bytes", room.max_bytes)));
         }
+        room.take(space, chunk.len() as u64)?;
         file.write_all(&chunk).await?;
     }
     Ok(file.flush().await?)
@@ -181,30 +221,43 @@ async fn text_of(field: &mut Field<'_>) -> Result<String, UploadError> {
 }
 
 impl Received {
+    fn new(folder: tempfile::TempDir, owner: &str, store: &Store) -> Received {
+        Received {
+            folder,
+            name: None,
+            is_numbered: false,
+            first: String::new(),
+            files: BTreeSet::new(),
+            space: Reservation::new(&store.receiving, owner),
+        }
+    }
+
     /// Texts of the program itself as an upload under a name, or a name with a number if that is taken.
     ///
     /// # Errors
     /// [`UploadError`].
     pub fn of_texts(
         store: &Store,
+        owner: &str,
         name: &str,
         texts: &[(&'static str, String)],
     ) -> Result<Received, UploadError> {
         let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
-        let mut files = BTreeSet::new();
+        let mut received = Received::new(folder, owner, store);
         for (file, text) in texts {
-            fs::write(folder.path().join(file), text)?;
-            files.insert(PathBuf::from(file));
+            fs::write(received.folder.path().join(file), text)?;
+            received.files.insert(PathBuf::from(file));
         }
-        let name = Some(name.to_owned());
-        Ok(Received { folder, name, is_numbered: true, first: String::new(), files })
+        received.name = Some(name.to_owned());
+        received.is_numbered = true;
+        Ok(received)
     }
 
     /// Expands archives, hashes the files and lists the upload.
     ///
     /// # Errors
     /// [`UploadError`].
-    pub fn list(self, owner: &str, store: &Store, limits: &ServeArgs) -> Result<Upload, UploadError> {
+    pub fn list(mut self, owner: &str, store: &Store, limits: &ServeArgs) -> Result<Upload, UploadError> {
         let name = match &self.name {
             Some(name) if names::is_upload_name(name) => name.clone(),
             Some(name) => {
@@ -220,22 +273,21 @@ impl Received {
         // The folder that a browser sends a folder's files with is the upload itself.
         let mut root = self.folder.path().to_owned();
         let work = tempfile::tempdir_in(store.root().join("incoming"))?;
-        if let [path] = self.files.iter().collect::<Vec<_>>().as_slice() {
-            let archive = root.join(path);
-            if is_archive(&archive)? {
-                root = expand_confined(&archive, work.path(), limits)?;
-            }
+        let only = self.files.first().filter(|_| self.files.len() == 1).map(|path| root.join(path));
+        if let Some(archive) = only
+            && is_archive(&archive)?
+        {
+            root = self.expand(&archive, work.path(), owner, store, limits)?;
         }
         let root = inner_folder(&root)?;
         let Contents { files, folders, sha256 } = hash_files(&root, limits)?;
         let blocks = folders.saturating_add(files.len() as u64).saturating_mul(BLOCK);
         let taken = files.iter().map(|file| file.bytes).fold(blocks, u64::saturating_add);
-        if store.stored_bytes(owner)?.saturating_add(taken) > limits.max_stored {
-            return Err(UploadError::TooLarge(format!(
-                "your uploads and jobs would take more than {} bytes; remove some first",
-                limits.max_stored
-            )));
+        let others = store.stored_bytes(owner)?.saturating_sub(self.space.bytes());
+        if others.saturating_add(taken) > limits.max_stored {
+            return Err(too_much(limits.max_stored));
         }
+        self.space.set(taken);
         let mut upload = Upload {
             id: random_name(16),
             name: name.clone(),
@@ -263,11 +315,38 @@ impl Received {
         store.discard(Kind::Upload, &upload.id)?;
         Err(UploadError::Taken(name))
     }
+
+    /// Expands an archive within the room that its owner has. Returns the folder of its files.
+    fn expand(
+        &mut self,
+        archive: &Path,
+        work: &Path,
+        owner: &str,
+        store: &Store,
+        limits: &ServeArgs,
+    ) -> Result<PathBuf, UploadError> {
+        let left = limits.max_stored.saturating_sub(store.stored_bytes(owner)?);
+        let max_bytes = limits.max_upload.min(left);
+        self.space.add(max_bytes);
+        let is_owners = max_bytes < limits.max_upload;
+        let too_large = ExpandError::Bytes(max_bytes).to_string();
+        match expand_confined(archive, work, max_bytes, limits) {
+            Err(UploadError::Wrong(message)) if is_owners && message.contains(&too_large) => {
+                Err(too_much(limits.max_stored))
+            }
+            expanded => expanded,
+        }
+    }
 }
 
 /// Has a zip archive expanded by a process that can reach nothing else. Moves the archive to the empty folder
 /// `work`; returns the folder of its files.
-fn expand_confined(archive: &Path, work: &Path, limits: &ServeArgs) -> Result<PathBuf, UploadError> {
+fn expand_confined(
+    archive: &Path,
+    work: &Path,
+    max_bytes: u64,
+    limits: &ServeArgs,
+) -> Result<PathBuf, UploadError> {
     let [inputs, out, tmp] = ["in", "out", "tmp"].map(|name| work.join(name));
     for folder in [&inputs, &out, &tmp] {
         fs::create_dir(folder)?;
@@ -293,7 +372,7 @@ fn expand_confined(archive: &Path, work: &Path, limits: &ServeArgs) -> Result<Pa
     };
     let words = [
         "expand".to_owned(),
-        format!("--max-bytes={}", limits.max_upload),
+        format!("--max-bytes={max_bytes}"),
         format!("--max-files={}", limits.max_files),
         "--".to_owned(),
         ARCHIVE.to_owned(),
@@ -387,8 +466,8 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<Contents, UploadError> 
             if read == 0 {
                 break;
             }
-            if bytes == 0 && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("xml")) {
-                kind = kind_of(&buffer[..read]);
+            if bytes == 0 {
+                kind = kind_of(&path, &buffer[..read]);
             }
             hash.update(&buffer[..read]);
             bytes += read as u64;
@@ -401,8 +480,26 @@ fn hash_files(root: &Path, limits: &ServeArgs) -> Result<Contents, UploadError> 
     Ok(Contents { files, folders, sha256: hex(&all.finalize()) })
 }
 
+/// Kind of a file by its ending and beginning.
+fn kind_of(path: &Path, start: &[u8]) -> FileKind {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    match ending.to_ascii_lowercase().as_str() {
+        "xml" => kind_of_document(start),
+        "csv" | "txt" | "tsv" if is_inventory(start) => FileKind::Inventory,
+        _ => FileKind::Other,
+    }
+}
+
+/// True if the first line of a table names what only trees have.
+fn is_inventory(start: &[u8]) -> bool {
+    let line = start.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let line = String::from_utf8_lossy(&line[..line.len().min(MAX_TEXT)]).to_lowercase();
+    let mut words = line.split(|letter: char| !letter.is_alphanumeric());
+    words.any(|word| OF_TREES.contains(&word))
+}
+
 /// Kind of an XML document by its beginning.
-fn kind_of(start: &[u8]) -> FileKind {
+fn kind_of_document(start: &[u8]) -> FileKind {
     let has = |tag: &[u8]| start.windows(tag.len()).any(|window| window == tag);
     match (has(b"<survey"), has(b"<scene")) {
         (true, _) => FileKind::Survey,
@@ -550,6 +647,21 @@ mod tests {
             fs::create_dir_all(path.parent().unwrap()).unwrap();
             fs::write(path, "").unwrap();
             assert_eq!(inner_folder(folder.path()).unwrap(), folder.path().join(inner), "{made}");
+        }
+    }
+
+    #[test]
+    fn kinds_of_files_follow_from_their_beginnings() {
+        for (name, start, kind) in [
+            ("a.XML", "<document><scene id='a'>", FileKind::Scene),
+            ("a.xml", "<document><survey scene='a'>", FileKind::Survey),
+            ("a.csv", "Baum;X;Y;H\u{f6}he;BHD;Art\n1;2", FileKind::Inventory),
+            ("a.csv", "x,y,height,species", FileKind::Inventory),
+            ("a.txt", "time x y z roll pitch yaw\n0 0 0 0 0 0 0 dbh", FileKind::Other),
+            ("a.csv", "x,y,z,particle,intensity", FileKind::Other),
+            ("a.xyz", "species", FileKind::Other),
+        ] {
+            assert_eq!(kind_of(Path::new(name), start.as_bytes()), kind, "{name}: {start}");
         }
     }
 

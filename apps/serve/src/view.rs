@@ -20,6 +20,8 @@ pub(crate) const VIEW: &str = "view";
 /// Maximum time of drawing, seconds, and maximum size of what is drawn, bytes.
 const MAX_TIME: u64 = 120;
 const MAX_DRAWN: u64 = 32 << 20;
+/// Maximum disk space of a drawing while it is made, bytes: it counts for no owner.
+const MAX_DRAWING: u64 = 4 * MAX_DRAWN;
 
 /// The result that a picture is made of, if there is one.
 pub fn drawn_file(process: Option<Process>, files: &[ResultFile]) -> Option<&ResultFile> {
@@ -114,6 +116,7 @@ impl Workshop {
         setting.restrictions.file_size = Some(MAX_DRAWN);
         setting.within_inputs = true;
         setting.max_time = setting.max_time.min(MAX_TIME);
+        setting.max_disk = setting.max_disk.min(MAX_DRAWING);
         let log = folder.path().join("log");
         setting.execute(words, &log, None, &mut || Ok(()), &mut || Ok(!self.is_ending()))?;
         // A picture is small; what else a hostile file has had drawn goes.

@@ -10,7 +10,7 @@ use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
 use crate::execution::{End, Setting, bytes_in};
 use crate::files::Fetched;
-use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results};
+use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results, write_whole};
 use crate::messages::{MAX_LOG, progress_of};
 use crate::processes::Process;
 use crate::program::{MESSAGES, Program};
@@ -21,6 +21,7 @@ use crate::steps::Steps;
 use crate::store::{Job, Result, Status, Store, StoreError, now, remove_folder};
 use crate::tasks::{Submission, Tasks};
 use crate::tokens::{Owner, random_name};
+use std::cell::RefCell;
 use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
@@ -40,6 +41,8 @@ const QUICK_WORKERS: usize = 2;
 const DAY: i64 = 86_400_000;
 /// Period of the search for jobs that are kept no longer.
 const EXPIRY: Duration = Duration::from_secs(60);
+/// File of the clock by which jobs expire.
+const CLOCK: &str = "clock";
 /// Largest forecast that is read, bytes.
 const MAX_REPORT: u64 = 1 << 20;
 /// Lease owner of cancelled jobs still queued in an engine.
@@ -122,11 +125,16 @@ impl Workshop {
         let keep = self.limits.keep.map(|days| (days * DAY as f64) as i64);
         let period = keep.map_or(EXPIRY, |keep| EXPIRY.min(Duration::from_millis(keep.unsigned_abs())));
         let mut checked: Option<Instant> = None;
-        let mut clock = ExpiryClock::new(now(), Instant::now());
+        let path = self.store.root().join(CLOCK);
+        let recorded = fs::read_to_string(&path).ok();
+        let recorded = recorded.and_then(|record| ExpiryClock::recorded(&record, Instant::now()));
+        let mut clock = recorded.unwrap_or_else(|| ExpiryClock::new(now(), Instant::now()));
         while !self.is_ending() {
             if checked.is_none_or(|checked| checked.elapsed() > period) {
                 checked = Some(Instant::now());
-                if let Err(error) = self.remove_old(keep, clock.time(now(), Instant::now())) {
+                let time = clock.time(now(), Instant::now());
+                let done = self.remove_old(keep, time);
+                if let Err(error) = done.and_then(|()| write_whole(&path, clock.record().as_bytes())) {
                     eprintln!("vlscan serve: {error}");
                 }
             }
@@ -344,23 +352,96 @@ impl Workshop {
             End::Success => {}
             end => return Ok(end),
         }
+        let exceeded = RefCell::new(None);
+        let end = self.compute_steps(job, holder, setting, prepared, &exceeded)?;
+        Ok(match exceeded.into_inner() {
+            Some(message) if end == End::GivenUp => End::Failure(message),
+            _ => end,
+        })
+    }
+
+    /// Computes the files of a job's results. Returns [`End::GivenUp`], with a message in `exceeded`, if a
+    /// limit of the owner is exceeded.
+    fn compute_steps(
+        &self,
+        job: &Job,
+        holder: &str,
+        setting: Setting,
+        prepared: &Prepared,
+        exceeded: &RefCell<Option<String>>,
+    ) -> Result<End> {
+        let process = Process::named(&job.process);
+        let folder = setting.folder.clone();
+        let log = folder.join("log");
         let engine = self.engine.as_ref().filter(|_| process.is_some_and(|process| !process.is_quick()));
         let parts = engine.map_or(1, |engine| engine.parts);
         let steps = Steps::of(process, prepared, self.limits.threads, parts);
         let Some(engine) = engine else {
             let stdout = prepared.stdout.as_ref().map(|name| folder.join("out").join(name));
-            let mut goes_on = self.renewing(job, holder, || progress_of(&log));
+            let goes_on = self.renewing(job, holder, || progress_of(&log));
+            let mut goes_on = self.within_limits(job, &folder, exceeded, goes_on);
             return steps.compute_last(&setting, &log, stdout.as_deref(), &mut goes_on);
         };
-        let tasks = Tasks::of(folder);
-        let mut goes_on = self.renewing(job, holder, || tasks.progress(parts));
+        let tasks = Tasks::of(&folder);
+        let goes_on = self.renewing(job, holder, || tasks.progress(parts));
+        let mut goes_on = self.within_limits(job, &folder, exceeded, goes_on);
         let end = engine.compute(&job.id, &Submission { setting, steps }, &mut goes_on)?;
         drop(goes_on);
-        let is_dismissed = || Ok::<_, StoreError>(self.store.status(&job.id)? == Some(Status::Dismissed));
-        if end == End::GivenUp && is_dismissed()? && !engine.withdraw(&job.id, folder)? {
+        let is_over = || {
+            let is_dismissed = self.store.status(&job.id)? == Some(Status::Dismissed);
+            Ok::<_, StoreError>(is_dismissed || exceeded.borrow().is_some())
+        };
+        if end == End::GivenUp && is_over()? && !engine.withdraw(&job.id, &folder)? {
             eprintln!("vlscan serve: job {}: it was cancelled, but the engine still has it", job.id);
         }
         Ok(end)
+    }
+
+    /// `goes_on` while the owner of a job is within the limits; else false, with a message in `exceeded`.
+    fn within_limits<'a>(
+        &'a self,
+        job: &'a Job,
+        folder: &'a Path,
+        exceeded: &'a RefCell<Option<String>>,
+        mut goes_on: impl FnMut() -> Result<bool> + 'a,
+    ) -> impl FnMut() -> Result<bool> + 'a {
+        let mut next = Instant::now() + RENEWAL;
+        move || {
+            if !goes_on()? {
+                return Ok(false);
+            }
+            let start = Instant::now();
+            if start < next {
+                return Ok(true);
+            }
+            let message = self.exceeded(job, folder)?;
+            // Folders of many files are looked into less often.
+            next = Instant::now() + RENEWAL.max(20 * start.elapsed());
+            let is_within = message.is_none();
+            *exceeded.borrow_mut() = message;
+            Ok(is_within)
+        }
+    }
+
+    /// The message of a job whose owner exceeds a limit while it is computed. Records its disk space, and the
+    /// cells of a campaign that are complete, so that jobs at the same time count each other.
+    fn exceeded(&self, job: &Job, folder: &Path) -> Result<Option<String>> {
+        // Too many files are found by those who watch the process.
+        if let Ok(bytes) = bytes_in(folder) {
+            self.store.set_disk(&job.id, bytes)?;
+        }
+        if self.store.stored_bytes(&job.owner)? > self.limits.max_stored {
+            let most = self.limits.max_stored;
+            return Ok(Some(format!(
+                "your uploads and jobs take more than {most} bytes, the limit of this service; remove some first"
+            )));
+        }
+        let quota =
+            self.quota(&job.owner).filter(|_| Process::named(&job.process) == Some(Process::Campaign));
+        let Some(quota) = quota else { return Ok(None) };
+        let pulses = campaign_pulses(&folder.join("out")).unwrap_or(quota).max(1);
+        let charged = self.store.charge(job, pulses, Some(quota))?;
+        Ok(charged.err().map(|spent| used_up(quota, spent.saturating_add(pulses))))
     }
 
     /// Prices a run by a dry run, and charges the owner.
@@ -396,8 +477,7 @@ impl Workshop {
         if process == Some(Process::Campaign)
             && let Err(spent) = self.store.charge(job, 1, Some(quota))?
         {
-            let message = format!("the quota of {quota} pulses within 24 hours is used up ({spent})");
-            return Ok(End::Failure(message));
+            return Ok(End::Failure(used_up(quota, spent)));
         }
         Ok(End::Success)
     }
@@ -556,6 +636,11 @@ impl Workshop {
             max_disk: self.limits.max_disk,
         }
     }
+}
+
+/// The message of a campaign beyond the quota of its owner.
+fn used_up(quota: u64, spent: u64) -> String {
+    format!("the quota of {quota} pulses within 24 hours is used up ({spent})")
 }
 
 /// Files and folders of a job that a finished one does not need: of a successful job the first four, of a

@@ -1,7 +1,8 @@
 """The pages as people use them in Chromium: from an upload to the points, turned around, downloaded, compared, and computed again in a
-shell by the command that the page shows. Once with a mouse, once with keys alone on a phone's screen.
+shell by the command that the page shows. Once with a mouse, once with keys alone on a phone's screen. Each page on the way is inspected
+(`inspection`), by the script VLSCAN_AXE.
 
-    python browser.py target/debug/vlscan-serve target/debug/vlscan
+    VLSCAN_AXE=axe.min.js python browser.py target/debug/vlscan-serve target/debug/vlscan
 """
 
 import json
@@ -19,6 +20,7 @@ import imagecodecs
 import numpy
 import requests
 from chromium import Browser
+from inspection import Inspection
 
 FIXTURES = pathlib.Path(__file__).resolve().parents[3] / "fixtures"
 INSTRUMENT = "data/scanners_als.xml#riegl_vux-1uav"
@@ -35,7 +37,10 @@ def main() -> None:
         try:
             url = next(word for line in service.stderr for word in line.split() if word.startswith("http://")).rstrip("/")
             with Browser(folder) as browser:
-                with_a_mouse(browser, url, folder, vlscan)
+                inspection = Inspection(browser)
+                with_a_mouse(browser, url, folder, vlscan, inspection)
+                other_pages(browser, url, inspection)
+                inspection.end()
                 with_keys(browser, url)
                 assert not browser.problems, browser.problems
                 damaged(browser, url)
@@ -44,13 +49,14 @@ def main() -> None:
         assert service.wait(timeout=30) == 0
 
 
-def with_a_mouse(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathlib.Path) -> None:
-    an_example(browser, url)
+def with_a_mouse(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathlib.Path, inspection: Inspection) -> None:
+    an_example(browser, url, inspection)
     browser.go(f"{url}/")
+    inspection.page("home")
     browser.attach("input[name=file]", sorted((FIXTURES / "terrain").iterdir()))
     browser.run("document.querySelector('input[name=name]').value = 'terrain'")
     browser.leads(lambda: browser.click("form[action='/uploads'] button"), "/uploads/terrain")
-    browser.picture("upload")
+    inspection.page("upload")
     browser.leads(lambda: browser.click("a[href*='kind=airborne'][href*='scene.xml']"), "/new")
     browser.choose("scanner", INSTRUMENT)
 
@@ -70,18 +76,20 @@ def with_a_mouse(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathl
     show = "(() => {{ const field = document.querySelector('textarea[name=area]'); field.value = {!r};" \
         " field.dispatchEvent(new Event('input')); return document.querySelector('.sheet polygon').points.length; }})()"
     assert browser.run(show.format(typed)) == 4 and browser.run(show.format(area)) == 4, typed
-    browser.picture("area")
+    inspection.page("area")
+    failed_plan(browser, inspection)
     browser.leads(lambda: browser.click("section.card button[type=submit]"), "/jobs/")
     browser.wait("document.querySelector('.picture')?.complete && document.querySelector('.picture').naturalWidth > 0")
-    browser.picture("plan")
+    inspection.page("plan")
     browser.leads(lambda: browser.click("button[value='dry-run']"), "/jobs/")
     browser.wait("document.querySelector('.figures')?.innerText.includes('Points per m²')")
-    browser.picture("forecast")
+    inspection.page("forecast")
     browser.leads(lambda: browser.click("button[value=run]"), "/jobs/")
 
     points = drawn(browser)
     assert points > 1000, points
-    browser.picture("points")
+    inspection.page("points")
+    drawn(browser)
     first = shown(browser)
     browser.choose("colouring", "class")
     browser.wait("document.querySelector('.legend').innerText.includes('Ground')")
@@ -100,20 +108,50 @@ def with_a_mouse(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathl
     cloud = f"{job.removeprefix('/')}/points.copc.laz"
     browser.go(f"{url}/compare?first={cloud}")
     assert browser.run("document.querySelector('select[name=first]').value") == cloud
+    inspection.page("compare")
     browser.run(
         "(() => { const list = document.querySelector('select[name=second]'); list.append(new Option('same', document.querySelector("
         "'select[name=first]').value)); list.selectedIndex = list.options.length - 1; })()"
     )
     browser.leads(lambda: browser.click("main button[type=submit]"), "/jobs/")
     browser.wait("document.querySelector('iframe')?.src.endsWith('report.html')")
-    browser.picture("compared")
-    tripods(browser, url)
+    inspection.page("compared")
+    tripods(browser, url, inspection)
 
 
-def an_example(browser: Browser, url: str) -> None:
+def failed_plan(browser: Browser, inspection: Inspection) -> None:
+    """A flight that is too high fails; its button flies at a height from which the instrument detects the ground."""
+    form = browser.run("location.href")
+    area = browser.run("document.querySelector('textarea[name=area]').value")
+    browser.run("document.querySelector('section.card [name=height]').value = '5000'")
+    browser.leads(lambda: browser.click("section.card button[type=submit]"), "/jobs/")
+    browser.wait("document.querySelector('section.card .problem')?.textContent.includes('5000 m away')")
+    inspection.page("failed plan")
+    browser.leads(lambda: browser.click("main .views button[type=submit]"), "/jobs/")
+    browser.wait("document.querySelector('button[value=run]')")
+    # Back to the form, as it was filled in.
+    browser.go(form)
+    browser.choose("scanner", INSTRUMENT)
+    browser.run(
+        f"(() => {{ const field = document.querySelector('textarea[name=area]'); field.value = {json.dumps(area)};"
+        " field.dispatchEvent(new Event('input')); })()"
+    )
+
+
+def other_pages(browser: Browser, url: str, inspection: Inspection) -> None:
+    """Pages beside the way."""
+    for kind in ("mobile", "trajectory", "survey", "stand"):
+        browser.go(f"{url}/new?kind={kind}&scene=terrain/scene.xml")
+        inspection.page(f"new {kind}")
+    for path in ("instruments", "jobs?f=html", "api?f=html"):
+        browser.go(f"{url}/{path}")
+        inspection.page(path.partition("?")[0])
+
+
+def an_example(browser: Browser, url: str, inspection: Inspection) -> None:
     """From the empty page to the points by one click."""
     browser.go(f"{url}/")
-    browser.picture("empty")
+    inspection.page("empty")
     browser.leads(lambda: browser.click("button[value=terrain]"), "/jobs/")
     browser.wait("document.querySelector('#cloud')")
     assert drawn(browser) > 1000
@@ -129,7 +167,7 @@ def an_example(browser: Browser, url: str) -> None:
     browser.picture("example")
 
 
-def tripods(browser: Browser, url: str) -> None:
+def tripods(browser: Browser, url: str, inspection: Inspection) -> None:
     """Places of a tripod, clicked on a map that is enlarged."""
     browser.go(f"{url}/new?kind=terrestrial&scene=terrain/scene.xml")
     browser.wait("document.querySelector('.sheet img')?.naturalWidth > 0 && !document.querySelector('.sheet').hidden")
@@ -142,7 +180,7 @@ def tripods(browser: Browser, url: str) -> None:
     (left, top), (right, bottom) = ([float(number) for number in line.split(",")] for line in places.splitlines())
     assert right > left and top > bottom, places
     assert browser.run("[...document.querySelectorAll('.sheet .number')].map((one) => one.textContent).join()") == "1,2"
-    browser.picture("tripods")
+    inspection.page("tripods")
 
 
 def computed_again(browser: Browser, url: str, folder: pathlib.Path, vlscan: pathlib.Path) -> None:

@@ -145,6 +145,14 @@ class Browser:
         node = self.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
         self.call("DOM.setFileInputFiles", nodeId=node, files=[str(path) for path in paths])
 
+    def violations(self, axe):
+        """Violations of the rules of accessibility on the page, found by a script of axe-core: a line for each element."""
+        if not self.run("typeof axe === 'object'"):
+            self.run(f"{axe};0")
+        # Reports are pages of their own, which do not run its script.
+        found = self.run("axe.run(document, { iframes: false }).then((found) => found.violations.map((one) => [one.id, one.help, one.nodes.map((node) => node.html)]))")
+        return [f"{rule}: {text}: {element[:300]}" for rule, text, elements in found for element in elements]
+
     def picture(self, name, selector=None):
         """The window as PNG, or the part of it that an element takes."""
         clip = {}
@@ -155,7 +163,18 @@ class Browser:
             )
             x, y = x + self.run("scrollX"), y + self.run("scrollY")
             clip = {"clip": {"x": x, "y": y, "width": width, "height": height, "scale": 1}}
-        taken = base64.b64decode(self.call("Page.captureScreenshot", format="png", **clip)["data"])
+        return self.keep(name, self.call("Page.captureScreenshot", format="png", **clip))
+
+    def whole_picture(self, name):
+        """The whole page as PNG, also what is below the window."""
+        size = self.call("Page.getLayoutMetrics")["cssContentSize"]
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
+        return self.keep(name, self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip=clip))
+
+    @staticmethod
+    def keep(name, answer):
+        """A picture that was taken; with VLSCAN_SCREENSHOTS it is kept in that folder."""
+        taken = base64.b64decode(answer["data"])
         folder = os.environ.get("VLSCAN_SCREENSHOTS")
         if folder:
             pathlib.Path(folder).mkdir(parents=True, exist_ok=True)

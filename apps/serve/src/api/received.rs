@@ -121,7 +121,7 @@ async fn received(
     // Programs send no form of a page; a browser says where its forms come from.
     let check: Option<&(dyn Fn(&str) -> bool + Sync)> =
         if identity.is_ambient && !app.tokens.is_empty() { Some(&is_genuine) } else { None };
-    let received = uploads::receive(form, &app.workshop.store, &app.workshop.limits, check);
+    let received = uploads::receive(form, &identity.owner, &app.workshop.store, &app.workshop.limits, check);
     let received = tokio::time::timeout(uploads::MAX_TIME, received).await.map_err(|_| {
         let message = format!("the upload took more than {} s", uploads::MAX_TIME.as_secs());
         Failure::new(StatusCode::REQUEST_TIMEOUT, message)

@@ -17,6 +17,8 @@ pub const FORMATS: [(&str, &str); 7] = [
 ];
 /// Most files in a list to choose from.
 const MAX_CHOICES: usize = 500;
+/// Number of files after which older uploads are not looked into.
+const MAX_FILES: usize = 20_000;
 /// Most jobs whose results are offered for comparisons.
 const MAX_COMPARED: u32 = 50;
 /// Most stands that are offered as scenes.
@@ -28,11 +30,17 @@ pub(super) const CLOUDS: [&str; 10] =
     ["laz", "las", "ply", "pcd", "e57", "pts", "xyz", "csv", "arrow", "parquet"];
 pub(super) const TRAJECTORIES: [&str; 5] = ["csv", "txt", "out", "sbet", "trj"];
 pub(super) const TABLES: [&str; 3] = ["csv", "txt", "tsv"];
+const MESHES: [&str; 6] = ["obj", "ply", "stl", "off", "gltf", "glb"];
 pub(super) const TERRAINS: [&str; 6] = ["tif", "tiff", "vrt", "obj", "ply", "stl"];
 
 /// True if a scene can be made of the file by itself.
 pub fn is_scene(name: &str) -> bool {
     has_ending(name, &SCENES)
+}
+
+/// True if the file is a mesh, perhaps of a building or a room.
+pub fn is_mesh(name: &str) -> bool {
+    has_ending(name, &MESHES)
 }
 
 /// True if the file may be an inventory.
@@ -68,6 +76,9 @@ impl Files {
                 Named { label: name.clone(), name, kind: file.kind }
             };
             files.extend(store.files(&upload.id)?.into_iter().map(named));
+            if files.len() >= MAX_FILES {
+                break;
+            }
         }
         for job in
             store.jobs(Listed::States, owner, &[Status::Successful], &["stand".to_owned()], 0, MAX_STANDS)?
@@ -108,9 +119,11 @@ impl Files {
         self.0.is_empty()
     }
 
-    /// Files with these endings.
+    /// Files with these endings. Inventories are in the list of tables only.
     pub fn with(&self, endings: &[&str]) -> Vec<&str> {
-        self.chosen(|name, _| has_ending(name, endings)).take(MAX_CHOICES).collect()
+        let is_table = endings == TABLES.as_slice();
+        let is_of_list = |kind: FileKind| is_table || kind != FileKind::Inventory;
+        self.chosen(|name, kind| is_of_list(kind) && has_ending(name, endings)).take(MAX_CHOICES).collect()
     }
 
     /// Scenes: first XML files that hold one, then geometry.

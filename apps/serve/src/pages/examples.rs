@@ -112,7 +112,7 @@ fn uploaded(workshop: &Workshop, owner: &str, example: &Example) -> Result<Strin
             return Ok(known.name);
         }
     }
-    let received = Received::of_texts(store, example.upload, &(example.texts)())?;
+    let received = Received::of_texts(store, owner, example.upload, &(example.texts)())?;
     Ok(received.list(owner, store, &workshop.limits)?.name)
 }
 

@@ -26,6 +26,15 @@ pub struct Fix {
     value: String,
 }
 
+/// Heights that a form offers first, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Usual {
+    /// Height of level ground below the scene.
+    pub level: f64,
+    /// Height of a flight above the ground, for the instrument.
+    pub flight: f64,
+}
+
 impl Problem {
     /// A slip in the fields of a form.
     pub fn of_fields(error: &FieldError) -> Problem {
@@ -37,9 +46,9 @@ impl Problem {
         Problem { text: message.to_owned(), ..Problem::default() }
     }
 
-    /// The failure of a plan with these fields. `level` is the height at which level ground would be, m.
-    pub fn of_plan(message: &str, fields: &Fields, level: f64) -> Problem {
-        let fixes = fixes(message, fields, level);
+    /// The failure of a plan with these fields.
+    pub fn of_plan(message: &str, fields: &Fields, usual: Usual) -> Problem {
+        let fixes = fixes(message, fields, usual);
         let is_of_height = message.contains("fly higher") || message.contains("fly lower");
         let field = match fixes.first() {
             Some(fix) if !is_of_height => Some(fix.field),
@@ -53,7 +62,7 @@ impl Problem {
     }
 }
 
-fn fixes(message: &str, fields: &Fields, level: f64) -> Vec<Fix> {
+fn fixes(message: &str, fields: &Fields, Usual { level, flight }: Usual) -> Vec<Fix> {
     let given = |key: &str| fields.get(key).and_then(|text| text.parse::<f64>().ok());
     let mut found = Vec::new();
     let mut add = |label: String, field: &'static str, value: String| found.push(Fix { label, field, value });
@@ -62,8 +71,11 @@ fn fixes(message: &str, fields: &Fields, level: f64) -> Vec<Fix> {
             number_after(message, "fly higher than ").or_else(|| number_after(message, "measures from "));
         above.map(|above| ((above + 1.0) / 10.0).ceil() * 10.0)
     } else if message.contains("fly lower") {
-        let below = number_after(message, "measures up to ").or_else(|| given("height"));
-        below.map(|below| (below * 0.07).floor() * 10.0).filter(|height| *height > 0.0)
+        let lower = |below: f64| (below * 0.07).floor() * 10.0;
+        // From how far an instrument detects ground is known only for its usual height.
+        let usual = || given("height").map(|given| if flight < given { flight } else { lower(given) });
+        let height = number_after(message, "measures up to ").map(lower).or_else(usual);
+        height.filter(|height| *height > 0.0)
     } else {
         None
     };
@@ -130,7 +142,7 @@ mod tests {
     fn problem(message: &str) -> (Option<&'static str>, Vec<String>) {
         let fields = [("height", "80"), ("spacing", "40")];
         let fields = fields.map(|(key, value)| (key.to_owned(), value.to_owned())).into_iter().collect();
-        let problem = Problem::of_plan(message, &fields, 2.5);
+        let problem = Problem::of_plan(message, &fields, Usual { level: 2.5, flight: 70.0 });
         let fixes = problem.fixes.iter().map(|fix| format!("{}: {}={}", fix.label, fix.field, fix.value));
         (problem.field, fixes.collect())
     }
@@ -153,6 +165,11 @@ mod tests {
                 "error: the ground is 80 m away, but A measures up to 60 m only; fly lower",
                 Some("height"),
                 &["Fly at 40 m: height=40"],
+            ),
+            (
+                "error: the ground is 80 m away, where A does not detect ground that reflects 50 %; fly lower, or lower the pulse rate",
+                Some("height"),
+                &["Fly at 70 m: height=70"],
             ),
             (
                 "error: --scene a.obj: none of its materials is ground\nhelp: give the height of level ground with --ground",
@@ -189,7 +206,8 @@ mod tests {
 
     #[test]
     fn messages_at_fields_have_words_of_the_page() {
-        let problem = Problem::of_plan("error: change --density\nhelp: or not", &Fields::new(), 0.0);
+        let usual = Usual { level: 0.0, flight: 80.0 };
+        let problem = Problem::of_plan("error: change --density\nhelp: or not", &Fields::new(), usual);
         assert_eq!(problem.text, "change Density");
     }
 }

@@ -142,17 +142,13 @@ fn state(job: &Job, queued: &str) -> Markup {
                 @let warnings = job.problems();
                 // Warnings are seen at once.
                 @if !warnings.is_empty() {
-                    details open { summary { "Warnings" } ul .warnings { @for warning in &warnings { (problem(warning)) } } }
+                    details open { summary { "Warnings" } ul .warnings { @for warning in &warnings { (problem(job, warning)) } } }
                 }
                 @if !job.message.is_empty() { details { summary { "Messages" } pre { (job.message) } } }
             }
             Status::Failed => {
                 p { span .state .failed { "failed" } }
-                @let message = match job.process == Process::Plan.id() {
-                    true => in_words_of_the_page(&job.message),
-                    false => job.message.clone(),
-                };
-                pre .message role="alert" { (message) }
+                pre .message role="alert" { (in_words(job, &job.message)) }
             }
             Status::Dismissed => {
                 // The dismissal of an unfinished job is its end.
@@ -164,20 +160,32 @@ fn state(job: &Job, queued: &str) -> Markup {
     }
 }
 
+/// A message of a job. Those of plans name options, which are fields of the page.
+fn in_words(job: &Job, message: &str) -> String {
+    match job.process == Process::Plan.id() {
+        true => in_words_of_the_page(message),
+        false => message.to_owned(),
+    }
+}
+
 /// A warning as an entry of a list.
-fn problem(warning: &ProblemMessage) -> Markup {
+fn problem(job: &Job, warning: &ProblemMessage) -> Markup {
     let place = place_of(warning);
     html! {
         li {
-            (warning.message)
+            (in_words(job, &warning.message))
             @if !place.is_empty() { " " small { code { (place) } } }
-            @if let Some(help) = &warning.help { br; "Help: " (help) }
+            @if let Some(help) = &warning.help { br; "Help: " (in_words(job, help)) }
         }
     }
 }
 
-/// A link to the form that the job comes from, with what was filled in.
+/// A link to the form that the job comes from, with what was filled in. The page of a failed plan has the
+/// form itself.
 fn change(job: &Job) -> Markup {
+    if job.status == Status::Failed && job.process == Process::Plan.id() {
+        return html! {};
+    }
     let inputs: Map<String, Value> = serde_json::from_str(&job.inputs).unwrap_or_default();
     let address =
         Process::named(&job.process).filter(|_| job.status.is_final()).and_then(|of| address(of, &inputs));

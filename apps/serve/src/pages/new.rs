@@ -2,13 +2,13 @@
 //! clouds to compare.
 
 use super::choices::{CLOUDS, Files};
-use super::fixes::{Problem, buttons};
+use super::fixes::{Problem, Usual, buttons};
 use super::form_body::{FormBody, genuine};
 use super::home::encoded;
 use super::layout::{form_token, page};
 use super::mesh::level;
 use super::plan_fields;
-use super::scan_form::{SHAPES, Values, form, shown_scene};
+use super::scan_form::{SHAPES, Values, form, height_for, shown_scene};
 use super::trail::{Crumb, path};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
@@ -126,7 +126,9 @@ pub async fn failed_plan(app: &Arc<App>, identity: &Identity, job: &Job) -> Resu
         Ok((Files::of(workshop, &owner)?, level(&workshop.store, &owner, &scene)?))
     })
     .await?;
-    let problem = Problem::of_plan(&job.message, &given, level.unwrap_or(0.0));
+    let flight = height_for(app, given.get("scanner").map_or("", String::as_str));
+    let usual = Usual { level: level.unwrap_or(0.0), flight };
+    let problem = Problem::of_plan(&job.message, &given, usual);
     let solutions = buttons(app, identity, &problem, &given);
     let values = Values { given, is_again: true, problem: Some(problem) };
     Ok(html! {
@@ -162,7 +164,9 @@ pub async fn compare(
     let content = html! {
         (path(&[Crumb::files(), Crumb::here("Comparison")]))
         h1 { "Compare two clouds" }
-        @if clouds.len() < 2 { p .lead { "This needs two clouds: upload one, or run a scan." } }
+        @if clouds.len() < 2 {
+            p .lead { "This needs two clouds: " a href="/" { "upload one" } ", or run a " a href="/new" { "new scan" } "." }
+        }
         form .card method="post" action="/forms/compare" {
             (form_token(&app, &identity))
             (files.choice("first", "First cloud, usually the measured one", &clouds, None, asked("first")))

@@ -1,5 +1,6 @@
 //! A plan in words, and its figures.
 
+use super::plan_fields::in_words_of_the_page;
 use super::titles::instrument;
 use crate::program::Program;
 use maud::{Markup, html};
@@ -77,7 +78,9 @@ fn figure(line: &str) -> (String, String) {
     let name: Option<String> = letters.next().map(|first| first.to_uppercase().chain(letters).collect());
     (
         name.unwrap_or_default(),
-        FORMULAS.iter().fold(value.to_owned(), |text, formula| text.replace(formula, "")),
+        in_words_of_the_page(
+            &FORMULAS.iter().fold(value.to_owned(), |text, formula| text.replace(formula, "")),
+        ),
     )
 }
 
@@ -102,11 +105,12 @@ mod tests {
     fn figures_have_names_and_no_formulas() {
         let document = "# vlscan plan airborne --height 60\n#\n# A over 1 ha, 60 m above the ground\n\
                         # duration   2 min\n# spacing    v/f = 0.800 m along, W·f/N = 0.900 m across\n\
-                        # ground     N = 2 k of 3 k pulses\n# warning: too low\n\nscene = 1\n# later  no";
+                        # rate       50 kHz; a higher --pulse-rate flies faster\n# ground     N = 2 k of 3 k pulses\n# warning: too low\n\nscene = 1\n# later  no";
         let expected = [
             ("", "A over 1 ha, 60 m above the ground"),
             ("Duration", "2 min"),
             ("Spacing", "0.800 m along, 0.900 m across"),
+            ("Rate", "50 kHz; a higher Pulse rate flies faster"),
             ("Ground", "2 k of 3 k pulses"),
         ];
         assert_eq!(figures(document), expected.map(|(name, value)| (name.to_owned(), value.to_owned())));

@@ -112,7 +112,7 @@ impl Form<'_> {
         let values = self.values;
         let areas = self.files.with(&AREAS);
         let [area, ..] = SHAPES;
-        let height = height_for(self.app, values.of("scanner", ""));
+        let height = height_for(self.app, values.of("scanner", "")).to_string();
         html! {
             form method="post" action="/forms/plan" {
                 (self.begin("A flight over a scene"))
@@ -255,10 +255,10 @@ fn first_height(scanner: &Value) -> f64 {
     HEIGHT.max(least).min(most).max(1.0)
 }
 
-/// The first height for an instrument by its reference, as text.
-fn height_for(app: &App, wanted: &str) -> String {
+/// The first height of a flight for an instrument by its reference, m.
+pub(super) fn height_for(app: &App, wanted: &str) -> f64 {
     let known = app.workshop.program.entries("scanners").find(|(reference, _)| *reference == wanted);
-    known.map_or(HEIGHT, |(_, scanner)| first_height(scanner)).to_string()
+    known.map_or(HEIGHT, |(_, scanner)| first_height(scanner))
 }
 
 fn scanners(app: &App, wanted: &str, is_airborne: bool) -> Markup {

@@ -1,6 +1,6 @@
 //! The page of an upload: its files, and what can be done with each.
 
-use super::choices::{is_scene, is_table, is_trajectory};
+use super::choices::{is_mesh, is_scene, is_table, is_trajectory};
 use super::cloud::{is_cloud, is_octree, show_form, viewer};
 use super::home::{encoded, remove_form};
 use super::layout::{bytes_text, page};
@@ -30,7 +30,8 @@ pub fn upload(
     let rank = |kind: FileKind| match kind {
         FileKind::Survey => 0,
         FileKind::Scene => 1,
-        FileKind::Other => 2,
+        FileKind::Inventory => 2,
+        FileKind::Other => 3,
     };
     sorted.sort_by_key(|(file, actions)| (actions.is_empty(), rank(file.kind)));
     let content = html! {
@@ -81,8 +82,14 @@ fn actions(app: &App, identity: &Identity, upload: &str, file: &UploadFile) -> V
     if file.kind == FileKind::Scene || is_scene(&name) {
         found.push(link("airborne", "scene", "Plan a scan"));
     }
+    if file.kind == FileKind::Scene || is_mesh(&name) {
+        found.push(link("terrestrial", "scene", "Place tripods"));
+    }
     if is_table(&name) {
         found.push(link("stand", "inventory", "Make trees of an inventory"));
+    }
+    if file.kind == FileKind::Inventory {
+        return found;
     }
     if is_trajectory(&name) {
         found.push(link("trajectory", "trajectory", "Fly along a trajectory"));

@@ -240,6 +240,23 @@ fn dismissed_jobs_leave_nothing_but_their_state() {
 }
 
 #[test]
+fn ten_thousand_dismissed_jobs_leave_a_small_database() {
+    let (folder, store) = store();
+    store.database().execute_batch("PRAGMA synchronous = OFF").unwrap();
+    let long = format!("{{\"area\": \"{}\"}}", "x".repeat(4000));
+    for number in 0..10_000 {
+        let id = format!("{number:032x}");
+        let job = Job { inputs: long.clone(), prepared: long.clone(), ..job("anna", &id) };
+        let uses = BTreeSet::from([Use::Upload { name: "forest".into(), id: "u".into() }]);
+        assert!(store.add_job(&job, &uses, None, 99_999).unwrap());
+        assert!(store.dismiss("anna", &id, None).unwrap());
+    }
+    let bytes = |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().len();
+    let all = bytes("service.db") + bytes("service.db-wal");
+    assert!(all < 20_000_000, "{all}");
+}
+
+#[test]
 fn failed_jobs_keep_their_inputs_and_nothing_that_was_made_of_them() {
     let (_folder, store) = store();
     let long = format!("{{\"shown\": \"{}\"}}", "x".repeat(100_000));
@@ -250,6 +267,18 @@ fn failed_jobs_keep_their_inputs_and_nothing_that_was_made_of_them() {
     let found = store.job("anna", "a").unwrap().unwrap();
     assert_eq!((found.inputs.as_str(), found.prepared.as_str()), ("{\"seed\": 1}", "{}"));
     assert!(store.stored_bytes("anna").unwrap() < 2000);
+}
+
+#[test]
+fn lists_have_the_start_of_long_messages() {
+    let (_folder, store) = store();
+    store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
+    store.take_job("w", Lane::Any).unwrap();
+    let long = "ä".repeat(5000);
+    store.finish("a", "w", &Outcome::Failed(long.clone())).unwrap();
+    let listed = store.jobs(Listed::Bare, "anna", &[], &[], 0, 9).unwrap();
+    assert_eq!(listed[0].message, format!("{} …", "ä".repeat(1000)));
+    assert_eq!(store.job("anna", "a").unwrap().unwrap().message, long);
 }
 
 #[test]

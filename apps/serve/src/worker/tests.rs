@@ -1,4 +1,4 @@
-//! Leases and folders.
+//! Leases, folders, limits of owners.
 
 use super::*;
 use crate::files::Files;
@@ -89,4 +89,36 @@ fn a_job_is_finished_although_its_folder_cannot_be_tidied() {
     store.take_job("w", Lane::Any).unwrap().unwrap();
     workshop.conclude(&job, "w", &Outcome::Failed("no".to_owned()));
     assert_eq!(store.job("anna", "a").unwrap().unwrap().message, "no");
+}
+
+#[test]
+fn campaigns_at_the_same_time_count_each_other() {
+    let (_folder, mut workshop, _) = workshop();
+    workshop.limits.quota = Some(100);
+    let store = Arc::clone(&workshop.store);
+    let campaigns = ["b", "c"].map(|id| {
+        let campaign = Job { process: "campaign".to_owned(), ..job("anna", id) };
+        assert!(store.add_job(&campaign, &BTreeSet::new(), None, 9).unwrap());
+        campaign
+    });
+    let complete = |id: &str, pulses: u64| {
+        let notes = store.job_folder(id).join("out/dataset/.campaign");
+        fs::create_dir_all(&notes).unwrap();
+        fs::write(notes.join("a.made"), format!("{{\"pulses\": {pulses}}}\n")).unwrap();
+    };
+    let exceeded = |workshop: &Workshop, campaign: &Job| {
+        workshop.exceeded(campaign, &store.job_folder(&campaign.id)).unwrap()
+    };
+    let [first, second] = &campaigns;
+    complete("b", 60);
+    complete("c", 40);
+    assert_eq!((exceeded(&workshop, first), exceeded(&workshop, second)), (None, None));
+    complete("c", 50);
+    let message = exceeded(&workshop, second).unwrap();
+    assert!(message.contains("quota of 100 pulses") && message.contains("(110)"), "{message}");
+    // Their files count while they are computed.
+    let stored = store.stored_bytes("anna").unwrap();
+    assert!(stored > 8 * 4096, "{stored}");
+    workshop.limits.max_stored = stored - 1;
+    assert!(exceeded(&workshop, first).unwrap().contains("remove some first"));
 }

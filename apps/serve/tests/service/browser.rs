@@ -178,6 +178,7 @@ fn an_inventory_becomes_a_scene() {
     let upload = page(&service, "/uploads/plot");
     let token = token_of(&upload).to_owned();
     assert!(upload.contains("/new?kind=stand&amp;inventory=plot%2Ftrees.csv"), "{upload}");
+    assert!(!upload.contains("Compare points") && !upload.contains("Fly along"), "{upload}");
     let made = send(
         &service,
         "/forms/stand",

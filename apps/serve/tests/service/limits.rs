@@ -152,6 +152,82 @@ fn deleted_files_that_a_job_writes_are_limited() {
 }
 
 #[test]
+fn deleted_files_that_a_job_maps_are_limited() {
+    let folder = tempfile::tempdir().unwrap();
+    let python = "import mmap, os, time\nf = open('../tmp/f', 'w+b'); f.truncate(1 << 40); m = mmap.mmap(f.fileno(), 4096)\n\
+                  os.closerange(3, 1000); os.unlink('../tmp/f'); time.sleep(60)";
+    let script = format!("exec python3 -c \"{python}\"");
+    let service = scripted(folder.path(), &script, &["--max-disk", "3M"]);
+    with_field(&service);
+    let job = service.run("dry-run", &flight(1, 1));
+    assert!(job["message"].as_str().unwrap().contains("maps deleted files"), "{job}");
+}
+
+#[test]
+fn folders_that_cannot_be_read_are_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    // Root reads them all the same.
+    let script =
+        "mkdir -p ../tmp/a/b ../out/c; : >../tmp/a/b/f; chmod 0 ../tmp/a/b ../tmp/a ../out/c; exit 3";
+    let mut service = scripted(folder.path(), script, &[]);
+    with_field(&service);
+    let job = service.run("dry-run", &flight(1, 1));
+    assert_eq!(job["status"], "failed", "{job}");
+    let incoming = service.data.join("incoming");
+    let is_empty = || std::fs::read_dir(&incoming).unwrap().count() == 0;
+    wait_until("the files of the job go", is_empty);
+    let closed = incoming.join("closed/inner");
+    std::fs::create_dir_all(&closed).unwrap();
+    for folder in [closed.as_path(), closed.parent().unwrap()] {
+        std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0)).unwrap();
+    }
+    service.restart();
+    assert!(is_empty(), "a start removes them");
+}
+
+#[test]
+fn a_job_ends_where_its_owner_has_no_room_left() {
+    let service = Service::start(&["--max-stored", "5M"]);
+    with_field(&service);
+    let mut inputs = flight(1, 60);
+    inputs["output"] = json!([{ "path": "a.xyz" }]);
+    let job = service.run("run", &inputs);
+    assert_eq!(job["status"], "failed", "{job}");
+    assert!(job["message"].as_str().unwrap().contains("more than 5000000 bytes"), "{job}");
+    // Its files are gone, and there is room again.
+    assert_eq!(service.run("run", &flight(1, 1))["status"], "successful");
+}
+
+#[test]
+fn uploads_that_are_received_count() {
+    let service = Service::start(&["--workers", "0", "--max-stored", "2M"]);
+    let begin = |bytes: usize| {
+        let mut stream = std::net::TcpStream::connect(&service.address).unwrap();
+        let head = format!(
+            "POST /uploads HTTP/1.1\r\nHost: {}\r\nContent-Type: multipart/form-data; boundary=b\r\nContent-Length: 9000000\r\n\r\n\
+             --b\r\nContent-Disposition: form-data; name=\"file\"; filename=\"a.obj\"\r\n\r\n",
+            service.address
+        );
+        stream.write_all(head.as_bytes()).unwrap();
+        stream.write_all(&vec![b' '; bytes]).unwrap();
+        stream
+    };
+    let streams = [begin(900_000), begin(900_000)];
+    let upload = || service.upload("more", &[("a.obj", vec![b' '; 400_000])]).status;
+    wait_until("uploads that are received count", || upload() == 413);
+    drop(streams);
+    wait_until("uploads that end early do not", || upload() == 201);
+    // An archive is expanded within what is left.
+    let full = archive(&[("a.obj".to_owned(), vec![b' '; 5_000_000])]);
+    let refused = service.upload("zip", &[("a.zip", full)]);
+    assert!(
+        refused.status == 413 && refused.text().contains("more than 2000000 bytes"),
+        "{}",
+        refused.text()
+    );
+}
+
+#[test]
 fn a_drawing_keeps_its_turn_although_its_connection_ends() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");
@@ -286,6 +362,11 @@ fn an_owner_who_floods_the_service_does_not_stop_others() {
     }
     wait_until("a run of anna is computed", || long.iter().any(|id| status(anna, id) == "running"));
     // Neither her runs nor her forecasts are before his.
+    let plan = json!({ "kind": "airborne", "scene": "field/field.obj", "scanner": "riegl_vux-1uav", "height": 60, "density": 5 });
+    let start = Instant::now();
+    let plan = submit(ben, "plan", &plan);
+    wait_until("the plan of ben", || status(ben, &plan) == "successful");
+    assert!(start.elapsed() < Duration::from_secs(5), "the plan of ben took {:?}", start.elapsed());
     let forecast = submit(ben, "dry-run", &flight(1, 1));
     wait_until("the forecast of ben", || status(ben, &forecast) == "successful");
     assert!(long.iter().any(|id| status(anna, id) == "running"));

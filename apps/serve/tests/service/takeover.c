@@ -111,6 +111,10 @@ static void connects(void) {
   attempt("memfd", "", syscall(319, "x", 0) >= 0);
 }
 
+static int rests(void *nothing) {
+  for (;;) pause();
+}
+
 static void multiplies(void) {
   char *words[] = {"sh", "-c", "true", NULL};
   unsigned long long arguments[11] = {0};
@@ -130,8 +134,22 @@ static void multiplies(void) {
   attempt("spawn", "", errno == 0);
   attempt("death signal", "", prctl(PR_SET_PDEATHSIG, 0) == 0);
   attempt("hidden files", "", prctl(PR_SET_DUMPABLE, 0) == 0);
-  /* FALLOC_FL_KEEP_SIZE */
+  /* FALLOC_FL_KEEP_SIZE, and the same by FS_IOC_RESVSP64 and FS_IOC_ZERO_RANGE. */
   attempt("hidden space", "", fallocate(fileno(out), 1, 0, 1 << 20) == 0);
+  struct { short type, whence; long long start, length; int system; unsigned process; int rest[4]; } space = {0, 0, 0, 1 << 20, 0, 0, {0}};
+  attempt("hidden space", "by ioctl", ioctl(fileno(out), 0x4030582a, &space) == 0);
+  attempt("hidden space", "of zeros", ioctl(fileno(out), 0x40305839, &space) == 0);
+  /* Open files of a thread that no list of the process has. */
+  static char stack[65536];
+  int own_files = CLONE_VM | CLONE_FS | CLONE_SIGHAND | CLONE_THREAD | CLONE_SYSVSEM;
+  attempt("hidden files", "of a thread", clone(rests, stack + sizeof stack, own_files, NULL) >= 0);
+  attempt("hidden files", "by close_range", syscall(436, 1000, 1001, 2) == 0);
+  /* Folders that their owner cannot list or remove. */
+  attempt("closed folder", "", mkdir("../tmp/closed", 0) == 0);
+  attempt("closed folder", "without reading", mkdirat(AT_FDCWD, "../tmp/blind", 0300) == 0);
+  errno = 0;
+  umask(0777);
+  attempt("umask", "", errno == 0);
 }
 
 static void interferes(void) {
