@@ -6,6 +6,7 @@
 //! | `errors` | errors and warnings of the engine as Python exceptions |
 //! | `table` | record batches as NumPy columns and by the Arrow C data interface |
 //! | `scene` | scenes of files and of arrays |
+//! | `cast` | rays without an instrument |
 //! | `run` | runs: to memory, to files, batch by batch; Ctrl-C and progress |
 //! | `batches` | runs whose points are taken while they are measured |
 //! | `catalogue` | lists of instruments, options and columns |
@@ -19,6 +20,7 @@
 use pyo3::prelude::*;
 
 mod batches;
+mod cast;
 mod catalogue;
 mod clouds;
 mod errors;
@@ -37,7 +39,7 @@ mod _vlscan {
     #[pymodule_export]
     use super::batches::BatchIterator;
     #[pymodule_export]
-    use super::catalogue::{catalogue, columns, options};
+    use super::catalogue::{catalogue, catalogue_files, columns, keys, options};
     #[pymodule_export]
     use super::clouds::{cloud_info, raster, read_points, write_frames};
     #[pymodule_export]

@@ -1,8 +1,9 @@
 //! Scenes of files and of arrays. A scene and its tree are loaded once and shared by all runs that need the
 //! same ones.
 
+use crate::cast::{columns_of_hits, vectors};
 use crate::errors::{Notices, exception};
-use crate::table::Table;
+use crate::table::{Column, Table};
 use crate::watch::{Interruption, interruptible, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -34,8 +35,7 @@ impl Mesh {
         materials: Vec<Bound<'_, PyDict>>,
         material_of: &[u8],
     ) -> PyResult<Mesh> {
-        let vertices = vertices.as_chunks::<8>().0.as_chunks::<3>().0.iter();
-        let vertices = vertices.map(|v| DVec3::from(v.map(f64::from_le_bytes))).collect();
+        let vertices = vectors(vertices);
         let triangles = triangles.as_chunks::<4>().0.as_chunks::<3>().0.iter();
         let triangles = triangles.map(|t| t.map(u32::from_le_bytes)).collect();
         let materials = materials.iter().map(material).collect::<PyResult<Vec<_>>>()?;
@@ -443,6 +443,29 @@ impl Scene {
         let sampled =
             interruptible(py, move |_| loaded.sample(count))?.map_err(|error| exception(py, error))?;
         Ok(Some(Table::new(sampled)))
+    }
+
+    /// First hits of rays on the loaded scene: distances, parts, primitives, normals. Origins and directions
+    /// are bytes of doubles, three per ray.
+    #[allow(clippy::type_complexity, reason = "unpacked by the package")]
+    fn cast(
+        &self,
+        py: Python<'_>,
+        origins: &[u8],
+        directions: &[u8],
+    ) -> PyResult<Option<(Column, Column, Column, Column)>> {
+        let Some(loaded) = self.lock().clone() else { return Ok(None) };
+        let (origins, directions) = (vectors(origins), vectors(directions));
+        let notices = Notices::default();
+        let own_notices = notices.clone();
+        let cast = interruptible(py, move |_| {
+            let notify = |notice: vlscan::Notice| own_notices.add(notice);
+            loaded.cast(&origins, &directions, &notify).map(|hits| columns_of_hits(&hits))
+        })?;
+        notices.issue(py)?;
+        let found = cast.map_err(|error| exception(py, error))?;
+        let [distance, part, primitive, normal] = found.map(Column::new);
+        Ok(Some((distance, part, primitive, normal)))
     }
 }
 

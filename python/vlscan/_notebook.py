@@ -24,7 +24,8 @@ def show_page(page: str) -> HTML | None:
         from IPython.display import HTML
 
         frame = html.escape(page, quote=True)
-        shown = f'<iframe srcdoc="{frame}" style="width:100%;height:600px;border:0"></iframe>'
+        # IPython warns of a frame that is not within another element.
+        shown = f'<div><iframe srcdoc="{frame}" style="width:100%;height:600px;border:0"></iframe></div>'
         return HTML(shown)  # type: ignore[no-untyped-call, unused-ignore]
     import tempfile
     import webbrowser

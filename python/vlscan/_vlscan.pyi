@@ -18,6 +18,7 @@ __all__ = [
     "Table",
     "campaign_cells",
     "catalogue",
+    "catalogue_files",
     "cloud_info",
     "columns",
     "command",
@@ -27,6 +28,7 @@ __all__ = [
     "fit_flight",
     "fit_sensor",
     "fly",
+    "keys",
     "make_scene",
     "make_stand",
     "merge_shards",
@@ -63,6 +65,12 @@ def catalogue() -> tuple[list[tuple[str, str]], list[str]]:
 
 def options() -> list[tuple[str, str, bool, bool, bool]]:
     """Return the options of a run: name, help, whether it takes a value, may be given more than once, only says how files are written."""
+
+def catalogue_files() -> list[tuple[str, str]]:
+    """Return the files of the catalogue that ships: the path by which surveys refer to each, and its text."""
+
+def keys() -> list[tuple[str, list[str]]]:
+    """Return the tables of pipeline files with their keys."""
 
 def columns() -> list[tuple[str, str, str]]:
     """Return the columns of points: name, unit, meaning."""
@@ -214,6 +222,7 @@ class Scene:
     def report(self) -> str | None: ...
     def ground_height(self, x: float, y: float) -> float | None: ...
     def sample(self, count: int) -> Table | None: ...
+    def cast(self, origins: bytes, directions: bytes) -> tuple[Column, Column, Column, Column] | None: ...
 
 @final
 class Column:
@@ -245,6 +254,8 @@ class Table:
     def of_bytes(columns: bytes, exact: bytes | None, facts: bytes | None) -> Table: ...
     @staticmethod
     def of_columns(table: _Table, crs: str | None) -> Table: ...
+    @staticmethod
+    def concat(tables: Sequence[Table]) -> Table: ...
     def write(self, path: str, words: Sequence[str]) -> int: ...
     def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...

@@ -9,6 +9,8 @@ from difflib import get_close_matches
 from functools import wraps
 from typing import TypeVar, cast
 
+import numpy as np
+
 from . import catalogue
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -41,6 +43,7 @@ def words_of(options: Mapping[str, object], *, writes_files: bool = True) -> lis
             close = get_close_matches(name, known, 1)
             hint = f"did you mean {close[0]!r}?" if close else "vlscan.options() lists them"
             raise TypeError(f"no option of a run is called {name!r}; {hint}")
+        value = _plain(name, value, known[name].has_value)
         if value is None or (value is False and known[name].has_value):
             continue
         if known[name].is_of_files and not writes_files and value is not False:
@@ -60,6 +63,21 @@ def words_of(options: Mapping[str, object], *, writes_files: bool = True) -> lis
     return words
 
 
+def _plain(name: str, value: object, has_value: bool) -> object:
+    """Return a value of NumPy as one of Python; a switch is a truth value, and nothing else is one."""
+    if isinstance(value, np.bool_):
+        value = bool(value)
+    if not has_value and isinstance(value, (int, np.integer)):
+        if value not in (0, 1):
+            raise TypeError(f"{name} is True or False, found {value!r}")
+        return bool(value)
+    if not has_value and value is not None:
+        raise TypeError(f"{name} is True or False, found {value!r}")
+    if value is True:
+        raise TypeError(f"{name} needs a value, found True")
+    return value
+
+
 def switch(name: str, is_on: bool) -> str:
     """Return the word that turns a switch on, or the one that turns it off: ``--misses``, ``--no-misses``."""
     name = name.replace("_", "-")
@@ -69,7 +87,7 @@ def switch(name: str, is_on: bool) -> str:
 
 
 def _text(value: object) -> str:
-    if isinstance(value, os.PathLike):
+    if isinstance(value, (os.PathLike, bytes)):
         return os.fsdecode(value)
     if isinstance(value, datetime) and value.tzinfo is not None:
         return str(value.astimezone(timezone.utc).replace(tzinfo=None))

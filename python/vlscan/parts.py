@@ -230,7 +230,7 @@ class Part:
             raise ValueError(f"faces has the type {corners.dtype}, expected whole numbers")
         if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
             raise ValueError(f"faces has indices beyond the {len(points)} vertices")
-        known = [materials] if isinstance(materials, Material) else list(materials or [])
+        known = _materials(materials)
         if len(known) > 1 and material_of is None:
             raise ValueError(f"there are {len(known)} materials, expected material_of with the index of the one of each face")
         index = np.asarray([] if material_of is None else material_of)
@@ -261,7 +261,7 @@ class Part:
         Parameters
         ----------
         mesh : object
-            Anything with ``vertices`` and ``faces`` (trimesh) or ``triangles`` (Open3D).
+            Anything with ``vertices`` and ``faces`` (trimesh) or ``triangles`` (Open3D), or a ``trimesh.Scene`` of such meshes.
         materials : Material or iterable of Material, optional
             As in :meth:`mesh`.
         material_of : array_like, optional
@@ -279,6 +279,9 @@ class Part:
         TypeError
             The object has no vertices and faces.
         """
+        if hasattr(mesh, "geometry") and hasattr(mesh, "dump"):
+            # A scene of trimesh, whose meshes are placed and joined.
+            mesh = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.dump(concatenate=True)
         faces = getattr(mesh, "faces", None)
         faces = getattr(mesh, "triangles", None) if faces is None else faces
         if faces is None or not hasattr(mesh, "vertices"):
@@ -698,6 +701,16 @@ class Part:
         """
         return self._placed(id=id)
 
+    @property
+    def id(self) -> str | None:
+        """What the column ``ObjectId`` reports, if the part was named."""
+        return self._place.id
+
+    @property
+    def face_count(self) -> int | None:
+        """Number of faces of a part of arrays; ``None`` for one of a file, which is not read yet."""
+        return self._faces[0] if self._faces else None
+
     def _of_file(self, old: str, new: str) -> Part:
         arguments = tuple(new if isinstance(value, str) and value == old else value for value in self._arguments)
         return Part(self._kind, arguments, self._place, self._faces)
@@ -710,7 +723,16 @@ class Part:
         return made
 
     def __repr__(self) -> str:
-        return f"<Part {self._kind.removeprefix('of_')} {self._place}>"
+        place = self._place
+        facts = [self._kind.removeprefix("of_").replace("_", " ")]
+        facts += [repr(value) for value in self._arguments[:1] if isinstance(value, str)]
+        facts += [] if place.id is None else [f"id {place.id!r}"]
+        facts += [] if self._faces is None else [f"{self._faces[0]} faces"]
+        facts += [] if place.quaternion == (1.0, 0.0, 0.0, 0.0) else ["turned"]
+        facts += [] if place.scale == 1 else [f"scale {place.scale:g}"]
+        facts += [] if place.offset == (0.0, 0.0, 0.0) else ["at {:g}, {:g}, {:g}".format(*place.offset)]
+        facts += ["on the ground"] if place.on_ground else []
+        return f"<Part: {', '.join(facts)}>"
 
 
 def _indices(name: str, values: NDArray[Any], count: int, things: str) -> NDArray[np.uint32]:
@@ -733,7 +755,18 @@ def _first(values: NDArray[Any]) -> object:
     return values[values != np.floor(values)][0] if numeric else values.flat[0]
 
 
+def _materials(materials: object) -> list[Material]:
+    """Return materials as a list; one may stand alone."""
+    if materials is None or isinstance(materials, Material):
+        return [] if materials is None else [materials]
+    if isinstance(materials, str) or not isinstance(materials, Iterable):
+        raise TypeError(f"materials are Material, one or several, found {materials!r}")
+    return list(materials)
+
+
 def _fields(material: Material) -> dict[str, Any]:
+    if not isinstance(material, Material):
+        raise TypeError(f"expected a Material, found {material!r}; vlscan.Material({str(material)!r}) makes one")
     fields = asdict(material)
     optics = (material.mirror, material.pane_index, material.pane_thickness_m, material.pane_absorption, material.pane_sheets)
     is_optical = any(value is not None for value in optics)

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
+import operator
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, TypedDict
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _toml, _vlscan
+from ._checked import Checked
 from ._columns import EngineTable, columns_of
+from ._keys import check_keys
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress, TableLike, Vector
 from ._words import switch, words_of
 from .forecast import DryRun
 from .instruments import Platform, Scanner
 from .parts import Part
-from .points import Points
-from .results import Result
-from .scene import Scene
+from .results import Batches, Result
+from .scene import Scene, rays_of
 from .tables import Table
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+    from ._keys import LegSettings
     from ._options import RunOptions
 
 #: Columns of a trajectory as an array.
@@ -44,7 +48,7 @@ class SurveyArguments(TypedDict, total=False):
     name: str | None
 
 
-class Leg:
+class Leg(Checked):
     """A waypoint and the way to the next one: the last leg of a moving platform is where it arrives.
 
     Parameters
@@ -59,9 +63,16 @@ class Leg:
         Whether the scanner fires.
     strip : str, optional
         Name of a strip; legs of the same strip share their files.
-    **settings : object
+    **settings : LegSettings
         Settings of the scanner (docs/pipelines.md): ``pulse_freq_hz``, ``scan_freq_hz``, ``scan_angle_deg``,
         ``head_rate_deg_per_s``, ``head_start_deg``, ``head_stop_deg``, ``vertical_resolution_deg`` and so on.
+
+    Raises
+    ------
+    TypeError
+        A keyword is no setting.
+    ValueError
+        The position has not three numbers.
 
     Examples
     --------
@@ -69,6 +80,8 @@ class Leg:
     >>> leg.settings["scan_freq_hz"]
     120
     """
+
+    _ATTRIBUTES: ClassVar[tuple[str, ...]] = ("position", "on_ground", "speed_m_per_s", "active", "strip", "settings")
 
     def __init__(
         self,
@@ -78,11 +91,23 @@ class Leg:
         speed_m_per_s: float | None = None,
         active: bool = True,
         strip: str | None = None,
-        **settings: object,
+        **settings: Unpack[LegSettings],
     ) -> None:
         self.position = [float(v) for v in position]
         self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
-        self.settings = settings
+        self.settings: dict[str, object] = dict(settings)
+
+    def _checked(self, name: str, value: object) -> object:
+        if name == "position":
+            numbers = np.asarray(value, float)
+            if numbers.shape != (3,):
+                raise ValueError(f"position of a leg has the shape {numbers.shape}, expected x, y, z")
+            return numbers.tolist()
+        if name == "settings":
+            return _keys_of("Leg", value, "[settings]")
+        if name == "strip" and not (value is None or isinstance(value, str)):
+            raise TypeError(f"strip of a leg is a name, found {type(value).__name__}")
+        return value
 
     def _keys(self) -> dict[str, object]:
         return {
@@ -98,7 +123,7 @@ class Leg:
         return f"Leg({self._keys()})"
 
 
-class Survey:
+class Survey(Checked):
     """A scanner that legs or a trajectory carry through a scene.
 
     Parameters
@@ -121,6 +146,11 @@ class Survey:
     name : str, optional
         Name of the survey.
 
+    Raises
+    ------
+    TypeError
+        An argument, or a value that an attribute is set to, is of another type; a setting is no key.
+
     Examples
     --------
     >>> wall = vlscan.Part.mesh([[-9, 5, 0], [9, 5, 0], [9, 5, 4], [-9, 5, 4]], [[0, 1, 2, 3]])
@@ -130,6 +160,10 @@ class Survey:
     >>> len(points) > 1000
     True
     """
+
+    _ATTRIBUTES: ClassVar[tuple[str, ...]] = (
+        *("scene", "scanner", "legs", "platform", "trajectory", "settings", "waveform", "detector", "name"),
+    )
 
     def __init__(
         self,
@@ -155,6 +189,23 @@ class Survey:
         self.name = name
         self._file: str | None = None
         self._text: str | None = None
+
+    def _checked(self, name: str, value: object) -> object:
+        if name in ("settings", "waveform", "detector"):
+            return _keys_of(f"{name} of a survey", value, f"[{name}]")
+        if name == "legs":
+            return _legs(value)
+        if value is None:
+            return None
+        if name == "scene":
+            return value if isinstance(value, Scene) else Scene(value)  # type: ignore[arg-type]
+        if name == "scanner":
+            return Scanner.of(value)  # type: ignore[arg-type]
+        if name == "platform":
+            return Platform.of(value)  # type: ignore[arg-type]
+        if name == "name" and not isinstance(value, str):
+            raise TypeError(f"name of a survey is a text, found {type(value).__name__}")
+        return value
 
     @staticmethod
     def from_document(text: str, scene: Scene | PathLike | None = None) -> Survey:
@@ -224,7 +275,7 @@ class Survey:
             "platform": self.platform.keys if self.platform else None,
             "scanner": self.scanner.keys if self.scanner else None,
             "settings": self.settings or None,
-            "leg": [leg._keys() for leg in self.legs] or None,
+            "leg": [leg._keys() for leg in _legs(self.legs)] or None,
             "waveform": self.waveform or None,
             "detector": self.detector or None,
         }
@@ -414,10 +465,11 @@ class Survey:
 
     def run_batches(
         self, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Unpack[RunOptions]
-    ) -> Iterator[Points]:
+    ) -> Batches:
         """Fly and measure the survey, and yield the points in batches while it does.
 
-        Memory does not grow with the number of points: the run waits until batches are taken. Leaving the loop ends the run.
+        Memory does not grow with the number of points: the run waits until batches are taken. Leaving the loop ends the run, and
+        so does leaving a block of ``with survey.run_batches() as batches:``.
 
         Parameters
         ----------
@@ -433,8 +485,8 @@ class Survey:
 
         Returns
         -------
-        iterator of Points
-            The batches.
+        Batches
+            The batches, an iterator of :class:`Points`; its ``result`` is that of the run after the last one.
 
         Raises
         ------
@@ -443,7 +495,7 @@ class Survey:
         TypeError
             No option has such a name.
         ValueError
-            An option of files, or an interval that is not above 0.
+            An option of files, an interval that is not above 0, or less than one row.
 
         Examples
         --------
@@ -454,12 +506,18 @@ class Survey:
         words = words_of(options, writes_files=False)
         if seconds is not None and not 0 < seconds < float("inf"):
             raise ValueError(f"seconds is {seconds}, expected more than 0")
-        return _batches(self._request(words), rows, per_leg, seconds)
+        count = operator.index(rows)
+        if count < 1:
+            raise ValueError(f"rows is {count}, expected at least 1")
+        return Batches(partial(_vlscan.run_batches, self._request(words), count, per_leg, seconds, 2, ["trajectory"]))
 
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
         what += [f"{key}={value!r}" for key, value in self._keys().items() if key != "leg"]
-        return f"Survey({', '.join([*what, f'{len(self.legs)} legs'])})"
+        if self.legs or not (self._file or self._text):
+            # Legs of a file are not known before it is run.
+            what.append(f"{len(self.legs)} legs")
+        return f"Survey({', '.join(what)})"
 
 
 def run(
@@ -502,7 +560,7 @@ def run_batches(
     per_leg: bool = False,
     seconds: float | None = None,
     **options: Unpack[RunOptions],
-) -> Iterator[Points]:
+) -> Batches:
     """Run a survey batch by batch.
 
     Parameters
@@ -516,8 +574,8 @@ def run_batches(
 
     Returns
     -------
-    iterator of Points
-        The batches.
+    Batches
+        The batches, an iterator of :class:`Points`.
 
     Examples
     --------
@@ -664,17 +722,7 @@ def trace(
     if pulses is None:
         if origins is None or directions is None:
             raise TypeError("trace() needs origins and directions, or pulses")
-        starts, ends = np.atleast_2d(np.asarray(origins, float)), np.atleast_2d(np.asarray(directions, float))
-        try:
-            starts, ends = np.broadcast_arrays(starts, ends)
-            fits = ends.ndim == 2 and ends.shape[1] == 3
-        except ValueError:
-            fits = False
-        if not fits:
-            shapes = " and ".join(
-                f"{name} of shape {np.shape(array)}" for name, array in (("origins", origins), ("directions", directions))
-            )
-            raise ValueError(f"expected origins and directions of n by 3 numbers each, or one of either for all; found {shapes}")
+        starts, ends = rays_of(origins, directions)
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
@@ -683,6 +731,27 @@ def trace(
     words, tables = recorded(to, waveforms, None, options)
     with shown_progress(progress) as tell:
         return Result(_vlscan.run(survey._request(words, columns_of(pulses, ())), tables, tell))
+
+
+def _keys_of(what: str, value: object, table: str) -> dict[str, object]:
+    """Return keys of a table as a dictionary of its own."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{what} is a mapping of keys, found {type(value).__name__}")
+    check_keys(what, value, table)
+    return dict(value)
+
+
+def _legs(value: object) -> list[Leg]:
+    """Return legs as a list."""
+    if isinstance(value, Leg) or not isinstance(value, Iterable):
+        raise TypeError(f"legs are a list of Leg, found {type(value).__name__}")
+    legs = list(value)
+    wrong = next((leg for leg in legs if not isinstance(leg, Leg)), None)
+    if wrong is not None:
+        raise TypeError(f"expected Leg, found {type(wrong).__name__}: vlscan.Leg((x, y, z), ...)")
+    return legs
 
 
 def opened(survey: Survey | PathLike) -> Survey:
@@ -705,12 +774,3 @@ def recorded(
     outputs = [f"--out={os.fspath(file)}" for file in files]
     switches = [switch(name, is_wanted) for name, is_wanted in recorded.items() if is_wanted is not None]
     return [*words_of(options), *outputs, *switches], ["trajectory"]
-
-
-def _batches(request: _vlscan.Request, rows: int, per_leg: bool, seconds: float | None) -> Iterator[Points]:
-    batches = _vlscan.run_batches(request, rows, per_leg, seconds, 2)
-    try:
-        for table in batches:
-            yield Points(table)
-    finally:
-        batches.close()

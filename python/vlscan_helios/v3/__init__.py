@@ -12,8 +12,13 @@ interface; no code of HELIOS++ is contained.
 from __future__ import annotations
 
 import sys
+from datetime import datetime, timezone
 from importlib import metadata
+from pathlib import Path
 from types import ModuleType
+from typing import Annotated, Literal, Optional
+
+import numpy as np
 
 from vlscan._vlscan import version
 
@@ -51,6 +56,39 @@ from .utils import add_asset_directory, combine_parameters, display_xml, set_rng
 from .validation import units
 
 __version__ = version()
+
+# Names that ``from helios.survey import *`` brings in version 3, whatever the module: those of all modules, and of libraries.
+_SHARED: dict[str, object] = {
+    **{"np": np, "datetime": datetime, "timezone": timezone, "Path": Path},
+    **{"Annotated": Annotated, "Literal": Literal, "Optional": Optional},
+}
+_QUANTITIES = (
+    *("Angle", "AngleVelocity", "AssetPath", "CompressionLevel", "CreatedDirectory", "Frequency", "Length", "MultiAssetPath"),
+    *("Quaternion", "R3Vector", "ScanFrequency", "ThreadCount", "TimeInterval", "units"),
+)
+
+
+def _share_names() -> None:
+    """Let every module have the public names of all."""
+    modules = (callbacks, leg, platforms, scanner, scene, settings, survey, utils, validation)
+    instruments = {*platforms.PLATFORM_REGISTRY, *scanner.SCANNER_REGISTRY}
+    shared: dict[str, object] = {**_SHARED, **{name: vars(validation)[name] for name in _QUANTITIES}}
+    shared |= {name: vars(utils)[name] for name in ("meas_dtype", "traj_dtype")}
+    shared |= {name: vars(platforms)[name] for name in ("PLATFORM_REGISTRY", "traj_csv_dtype")}
+    shared |= {"SCANNER_REGISTRY": scanner.SCANNER_REGISTRY, "Survey": Survey}
+    for module in modules:
+        for name, value in vars(module).items():
+            is_own = getattr(value, "__module__", "") == module.__name__ and not name.startswith("_")
+            if is_own and name not in instruments:
+                shared.setdefault(name, value)
+    for module in modules:
+        own = getattr(module, "__all__", [])
+        for name, value in shared.items():
+            vars(module).setdefault(name, value)
+        vars(module)["__all__"] = sorted({*own, *shared})
+
+
+_share_names()
 
 __all__ = [
     "BoundingBox",

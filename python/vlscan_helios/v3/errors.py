@@ -39,3 +39,19 @@ def engine_errors() -> Iterator[None]:
         raise _FileException(*error.args) from error
     except Error as error:
         raise _RunException(str(error)) from error
+
+
+def wrong_input(text: str) -> HeliosException:
+    """Return the error of a value, which is a ``ValueError``, too.
+
+    Parameters
+    ----------
+    text : str
+        The message.
+
+    Returns
+    -------
+    HeliosException
+        The error.
+    """
+    return _InputException(text)

@@ -90,7 +90,7 @@ def make_leg(
     Returns
     -------
     Leg
-        The leg; settings that keywords change are copies.
+        The leg that was given, changed, or a new one; settings that keywords change are copies.
 
     Raises
     ------
@@ -117,14 +117,11 @@ def make_leg(
     scanner_settings = scanner_settings or ScannerSettings()
     if for_trajectory or trajectory_settings:
         trajectory_settings = _changed(trajectory_settings or TrajectorySettings(), for_trajectory)
-    made = Leg(
-        scanner_settings=_changed(scanner_settings, for_scanner),
-        platform_settings=_changed(platform_settings, for_platform),
-        trajectory_settings=trajectory_settings,
-    )
-    if leg is not None:
-        made._source = leg._source
-    return made
+    scanner_settings, platform_settings = _changed(scanner_settings, for_scanner), _changed(platform_settings, for_platform)
+    if leg is None:
+        return Leg(scanner_settings, platform_settings, trajectory_settings)
+    leg.scanner_settings, leg.platform_settings, leg.trajectory_settings = scanner_settings, platform_settings, trajectory_settings
+    return leg
 
 
 def _default_place(platform: Platform) -> PlatformSettingsBase:

@@ -138,6 +138,7 @@ class MaterialDict(MutableMapping[str, Material]):
 
     def __init__(self, materials: dict[str, Material] | None = None) -> None:
         self._materials = dict(materials or {})
+        self._renamed: dict[str, str] = {}
 
     def __getitem__(self, name: str) -> Material:
         if name not in self._materials:
@@ -145,9 +146,43 @@ class MaterialDict(MutableMapping[str, Material]):
         return self._materials[name]
 
     def __setitem__(self, name: str, material: Material) -> None:
+        """Set a material; one that replaces another takes its place under its own name."""
         if not isinstance(material, Material):
             raise ValueError(f"expected a Material, found {type(material).__name__}")
-        self._materials[name] = material
+        new = material.name or name
+        if name not in self._materials or new == name:
+            self._materials[name] = material
+            return
+        self._materials = {new if key == name else key: material if key == name else old for key, old in self._materials.items()}
+        first = next((key for key, current in self._renamed.items() if current == name), name)
+        self._renamed[first] = new
+
+    def current(self, name: str) -> str:
+        """Return the name of a material now.
+
+        Parameters
+        ----------
+        name : str
+            Its name at first.
+
+        Returns
+        -------
+        str
+            The name.
+        """
+        return self._renamed.get(name, name)
+
+    def clone(self) -> MaterialDict:
+        """Return a copy with copies of the materials.
+
+        Returns
+        -------
+        MaterialDict
+            The copy.
+        """
+        twin = MaterialDict({name: material.clone() for name, material in self._materials.items()})
+        twin._renamed = dict(self._renamed)
+        return twin
 
     def __delitem__(self, name: str) -> None:
         del self._materials[name]

@@ -11,7 +11,8 @@ from pydantic import Field, PrivateAttr, validate_call
 
 from vlscan import catalogue
 
-from .scanner import Named, by_attribute, find, instrument_function, reference_in
+from .errors import wrong_input
+from .scanner import Named, by_attribute, check_id, find, instrument_function, reference_in
 from .utils import classonlymethod, existing_file
 from .validation import Coordinate, Model, Speed, UpdateableMixin
 
@@ -160,10 +161,15 @@ class Platform(Named):
 
         Raises
         ------
+        ValueError
+            No platform of the file has the id.
         FileNotFoundError
             There is no such file.
         """
-        return cls.of_reference(reference_in(platform_file, platform_id), platform_id or os.path.basename(platform_file))
+        reference = reference_in(platform_file, platform_id)
+        if platform_id:
+            check_id(reference, "platform", map(catalogue.platform_reference, catalogue.platforms()))
+        return cls.of_reference(reference, platform_id or os.path.basename(platform_file))
 
     @classonlymethod
     def load_interpolate_platform(
@@ -200,18 +206,40 @@ class Platform(Named):
         Raises
         ------
         ValueError
-            Another method, or an array of another type.
+            Another method, an array of another type, or no platform of the file has the id.
         FileNotFoundError
             There is no such file.
         """
         if interpolation_method not in ("ARINC 705", "CANONICAL"):
-            raise ValueError(f"interpolation_method is {interpolation_method!r}, expected 'ARINC 705' or 'CANONICAL'")
+            raise wrong_input(f"interpolation_method is {interpolation_method!r}, expected 'ARINC 705' or 'CANONICAL'")
         poses = _poses(trajectory)
         if not is_roll_pitch_yaw_in_radians:
             for angle in _ANGLES:
                 poses[angle] = np.radians(poses[angle])
         platform = cls.from_xml(platform_file, platform_id)
         platform._trajectory, platform._rotation_spec, platform._sync_gps_time = poses, interpolation_method, bool(sync_gps_time)
+        return platform
+
+    def following(self, trajectory: ArrayLike) -> Platform:
+        """Return the platform, with its mount and noise, following recorded poses.
+
+        Parameters
+        ----------
+        trajectory : array_like
+            As for :meth:`load_interpolate_platform`, angles in rad.
+
+        Returns
+        -------
+        Platform
+            The platform.
+
+        Raises
+        ------
+        ValueError
+            An array of another type.
+        """
+        platform = self.clone()
+        platform._trajectory, platform._follows_file = _poses(trajectory), False
         return platform
 
 
@@ -333,8 +361,11 @@ def list_platforms() -> list[str]:
     return list(_NAMES)
 
 
+#: Functions that return the platforms of :func:`list_platforms`, by name.
+PLATFORM_REGISTRY = {name: instrument_function(platform_from_name, name) for name in _NAMES}
+
 if not TYPE_CHECKING:
-    globals().update({name: instrument_function(platform_from_name, name) for name in _NAMES})
+    globals().update(PLATFORM_REGISTRY)
 
 
 def __getattr__(name: str) -> Any:
@@ -342,6 +373,7 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = [
+    "PLATFORM_REGISTRY",
     "DynamicPlatformSettings",
     "Platform",
     "PlatformSettings",

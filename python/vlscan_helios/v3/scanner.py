@@ -13,6 +13,7 @@ from pydantic import PrivateAttr
 
 from vlscan import catalogue
 
+from . import xml_files
 from .settings import FullWaveformSettings
 from .utils import classonlymethod, existing_file
 from .validation import Angle, AngleVelocity, Frequency, Model, ScanFrequency, TimeInterval, UpdateableMixin
@@ -167,6 +168,15 @@ def reference_in(file: str | os.PathLike[str], id: str) -> str:
     return f"{path.as_posix()}#{id}" if id else path.as_posix()
 
 
+def check_id(reference: str, kind: str, shipped: Iterable[str]) -> None:
+    """Refuse the reference of an entry that its file does not have."""
+    file, _, id = reference.partition("#")
+    if os.path.exists(file):
+        xml_files.read(file).asset(kind, id)
+    elif reference not in set(shipped):
+        raise ValueError(f"{file} has no {kind} with the id {id!r}; list_{kind}s() lists those that ship")
+
+
 class Scanner(Named):
     """An instrument: see :func:`scanner_from_name`, :func:`list_scanners` and :meth:`from_xml`."""
 
@@ -188,10 +198,15 @@ class Scanner(Named):
 
         Raises
         ------
+        ValueError
+            No scanner of the file has the id.
         FileNotFoundError
             There is no such file.
         """
-        return cls.of_reference(reference_in(scanner_file, scanner_id), scanner_id or os.path.basename(scanner_file))
+        reference = reference_in(scanner_file, scanner_id)
+        if scanner_id:
+            check_id(reference, "scanner", [*map(catalogue.scanner_reference, catalogue.scanners()), *_NAMES.values()])
+        return cls.of_reference(reference, scanner_id or os.path.basename(scanner_file))
 
 
 def _plain(name: str) -> str:
@@ -269,8 +284,11 @@ def instrument_function(from_name: Callable[[str], _T], name: str) -> Callable[[
     return make
 
 
+#: Functions that return the scanners of :func:`list_scanners`, by name.
+SCANNER_REGISTRY = {name: instrument_function(scanner_from_name, name) for name in _NAMES}
+
 if not TYPE_CHECKING:
-    globals().update({name: instrument_function(scanner_from_name, name) for name in _NAMES})
+    globals().update(SCANNER_REGISTRY)
 
 
 def __getattr__(name: str) -> Any:
@@ -278,6 +296,7 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = [
+    "SCANNER_REGISTRY",
     "ConicOpticsScannerSettings",
     "FullWaveformSettings",
     "LineOpticsScannerSettings",

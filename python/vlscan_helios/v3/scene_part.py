@@ -21,7 +21,7 @@ from vlscan.scene import Scene
 
 from .materials import Material, MaterialDict, read_materials
 from .settings import ForceOnGroundStrategy
-from .utils import classonlymethod, detect_separator, get_asset_directories
+from .utils import classonlymethod, detect_separator, own_directories
 from .validation import Angle, AssetPath, Model, MultiAssetPath, Quaternion, R3Vector, existing_files
 
 _ARBITRARY = ConfigDict(arbitrary_types_allowed=True)
@@ -473,6 +473,8 @@ class ScenePart(Model):
     def _from_open3d_mesh(cls, mesh: Any, up_axis: str = "z", material: Material | None = None) -> Self:
         if up_axis not in ("y", "z"):
             raise ValueError(f"up_axis is {up_axis!r}, expected 'y' or 'z'")
+        if not len(mesh.triangles):
+            raise ValueError("the mesh has no triangles")
         corners = np.asarray(mesh.vertices, float)
         if up_axis == "y":
             corners = np.column_stack([corners[:, 0], -corners[:, 2], corners[:, 1]])
@@ -629,14 +631,19 @@ class ScenePart(Model):
 
         Raises
         ------
+        IndexError
+            An index beyond the faces of a mesh.
         ValueError
-            An index beyond, or both indices and a range.
+            Both indices and a range, or an empty range.
         """
         part = self._known_part()
         if range_start is not None or range_stop is not None:
             if range_stop is None or indices is not None:
                 raise ValueError("update_material() needs indices, or range_stop with or without range_start")
+            if range_stop <= (range_start or 0):
+                raise ValueError(f"range_start is {range_start or 0} and range_stop {range_stop}, expected at least one face between them")
             indices = np.arange(range_start or 0, range_stop)
+        _check_faces(part, indices)
         faces = None if indices is None else part._face_numbers(indices)
         known, name, own = self.materials, material.name or "default", material.clone()
         if faces is None:
@@ -650,12 +657,19 @@ class ScenePart(Model):
     def _current(self, material: Material) -> Material:
         """Return what an updated material has become: it may have been changed or replaced by its name since."""
         name = material.name or "default"
-        return material if self._materials is None or name in self._as_read else self._materials.get(name, material)
+        if self._materials is None or name in self._as_read:
+            return material
+        return self._materials.get(self._materials.current(name), material)
 
     @property
     def bbox(self) -> BoundingBox:
         """The box around the part where it stands now."""
-        return BoundingBox.of_bounds(Scene([self.engine()], get_asset_directories()).bounds)
+        return BoundingBox.of_bounds(Scene([self.engine()], own_directories()).bounds)
+
+    @property
+    def id(self) -> str:
+        """Id of a part of a scene file; empty for others."""
+        return "" if self._part is None else self._part.id or ""
 
     @property
     def is_of_file(self) -> bool:
@@ -686,8 +700,9 @@ class ScenePart(Model):
 
     def _changed_materials(self) -> dict[str, Material]:
         """Return the materials of the geometry that are not as they were read."""
-        known: MaterialDict | dict[str, Material] = {} if self._materials is None else self._materials
-        return {name: known[name] for name, old in self._as_read.items() if name in known and known[name] != old}
+        known = MaterialDict() if self._materials is None else self._materials
+        now = {name: known.get(known.current(name)) for name in self._as_read}
+        return {name: material for name, material in now.items() if material is not None and material != self._as_read[name]}
 
     def engine(self) -> Part:
         """Return the part for the engine.
@@ -718,7 +733,7 @@ class ScenePart(Model):
         twin._part, twin._read, twin._kept = self._part, self._read, self._kept
         twin._obstacle, twin._is_of_file = self._obstacle, self._is_of_file
         if self._materials is not None:
-            twin._materials = MaterialDict({name: material.clone() for name, material in self._materials.items()})
+            twin._materials = self._materials.clone()
         twin._as_read, twin._updates = dict(self._as_read), list(self._updates)
         return twin
 
@@ -801,6 +816,19 @@ def materials_of_obj(path: str) -> dict[str, Material]:
                     if os.path.exists(library):
                         found = {**read_materials(library), **found}
     return {name: found[name] for name in used if name in found} or default_material()
+
+
+class _FaceIndexError(IndexError, ValueError):
+    """An index beyond the faces of a mesh."""
+
+
+def _check_faces(part: Part, indices: Any) -> None:
+    """Refuse indices beyond the faces of a mesh; other faults are told by the part."""
+    chosen = np.asarray([] if indices is None else indices)
+    if part.face_count is None or not chosen.size or chosen.dtype.kind not in "iu":
+        return
+    if chosen.min() < 0 or chosen.max() >= part.face_count:
+        raise _FaceIndexError(f"indices of faces are {chosen.min()} to {chosen.max()}, expected 0 to {part.face_count - 1}")
 
 
 def _between(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, ...]:

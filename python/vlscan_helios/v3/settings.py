@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import enum
+import os
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import PositiveInt
-
 from vlscan.errors import VlscanWarning
 
-from .validation import CreatedDirectory, Length, Model, ThreadCount, TimeInterval, UpdateableMixin, distribute
+from .validation import CreatedDirectory, Length, Model, PositiveInt, ThreadCount, TimeInterval, UpdateableMixin, distribute
+
+# Threads of runs that set none.
+_ALL_THREADS = os.cpu_count() or 1
 
 
 class StrEnum(str, enum.Enum):
@@ -87,15 +89,15 @@ class ExecutionSettings(Model, UpdateableMixin):
     """
 
     parallelization: ParallelizationStrategy = ParallelizationStrategy.CHUNK
-    num_threads: ThreadCount = None
+    num_threads: ThreadCount = _ALL_THREADS
     chunk_size: PositiveInt = 32
     warehouse_factor: PositiveInt = 4
     log_file: bool = False
     log_file_only: bool = False
     verbosity: LogVerbosity = LogVerbosity.SILENT
     factory_type: KDTreeFactoryType = KDTreeFactoryType.SAH_APPROXIMATION
-    kdt_num_threads: ThreadCount = None
-    kdt_geom_num_threads: ThreadCount = None
+    kdt_num_threads: ThreadCount = _ALL_THREADS
+    kdt_geom_num_threads: ThreadCount = _ALL_THREADS
     sah_nodes: PositiveInt = 32
     discard_shutdown: bool = True
     progressbar: ProgressBarStrategy = ProgressBarStrategy.PER_LEG_TIME

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 import warnings
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field, PrivateAttr
 
 from vlscan import Survey as EngineSurvey
@@ -22,7 +23,7 @@ from vlscan.points import Points
 from vlscan.tables import Table
 
 from . import survey_xml, xml_files
-from .callbacks import HookDispatcher, HookPayload, SurveyHook, build_progressbar_callbacks
+from .callbacks import HookDispatcher, HookPayload, RunFacts, SurveyHook, build_progressbar_callbacks
 from .errors import engine_errors
 from .leg import Leg, flown_part, make_leg
 from .platforms import Platform, PlatformSettingsBase, TrajectorySettings
@@ -39,7 +40,7 @@ from .settings import (
     compose_execution_settings,
     compose_output_settings,
 )
-from .utils import classonlymethod, get_asset_directories, rng_seed
+from .utils import classonlymethod, own_directories, rng_seed
 from .validation import Model, distribute
 from .xml_files import Document
 
@@ -219,7 +220,7 @@ class Survey(Model):
             with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(), engine_errors():
                 if is_silent:
                     warnings.simplefilter("ignore")
-                run = _Run(self, self._engine(Path(folder)), self._words(execution, output), output)
+                run = _Run(self, self.engine(Path(folder)), self._words(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:
             if bars is not None:
@@ -262,6 +263,15 @@ class Survey(Model):
         return survey_xml.text_of(survey_xml.write(self, folder))
 
     @property
+    def trajectory(self) -> NDArray[np.void] | None:
+        """Recorded poses that the platform follows; an array of them can be set, as for :meth:`Platform.load_interpolate_platform`."""
+        return self.platform.trajectory
+
+    @trajectory.setter
+    def trajectory(self, poses: ArrayLike) -> None:
+        self.platform = self.platform.following(poses)
+
+    @property
     def is_of_file(self) -> bool:
         """Whether it was read from a file."""
         return self._document is not None
@@ -281,8 +291,19 @@ class Survey(Model):
     def _has_own_waveform(self) -> bool:
         return "full_waveform_settings" in self.model_fields_set
 
-    def _engine(self, folder: Path) -> EngineSurvey:
-        """Return the survey for the engine: its file, or one that is written to ``folder``."""
+    def engine(self, folder: Path) -> EngineSurvey:
+        """Return the survey for the engine: its file, or one that is written to a folder.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            The folder, which exists as long as the survey is used.
+
+        Returns
+        -------
+        vlscan.Survey
+            The survey.
+        """
         is_scene_of_file = self._as_read is not None and self.scene._file == self._as_read.scene._file and self.scene.is_as_read
         if self._document is not None and self._is_as_read():
             return EngineSurvey.open(self._document.path, None if is_scene_of_file else self.scene.engine())
@@ -293,14 +314,14 @@ class Survey(Model):
     def _words(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set
         is_chunked = execution.parallelization == ParallelizationStrategy.CHUNK
-        folders = [*get_asset_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
+        folders = [*own_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
         options: dict[str, Any] = {
-            "threads": execution.num_threads,
+            "threads": execution.num_threads if "num_threads" in given else None,
             "chunk_size": execution.chunk_size if "chunk_size" in given else None,
             "warehouse_factor": execution.warehouse_factor if "warehouse_factor" in given else None,
             "schedule": ("dynamic" if is_chunked else "warehouse") if "parallelization" in given else None,
             "tree": _TREES[execution.factory_type] if "factory_type" in given else None,
-            "tree_jobs": execution.kdt_num_threads,
+            "tree_jobs": execution.kdt_num_threads if "kdt_num_threads" in given else None,
             "log_file": True if execution.log_file or execution.log_file_only else None,
             "seed": rng_seed(),
             "gps_start": self.gps_time if "gps_time" in self.model_fields_set else None,
@@ -317,6 +338,24 @@ class Survey(Model):
     def _gps_start(self) -> float:
         """Return the time of points at the beginning of the run, s of the week of GPS."""
         return (self.gps_time.timestamp() - _GPS_EPOCH) % _WEEK
+
+    def _durations(self) -> list[float]:
+        """Return how long legs take, s: as long as the head turns, or as the way to the next leg takes; NaN where neither is known."""
+        durations = []
+        for leg, following in zip(self.legs, [*self.legs[1:], None], strict=True):
+            head, place = leg.scanner_settings, leg.platform_settings
+            rate, speed = getattr(head, "head_rotation", 0), getattr(place, "speed_m_s", 0)
+            if self.platform.trajectory is not None or self.platform._follows_file:
+                durations.append(math.nan)
+            elif self.platform.is_static:
+                turn = getattr(head, "rotation_stop_angle", 0) - getattr(head, "rotation_start_angle", 0)
+                durations.append(abs(turn / rate) if rate else math.nan)
+            elif following is None:
+                durations.append(0.0)
+            else:
+                way = [getattr(following.platform_settings, axis, 0) - getattr(place, axis, 0) for axis in "xyz"]
+                durations.append(math.hypot(*way) / speed if speed else math.nan)
+        return durations
 
     def _identity(self) -> object:
         return None if self._document is None else self._document.path
@@ -386,10 +425,12 @@ class _Run:
 
     def with_hooks(self, hooks: list[SurveyHook]) -> Any:
         """Run, call hooks, and return the results."""
-        dispatcher = HookDispatcher(hooks, len(self._survey.legs))
+        path = os.fspath(self._output.output_dir) if self._is_folder else ""
+        facts = RunFacts(self._survey._durations(), self._survey._gps_start(), path)
+        dispatcher = HookDispatcher(hooks, len(self._survey.legs), facts)
         needs_points = not self._is_folder or any(hook.payload != HookPayload.METADATA_ONLY for hook in hooks)
         dispatcher.keeps_points = needs_points
-        tables = [] if self._is_folder else ["trajectory"]
+        tables = ["trajectory"] if needs_points else []
         batches = _vlscan.run_batches(self._request(True), _BATCH_ROWS, True, None, 2, tables)
         columns: list[tuple[NDArray[Any], NDArray[Any]]] = []
         start, last = None, 0.0
@@ -409,7 +450,7 @@ class _Run:
             batches.close()
         if outcome is None:
             raise Error("the run has ended without a result")
-        dispatcher.finish(last)
+        dispatcher.finish(last, pose_records(Table(_found(outcome, "trajectory"))) if needs_points else None)
         if self._is_folder:
             return Path(outcome.directories[0])
         intensity, angle = (np.concatenate(parts) for parts in zip(*columns, strict=True)) if columns else (np.empty(0), np.empty(0))

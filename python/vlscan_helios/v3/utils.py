@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import atexit
 import html
 import os
+import re
+import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from datetime import datetime, timezone
+from functools import cache
 from glob import glob, has_magic
 from itertools import product
 from pathlib import Path
+from string import Formatter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vlscan import catalogue
+from vlscan import _vlscan, catalogue
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -23,6 +28,11 @@ if TYPE_CHECKING:
 
     from .settings import ExecutionSettings
     from .survey import Survey
+
+
+class _OfClassError(TypeError, AttributeError):
+    """A method of a class that is called on an instance, which has no such attribute."""
+
 
 if TYPE_CHECKING:
     classonlymethod = classmethod
@@ -33,7 +43,7 @@ else:
 
         def __get__(self, instance: object, owner: type | None = None) -> Any:
             if instance is not None:
-                raise AttributeError(f"{self.__func__.__name__}() belongs to the class, not to its instances")
+                raise _OfClassError(f"{self.__func__.__name__}() belongs to the class, not to its instances")
             return super().__get__(instance, owner)
 
 
@@ -71,6 +81,10 @@ class _AssetDirectoryRegistration:
         self.directory = directory
         _asset_directories.append(directory)
 
+    def __repr__(self) -> str:
+        # Notebooks show the value of their last line.
+        return ""
+
     def __enter__(self) -> Self:
         return self
 
@@ -96,24 +110,49 @@ def add_asset_directory(directory: str | os.PathLike[str]) -> _AssetDirectoryReg
     return _AssetDirectoryRegistration(Path(directory))
 
 
+def own_directories() -> list[Path]:
+    """Return the folders that were added, in their order."""
+    return list(dict.fromkeys(_asset_directories))
+
+
 def get_asset_directories() -> list[Path]:
     """Return the folders in which files are searched after the working directory.
 
     Returns
     -------
     list of pathlib.Path
-        The folders in their order.
+        The folders that were added, in their order; then three of the package, the last of which has the files of its catalogue:
+        ``scanners_als.xml``, ``scanners_tls.xml`` and ``platforms.xml``.
     """
-    return list(dict.fromkeys(_asset_directories))
+    root = _package_folder()
+    return [*own_directories(), root, root / "assets", root / "data"]
+
+
+@cache
+def _package_folder() -> Path:
+    """Write the files of the catalogue, which are in the program, to a folder that lasts as long as the process."""
+    folder = tempfile.TemporaryDirectory(prefix="vlscan-")
+    atexit.register(folder.cleanup)
+    root = Path(folder.name)
+    (root / "assets").mkdir()
+    for name, text in _vlscan.catalogue_files():
+        (root / name).parent.mkdir(exist_ok=True)
+        (root / name).write_text(text, encoding="utf-8")
+    return root
+
+
+def on_disk(path: Path) -> Path:
+    """Return a file of :func:`existing_file` as one on disk: those of the catalogue are in the program."""
+    return path if path.exists() else _package_folder() / path
 
 
 def search_folders() -> list[Path]:
     """Return the folders in which files are searched, in their order."""
-    return [Path(), *get_asset_directories(), Path("assets")]
+    return [Path(), *own_directories(), Path("assets")]
 
 
 def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | None:
-    """Find a file: as named, else in the asset directories, else in the catalogue that ships.
+    """Find a file on disk: as named, else in the asset directories, else in the catalogue that ships.
 
     Parameters
     ----------
@@ -132,6 +171,12 @@ def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | No
     FileNotFoundError
         There is no such file.
     """
+    found = named_file(filename, fatal)
+    return None if found is None else on_disk(found)
+
+
+def named_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | None:
+    """Return a file of :func:`find_file` by the name that surveys use: one of the catalogue keeps its name."""
     path = Path(filename)
     for folder in search_folders():
         if (folder / path).exists():
@@ -145,8 +190,8 @@ def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | No
 
 
 def existing_file(filename: str | os.PathLike[str]) -> Path:
-    """Return a file of :func:`find_file`, which must exist."""
-    found = find_file(filename)
+    """Return a file of :func:`named_file`, which must exist."""
+    found = named_file(filename)
     assert found is not None
     return found
 
@@ -173,7 +218,7 @@ def find_files(filename: str | os.PathLike[str], fatal: bool = True) -> list[Pat
     """
     pattern = os.fspath(filename)
     if not has_magic(pattern):
-        found = find_file(filename, fatal)
+        found = named_file(filename, fatal)
         return [] if found is None else [found]
     for folder in search_folders():
         names = sorted(glob(os.path.join(folder, pattern), recursive=True))
@@ -237,9 +282,11 @@ def combine_parameters(groups: list[list[str]] | None = None, **parameters: Any)
     Parameters
     ----------
     groups : list of list of str, optional
-        Names of parameters that vary together: the first values of all, then the second ones.
+        Names of parameters that vary together: the first values of all, then the second ones. Collections outside of groups are
+        values then; without groups each collection varies for itself.
     **parameters : Any
-        Values by name: a collection, or one value for all combinations.
+        Values by name: a collection, or one value for all combinations. Texts are templates over the other parameters:
+        ``"x={x}"``.
 
     Returns
     -------
@@ -256,7 +303,11 @@ def combine_parameters(groups: list[list[str]] | None = None, **parameters: Any)
     >>> vlscan.helios.combine_parameters(groups=[["x", "y"]], x=[0, 5], y=[1, 6], z=2)
     [{'x': 0, 'y': 1, 'z': 2}, {'x': 5, 'y': 6, 'z': 2}]
     """
-    columns = {name: list(value) if is_real_iterable(value) else [value] for name, value in parameters.items()}
+    grouped = None if groups is None else {name for group in groups for name in group}
+    columns = {
+        name: list(value) if is_real_iterable(value) and (grouped is None or name in grouped) else [value]
+        for name, value in parameters.items()
+    }
     group_of: dict[str, tuple[str, ...]] = {}
     for group in groups or []:
         for name in group:
@@ -272,7 +323,19 @@ def combine_parameters(groups: list[list[str]] | None = None, **parameters: Any)
     rows = {names: zip(*(columns[name] for name in names), strict=True) for names in blocks}
     choices = [[dict(zip(names, values, strict=True)) for values in rows[names]] for names in blocks]
     combined = ({name: value for part in parts for name, value in part.items()} for parts in product(*choices))
-    return [{name: values[name] for name in columns} for values in combined]
+    return [{name: _filled(values[name], values) for name in columns} for values in combined]
+
+
+def _filled(value: Any, values: Mapping[str, Any]) -> Any:
+    """Return a text whose fields name parameters with their values; all else as it is."""
+    if not isinstance(value, str) or "{" not in value:
+        return value
+    try:
+        fields = [re.split(r"[.\[]", field)[0] for _, field, _, _ in Formatter().parse(value) if field is not None]
+    except ValueError:
+        # Braces that are no fields.
+        return value
+    return value.format(**values) if fields and all(field in values for field in fields) else value
 
 
 class XmlText(str):
@@ -302,15 +365,13 @@ def display_xml(path: str | os.PathLike[str] | Survey, item: str | None = None) 
     Raises
     ------
     FileNotFoundError
-        There is no such file, or it is one of the catalogue, which is in the program and not on disk.
+        There is no such file.
     ValueError
         No element has the id.
     """
     if not isinstance(path, (str, os.PathLike)):
         return XmlText(path.to_xml())
-    found = existing_file(path)
-    if not found.exists():
-        raise FileNotFoundError(f"{os.fspath(path)} is part of the program; `vlscan catalogue show ID` shows an entry")
+    found = on_disk(existing_file(path))
     text = found.read_text(encoding="utf-8", errors="replace")
     if item is None:
         return XmlText(text)

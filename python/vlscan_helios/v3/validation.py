@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
 
 import numpy as np
 
+from vlscan.errors import warn
+
 try:
     import pint
-    from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PositiveInt
+    from pydantic import BaseModel, BeforeValidator, ConfigDict
+    from pydantic import PositiveInt as PositiveInt
 except ImportError as failure:  # pragma: no cover
     raise ImportError("vlscan.helios needs pint and pydantic: pip install 'vlscan[helios]'") from failure
 
-from .utils import find_file, find_files
+from .utils import find_files, named_file
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -102,6 +106,17 @@ def existing_files(value: Any) -> list[Path]:
     return [path for each in value for path in find_files(each)]
 
 
+# Names of levels of compression.
+_LEVELS = {"none": 0, "fast": 1, "default": 6, "best": 9}
+
+
+def _compression(value: Any) -> int:
+    level = _LEVELS.get(value, value) if isinstance(value, str) else value
+    if isinstance(level, bool) or not isinstance(level, int) or not 0 <= level <= 9:
+        raise ValueError(f"compression level is {value!r}, expected 0 to 9, {', '.join(_LEVELS)}")
+    return level
+
+
 def _components(value: Any) -> Any:
     found = np.asarray(value, dtype=np.float64)
     if found.shape == (3,):
@@ -122,9 +137,10 @@ Coordinate = Annotated[float, _quantity("m")]
 Speed = Annotated[float, _quantity("m/s", 0)]
 #: Number of threads; ``None`` is all.
 ThreadCount: TypeAlias = PositiveInt | None
-CompressionLevel = Annotated[int, Field(ge=0, le=9)]
+#: A number from 0 to 9, or a name.
+CompressionLevel = Annotated[int, BeforeValidator(_compression)]
 #: An existing file, as named or in an asset directory.
-AssetPath = Annotated[Path, BeforeValidator(find_file)]
+AssetPath = Annotated[Path, BeforeValidator(named_file)]
 #: Existing files: a pattern, or several of them.
 MultiAssetPath = Annotated[list[Path], BeforeValidator(existing_files)]
 #: A folder that is created if it does not exist.
@@ -158,13 +174,105 @@ def same(a: object, b: object) -> bool:
 
 
 class Model(BaseModel):
-    """Values by keyword, which are checked when they are given and when they are changed. Unknown keywords are ``ValueError``."""
+    """Values in the order of their fields or by keyword, which are checked when they are given and when they are changed.
+
+    Unknown keywords are ``ValueError``. Other attributes can be set, and are not part of copies.
+    """
 
     model_config = ConfigDict(extra="forbid", validate_assignment=True, arbitrary_types_allowed=True)
 
+    def __init__(self, *args: Any, **values: Any) -> None:
+        names = list(type(self).model_fields)
+        if len(args) > len(names):
+            raise TypeError(f"{type(self).__name__}() takes {len(names)} values, found {len(args)}: {', '.join(names) or 'none'}")
+        for name, value in zip(names, args, strict=False):
+            if name in values:
+                raise TypeError(f"{type(self).__name__}() got two values of {name}")
+            values[name] = value
+        super().__init__(**values)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        kind = type(self)
+        if name in kind.model_fields or name.startswith("_") or hasattr(kind, name):
+            super().__setattr__(name, value)
+            return
+        close = get_close_matches(name, kind.model_fields, 1, 0.85)
+        if close:
+            warn(f"{kind.__name__} has no field {name!r}, which becomes an attribute of your own; did you mean {close[0]!r}?")
+        object.__setattr__(self, name, value)
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        twin = super().__deepcopy__(memo)
+        for name in twin.__dict__.keys() - type(self).model_fields.keys():
+            del twin.__dict__[name]
+        return twin
+
+    def to_yaml(self, *args: Any, **values: Any) -> NoReturn:
+        """Not offered: see the message.
+
+        Parameters
+        ----------
+        *args, **values : Any
+            Without effect.
+
+        Raises
+        ------
+        NotImplementedError
+            Always.
+        """
+        raise NotImplementedError(_NO_YAML)
+
+    def to_bundle(self, *args: Any, **values: Any) -> NoReturn:
+        """Not offered: see the message.
+
+        Parameters
+        ----------
+        *args, **values : Any
+            Without effect.
+
+        Raises
+        ------
+        NotImplementedError
+            Always.
+        """
+        raise NotImplementedError(_NO_YAML)
+
+    @classmethod
+    def from_yaml(cls, *args: Any, **values: Any) -> NoReturn:
+        """Not offered: see the message.
+
+        Parameters
+        ----------
+        *args, **values : Any
+            Without effect.
+
+        Raises
+        ------
+        NotImplementedError
+            Always.
+        """
+        raise NotImplementedError(_NO_YAML)
+
+    @classmethod
+    def from_bundle(cls, *args: Any, **values: Any) -> NoReturn:
+        """Not offered: see the message.
+
+        Parameters
+        ----------
+        *args, **values : Any
+            Without effect.
+
+        Raises
+        ------
+        NotImplementedError
+            Always.
+        """
+        raise NotImplementedError(_NO_YAML)
+
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """Document the fields."""
+        """Document the fields, and their order."""
+        cls.__signature__ = _signature(cls)
         if "Parameters\n" in (cls.__doc__ or "") or not cls.model_fields:
             return
         rows = []
@@ -197,6 +305,23 @@ class Model(BaseModel):
     __hash__ = None  # type: ignore[assignment]
 
 
+# What stands for files that are not offered.
+_NO_YAML = (
+    "vlscan has no YAML and no bundles; Survey.to_xml() returns a survey as XML, StaticScene.to_binary() writes a scene, "
+    "and all models pickle"
+)
+
+
+def _signature(kind: type[BaseModel]) -> inspect.Signature:
+    """Return the signature of a model: its fields in order."""
+    parameters, is_optional = [], False
+    for name, field in kind.model_fields.items():
+        is_optional = is_optional or not field.is_required()
+        default = field.get_default(call_default_factory=True) if is_optional else inspect.Parameter.empty
+        parameters.append(inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=default, annotation=field.annotation))
+    return inspect.Signature(parameters)
+
+
 class UpdateableMixin:
     """Settings that take values of others."""
 
@@ -217,6 +342,8 @@ class UpdateableMixin:
         """
         for name, value in values.items():
             try:
+                if name not in getattr(type(self), "model_fields", {}):
+                    raise ValueError(f"{type(self).__name__} has no field {name!r}")
                 setattr(self, name, value)
             except ValueError:
                 if not skip_exceptions:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
-from .utils import existing_file, find_file
+from .utils import existing_file, named_file
 
 
 class Document(NamedTuple):
@@ -36,9 +36,9 @@ class Document(NamedTuple):
     def locate(self, name: str) -> str:
         """Return a file that the document names, as the engine finds it: absolute where it is beside the document."""
         beside = (self.path.parent / name.replace("\\", "/")).resolve()
-        found = None if self.root.get("paths") == "beside" and beside.exists() else find_file(name, fatal=False)
+        found = None if self.root.get("paths") == "beside" and beside.exists() else named_file(name, fatal=False)
         if found is None and (other := name.replace("\\", "/")) != name:
-            found = find_file(other, fatal=False)
+            found = named_file(other, fatal=False)
         if found is None and beside.exists():
             found = beside
         return os.fspath(found) if found is not None else name
