@@ -144,7 +144,7 @@ pub use vlscan_warehouse as warehouse;
 pub use campaign::{Campaign, CampaignEvent, CampaignOptions, CampaignReport, FailedCell};
 #[doc(hidden)]
 pub use cli::{command_line, main, scene_json};
-pub use options::{OneOf, OptionName, Options, ResolvedRun, schedule_of};
+pub use options::{OneOf, OptionName, OptionValues, Options, ResolvedRun, schedule_of};
 pub use planning::plan_survey;
 pub use sketch::{SurveySketch, session_points, survey_points};
 pub use vlscan_base::Observer;

@@ -4,6 +4,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `errors` | errors and warnings of the engine as Python exceptions |
+//! | `options` | options of runs as values |
 //! | `table` | record batches as NumPy columns and by the Arrow C data interface |
 //! | `scene` | scenes of files and of arrays |
 //! | `cast` | rays without an instrument |
@@ -25,6 +26,7 @@ mod catalogue;
 mod clouds;
 mod errors;
 mod make;
+mod options;
 mod preview;
 mod run;
 mod scene;

@@ -3,6 +3,7 @@
 
 use crate::cast::{columns_of_hits, vectors};
 use crate::errors::{Notices, exception};
+use crate::options::values;
 use crate::table::{Column, Table};
 use crate::watch::{Interruption, interruptible, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -16,7 +17,7 @@ use vlscan::survey::{
     Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, OpticsDefinition, PartRecipe,
     RasterFiles, Replaced, SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
 };
-use vlscan::{LoadedScene, MaterialDefinition, ReadOptions, ResolvedRun, Session, read_scene};
+use vlscan::{LoadedScene, MaterialDefinition, OptionValues, ReadOptions, ResolvedRun, Session, read_scene};
 
 /// Triangles with materials.
 #[pyclass(frozen, module = "vlscan")]
@@ -366,12 +367,13 @@ impl Scene {
         self.recipe.parts.len()
     }
 
-    /// Loads scene and tree now; otherwise the first run does. `words` are options of a run, `document` is a
-    /// pipeline.
-    fn load(own: Py<Self>, py: Python<'_>, document: String, words: Vec<String>) -> PyResult<()> {
+    /// Loads scene and tree now; otherwise the first run does. `options` are those of a run, `document`
+    /// is a pipeline.
+    fn load(own: Py<Self>, py: Python<'_>, document: String, options: &Bound<'_, PyDict>) -> PyResult<()> {
         let (notices, interruption) = (Notices::default(), Interruption::default());
-        let is_by_itself = words.is_empty();
-        let mut job = own.get().job(document, words).map_err(|error| exception(py, error))?;
+        let options = values(options)?;
+        let is_by_itself = options.is_empty();
+        let mut job = own.get().job(document, options).map_err(|error| exception(py, error))?;
         if let (true, Some(path)) = (is_by_itself, &own.get().recipe.packed) {
             let pack = Pack::open(path).map_err(|error| exception(py, error))?;
             job.settings.load.rules = pack.conditions().rules;
@@ -385,9 +387,16 @@ impl Scene {
     }
 
     /// Writes scene and tree to a packed scene; the other arguments are those of `load`.
-    fn pack(&self, py: Python<'_>, path: PathBuf, document: String, words: Vec<String>) -> PyResult<()> {
+    fn pack(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        document: String,
+        options: &Bound<'_, PyDict>,
+    ) -> PyResult<()> {
         let (notices, interruption) = (Notices::default(), Interruption::of_writing());
-        let mut settings = self.job(document, words).map_err(|error| exception(py, error))?.settings;
+        let job = self.job(document, values(options)?);
+        let mut settings = job.map_err(|error| exception(py, error))?.settings;
         interruption.watch(&mut settings);
         let recipe = self.recipe.clone();
         let own_notices = notices.clone();
@@ -478,8 +487,8 @@ impl Scene {
         self.loaded.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn job(&self, document: String, words: Vec<String>) -> vlscan::Result<ResolvedRun> {
-        let mut options = vlscan::Options::parse(words)?;
+    fn job(&self, document: String, options: OptionValues) -> vlscan::Result<ResolvedRun> {
+        let mut options = vlscan::Options::of_values(options)?;
         options.is_traced = true;
         options.scene = Some(self.recipe.clone());
         ResolvedRun::of_text("<python>".as_ref(), document, &options).map(|(job, _)| job)

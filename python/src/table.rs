@@ -1,6 +1,7 @@
 //! Tables of a run: columns as NumPy arrays and by the Arrow C data interface, without copies.
 
 use crate::errors::{Notices, exception};
+use crate::options::values;
 use crate::watch::interruptible;
 use arrow_array::cast::AsArray;
 use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema, to_ffi};
@@ -16,7 +17,6 @@ use arrow_select::take::take_record_batch;
 use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict};
-use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan::tables::input::arrow::encode_stream;
 use vlscan::{CloudFacts, Column as PointColumn};
@@ -175,13 +175,13 @@ impl Table {
         })
     }
 
-    /// Writes points to a file. `words` are options as `vlscan run` takes them. Returns the number of points.
-    fn write(&self, py: Python<'_>, path: PathBuf, words: Vec<String>) -> PyResult<u64> {
+    /// Writes points to the file that the options name, and returns the number of points.
+    fn write(&self, py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<u64> {
+        let options = values(options)?;
         let (batch, exact, facts) = (self.batch.clone(), self.exact.clone(), self.facts.clone());
         let written = interruptible(py, move |interruption| {
             interruption.begin_writing()?;
-            let words = [format!("--out={}", path.display())].into_iter().chain(words);
-            let request = vlscan::Options::parse(words)?.output_request((0, 0))?;
+            let request = vlscan::Options::of_values(options)?.output_request((0, 0))?;
             let facts = match facts {
                 Some(facts) => facts,
                 None => {

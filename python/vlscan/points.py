@@ -18,7 +18,7 @@ from ._columns import columns_of
 from ._libraries import needed, save
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, TableLike, Vector
-from ._words import words_of
+from ._values import values_of
 from .errors import warn
 from .tables import Table
 
@@ -233,13 +233,13 @@ class Points(Table):
             force=force or None,
         )
         if isinstance(path, (str, os.PathLike)):
-            self._table.write(os.fspath(path), words_of(options))
+            self._table.write({**values_of(options), "out": [os.fspath(path)]})
             return
         if format is None:
             raise ValueError('a file object has no extension; give its format, for example format="laz"')
         with tempfile.TemporaryDirectory() as folder:
             name = os.path.join(folder, "points")
-            self._table.write(name, words_of(options))
+            self._table.write({**values_of(options), "out": [name]})
             with open(name, "rb") as written:
                 shutil.copyfileobj(written, path)
 

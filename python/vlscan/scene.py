@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _toml, _vlscan
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, SceneFacts
-from ._words import words_of
+from ._values import values_of
 from .instruments import Scanner
 from .parts import Part
 from .points import Points
@@ -356,7 +356,7 @@ def _parts(source: object) -> list[Part]:
     return parts
 
 
-def _loading(scanner: str | None, options: Mapping[str, object]) -> tuple[str, list[str]]:
-    """Return the pipeline and the words with which a scene is loaded."""
+def _loading(scanner: str | None, options: Mapping[str, object]) -> tuple[str, dict[str, object]]:
+    """Return the pipeline and the options with which a scene is loaded."""
     keys = Scanner(scanner or _DEFAULT_SCANNER).keys
-    return _toml.document({"scanner": keys}), words_of(options)
+    return _toml.document({"scanner": keys}), values_of(options)

@@ -17,7 +17,7 @@ from ._columns import EngineTable, columns_of
 from ._keys import check_keys
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress, TableLike, Vector
-from ._words import switch, words_of
+from ._values import values_of
 from .forecast import DryRun
 from .instruments import Platform, Scanner
 from .parts import Part
@@ -305,19 +305,19 @@ class Survey(Checked):
             keys["survey"] = os.path.abspath(self._file)
         return _toml.document({**keys, **self._keys()})
 
-    def _request(self, words: list[str], pulses: EngineTable | None = None) -> _vlscan.Request:
-        """Return what the engine runs; ``words`` are options of the command line."""
+    def _request(self, options: dict[str, object], pulses: EngineTable | None = None) -> _vlscan.Request:
+        """Return what the engine runs; ``options`` are values as :func:`values_of` returns them."""
         trajectory: EngineTable | None = None
         if isinstance(self.trajectory, (str, os.PathLike)):
-            words = [*words, f"--trajectory={os.fspath(self.trajectory)}"]
+            options = {**options, "trajectory": os.fspath(self.trajectory)}
         elif self.trajectory is not None:
             trajectory = columns_of(self.trajectory, TRAJECTORY_COLUMNS)
         scene = self.scene._scene if self.scene is not None else None
         if self._text is not None and self._keys():
             raise ValueError("a pipeline cannot be changed by attributes; give them as options of the run, or change its text")
         if self._file is not None and not self._keys():
-            return _vlscan.Request(words, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
-        return _vlscan.Request(words, document=self.document(), scene=scene, trajectory=trajectory, pulses=pulses)
+            return _vlscan.Request(options, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
+        return _vlscan.Request(options, document=self.document(), scene=scene, trajectory=trajectory, pulses=pulses)
 
     def run(
         self,
@@ -343,7 +343,7 @@ class Survey(Checked):
         **options : RunOptions
             Options of the command line with underscores, for example ``seed``, ``threads``, ``columns`` (a list), ``misses``,
             ``physics`` (``"helios"`` or ``"refined"``, by default the former for XML surveys and the latter for others),
-            ``force`` (replace files): see :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
+            ``force`` (replace files), ``output`` (a folder in the layout of HELIOS++, instead of ``to``): see :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
 
         Returns
         -------
@@ -371,9 +371,9 @@ class Survey(Checked):
         >>> survey.run(to="room.laz", seed=1, force=True).files
         ['room.laz']
         """
-        words, tables = recorded(to, waveforms, pulses, options)
+        values, tables = recorded(to, waveforms, pulses, options)
         with shown_progress(progress) as tell:
-            return Result(_vlscan.run(self._request(words), tables, tell))
+            return Result(_vlscan.run(self._request(values), tables, tell))
 
     def dry_run(self, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
         """Estimate what a run will cost and give: pulses, points, density, spacing, sizes of files, memory, time, what it misses.
@@ -403,8 +403,8 @@ class Survey(Checked):
         >>> len(forecast.legs), forecast.files[0].name
         (2, 'room.laz')
         """
-        words, _ = recorded(to, None, None, options)
-        return DryRun.of(_vlscan.dry_run(self._request(words)))
+        values, _ = recorded(to, None, None, options)
+        return DryRun.of(_vlscan.dry_run(self._request(values)))
 
     def fly_trajectory(self, interval: float | None = None, *, true: bool = False, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return the poses of the platform.
@@ -434,7 +434,7 @@ class Survey(Checked):
         >>> poses.columns
         ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
         """
-        return Table(_vlscan.fly(self._request(words_of(options, writes_files=False)), "poses", interval, true))
+        return Table(_vlscan.fly(self._request(values_of(options, writes_files=False)), "poses", interval, true))
 
     def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return its pulses.
@@ -461,10 +461,18 @@ class Survey(Checked):
         >>> traced.point_count > 1000
         True
         """
-        return Table(_vlscan.fly(self._request(words_of(options, writes_files=False)), "pulses", None, False))
+        return Table(_vlscan.fly(self._request(values_of(options, writes_files=False)), "pulses", None, False))
 
     def run_batches(
-        self, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Unpack[RunOptions]
+        self,
+        rows: int = 1_000_000,
+        per_leg: bool = False,
+        seconds: float | None = None,
+        *,
+        to: PathLike | Iterable[PathLike] | None = None,
+        waveforms: bool | None = None,
+        pulses: bool | None = None,
+        **options: Unpack[RunOptions],
     ) -> Batches:
         """Fly and measure the survey, and yield the points in batches while it does.
 
@@ -480,6 +488,8 @@ class Survey(Checked):
         seconds : float, optional
             A batch ends at every multiple of so many seconds of ``GpsTime``, too: 0.1 yields the sweeps of a scanner that turns
             ten times per second.
+        to, waveforms, pulses : object
+            As for :meth:`run`: files that are written, too, and what is recorded beside the points.
         **options : RunOptions
             As for :meth:`run`.
 
@@ -503,13 +513,13 @@ class Survey(Checked):
         >>> sum(len(batch) for batch in survey.run_batches(1000, seed=1)) == survey.run(seed=1).point_count
         True
         """
-        words = words_of(options, writes_files=False)
+        values, tables = recorded(to, waveforms, pulses, options)
         if seconds is not None and not 0 < seconds < float("inf"):
             raise ValueError(f"seconds is {seconds}, expected more than 0")
         count = operator.index(rows)
         if count < 1:
             raise ValueError(f"rows is {count}, expected at least 1")
-        return Batches(partial(_vlscan.run_batches, self._request(words), count, per_leg, seconds, 2, ["trajectory"]))
+        return Batches(partial(_vlscan.run_batches, self._request(values), count, per_leg, seconds, 2, [table for table in tables if table != "points"]))
 
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
@@ -559,6 +569,10 @@ def run_batches(
     rows: int = 1_000_000,
     per_leg: bool = False,
     seconds: float | None = None,
+    *,
+    to: PathLike | Iterable[PathLike] | None = None,
+    waveforms: bool | None = None,
+    pulses: bool | None = None,
     **options: Unpack[RunOptions],
 ) -> Batches:
     """Run a survey batch by batch.
@@ -567,7 +581,7 @@ def run_batches(
     ----------
     survey : Survey, str or path-like
         A survey, or its file.
-    rows, per_leg, seconds : object
+    rows, per_leg, seconds, to, waveforms, pulses : object
         As for :meth:`Survey.run_batches`.
     **options : RunOptions
         As for :meth:`Survey.run`.
@@ -582,7 +596,7 @@ def run_batches(
     >>> [set(leg["PointSourceId"].tolist()) for leg in vlscan.run_batches("fixtures/room/survey.xml", per_leg=True)]
     [{1}, {2}]
     """
-    return opened(survey).run_batches(rows, per_leg, seconds, **options)
+    return opened(survey).run_batches(rows, per_leg, seconds, to=to, waveforms=waveforms, pulses=pulses, **options)
 
 
 def dry_run(survey: Survey | PathLike, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
@@ -728,9 +742,9 @@ def trace(
         if time is not None:
             columns["time"] = np.broadcast_to(np.asarray(time, float), len(ends))
         pulses = columns
-    words, tables = recorded(to, waveforms, None, options)
+    values, tables = recorded(to, waveforms, None, options)
     with shown_progress(progress) as tell:
-        return Result(_vlscan.run(survey._request(words, columns_of(pulses, ())), tables, tell))
+        return Result(_vlscan.run(survey._request(values, columns_of(pulses, ())), tables, tell))
 
 
 def _keys_of(what: str, value: object, table: str) -> dict[str, object]:
@@ -761,16 +775,20 @@ def opened(survey: Survey | PathLike) -> Survey:
 
 def recorded(
     to: PathLike | Iterable[PathLike] | None, waveforms: bool | None, pulses: bool | None, options: Mapping[str, object]
-) -> tuple[list[str], list[str]]:
-    """Return the words of a run's options, and the tables that it leaves in memory."""
+) -> tuple[dict[str, object], list[str]]:
+    """Return the values of a run's options, and the tables that it leaves in memory."""
     recorded = {"waveforms": waveforms, "pulses": pulses}
-    if to is None:
+    if to is None and options.get("output") is None:
         # The run counts the points of its first table.
         tables = ["points", *(name for name, is_wanted in recorded.items() if is_wanted), "trajectory"]
-        return words_of(options, writes_files=False), tables
+        return values_of(options, writes_files=False), tables
+    switches = {name: is_wanted for name, is_wanted in recorded.items() if is_wanted is not None}
+    values = {**values_of(options), **switches}
+    if to is None:
+        return values, ["trajectory"]
+    if "output" in values:
+        raise ValueError("give either to, the names of files, or output, a folder in the layout of HELIOS++")
     files = [to] if isinstance(to, (str, os.PathLike)) else list(to)
     if not files:
         raise ValueError("to names no file; without it the points stay in memory")
-    outputs = [f"--out={os.fspath(file)}" for file in files]
-    switches = [switch(name, is_wanted) for name, is_wanted in recorded.items() if is_wanted is not None]
-    return [*words_of(options), *outputs, *switches], ["trajectory"]
+    return {**values, "out": [os.fspath(file) for file in files]}, ["trajectory"]

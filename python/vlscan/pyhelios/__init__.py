@@ -6,9 +6,12 @@ import sys
 from importlib import import_module
 from types import ModuleType
 
-from vlscan_helios import v2
-from vlscan_helios.v2 import *  # noqa: F403
-from vlscan_helios.v2 import __version__ as __version__
+try:
+    from vlscan_helios import v2
+    from vlscan_helios.v2 import *  # noqa: F403
+    from vlscan_helios.v2 import __version__ as __version__
+except ImportError as failure:
+    raise ImportError(f"vlscan.pyhelios is a distribution of its own: pip install vlscan-helios ({failure})") from failure
 
 from . import util as util
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from vlscan._vlscan import command
+from vlscan.__main__ import main
 
 
 def helios_exec(args: Sequence[str]) -> int:
@@ -21,7 +21,7 @@ def helios_exec(args: Sequence[str]) -> int:
     int
         The exit status.
     """
-    return command(["vlscan", *map(str, args)])
+    return main([str(word) for word in args])
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from vlscan._vlscan import command
-from vlscan._words import words_of
+import vlscan
+from vlscan.__main__ import main
 
 
 def cli(**kw: Any) -> int:
@@ -29,11 +29,24 @@ def cli(**kw: Any) -> int:
         Keywords without ``survey``, or unknown ones.
     """
     if not kw:
-        return command(["vlscan", *sys.argv[1:]])
+        return main()
     if "survey" not in kw:
         raise TypeError("cli() needs survey, a file")
     survey, output = str(kw.pop("survey")), kw.pop("output", "output")
-    return command(["vlscan", "run", survey, f"--output={output}", *words_of(kw)])
+    unknown = kw.keys() - vlscan.options().keys()
+    if unknown:
+        raise TypeError(f"no option of a run is called {', '.join(sorted(unknown))}; vlscan.options() lists them")
+    return main(["run", survey, f"--output={output}", *(word for name, value in kw.items() for word in _words(name, value))])
+
+
+def _words(name: str, value: Any) -> list[str]:
+    """Return the words of an option on the command line."""
+    option = name.replace("_", "-")
+    if value is None:
+        return []
+    if isinstance(value, bool):
+        return [f"--{option}" if value else f"--no-{option}"]
+    return [f"--{option}={item}" for item in (value if isinstance(value, (list, tuple)) else [value])]
 
 
 if __name__ == "__main__":

@@ -48,6 +48,27 @@ class Leg(Model):
     trajectory_settings: TrajectorySettings | None = None
     _source: LegSource | None = PrivateAttr(None)
 
+    @property
+    def source(self) -> LegSource | None:
+        """Element of a file that it was read from."""
+        return self._source
+
+    def read_from(self, element: Element) -> Leg:
+        """Keep the element that it was read from.
+
+        Parameters
+        ----------
+        element : xml.etree.ElementTree.Element
+            The element.
+
+        Returns
+        -------
+        Leg
+            Itself.
+        """
+        self._source = LegSource(element, self.clone())
+        return self
+
 
 def flown_part(leg: Leg) -> TrajectorySettings | None:
     """Return the part of a trajectory that a leg flies: its own, else that of its platform settings; ``None`` for none.

@@ -7,7 +7,6 @@ import os
 import re
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -47,15 +46,11 @@ def parts_of(scene: str | os.PathLike[str]) -> list[tuple[str, ScenePart]]:
         try:
             parts = _parts(document, element)
         except (NotImplementedError, ValueError, OSError) as obstacle:
-            part = ScenePart()
-            part._obstacle = f"part {name or number} of {file}: {obstacle}"
-            parts = [part]
+            parts = [ScenePart().become(None, obstacle=f"part {name or number} of {file}: {obstacle}")]
         for index, part in enumerate(parts):
             # A part without an id is numbered, and is one for each of its files.
             own = name or str(number + index)
-            part._is_of_file = True
-            part._part = part._part and part._part.named(own)
-            found.append((own, part))
+            found.append((own, part.of_file(own)))
         number += 1 if name else max(len(parts), 1)
     return found
 
@@ -83,8 +78,7 @@ def _parts(document: Document, element: Element) -> list[ScenePart]:
         raise NotImplementedError("it has no loader")
     made = []
     for path in _files(document, loader[1]):
-        part = _loaded(document, *loader, path)
-        part._part = part._known_part().turn(quaternion).scale(scale).translate(*offset)
+        part = _loaded(document, *loader, path).placed(quaternion, scale, offset)
         if on_ground:
             part.force_on_ground = on_ground
         made.append(part)
@@ -133,10 +127,8 @@ def _loaded(document: Document, kind: str, params: Mapping[str, Element], path: 
         shift = truth_of(_text(params, "randomShift"), False)
         exponent = float_of(_text(params, "intersectionArgument"), 0.5)
         mode = _text(params, "intersectionMode", "transmittive").lower()
-        part = Part.voxels(path, mode, exponent, shift, table, matfile, matname)
-        settings: Any = part._arguments[1]
-        settings["drop_empty"] = "intersectionMode" not in params
-        return ScenePart.of_part(part, materials)
+        drop_empty = "intersectionMode" not in params
+        return ScenePart.of_part(Part.voxels(path, mode, exponent, shift, table, matfile, matname, drop_empty=drop_empty), materials)
     raise NotImplementedError(f"it has the loader {kind}")
 
 
@@ -178,6 +170,11 @@ def _rotation(param: Element) -> tuple[float, float, float, float]:
 
 
 def _product(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, float, float, float]:
-    from vlscan.parts import _product as product
-
-    return product((a[0], a[1], a[2], a[3]), (b[0], b[1], b[2], b[3]))
+    """Return the quaternion of the rotation ``b``, then ``a``."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )

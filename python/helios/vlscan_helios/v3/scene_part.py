@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import math
 import os
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
@@ -70,20 +68,6 @@ class BoundingBox(Model):
         return self._bounds.tobytes()
 
 
-class _PointFile:
-    """Points in a file of its own, which lives as long as the parts that read it and is pickled with them."""
-
-    def __init__(self, content: bytes, replaced: str = "") -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="vlscan-")
-        self.path = Path(self._folder.name) / "points.xyz"
-        self.path.write_bytes(content)
-        # The file that it was a copy of.
-        self.replaced = replaced
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _PointFile, (self.path.read_bytes(), os.fspath(self.path))
-
-
 class ScenePart(Model):
     """Geometry, its materials, and where it stands: see the methods ``from_…``. Transforms change the part and return it."""
 
@@ -96,8 +80,6 @@ class ScenePart(Model):
     # Why a part of a file cannot be taken out of its scene.
     _obstacle: str = PrivateAttr("")
     _is_of_file: bool = PrivateAttr(False)
-    # What lives as long as the geometry.
-    _kept: object = PrivateAttr(None)
 
     @classmethod
     def of_part(cls, part: Part, materials: _MaterialReader | None = None) -> Self:
@@ -115,9 +97,64 @@ class ScenePart(Model):
         ScenePart
             The part.
         """
-        made = cls()
-        made._part, made._read = part, materials or default_material
-        return made
+        return cls().become(part, materials or default_material)
+
+    def become(self, part: Part | None, materials: _MaterialReader = dict, obstacle: str = "") -> Self:
+        """Take geometry and materials.
+
+        Parameters
+        ----------
+        part : vlscan.Part or None
+            The geometry.
+        materials : callable
+            Reads its materials by name.
+        obstacle : str
+            Why a part of a file cannot be taken out of its scene.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        self._part, self._read, self._obstacle = part, materials, obstacle
+        return self
+
+    def placed(self, quaternion: Sequence[float], scale: float, offset: Sequence[float]) -> Self:
+        """Turn, scale and move the part.
+
+        Parameters
+        ----------
+        quaternion : sequence of float
+            w, x, y, z.
+        scale : float
+            The factor.
+        offset : sequence of float
+            x, y, z (m).
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        x, y, z = offset
+        self._part = self.known_part().turn(quaternion).scale(scale).translate(x, y, z)
+        return self
+
+    def of_file(self, id: str) -> Self:
+        """Become a part of a scene file.
+
+        Parameters
+        ----------
+        id : str
+            Its id.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        self._is_of_file, self._part = True, self._part and self._part.named(id)
+        return self
 
     @classonlymethod
     @validate_call
@@ -397,13 +434,8 @@ class ScenePart(Model):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
         normals = _columns("normals_file_columns", normals_file_columns, False, rows.shape[1])
         colours = _columns("rgb_file_columns", rgb_file_columns, False, rows.shape[1])
-        text = io.BytesIO()
-        np.savetxt(text, rows, fmt="%.17g")
-        file = _PointFile(text.getvalue())
         settings = (max_color_value, default_normal, estimate_normals, snap_neighbor_normal)
-        part = cls.of_part(_cloud(file.path, voxel_size, " ", normals, colours, *settings))
-        part._kept = file
-        return part
+        return cls.of_part(_cloud(rows, voxel_size, " ", normals, colours, *settings))
 
     @classonlymethod
     def from_mesh(cls, vertices: ArrayLike, faces: ArrayLike, material: Material | None = None) -> Self:
@@ -510,7 +542,7 @@ class ScenePart(Model):
         found = [part for name, part in parts_of(scene_part_file) if name == str(id)]
         if len(found) != 1:
             raise ValueError(f"{os.fspath(scene_part_file)} has {len(found)} parts with the id {id}, expected one")
-        found[0]._known_part()
+        found[0].known_part()
         return found[0]
 
     @validate_call
@@ -527,7 +559,7 @@ class ScenePart(Model):
         ScenePart
             Itself.
         """
-        self._part = self._known_part().scale(factor)
+        self._part = self.known_part().scale(factor)
         return self
 
     @validate_call(config=_ARBITRARY)
@@ -544,7 +576,7 @@ class ScenePart(Model):
         ScenePart
             Itself.
         """
-        self._part = self._known_part().translate(*offset.tolist())
+        self._part = self.known_part().translate(*offset.tolist())
         return self
 
     @validate_call(config=_ARBITRARY)
@@ -592,7 +624,7 @@ class ScenePart(Model):
             turn = _between(start, end)
         elif given != [True, False, False, False, False]:
             raise ValueError("rotate() needs a quaternion, an axis and an angle, or from_axis and to_axis")
-        part, centre = self._known_part(), (0.0, 0.0, 0.0) if rotation_center is None else rotation_center.tolist()
+        part, centre = self.known_part(), (0.0, 0.0, 0.0) if rotation_center is None else rotation_center.tolist()
         x, y, z = centre
         self._part = part.translate(-x, -y, -z).turn(turn).translate(x, y, z)
         return self
@@ -636,7 +668,7 @@ class ScenePart(Model):
         ValueError
             Both indices and a range, or an empty range.
         """
-        part = self._known_part()
+        part = self.known_part()
         if range_start is not None or range_stop is not None:
             if range_stop is None or indices is not None:
                 raise ValueError("update_material() needs indices, or range_stop with or without range_start")
@@ -644,7 +676,7 @@ class ScenePart(Model):
                 raise ValueError(f"range_start is {range_start or 0} and range_stop {range_stop}, expected at least one face between them")
             indices = np.arange(range_start or 0, range_stop)
         _check_faces(part, indices)
-        faces = None if indices is None else part._face_numbers(indices)
+        faces = None if indices is None else part.face_numbers(indices)
         known, name, own = self.materials, material.name or "default", material.clone()
         if faces is None:
             known.clear()
@@ -676,7 +708,19 @@ class ScenePart(Model):
         """Whether it is a part of a scene file."""
         return self._is_of_file
 
-    def _known_part(self) -> Part:
+    def known_part(self) -> Part:
+        """Return the part without changes of materials.
+
+        Returns
+        -------
+        vlscan.Part
+            The part.
+
+        Raises
+        ------
+        NotImplementedError
+            It cannot be used alone, or has no geometry.
+        """
         if self._part is None:
             reason = self._obstacle or "it has no geometry; ScenePart.from_obj() and its kin make parts"
             raise NotImplementedError(f"the part cannot be used alone: {reason}")
@@ -694,9 +738,8 @@ class ScenePart(Model):
             Values that are equal as long as it is the same.
         """
         changed = {name: material.clone() for name, material in self._changed_materials().items()}
-        part = self._part and (self._part._kind, self._part._arguments, self._part._place)
         updates = [(self._current(own).clone(), None if faces is None else faces.tolist()) for own, faces in self._updates]
-        return part, changed, updates, self.force_on_ground
+        return self._part, changed, updates, self.force_on_ground
 
     def _changed_materials(self) -> dict[str, Material]:
         """Return the materials of the geometry that are not as they were read."""
@@ -717,30 +760,32 @@ class ScenePart(Model):
         NotImplementedError
             A part of a scene file that moves, is swapped, or has random materials.
         """
-        part = self._known_part()
+        part = self.known_part()
         for name, material in self._changed_materials().items():
             part = part.with_material(material.engine(), of=name)
         for material, indices in self._updates:
             part = part.with_material(self._current(material).engine(), of=indices)
-        return part._placed(on_ground=int(self.force_on_ground))
+        return part.drop_to_ground(int(self.force_on_ground))
 
     def __copy__(self) -> Self:
         return self.__deepcopy__()
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
         # The geometry never changes and is shared.
-        twin = type(self)(force_on_ground=self.force_on_ground)
-        twin._part, twin._read, twin._kept = self._part, self._read, self._kept
-        twin._obstacle, twin._is_of_file = self._obstacle, self._is_of_file
-        if self._materials is not None:
-            twin._materials = self._materials.clone()
-        twin._as_read, twin._updates = dict(self._as_read), list(self._updates)
-        return twin
+        return self.twin().with_own_materials()
 
-    def __setstate__(self, state: dict[Any, Any]) -> None:
-        super().__setstate__(state)
-        if isinstance(self._kept, _PointFile) and self._part is not None:
-            self._part = self._part._of_file(self._kept.replaced, os.fspath(self._kept.path))
+    def with_own_materials(self) -> Self:
+        """Stop sharing materials with the part of which this is a copy.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        if self._materials is not None:
+            self._materials = self._materials.clone()
+        self._as_read, self._updates = dict(self._as_read), list(self._updates)
+        return self
 
     def __repr__(self) -> str:
         return f"<ScenePart {self._part if self._part is not None else self._obstacle}>"
@@ -751,7 +796,7 @@ _BINARY_CLOUDS = (".las", ".laz", ".ply", ".pcd", ".e57", ".pts", ".ptx", ".arro
 
 
 def _cloud(
-    path: Path,
+    source: Path | NDArray[np.float64],
     voxel_size: float,
     separator: str,
     normals: tuple[int, int, int] | None,
@@ -762,7 +807,7 @@ def _cloud(
     snap_neighbor_normal: bool,
 ) -> Part:
     return Part.points(
-        path,
+        source,
         voxel_size,
         separator="" if separator == " " else separator,
         normal_columns=normals,

@@ -11,9 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vlscan import _vlscan
-from vlscan.points import Points
-from vlscan.tables import Table
+from vlscan import Batches, Points, Result, Survey
 
 from .output import Output
 
@@ -36,7 +34,7 @@ class Recipe:
 
     survey: str
     assets: list[str] = field(default_factory=list)
-    words: list[str] = field(default_factory=list)
+    options: dict[str, Any] = field(default_factory=dict)
     has_files: bool = True
     callback: Callable[[Output], object] | None = None
     callback_rows: int = 0
@@ -57,11 +55,11 @@ class Simulation:
         self._recipe = recipe
         self._model: Model | None = None
         self._thread: threading.Thread | None = None
-        self._batches: _vlscan.BatchIterator | None = None
+        self._batches: Batches | None = None
         self._done, self._is_stopped, self._resumed = threading.Event(), threading.Event(), threading.Event()
         self._resumed.set()
         self._parts: list[Points] = []
-        self._outcome: _vlscan.Outcome | None = None
+        self._result: Result | None = None
         self._failure: BaseException | None = None
         if recipe.filters:
             self._apply_filters(self._read())
@@ -114,41 +112,38 @@ class Simulation:
     def _run(self) -> None:
         try:
             if self._model is None:
-                self._measure(_vlscan.Request(self._recipe.words, file=self._recipe.survey))
+                self._measure(Survey.open(self._recipe.survey), self._recipe.options)
                 return
             with tempfile.TemporaryDirectory() as folder, self._assets():
-                beside = [f"--assets={path}" for path in ("assets", os.path.dirname(self._recipe.survey)) if path]
-                self._measure(self._model.engine(Path(folder))._request([*self._recipe.words, *beside]))
+                beside = [path for path in ("assets", os.path.dirname(self._recipe.survey)) if path]
+                options = {**self._recipe.options, "assets": [*self._recipe.options.get("assets", ()), *beside]}
+                self._measure(self._model.engine(Path(folder)), options)
         except BaseException as failure:
             self._failure = failure
         finally:
             self._done.set()
 
-    def _measure(self, request: _vlscan.Request) -> None:
+    def _measure(self, survey: Survey, options: dict[str, Any]) -> None:
         callback, rows = self._recipe.callback, self._recipe.callback_rows or _BATCH_ROWS
-        batches = self._batches = _vlscan.run_batches(request, rows, False, None, 2, ["trajectory"])
-        try:
-            for table in batches:
+        self._batches = survey.run_batches(rows, **options)
+        with self._batches as batches:
+            for points in batches:
                 self._resumed.wait()
                 if self._is_stopped.is_set():
                     break
-                self._parts.append(Points(table))
+                self._parts.append(points)
                 if callback is not None:
                     callback(Output(self._parts))
-            self._outcome = batches.outcome()
-        finally:
-            batches.close()
-        if callback is not None and self._outcome is not None:
+            self._result = batches.result
+        if callback is not None and self._result is not None:
             callback(self._output())
 
     def _output(self) -> Output:
-        outcome = self._outcome
-        if outcome is None:
+        result = self._result
+        if result is None:
             return Output(self._parts)
-        table = outcome.table("trajectory")
-        folder = os.fspath(outcome.directories[0]) if outcome.directories else ""
-        files = [path for path, *_ in outcome.files]
-        return Output(self._parts, None if table is None else Table(table), files, folder, outcome.seconds)
+        folder = result.directories[0] if result.directories else ""
+        return Output(self._parts, result.trajectory, result.files, folder, result.seconds)
 
     def pause(self) -> None:
         """Take no more points; the simulation waits after a few batches, and :meth:`resume` lets it go on."""
@@ -207,7 +202,7 @@ class Simulation:
         self._thread.join()
         if self._failure is not None:
             raise self._failure
-        if self._outcome is None and not self._is_stopped.is_set():
+        if self._result is None and not self._is_stopped.is_set():
             raise RuntimeError("the simulation has no output")
         return self._output()
 

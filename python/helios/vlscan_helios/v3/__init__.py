@@ -20,7 +20,7 @@ from typing import Annotated, Literal, Optional
 
 import numpy as np
 
-from vlscan._vlscan import version
+from vlscan import __version__ as __version__
 
 from . import callbacks, leg, platforms, scanner, scene, settings, survey, utils, validation
 from .callbacks import HookContext, HookEndOfLegPolicy, HookPayload, HookPoint, SurveyHook
@@ -54,8 +54,6 @@ from .settings import (
 from .survey import Survey
 from .utils import add_asset_directory, combine_parameters, display_xml, set_rng_seed
 from .validation import units
-
-__version__ = version()
 
 # Names that ``from helios.survey import *`` brings in version 3, whatever the module: those of all modules, and of libraries.
 _SHARED: dict[str, object] = {

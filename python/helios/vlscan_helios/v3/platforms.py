@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, PrivateAttr, validate_call
+from typing_extensions import Self
 
 from vlscan import catalogue
 
@@ -139,6 +140,43 @@ class Platform(Named):
             return False
         return self._reference.split("#")[-1].startswith("tripod") if self._is_static is None else self._is_static
 
+    @property
+    def follows_file(self) -> bool:
+        """Whether it follows poses that the legs of a survey file name."""
+        return self._follows_file
+
+    def flown(
+        self,
+        trajectory: NDArray[np.void] | None = None,
+        follows_file: bool = False,
+        rotation_spec: str = "ARINC 705",
+        sync_gps_time: bool = False,
+        is_static: bool | None = None,
+    ) -> Self:
+        """Set how it moves.
+
+        Parameters
+        ----------
+        trajectory : numpy.ndarray, optional
+            Poses of :data:`traj_csv_dtype` that it follows.
+        follows_file : bool
+            Whether it follows poses that the legs of a survey file name.
+        rotation_spec : str
+            Meaning of the angles of poses.
+        sync_gps_time : bool
+            Whether points have the times of the poses.
+        is_static : bool, optional
+            Whether it stands, where that is known from its file.
+
+        Returns
+        -------
+        Platform
+            Itself.
+        """
+        self._trajectory, self._follows_file, self._is_static = trajectory, follows_file, is_static
+        self._rotation_spec, self._sync_gps_time = rotation_spec, sync_gps_time
+        return self
+
     def _identity(self) -> object:
         poses = None if self._trajectory is None else self._trajectory.tobytes()
         return self._reference, poses, self._rotation_spec, self._sync_gps_time, self._follows_file
@@ -216,9 +254,8 @@ class Platform(Named):
         if not is_roll_pitch_yaw_in_radians:
             for angle in _ANGLES:
                 poses[angle] = np.radians(poses[angle])
-        platform = cls.from_xml(platform_file, platform_id)
-        platform._trajectory, platform._rotation_spec, platform._sync_gps_time = poses, interpolation_method, bool(sync_gps_time)
-        return platform
+        platform: Platform = cls.from_xml(platform_file, platform_id)
+        return platform.flown(poses, rotation_spec=interpolation_method, sync_gps_time=bool(sync_gps_time))
 
     def following(self, trajectory: ArrayLike) -> Platform:
         """Return the platform, with its mount and noise, following recorded poses.
@@ -238,9 +275,8 @@ class Platform(Named):
         ValueError
             An array of another type.
         """
-        platform = self.clone()
-        platform._trajectory, platform._follows_file = _poses(trajectory), False
-        return platform
+        spec, is_synchronous = self._rotation_spec, self._sync_gps_time
+        return self.clone().flown(_poses(trajectory), False, spec, is_synchronous, self._is_static)
 
 
 def _poses(trajectory: ArrayLike) -> NDArray[np.void]:

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from vlscan._typing import PathLike
 from vlscan.errors import warn
 from vlscan.parts import Material as EngineMaterial
 
@@ -77,7 +76,7 @@ class Material(Model, UpdateableMixin):
             warn(f"reflectance of the material {self.name!r} is {self.reflectance}, expected 0 to 1")
 
     @classmethod
-    def from_file(cls, material_file: PathLike, material_id: str = "") -> Material:
+    def from_file(cls, material_file: str | os.PathLike[str], material_id: str = "") -> Material:
         """Read a material of a file.
 
         Parameters

@@ -1,4 +1,4 @@
-"""Options of a run as words of a command line."""
+"""Options of a run as values of the engine."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def renamed(**names: str) -> Callable[[Function], Function]:
     return decorate
 
 
-def words_of(options: Mapping[str, object], *, writes_files: bool = True) -> list[str]:
-    """Return the words of options; ``writes_files`` is whether options of files have a meaning."""
+def values_of(options: Mapping[str, object], *, writes_files: bool = True) -> dict[str, object]:
+    """Return the values of options for the engine; ``writes_files`` is whether options of files have a meaning."""
     known = catalogue.options()
-    words = []
+    values: dict[str, object] = {}
     for name, value in options.items():
         if name not in known:
             close = get_close_matches(name, known, 1)
@@ -48,23 +48,15 @@ def words_of(options: Mapping[str, object], *, writes_files: bool = True) -> lis
             continue
         if known[name].is_of_files and not writes_files and value is not False:
             raise ValueError(f"{name} is an option of files, but this run writes none; name them with run(to=...)")
-        word = "--" + name.replace("_", "-")
-        if isinstance(value, bool):
-            words.append(switch(name, value))
-        elif isinstance(value, Mapping) and name == "columns":
+        if isinstance(value, Mapping) and name == "columns":
             # The columns that `vlscan.columns()` lists.
-            words.append(f"{word}={_text(list(value))}")
-        elif isinstance(value, Mapping):
-            words += [f"{word}={key}={_text(item)}" for key, item in value.items()]
-        elif isinstance(value, (list, tuple)) and known[name].is_list:
-            words += [f"{word}={_text(item)}" for item in value]
-        else:
-            words.append(f"{word}={_text(value)}")
-    return words
+            value = list(value)
+        values[name] = [value] if known[name].is_list and not isinstance(value, (dict, list)) else value
+    return values
 
 
 def _plain(name: str, value: object, has_value: bool) -> object:
-    """Return a value of NumPy as one of Python; a switch is a truth value, and nothing else is one."""
+    """Return a value of an option as the engine takes it; a switch is a truth value, and nothing else is one."""
     if isinstance(value, np.bool_):
         value = bool(value)
     if not has_value and isinstance(value, (int, np.integer)):
@@ -75,24 +67,20 @@ def _plain(name: str, value: object, has_value: bool) -> object:
         raise TypeError(f"{name} is True or False, found {value!r}")
     if value is True:
         raise TypeError(f"{name} needs a value, found True")
-    return value
+    return _value(value)
 
 
-def switch(name: str, is_on: bool) -> str:
-    """Return the word that turns a switch on, or the one that turns it off: ``--misses``, ``--no-misses``."""
-    name = name.replace("_", "-")
-    if is_on:
-        return f"--{name}"
-    return f"--{name.removeprefix('no-')}" if name.startswith("no-") else f"--no-{name}"
-
-
-def _text(value: object) -> str:
+def _value(value: object) -> object:
+    """Return a value with the types of Python: numbers, texts, lists and dictionaries."""
     if isinstance(value, (os.PathLike, bytes)):
         return os.fsdecode(value)
-    if isinstance(value, datetime) and value.tzinfo is not None:
-        return str(value.astimezone(timezone.utc).replace(tzinfo=None))
+    if isinstance(value, datetime):
+        return str(value if value.tzinfo is None else value.astimezone(timezone.utc).replace(tzinfo=None))
     if hasattr(value, "tolist"):
+        # Scalars and arrays of NumPy and of libraries like it.
         value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _value(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return ",".join(_text(item) for item in value)
-    return str(value)
+        return [_value(item) for item in value]
+    return value

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vlscan import _vlscan, catalogue
+from vlscan import catalogue
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -135,7 +135,7 @@ def _package_folder() -> Path:
     atexit.register(folder.cleanup)
     root = Path(folder.name)
     (root / "assets").mkdir()
-    for name, text in _vlscan.catalogue_files():
+    for name, text in catalogue.files().items():
         (root / name).parent.mkdir(exist_ok=True)
         (root / name).write_text(text, encoding="utf-8")
     return root

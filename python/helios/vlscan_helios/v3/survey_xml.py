@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent, tost
 
 import numpy as np
 
-from .leg import Leg, LegSource, flown_part
+from .leg import Leg, flown_part
 from .platforms import DynamicPlatformSettings, Platform, StaticPlatformSettings, TrajectorySettings, traj_csv_dtype
 from .scanner import Scanner, ScannerSettings
 from .settings import FullWaveformSettings
@@ -74,14 +74,11 @@ def read_platform(document: Document) -> Platform:
     survey = document.asset("survey")
     reference = survey.get("platform", "")
     if reference != "interpolated":
-        platform = Platform.of_reference(document.reference(reference))
-        platform._is_static = is_static(document, platform.reference)
-        return platform
+        platform: Platform = Platform.of_reference(document.reference(reference))
+        return platform.flown(is_static=is_static(document, platform.reference))
     base = survey.get("basePlatform")
     platform = Platform.of_reference(document.reference(base) if base else "", "interpolated")
-    platform._follows_file = True
-    platform._rotation_spec = survey.get("rotationSpec", "ARINC 705")
-    return platform
+    return platform.flown(follows_file=True, rotation_spec=survey.get("rotationSpec", "ARINC 705"))
 
 
 def is_static(document: Document, reference: str) -> bool | None:
@@ -140,14 +137,13 @@ def read_legs(document: Document, platform: Platform) -> tuple[Leg, ...]:
         if "maxDuration_s" in element.attrib:
             scanning["maxDuration_s"] = element.attrib["maxDuration_s"]
         kind = StaticPlatformSettings if platform.is_static else DynamicPlatformSettings
-        is_followed = platform._follows_file
+        is_followed = platform.follows_file
         leg = Leg(
             scanner_settings=_settings(ScannerSettings, _SCANNER, scanning),
             platform_settings=_settings(kind, _PLACE, place),
             trajectory_settings=_settings(TrajectorySettings, _TRAJECTORY, place) if is_followed else None,
         )
-        leg._source = LegSource(element, leg.clone())
-        legs.append(leg)
+        legs.append(leg.read_from(element))
     return tuple(legs)
 
 
@@ -189,7 +185,7 @@ def _settings(kind: type[Any], table: Mapping[str, tuple[str, float, float | boo
 
 def write(survey: Survey, folder: Path | None) -> Element:
     """Return the document of a survey that is not that of a file, or was changed; a trajectory is written to ``folder``."""
-    document = survey._document
+    document = survey.document
     if document is None:
         root = Element("document")
         element = SubElement(root, "survey")
@@ -208,7 +204,7 @@ def write(survey: Survey, folder: Path | None) -> Element:
     for old in element.findall("leg"):
         element.remove(old)
     for leg in survey.legs:
-        source = leg._source if leg._source is not None and id(leg._source.element) in known else None
+        source = leg.source if leg.source is not None and id(leg.source.element) in known else None
         copied = Element("leg") if source is None else deepcopy(known[id(source.element)])
         element.append(copied)
         _write_leg(copied, leg, None if source is None else source.as_read, has_prisms)
@@ -241,7 +237,7 @@ def _independent(document: Document) -> Element:
 
 
 def _write_platform(element: Element, platform: Platform) -> None:
-    if platform.trajectory is None and not platform._follows_file:
+    if platform.trajectory is None and not platform.follows_file:
         element.set("platform", platform.reference)
         for name in ("basePlatform", "rotationSpec"):
             element.attrib.pop(name, None)
@@ -254,8 +250,8 @@ def _write_platform(element: Element, platform: Platform) -> None:
 
 def _write_waveform(element: Element, survey: Survey) -> None:
     settings = survey.full_waveform_settings
-    as_read = survey._as_read
-    if settings == (as_read.full_waveform_settings if as_read else FullWaveformSettings()) and not survey._has_own_waveform():
+    as_read = survey.as_read
+    if settings == (as_read.full_waveform_settings if as_read else FullWaveformSettings()) and not survey.has_own_waveform:
         return
     settings.check()
     for old in element.findall("FWFSettings"):
@@ -323,7 +319,7 @@ def _write_settings(element: Element, table: Mapping[str, tuple[str, float, floa
 def _write_followed(leg: Element, settings: Leg, platform: Platform, trajectory: str | None, legs: Iterable[Element]) -> None:
     """Let a leg follow recorded poses, or none."""
     place = _child(leg, "platformSettings")
-    if platform._follows_file:
+    if platform.follows_file:
         if "trajectory" not in place.attrib and "template" not in place.attrib:
             first = next((_child(other, "platformSettings") for other in legs), place)
             place.attrib.update({name: first.attrib[name] for name in (*_FOLLOWED, *_INDICES) if name in first.attrib})

@@ -57,9 +57,7 @@ class StaticScene(Model):
         # A survey can name a packed scene or a mesh, too, whose parts are not listed.
         is_xml = path.suffix.lower() == ".xml"
         scene = cls(scene_parts=tuple(part for _, part in parts_of(scene_file)) if is_xml else ())
-        scene._file = f"{path}#{id}" if id else os.fspath(path)
-        scene._as_read = [part.state() for part in scene.scene_parts]
-        return scene
+        return scene.read_from(f"{path}#{id}" if id else os.fspath(path))
 
     @classonlymethod
     def from_binary(cls, binary_file: str | os.PathLike[str]) -> StaticScene:
@@ -81,19 +79,41 @@ class StaticScene(Model):
             There is no such file.
         """
         path = existing_file(binary_file)
-        scene = cls()
+        folder = None
         if path.suffix != _PACKED:
             # The engine knows packed scenes by this extension.
             folder = tempfile.TemporaryDirectory(prefix="vlscan-")
-            scene._kept, link = folder, Path(folder.name) / f"scene{_PACKED}"
+            link = Path(folder.name) / f"scene{_PACKED}"
             try:
                 link.symlink_to(path.resolve())
             except OSError:
                 # Windows allows links to some users only.
                 shutil.copy(path, link)
             path = link
-        scene._file = os.fspath(path)
-        return scene
+        return cls().read_from(os.fspath(path), folder)
+
+    def read_from(self, file: str, kept: object = None) -> Self:
+        """Become the scene of a file, with the parts that it has now.
+
+        Parameters
+        ----------
+        file : str
+            The file, or ``file.xml#id``.
+        kept : object
+            What has to live as long as the scene.
+
+        Returns
+        -------
+        StaticScene
+            Itself.
+        """
+        self._file, self._kept, self._as_read = file, kept, [part.state() for part in self.scene_parts]
+        return self
+
+    @property
+    def source_file(self) -> str | None:
+        """File that it was read from."""
+        return self._file
 
     @validate_call
     def to_binary(self, binary_file: Path, compression_level: CompressionLevel = 6) -> None:
@@ -176,10 +196,9 @@ class StaticScene(Model):
         return self.__deepcopy__()
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
-        twin = type(self)(scene_parts=tuple(copy(part) for part in self.scene_parts))
-        twin._file, twin._kept, twin._as_read = self._file, self._kept, self._as_read
-        if self._state == [part.state() for part in twin.scene_parts]:
-            twin._scene, twin._state = self._scene, self._state
+        # The loaded scene is shared until a part changes.
+        twin = self.twin()
+        twin.scene_parts = tuple(copy(part) for part in self.scene_parts)
         return twin
 
     def __repr__(self) -> str:

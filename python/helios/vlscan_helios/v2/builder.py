@@ -6,8 +6,6 @@ import os
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from vlscan._words import switch, words_of
-
 from .functions import default_seed
 from .output import COLUMNS, Output
 from .simulation import Recipe, Simulation, folders
@@ -217,9 +215,8 @@ class SimulationBuilder:
             # Columns of text are those of HELIOS++.
             options["columns"] = list(COLUMNS)
         if self._has_files:
-            recorded = [switch(name, is_written) for name, is_written in self._recorded.items()]
-            words = [*words_of(options), *recorded, f"--output={self._output}"]
+            options |= {**self._recorded, "output": self._output}
         else:
-            words = words_of({name: value for name, value in options.items() if name not in _OF_FILES}, writes_files=False)
-        recipe = Recipe(self._survey, list(self._assets), words, self._has_files, self._callback, self._callback_rows, list(self._filters))
+            options = {name: value for name, value in options.items() if name not in _OF_FILES}
+        recipe = Recipe(self._survey, list(self._assets), options, self._has_files, self._callback, self._callback_rows, list(self._filters))
         return Simulation(recipe)

@@ -12,15 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
 
 import numpy as np
+import pint
+from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import PositiveInt as PositiveInt
 
 from vlscan.errors import warn
-
-try:
-    import pint
-    from pydantic import BaseModel, BeforeValidator, ConfigDict
-    from pydantic import PositiveInt as PositiveInt
-except ImportError as failure:  # pragma: no cover
-    raise ImportError("vlscan.helios needs pint and pydantic: pip install 'vlscan[helios]'") from failure
 
 from .utils import find_files, named_file
 
@@ -203,6 +199,19 @@ class Model(BaseModel):
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
         twin = super().__deepcopy__(memo)
+        for name in twin.__dict__.keys() - type(self).model_fields.keys():
+            del twin.__dict__[name]
+        return twin
+
+    def twin(self) -> Self:
+        """Return a copy that shares its values, without attributes of the user.
+
+        Returns
+        -------
+        Model
+            The copy.
+        """
+        twin = BaseModel.__copy__(self)
         for name in twin.__dict__.keys() - type(self).model_fields.keys():
             del twin.__dict__[name]
         return twin

@@ -15,12 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field, PrivateAttr
 
+from vlscan import Error, Result
 from vlscan import Survey as EngineSurvey
-from vlscan import _vlscan
-from vlscan._words import switch, words_of
-from vlscan.errors import Error, warn
-from vlscan.points import Points
-from vlscan.tables import Table
+from vlscan.errors import warn
 
 from . import survey_xml, xml_files
 from .callbacks import HookDispatcher, HookPayload, RunFacts, SurveyHook, build_progressbar_callbacks
@@ -136,12 +133,37 @@ class Survey(Model):
             name=element.get("name") or document.path.stem,
             full_waveform_settings=survey_xml.read_waveform(document),
         )
-        survey.__pydantic_fields_set__.discard("full_waveform_settings")
-        survey._document = document
-        legs = tuple(leg.clone() for leg in survey.legs)
-        waveform = survey.full_waveform_settings.clone()
-        survey._as_read = _AsRead(survey.name, survey.scanner.clone(), platform.clone(), survey.scene, legs, waveform)
-        return survey
+        return survey.read_from(document)
+
+    def read_from(self, document: Document) -> Survey:
+        """Become the survey of a document, as it is now.
+
+        Parameters
+        ----------
+        document : Document
+            The document.
+
+        Returns
+        -------
+        Survey
+            Itself.
+        """
+        legs, waveform = tuple(leg.clone() for leg in self.legs), self.full_waveform_settings.clone()
+        self._document = document
+        self._as_read = _AsRead(self.name, self.scanner.clone(), self.platform.clone(), self.scene, legs, waveform)
+        # Settings of the file are not the user's.
+        self.__pydantic_fields_set__.discard("full_waveform_settings")
+        return self
+
+    @property
+    def document(self) -> Document | None:
+        """File that it was read from."""
+        return self._document
+
+    @property
+    def as_read(self) -> _AsRead | None:
+        """The survey as it was read from its file."""
+        return self._as_read
 
     def add_leg(
         self,
@@ -220,7 +242,7 @@ class Survey(Model):
             with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(), engine_errors():
                 if is_silent:
                     warnings.simplefilter("ignore")
-                run = _Run(self, self.engine(Path(folder)), self._words(execution, output), output)
+                run = _Run(self, self.engine(Path(folder)), self._options(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:
             if bars is not None:
@@ -236,7 +258,7 @@ class Survey(Model):
         """
         if not self.legs:
             raise ValueError("the survey has no legs; add_leg() adds them")
-        if self.platform.trajectory is not None or self.platform._follows_file:
+        if self.platform.trajectory is not None or self.platform.follows_file:
             return
         for leg in self.legs:
             part = flown_part(leg)
@@ -283,12 +305,14 @@ class Survey(Model):
 
     def _is_as_read(self) -> bool:
         old = self._as_read
-        if old is None or self.legs != old.legs or any(leg._source is None for leg in self.legs):
+        if old is None or self.legs != old.legs or any(leg.source is None for leg in self.legs):
             return False
         same = (self.name, self.scanner, self.platform, self.full_waveform_settings)
-        return same == (old.name, old.scanner, old.platform, old.full_waveform_settings) and not self._has_own_waveform()
+        return same == (old.name, old.scanner, old.platform, old.full_waveform_settings) and not self.has_own_waveform
 
-    def _has_own_waveform(self) -> bool:
+    @property
+    def has_own_waveform(self) -> bool:
+        """Whether waveform settings were given."""
         return "full_waveform_settings" in self.model_fields_set
 
     def engine(self, folder: Path) -> EngineSurvey:
@@ -304,14 +328,14 @@ class Survey(Model):
         vlscan.Survey
             The survey.
         """
-        is_scene_of_file = self._as_read is not None and self.scene._file == self._as_read.scene._file and self.scene.is_as_read
+        is_scene_of_file = self._as_read is not None and self.scene.source_file == self._as_read.scene.source_file and self.scene.is_as_read
         if self._document is not None and self._is_as_read():
             return EngineSurvey.open(self._document.path, None if is_scene_of_file else self.scene.engine())
         file = folder / "survey.xml"
         file.write_text(self.to_xml(folder), encoding="utf-8")
         return EngineSurvey.open(file, None if is_scene_of_file else self.scene.engine())
 
-    def _words(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
+    def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set
         is_chunked = execution.parallelization == ParallelizationStrategy.CHUNK
         folders = [*own_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
@@ -335,17 +359,29 @@ class Survey(Model):
         made: RunOptions = options  # type: ignore[assignment]
         return made
 
-    def _gps_start(self) -> float:
-        """Return the time of points at the beginning of the run, s of the week of GPS."""
+    def gps_start(self) -> float:
+        """Return the time of points at the beginning of the run, s of the week of GPS.
+
+        Returns
+        -------
+        float
+            The time.
+        """
         return (self.gps_time.timestamp() - _GPS_EPOCH) % _WEEK
 
-    def _durations(self) -> list[float]:
-        """Return how long legs take, s: as long as the head turns, or as the way to the next leg takes; NaN where neither is known."""
+    def durations(self) -> list[float]:
+        """Return how long legs take, s: as long as the head turns, or as the way to the next leg takes; NaN where neither is known.
+
+        Returns
+        -------
+        list of float
+            A duration for each leg.
+        """
         durations = []
         for leg, following in zip(self.legs, [*self.legs[1:], None], strict=True):
             head, place = leg.scanner_settings, leg.platform_settings
             rate, speed = getattr(head, "head_rotation", 0), getattr(place, "speed_m_s", 0)
-            if self.platform.trajectory is not None or self.platform._follows_file:
+            if self.platform.trajectory is not None or self.platform.follows_file:
                 durations.append(math.nan)
             elif self.platform.is_static:
                 turn = getattr(head, "rotation_stop_angle", 0) - getattr(head, "rotation_start_angle", 0)
@@ -364,11 +400,11 @@ class Survey(Model):
         return self.clone()
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Survey:
-        values = {name: getattr(self, name) for name in type(self).model_fields if name != "legs"}
-        copies: dict[str, Any] = {name: value if isinstance(value, (str, datetime)) else value.clone() for name, value in values.items()}
-        twin = type(self)(legs=tuple(leg.clone() for leg in self.legs), **copies)
-        object.__setattr__(twin, "__pydantic_fields_set__", set(self.model_fields_set))
-        twin._document, twin._as_read = self._document, self._as_read
+        twin = self.twin()
+        for name, value in vars(twin).items():
+            if isinstance(value, Model):
+                vars(twin)[name] = value.clone()
+        vars(twin)["legs"] = tuple(leg.clone() for leg in self.legs)
         return twin
 
     def __repr__(self) -> str:
@@ -403,39 +439,36 @@ class _Run:
         self._survey, self._engine, self._options, self._output = survey, engine, options, output
         self._is_folder = _is_folder(output)
 
-    def _request(self, has_batches: bool) -> _vlscan.Request:
+    def _chosen(self, has_batches: bool) -> dict[str, Any]:
+        """Return the arguments of the engine's run."""
         options, output = dict(self._options), self._output
         if not self._is_folder or has_batches and output.format != OutputFormat.XYZ:
             # Columns of text are those of HELIOS++.
             options["columns"] = COLUMNS
-        words = words_of(options)
         if self._is_folder:
-            words += [switch("waveforms", output.write_waveform), switch("pulses", output.write_pulse)]
-            words.append(f"--output={os.fspath(output.output_dir)}")
-        return self._engine._request(words)
+            options |= {"output": output.output_dir, "waveforms": output.write_waveform, "pulses": output.write_pulse}
+        return options
 
     def plain(self) -> Any:
         """Run, and return the results."""
-        tables = [] if self._is_folder else ["points", "trajectory"]
-        outcome = _vlscan.run(self._request(False), tables, None)
+        result = self._engine.run(progress=False, **self._chosen(False))
         if self._is_folder:
-            return Path(outcome.directories[0])
-        points = Points(_found(outcome, "points"))
-        return self._result(point_records(points), outcome, points["Intensity"], points["ScanAngle"])
+            return Path(result.directories[0])
+        points = result.points
+        return self._result(point_records(points), result, points["Intensity"], points["ScanAngle"])
 
     def with_hooks(self, hooks: list[SurveyHook]) -> Any:
         """Run, call hooks, and return the results."""
         path = os.fspath(self._output.output_dir) if self._is_folder else ""
-        facts = RunFacts(self._survey._durations(), self._survey._gps_start(), path)
+        facts = RunFacts(self._survey.durations(), self._survey.gps_start(), path)
         dispatcher = HookDispatcher(hooks, len(self._survey.legs), facts)
         needs_points = not self._is_folder or any(hook.payload != HookPayload.METADATA_ONLY for hook in hooks)
         dispatcher.keeps_points = needs_points
-        tables = ["trajectory"] if needs_points else []
-        batches = _vlscan.run_batches(self._request(True), _BATCH_ROWS, True, None, 2, tables)
         columns: list[tuple[NDArray[Any], NDArray[Any]]] = []
         start, last = None, 0.0
-        try:
-            for points in map(Points, batches):
+        # A hook may fail, which ends the run.
+        with self._engine.run_batches(_BATCH_ROWS, True, **self._chosen(True)) as batches:
+            for points in batches:
                 gps_times = np.asarray(points["GpsTime"])
                 if start is None:
                     start = self._start(gps_times)
@@ -444,32 +477,23 @@ class _Run:
                 last = float(times[-1]) if len(times) else last
                 if self._output.format == OutputFormat.LASPY:
                     columns.append((np.array(points["Intensity"]), np.array(points["ScanAngle"])))
-        finally:
-            # A hook may have failed, which ends the run.
-            outcome = batches.outcome()
-            batches.close()
-        if outcome is None:
+            result = batches.result
+        if result is None:
             raise Error("the run has ended without a result")
-        dispatcher.finish(last, pose_records(Table(_found(outcome, "trajectory"))) if needs_points else None)
+        dispatcher.finish(last, pose_records(result.trajectory) if needs_points else None)
         if self._is_folder:
-            return Path(outcome.directories[0])
+            return Path(result.directories[0])
         intensity, angle = (np.concatenate(parts) for parts in zip(*columns, strict=True)) if columns else (np.empty(0), np.empty(0))
-        return self._result(dispatcher.collected(), outcome, intensity, angle)
+        return self._result(dispatcher.collected(), result, intensity, angle)
 
     def _start(self, times: NDArray[np.float64]) -> float:
         """Return the time of points at the beginning of the run."""
-        start = self._survey._gps_start()
+        start = self._survey.gps_start()
         is_of_run = len(times) and not self._survey.platform.sync_gps_time and 0 <= times[0] - start < _WEEK
         return start if is_of_run else float(times[0]) if len(times) else 0.0
 
-    def _result(self, records: NDArray[np.void], outcome: _vlscan.Outcome, intensity: NDArray[Any], angle: NDArray[Any]) -> Any:
-        poses = pose_records(Table(_found(outcome, "trajectory")))
+    def _result(self, records: NDArray[np.void], result: Result, intensity: NDArray[Any], angle: NDArray[Any]) -> Any:
+        poses = pose_records(result.trajectory)
         if self._output.format == OutputFormat.LASPY:
             return laspy_data(records, intensity, angle, self._output.las_scale or 0.0001), poses
         return records, poses
-
-
-def _found(outcome: _vlscan.Outcome, name: str) -> _vlscan.Table:
-    table = outcome.table(name)
-    assert table is not None
-    return table

@@ -12,8 +12,7 @@ from typing import Any, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from vlscan.points import Points
-from vlscan.tables import Table
+from vlscan import Points, Table
 
 # Columns of the arrays of outputToNumpy(), by the names of vlscan's columns.
 _POINT_COLUMNS = (
@@ -178,6 +177,11 @@ class Output:
         return Points.concat(self._parts) if self._parts else Points.of({"X": [], "Y": [], "Z": []})
 
     @property
+    def poses(self) -> Table | None:
+        """The poses as a table of vlscan; ``None`` before the simulation has ended."""
+        return self._poses
+
+    @property
     def trajectory(self) -> Table:
         """The poses as a table of vlscan."""
         if self._poses is None:
@@ -211,7 +215,7 @@ def outputToNumpy(output: Output) -> tuple[NDArray[np.float64], NDArray[np.float
     poses : numpy.ndarray
         Rows of position, GPS time, roll, pitch, yaw (rad).
     """
-    poses = np.empty((0, 7)) if output._poses is None else _array(output._poses, _POSE_COLUMNS)
+    poses = np.empty((0, 7)) if output.poses is None else _array(output.poses, _POSE_COLUMNS)
     poses[:, 4:] = np.radians(poses[:, 4:])
     return _array(output.points, _POINT_COLUMNS), poses
 

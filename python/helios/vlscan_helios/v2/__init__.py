@@ -2,12 +2,12 @@
 
 Simulations are made by :class:`SimulationBuilder` and run in a thread of their own; what they write is what
 ``vlscan run SURVEY --output OUT`` writes. Surveys, legs and settings (:attr:`Simulation.sim`) and filters of parts are those of
-:mod:`vlscan_helios.v3`, which needs pint and pydantic: ``pip install 'vlscan[helios]'``; all else needs NumPy alone.
+:mod:`vlscan_helios.v3`.
 """
 
 from __future__ import annotations
 
-from vlscan._vlscan import version
+from vlscan import __version__ as __version__
 
 from .builder import SimulationBuilder
 from .functions import (
@@ -24,8 +24,6 @@ from .functions import (
 )
 from .output import Measurement, Output, Trajectory, outputToNumpy
 from .simulation import PYHELIOS_SIMULATION_BUILD_CONDITION_VARIABLE, Simulation
-
-__version__ = version()
 
 __all__ = [
     "PYHELIOS_SIMULATION_BUILD_CONDITION_VARIABLE",
