@@ -161,7 +161,9 @@ def run_shard(
 ) -> tuple[str, int]:
     """Compute a shard of a run, or without one the index of all shards: the file or the folder, and the number of pulses."""
 
-def merge_shards(folder: str, options: dict[str, Any], tables: Sequence[str], check: bool, progress: Progress | None = None) -> Outcome | None:
+def merge_shards(
+    folder: str, options: dict[str, Any], tables: Sequence[str], check: bool, progress: Progress | None = None
+) -> Outcome | None:
     """Merge shards to files or to tables of these names; or compare their checksums."""
 
 def fit_flight(cloud: str, output: str, flight_line: int | None, extend: float, force: bool) -> tuple[list[str], str]:

@@ -343,7 +343,8 @@ class Survey(Checked):
         **options : RunOptions
             Options of the command line with underscores, for example ``seed``, ``threads``, ``columns`` (a list), ``misses``,
             ``physics`` (``"helios"`` or ``"refined"``, by default the former for XML surveys and the latter for others),
-            ``force`` (replace files), ``output`` (a folder in the layout of HELIOS++, instead of ``to``): see :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
+            ``force`` (replace files), ``output`` (a folder in the layout of HELIOS++, instead of ``to``): see
+            :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
 
         Returns
         -------
@@ -519,7 +520,8 @@ class Survey(Checked):
         count = operator.index(rows)
         if count < 1:
             raise ValueError(f"rows is {count}, expected at least 1")
-        return Batches(partial(_vlscan.run_batches, self._request(values), count, per_leg, seconds, 2, [table for table in tables if table != "points"]))
+        beside = [table for table in tables if table != "points"]
+        return Batches(partial(_vlscan.run_batches, self._request(values), count, per_leg, seconds, 2, beside))
 
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []

@@ -218,5 +218,7 @@ class SimulationBuilder:
             options |= {**self._recorded, "output": self._output}
         else:
             options = {name: value for name, value in options.items() if name not in _OF_FILES}
-        recipe = Recipe(self._survey, list(self._assets), options, self._has_files, self._callback, self._callback_rows, list(self._filters))
+        recipe = Recipe(
+            self._survey, list(self._assets), options, self._has_files, self._callback, self._callback_rows, list(self._filters)
+        )
         return Simulation(recipe)

@@ -401,10 +401,9 @@ class Survey(Model):
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Survey:
         twin = self.twin()
-        for name, value in vars(twin).items():
-            if isinstance(value, Model):
-                vars(twin)[name] = value.clone()
-        vars(twin)["legs"] = tuple(leg.clone() for leg in self.legs)
+        # Behind the validation, which would note the fields as given.
+        twin.__dict__.update({name: value.clone() for name, value in self if isinstance(value, Model)})
+        twin.__dict__["legs"] = tuple(leg.clone() for leg in self.legs)
         return twin
 
     def __repr__(self) -> str:
