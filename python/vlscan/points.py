@@ -78,10 +78,11 @@ class Points(Table):
         [1.0, 0.0, 2.0]
         """
         known = getattr(table, "crs", None) if crs is None else None
-        if hasattr(known, "to_wkt"):
+        if known is not None and hasattr(known, "to_wkt"):
             # Of GeoPandas.
             crs = str(known.to_wkt("WKT1_GDAL"))
-        points = Points(_vlscan.Table.of_columns(columns_of(table, ("X", "Y", "Z"), keep_types=True), crs))
+        given: Any = table
+        points = Points(_vlscan.Table.of_columns(columns_of(given, ("X", "Y", "Z"), keep_types=True), crs))
         missing = [name for name in "XYZ" if name not in points]
         if missing:
             raise ValueError(f"the table has no column {', '.join(missing)}; there are {', '.join(points.columns)}")

@@ -85,7 +85,8 @@ class Table:
             key = np.arange(start, stop, step)
         single: object = key
         if isinstance(single, (int, np.integer)):
-            raise IndexError(f"rows are chosen by a slice, a mask or indices; a single one is table[{key}:{key + 1}] or table[[{key}]]")
+            row = int(single)
+            raise IndexError(f"rows are chosen by a slice, a mask or indices; a single one is table[{row}:{row + 1}] or table[[{row}]]")
         chosen = np.asarray(key)
         if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "biu"):
             raise IndexError(f"rows are chosen by a slice, a mask or indices, found {chosen.dtype} of the shape {chosen.shape}")

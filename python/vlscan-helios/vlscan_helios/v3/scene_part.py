@@ -20,7 +20,7 @@ from vlscan.scene import Scene
 from .materials import Material, MaterialDict, read_materials
 from .settings import ForceOnGroundStrategy
 from .utils import classonlymethod, detect_separator, own_directories
-from .validation import Angle, AssetPath, Model, MultiAssetPath, Quaternion, R3Vector, existing_files
+from .validation import AnyAngle, AssetPath, Model, MultiAssetPath, Quaternion, R3Vector, existing_files
 
 _ARBITRARY = ConfigDict(arbitrary_types_allowed=True)
 
@@ -299,6 +299,7 @@ class ScenePart(Model):
         FileNotFoundError
             There is no such file.
         """
+        xyz_file = Path(xyz_file)
         if separator is None:
             separator = "" if xyz_file.suffix.lower() in _BINARY_CLOUDS else detect_separator(xyz_file)
         count = 9 if separator == "" else _column_count(xyz_file, separator)
@@ -584,7 +585,7 @@ class ScenePart(Model):
         self,
         quaternion: Quaternion | None = None,
         axis: R3Vector | None = None,
-        angle: Angle | None = None,
+        angle: AnyAngle | None = None,
         from_axis: R3Vector | None = None,
         to_axis: R3Vector | None = None,
         rotation_center: R3Vector | None = None,

@@ -5,15 +5,15 @@ from __future__ import annotations
 import inspect
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypeAlias
 
 import numpy as np
 import pint
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BeforeValidator, ConfigDict
 from pydantic import PositiveInt as PositiveInt
 
 from vlscan.errors import warn
@@ -21,7 +21,27 @@ from vlscan.errors import warn
 from .utils import find_files, named_file
 
 if TYPE_CHECKING:
+    from pydantic.fields import FieldInfo
     from typing_extensions import Self
+
+    class BaseModel:
+        """Base of models for type checkers: their values may be texts and quantities, by keyword or in the order of fields."""
+
+        model_config: ClassVar[ConfigDict]
+        model_fields: ClassVar[dict[str, FieldInfo]]
+        model_fields_set: set[str]
+        __signature__: ClassVar[inspect.Signature]
+        __pydantic_fields_set__: set[str]
+
+        def __init__(self, *args: Any, **values: Any) -> None: ...
+        def __iter__(self) -> Iterator[tuple[str, Any]]: ...
+        def __copy__(self) -> Self: ...
+        def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self: ...
+        @classmethod
+        def model_validate(cls, obj: Any) -> Self:
+            """Return a model of values."""
+else:
+    from pydantic import BaseModel
 
 #: The units of all quantities.
 units: pint.UnitRegistry[float] = pint.get_application_registry()  # type: ignore[no-untyped-call]
@@ -135,10 +155,17 @@ Speed = Annotated[float, _quantity("m/s", 0)]
 ThreadCount: TypeAlias = PositiveInt | None
 #: A number from 0 to 9, or a name.
 CompressionLevel = Annotated[int, BeforeValidator(_compression)]
-#: An existing file, as named or in an asset directory.
-AssetPath = Annotated[Path, BeforeValidator(named_file)]
-#: Existing files: a pattern, or several of them.
-MultiAssetPath = Annotated[list[Path], BeforeValidator(existing_files)]
+if TYPE_CHECKING:
+    AssetPath: TypeAlias = str | os.PathLike[str]
+    MultiAssetPath: TypeAlias = Any
+    AnyAngle: TypeAlias = float | str | pint.Quantity[Any]
+else:
+    #: An existing file, as named or in an asset directory.
+    AssetPath = Annotated[Path, BeforeValidator(named_file)]
+    #: Existing files: a pattern, or several of them.
+    MultiAssetPath = Annotated[list[Path], BeforeValidator(existing_files)]
+    #: An angle as an argument.
+    AnyAngle = Angle
 #: A folder that is created if it does not exist.
 CreatedDirectory = Annotated[Path, BeforeValidator(_directory)]
 #: Three numbers.
