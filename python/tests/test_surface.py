@@ -2,6 +2,7 @@
 
 import io
 import logging
+import pickle
 import typing
 
 import numpy as np
@@ -196,3 +197,27 @@ def test_objects_print_what_they_are():
     assert repr(part) == "<Part: mesh file, 'tree.obj', id '7', scale 2, at 1, 2, 3>"
     assert repr(ground()) == "<Part: mesh, 1 faces>"
     assert "legs" not in repr(Survey.open(FIXTURES / "room/survey.xml")) and repr(survey()).endswith("1 legs)")
+
+
+def test_points_of_an_array_become_voxels():
+    cloud = Part.points(np.array([[0.1, 0, 0], [1, 0, 0], [0, 1, 2]]), voxel_size=0.5)
+    assert "array" in repr(cloud) and Scene(cloud).primitives == 3
+    twin = pickle.loads(pickle.dumps(cloud))
+    del cloud
+    assert Scene(twin.translate(1, 0)).primitives == 3
+    with pytest.raises(ValueError, match=r"shape \(3,\), expected n by 3 or more"):
+        Part.points([1, 2, 3], voxel_size=0.5)
+
+
+def test_parts_are_equal_if_they_are_made_alike():
+    tree = Part.obj("beech.obj")
+    assert tree == Part.obj("beech.obj") and len({tree, Part.obj("beech.obj")}) == 1
+    assert tree != tree.translate(1, 0) and tree != Part.obj("spruce.obj") and tree != "beech.obj"
+    assert tree.translate(1, 0) == tree.translate(1, 0) and ground() != ground()
+
+
+def test_faces_are_chosen_by_a_mask_or_by_numbers():
+    part = ground()
+    assert part.face_numbers([True]).tolist() == part.face_numbers(0).tolist() == [0]
+    with pytest.raises(ValueError, match="expected 0 to 0"):
+        part.face_numbers([1])

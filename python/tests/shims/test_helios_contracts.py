@@ -177,8 +177,11 @@ def test_handles_of_folders_show_nothing(tmp_path):
         assert repr(handle) == ""
 
 
-@pytest.mark.parametrize("library", ["pint", "pydantic"])
-def test_without_its_libraries_the_package_says_what_to_install(library):
-    text = f"import sys; sys.modules[{library!r}] = None; import vlscan.helios"
+@pytest.mark.parametrize("library", ["pint", "pydantic", "vlscan_helios"])
+@pytest.mark.parametrize("package", ["vlscan.helios", "vlscan.pyhelios"])
+def test_without_its_distribution_the_package_says_what_to_install(library, package):
+    if (library, package) in (("pint", "vlscan.pyhelios"), ("pydantic", "vlscan.pyhelios")):
+        return
+    text = f"import sys; sys.modules[{library!r}] = None; import {package}"
     failed = subprocess.run([sys.executable, "-c", text], check=False, capture_output=True, text=True)
-    assert failed.returncode == 1 and "pip install 'vlscan[helios]'" in failed.stderr
+    assert failed.returncode == 1 and "pip install vlscan-helios" in failed.stderr
