@@ -7,6 +7,7 @@
 //! | `options` | options of runs as values |
 //! | `table` | record batches as NumPy columns and by the Arrow C data interface |
 //! | `scene` | scenes of files and of arrays |
+//! | `changes` | changes of the materials of parts |
 //! | `cast` | rays without an instrument |
 //! | `run` | runs: to memory, to files, batch by batch; Ctrl-C and progress |
 //! | `batches` | runs whose points are taken while they are measured |
@@ -23,6 +24,7 @@ use pyo3::prelude::*;
 mod batches;
 mod cast;
 mod catalogue;
+mod changes;
 mod clouds;
 mod errors;
 mod make;
@@ -43,6 +45,8 @@ mod _vlscan {
     #[pymodule_export]
     use super::catalogue::{catalogue, catalogue_files, columns, keys, options};
     #[pymodule_export]
+    use super::changes::Changes;
+    #[pymodule_export]
     use super::clouds::{cloud_info, raster, read_points, write_frames};
     #[pymodule_export]
     use super::command;
@@ -53,7 +57,7 @@ mod _vlscan {
     #[pymodule_export]
     use super::run::{Outcome, Request, run, run_batches};
     #[pymodule_export]
-    use super::scene::{Changes, Mesh, Part, Scene};
+    use super::scene::{Mesh, Part, Scene};
     #[pymodule_export]
     use super::stages::{dry_run, fly, merge_shards, run_shard};
     #[pymodule_export]

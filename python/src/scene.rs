@@ -2,20 +2,21 @@
 //! same ones.
 
 use crate::cast::{columns_of_hits, vectors};
+use crate::changes::Changes;
 use crate::errors::{Notices, exception};
 use crate::options::values;
 use crate::table::{Column, Table};
 use crate::watch::{Interruption, interruptible, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyList, PyString};
+use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::geom::{DVec3, Rotation};
 use vlscan::scene::{Pack, pack};
 use vlscan::survey::{
-    Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, OpticsDefinition, PartRecipe,
-    RasterFiles, Replaced, SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
+    Loader, MaterialChoice, MeshReading, OpticsDefinition, PartRecipe, RasterFiles, SceneRecipe, Transform,
+    UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
 };
 use vlscan::{LoadedScene, MaterialDefinition, OptionValues, ReadOptions, ResolvedRun, Session, read_scene};
 
@@ -67,7 +68,7 @@ impl Mesh {
 }
 
 /// The dictionary of a material.
-fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bound<'py, PyDict>> {
+pub fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bound<'py, PyDict>> {
     let fields = PyDict::new(py);
     fields.set_item("name", &material.name)?;
     fields.set_item("diffuse", material.kd)?;
@@ -91,7 +92,7 @@ fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bo
 }
 
 /// A material from a dictionary whose keys the class `Material` of the package sets.
-fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
+pub fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
     let get = |key: &str| item(fields, key);
     Ok(MaterialDefinition {
         name: get("name")?.extract()?,
@@ -259,52 +260,8 @@ fn choice(fields: &Bound<'_, PyDict>) -> PyResult<MaterialChoice> {
     })
 }
 
-/// Changes of the materials of a part, which its copies share.
-#[pyclass(frozen, module = "vlscan")]
-pub struct Changes(MaterialChanges);
-
-#[pymethods]
-impl Changes {
-    /// No changes.
-    #[new]
-    fn new() -> Changes {
-        Changes(MaterialChanges::default())
-    }
-
-    /// These changes and another one: of all primitives, of those whose material has a name, or of those with
-    /// the indices in the bytes of unsigned 32-bit integers.
-    fn then(&self, which: &Bound<'_, PyAny>, fields: &Bound<'_, PyDict>) -> PyResult<Changes> {
-        let replaced = if which.is_none() {
-            Replaced::All
-        } else if let Ok(name) = which.extract::<String>() {
-            Replaced::Named(name)
-        } else {
-            Replaced::Faces(indices(which.cast::<PyBytes>()?.as_bytes()))
-        };
-        let last = MaterialChange { replaced, material: material(fields)? };
-        Ok(Changes(self.0.iter().cloned().chain([last]).collect()))
-    }
-
-    /// The arguments of the calls of [`Changes::then`] that make equal changes.
-    #[allow(clippy::type_complexity, reason = "unpacked by the package")]
-    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyDict>)>> {
-        let part = |change: &MaterialChange| {
-            let which = match &change.replaced {
-                Replaced::All => py.None().into_bound(py),
-                Replaced::Named(name) => PyString::new(py, name).into_any(),
-                Replaced::Faces(faces) => {
-                    let bytes: Vec<u8> = faces.iter().flat_map(|index| index.to_le_bytes()).collect();
-                    PyBytes::new(py, &bytes).into_any()
-                }
-            };
-            Ok((which, fields_of(py, &change.material)?))
-        };
-        self.0.iter().map(part).collect()
-    }
-}
-
 /// Unsigned 32-bit integers.
-fn indices(bytes: &[u8]) -> Vec<u32> {
+pub fn indices(bytes: &[u8]) -> Vec<u32> {
     let (numbers, _) = bytes.as_chunks();
     numbers.iter().map(|number| u32::from_le_bytes(*number)).collect()
 }
