@@ -11,6 +11,7 @@
 //! | `cast` | rays without an instrument |
 //! | `run` | runs: to memory, to files, batch by batch; Ctrl-C and progress |
 //! | `batches` | runs whose points are taken while they are measured |
+//! | `contents` | contents of the files of surveys |
 //! | `catalogue` | lists of instruments, options and columns |
 //! | `preview` | pictures and pages of points |
 //! | `stages` | around a run: what it will cost, its poses and pulses, its shares |
@@ -26,6 +27,7 @@ mod cast;
 mod catalogue;
 mod changes;
 mod clouds;
+mod contents;
 mod errors;
 mod make;
 mod options;
@@ -50,6 +52,8 @@ mod _vlscan {
     use super::clouds::{cloud_info, raster, read_points, write_frames};
     #[pymodule_export]
     use super::command;
+    #[pymodule_export]
+    use super::contents::contents;
     #[pymodule_export]
     use super::make::{figures, make_scene, make_stand, scanner_figures, unzip};
     #[pymodule_export]

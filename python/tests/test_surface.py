@@ -221,3 +221,28 @@ def test_faces_are_chosen_by_a_mask_or_by_numbers():
     assert part.face_numbers([True]).tolist() == part.face_numbers(0).tolist() == [0]
     with pytest.raises(ValueError, match="expected 0 to 0"):
         part.face_numbers([1])
+
+
+def test_legs_of_a_file_are_read_and_changed():
+    room = FIXTURES / "room/survey.xml"
+    survey = Survey.open(room)
+    assert "legs" not in repr(survey) and len(survey.legs) == 2 and "2 legs" in repr(survey)
+    plain = Survey.open(room).run(seed=1).points
+    assert survey.run(seed=1).points["GpsTime"].tobytes() == plain["GpsTime"].tobytes()
+    survey.legs[1].active = False
+    one = survey.run(seed=1).points
+    assert set(one["PointSourceId"]) == {1}
+    first = plain[plain["PointSourceId"] == 1]
+    assert all(one[name].tobytes() == first[name].tobytes() for name in ("X", "Y", "Z", "Intensity", "ReturnNumber"))
+    found = survey.contents()
+    assert (found.scanner, found.platform, [leg.active for leg in found.legs]) == ("tls_polygon", "tripod", [True, False])
+    assert pickle.loads(pickle.dumps(survey)).legs[1].active is False and len(pickle.loads(pickle.dumps(Survey.open(room))).legs) == 2
+
+
+def test_legs_that_cannot_be_told_whole_are_not_changed():
+    flight = Survey.open(FIXTURES / "terrain/survey.xml")
+    assert flight.legs[0].settings["pulse_freq_hz"] > 0
+    pipeline = Survey.from_document(flight.document())
+    assert not pipeline.legs
+    with pytest.raises(AttributeError, match="no attribute 'leg'"):
+        flight.leg

@@ -23,6 +23,7 @@ __all__ = [
     "columns",
     "command",
     "compare",
+    "contents",
     "dry_run",
     "figures",
     "fit_flight",
@@ -56,6 +57,9 @@ _Map: TypeAlias = tuple[tuple[int, int, float, list[float]], list[bytes]]
 
 def version() -> str:
     """Version of the engine."""
+
+def contents(request: Request) -> tuple[str, tuple[str, str], str, list[str | None], list[dict[str, Any]], bool]:
+    """Name of a survey, id and name of its scanner, id of its platform, ids of parts, keywords of legs, whether these hold all."""
 
 def command(words: Sequence[str]) -> int:
     """Run the command line with these words, the first of which is the program's name, and return its exit status."""

@@ -6,7 +6,7 @@ import operator
 import os
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, TypedDict
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -123,6 +123,33 @@ class Leg(Checked):
         return f"Leg({self._keys()})"
 
 
+class SurveyContents(NamedTuple):
+    """What a survey consists of.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    scanner : str
+        Id of the scanner.
+    scanner_name : str
+        Name of the scanner.
+    platform : str
+        Id of the platform.
+    parts : list of str
+        Ids of the parts of its scene, ``None`` for those without one; none of a packed scene.
+    legs : list of Leg
+        The legs.
+    """
+
+    name: str
+    scanner: str
+    scanner_name: str
+    platform: str
+    parts: list[str | None]
+    legs: list[Leg]
+
+
 class Survey(Checked):
     """A scanner that legs or a trajectory carry through a scene.
 
@@ -189,6 +216,8 @@ class Survey(Checked):
         self.name = name
         self._file: str | None = None
         self._text: str | None = None
+        # Keys of the legs of a file as they were read, and whether they hold all that it has about legs.
+        self._read_legs: tuple[list[dict[str, object]], bool] | None = None
 
     def _checked(self, name: str, value: object) -> object:
         if name in ("settings", "waveform", "detector"):
@@ -265,9 +294,56 @@ class Survey(Checked):
         """
         survey = Survey(scene, **changes)
         survey._file = os.fspath(path)
+        if "legs" not in changes:
+            del survey.legs
         if survey._file.lower().endswith(".toml") and survey._keys():
             raise ValueError("a pipeline file cannot be changed by arguments; give them as options of the run, or change the file")
         return survey
+
+    def contents(self) -> SurveyContents:
+        """Return what the survey consists of, that of its file included; the scene is not loaded.
+
+        Returns
+        -------
+        SurveyContents
+            Name, scanner, platform, parts of the scene, legs.
+
+        Raises
+        ------
+        InputError
+            The file is invalid.
+
+        Examples
+        --------
+        >>> found = vlscan.Survey.open("fixtures/room/survey.xml").contents()
+        >>> found.scanner, found.platform, len(found.legs)
+        ('tls_polygon', 'tripod', 2)
+        """
+        name, (scanner, scanner_name), platform, parts, legs, _ = _vlscan.contents(self._request({}))
+        return SurveyContents(name, scanner, scanner_name, platform, parts, [Leg(**leg) for leg in legs])
+
+    def __getattr__(self, name: str) -> Any:
+        # Legs of a file are read when they are first asked for, and sent if they were changed.
+        if name != "legs" or self.__dict__.get("_file") is None:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        *_, legs, is_whole = _vlscan.contents(self._request({}))
+        self.legs = [Leg(**leg) for leg in legs]
+        self._read_legs = ([leg._keys() for leg in self.legs], is_whole)
+        return self.legs
+
+    def _leg_keys(self) -> list[dict[str, object]]:
+        """Return the keys of the legs, none for those of a file that are as they were read."""
+        if "legs" not in self.__dict__:
+            return []
+        keys = [leg._keys() for leg in _legs(self.legs)]
+        if self._read_legs is None:
+            return keys
+        as_read, is_whole = self._read_legs
+        if keys == as_read:
+            return []
+        if not is_whole:
+            raise ValueError(f"legs of {self._file} hold more than Leg does (trajectories, pulse times, mounts); change the file")
+        return keys
 
     def _keys(self) -> dict[str, object]:
         keys = {
@@ -275,7 +351,7 @@ class Survey(Checked):
             "platform": self.platform.keys if self.platform else None,
             "scanner": self.scanner.keys if self.scanner else None,
             "settings": self.settings or None,
-            "leg": [leg._keys() for leg in _legs(self.legs)] or None,
+            "leg": self._leg_keys() or None,
             "waveform": self.waveform or None,
             "detector": self.detector or None,
         }
@@ -315,6 +391,8 @@ class Survey(Checked):
         scene = self.scene._scene if self.scene is not None else None
         if self._text is not None and self._keys():
             raise ValueError("a pipeline cannot be changed by attributes; give them as options of the run, or change its text")
+        if self._file is not None and self._file.lower().endswith(".toml") and self._keys():
+            raise ValueError("a pipeline file cannot be changed by attributes; give them as options of the run, or change the file")
         if self._file is not None and not self._keys():
             return _vlscan.Request(options, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
         return _vlscan.Request(options, document=self.document(), scene=scene, trajectory=trajectory, pulses=pulses)
@@ -526,8 +604,8 @@ class Survey(Checked):
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
         what += [f"{key}={value!r}" for key, value in self._keys().items() if key != "leg"]
-        if self.legs or not (self._file or self._text):
-            # Legs of a file are not known before it is run.
+        if "legs" in self.__dict__ and (self.legs or not self._text):
+            # Those of a file may not have been read yet.
             what.append(f"{len(self.legs)} legs")
         return f"Survey({', '.join(what)})"
 
