@@ -246,3 +246,8 @@ def test_legs_that_cannot_be_told_whole_are_not_changed():
     assert not pipeline.legs
     with pytest.raises(AttributeError, match="no attribute 'leg'"):
         flight.leg
+
+
+def test_pictures_of_cells_are_small():
+    points = vlscan.run(FIXTURES / "forest/survey.xml", seed=1).points
+    assert 5_000 < len(points._repr_html_()) < 60_000 and 2_000 < len(Scene(ground())._repr_html_()) < 60_000

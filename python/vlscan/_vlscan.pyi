@@ -82,7 +82,7 @@ def columns() -> list[tuple[str, str, str]]:
 def page(table: _Table, colour: str, title: str, max_points: int) -> str:
     """Return a page that shows points in a browser, offline."""
 
-def picture(table: _Table, colour: str, title: str, width: int, height: int) -> bytes:
+def picture(table: _Table, colour: str, title: str, width: int, height: int, is_small: bool = False) -> bytes:
     """Return a PNG picture of points, from above and from the side."""
 
 def plan(kind: str, fields: dict[str, Any]) -> dict[str, Any]:

@@ -470,8 +470,12 @@ class Points(Table):
             raise ValueError(f"{name}: expected a name that ends in .png or .html")
         save(name, content, force)
 
+    def _small_png(self, width: int, height: int) -> bytes:
+        """Draw the points with sixteen colours."""
+        return _vlscan.picture(self._table, "height", "", width, height, True)
+
     def _repr_html_(self) -> str:
         about = html.escape(f"{len(self):,} points: {', '.join(self.columns)}")
         if not len(self) or not {"X", "Y", "Z"} <= set(self.columns):
             return f"<div>{about}</div>"
-        return picture_html(self.png(width=1000, height=750), about)
+        return picture_html(self._small_png, about)

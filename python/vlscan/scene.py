@@ -306,7 +306,7 @@ class Scene:
 
     def _repr_html_(self) -> str:
         about = f"{self._name}: {self.primitives:,} primitives, {len(self.parts)} parts"
-        return picture_html(self.sample().png(width=1000, height=750), html.escape(about))
+        return picture_html(self.sample()._small_png, html.escape(about))
 
     def __repr__(self) -> str:
         return f"<Scene {self._name}>"
