@@ -144,6 +144,20 @@ fn place(command: &Command, option: &Arg, key: Option<&'static str>, set: Setter
     }
 }
 
+/// The error of an invalid value, with types as users know them.
+fn invalid(name: &str, error: &serde_json::Error) -> Error {
+    let text = error.to_string();
+    let (problem, expected) = text.rsplit_once(", expected ").unwrap_or((&text, ""));
+    let expected = match expected {
+        "usize" | "u32" | "u64" => ", expected a whole number".to_owned(),
+        "f64" => ", expected a number".to_owned(),
+        "path string" => ", expected a path".to_owned(),
+        "" => String::new(),
+        other => format!(", expected {other}"),
+    };
+    Error::input(format!("{name}: {problem}{expected}"))
+}
+
 impl Place {
     fn set(&self, options: &mut Options, value: Value) -> serde_json::Result<()> {
         let value = match value {
@@ -180,7 +194,7 @@ impl Options {
         }
         for (name, value) in values {
             if let (Some(place), false) = (PLACES.get(&name), value.is_null()) {
-                place.set(&mut options, value).map_err(|e| Error::input(format!("{name}: {e}")))?;
+                place.set(&mut options, value).map_err(|e| invalid(&name, &e))?;
             }
         }
         Ok(options)
@@ -230,7 +244,7 @@ mod tests {
     #[test]
     fn messages_name_the_keyword() {
         for (values, expected) in [
-            (json!({ "threads": -1 }), "threads: invalid value: integer `-1`, expected usize"),
+            (json!({ "threads": -1 }), "threads: invalid value: integer `-1`, expected a whole number"),
             (json!({ "columns": "Q" }), "columns: no column is called"),
             (json!({ "chunk_size": 0 }), "chunk_size: expected 1 to"),
             (json!({ "tile": 5, "per_object": true }), "tile cannot be used with per_object"),

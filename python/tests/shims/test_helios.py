@@ -199,6 +199,8 @@ def test_keywords_without_effect_are_refused():
         with pytest.warns(vlscan.VlscanWarning, match=f"^{name} has no effect") as caught:
             static_survey().run(format=form, **{name: value})
         assert caught[0].filename == __file__
+    with pytest.warns(vlscan.VlscanWarning, match="^log_file has no effect"):
+        static_survey().run(log_file=True)
     for wrong in ({"parallelization": 7}, {"parallelization": "chunk"}, {"verbosity": 6}, {"num_threads": 0}, {"chunk_size": -1}):
         with pytest.raises(ValueError, match="Input should be"):
             static_survey().run(**wrong)

@@ -235,6 +235,8 @@ class Survey(Model):
         output = compose_output_settings(output_settings, for_output)
         hooks = [SurveyHook.model_validate(hook) for hook in callbacks or ()]
         _check_output(output)
+        if execution.log_file or execution.log_file_only:
+            warn("log_file has no effect; notes go to the logger 'vlscan', which logging.FileHandler writes to a file")
         self.check_legs()
         bar_hooks, bars = build_progressbar_callbacks(execution.progressbar, len(self.legs))
         is_silent = "verbosity" in execution.model_fields_set and execution.verbosity <= LogVerbosity.QUIET
@@ -346,7 +348,6 @@ class Survey(Model):
             "schedule": ("dynamic" if is_chunked else "warehouse") if "parallelization" in given else None,
             "tree": _TREES[execution.factory_type] if "factory_type" in given else None,
             "tree_jobs": execution.kdt_num_threads if "kdt_num_threads" in given else None,
-            "log_file": True if execution.log_file or execution.log_file_only else None,
             "seed": rng_seed(),
             "gps_start": self.gps_time if "gps_time" in self.model_fields_set else None,
             "assets": folders,
