@@ -125,8 +125,10 @@ def test_joined_batches_are_written_as_the_run_writes_them(tmp_path):
 def test_batches_are_a_context_and_have_the_result(points):
     with survey().run_batches(1000, seed=1) as batches:
         first = next(batches)
-        assert batches.result is None and len(first) == 1000
-    assert list(batches) == [] and batches.result is None
+        assert not batches.is_complete and len(first) == 1000
+    assert list(batches) == [] and not batches.is_complete
+    with pytest.raises(RuntimeError, match="its last batch"):
+        batches.result
     with survey().run_batches(1000, seed=1) as batches:
         assert sum(map(len, batches)) == len(points) == batches.result.point_count
     for wrong in (0, -1):

@@ -150,10 +150,17 @@ class Batches(Iterator[Points]):
             self._batches.close()
 
     @property
-    def result(self) -> Result | None:
-        """Counts, warnings and trajectory of the run; ``None`` before the last batch has been taken."""
+    def is_complete(self) -> bool:
+        """Whether the last batch has been taken, so that there is a result."""
+        return self._batches is not None and self._batches.outcome() is not None
+
+    @property
+    def result(self) -> Result:
+        """Counts, files, warnings and trajectory of the run; a ``RuntimeError`` before the last batch has been taken."""
         outcome = None if self._batches is None else self._batches.outcome()
-        return None if outcome is None else Result(outcome)
+        if outcome is None:
+            raise RuntimeError("a run has a result when its last batch has been taken")
+        return Result(outcome)
 
     def __enter__(self) -> Self:
         return self

@@ -134,7 +134,7 @@ class Simulation:
                 self._parts.append(points)
                 if callback is not None:
                     callback(Output(self._parts))
-            self._result = batches.result
+            self._result = batches.result if batches.is_complete else None
         if callback is not None and self._result is not None:
             callback(self._output())
 

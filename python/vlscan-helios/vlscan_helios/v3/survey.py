@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field, PrivateAttr
 
-from vlscan import Error, Result
+from vlscan import Result
 from vlscan import Survey as EngineSurvey
 from vlscan.errors import warn
 
@@ -478,8 +478,6 @@ class _Run:
                 if self._output.format == OutputFormat.LASPY:
                     columns.append((np.array(points["Intensity"]), np.array(points["ScanAngle"])))
             result = batches.result
-        if result is None:
-            raise Error("the run has ended without a result")
         dispatcher.finish(last, pose_records(result.trajectory) if needs_points else None)
         if self._is_folder:
             return Path(result.directories[0])
