@@ -80,6 +80,8 @@ class ScenePart(Model):
     # Why a part of a file cannot be taken out of its scene.
     _obstacle: str = PrivateAttr("")
     _is_of_file: bool = PrivateAttr(False)
+    # Bounds of the part, and the state of which they are.
+    _measured: tuple[object, NDArray[np.float64]] | None = PrivateAttr(None)
 
     @classmethod
     def of_part(cls, part: Part, materials: _MaterialReader | None = None) -> Self:
@@ -697,7 +699,10 @@ class ScenePart(Model):
     @property
     def bbox(self) -> BoundingBox:
         """The box around the part where it stands now."""
-        return BoundingBox.of_bounds(Scene([self.engine()], own_directories()).bounds)
+        state = (self.state(), own_directories())
+        if self._measured is None or self._measured[0] != state:
+            self._measured = (state, Scene([self.engine()], own_directories()).bounds)
+        return BoundingBox.of_bounds(self._measured[1])
 
     @property
     def id(self) -> str:
