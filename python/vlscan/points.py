@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 # Digits of 32-bit floats: coordinates beyond lose millimetres.
 _LOSSLESS_M = 1e-3 * 2.0**24
 
+# Extensions of the formats whose names are none.
+_EXTENSIONS = {"copc": "copc.laz", "ply-ascii": "ply", "raycloud": "ply", "geoparquet": "geo.parquet"}
+
 
 class Points(Table):
     """Points, one per row. :func:`vlscan.columns` lists the columns. Shows itself in a notebook.
@@ -239,7 +242,7 @@ class Points(Table):
         if format is None:
             raise ValueError('a file object has no extension; give its format, for example format="laz"')
         with tempfile.TemporaryDirectory() as folder:
-            name = os.path.join(folder, "points")
+            name = os.path.join(folder, f"points.{_EXTENSIONS.get(format, format)}")
             self._table.write({**values_of(options), "out": [name]})
             with open(name, "rb") as written:
                 shutil.copyfileobj(written, path)

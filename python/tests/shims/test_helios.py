@@ -326,7 +326,8 @@ def test_legs_take_settings_and_keywords():
     assert (survey.legs[1].scanner_settings.is_active, shared.is_active) == (False, True)
     assert survey.legs[2].scanner_settings is shared and survey.legs[2].platform_settings.force_on_ground
     survey.add_leg(survey.legs[1], z="2 m")
-    assert (survey.legs[3].platform_settings.x, survey.legs[3].platform_settings.z, survey.legs[1].platform_settings.z) == (3, 2, 0)
+    # That same leg, changed.
+    assert survey.legs[3] is survey.legs[1] and (survey.legs[3].platform_settings.x, survey.legs[3].platform_settings.z) == (3, 2)
     leg = helios.Leg(scanner_settings=shared, platform_settings=helios.StaticPlatformSettings())
     survey.add_leg(leg)
     assert survey.legs[-1] is leg
