@@ -293,7 +293,7 @@ class Survey(Checked):
         True
         """
         survey = Survey(scene, **changes)
-        survey._file = os.fspath(path)
+        survey._file = os.fsdecode(path)
         if "legs" not in changes:
             del survey.legs
         if survey._file.lower().endswith(".toml") and survey._keys():

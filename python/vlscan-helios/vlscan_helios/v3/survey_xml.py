@@ -269,8 +269,7 @@ def _write_trajectory(platform: Platform, folder: Path | None) -> str | None:
     path = (folder or Path()) / "trajectory.csv"
     if folder is not None:
         names = poses.dtype.names or ()
-        columns = [np.degrees(poses[name]) if name in ("roll", "pitch", "yaw") else poses[name] for name in names]
-        np.savetxt(path, np.column_stack(columns), delimiter=",", fmt="%.17g")
+        np.savetxt(path, np.column_stack([poses[name] for name in names]), delimiter=",", fmt="%.17g")
     return str(path)
 
 
@@ -334,6 +333,8 @@ def _write_followed(leg: Element, settings: Leg, platform: Platform, trajectory:
         # Poses are those of the trajectory.
         place.attrib.pop(name, None)
     place.set("trajectory", trajectory)
+    # Angles are radians already.
+    place.set("toRadians", "false")
     place.attrib.update({name: str(index) for index, name in enumerate(_INDICES)})
     if platform.sync_gps_time:
         place.set("syncGPSTime", "true")
