@@ -4,6 +4,7 @@ import copy
 import inspect
 import subprocess
 import sys
+import tempfile
 import warnings
 
 import numpy as np
@@ -185,3 +186,21 @@ def test_without_its_distribution_the_package_says_what_to_install(library, pack
     text = f"import sys; sys.modules[{library!r}] = None; import {package}"
     failed = subprocess.run([sys.executable, "-c", text], check=False, capture_output=True, text=True)
     assert failed.returncode == 1 and "pip install vlscan-helios" in failed.stderr
+
+
+def test_messages_do_not_name_files_of_the_run():
+    flight = np.column_stack(
+        [np.linspace(0, 1, 11), np.zeros((11, 2)), np.full(11, 0.0025), np.linspace(-10, 10, 11), np.zeros(11), np.full(11, 60)]
+    )
+    platform = helios.Platform.load_interpolate_platform(flight, "data/platforms.xml", "sr22", "CANONICAL")
+    ground = helios.ScenePart.from_mesh([[-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]], [[0, 1, 2, 3]])
+    survey = helios.Survey(helios.scanner.leica_als50(), platform, helios.StaticScene([ground]))
+    survey.add_leg(scan_angle="20 deg", pulse_frequency="10 kHz", scan_frequency="50 Hz")
+    with pytest.warns(vlscan.VlscanWarning, match="<survey>") as caught:
+        survey.run()
+    assert {warning.filename for warning in caught} == {__file__}
+    text = "\n".join(str(warning.message) for warning in caught)
+    assert tempfile.gettempdir() not in text and "radians" not in text
+    survey.add_leg(scan_angle="89 deg")
+    with pytest.raises(helios.HeliosException, match="<survey>"):
+        survey.run()

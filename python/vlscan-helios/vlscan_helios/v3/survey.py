@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-import warnings
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -21,7 +20,7 @@ from vlscan.errors import warn
 
 from . import survey_xml, xml_files
 from .callbacks import HookDispatcher, HookPayload, RunFacts, SurveyHook, build_progressbar_callbacks
-from .errors import engine_errors
+from .errors import engine_errors, engine_warnings
 from .leg import Leg, flown_part, make_leg
 from .platforms import Platform, PlatformSettingsBase, TrajectorySettings
 from .records import COLUMNS, laspy_data, point_records, pose_records
@@ -241,9 +240,7 @@ class Survey(Model):
         bar_hooks, bars = build_progressbar_callbacks(execution.progressbar, len(self.legs))
         is_silent = "verbosity" in execution.model_fields_set and execution.verbosity <= LogVerbosity.QUIET
         try:
-            with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(), engine_errors():
-                if is_silent:
-                    warnings.simplefilter("ignore")
+            with tempfile.TemporaryDirectory() as folder, engine_warnings(folder, is_silent), engine_errors(folder):
                 run = _Run(self, self.engine(Path(folder)), self._options(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:
