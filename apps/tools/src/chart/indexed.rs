@@ -78,7 +78,7 @@ impl Picture {
         let mut packed = Vec::new();
         for row in self.dots().chunks(width.max(1) as usize) {
             packed.extend(row.chunks(2).map(|pair| {
-                let [left, right] = [0, 1].map(|i| pair.get(i).map_or(0, |dot| index[cell_of(*dot)]));
+                let [left, right] = [0_usize, 1].map(|i| pair.get(i).map_or(0, |dot| index[cell_of(*dot)]));
                 (left << 4) | right
             }));
         }
@@ -89,6 +89,7 @@ impl Picture {
         encoder.set_depth(png::BitDepth::Four);
         encoder.set_palette(palette.as_flattened());
         encoder.set_compression(png::Compression::High);
+        encoder.set_filter(png::Filter::NoFilter);
         let mut writer = encoder.write_header().map_err(failed)?;
         writer.write_image_data(&packed).map_err(failed)?;
         writer.finish().map_err(failed)?;
