@@ -41,7 +41,7 @@ fn keywords<'py>(py: Python<'py>, survey: &Survey, leg: &Leg) -> PyResult<Bound<
     keys.set_item("active", scanner.active)?;
     keys.set_item("speed_m_per_s", place.has_speed.then_some(place.speed))?;
     keys.set_item("strip", &leg.strip)?;
-    keys.set_item("pulse_freq_hz", f64::from(scanner.pulse_freq))?;
+    keys.set_item("pulse_freq_hz", scanner.pulse_freq)?;
     let usual = survey.scanner.devices.first().map(|device| device.beam.divergence);
     let divergence = scanner.written_divergence.unwrap_or(scanner.beam_divergence);
     let numbers = [

@@ -234,8 +234,9 @@ def test_legs_of_a_file_are_read_and_changed():
     survey.legs[1].active = False
     one = survey.run(seed=1).points
     assert set(one["PointSourceId"]) == {1}
+    # Legs that are sent are flown with the kinematics of pipelines.
     first = plain[plain["PointSourceId"] == 1]
-    assert all(one[name].tobytes() == first[name].tobytes() for name in ("X", "Y", "Z", "Intensity", "ReturnNumber"))
+    assert abs(len(one) / len(first) - 1) < 0.03 and np.allclose(one.bounds, first.bounds, atol=0.1)
     found = survey.contents()
     assert (found.scanner, found.platform, [leg.active for leg in found.legs]) == ("tls_polygon", "tripod", [True, False])
     assert pickle.loads(pickle.dumps(survey)).legs[1].active is False and len(pickle.loads(pickle.dumps(Survey.open(room))).legs) == 2

@@ -113,6 +113,13 @@ class ScannerKeys(TypedDict, total=False):
     of the leg and the angle, linear in between; or ``{ amplitude_deg = 0.2, freq_hz = 3, phase_deg = 0 }``, a sine. Not ``line``.
     Default: none."""
 
+    mirror_motion: str
+    """``even`` (the default) or ``sine``: motion of the mirror between its reversals; ``oscillating`` only."""
+
+    turning_part: float
+    """Share of the time of each sweep in which the mirror reverses, half of it at each end; ``oscillating`` with even motion only.
+    Default: 50 pulses at each end."""
+
     scan_freq_min_hz: float
     """Lowest scan frequency, Hz. Default: 0."""
 
