@@ -93,13 +93,25 @@ def test_pandas_is_told_how_to_take_points(points):
     assert pandas.DataFrame(dict(points)).shape == points.to_pandas().shape == (len(points), len(points.columns))
 
 
-@pytest.mark.parametrize("library", ["pandas", "polars", "arrow", "laspy", "xarray", "geopandas", "open3d"])
+@pytest.mark.parametrize("library", ["pandas", "polars", "arrow", "laspy", "xarray", "geopandas"])
 def test_points_are_made_of_what_they_become(points, library):
     pytest.importorskip("pyarrow" if library == "arrow" else library)
     back = Points.of(getattr(points, f"to_{library}")())
     assert len(back) == len(points) and abs(back.xyz - points.xyz).max() < 1e-3
-    if library != "open3d":
-        assert (back["ReturnNumber"] == points["ReturnNumber"]).all()
+    assert (back["ReturnNumber"] == points["ReturnNumber"]).all()
+
+
+def test_points_are_made_of_a_cloud_of_open3d(points):
+    class Cloud:
+        def __init__(self, normals):
+            self.points, self.normals = points.xyz, normals
+
+        def has_normals(self):
+            return len(self.normals) > 0
+
+    assert Points.of(Cloud(np.empty((0, 3)))).columns == ["X", "Y", "Z"]
+    back = Points.of(Cloud(np.tile([0.0, 0.0, 1.0], (len(points), 1))))
+    assert (back.xyz == points.xyz).all() and (back["NormalZ"] == 1).all()
 
 
 def test_batches_are_joined(points):
