@@ -43,7 +43,7 @@
 //! | one scene for many runs | [`LoadedScene`], over which sessions are opened |
 //! | a scan pattern of your own | [`survey::ScanPattern`] |
 //! | pulses of your own | [`PulseReader`] and [`Session::trace`] |
-//! | a scene to send rays through | [`scene::load`], [`trace::Tree`] |
+//! | a scene to send rays through | [`LoadedScene::cast`]; [`scene::load`], [`trace::Tree`] |
 //!
 //! An [`OutputRequest`] describes the outputs: [files](Target) in any [`PointFormat`], [tables](TableRequest)
 //! in memory, [columns](Column), waveforms, tiles. Problems of the input are [`Error::Input`] with
@@ -143,7 +143,7 @@ pub use vlscan_campaign::{
     session_points, survey_points,
 };
 pub use vlscan_geom::DVec3;
-pub use vlscan_options::{OneOf, OptionName, Options, ResolvedRun, schedule_of};
+pub use vlscan_options::{OneOf, OptionName, OptionValues, Options, ResolvedRun, schedule_of};
 pub use vlscan_session::output;
 pub use vlscan_session::output::{
     CloudFacts, Column, OutputRequest, PointFormat, TableContent, TableRequest, TableSink, Target,
@@ -153,8 +153,8 @@ pub use vlscan_session::shards::{Records, ShardSet, shard_path};
 pub use vlscan_session::streams::{PulseReader, RowBlock};
 pub use vlscan_session::{
     Batches, DryRunReport, Emission, Emitted, Estimate, FileEstimate, FlightCoverage, FlightRows,
-    LegEstimate, LegRule, LoadedScene, Missed, Progress, Report, ResumeOptions, RunContext, Scan, SceneFacts,
-    Session, Settings, Snapshot, TimeEstimate, emit, flight_table, merge, merge_warnings,
+    LegEstimate, LegRule, LoadedScene, Missed, Progress, RayHit, Report, ResumeOptions, RunContext, Scan,
+    SceneFacts, Session, Settings, Snapshot, TimeEstimate, emit, flight_table, merge, merge_warnings,
 };
 pub use vlscan_survey::{
     Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey,

@@ -3,7 +3,7 @@
 use crate::errors::exception;
 use pyo3::prelude::*;
 use vlscan::Options;
-use vlscan::survey::catalogue as shipped;
+use vlscan::survey::{KeyTable, SURVEY_TABLES, catalogue as shipped, catalogue_files as files};
 
 /// References and names.
 type Named = Vec<(String, String)>;
@@ -33,4 +33,18 @@ pub fn options() -> Vec<Listed> {
 pub fn columns() -> Vec<(&'static str, &'static str, &'static str)> {
     let columns = vlscan::Column::ALL.iter();
     columns.map(|column| (column.name(), column.unit(), column.meaning())).collect()
+}
+
+/// The tables of pipeline files with their keys.
+#[pyfunction]
+pub fn keys() -> Vec<(&'static str, Vec<&'static str>)> {
+    let names =
+        |table: &KeyTable| -> Vec<&'static str> { table.keys.iter().map(|(name, _)| *name).collect() };
+    SURVEY_TABLES.iter().map(|table| (table.name, names(table))).collect()
+}
+
+/// The files of the catalogue that ships: the path by which surveys refer to each, and its text.
+#[pyfunction]
+pub fn catalogue_files() -> Vec<(&'static str, &'static str)> {
+    files().collect()
 }

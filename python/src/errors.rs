@@ -89,7 +89,7 @@ impl Notices {
         }
     }
 
-    /// Issues the warnings by Python's `warnings` and returns them as dictionaries; notes are returned alone.
+    /// Issues each warning by Python's `warnings`, logs notes, and returns both as dictionaries.
     pub fn issue<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let (found, notes) = std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
         let list = records(py, &found)?;
@@ -102,9 +102,8 @@ impl Notices {
             }
             list.append(fields)?;
         }
-        if found.items().iter().any(|problem| problem.severity == Severity::Warning) {
-            let text = found.render_warnings(false);
-            py.import("vlscan.errors")?.getattr("warn")?.call1((text.trim_end(),))?;
+        if !list.is_empty() {
+            py.import("vlscan.errors")?.getattr("report")?.call1((&list,))?;
         }
         Ok(list)
     }

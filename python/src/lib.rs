@@ -4,10 +4,14 @@
 //! | file | what it does |
 //! |---|---|
 //! | `errors` | errors and warnings of the engine as Python exceptions |
+//! | `options` | options of runs as values |
 //! | `table` | record batches as NumPy columns and by the Arrow C data interface |
 //! | `scene` | scenes of files and of arrays |
+//! | `changes` | changes of the materials of parts |
+//! | `cast` | rays without an instrument |
 //! | `run` | runs: to memory, to files, batch by batch; Ctrl-C and progress |
 //! | `batches` | runs whose points are taken while they are measured |
+//! | `contents` | contents of the files of surveys |
 //! | `catalogue` | lists of instruments, options and columns |
 //! | `preview` | pictures and pages of points |
 //! | `stages` | around a run: what it will cost, its poses and pulses, its shares |
@@ -19,10 +23,14 @@
 use pyo3::prelude::*;
 
 mod batches;
+mod cast;
 mod catalogue;
+mod changes;
 mod clouds;
+mod contents;
 mod errors;
 mod make;
+mod options;
 mod preview;
 mod run;
 mod scene;
@@ -37,11 +45,15 @@ mod _vlscan {
     #[pymodule_export]
     use super::batches::BatchIterator;
     #[pymodule_export]
-    use super::catalogue::{catalogue, columns, options};
+    use super::catalogue::{catalogue, catalogue_files, columns, keys, options};
+    #[pymodule_export]
+    use super::changes::Changes;
     #[pymodule_export]
     use super::clouds::{cloud_info, raster, read_points, write_frames};
     #[pymodule_export]
     use super::command;
+    #[pymodule_export]
+    use super::contents::contents;
     #[pymodule_export]
     use super::make::{figures, make_scene, make_stand, scanner_figures, unzip};
     #[pymodule_export]
@@ -49,7 +61,7 @@ mod _vlscan {
     #[pymodule_export]
     use super::run::{Outcome, Request, run, run_batches};
     #[pymodule_export]
-    use super::scene::{Changes, Mesh, Part, Scene};
+    use super::scene::{Mesh, Part, Scene};
     #[pymodule_export]
     use super::stages::{dry_run, fly, merge_shards, run_shard};
     #[pymodule_export]

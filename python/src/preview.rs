@@ -132,8 +132,10 @@ pub fn page(
     Ok(made)
 }
 
-/// A PNG picture of points, from above and from the side. `table` has the columns X, Y, Z.
+/// A PNG picture of points, from above and from the side; a small one has sixteen colours. `table` has the
+/// columns X, Y, Z.
 #[pyfunction]
+#[pyo3(signature = (table, colour, title, width, height, is_small=false))]
 pub fn picture<'py>(
     py: Python<'py>,
     table: &Bound<'py, PyAny>,
@@ -141,6 +143,7 @@ pub fn picture<'py>(
     title: String,
     width: u32,
     height: u32,
+    is_small: bool,
 ) -> PyResult<Bound<'py, PyBytes>> {
     let (colour, (_, batches), notices) = (colour_of(colour)?, batches(table)?, Notices::default());
     if !(320..=16384).contains(&width) || !(240..=16384).contains(&height) {
@@ -149,7 +152,8 @@ pub fn picture<'py>(
     let own = notices.clone();
     let made = interruptible(py, move |_| {
         let options = PreviewOptions { colour, width, height, title, ..PreviewOptions::default() };
-        draw(&points(batches, colour, &own)?, &options).png()
+        let picture = draw(&points(batches, colour, &own)?, &options);
+        if is_small { picture.indexed_png() } else { picture.png() }
     })?;
     let made = made.map_err(|error| exception(py, error))?;
     notices.issue(py)?;

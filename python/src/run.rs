@@ -3,6 +3,7 @@
 
 use crate::batches::BatchIterator;
 use crate::errors::{Notices, exception};
+use crate::options::values;
 use crate::scene::Scene;
 use crate::table::{Table, batches};
 use crate::watch::{Interruption, watched};
@@ -14,8 +15,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::tables::input::arrow::encode_stream;
 use vlscan::{
-    Batches, CloudFacts, Column, LegRule, Progress, PulseReader, Report, ResolvedRun, RunContext, Session,
-    TableContent, TableRequest, TableSink,
+    Batches, CloudFacts, Column, LegRule, OptionValues, Progress, PulseReader, Report, ResolvedRun,
+    RunContext, Session, TableContent, TableRequest, TableSink,
 };
 
 /// Rows of pulses that are traced together.
@@ -27,7 +28,7 @@ const PULSE_ROWS: usize = 4096;
 pub struct Request {
     file: Option<PathBuf>,
     document: String,
-    words: Vec<String>,
+    options: OptionValues,
     scene: Option<Py<Scene>>,
     trajectory: Option<Arc<[u8]>>,
     pulses: Option<Arc<[u8]>>,
@@ -36,12 +37,12 @@ pub struct Request {
 
 #[pymethods]
 impl Request {
-    /// `words` are options as `vlscan run` takes them. `trajectory` and `pulses` are tables.
+    /// `options` are values by name. `trajectory` and `pulses` are tables.
     #[new]
-    #[pyo3(signature = (words, file=None, document=String::new(), scene=None, trajectory=None, pulses=None))]
+    #[pyo3(signature = (options, file=None, document=String::new(), scene=None, trajectory=None, pulses=None))]
     fn new(
         py: Python<'_>,
-        words: Vec<String>,
+        options: &Bound<'_, PyDict>,
         file: Option<PathBuf>,
         document: String,
         scene: Option<Py<Scene>>,
@@ -54,14 +55,15 @@ impl Request {
         };
         let trajectory = trajectory.map(stream).transpose()?.map(Arc::from);
         let pulses = pulses.map(stream).transpose()?.map(Arc::from);
-        Ok(Request { file, document, words, scene, trajectory, pulses, streamed_divergence: true })
+        let options = values(options)?;
+        Ok(Request { file, document, options, scene, trajectory, pulses, streamed_divergence: true })
     }
 }
 
 impl Request {
     /// Job of the run, with every choice resolved.
     pub fn job(&self, notices: &Notices) -> vlscan::Result<ResolvedRun> {
-        let mut options = vlscan::Options::parse(self.words.iter().cloned())?;
+        let mut options = vlscan::Options::of_values(self.options.clone())?;
         let has_file = !options.output.out.is_empty() || options.output.output.is_some();
         options.is_traced = self.pulses.is_some();
         options.scene = self.scene.as_ref().map(|scene| scene.get().recipe.clone());

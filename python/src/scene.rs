@@ -1,21 +1,24 @@
 //! Scenes of files and of arrays. A scene and its tree are loaded once and shared by all runs that need the
 //! same ones.
 
+use crate::cast::{columns_of_hits, vectors};
+use crate::changes::Changes;
 use crate::errors::{Notices, exception};
-use crate::table::Table;
+use crate::options::values;
+use crate::table::{Column, Table};
 use crate::watch::{Interruption, interruptible, watched};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyList, PyString};
+use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan::geom::{DVec3, Rotation};
 use vlscan::scene::{Pack, pack};
 use vlscan::survey::{
-    Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, OpticsDefinition, PartRecipe,
-    RasterFiles, Replaced, SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
+    Loader, MaterialChoice, MeshReading, OpticsDefinition, PartRecipe, RasterFiles, SceneRecipe, Transform,
+    UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
 };
-use vlscan::{LoadedScene, MaterialDefinition, ReadOptions, ResolvedRun, Session, read_scene};
+use vlscan::{LoadedScene, MaterialDefinition, OptionValues, ReadOptions, ResolvedRun, Session, read_scene};
 
 /// Triangles with materials.
 #[pyclass(frozen, module = "vlscan")]
@@ -34,8 +37,7 @@ impl Mesh {
         materials: Vec<Bound<'_, PyDict>>,
         material_of: &[u8],
     ) -> PyResult<Mesh> {
-        let vertices = vertices.as_chunks::<8>().0.as_chunks::<3>().0.iter();
-        let vertices = vertices.map(|v| DVec3::from(v.map(f64::from_le_bytes))).collect();
+        let vertices = vectors(vertices);
         let triangles = triangles.as_chunks::<4>().0.as_chunks::<3>().0.iter();
         let triangles = triangles.map(|t| t.map(u32::from_le_bytes)).collect();
         let materials = materials.iter().map(material).collect::<PyResult<Vec<_>>>()?;
@@ -66,7 +68,7 @@ impl Mesh {
 }
 
 /// The dictionary of a material.
-fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bound<'py, PyDict>> {
+pub fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bound<'py, PyDict>> {
     let fields = PyDict::new(py);
     fields.set_item("name", &material.name)?;
     fields.set_item("diffuse", material.kd)?;
@@ -90,7 +92,7 @@ fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResult<Bo
 }
 
 /// A material from a dictionary whose keys the class `Material` of the package sets.
-fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
+pub fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
     let get = |key: &str| item(fields, key);
     Ok(MaterialDefinition {
         name: get("name")?.extract()?,
@@ -259,52 +261,8 @@ fn choice(fields: &Bound<'_, PyDict>) -> PyResult<MaterialChoice> {
     })
 }
 
-/// Changes of the materials of a part, which its copies share.
-#[pyclass(frozen, module = "vlscan")]
-pub struct Changes(MaterialChanges);
-
-#[pymethods]
-impl Changes {
-    /// No changes.
-    #[new]
-    fn new() -> Changes {
-        Changes(MaterialChanges::default())
-    }
-
-    /// These changes and another one: of all primitives, of those whose material has a name, or of those with
-    /// the indices in the bytes of unsigned 32-bit integers.
-    fn then(&self, which: &Bound<'_, PyAny>, fields: &Bound<'_, PyDict>) -> PyResult<Changes> {
-        let replaced = if which.is_none() {
-            Replaced::All
-        } else if let Ok(name) = which.extract::<String>() {
-            Replaced::Named(name)
-        } else {
-            Replaced::Faces(indices(which.cast::<PyBytes>()?.as_bytes()))
-        };
-        let last = MaterialChange { replaced, material: material(fields)? };
-        Ok(Changes(self.0.iter().cloned().chain([last]).collect()))
-    }
-
-    /// The arguments of the calls of [`Changes::then`] that make equal changes.
-    #[allow(clippy::type_complexity, reason = "unpacked by the package")]
-    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyDict>)>> {
-        let part = |change: &MaterialChange| {
-            let which = match &change.replaced {
-                Replaced::All => py.None().into_bound(py),
-                Replaced::Named(name) => PyString::new(py, name).into_any(),
-                Replaced::Faces(faces) => {
-                    let bytes: Vec<u8> = faces.iter().flat_map(|index| index.to_le_bytes()).collect();
-                    PyBytes::new(py, &bytes).into_any()
-                }
-            };
-            Ok((which, fields_of(py, &change.material)?))
-        };
-        self.0.iter().map(part).collect()
-    }
-}
-
 /// Unsigned 32-bit integers.
-fn indices(bytes: &[u8]) -> Vec<u32> {
+pub fn indices(bytes: &[u8]) -> Vec<u32> {
     let (numbers, _) = bytes.as_chunks();
     numbers.iter().map(|number| u32::from_le_bytes(*number)).collect()
 }
@@ -367,12 +325,13 @@ impl Scene {
         self.recipe.parts.len()
     }
 
-    /// Loads scene and tree now; otherwise the first run does. `words` are options of a run, `document` is a
-    /// pipeline.
-    fn load(own: Py<Self>, py: Python<'_>, document: String, words: Vec<String>) -> PyResult<()> {
+    /// Loads scene and tree now; otherwise the first run does. `options` are those of a run, `document`
+    /// is a pipeline.
+    fn load(own: Py<Self>, py: Python<'_>, document: String, options: &Bound<'_, PyDict>) -> PyResult<()> {
         let (notices, interruption) = (Notices::default(), Interruption::default());
-        let is_by_itself = words.is_empty();
-        let mut job = own.get().job(document, words).map_err(|error| exception(py, error))?;
+        let options = values(options)?;
+        let is_by_itself = options.is_empty();
+        let mut job = own.get().job(document, options).map_err(|error| exception(py, error))?;
         if let (true, Some(path)) = (is_by_itself, &own.get().recipe.packed) {
             let pack = Pack::open(path).map_err(|error| exception(py, error))?;
             job.settings.load.rules = pack.conditions().rules;
@@ -386,9 +345,16 @@ impl Scene {
     }
 
     /// Writes scene and tree to a packed scene; the other arguments are those of `load`.
-    fn pack(&self, py: Python<'_>, path: PathBuf, document: String, words: Vec<String>) -> PyResult<()> {
+    fn pack(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        document: String,
+        options: &Bound<'_, PyDict>,
+    ) -> PyResult<()> {
         let (notices, interruption) = (Notices::default(), Interruption::of_writing());
-        let mut settings = self.job(document, words).map_err(|error| exception(py, error))?.settings;
+        let job = self.job(document, values(options)?);
+        let mut settings = job.map_err(|error| exception(py, error))?.settings;
         interruption.watch(&mut settings);
         let recipe = self.recipe.clone();
         let own_notices = notices.clone();
@@ -445,6 +411,29 @@ impl Scene {
             interruptible(py, move |_| loaded.sample(count))?.map_err(|error| exception(py, error))?;
         Ok(Some(Table::new(sampled)))
     }
+
+    /// First hits of rays on the loaded scene: distances, parts, primitives, normals. Origins and directions
+    /// are bytes of doubles, three per ray.
+    #[allow(clippy::type_complexity, reason = "unpacked by the package")]
+    fn cast(
+        &self,
+        py: Python<'_>,
+        origins: &[u8],
+        directions: &[u8],
+    ) -> PyResult<Option<(Column, Column, Column, Column)>> {
+        let Some(loaded) = self.lock().clone() else { return Ok(None) };
+        let (origins, directions) = (vectors(origins), vectors(directions));
+        let notices = Notices::default();
+        let own_notices = notices.clone();
+        let cast = interruptible(py, move |_| {
+            let notify = |notice: vlscan::Notice| own_notices.add(notice);
+            loaded.cast(&origins, &directions, &notify).map(|hits| columns_of_hits(&hits))
+        })?;
+        notices.issue(py)?;
+        let found = cast.map_err(|error| exception(py, error))?;
+        let [distance, part, primitive, normal] = found.map(Column::new);
+        Ok(Some((distance, part, primitive, normal)))
+    }
 }
 
 impl Scene {
@@ -456,8 +445,8 @@ impl Scene {
         self.loaded.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn job(&self, document: String, words: Vec<String>) -> vlscan::Result<ResolvedRun> {
-        let mut options = vlscan::Options::parse(words)?;
+    fn job(&self, document: String, options: OptionValues) -> vlscan::Result<ResolvedRun> {
+        let mut options = vlscan::Options::of_values(options)?;
         options.is_traced = true;
         options.scene = Some(self.recipe.clone());
         ResolvedRun::of_text("<python>".as_ref(), document, &options).map(|(job, _)| job)

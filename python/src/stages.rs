@@ -1,11 +1,13 @@
 //! Around a run: what it will cost, its poses and pulses without tracing, its shares.
 
 use crate::errors::{Notices, exception};
+use crate::options::values;
 use crate::run::{Outcome, Request, collected, columns_in_memory, tell};
 use crate::table::{Table, decode_stream};
 use crate::watch::{Interruption, watched};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -120,15 +122,16 @@ pub fn run_shard(
 /// Merges the shards in a folder to files or to tables in memory of these names; without either their
 /// checksums are compared.
 #[pyfunction]
-#[pyo3(signature = (folder, words, tables, check, progress=None))]
+#[pyo3(signature = (folder, options, tables, check, progress=None))]
 pub fn merge_shards(
     py: Python<'_>,
     folder: PathBuf,
-    words: Vec<String>,
+    options: &Bound<'_, PyDict>,
     tables: Vec<String>,
     check: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Option<Outcome>> {
+    let options = values(options)?;
     let (requests, collected) = collected(tables)?;
     let (notices, interruption) = (Notices::default(), Arc::new(Interruption::default()));
     let counters = Arc::new(Progress::default());
@@ -139,7 +142,7 @@ pub fn merge_shards(
             shards.verify(&own.stop)?;
             return if own.stop.is_requested() { Err(Error::Interrupted) } else { Ok(None) };
         }
-        let options = vlscan::Options::parse(words)?;
+        let options = vlscan::Options::of_values(options)?;
         let mut outputs = options.output_request(shards.head.creation)?;
         outputs.tables = requests;
         if outputs.sinks.is_empty() {

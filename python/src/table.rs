@@ -1,6 +1,7 @@
 //! Tables of a run: columns as NumPy arrays and by the Arrow C data interface, without copies.
 
 use crate::errors::{Notices, exception};
+use crate::options::values;
 use crate::watch::interruptible;
 use arrow_array::cast::AsArray;
 use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema, to_ffi};
@@ -16,7 +17,6 @@ use arrow_select::take::take_record_batch;
 use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict};
-use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan::tables::input::arrow::encode_stream;
 use vlscan::{CloudFacts, Column as PointColumn};
@@ -141,13 +141,47 @@ impl Table {
         Ok(Table::new(RecordBatch::try_new(schema, batch.columns().to_vec()).map_err(wrong)?))
     }
 
-    /// Writes points to a file. `words` are options as `vlscan run` takes them. Returns the number of points.
-    fn write(&self, py: Python<'_>, path: PathBuf, words: Vec<String>) -> PyResult<u64> {
+    /// The rows of tables with the same columns, one after the other. What is known of the points beside their
+    /// columns, and metadata, is kept where all tables agree.
+    #[staticmethod]
+    fn concat(py: Python<'_>, tables: Vec<Py<Table>>) -> PyResult<Table> {
+        let all: Vec<&Table> = tables.iter().map(|table| table.get()).collect();
+        let Some((first, others)) = all.split_first() else {
+            return Err(PyValueError::new_err("there are no tables, expected at least one"));
+        };
+        let expected = first.kinds();
+        if let Some(other) = others.iter().find(|other| other.kinds() != expected) {
+            let message = format!("tables with different columns: {expected:?} and {:?}", other.kinds());
+            return Err(PyValueError::new_err(message));
+        }
+        let mut metadata = first.batch.schema().metadata().clone();
+        metadata.retain(|key, value| {
+            others.iter().all(|other| other.batch.schema().metadata().get(key) == Some(&*value))
+        });
+        let schema = Arc::new(Schema::new_with_metadata(first.batch.schema().fields().clone(), metadata));
+        let is_shared =
+            |facts: &Arc<CloudFacts>| others.iter().all(|other| other.facts.as_ref() == Some(facts));
+        let facts = first.facts.clone().filter(is_shared);
+        py.detach(|| {
+            let batch = concat_batches(&schema, all.iter().map(|table| &table.batch)).map_err(wrong)?;
+            let beside: Option<Vec<&RecordBatch>> = all.iter().map(|table| table.exact.as_ref()).collect();
+            let exact = match beside {
+                Some(batches) if facts.is_some() => {
+                    Some(concat_batches(&batches[0].schema(), batches.iter().copied()).map_err(wrong)?)
+                }
+                _ => None,
+            };
+            Ok(Table { batch, exact, facts })
+        })
+    }
+
+    /// Writes points to the file that the options name, and returns the number of points.
+    fn write(&self, py: Python<'_>, options: &Bound<'_, PyDict>) -> PyResult<u64> {
+        let options = values(options)?;
         let (batch, exact, facts) = (self.batch.clone(), self.exact.clone(), self.facts.clone());
         let written = interruptible(py, move |interruption| {
             interruption.begin_writing()?;
-            let words = [format!("--out={}", path.display())].into_iter().chain(words);
-            let request = vlscan::Options::parse(words)?.output_request((0, 0))?;
+            let request = vlscan::Options::of_values(options)?.output_request((0, 0))?;
             let facts = match facts {
                 Some(facts) => facts,
                 None => {
@@ -211,6 +245,12 @@ impl Table {
         Ok(Table { batch: batch.project(&shown).map_err(wrong)?, exact, facts: facts.map(Arc::new) })
     }
 
+    /// Names and types of the columns.
+    fn kinds(&self) -> Vec<String> {
+        let schema = self.batch.schema();
+        schema.fields().iter().map(|field| format!("{} ({})", field.name(), field.data_type())).collect()
+    }
+
     fn metadata_of<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyDict>> {
         let found = PyDict::new(py);
         for field in self.batch.schema().fields() {
@@ -219,6 +259,13 @@ impl Table {
             }
         }
         Ok(found)
+    }
+}
+
+impl Column {
+    /// A column of numbers.
+    pub fn new(array: ArrayRef) -> Column {
+        Column(array)
     }
 }
 

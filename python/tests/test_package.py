@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import vlscan
+from conftest import ROOT
 from vlscan import Leg, Survey, _toml
 
 
@@ -56,3 +57,8 @@ def test_documents_are_toml():
     assert tomllib.loads(_toml.document(odd)) == {"a": odd["a"], "t": {"x y": 1e30}, "l": odd["l"]}
     with pytest.raises(TypeError):
         _toml.document({"a": object()})
+
+
+def test_the_distribution_for_helios_needs_this_version():
+    text = (ROOT / "python/vlscan-helios/pyproject.toml").read_text()
+    assert f'version = "{vlscan.__version__}"' in text and f'"vlscan=={vlscan.__version__}"' in text

@@ -165,7 +165,7 @@ def test_files_are_read(points, tmp_path):
         assert len(read) == len(points) and abs(read.xyz - points.xyz).max() < 1e-3, ending
         assert (read["Classification"] == points["Classification"]).all()
     assert read.save_preview(tmp_path / "a.png") is None
-    with pytest.raises(vlscan.Error, match="no such file"):
+    with pytest.raises(vlscan.FileError, match="No such file or directory.*nowhere.laz"):
         Points.read(tmp_path / "nowhere.laz")
     (tmp_path / "text.laz").write_text("no points")
     with pytest.raises(vlscan.InputError, match="text.laz"):

@@ -7,12 +7,13 @@ import sys
 import threading
 import time
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import vlscan
-from conftest import ROOT
+from conftest import FIXTURES, ROOT
 from vlscan import Leg, Material, Part, Scene, Survey
 
 pyarrow = pytest.importorskip("pyarrow")
@@ -106,8 +107,8 @@ def test_batches_end_at_intervals_of_time(room):
     assert np.all(np.diff(np.concatenate(intervals)) >= 1)
     with pytest.raises(vlscan.InputError, match="GpsTime"):
         list(vlscan.run_batches(room, seconds=1, columns=["X"]))
-    with pytest.raises(vlscan.InputError, match="batches of 0 rows"):
-        list(vlscan.run_batches(room, rows=0))
+    with pytest.raises(ValueError, match="rows is 0, expected at least 1"):
+        vlscan.run_batches(room, rows=0)
     with pytest.raises(ValueError, match="seconds"):
         vlscan.run_batches(room, seconds=0)
 
@@ -348,10 +349,11 @@ def test_errors_name_file_line_and_column(room, tmp_path):
     problem = next(problem for problem in caught.value.problems if "scaner" in problem.message)
     assert (problem.file, problem.line, problem.column) == (str(file), 2, 1) and "scanner" in problem.help
     assert isinstance(caught.value, ValueError) and "a.toml:2:1: unknown key `scaner`" in str(caught.value)
+    with pytest.raises(TypeError, match="'head_rate'; did you mean 'head_rate_deg_per_s'"):
+        Leg(head_rate=1)
     with pytest.raises(vlscan.InputError) as caught:
-        Survey([Part.mesh(*wall())], "riegl_vz400", [Leg(head_rate=1)]).run()
-    problem = next(problem for problem in caught.value.problems if "head_rate" in problem.message)
-    assert problem.file == "<python>" and "head_rate_deg_per_s" in problem.help
+        Survey([Part.mesh(*wall())], "riegl_vz400", [Leg(scan_angle_deg="wide")]).run()
+    assert caught.value.problems[0].file == "<python>" and "scan_angle_deg" in str(caught.value)
     with pytest.raises(vlscan.InputError, match="riegl_vz400"):
         vlscan.Scanner("riegl_vz40")
     with pytest.raises(TypeError, match="'seed'"):
@@ -384,7 +386,7 @@ def test_pictures_warn_of_what_is_not_used_as_it_stands():
     ):
         with pytest.warns(vlscan.VlscanWarning) as caught:
             draw()
-        text = str(caught[0].message)
+        text = "\n".join(str(warning.message) for warning in caught)
         assert "not read: omnivariance" in text and "1 point has a class" in text and "1 point without coordinates" in text
         assert caught[0].filename == __file__
 
@@ -457,3 +459,43 @@ def test_origins_and_directions_are_broadcast():
             vlscan.trace(floor, origins, directions)
     with pytest.raises(ValueError, match="found origins of shape .2, 3. and directions of shape .3, 3."):
         vlscan.trace(floor, two, [[0, 0, -1]] * 3)
+
+
+def test_options_are_values():
+    survey = vlscan.Survey.open(FIXTURES / "room/survey.xml")
+    expected = survey.run(seed=2, columns=["X"], assets=[FIXTURES], no_leg_noise=True).points["X"]
+    given = {"seed": np.int64(2), "columns": ("X",), "assets": FIXTURES, "no_leg_noise": np.True_}
+    assert np.array_equal(survey.run(**given).points["X"], expected)
+    wide = 2**64 - 1
+    assert survey.run(seed=wide, columns="X").point_count == survey.run(seed=str(wide), columns="X").point_count
+    for wrong, message in [
+        ({"threads": -1}, "threads: invalid value: integer `-1`"),
+        ({"threads": "3"}, "threads: invalid type: string"),
+        ({"chunk_size": 0}, "chunk_size: expected 1 to 16777216 pulses"),
+        ({"physics": "real"}, "physics: unknown variant `real`"),
+        ({"navigation_error": {"height": 3}}, "navigation_error: "),
+    ]:
+        with pytest.raises(vlscan.InputError, match=message):
+            survey.run(**wrong)
+    with pytest.raises(vlscan.InputError, match="tile cannot be used with per_object"):
+        survey.run(to="folder", tile=5, per_object=True)
+
+
+def test_batches_and_files_come_from_one_run(room, tmp_path):
+    vlscan.run(room, to=tmp_path / "whole.laz", seed=3)
+    with vlscan.run_batches(room, rows=1000, to=tmp_path / "beside.laz", pulses=False, seed=3) as batches:
+        count = sum(map(len, batches))
+    assert (tmp_path / "beside.laz").read_bytes() == (tmp_path / "whole.laz").read_bytes()
+    assert batches.result.point_count == count and batches.result.files == [str(tmp_path / "beside.laz")]
+    with vlscan.run_batches(room, pulses=True, seed=3) as batches:
+        list(batches)
+    assert len(batches.result.pulses) == batches.result.pulse_count
+
+
+def test_the_folders_of_helios_are_an_output(room, tmp_path):
+    result = vlscan.run(room, output=tmp_path, las_output=True, seed=3)
+    assert sorted(path.name for path in Path(result.directories[0]).glob("*.las")) == ["leg000_points.las", "leg001_points.las"]
+    with pytest.raises(ValueError, match="give either to, the names of files, or output"):
+        vlscan.run(room, to="a.laz", output=tmp_path)
+    with pytest.raises(ValueError, match="output is an option of files"):
+        vlscan.pulses(room, output=tmp_path)

@@ -252,3 +252,29 @@ def test_pictures_and_pages(tmp_path):
     assert not (tmp_path / "a.jpg").exists()
     with pytest.raises(ValueError, match="height, class"):
         points.png("colour")
+
+
+def test_rays_are_cast_without_an_instrument():
+    low = [[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]
+    floor = vlscan.Part.mesh(low, [[0, 1, 2, 3]], id="floor")
+    scene = vlscan.Scene([floor, floor.translate(1000, 0, 2).named("shelf")])
+    hits = scene.cast([[0, 1, 5], [1000, 1, -5], [99, 0, 5], [0, 0, 5]], [[0, 0, -3], [0, 0, 1], [0, 0, -1], [0, 0, 0]])
+    assert hits.distance[:2].tolist() == [5, 7] and np.isnan(hits.distance[2:]).all()
+    assert [scene.parts[part] if part >= 0 else None for part in hits.part] == ["floor", "shelf", None, None]
+    assert hits.primitive[:2].min() >= 0 and hits.primitive[2:].tolist() == [-1, -1]
+    assert np.allclose(hits.normal[:2], [[0, 0, 1], [0, 0, -1]]) and np.isnan(hits.normal[2:]).all()
+    assert scene.cast(np.zeros((0, 3)), np.zeros((0, 3))).distance.shape == (0,)
+    with pytest.raises(ValueError, match="n by 3"):
+        scene.cast([[0, 0]], [[0, 0, 1]])
+
+
+def test_rays_of_threads_and_of_one_are_the_same():
+    random = np.random.default_rng(1)
+    scene = vlscan.Scene(FIXTURES / "forest/ground.obj")
+    low, high = scene.bounds
+    origins = np.column_stack([random.uniform(low[:2], high[:2], (40_000, 2)), np.full(40_000, high[2] + 10)])
+    down = (0.1, 0, -1)
+    many = scene.cast(origins, down)
+    assert np.isfinite(many.distance).mean() > 0.5 and many.distance.dtype == np.float64
+    few = [scene.cast(origins[first : first + 100], down).distance for first in range(0, 500, 100)]
+    assert np.array_equal(np.concatenate(few), many.distance[:500], equal_nan=True)

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from .plans import Plan, PlanLine, plan_airborne, plan_mobile, plan_terrestrial
     from .points import Points
     from .previews import preview
-    from .results import Result
-    from .scene import Scene
+    from .results import Batches, Result
+    from .scene import RayHits, Scene
     from .shards import check_shards, index_shards, merge_shards, run_shard
     from .survey import Leg, Survey, dry_run, pulses, run, run_batches, trace, trajectory
     from .tables import Table, Waveforms
@@ -61,8 +61,8 @@ _MODULES = {
     "plans": ["Plan", "PlanLine", "plan_airborne", "plan_mobile", "plan_terrestrial"],
     "points": ["Points"],
     "previews": ["preview"],
-    "results": ["Result"],
-    "scene": ["Scene"],
+    "results": ["Batches", "Result"],
+    "scene": ["RayHits", "Scene"],
     "shards": ["check_shards", "index_shards", "merge_shards", "run_shard"],
     "survey": ["Leg", "Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
     "tables": ["Table", "Waveforms"],
@@ -70,6 +70,7 @@ _MODULES = {
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Batches",
     "CampaignReport",
     "ChangeMap",
     "CloudInfo",
@@ -90,6 +91,7 @@ __all__ = [
     "Points",
     "Problem",
     "Rasters",
+    "RayHits",
     "Reconstruction",
     "Result",
     "RunOptions",

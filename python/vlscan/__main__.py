@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
 
-def main() -> int:
-    """Run the command line of this process.
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    words : sequence of str, optional
+        Its arguments; those of this process by default.
 
     Returns
     -------
@@ -15,7 +21,7 @@ def main() -> int:
     """
     from ._vlscan import command
 
-    return command(["vlscan", *sys.argv[1:]])
+    return command(["vlscan", *(sys.argv[1:] if words is None else words)])
 
 
 if __name__ == "__main__":

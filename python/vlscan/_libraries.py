@@ -1,4 +1,4 @@
-"""Libraries that users may have: imported when they are needed, named when they are missing."""
+"""Libraries that users may have: imported when they are needed, named when they are missing; and files of the package."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
+
+from .errors import InputError
 
 if TYPE_CHECKING:
     from ._typing import Progress
@@ -40,6 +42,30 @@ def needed(name: str, by: str) -> ModuleType:
         if (error.name or "").split(".")[0] != name:
             raise
         raise ImportError(f"{by} needs {name}: pip install {name}", name=name) from None
+
+
+def save(path: str, content: bytes, force: bool) -> None:
+    """Write a file.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    content : bytes
+        Its content.
+    force : bool
+        Whether a file that exists is replaced.
+
+    Raises
+    ------
+    InputError
+        The file exists.
+    """
+    try:
+        with open(path, "wb" if force else "xb") as file:
+            file.write(content)
+    except FileExistsError:
+        raise InputError(f"{path} exists already; replace it with force=True") from None
 
 
 def is_notebook() -> bool:

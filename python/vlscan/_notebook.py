@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ._libraries import is_notebook
@@ -12,9 +13,20 @@ if TYPE_CHECKING:
     from IPython.display import HTML
 
 
-def picture_html(png: bytes, about: str) -> str:
-    """Return a picture with a line of text below it, for notebooks."""
-    data = base64.b64encode(png).decode()
+# Largest picture of a cell, bytes as text, and the widths that are tried.
+_MAX_BYTES, _WIDTHS = 59_000, (800, 640, 520, 420, 320)
+
+
+def picture_html(draw: Callable[[int, int], bytes], about: str) -> str:
+    """Return a picture with a line of text below it, for notebooks; ``draw`` makes it of a width and a height.
+
+    Notebooks keep the pictures of all cells, so it is the largest one that takes at most 60 kB, or the smallest.
+    """
+    data = ""
+    for width in _WIDTHS:
+        data = base64.b64encode(draw(width, width * 3 // 4)).decode()
+        if len(data) <= _MAX_BYTES:
+            break
     return f'<img src="data:image/png;base64,{data}" style="max-width:100%"><div>{about}</div>'
 
 
@@ -24,7 +36,8 @@ def show_page(page: str) -> HTML | None:
         from IPython.display import HTML
 
         frame = html.escape(page, quote=True)
-        shown = f'<iframe srcdoc="{frame}" style="width:100%;height:600px;border:0"></iframe>'
+        # IPython warns of a frame that is not within another element.
+        shown = f'<div><iframe srcdoc="{frame}" style="width:100%;height:600px;border:0"></iframe></div>'
         return HTML(shown)  # type: ignore[no-untyped-call, unused-ignore]
     import tempfile
     import webbrowser

@@ -15,6 +15,9 @@ class RunOptions(TypedDict, total=False):
     format: Literal["xyz", "csv", "bin", "las", "laz", "copc", "ply", "ply-ascii", "raycloud", "pcd", "e57", "mcap", "arrow", "parquet", "geoparquet"] | None
     """Format of the points where the extension does not determine it."""
 
+    output: PathLike | None
+    """Write as HELIOS++ does: DIR/SURVEY/TIME/leg000_points.xyz and so on. [default without -o: output]"""
+
     columns: str | Sequence[str] | None
     """Columns of csv, arrow, parquet and geoparquet, and of xyz (which then gets a header), such as X,Y,Z,Intensity,GpsTime. With Red, Green or Blue, las, laz, ply, pcd, e57 and mcap have colours, too. docs/outputs.md lists all columns, as does the message for an unknown name."""
 

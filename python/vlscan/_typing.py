@@ -31,7 +31,7 @@ class ArrowStream(Protocol):
 
 
 #: A table: of any library that speaks Arrow, or arrays by the names of their columns.
-TableLike: TypeAlias = ArrowStream | Mapping[str, ArrayLike]
+TableLike: TypeAlias = ArrowStream | Mapping[str, Any]
 
 
 class MeshWithFaces(Protocol):

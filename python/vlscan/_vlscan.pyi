@@ -18,15 +18,18 @@ __all__ = [
     "Table",
     "campaign_cells",
     "catalogue",
+    "catalogue_files",
     "cloud_info",
     "columns",
     "command",
     "compare",
+    "contents",
     "dry_run",
     "figures",
     "fit_flight",
     "fit_sensor",
     "fly",
+    "keys",
     "make_scene",
     "make_stand",
     "merge_shards",
@@ -55,6 +58,9 @@ _Map: TypeAlias = tuple[tuple[int, int, float, list[float]], list[bytes]]
 def version() -> str:
     """Version of the engine."""
 
+def contents(request: Request) -> tuple[str, tuple[str, str], str, list[str | None], list[dict[str, Any]], bool]:
+    """Name of a survey, id and name of its scanner, id of its platform, ids of parts, keywords of legs, whether these hold all."""
+
 def command(words: Sequence[str]) -> int:
     """Run the command line with these words, the first of which is the program's name, and return its exit status."""
 
@@ -64,13 +70,19 @@ def catalogue() -> tuple[list[tuple[str, str]], list[str]]:
 def options() -> list[tuple[str, str, bool, bool, bool]]:
     """Return the options of a run: name, help, whether it takes a value, may be given more than once, only says how files are written."""
 
+def catalogue_files() -> list[tuple[str, str]]:
+    """Return the files of the catalogue that ships: the path by which surveys refer to each, and its text."""
+
+def keys() -> list[tuple[str, list[str]]]:
+    """Return the tables of pipeline files with their keys."""
+
 def columns() -> list[tuple[str, str, str]]:
     """Return the columns of points: name, unit, meaning."""
 
 def page(table: _Table, colour: str, title: str, max_points: int) -> str:
     """Return a page that shows points in a browser, offline."""
 
-def picture(table: _Table, colour: str, title: str, width: int, height: int) -> bytes:
+def picture(table: _Table, colour: str, title: str, width: int, height: int, is_small: bool = False) -> bytes:
     """Return a PNG picture of points, from above and from the side."""
 
 def plan(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
@@ -153,7 +165,9 @@ def run_shard(
 ) -> tuple[str, int]:
     """Compute a shard of a run, or without one the index of all shards: the file or the folder, and the number of pulses."""
 
-def merge_shards(folder: str, words: Sequence[str], tables: Sequence[str], check: bool, progress: Progress | None = None) -> Outcome | None:
+def merge_shards(
+    folder: str, options: dict[str, Any], tables: Sequence[str], check: bool, progress: Progress | None = None
+) -> Outcome | None:
     """Merge shards to files or to tables of these names; or compare their checksums."""
 
 def fit_flight(cloud: str, output: str, flight_line: int | None, extend: float, force: bool) -> tuple[list[str], str]:
@@ -207,13 +221,14 @@ class Scene:
     def part_count(self) -> int: ...
     @property
     def is_loaded(self) -> bool: ...
-    def load(self, document: str, words: Sequence[str]) -> None: ...
-    def pack(self, path: str, document: str, words: Sequence[str]) -> None: ...
+    def load(self, document: str, options: dict[str, Any]) -> None: ...
+    def pack(self, path: str, document: str, options: dict[str, Any]) -> None: ...
     def unload(self) -> None: ...
     def facts(self) -> SceneFacts | None: ...
     def report(self) -> str | None: ...
     def ground_height(self, x: float, y: float) -> float | None: ...
     def sample(self, count: int) -> Table | None: ...
+    def cast(self, origins: bytes, directions: bytes) -> tuple[Column, Column, Column, Column] | None: ...
 
 @final
 class Column:
@@ -245,7 +260,9 @@ class Table:
     def of_bytes(columns: bytes, exact: bytes | None, facts: bytes | None) -> Table: ...
     @staticmethod
     def of_columns(table: _Table, crs: str | None) -> Table: ...
-    def write(self, path: str, words: Sequence[str]) -> int: ...
+    @staticmethod
+    def concat(tables: Sequence[Table]) -> Table: ...
+    def write(self, options: dict[str, Any]) -> int: ...
     def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
     def __arrow_c_schema__(self) -> object: ...
@@ -256,7 +273,7 @@ class Request:
 
     def __new__(
         cls,
-        words: Sequence[str],
+        options: dict[str, Any],
         file: str | os.PathLike[str] | None = None,
         document: str = ...,
         scene: Scene | None = None,

@@ -50,6 +50,22 @@ class Column(NamedTuple):
     description: str
 
 
+def files() -> dict[str, str]:
+    """Return the files of the catalogue that ships.
+
+    Returns
+    -------
+    dict
+        Their texts by the path by which surveys refer to them.
+
+    Examples
+    --------
+    >>> "data/platforms.xml" in vlscan.catalogue.files()
+    True
+    """
+    return dict(_vlscan.catalogue_files())
+
+
 @cache
 def _instruments() -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
     """Names of the scanners, references of the scanners and of the platforms, by id."""

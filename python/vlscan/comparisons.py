@@ -15,7 +15,7 @@ from . import _vlscan
 from ._columns import columns_of
 from ._libraries import needed
 from ._typing import PathLike, TableLike
-from ._words import renamed
+from ._values import renamed
 
 if TYPE_CHECKING:
     import pandas

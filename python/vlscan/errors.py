@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import inspect
+import logging
 import os
 import re
 import sys
@@ -142,7 +143,29 @@ class FileError(Error, OSError):
 
 
 class VlscanWarning(UserWarning):
-    """Input that is accepted although it is suspicious."""
+    """Input that is accepted although it is suspicious.
+
+    Parameters
+    ----------
+    text : str
+        The message, with its place.
+    problem : Problem, optional
+        The problem.
+
+    Attributes
+    ----------
+    problem : Problem or None
+        The problem with file, line, column and help; ``None`` for warnings of the package itself.
+    """
+
+    def __init__(self, text: str, problem: Problem | None = None) -> None:
+        super().__init__(text)
+        self.problem = problem
+
+
+# What runs note; programs choose what is shown.
+_log = logging.getLogger("vlscan")
+_log.addHandler(logging.NullHandler())
 
 
 def file_error(text: str, number: int | None, path: str) -> FileError:
@@ -185,15 +208,35 @@ def missing_file(path: str) -> FileError:
 _PACKAGES = ("vlscan", "vlscan_helios")
 
 
-def warn(text: str) -> None:
+def report(problems: Sequence[Mapping[str, Any]]) -> None:
+    """Issue each warning of the engine as a :class:`VlscanWarning`, and log notes.
+
+    Parameters
+    ----------
+    problems : sequence of mapping
+        Fields of :class:`Problem`.
+    """
+    for problem in (Problem(**fields) for fields in problems):
+        if problem.severity == "warning":
+            place = [str(part) for part in (problem.file, problem.line, problem.column) if part is not None]
+            lines = [f"{':'.join(place)}: {problem.message}" if place else problem.message]
+            lines += [f"help: {problem.help}"] if problem.help else []
+            warn("\n".join(lines), problem)
+        elif problem.severity == "note":
+            _log.info("%s", problem.message)
+
+
+def warn(text: str, problem: Problem | None = None) -> None:
     """Issue a :class:`VlscanWarning` at the line of the program that called the package.
 
     Parameters
     ----------
     text : str
         The message.
+    problem : Problem, optional
+        The problem of the engine.
     """
     frame, level = sys._getframe(), 1
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in _PACKAGES:
         frame, level = frame.f_back, level + 1
-    warnings.warn(in_python(text), VlscanWarning, stacklevel=level)
+    warnings.warn(VlscanWarning(in_python(text), problem), stacklevel=level)

@@ -1,7 +1,10 @@
 """Another name of :mod:`vlscan_helios.v3`, HELIOS++ 3 over vlscan: ``import vlscan.helios as helios``."""
 
-from vlscan_helios.v3 import *  # noqa: F403
-from vlscan_helios.v3 import install
+try:
+    from vlscan_helios.v3 import *  # noqa: F403
+    from vlscan_helios.v3 import install
+except ImportError as failure:
+    raise ImportError(f"vlscan.helios is a distribution of its own: pip install vlscan-helios ({failure})") from failure
 
 install("vlscan.helios")
 

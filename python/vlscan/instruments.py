@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
 
 from . import catalogue
+from ._checked import Checked
+from ._keys import check_keys
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._keys import ScannerKeys
 
 
-class Scanner:
+class Scanner(Checked):
     """An instrument: one that ships, changed by keys, or one of your own.
 
     Parameters
     ----------
     name : str, optional
         Id of a scanner that ships, see :func:`vlscan.scanners`, or ``file.xml#id``.
-    **keys : object
+    **keys : ScannerKeys
         Keys of ``[scanner]`` in a pipeline file (docs/instruments.md); ``channel`` is a list of dictionaries of them.
 
     Attributes
@@ -26,6 +34,8 @@ class Scanner:
     ------
     InputError
         No scanner that ships has the name.
+    TypeError
+        A keyword is no key.
 
     Examples
     --------
@@ -35,10 +45,19 @@ class Scanner:
     Scanner(optics='rotating', pulse_freqs_hz=[100000], scan_angle_max_deg=50)
     """
 
-    def __init__(self, name: str | None = None, **keys: object) -> None:
+    _ATTRIBUTES: ClassVar[tuple[str, ...]] = ("keys",)
+
+    def __init__(self, name: str | None = None, **keys: Unpack[ScannerKeys]) -> None:
+        check_keys("Scanner", keys, "[scanner]")
         self.keys: dict[str, object] = dict(keys)
         if name is not None:
             self.keys = {"catalogue": catalogue.scanner_reference(name), **keys}
+
+    def _checked(self, name: str, value: object) -> object:
+        if not isinstance(value, Mapping):
+            raise TypeError(f"keys of a scanner are a mapping, found {type(value).__name__}")
+        check_keys("Scanner", value, "[scanner]")
+        return dict(value)
 
     @staticmethod
     def of(scanner: Scanner | str | Mapping[str, object]) -> Scanner:
@@ -53,16 +72,27 @@ class Scanner:
         -------
         Scanner
             The scanner.
+
+        Raises
+        ------
+        TypeError
+            Anything else, or an unknown key.
         """
         if isinstance(scanner, Scanner):
             return scanner
-        return Scanner(scanner) if isinstance(scanner, str) else Scanner(None, **scanner)
+        if isinstance(scanner, str):
+            return Scanner(scanner)
+        if not isinstance(scanner, Mapping):
+            raise TypeError(f"expected a Scanner, a name or a mapping of keys, found {type(scanner).__name__}")
+        made = Scanner()
+        made.keys = dict(scanner)
+        return made
 
     def __repr__(self) -> str:
         return f"Scanner({', '.join(f'{key}={value!r}' for key, value in self.keys.items())})"
 
 
-class Platform:
+class Platform(Checked):
     """What carries the scanner.
 
     Parameters
@@ -90,6 +120,8 @@ class Platform:
     Platform(kind='linear_path', mount={'offset_m': [0, 0, 0.3]})
     """
 
+    _ATTRIBUTES: ClassVar[tuple[str, ...]] = ("keys",)
+
     def __init__(self, name: str | None = None, kind: str | None = None, mount: Mapping[str, object] | None = None) -> None:
         self.keys: dict[str, object] = {}
         if name is not None:
@@ -115,6 +147,8 @@ class Platform:
         """
         if isinstance(platform, Platform):
             return platform
+        if not isinstance(platform, str):
+            raise TypeError(f"expected a Platform, a name, 'static' or 'linear_path', found {type(platform).__name__}")
         return Platform(kind=platform) if platform in ("static", "linear_path") else Platform(platform)
 
     def __repr__(self) -> str:

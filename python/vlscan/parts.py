@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vlscan
+from ._point_file import PointFile
 from ._typing import MeshWithFaces, MeshWithTriangles, PathLike, Vector
+from ._values import renamed
 
 _Quaternion = tuple[float, float, float, float]
 
@@ -230,7 +232,7 @@ class Part:
             raise ValueError(f"faces has the type {corners.dtype}, expected whole numbers")
         if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
             raise ValueError(f"faces has indices beyond the {len(points)} vertices")
-        known = [materials] if isinstance(materials, Material) else list(materials or [])
+        known = _materials(materials)
         if len(known) > 1 and material_of is None:
             raise ValueError(f"there are {len(known)} materials, expected material_of with the index of the one of each face")
         index = np.asarray([] if material_of is None else material_of)
@@ -261,7 +263,7 @@ class Part:
         Parameters
         ----------
         mesh : object
-            Anything with ``vertices`` and ``faces`` (trimesh) or ``triangles`` (Open3D).
+            Anything with ``vertices`` and ``faces`` (trimesh) or ``triangles`` (Open3D), or a ``trimesh.Scene`` of such meshes.
         materials : Material or iterable of Material, optional
             As in :meth:`mesh`.
         material_of : array_like, optional
@@ -279,6 +281,9 @@ class Part:
         TypeError
             The object has no vertices and faces.
         """
+        if hasattr(mesh, "geometry") and hasattr(mesh, "dump"):
+            # A scene of trimesh, whose meshes are placed and joined.
+            mesh = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.dump(concatenate=True)
         faces = getattr(mesh, "faces", None)
         faces = getattr(mesh, "triangles", None) if faces is None else faces
         if faces is None or not hasattr(mesh, "vertices"):
@@ -374,8 +379,9 @@ class Part:
         return Part("of_raster", ([os.fspath(p) for p in paths], _choice(material_file, material)), _Place(id=id))
 
     @staticmethod
+    @renamed(path="source")
     def points(
-        path: PathLike,
+        source: PathLike | ArrayLike,
         voxel_size: float,
         separator: str = "",
         normal_columns: tuple[int, int, int] | None = None,
@@ -388,12 +394,12 @@ class Part:
         material: str | None = None,
         id: str | None = None,
     ) -> Part:
-        """Make a part of a point cloud as text, whose points become voxels.
+        """Make a part of a point cloud, whose points become voxels.
 
         Parameters
         ----------
-        path : str or path-like
-            The file.
+        source : str, path-like or array_like
+            A file, or rows of x, y, z (m) and more columns.
         voxel_size : float
             Edge of the voxels, m.
         separator : str
@@ -419,7 +425,20 @@ class Part:
         -------
         Part
             The part, which is read when its scene is loaded.
+
+        Raises
+        ------
+        ValueError
+            An array of another shape.
+
+        Examples
+        --------
+        >>> cloud = vlscan.Part.points([[0, 0, 0], [1, 0, 0], [0, 1, 2]], voxel_size=0.5)
+        >>> vlscan.Scene(cloud).primitives
+        3
         """
+        is_file = isinstance(source, (str, os.PathLike))
+        path = os.fspath(source) if is_file else PointFile.of(source)  # type: ignore[arg-type]
         settings = dict(
             voxel_size=float(voxel_size),
             separator=separator,
@@ -430,7 +449,7 @@ class Part:
             estimate_normals=operator.index(estimate_normals),
             snap_neighbor_normal=bool(snap_neighbor_normal),
         )
-        return Part("of_points", (os.fspath(path), settings, _choice(material_file, material)), _Place(id=id))
+        return Part("of_points", (path, settings, _choice(material_file, material)), _Place(id=id))
 
     @staticmethod
     def voxels(
@@ -442,6 +461,7 @@ class Part:
         material_file: PathLike | None = None,
         material: str | None = None,
         id: str | None = None,
+        drop_empty: bool = True,
     ) -> Part:
         """Make a part of vegetation voxels (AMAPVox).
 
@@ -464,6 +484,8 @@ class Part:
             Name of the material in that file; the alphabetically first by default.
         id : str, optional
             What the column ``ObjectId`` reports.
+        drop_empty : bool
+            Whether voxels without vegetation are left out.
 
         Returns
         -------
@@ -473,7 +495,7 @@ class Part:
         settings = dict(
             mode=mode,
             exponent=float(exponent),
-            drop_empty=True,
+            drop_empty=bool(drop_empty),
             random_shift=bool(random_shift),
             lad_table=None if leaf_angles is None else os.fspath(leaf_angles),
         )
@@ -612,20 +634,20 @@ class Part:
         unit = (w, x, y, z)
         return self._placed(quaternion=_product(unit, self._place.quaternion), offset=_turned(unit, self._place.offset))
 
-    def drop_to_ground(self, on_ground: bool = True) -> Part:
+    def drop_to_ground(self, on_ground: bool | int = True) -> Part:
         """Return the part lowered, or lifted, to the ground below it: to surfaces whose material is ground.
 
         Parameters
         ----------
-        on_ground : bool
-            Whether it is.
+        on_ground : bool or int
+            Whether it is; or the mode ``onGround`` of scene files, where -1 looks for the best position.
 
         Returns
         -------
         Part
             The part, which shares the geometry.
         """
-        return self._placed(on_ground=1 if on_ground else 0)
+        return self._placed(on_ground=int(on_ground))
 
     def with_material(self, material: Material, of: str | ArrayLike | None = None) -> Part:
         """Return the part with another material.
@@ -658,14 +680,30 @@ class Part:
         if of is None or isinstance(of, str):
             which = of
         else:
-            indices, per_face = self._face_numbers(of), self._faces[1] if self._faces else 1
+            indices, per_face = self.face_numbers(of), self._faces[1] if self._faces else 1
             # A quadrilateral is two triangles.
             triangles = (indices[:, None] * per_face + np.arange(per_face)).ravel()
             which = triangles.astype("<u4").tobytes()
         return self._placed(changes=self._place.changes.then(which, _fields(material)))
 
-    def _face_numbers(self, of: ArrayLike) -> NDArray[np.int64]:
-        """Return the indices of faces that a mask or indices choose."""
+    def face_numbers(self, of: ArrayLike) -> NDArray[np.int64]:
+        """Return the indices of faces that a mask or indices choose.
+
+        Parameters
+        ----------
+        of : array_like
+            A mask with a value for each face, or indices from 0.
+
+        Returns
+        -------
+        numpy.ndarray
+            The indices.
+
+        Raises
+        ------
+        ValueError
+            An index beyond the faces, or an array of another shape.
+        """
         chosen = np.atleast_1d(np.asarray(of))
         count = self._faces[0] if self._faces else None
         if chosen.dtype == bool:
@@ -698,19 +736,43 @@ class Part:
         """
         return self._placed(id=id)
 
-    def _of_file(self, old: str, new: str) -> Part:
-        arguments = tuple(new if isinstance(value, str) and value == old else value for value in self._arguments)
-        return Part(self._kind, arguments, self._place, self._faces)
+    @property
+    def id(self) -> str | None:
+        """What the column ``ObjectId`` reports, if the part was named."""
+        return self._place.id
+
+    @property
+    def face_count(self) -> int | None:
+        """Number of faces of a part of arrays; ``None`` for one of a file, which is not read yet."""
+        return self._faces[0] if self._faces else None
 
     def _placed(self, **changes: Any) -> Part:
         return Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
 
     def _made(self) -> _vlscan.Part:
-        made: _vlscan.Part = getattr(_vlscan.Part, self._kind)(*self._arguments, self._place.fields())
+        arguments = (os.fspath(value) if isinstance(value, PointFile) else value for value in self._arguments)
+        made: _vlscan.Part = getattr(_vlscan.Part, self._kind)(*arguments, self._place.fields())
         return made
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Part):
+            return NotImplemented
+        return (self._kind, self._arguments, self._place) == (other._kind, other._arguments, other._place)
+
+    def __hash__(self) -> int:
+        return hash((self._kind, self._place))
+
     def __repr__(self) -> str:
-        return f"<Part {self._kind.removeprefix('of_')} {self._place}>"
+        place = self._place
+        facts = [self._kind.removeprefix("of_").replace("_", " ")]
+        facts += [repr(value) for value in self._arguments[:1] if isinstance(value, (str, PointFile))]
+        facts += [] if place.id is None else [f"id {place.id!r}"]
+        facts += [] if self._faces is None else [f"{self._faces[0]} faces"]
+        facts += [] if place.quaternion == (1.0, 0.0, 0.0, 0.0) else ["turned"]
+        facts += [] if place.scale == 1 else [f"scale {place.scale:g}"]
+        facts += [] if place.offset == (0.0, 0.0, 0.0) else ["at {:g}, {:g}, {:g}".format(*place.offset)]
+        facts += ["on the ground"] if place.on_ground else []
+        return f"<Part: {', '.join(facts)}>"
 
 
 def _indices(name: str, values: NDArray[Any], count: int, things: str) -> NDArray[np.uint32]:
@@ -733,7 +795,18 @@ def _first(values: NDArray[Any]) -> object:
     return values[values != np.floor(values)][0] if numeric else values.flat[0]
 
 
+def _materials(materials: object) -> list[Material]:
+    """Return materials as a list; one may stand alone."""
+    if materials is None or isinstance(materials, Material):
+        return [] if materials is None else [materials]
+    if isinstance(materials, str) or not isinstance(materials, Iterable):
+        raise TypeError(f"materials are Material, one or several, found {materials!r}")
+    return list(materials)
+
+
 def _fields(material: Material) -> dict[str, Any]:
+    if not isinstance(material, Material):
+        raise TypeError(f"expected a Material, found {material!r}; vlscan.Material({str(material)!r}) makes one")
     fields = asdict(material)
     optics = (material.mirror, material.pane_index, material.pane_thickness_m, material.pane_absorption, material.pane_sheets)
     is_optical = any(value is not None for value in optics)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _vlscan
-from ._libraries import needed
+from ._libraries import needed, save
 from ._typing import Geometry, PathLike, Progress
 from .forecast import DryRun
 from .parts import Part
@@ -136,16 +136,26 @@ class Plan:
         """
         return self.survey().dry_run(to, **options)
 
-    def save(self, path: PathLike) -> None:
+    def save(self, path: PathLike, *, force: bool = False) -> None:
         """Write the pipeline file.
 
         Parameters
         ----------
         path : str or path-like
             The file, ``.toml``.
+        force : bool
+            Whether a file that exists is replaced.
+
+        Raises
+        ------
+        InputError
+            The file exists.
         """
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(self.text)
+        save(os.fspath(path), self.text.encode(), force)
+
+    def __repr__(self) -> str:
+        carriers = " on ".join(name.rpartition("#")[2] for name in (self.scanner, self.platform) if name)
+        return f"<Plan: {carriers}, {len(self.lines)} lines; {'; '.join(self.promises[:1])}>"
 
     def write_lines(self, path: PathLike, *, force: bool = False) -> None:
         """Write the flight lines, the drive or the positions, as ``vlscan plan --lines`` does.

@@ -5,19 +5,20 @@ from __future__ import annotations
 import html
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _vlscan
 from ._columns import columns_of
-from ._libraries import needed
+from ._libraries import needed, save
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, TableLike, Vector
-from ._words import words_of
+from ._values import values_of
 from .errors import warn
 from .tables import Table
 
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 # Digits of 32-bit floats: coordinates beyond lose millimetres.
 _LOSSLESS_M = 1e-3 * 2.0**24
+
+# Extensions of the formats whose names are none.
+_EXTENSIONS = {"copc": "copc.laz", "ply-ascii": "ply", "raycloud": "ply", "geoparquet": "geo.parquet"}
 
 
 class Points(Table):
@@ -51,12 +55,12 @@ class Points(Table):
     _ROW = "point"
 
     @staticmethod
-    def of(table: TableLike | ArrayLike, crs: str | None = None) -> Points:
+    def of(table: TableLike | ArrayLike | object, crs: str | None = None) -> Points:
         """Return the points of a table of another library.
 
         Parameters
         ----------
-        table : mapping, Arrow table, structured array, or array of n by 3
+        table : mapping, Arrow table, structured array, array of n by 3, or object of laspy, xarray, GeoPandas or Open3D
             The table, with columns named as those of :func:`vlscan.columns`: X, Y, Z and others.
         crs : str, optional
             Coordinate reference system as WKT; by default that in the metadata of the table.
@@ -76,19 +80,60 @@ class Points(Table):
         >>> vlscan.Points.of({"X": [0.0, 1.0], "Y": [0.0, 0.0], "Z": [2.0, 2.0]}).bounds[1].tolist()
         [1.0, 0.0, 2.0]
         """
-        points = Points(_vlscan.Table.of_columns(columns_of(table, ("X", "Y", "Z"), keep_types=True), crs))
+        known = getattr(table, "crs", None) if crs is None else None
+        if known is not None and hasattr(known, "to_wkt"):
+            # Of GeoPandas.
+            crs = str(known.to_wkt("WKT1_GDAL"))
+        given: Any = table
+        points = Points(_vlscan.Table.of_columns(columns_of(given, ("X", "Y", "Z"), keep_types=True), crs))
         missing = [name for name in "XYZ" if name not in points]
         if missing:
             raise ValueError(f"the table has no column {', '.join(missing)}; there are {', '.join(points.columns)}")
         return points
 
     @staticmethod
-    def read(path: PathLike) -> Points:
+    def concat(parts: Iterable[Points]) -> Points:
+        """Return the points of several tables with the same columns as one: of batches, or of runs.
+
+        Parameters
+        ----------
+        parts : iterable of Points
+            The tables.
+
+        Returns
+        -------
+        Points
+            The points, in the order of the tables.
+
+        Raises
+        ------
+        ValueError
+            There are no tables, or their columns or coordinate reference systems differ.
+
+        Examples
+        --------
+        >>> survey = vlscan.Survey.open("fixtures/room/survey.xml")
+        >>> points = vlscan.Points.concat(survey.run_batches(1000, seed=1))
+        >>> len(points) == survey.run(seed=1).point_count
+        True
+        """
+        tables = list(parts)
+        if not tables:
+            raise ValueError("there are no points to join; concat() needs at least one table")
+        wrong = next((table for table in tables if not isinstance(table, Points)), None)
+        if wrong is not None:
+            raise TypeError(f"expected Points, found {type(wrong).__name__}; Points.of() converts tables")
+        if len({table.crs for table in tables}) > 1:
+            raise ValueError("the points have different coordinate reference systems")
+        return Points(_vlscan.Table.concat([table._table for table in tables])) if len(tables) > 1 else tables[0]
+
+    @staticmethod
+    def read(path: PathLike | IO[bytes]) -> Points:
         """Read a point cloud: LAS, LAZ, PLY, PCD, E57, PTS, text, Arrow or Parquet.
 
         Parameters
         ----------
-        path : str or path-like
+        path : str, path-like or binary file object
             The file.
 
         Returns
@@ -110,11 +155,18 @@ class Points(Table):
         >>> len(vlscan.Points.read("room.laz")) == result.point_count
         True
         """
-        return Points(_vlscan.read_points(os.fspath(path)))
+        if isinstance(path, (str, os.PathLike)):
+            return Points(_vlscan.read_points(os.fspath(path)))
+        with tempfile.TemporaryDirectory() as folder:
+            # Text is known by its extension.
+            name = os.path.join(folder, "points" + os.path.splitext(str(getattr(path, "name", "")))[1])
+            with open(name, "wb") as copy:
+                shutil.copyfileobj(path, copy)
+            return Points(_vlscan.read_points(name))
 
     def write(
         self,
-        path: PathLike,
+        path: PathLike | IO[bytes],
         *,
         columns: Iterable[str] | None = None,
         format: str | None = None,
@@ -135,9 +187,9 @@ class Points(Table):
 
         Parameters
         ----------
-        path : str or path-like
-            The file: ``.las``, ``.laz``, ``.copc.laz``, ``.ply``, ``.raycloud.ply``, ``.pcd``, ``.e57``, ``.mcap``, ``.xyz``, ``.csv``,
-            ``.arrow``, ``.parquet``, ``.geo.parquet``.
+        path : str, path-like or binary file object
+            The file, or a file object with ``format``: ``.las``, ``.laz``, ``.copc.laz``, ``.ply``, ``.raycloud.ply``, ``.pcd``,
+            ``.e57``, ``.mcap``, ``.xyz``, ``.csv``, ``.arrow``, ``.parquet``, ``.geo.parquet``.
         columns : iterable of str, optional
             Columns of text, Arrow and Parquet; all by default.
         format : str, optional
@@ -184,7 +236,16 @@ class Points(Table):
             frame_s=frame_s,
             force=force or None,
         )
-        self._table.write(os.fspath(path), words_of(options))
+        if isinstance(path, (str, os.PathLike)):
+            self._table.write({**values_of(options), "out": [os.fspath(path)]})
+            return
+        if format is None:
+            raise ValueError('a file object has no extension; give its format, for example format="laz"')
+        with tempfile.TemporaryDirectory() as folder:
+            name = os.path.join(folder, f"points.{_EXTENSIONS.get(format, format)}")
+            self._table.write({**values_of(options), "out": [name]})
+            with open(name, "rb") as written:
+                shutil.copyfileobj(written, path)
 
     @property
     def crs(self) -> str | None:
@@ -378,7 +439,7 @@ class Points(Table):
         """
         return show_page(self.html(colour, title, max_points))
 
-    def save_preview(self, path: PathLike, colour: str = "height", title: str = "") -> None:
+    def save_preview(self, path: PathLike, colour: str = "height", title: str = "", *, force: bool = False) -> None:
         """Write a picture or a page.
 
         Parameters
@@ -389,11 +450,15 @@ class Points(Table):
             ``height``, ``class``, ``intensity``, ``object`` or ``return``.
         title : str
             A title.
+        force : bool
+            Whether a file that exists is replaced.
 
         Raises
         ------
         ValueError
             Another extension or colour.
+        InputError
+            The file exists.
 
         Examples
         --------
@@ -406,11 +471,14 @@ class Points(Table):
             content = self.png(colour, title)
         else:
             raise ValueError(f"{name}: expected a name that ends in .png or .html")
-        with open(name, "wb") as file:
-            file.write(content)
+        save(name, content, force)
+
+    def _small_png(self, width: int, height: int) -> bytes:
+        """Draw the points with sixteen colours."""
+        return _vlscan.picture(self._table, "height", "", width, height, True)
 
     def _repr_html_(self) -> str:
         about = html.escape(f"{len(self):,} points: {', '.join(self.columns)}")
         if not len(self) or not {"X", "Y", "Z"} <= set(self.columns):
             return f"<div>{about}</div>"
-        return picture_html(self.png(width=1000, height=750), about)
+        return picture_html(self._small_png, about)

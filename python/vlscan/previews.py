@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from . import _vlscan
 from ._notebook import show_page
 from ._typing import PathLike
-from ._words import renamed, words_of
+from ._values import renamed
 from .points import Points
 from .survey import Survey
 
@@ -109,7 +109,7 @@ def _drawn(
     file = None if isinstance(source, Survey) else os.fspath(source)
     survey = source if isinstance(source, Survey) else Survey.open(source) if file is not None and _holds_survey(file) else None
     is_survey = survey is not None and pulse is None
-    request = survey._request(words_of({})) if survey is not None and is_survey else None
+    request = survey._request({}) if survey is not None and is_survey else None
     usual = file or (survey.name if survey is not None else None) or ""
     chosen, name = colour or ("leg" if is_survey else "height"), usual if title is None else title
     return _vlscan.preview(kind, None if is_survey else file, request, pulse, chosen, name, light, width, height, max_points)

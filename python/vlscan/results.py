@@ -5,13 +5,19 @@ from __future__ import annotations
 import copyreg
 import html
 import os
+from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import _vlscan
 from .errors import Problem
 from .points import Points
 from .tables import Table, Waveforms
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from typing_extensions import Self
 
 
 class Result:
@@ -107,6 +113,60 @@ class Result:
         if self._outcome.table("points") is None:
             return f"<div>{html.escape(repr(self))}</div>"
         return self.points._repr_html_()
+
+
+class Batches(Iterator[Points]):
+    """The points of a run, batch by batch; the run begins with the first one. As a context manager it ends the run.
+
+    Parameters
+    ----------
+    start : callable
+        Starts the run.
+
+    Examples
+    --------
+    >>> survey = vlscan.Survey.open("fixtures/room/survey.xml")
+    >>> with survey.run_batches(10_000, seed=1) as batches:
+    ...     count = sum(len(points) for points in batches)
+    >>> batches.result.point_count == count
+    True
+    """
+
+    def __init__(self, start: Callable[[], _vlscan.BatchIterator]) -> None:
+        self._start: Callable[[], _vlscan.BatchIterator] | None = start
+        self._batches: _vlscan.BatchIterator | None = None
+
+    def __next__(self) -> Points:
+        if self._start is not None:
+            self._batches, self._start = self._start(), None
+        if self._batches is None:
+            raise StopIteration
+        return Points(next(self._batches))
+
+    def close(self) -> None:
+        """End the run."""
+        self._start = None
+        if self._batches is not None:
+            self._batches.close()
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the last batch has been taken, so that there is a result."""
+        return self._batches is not None and self._batches.outcome() is not None
+
+    @property
+    def result(self) -> Result:
+        """Counts, files, warnings and trajectory of the run; a ``RuntimeError`` before the last batch has been taken."""
+        outcome = None if self._batches is None else self._batches.outcome()
+        if outcome is None:
+            raise RuntimeError("a run has a result when its last batch has been taken")
+        return Result(outcome)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
 
 
 def _outcome_of(*parts: Any) -> _vlscan.Outcome:

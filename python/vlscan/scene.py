@@ -6,15 +6,15 @@ import html
 import json
 import os
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _toml, _vlscan
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, SceneFacts
-from ._words import words_of
+from ._values import values_of
 from .instruments import Scanner
 from .parts import Part
 from .points import Points
@@ -29,6 +29,27 @@ if TYPE_CHECKING:
 
 # A scanner, for loading a scene before any survey is known: its wavelength matters where materials have spectra.
 _DEFAULT_SCANNER = "data/scanners_tls.xml#riegl_vz400"
+
+
+class RayHits(NamedTuple):
+    """First hits of rays, one row per ray.
+
+    Parameters
+    ----------
+    distance : numpy.ndarray
+        Distance from the origin, m; NaN without a hit.
+    part : numpy.ndarray
+        Index in :attr:`Scene.parts`; -1 without a hit.
+    primitive : numpy.ndarray
+        Number of the triangle or voxel, in the order of the parts; voxels follow the triangles; -1 without a hit.
+    normal : numpy.ndarray
+        Unit normals of the surfaces towards the origins, n by 3; NaN without a hit.
+    """
+
+    distance: NDArray[np.float64]
+    part: NDArray[np.int32]
+    primitive: NDArray[np.int64]
+    normal: NDArray[np.float64]
 
 
 class Scene:
@@ -49,6 +70,8 @@ class Scene:
     ------
     InputError
         A file that is missing or no scene.
+    TypeError
+        Anything but a file or parts.
 
     Examples
     --------
@@ -65,7 +88,7 @@ class Scene:
             self._source: str | list[Part] = self._name
             self._scene = _vlscan.Scene.read(self._name, folders)
         else:
-            parts = [source] if isinstance(source, Part) else list(source)
+            parts = _parts(source)
             self._source = parts
             self._name = f"{len(parts)} parts"
             self._scene = _vlscan.Scene.of_parts([part._made() for part in parts], [*folders, ".", "assets"])
@@ -203,6 +226,45 @@ class Scene:
         self._facts()
         return self._scene.ground_height(float(x), float(y))
 
+    def cast(self, origins: ArrayLike, directions: ArrayLike) -> RayHits:
+        """Return the first hits of rays, without an instrument. Loads the scene. :func:`vlscan.trace` measures with one.
+
+        Parameters
+        ----------
+        origins : array_like
+            Origins of the rays, n by 3, world frame, m, or one for all.
+        directions : array_like
+            Directions of the rays, n by 3, of any length, or one for all. Rays without a direction, and those that are not finite,
+            hit nothing.
+
+        Returns
+        -------
+        RayHits
+            Arrays ``distance``, ``part``, ``primitive`` and ``normal``, read-only.
+
+        Raises
+        ------
+        ValueError
+            Origins or directions have another shape.
+        InputError
+            A part of the scene moves, or the scene is not in memory as a whole.
+
+        Examples
+        --------
+        >>> floor = vlscan.Part.mesh([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], [[0, 1, 2, 3]], id="floor")
+        >>> scene = vlscan.Scene(floor)
+        >>> hits = scene.cast([[0, 1, 5], [99, 0, 5]], (0, 0, -1))
+        >>> hits.distance.tolist(), [scene.parts[part] for part in hits.part if part >= 0]
+        ([5.0, nan], ['floor'])
+        """
+        starts, ways = rays_of(origins, directions)
+        self._facts()
+        found = self._scene.cast(starts.astype("<f8").tobytes(), ways.astype("<f8").tobytes())
+        if found is None:
+            raise RuntimeError("the scene was unloaded by another thread")
+        distance, part, primitive, normal = (np.asarray(column) for column in found)
+        return RayHits(distance, part, primitive, normal.reshape(-1, 3))
+
     def sample(self, count: int = 200_000) -> Points:
         """Return points on the surfaces, evenly by area. Loads the scene.
 
@@ -244,13 +306,57 @@ class Scene:
 
     def _repr_html_(self) -> str:
         about = f"{self._name}: {self.primitives:,} primitives, {len(self.parts)} parts"
-        return picture_html(self.sample().png(width=1000, height=750), html.escape(about))
+        return picture_html(self.sample()._small_png, html.escape(about))
 
     def __repr__(self) -> str:
         return f"<Scene {self._name}>"
 
 
-def _loading(scanner: str | None, options: Mapping[str, object]) -> tuple[str, list[str]]:
-    """Return the pipeline and the words with which a scene is loaded."""
+def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return origins and directions of rays as arrays of n rows, where one of either may be for all.
+
+    Parameters
+    ----------
+    origins, directions : array_like
+        N by 3 numbers each, or three.
+
+    Returns
+    -------
+    origins, directions : numpy.ndarray
+        N by 3 numbers.
+
+    Raises
+    ------
+    ValueError
+        Arrays of another shape.
+    """
+    starts, ways = np.atleast_2d(np.asarray(origins, float)), np.atleast_2d(np.asarray(directions, float))
+    try:
+        starts, ways = np.broadcast_arrays(starts, ways)
+        fits = ways.ndim == 2 and ways.shape[1] == 3
+    except ValueError:
+        fits = False
+    if not fits:
+        shapes = " and ".join(f"{name} of shape {np.shape(array)}" for name, array in (("origins", origins), ("directions", directions)))
+        raise ValueError(f"expected origins and directions of n by 3 numbers each, or one of either for all; found {shapes}")
+    return starts, ways
+
+
+def _parts(source: object) -> list[Part]:
+    """Return parts as a list."""
+    advice = "Part.of() makes a part of a mesh of another library"
+    if isinstance(source, Part):
+        return [source]
+    if not isinstance(source, Iterable) or hasattr(source, "vertices"):
+        raise TypeError(f"a scene is a file or made of parts, found {type(source).__name__}; {advice}")
+    parts = list(source)
+    wrong = next((part for part in parts if not isinstance(part, Part)), None)
+    if wrong is not None:
+        raise TypeError(f"a scene is made of parts, found {type(wrong).__name__}; {advice}")
+    return parts
+
+
+def _loading(scanner: str | None, options: Mapping[str, object]) -> tuple[str, dict[str, object]]:
+    """Return the pipeline and the options with which a scene is loaded."""
     keys = Scanner(scanner or _DEFAULT_SCANNER).keys
-    return _toml.document({"scanner": keys}), words_of(options)
+    return _toml.document({"scanner": keys}), values_of(options)

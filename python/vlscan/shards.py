@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from . import _vlscan
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress
-from ._words import words_of
+from ._values import values_of
 from .results import Result
 from .survey import Survey, opened, recorded
 
@@ -143,9 +143,9 @@ def merge_shards(
     >>> vlscan.merge_shards("whole").point_count == vlscan.run("fixtures/room/survey.xml", seed=1).point_count
     True
     """
-    words, tables = recorded(to, waveforms, pulses, options)
+    values, tables = recorded(to, waveforms, pulses, options)
     with shown_progress(progress) as tell:
-        outcome = _vlscan.merge_shards(os.fspath(folder), words, tables, False, tell)
+        outcome = _vlscan.merge_shards(os.fspath(folder), values, tables, False, tell)
     if outcome is None:
         raise RuntimeError("the shards were checked instead of merged")
     return Result(outcome)
@@ -164,11 +164,10 @@ def check_shards(folder: PathLike) -> None:
     InputError
         Shards are missing, damaged, or of another run; all of them are named.
     """
-    _vlscan.merge_shards(os.fspath(folder), [], [], True)
+    _vlscan.merge_shards(os.fspath(folder), {}, [], True)
 
 
 def _divided(survey: Survey | PathLike, options: RunOptions, waveforms: bool | None, pulses: bool | None) -> tuple[_vlscan.Request, bool]:
     """Return the request of a shard, and whether files are replaced."""
-    recorded_too = {"waveforms": waveforms, "pulses": pulses}
-    words = [*words_of(options), *(f"--{name}" for name, is_wanted in recorded_too.items() if is_wanted)]
-    return opened(survey)._request(words), bool(options.get("force"))
+    recorded_too = {name: True for name, is_wanted in (("waveforms", waveforms), ("pulses", pulses)) if is_wanted}
+    return opened(survey)._request({**values_of(options), **recorded_too}), bool(options.get("force"))

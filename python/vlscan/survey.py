@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
+import operator
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, TypedDict
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _toml, _vlscan
+from ._checked import Checked
 from ._columns import EngineTable, columns_of
+from ._keys import check_keys
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress, TableLike, Vector
-from ._words import switch, words_of
+from ._values import values_of
 from .forecast import DryRun
 from .instruments import Platform, Scanner
 from .parts import Part
-from .points import Points
-from .results import Result
-from .scene import Scene
+from .results import Batches, Result
+from .scene import Scene, rays_of
 from .tables import Table
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+    from ._keys import LegSettings
     from ._options import RunOptions
 
 #: Columns of a trajectory as an array.
@@ -44,7 +48,7 @@ class SurveyArguments(TypedDict, total=False):
     name: str | None
 
 
-class Leg:
+class Leg(Checked):
     """A waypoint and the way to the next one: the last leg of a moving platform is where it arrives.
 
     Parameters
@@ -59,9 +63,16 @@ class Leg:
         Whether the scanner fires.
     strip : str, optional
         Name of a strip; legs of the same strip share their files.
-    **settings : object
+    **settings : LegSettings
         Settings of the scanner (docs/pipelines.md): ``pulse_freq_hz``, ``scan_freq_hz``, ``scan_angle_deg``,
         ``head_rate_deg_per_s``, ``head_start_deg``, ``head_stop_deg``, ``vertical_resolution_deg`` and so on.
+
+    Raises
+    ------
+    TypeError
+        A keyword is no setting.
+    ValueError
+        The position has not three numbers.
 
     Examples
     --------
@@ -69,6 +80,8 @@ class Leg:
     >>> leg.settings["scan_freq_hz"]
     120
     """
+
+    _ATTRIBUTES: ClassVar[tuple[str, ...]] = ("position", "on_ground", "speed_m_per_s", "active", "strip", "settings")
 
     def __init__(
         self,
@@ -78,11 +91,23 @@ class Leg:
         speed_m_per_s: float | None = None,
         active: bool = True,
         strip: str | None = None,
-        **settings: object,
+        **settings: Unpack[LegSettings],
     ) -> None:
         self.position = [float(v) for v in position]
         self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
-        self.settings = settings
+        self.settings: dict[str, object] = dict(settings)
+
+    def _checked(self, name: str, value: object) -> object:
+        if name == "position":
+            numbers = np.asarray(value, float)
+            if numbers.shape != (3,):
+                raise ValueError(f"position of a leg has the shape {numbers.shape}, expected x, y, z")
+            return numbers.tolist()
+        if name == "settings":
+            return _keys_of("Leg", value, "[settings]")
+        if name == "strip" and not (value is None or isinstance(value, str)):
+            raise TypeError(f"strip of a leg is a name, found {type(value).__name__}")
+        return value
 
     def _keys(self) -> dict[str, object]:
         return {
@@ -98,7 +123,34 @@ class Leg:
         return f"Leg({self._keys()})"
 
 
-class Survey:
+class SurveyContents(NamedTuple):
+    """What a survey consists of.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    scanner : str
+        Id of the scanner.
+    scanner_name : str
+        Name of the scanner.
+    platform : str
+        Id of the platform.
+    parts : list of str
+        Ids of the parts of its scene, ``None`` for those without one; none of a packed scene.
+    legs : list of Leg
+        The legs.
+    """
+
+    name: str
+    scanner: str
+    scanner_name: str
+    platform: str
+    parts: list[str | None]
+    legs: list[Leg]
+
+
+class Survey(Checked):
     """A scanner that legs or a trajectory carry through a scene.
 
     Parameters
@@ -121,6 +173,11 @@ class Survey:
     name : str, optional
         Name of the survey.
 
+    Raises
+    ------
+    TypeError
+        An argument, or a value that an attribute is set to, is of another type; a setting is no key.
+
     Examples
     --------
     >>> wall = vlscan.Part.mesh([[-9, 5, 0], [9, 5, 0], [9, 5, 4], [-9, 5, 4]], [[0, 1, 2, 3]])
@@ -130,6 +187,10 @@ class Survey:
     >>> len(points) > 1000
     True
     """
+
+    _ATTRIBUTES: ClassVar[tuple[str, ...]] = (
+        *("scene", "scanner", "legs", "platform", "trajectory", "settings", "waveform", "detector", "name"),
+    )
 
     def __init__(
         self,
@@ -155,6 +216,25 @@ class Survey:
         self.name = name
         self._file: str | None = None
         self._text: str | None = None
+        # Keys of the legs of a file as they were read, and whether they hold all that it has about legs.
+        self._read_legs: tuple[list[dict[str, object]], bool] | None = None
+
+    def _checked(self, name: str, value: object) -> object:
+        if name in ("settings", "waveform", "detector"):
+            return _keys_of(f"{name} of a survey", value, f"[{name}]")
+        if name == "legs":
+            return _legs(value)
+        if value is None:
+            return None
+        if name == "scene":
+            return value if isinstance(value, Scene) else Scene(value)  # type: ignore[arg-type]
+        if name == "scanner":
+            return Scanner.of(value)  # type: ignore[arg-type]
+        if name == "platform":
+            return Platform.of(value)  # type: ignore[arg-type]
+        if name == "name" and not isinstance(value, str):
+            raise TypeError(f"name of a survey is a text, found {type(value).__name__}")
+        return value
 
     @staticmethod
     def from_document(text: str, scene: Scene | PathLike | None = None) -> Survey:
@@ -213,10 +293,57 @@ class Survey:
         True
         """
         survey = Survey(scene, **changes)
-        survey._file = os.fspath(path)
+        survey._file = os.fsdecode(path)
+        if "legs" not in changes:
+            del survey.legs
         if survey._file.lower().endswith(".toml") and survey._keys():
             raise ValueError("a pipeline file cannot be changed by arguments; give them as options of the run, or change the file")
         return survey
+
+    def contents(self) -> SurveyContents:
+        """Return what the survey consists of, that of its file included; the scene is not loaded.
+
+        Returns
+        -------
+        SurveyContents
+            Name, scanner, platform, parts of the scene, legs.
+
+        Raises
+        ------
+        InputError
+            The file is invalid.
+
+        Examples
+        --------
+        >>> found = vlscan.Survey.open("fixtures/room/survey.xml").contents()
+        >>> found.scanner, found.platform, len(found.legs)
+        ('tls_polygon', 'tripod', 2)
+        """
+        name, (scanner, scanner_name), platform, parts, legs, _ = _vlscan.contents(self._request({}))
+        return SurveyContents(name, scanner, scanner_name, platform, parts, [Leg(**leg) for leg in legs])
+
+    def __getattr__(self, name: str) -> Any:
+        # Legs of a file are read when they are first asked for, and sent if they were changed.
+        if name != "legs" or self.__dict__.get("_file") is None:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        *_, legs, is_whole = _vlscan.contents(self._request({}))
+        self.legs = [Leg(**leg) for leg in legs]
+        self._read_legs = ([leg._keys() for leg in self.legs], is_whole)
+        return self.legs
+
+    def _leg_keys(self) -> list[dict[str, object]]:
+        """Return the keys of the legs, none for those of a file that are as they were read."""
+        if "legs" not in self.__dict__:
+            return []
+        keys = [leg._keys() for leg in _legs(self.legs)]
+        if self._read_legs is None:
+            return keys
+        as_read, is_whole = self._read_legs
+        if keys == as_read:
+            return []
+        if not is_whole:
+            raise ValueError(f"legs of {self._file} hold more than Leg does (trajectories, pulse times, mounts); change the file")
+        return keys
 
     def _keys(self) -> dict[str, object]:
         keys = {
@@ -224,7 +351,7 @@ class Survey:
             "platform": self.platform.keys if self.platform else None,
             "scanner": self.scanner.keys if self.scanner else None,
             "settings": self.settings or None,
-            "leg": [leg._keys() for leg in self.legs] or None,
+            "leg": self._leg_keys() or None,
             "waveform": self.waveform or None,
             "detector": self.detector or None,
         }
@@ -254,19 +381,21 @@ class Survey:
             keys["survey"] = os.path.abspath(self._file)
         return _toml.document({**keys, **self._keys()})
 
-    def _request(self, words: list[str], pulses: EngineTable | None = None) -> _vlscan.Request:
-        """Return what the engine runs; ``words`` are options of the command line."""
+    def _request(self, options: dict[str, object], pulses: EngineTable | None = None) -> _vlscan.Request:
+        """Return what the engine runs; ``options`` are values as :func:`values_of` returns them."""
         trajectory: EngineTable | None = None
         if isinstance(self.trajectory, (str, os.PathLike)):
-            words = [*words, f"--trajectory={os.fspath(self.trajectory)}"]
+            options = {**options, "trajectory": os.fspath(self.trajectory)}
         elif self.trajectory is not None:
             trajectory = columns_of(self.trajectory, TRAJECTORY_COLUMNS)
         scene = self.scene._scene if self.scene is not None else None
         if self._text is not None and self._keys():
             raise ValueError("a pipeline cannot be changed by attributes; give them as options of the run, or change its text")
+        if self._file is not None and self._file.lower().endswith(".toml") and self._keys():
+            raise ValueError("a pipeline file cannot be changed by attributes; give them as options of the run, or change the file")
         if self._file is not None and not self._keys():
-            return _vlscan.Request(words, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
-        return _vlscan.Request(words, document=self.document(), scene=scene, trajectory=trajectory, pulses=pulses)
+            return _vlscan.Request(options, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
+        return _vlscan.Request(options, document=self.document(), scene=scene, trajectory=trajectory, pulses=pulses)
 
     def run(
         self,
@@ -292,7 +421,8 @@ class Survey:
         **options : RunOptions
             Options of the command line with underscores, for example ``seed``, ``threads``, ``columns`` (a list), ``misses``,
             ``physics`` (``"helios"`` or ``"refined"``, by default the former for XML surveys and the latter for others),
-            ``force`` (replace files): see :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
+            ``force`` (replace files), ``output`` (a folder in the layout of HELIOS++, instead of ``to``): see
+            :func:`vlscan.options`. ``False`` undoes a switch that the survey's pipeline file sets.
 
         Returns
         -------
@@ -320,9 +450,9 @@ class Survey:
         >>> survey.run(to="room.laz", seed=1, force=True).files
         ['room.laz']
         """
-        words, tables = recorded(to, waveforms, pulses, options)
+        values, tables = recorded(to, waveforms, pulses, options)
         with shown_progress(progress) as tell:
-            return Result(_vlscan.run(self._request(words), tables, tell))
+            return Result(_vlscan.run(self._request(values), tables, tell))
 
     def dry_run(self, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
         """Estimate what a run will cost and give: pulses, points, density, spacing, sizes of files, memory, time, what it misses.
@@ -352,8 +482,8 @@ class Survey:
         >>> len(forecast.legs), forecast.files[0].name
         (2, 'room.laz')
         """
-        words, _ = recorded(to, None, None, options)
-        return DryRun.of(_vlscan.dry_run(self._request(words)))
+        values, _ = recorded(to, None, None, options)
+        return DryRun.of(_vlscan.dry_run(self._request(values)))
 
     def fly_trajectory(self, interval: float | None = None, *, true: bool = False, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return the poses of the platform.
@@ -383,7 +513,7 @@ class Survey:
         >>> poses.columns
         ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
         """
-        return Table(_vlscan.fly(self._request(words_of(options, writes_files=False)), "poses", interval, true))
+        return Table(_vlscan.fly(self._request(values_of(options, writes_files=False)), "poses", interval, true))
 
     def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return its pulses.
@@ -410,14 +540,23 @@ class Survey:
         >>> traced.point_count > 1000
         True
         """
-        return Table(_vlscan.fly(self._request(words_of(options, writes_files=False)), "pulses", None, False))
+        return Table(_vlscan.fly(self._request(values_of(options, writes_files=False)), "pulses", None, False))
 
     def run_batches(
-        self, rows: int = 1_000_000, per_leg: bool = False, seconds: float | None = None, **options: Unpack[RunOptions]
-    ) -> Iterator[Points]:
+        self,
+        rows: int = 1_000_000,
+        per_leg: bool = False,
+        seconds: float | None = None,
+        *,
+        to: PathLike | Iterable[PathLike] | None = None,
+        waveforms: bool | None = None,
+        pulses: bool | None = None,
+        **options: Unpack[RunOptions],
+    ) -> Batches:
         """Fly and measure the survey, and yield the points in batches while it does.
 
-        Memory does not grow with the number of points: the run waits until batches are taken. Leaving the loop ends the run.
+        Memory does not grow with the number of points: the run waits until batches are taken. Leaving the loop ends the run, and
+        so does leaving a block of ``with survey.run_batches() as batches:``.
 
         Parameters
         ----------
@@ -428,13 +567,15 @@ class Survey:
         seconds : float, optional
             A batch ends at every multiple of so many seconds of ``GpsTime``, too: 0.1 yields the sweeps of a scanner that turns
             ten times per second.
+        to, waveforms, pulses : object
+            As for :meth:`run`: files that are written, too, and what is recorded beside the points.
         **options : RunOptions
             As for :meth:`run`.
 
         Returns
         -------
-        iterator of Points
-            The batches.
+        Batches
+            The batches, an iterator of :class:`Points`; its ``result`` is that of the run after the last one.
 
         Raises
         ------
@@ -443,7 +584,7 @@ class Survey:
         TypeError
             No option has such a name.
         ValueError
-            An option of files, or an interval that is not above 0.
+            An option of files, an interval that is not above 0, or less than one row.
 
         Examples
         --------
@@ -451,15 +592,22 @@ class Survey:
         >>> sum(len(batch) for batch in survey.run_batches(1000, seed=1)) == survey.run(seed=1).point_count
         True
         """
-        words = words_of(options, writes_files=False)
+        values, tables = recorded(to, waveforms, pulses, options)
         if seconds is not None and not 0 < seconds < float("inf"):
             raise ValueError(f"seconds is {seconds}, expected more than 0")
-        return _batches(self._request(words), rows, per_leg, seconds)
+        count = operator.index(rows)
+        if count < 1:
+            raise ValueError(f"rows is {count}, expected at least 1")
+        beside = [table for table in tables if table != "points"]
+        return Batches(partial(_vlscan.run_batches, self._request(values), count, per_leg, seconds, 2, beside))
 
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
         what += [f"{key}={value!r}" for key, value in self._keys().items() if key != "leg"]
-        return f"Survey({', '.join([*what, f'{len(self.legs)} legs'])})"
+        if "legs" in self.__dict__ and (self.legs or not self._text):
+            # Those of a file may not have been read yet.
+            what.append(f"{len(self.legs)} legs")
+        return f"Survey({', '.join(what)})"
 
 
 def run(
@@ -501,30 +649,34 @@ def run_batches(
     rows: int = 1_000_000,
     per_leg: bool = False,
     seconds: float | None = None,
+    *,
+    to: PathLike | Iterable[PathLike] | None = None,
+    waveforms: bool | None = None,
+    pulses: bool | None = None,
     **options: Unpack[RunOptions],
-) -> Iterator[Points]:
+) -> Batches:
     """Run a survey batch by batch.
 
     Parameters
     ----------
     survey : Survey, str or path-like
         A survey, or its file.
-    rows, per_leg, seconds : object
+    rows, per_leg, seconds, to, waveforms, pulses : object
         As for :meth:`Survey.run_batches`.
     **options : RunOptions
         As for :meth:`Survey.run`.
 
     Returns
     -------
-    iterator of Points
-        The batches.
+    Batches
+        The batches, an iterator of :class:`Points`.
 
     Examples
     --------
     >>> [set(leg["PointSourceId"].tolist()) for leg in vlscan.run_batches("fixtures/room/survey.xml", per_leg=True)]
     [{1}, {2}]
     """
-    return opened(survey).run_batches(rows, per_leg, seconds, **options)
+    return opened(survey).run_batches(rows, per_leg, seconds, to=to, waveforms=waveforms, pulses=pulses, **options)
 
 
 def dry_run(survey: Survey | PathLike, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
@@ -664,25 +816,36 @@ def trace(
     if pulses is None:
         if origins is None or directions is None:
             raise TypeError("trace() needs origins and directions, or pulses")
-        starts, ends = np.atleast_2d(np.asarray(origins, float)), np.atleast_2d(np.asarray(directions, float))
-        try:
-            starts, ends = np.broadcast_arrays(starts, ends)
-            fits = ends.ndim == 2 and ends.shape[1] == 3
-        except ValueError:
-            fits = False
-        if not fits:
-            shapes = " and ".join(
-                f"{name} of shape {np.shape(array)}" for name, array in (("origins", origins), ("directions", directions))
-            )
-            raise ValueError(f"expected origins and directions of n by 3 numbers each, or one of either for all; found {shapes}")
+        starts, ends = rays_of(origins, directions)
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
             columns["time"] = np.broadcast_to(np.asarray(time, float), len(ends))
         pulses = columns
-    words, tables = recorded(to, waveforms, None, options)
+    values, tables = recorded(to, waveforms, None, options)
     with shown_progress(progress) as tell:
-        return Result(_vlscan.run(survey._request(words, columns_of(pulses, ())), tables, tell))
+        return Result(_vlscan.run(survey._request(values, columns_of(pulses, ())), tables, tell))
+
+
+def _keys_of(what: str, value: object, table: str) -> dict[str, object]:
+    """Return keys of a table as a dictionary of its own."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{what} is a mapping of keys, found {type(value).__name__}")
+    check_keys(what, value, table)
+    return dict(value)
+
+
+def _legs(value: object) -> list[Leg]:
+    """Return legs as a list."""
+    if isinstance(value, Leg) or not isinstance(value, Iterable):
+        raise TypeError(f"legs are a list of Leg, found {type(value).__name__}")
+    legs = list(value)
+    wrong = next((leg for leg in legs if not isinstance(leg, Leg)), None)
+    if wrong is not None:
+        raise TypeError(f"expected Leg, found {type(wrong).__name__}: vlscan.Leg((x, y, z), ...)")
+    return legs
 
 
 def opened(survey: Survey | PathLike) -> Survey:
@@ -692,25 +855,20 @@ def opened(survey: Survey | PathLike) -> Survey:
 
 def recorded(
     to: PathLike | Iterable[PathLike] | None, waveforms: bool | None, pulses: bool | None, options: Mapping[str, object]
-) -> tuple[list[str], list[str]]:
-    """Return the words of a run's options, and the tables that it leaves in memory."""
+) -> tuple[dict[str, object], list[str]]:
+    """Return the values of a run's options, and the tables that it leaves in memory."""
     recorded = {"waveforms": waveforms, "pulses": pulses}
-    if to is None:
+    if to is None and options.get("output") is None:
         # The run counts the points of its first table.
         tables = ["points", *(name for name, is_wanted in recorded.items() if is_wanted), "trajectory"]
-        return words_of(options, writes_files=False), tables
+        return values_of(options, writes_files=False), tables
+    switches = {name: is_wanted for name, is_wanted in recorded.items() if is_wanted is not None}
+    values = {**values_of(options), **switches}
+    if to is None:
+        return values, ["trajectory"]
+    if "output" in values:
+        raise ValueError("give either to, the names of files, or output, a folder in the layout of HELIOS++")
     files = [to] if isinstance(to, (str, os.PathLike)) else list(to)
     if not files:
         raise ValueError("to names no file; without it the points stay in memory")
-    outputs = [f"--out={os.fspath(file)}" for file in files]
-    switches = [switch(name, is_wanted) for name, is_wanted in recorded.items() if is_wanted is not None]
-    return [*words_of(options), *outputs, *switches], ["trajectory"]
-
-
-def _batches(request: _vlscan.Request, rows: int, per_leg: bool, seconds: float | None) -> Iterator[Points]:
-    batches = _vlscan.run_batches(request, rows, per_leg, seconds, 2)
-    try:
-        for table in batches:
-            yield Points(table)
-    finally:
-        batches.close()
+    return {**values, "out": [os.fspath(file) for file in files]}, ["trajectory"]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copyreg
+import sys
 from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 import numpy as np
@@ -28,8 +30,8 @@ class Table:
 
     ``table["X"]`` is a NumPy array without a copy, which is read-only. Whatever takes Arrow takes the whole table without a
     copy, too: ``polars.DataFrame(table)``, ``pyarrow.table(table)``, ``pandas.DataFrame.from_arrow(table)``,
-    ``duckdb.sql("select * from table")`` (over ``table.to_arrow()``). ``table[mask]``, ``table[indices]`` and ``table[10:20]`` are
-    tables of some of the rows. Tables pickle.
+    ``duckdb.sql("select * from table")`` (over ``table.to_arrow()``); ``numpy.asarray(table)`` is a structured copy.
+    ``table[mask]``, ``table[indices]`` and ``table[10:20]`` are tables of some of the rows. Tables pickle.
 
     Parameters
     ----------
@@ -68,7 +70,10 @@ class Table:
             try:
                 self._columns[name] = np.asarray(self._table.column(name))
             except KeyError:
-                raise KeyError(f"no column is called {name!r}; there are {', '.join(self.columns)}") from None
+                close = get_close_matches(name.lower(), [column.lower() for column in self.columns], 1)
+                near = next((column for column in self.columns if close and column.lower() == close[0]), None)
+                hint = f"did you mean {near!r}? There" if near else "there"
+                raise KeyError(f"no column is called {name!r}; {hint} are {', '.join(self.columns)}") from None
         return self._columns[name]
 
     def _rows(self, key: slice | Rows) -> _vlscan.Table:
@@ -78,6 +83,10 @@ class Table:
             if step == 1:
                 return self._table.slice(start, max(start, stop))
             key = np.arange(start, stop, step)
+        single: object = key
+        if isinstance(single, (int, np.integer)):
+            row = int(single)
+            raise IndexError(f"rows are chosen by a slice, a mask or indices; a single one is table[{row}:{row + 1}] or table[[{row}]]")
         chosen = np.asarray(key)
         if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "biu"):
             raise IndexError(f"rows are chosen by a slice, a mask or indices, found {chosen.dtype} of the shape {chosen.shape}")
@@ -230,6 +239,14 @@ class Table:
 
     def _is_list(self, name: str) -> bool:
         return False
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is False:
+            raise ValueError("a table becomes an array by a copy; its columns are arrays without one")
+        if sys._getframe(1).f_globals.get("__name__", "").startswith("pandas."):
+            # DataFrame() would make a single column of it.
+            raise TypeError("pandas takes a table as table.to_pandas() or pandas.DataFrame(dict(table))")
+        return self.to_numpy(dtype=dtype)
 
     def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]:
         return self._table.__arrow_c_array__(requested_schema)

@@ -6,10 +6,12 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan::base::diag::ProblemKind;
 use vlscan::formats::{AttributeSet, PointRow, PointSink, read_points};
-use vlscan::survey::{PoseStream, find_platform, find_scanner};
+use vlscan::scene::LoadOptions;
+use vlscan::survey::{PoseStream, SceneRecipe, find_platform, find_scanner};
+use vlscan::trace::BuildOptions;
 use vlscan::{
-    Batches, DVec3, Error, Mesh, OutputRequest, PointFormat, Progress, ReadOptions, Result, RunContext, Scan,
-    Session, Settings, Stop, Target, read_scene, read_survey,
+    Batches, DVec3, Error, LoadedScene, Mesh, OutputRequest, PointFormat, Progress, RayHit, ReadOptions,
+    Result, RunContext, Scan, Session, Settings, Stop, Target, read_scene, read_survey,
 };
 
 /// A square floor of 20 m × 20 m.
@@ -184,4 +186,24 @@ fn a_run_that_fails_ends_no_other_that_shares_its_stop() {
         assert_eq!(fs::read(shared).unwrap(), fs::read(folder.path().join("alone.xyz")).unwrap());
     }
     assert!(!stop.is_requested());
+}
+
+#[test]
+fn rays_without_an_instrument_have_distance_part_primitive_and_normal() {
+    let recipe = SceneRecipe::from(floor());
+    let (load, trees) = (LoadOptions::default(), BuildOptions::default());
+    let scene = LoadedScene::load(&recipe, &load, &trees, false, &|_| ()).unwrap();
+    let above = DVec3::new(1.0, 2.0, 5.0);
+    let origins = [above, DVec3::new(2.0, 1.0, -4.0), DVec3::new(99.0, 0.0, 5.0), above, above];
+    let directions = [DVec3::Z * -2.0, DVec3::Z, -DVec3::Z, DVec3::ZERO, DVec3::NAN];
+    let hits = scene.cast(&origins, &directions, &|_| ()).unwrap();
+    let hit = |distance, primitive, normal| Some(RayHit { distance, part: 0, primitive, normal });
+    assert_eq!(hits, [hit(5.0, 1, DVec3::Z), hit(4.0, 0, -DVec3::Z), None, None, None]);
+
+    // Many rays, in pieces: each is that of its own.
+    let many: Vec<DVec3> = (0..50_000).map(|i| DVec3::new(f64::from(i) * 1e-3 - 24.9995, 3.0, 2.0)).collect();
+    let hits = scene.cast(&many, &vec![-DVec3::Z; many.len()], &|_| ()).unwrap();
+    assert_eq!(hits.len(), many.len());
+    assert!(many.iter().zip(&hits).all(|(origin, hit)| hit.is_some() == (origin.x.abs() <= 10.0)));
+    assert!(scene.cast(&many, &[], &|_| ()).unwrap().is_empty());
 }

@@ -14,6 +14,7 @@
 //! | `file` | reads surveys and pipeline files together with the options that they hold |
 //! | `resolve` | from options to the settings of a session, with every choice resolved |
 //! | `words` | options from words, and their list, for programs |
+//! | `given` | options from values, for programs |
 //! | `python` | options as a type of the Python package |
 //! | `keys` | the documentation of every key of a pipeline file |
 //! | `schema` | options and pipeline files as JSON Schema |
@@ -26,6 +27,7 @@
 
 mod choice;
 mod file;
+mod given;
 mod groups;
 mod keys;
 pub mod outputs;
@@ -43,6 +45,7 @@ mod words;
 
 pub use choice::choice;
 pub use file::{holds_survey, read_pipeline_text, read_survey};
+pub use given::OptionValues;
 pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,
     ProfileOptions, ScheduleOptions, TreeOptions,

@@ -23,15 +23,15 @@ pub struct OptionName {
 }
 
 /// Options that programs pass by their own arguments, and options of terminals.
-const NOT_LISTED: [&str; 9] =
-    ["out", "output", "trajectory", "scene", "waveforms", "pulses", "schedule-log", "progress", "parts"];
+const NOT_LISTED: [&str; 8] =
+    ["out", "trajectory", "scene", "waveforms", "pulses", "schedule-log", "progress", "parts"];
 
 /// True if an option may be given more than once.
 pub(super) fn is_list(option: &Arg) -> bool {
     matches!(option.get_action(), ArgAction::Append)
 }
 
-fn command() -> Command {
+pub(super) fn command() -> Command {
     Options::augment_args(Command::new("options").no_binary_name(true)).disable_help_flag(true)
 }
 
@@ -61,7 +61,7 @@ impl Options {
                 help: help.unwrap_or_default(),
                 has_value: option.get_action().takes_values(),
                 is_list: is_list(option),
-                is_of_files: option.get_help_heading() == Some(FILES),
+                is_of_files: option.get_help_heading() == Some(FILES) || long == "output",
                 python_type: python_type(option),
             })
         });

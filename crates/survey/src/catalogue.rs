@@ -38,6 +38,11 @@ pub fn catalogue() -> Result<(Catalogue, Diagnostics)> {
     context.finish(Some(catalogue))
 }
 
+/// The files of the built-in catalogue: the path by which surveys refer to each, and its text.
+pub fn catalogue_files() -> impl Iterator<Item = (&'static str, &'static str)> {
+    FILES.iter().map(|file| (file.path, file.text))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -83,7 +83,7 @@ mod xml;
 mod xml_limits;
 
 pub use self::toml::{PipelineSurvey, Source, Tables, field_names, read_pipeline_survey};
-pub use catalogue::{Catalogue, catalogue};
+pub use catalogue::{Catalogue, catalogue, catalogue_files};
 pub use context::{ReadOptions, SceneChoice};
 pub use documents::CATALOGUE;
 pub use formula::{Formula, FormulaError};

@@ -59,7 +59,7 @@ def test_payloads(survey):
 
 def test_simulated_time(survey):
     once, periodic, before = [], [], []
-    start = survey._gps_start()
+    start = survey.gps_start()
     points, _ = run(
         survey,
         SurveyHook(point="sim_time_once", sim_time="250 ms", callback=once.append, payload="all_points"),

@@ -147,7 +147,8 @@ def test_surveys_are_put_together():
     survey.add_leg(leg)
     survey.add_leg(leg, x=9)
     survey.add_leg(platform_settings=helios.PlatformSettings(x=3), scanner_settings=helios.ScannerSettings())
-    assert [each.platform_settings.x for each in survey.legs] == [0, 1, 9, 3] and leg.platform_settings.x == 1
+    assert [each.platform_settings.x for each in survey.legs] == [0, 9, 9, 3]
+    assert survey.legs[1] is leg and survey.legs[2] is leg, "a leg that is given is changed and appended itself"
     twin = copy.deepcopy(survey)
     assert twin == survey
     twin.legs[0].platform_settings.x = 77

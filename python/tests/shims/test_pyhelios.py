@@ -1,5 +1,6 @@
 """The ``SimulationBuilder`` of HELIOS++ 2."""
 
+import os
 import re
 import shutil
 import signal
@@ -7,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from conftest import FIXTURES
@@ -31,9 +33,150 @@ def test_the_simulation_builder_of_version_2(tmp_path):
         time.sleep(0.05)
     output = simulation.join()
     assert simulation.isFinished() and len(output.measurements) > 10_000
-    assert any(path.endswith(".laz") for path in output.outpaths) and output.outpath.startswith(str(tmp_path))
-    with pytest.raises(NotImplementedError):
-        builder.setCallback(print)
+    assert output.outpaths and all(path.endswith(".laz") for path in output.outpaths)
+    assert os.path.isfile(output.filepath) and output.filepath.startswith(str(tmp_path)) and os.path.isdir(output.folder)
+
+
+def simulation(tmp_path, change=lambda builder: None):
+    """Return a simulation of the room in memory."""
+    builder = pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], str(tmp_path))
+    builder.setExportToFile(False).setSeed(7)
+    change(builder)
+    return builder.build()
+
+
+def test_names_of_scripts_of_version_2_exist():
+    functions = "loggingVerbose loggingVerbose2 loggingQuiet loggingSilent loggingDefault loggingTime outputToNumpy __version__ util"
+    functions += " setDefaultRandomnessGeneratorSeed default_rand_generator_seed cartesianToSpherical sphericalToCartesian"
+    functions += " PYHELIOS_SIMULATION_BUILD_CONDITION_VARIABLE"
+    assert [name for name in functions.split() if not hasattr(pyhelios, name)] == []
+    setters = "setFullwaveNoise setExportToFile setKDTJobs setKDTFactory setKDTType setKDTSAHLossNodes setParallelizationStrategy"
+    setters += " setChunkSize setWarehouseFactor setLegacyEnergyModel addRotateFilter addScaleFilter addTranslateFilter setSurveyPath"
+    setters += " setAssetsDir setOutputDir setCallback setCallbackFrequency"
+    assert [name for name in setters.split() if not hasattr(pyhelios.SimulationBuilder, name)] == []
+    methods = "pause resume stop isStarted isRunning isPaused isStopped isFinished sim copy join"
+    assert [name for name in methods.split() if not hasattr(pyhelios.Simulation, name)] == []
+    with pytest.raises(AttributeError, match="setKDTJobs"):
+        pyhelios.SimulationBuilder("survey.xml").setKDTJob(1)
+
+
+def test_a_simulation_in_memory_has_points_poses_and_arrays(tmp_path):
+    started = simulation(tmp_path)
+    started.start()
+    output = started.join()
+    assert output.filepath == "" and output.outpaths == [] and list(tmp_path.iterdir()) == []
+    points, poses = pyhelios.outputToNumpy(output)
+    assert points.shape == (len(output.measurements), 17) and np.isfinite(points[:, :9]).all()
+    assert poses.shape == (len(output.trajectories), 7) and len(poses) > 0
+    last = output.measurements[-1]
+    assert last.position == last.getPosition() == tuple(points[-1, :3]) and last.getPosition().x == points[-1, 0]
+    assert len(output.measurements[:3]) == 3 and output.trajectories[0].gpsTime == poses[0, 3]
+    with pytest.raises(AttributeError, match="hitObjectId"):
+        last.colour
+
+
+def test_callbacks_get_the_points_so_far_and_the_end(tmp_path):
+    seen = []
+    started = simulation(tmp_path, lambda builder: builder.setCallbackFrequency(5000).setCallback(lambda output: seen.append(output)))
+    started.start()
+    output = started.join()
+    counts = [len(each.measurements) for each in seen]
+    assert counts == sorted(counts) and counts[0] == 5000 and counts[-1] == len(output.measurements)
+    assert len(seen[0].trajectories) == 0 and len(seen[-1].trajectories) > 0
+
+
+def test_a_simulation_is_paused_resumed_and_stopped(tmp_path):
+    def small(builder):
+        builder.setCallbackFrequency(100).setCallback(lambda output: None)
+
+    paused = simulation(tmp_path, small)
+    paused.pause()
+    paused.start()
+    time.sleep(0.5)
+    assert paused.isStarted() and paused.isPaused() and not paused.isRunning() and not paused.isFinished()
+    paused.resume()
+    whole = len(paused.join().measurements)
+    stopped = paused.copy()
+    stopped.pause()
+    stopped.start()
+    stopped.stop()
+    assert len(stopped.join().measurements) < whole and stopped.isStopped() and stopped.isFinished()
+
+
+def test_the_seed_of_the_module_is_that_of_builders_without_one(tmp_path):
+    def measured(change):
+        builder = pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], str(tmp_path))
+        change(builder.setExportToFile(False))
+        run = builder.build()
+        run.start()
+        return pyhelios.outputToNumpy(run.join())[0]
+
+    own = measured(lambda builder: builder.setSeed(5))
+    pyhelios.setDefaultRandomnessGeneratorSeed(5)
+    try:
+        of_module = measured(lambda builder: None)
+    finally:
+        pyhelios.setDefaultRandomnessGeneratorSeed(0)
+    assert np.array_equal(own, of_module, equal_nan=True)
+
+
+def test_spherical_coordinates_come_back():
+    points = np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, -2.0], [0.0, 0.0, 4.0]])
+    spherical = pyhelios.cartesianToSpherical(points)
+    assert spherical[2].tolist() == [4.0, 0.0, 0.0]
+    assert np.allclose(pyhelios.sphericalToCartesian(spherical), points)
+    assert pyhelios.cartesianToSpherical(0, 0, 4).tolist() == pyhelios.cartesianToSpherical((0, 0, 4)).tolist()
+    with pytest.raises(ValueError, match="expected x, y and z"):
+        pyhelios.cartesianToSpherical(1, 2)
+
+
+def test_legs_are_changed_by_sim(tmp_path):
+    pytest.importorskip("pydantic")
+    changed = simulation(tmp_path)
+    survey = changed.sim.getSurvey()
+    assert survey.getNumLegs() == 2 and survey.getLeg(0).getScannerSettings().isActive()
+    survey.getLeg(0).scannerSettings.active = False
+    survey.getLeg(1).getPlatformSettings().setX(0.5)
+    assert survey.getLeg(1).platformSettings.x == 0.5
+    with pytest.raises(IndexError, match="there are 2 legs"):
+        survey.getLeg(2)
+    with pytest.raises(AttributeError, match="pulseFreq"):
+        survey.getLeg(0).scannerSettings.pulseFrequency
+    changed.start()
+    assert set(changed.join().points["PointSourceId"].tolist()) == {2}
+    with pytest.raises(RuntimeError, match="has been started"):
+        survey.removeLeg(0)
+
+
+def test_filters_move_parts(tmp_path):
+    pytest.importorskip("pydantic")
+    moved = simulation(tmp_path, lambda builder: builder.addTranslateFilter(0, 0, -0.5))
+    plain = simulation(tmp_path)
+    lowest = []
+    for run in (plain, moved):
+        run.start()
+        lowest.append(run.join().points["Z"].min())
+    assert lowest[1] < lowest[0] - 0.3
+    with pytest.raises(ValueError, match="no part of the scene has the id 'nowhere'"):
+        simulation(tmp_path, lambda builder: builder.addScaleFilter(2, "nowhere"))
+
+
+def test_the_package_of_version_2_has_its_modules(tmp_path, monkeypatch):
+    pytest.importorskip("pydantic")
+    text = (
+        "import vlscan.pyhelios\n"
+        "vlscan.pyhelios.install()\n"
+        "import pyhelios\n"
+        "from pyhelios.__main__ import helios_exec\n"
+        "from pyhelios.util.xmldisplayer import display_xml, find_playback_dir\n"
+        "import sys\n"
+        "assert helios_exec([sys.argv[1], '--output', 'out', '-q']) == 0\n"
+        "print('platform' in display_xml(sys.argv[1]), find_playback_dir(sys.argv[1], 'out'))\n"
+    )
+    survey = FIXTURES / "room/survey.xml"
+    done = subprocess.run([sys.executable, "-c", text, survey], cwd=tmp_path, capture_output=True, text=True, check=True)
+    is_shown, folder = done.stdout.splitlines()[-1].split(maxsplit=1)
+    assert is_shown == "True" and list((tmp_path / folder).iterdir())
 
 
 def test_ctrl_c_ends_a_simulation_of_version_2(tmp_path):

@@ -20,10 +20,12 @@
 //! | `raster` | the drawing as pixels |
 //! | `axis` | values on axes, ticks, the grid |
 //! | `picture`, `font`, `label` | pixels and PNG, letters of strokes, numbers as text |
+//! | `indexed` | small PNG files with a palette |
 
 mod axis;
 mod drawing;
 pub(crate) mod font;
+mod indexed;
 pub(crate) mod label;
 mod picture;
 mod raster;

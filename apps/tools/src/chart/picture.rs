@@ -42,6 +42,11 @@ impl Picture {
         [self.width, self.height]
     }
 
+    /// All dots, row by row.
+    pub(crate) fn dots(&self) -> &[Rgb] {
+        &self.dots
+    }
+
     /// The colour of a dot; black outside the picture.
     pub fn dot(&self, x: u32, y: u32) -> Rgb {
         let inside = x < self.width && y < self.height;

@@ -74,7 +74,7 @@ pub use progress::{Progress, Snapshot};
 pub use resume::ResumeOptions;
 pub use run::Report;
 pub use scan::Scan;
-pub use scene::{LoadedScene, SceneFacts};
+pub use scene::{LoadedScene, RayHit, SceneFacts};
 pub use segment::{join_segments, merge_segment};
 pub use session::Session;
 pub use settings::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, MAX_LATENCY_S, Settings};

@@ -1,0 +1,79 @@
+//! Contents of the files of surveys, as values.
+
+use crate::errors::{Notices, exception};
+use crate::run::Request;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use vlscan::geom::degrees;
+use vlscan::survey::{Leg, PlatformKind, Survey};
+
+/// Name of a survey; id and name of its scanner; id of its platform; ids of the parts that its scene names;
+/// its legs with the keywords of `vlscan.Leg`. The last value is true if these keywords hold all that the file
+/// has about legs.
+#[pyfunction]
+#[allow(clippy::type_complexity, reason = "unpacked by the package")]
+pub fn contents<'py>(
+    py: Python<'py>,
+    request: Py<Request>,
+) -> PyResult<(String, (String, String), String, Vec<Option<String>>, Vec<Bound<'py, PyDict>>, bool)> {
+    let notices = Notices::default();
+    let job = py.detach(|| request.get().job(&notices)).map_err(|error| exception(py, error))?;
+    let survey = &job.settings.survey;
+    let legs = survey.legs.iter().map(|leg| keywords(py, survey, leg)).collect::<PyResult<_>>()?;
+    let scanner = (survey.scanner.id.clone(), survey.scanner.name.clone());
+    let parts = survey.scene.parts.iter().map(|part| part.id.clone()).collect();
+    let is_simple = matches!(survey.platform.kind, PlatformKind::Static | PlatformKind::LinearPath);
+    let is_whole = is_simple && survey.leg_offset.is_none() && survey.legs.iter().all(has_keywords_alone);
+    Ok((survey.name.clone(), scanner, survey.platform.id.clone(), parts, legs, is_whole))
+}
+
+/// True if nothing of a leg is lost in its keywords.
+fn has_keywords_alone(leg: &Leg) -> bool {
+    leg.scanner.pulse_times.is_none() && leg.platform.trajectory.is_none() && leg.platform.mount.is_none()
+}
+
+/// A leg as keywords; values that are the defaults are left out.
+fn keywords<'py>(py: Python<'py>, survey: &Survey, leg: &Leg) -> PyResult<Bound<'py, PyDict>> {
+    let (place, scanner) = (&leg.platform, &leg.scanner);
+    let keys = PyDict::new(py);
+    keys.set_item("position", place.position.to_array())?;
+    keys.set_item("on_ground", place.on_ground)?;
+    keys.set_item("active", scanner.active)?;
+    keys.set_item("speed_m_per_s", place.has_speed.then_some(place.speed))?;
+    keys.set_item("strip", &leg.strip)?;
+    keys.set_item("pulse_freq_hz", scanner.pulse_freq)?;
+    let usual = survey.scanner.devices.first().map(|device| device.beam.divergence);
+    let divergence = scanner.written_divergence.unwrap_or(scanner.beam_divergence);
+    let numbers = [
+        ("scan_freq_hz", scanner.scan_freq, 0.0),
+        ("scan_angle_deg", in_degrees(scanner.scan_angle), 0.0),
+        ("head_rate_deg_per_s", in_degrees(scanner.head_rate), 0.0),
+        ("head_start_deg", in_degrees(scanner.head_start), 0.0),
+        ("head_stop_deg", in_degrees(scanner.head_stop), 0.0),
+        ("trajectory_interval_s", scanner.trajectory_interval, 0.0),
+        ("warmup_s", scanner.warmup, 0.0),
+        ("beam_divergence_rad", divergence, usual.unwrap_or(divergence)),
+    ];
+    for (key, number, default) in numbers {
+        if number != default {
+            keys.set_item(key, number)?;
+        }
+    }
+    let limits = [
+        ("vertical_angle_min_deg", scanner.vertical_min.map(in_degrees)),
+        ("vertical_angle_max_deg", scanner.vertical_max.map(in_degrees)),
+        ("max_duration_s", scanner.max_duration),
+    ];
+    for (key, limit) in limits {
+        if let Some(limit) = limit {
+            keys.set_item(key, limit)?;
+        }
+    }
+    Ok(keys)
+}
+
+/// An angle in degrees, without the last digits, which the conversion may have changed.
+fn in_degrees(angle: f64) -> f64 {
+    let degrees = degrees(angle);
+    format!("{degrees:.12e}").parse().unwrap_or(degrees)
+}

@@ -1,0 +1,268 @@
+"""The edges of the module: typos, types, arrays, files without names, warnings, what objects print."""
+
+import io
+import logging
+import pickle
+import typing
+
+import numpy as np
+import pytest
+
+import vlscan
+from conftest import FIXTURES
+from vlscan import Leg, Part, Points, Scanner, Scene, Survey
+from vlscan._keys import LegSettings, ScannerKeys, known_keys
+
+SQUARE = [[-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]]
+
+
+def ground():
+    return Part.mesh(SQUARE, [[0, 1, 2, 3]])
+
+
+def survey():
+    return Survey(ground(), "riegl_vz400", [Leg((0, 0, 2), scan_freq_hz=120, head_rate_deg_per_s=60, head_stop_deg=20)])
+
+
+@pytest.fixture(scope="module")
+def points():
+    return survey().run(seed=1).points
+
+
+def test_a_typo_of_an_attribute_is_an_error_with_a_suggestion():
+    made = survey()
+    with pytest.raises(AttributeError, match="no attribute 'scaner'; did you mean 'scanner'"):
+        made.scaner = "vlp16"
+    with pytest.raises(AttributeError, match="did you mean 'position'"):
+        made.legs[0].postion = (1, 2, 3)
+    with pytest.raises(AttributeError, match="there are keys"):
+        made.scanner.colour = "red"
+
+
+def test_attributes_are_converted_and_checked():
+    made = survey()
+    made.scanner, made.scene, made.platform = "vlp16", ground(), "static"
+    assert isinstance(made.scanner, Scanner) and isinstance(made.scene, Scene) and made.platform.keys == {"kind": "static"}
+    for name, wrong in [("scanner", 3), ("scene", 3), ("scene", [3]), ("platform", 3), ("legs", [(0, 0, 1)]), ("legs", Leg()), ("name", 3)]:
+        with pytest.raises(TypeError, match="found"):
+            setattr(made, name, wrong)
+    made.legs.append((0, 0, 1))
+    with pytest.raises(TypeError, match="expected Leg, found tuple"):
+        made.run()
+    with pytest.raises(ValueError, match="expected x, y, z"):
+        Leg((0, 0))
+
+
+def test_scenes_and_materials_say_what_they_expect():
+    class Mesh:
+        vertices, faces = np.eye(3), np.array([[0, 1, 2]])
+
+    for call in (lambda: Scene([Mesh()]), lambda: Survey(Mesh()), lambda: vlscan.trace(Mesh(), (0, 0, 1), np.eye(3))):
+        with pytest.raises(TypeError, match="found Mesh; Part.of"):
+            call()
+    for call in (lambda: ground().with_material("soil"), lambda: Part.mesh(SQUARE, [[0, 1, 2, 3]], materials="soil")):
+        with pytest.raises(TypeError, match="soil"):
+            call()
+
+
+def test_keywords_of_legs_and_scanners_are_checked_and_typed():
+    with pytest.raises(TypeError, match="Leg has no keyword 'scan_frq_hz'; did you mean 'scan_freq_hz'"):
+        Leg(scan_frq_hz=120)
+    with pytest.raises(TypeError, match="Scanner has no keyword 'acuracy_m'; did you mean 'accuracy_m'"):
+        Scanner("riegl_vz400", acuracy_m=0.01)
+    with pytest.raises(TypeError, match="settings of a survey has no keyword"):
+        Survey(settings={"scan_frq_hz": 1})
+    assert set(typing.get_type_hints(LegSettings)) == set(known_keys("[settings]"))
+    assert set(typing.get_type_hints(ScannerKeys)) == set(known_keys("[scanner]")) - {"name"}
+
+
+def test_an_array_of_points_is_structured(points):
+    rows = np.asarray(points)
+    assert rows.dtype.names == tuple(points.columns) and (rows["X"] == points["X"]).all()
+    assert np.asarray(points[:5], dtype="float32").shape == (5, len(points.columns))
+    with pytest.raises(KeyError, match="did you mean 'Intensity'"):
+        points["intensity"]
+    with pytest.raises(IndexError, match=r"table\[3:4\]"):
+        points[3]
+
+
+def test_pandas_is_told_how_to_take_points(points):
+    pandas = pytest.importorskip("pandas")
+    with pytest.raises(TypeError, match="to_pandas"):
+        pandas.DataFrame(points)
+    assert pandas.DataFrame(dict(points)).shape == points.to_pandas().shape == (len(points), len(points.columns))
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars", "arrow", "laspy", "xarray", "geopandas"])
+def test_points_are_made_of_what_they_become(points, library):
+    pytest.importorskip("pyarrow" if library == "arrow" else library)
+    back = Points.of(getattr(points, f"to_{library}")())
+    assert len(back) == len(points) and abs(back.xyz - points.xyz).max() < 1e-3
+    assert (back["ReturnNumber"] == points["ReturnNumber"]).all()
+
+
+def test_points_are_made_of_a_cloud_of_open3d(points):
+    class Cloud:
+        def __init__(self, normals):
+            self.points, self.normals = points.xyz, normals
+
+        def has_normals(self):
+            return len(self.normals) > 0
+
+    assert Points.of(Cloud(np.empty((0, 3)))).columns == ["X", "Y", "Z"]
+    back = Points.of(Cloud(np.tile([0.0, 0.0, 1.0], (len(points), 1))))
+    assert (back.xyz == points.xyz).all() and (back["NormalZ"] == 1).all()
+
+
+def test_batches_are_joined(points):
+    made = survey()
+    joined = Points.concat(made.run_batches(1000, seed=1))
+    assert joined.columns == points.columns and all((joined[name] == points[name]).all() for name in points.columns)
+    assert len(Points.concat([points, points])) == 2 * len(points)
+    with pytest.raises(ValueError, match="at least one table"):
+        Points.concat([])
+    with pytest.raises(ValueError, match="different columns"):
+        Points.concat([points, Points.of(points.xyz)])
+    with pytest.raises(TypeError, match="expected Points, found dict"):
+        Points.concat([points, dict(points)])
+
+
+def test_joined_batches_are_written_as_the_run_writes_them(tmp_path):
+    made = survey()
+    made.run(to=tmp_path / "run.laz", seed=1)
+    Points.concat(made.run_batches(1000, seed=1)).write(tmp_path / "joined.laz")
+    assert (tmp_path / "joined.laz").read_bytes() == (tmp_path / "run.laz").read_bytes()
+
+
+def test_batches_are_a_context_and_have_the_result(points):
+    with survey().run_batches(1000, seed=1) as batches:
+        first = next(batches)
+        assert not batches.is_complete and len(first) == 1000
+    assert list(batches) == [] and not batches.is_complete
+    with pytest.raises(RuntimeError, match="its last batch"):
+        batches.result
+    with survey().run_batches(1000, seed=1) as batches:
+        assert sum(map(len, batches)) == len(points) == batches.result.point_count
+    for wrong in (0, -1):
+        with pytest.raises(ValueError, match="expected at least 1"):
+            survey().run_batches(wrong)
+    with pytest.raises(TypeError):
+        survey().run_batches(1.5)
+
+
+def test_points_go_through_file_objects(points):
+    file = io.BytesIO()
+    points.write(file, format="laz")
+    file.seek(0)
+    assert len(Points.read(file)) == len(points)
+    with pytest.raises(ValueError, match="give its format"):
+        points.write(io.BytesIO())
+
+
+def test_nothing_is_replaced_without_force(points, tmp_path):
+    (tmp_path / "own.png").write_text("mine")
+    with pytest.raises(vlscan.InputError, match="force=True"):
+        points.save_preview(tmp_path / "own.png")
+    assert (tmp_path / "own.png").read_text() == "mine"
+    points.save_preview(tmp_path / "own.png", force=True)
+    ground = FIXTURES / "forest/ground.obj"
+    plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=3, resolution=0.2, scene=ground)
+    plan.save(tmp_path / "own.toml")
+    with pytest.raises(vlscan.InputError, match="force=True"):
+        plan.save(tmp_path / "own.toml")
+    plan.save(tmp_path / "own.toml", force=True)
+    assert len(repr(plan)) < 200 and repr(plan).startswith("<Plan: riegl_vz400")
+
+
+def test_switches_are_truth_values(points):
+    made = survey()
+    assert len(made.run(seed=1, misses=np.True_).points) == len(made.run(seed=1, misses=1).points) > 0
+    assert len(made.run(seed=np.int64(1), misses=np.False_).points) == len(points)
+    for wrong in ({"misses": 2}, {"misses": "yes"}, {"seed": True}):
+        with pytest.raises(TypeError, match=next(iter(wrong))):
+            made.run(**wrong)
+
+
+def test_each_warning_is_one_with_its_place(tmp_path):
+    (tmp_path / "m.mtl").write_text("newmtl a\nhelios_x 1\nnewmtl b\nhelios_y 1\n")
+    faces = "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\n"
+    (tmp_path / "g.obj").write_text("mtllib m.mtl\nv -9 -9 0\nv 9 -9 0\nv 9 9 0\nv -9 9 0\n" + faces)
+    made = Survey(tmp_path / "g.obj", "riegl_vz400", survey().legs)
+    with pytest.warns(vlscan.VlscanWarning) as caught:
+        result = made.run(seed=1)
+    problems = [problem for problem in result.problems if problem.severity == "warning"]
+    assert [warning.message.problem for warning in caught] == problems and len(problems) > 1
+    assert not any(str(warning.message).startswith("warning") for warning in caught)
+    placed = next(problem for problem in problems if problem.line is not None)
+    assert any(str(warning.message).startswith(f"{placed.file}:{placed.line}:{placed.column}: ") for warning in caught)
+
+
+def test_the_logger_is_silent_until_it_is_asked(caplog):
+    from vlscan.errors import report
+
+    with caplog.at_level(logging.INFO, "vlscan"):
+        report([{"severity": "note", "message": "the scene has no ground"}])
+    assert caplog.messages == ["the scene has no ground"]
+    assert any(isinstance(handler, logging.NullHandler) for handler in logging.getLogger("vlscan").handlers)
+
+
+def test_objects_print_what_they_are():
+    part = Part.obj("tree.obj").scale(2).translate(1, 2, 3).named("7")
+    assert repr(part) == "<Part: mesh file, 'tree.obj', id '7', scale 2, at 1, 2, 3>"
+    assert repr(ground()) == "<Part: mesh, 1 faces>"
+    assert "legs" not in repr(Survey.open(FIXTURES / "room/survey.xml")) and repr(survey()).endswith("1 legs)")
+
+
+def test_points_of_an_array_become_voxels():
+    cloud = Part.points(np.array([[0.1, 0, 0], [1, 0, 0], [0, 1, 2]]), voxel_size=0.5)
+    assert "array" in repr(cloud) and Scene(cloud).primitives == 3
+    twin = pickle.loads(pickle.dumps(cloud))
+    del cloud
+    assert Scene(twin.translate(1, 0)).primitives == 3
+    with pytest.raises(ValueError, match=r"shape \(3,\), expected n by 3 or more"):
+        Part.points([1, 2, 3], voxel_size=0.5)
+
+
+def test_parts_are_equal_if_they_are_made_alike():
+    tree = Part.obj("beech.obj")
+    assert tree == Part.obj("beech.obj") and len({tree, Part.obj("beech.obj")}) == 1
+    assert tree != tree.translate(1, 0) and tree != Part.obj("spruce.obj") and tree != "beech.obj"
+    assert tree.translate(1, 0) == tree.translate(1, 0) and ground() != ground()
+
+
+def test_faces_are_chosen_by_a_mask_or_by_numbers():
+    part = ground()
+    assert part.face_numbers([True]).tolist() == part.face_numbers(0).tolist() == [0]
+    with pytest.raises(ValueError, match="expected 0 to 0"):
+        part.face_numbers([1])
+
+
+def test_legs_of_a_file_are_read_and_changed():
+    room = FIXTURES / "room/survey.xml"
+    survey = Survey.open(room)
+    assert "legs" not in repr(survey) and len(survey.legs) == 2 and "2 legs" in repr(survey)
+    plain = Survey.open(room).run(seed=1).points
+    assert survey.run(seed=1).points["GpsTime"].tobytes() == plain["GpsTime"].tobytes()
+    survey.legs[1].active = False
+    one = survey.run(seed=1).points
+    assert set(one["PointSourceId"]) == {1}
+    # Legs that are sent are flown with the kinematics of pipelines.
+    first = plain[plain["PointSourceId"] == 1]
+    assert abs(len(one) / len(first) - 1) < 0.03 and np.allclose(one.bounds, first.bounds, atol=0.1)
+    found = survey.contents()
+    assert (found.scanner, found.platform, [leg.active for leg in found.legs]) == ("tls_polygon", "tripod", [True, False])
+    assert pickle.loads(pickle.dumps(survey)).legs[1].active is False and len(pickle.loads(pickle.dumps(Survey.open(room))).legs) == 2
+
+
+def test_legs_that_cannot_be_told_whole_are_not_changed():
+    flight = Survey.open(FIXTURES / "terrain/survey.xml")
+    assert flight.legs[0].settings["pulse_freq_hz"] > 0
+    pipeline = Survey.from_document(flight.document())
+    assert not pipeline.legs
+    with pytest.raises(AttributeError, match="no attribute 'leg'"):
+        flight.leg
+
+
+def test_pictures_of_cells_are_small():
+    points = vlscan.run(FIXTURES / "forest/survey.xml", seed=1).points
+    assert 5_000 < len(points._repr_html_()) < 60_000 and 2_000 < len(Scene(ground())._repr_html_()) < 60_000

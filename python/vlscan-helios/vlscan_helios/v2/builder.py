@@ -1,0 +1,224 @@
+"""The builder of simulations."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from .functions import default_seed
+from .output import COLUMNS, Output
+from .simulation import Recipe, Simulation, folders
+
+if TYPE_CHECKING:
+    from vlscan_helios.v3 import ScenePart
+
+_Path = str | os.PathLike[str]
+
+# Trees and schedules by their numbers.
+_TREES = {1: "median", 2: "sah", 3: "axis-sah", 4: "fsah"}
+_SCHEDULES = {0: "dynamic", 1: "warehouse"}
+
+# Options of files, which have no meaning without them.
+_OF_FILES = ("las_output", "las10", "zip_output", "split_by_channel", "las_scale")
+
+
+class SimulationBuilder:
+    """Collects what a simulation needs; every setter returns the builder."""
+
+    def __init__(self, surveyPath: _Path, assetsDir: _Path | Iterable[_Path] = (), outputDir: _Path = "output") -> None:
+        self._survey, self._assets, self._output = os.fspath(surveyPath), folders(assetsDir), os.fspath(outputDir)
+        self._options: dict[str, object] = {}
+        self._recorded: dict[str, bool] = {}
+        self._filters: list[tuple[str, Callable[[ScenePart], object]]] = []
+        self._has_files = True
+        self._callback: Callable[[Output], object] | None = None
+        self._callback_rows = 0
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            known = ", ".join(key for key in dir(type(self)) if key.startswith(("set", "add")))
+            raise AttributeError(f"SimulationBuilder has no {name!r}; it has {known} and build")
+
+    def _set(self, name: str, value: object) -> SimulationBuilder:
+        self._options[name] = value
+        return self
+
+    def setSurveyPath(self, surveyPath: _Path) -> SimulationBuilder:
+        """Set the survey."""
+        self._survey = os.fspath(surveyPath)
+        return self
+
+    def setAssetsDir(self, assetsDir: _Path | Iterable[_Path]) -> SimulationBuilder:
+        """Set the folder, or the folders, in which files are searched."""
+        self._assets = folders(assetsDir)
+        return self
+
+    def setOutputDir(self, outputDir: _Path) -> SimulationBuilder:
+        """Set the folder of results."""
+        self._output = os.fspath(outputDir)
+        return self
+
+    def setExportToFile(self, exportToFile: bool) -> SimulationBuilder:
+        """Write files, as by default; else results are in memory only."""
+        self._has_files = bool(exportToFile)
+        return self
+
+    def setNumThreads(self, numThreads: int) -> SimulationBuilder:
+        """Set the number of threads; 0 is all."""
+        return self._set("threads", int(numThreads) or None)
+
+    def setKDTFactory(self, kdtFactory: int) -> SimulationBuilder:
+        """Set the tree: 1 median, 2 SAH, 3 SAH with the best axis, 4 fast SAH. The points are the same."""
+        if kdtFactory not in _TREES:
+            raise ValueError(f"kdtFactory is {kdtFactory}, expected 1 to 4")
+        return self._set("tree", _TREES[kdtFactory])
+
+    def setKDTType(self, kdtType: int) -> SimulationBuilder:
+        """Set the tree, as :meth:`setKDTFactory`."""
+        return self.setKDTFactory(kdtType)
+
+    def setKDTJobs(self, kdtJobs: int) -> SimulationBuilder:
+        """Set the number of threads that build the tree; 0 is all."""
+        return self._set("tree_jobs", int(kdtJobs))
+
+    def setKDTGeometricJobs(self, kdtGeometricJobs: int) -> SimulationBuilder:
+        """Without effect: the threads of :meth:`setKDTJobs` do this work, too."""
+        return self
+
+    def setKDTSAHLossNodes(self, kdtSAHLossNodes: int) -> SimulationBuilder:
+        """Without effect: the tree does not change the points."""
+        return self
+
+    def setParallelizationStrategy(self, parallelizationStrategy: int) -> SimulationBuilder:
+        """Set how pulses are handed out to threads: 0 chunks, 1 warehouse. The points are the same."""
+        if parallelizationStrategy not in _SCHEDULES:
+            raise ValueError(f"parallelizationStrategy is {parallelizationStrategy}, expected 0 or 1")
+        return self._set("schedule", _SCHEDULES[parallelizationStrategy])
+
+    def setChunkSize(self, chunkSize: int) -> SimulationBuilder:
+        """Set the number of pulses of a chunk."""
+        return self._set("chunk_size", int(chunkSize))
+
+    def setWarehouseFactor(self, warehouseFactor: int) -> SimulationBuilder:
+        """Set how many chunks may wait for each thread."""
+        return self._set("warehouse_factor", int(warehouseFactor))
+
+    def setLasOutput(self, lasOutput: bool) -> SimulationBuilder:
+        """Write LAS instead of text."""
+        return self._set("las_output", bool(lasOutput))
+
+    def setLas10(self, las10: bool) -> SimulationBuilder:
+        """Write LAS 1.0 instead of 1.4."""
+        return self._set("las10", bool(las10))
+
+    def setZipOutput(self, zipOutput: bool) -> SimulationBuilder:
+        """Compress outputs."""
+        return self._set("zip_output", bool(zipOutput))
+
+    def setSplitByChannel(self, splitByChannel: bool) -> SimulationBuilder:
+        """Write a file per channel."""
+        return self._set("split_by_channel", bool(splitByChannel))
+
+    def setLasScale(self, lasScale: float) -> SimulationBuilder:
+        """Set the resolution of LAS coordinates, m."""
+        return self._set("las_scale", float(lasScale))
+
+    def setSeed(self, seed: int | str) -> SimulationBuilder:
+        """Set the seed of all random draws."""
+        return self._set("seed", seed)
+
+    def setFixedGpsTimeStart(self, fixedGpsTimeStart: str) -> SimulationBuilder:
+        """Set the start of the clock: ``"YYYY-MM-DD hh:mm:ss"`` or POSIX seconds."""
+        return self._set("gps_start", fixedGpsTimeStart or None)
+
+    def setWriteWaveform(self, writeWaveform: bool) -> SimulationBuilder:
+        """Write waveforms."""
+        self._recorded["waveforms"] = bool(writeWaveform)
+        return self
+
+    def setWritePulse(self, writePulse: bool) -> SimulationBuilder:
+        """Write pulses."""
+        self._recorded["pulses"] = bool(writePulse)
+        return self
+
+    def setCalcEchowidth(self, calcEchowidth: bool) -> SimulationBuilder:
+        """Fit the widths of echoes."""
+        return self._set("echo_width", bool(calcEchowidth))
+
+    def setFullwaveNoise(self, fullwaveNoise: bool) -> SimulationBuilder:
+        """Add noise to waveforms."""
+        return self._set("waveform_noise", bool(fullwaveNoise))
+
+    def setFullWaveNoise(self, fullWaveNoise: bool) -> SimulationBuilder:
+        """Add noise to waveforms, as :meth:`setFullwaveNoise`."""
+        return self.setFullwaveNoise(fullWaveNoise)
+
+    def setPlatformNoiseDisabled(self, platformNoiseDisabled: bool) -> SimulationBuilder:
+        """Ignore the noise of the platform."""
+        return self._set("no_platform_noise", bool(platformNoiseDisabled))
+
+    def setLegNoiseDisabled(self, legNoiseDisabled: bool) -> SimulationBuilder:
+        """Ignore random offsets of legs."""
+        return self._set("no_leg_noise", bool(legNoiseDisabled))
+
+    def setLegacyEnergyModel(self, legacyEnergyModel: bool) -> SimulationBuilder:
+        """Compute echo strengths with the older energy model."""
+        return self._set("legacy_energy", bool(legacyEnergyModel))
+
+    def setRebuildScene(self, rebuildScene: bool) -> SimulationBuilder:
+        """Without effect: vlscan keeps no scenes beside their files."""
+        return self
+
+    def setFinalOutput(self, finalOutput: bool) -> SimulationBuilder:
+        """Without effect: outputs are always collected by :meth:`Simulation.join`."""
+        return self
+
+    def setCallbackFrequency(self, callbackFrequency: int) -> SimulationBuilder:
+        """Set after how many points the callback is called; 0 leaves that to vlscan."""
+        if callbackFrequency < 0:
+            raise ValueError(f"callbackFrequency is {callbackFrequency}, expected at least 0")
+        self._callback_rows = int(callbackFrequency)
+        return self
+
+    def setCallback(self, callback: Callable[[Output], object] | None) -> SimulationBuilder:
+        """Set what is called with the :class:`Output` so far while the simulation runs, in its thread, and once at the end."""
+        if callback is not None and not callable(callback):
+            raise TypeError(f"expected a function, found {type(callback).__name__}")
+        self._callback = callback
+        return self
+
+    def addRotateFilter(self, q0: float, q1: float, q2: float, q3: float, partId: str = "") -> SimulationBuilder:
+        """Turn a part by a quaternion (w, x, y, z), or all parts without an id."""
+        quaternion = (float(q0), float(q1), float(q2), float(q3))
+        self._filters.append((str(partId), lambda part: part.rotate(quaternion=quaternion)))
+        return self
+
+    def addScaleFilter(self, scaleFactor: float, partId: str = "") -> SimulationBuilder:
+        """Scale a part, or all parts without an id."""
+        factor = float(scaleFactor)
+        self._filters.append((str(partId), lambda part: part.scale(factor)))
+        return self
+
+    def addTranslateFilter(self, x: float, y: float, z: float, partId: str = "") -> SimulationBuilder:
+        """Move a part (m), or all parts without an id."""
+        offset = (float(x), float(y), float(z))
+        self._filters.append((str(partId), lambda part: part.translate(offset)))
+        return self
+
+    def build(self) -> Simulation:
+        """Return the simulation."""
+        options = {"seed": default_seed(), **self._options, "assets": self._assets}
+        is_text = self._has_files and not (self._options.get("las_output") or self._options.get("las10"))
+        if not is_text:
+            # Columns of text are those of HELIOS++.
+            options["columns"] = list(COLUMNS)
+        if self._has_files:
+            options |= {**self._recorded, "output": self._output}
+        else:
+            options = {name: value for name, value in options.items() if name not in _OF_FILES}
+        recipe = Recipe(
+            self._survey, list(self._assets), options, self._has_files, self._callback, self._callback_rows, list(self._filters)
+        )
+        return Simulation(recipe)

@@ -1,0 +1,107 @@
+"""Errors of runs."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from vlscan import Error, FileError, InputError, Problem, VlscanWarning
+
+
+class HeliosException(RuntimeError):
+    """Any error of a run: what the engine says, which is the cause of the exception, too."""
+
+
+class _InputException(HeliosException, InputError):
+    """Input that is invalid: an error of both packages."""
+
+
+class _FileException(HeliosException, FileError):
+    """A file that cannot be read or written: an error of both packages."""
+
+
+class _RunException(HeliosException, Error):
+    """Another error of a run."""
+
+
+class _Names:
+    """Names in messages for the files that a run writes of objects in memory.
+
+    Parameters
+    ----------
+    folder : str
+        The folder of these files.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self._names = {os.path.join(folder, f"{name}.{kind}"): f"<{name}>" for name, kind in (("survey", "xml"), ("trajectory", "csv"))}
+
+    def of_text(self, text: str) -> str:
+        """Return a text with these names."""
+        for path, name in self._names.items():
+            text = text.replace(path, name)
+        return text
+
+    def of_problem(self, problem: Problem) -> Problem:
+        """Return a problem with these names."""
+        return replace(problem, message=self.of_text(problem.message), file=problem.file and self.of_text(problem.file))
+
+
+@contextmanager
+def engine_errors(folder: str) -> Iterator[None]:
+    """Raise errors of the engine as :class:`HeliosException`; messages do not name the files in ``folder``."""
+    names = _Names(folder)
+    try:
+        yield
+    except HeliosException:
+        raise
+    except InputError as error:
+        made = _InputException(names.of_text(str(error)))
+        made.problems = [names.of_problem(problem) for problem in error.problems]
+        raise made from error
+    except FileError as error:
+        raise _FileException(*error.args, *([] if error.filename is None else [error.filename])) from error
+    except Error as error:
+        raise _RunException(names.of_text(str(error))) from error
+
+
+# Warnings that have been shown, as of a module.
+_shown: dict[str | tuple[str, type[Warning], int], int] = {}
+
+
+@contextmanager
+def engine_warnings(folder: str, is_silent: bool) -> Iterator[None]:
+    """Issue the warnings of a run at its end, none if it is silent; messages do not name the files in ``folder``."""
+    names = _Names(folder)
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            caught = found
+            yield
+    finally:
+        for warning in [] if is_silent else caught:
+            message = warning.message
+            if isinstance(message, VlscanWarning):
+                problem = message.problem and names.of_problem(message.problem)
+                message = VlscanWarning(names.of_text(str(message)), problem)
+            warnings.warn_explicit(message, warning.category, warning.filename, warning.lineno, registry=_shown)
+
+
+def wrong_input(text: str) -> HeliosException:
+    """Return the error of a value, which is a ``ValueError``, too.
+
+    Parameters
+    ----------
+    text : str
+        The message.
+
+    Returns
+    -------
+    HeliosException
+        The error.
+    """
+    return _InputException(text)

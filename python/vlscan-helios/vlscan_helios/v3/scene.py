@@ -1,0 +1,210 @@
+"""Scenes and their parts."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from copy import copy
+from pathlib import Path
+from typing import Any
+
+from pydantic import PrivateAttr, validate_call
+from typing_extensions import Self
+
+from vlscan.scene import Scene
+
+from .materials import Material, MaterialDict
+from .scene_part import BoundingBox, ScenePart
+from .utils import classonlymethod, existing_file, own_directories
+from .validation import CompressionLevel, Model
+
+
+class StaticScene(Model):
+    """Parts that do not move."""
+
+    scene_parts: tuple[ScenePart, ...] = ()
+    _scene: Scene | None = PrivateAttr(None)
+    _state: list[tuple[object, ...]] = PrivateAttr(default_factory=list)
+    # The file, and its parts as read.
+    _file: str | None = PrivateAttr(None)
+    _as_read: list[tuple[object, ...]] = PrivateAttr(default_factory=list)
+    _kept: object = PrivateAttr(None)
+
+    @classonlymethod
+    def from_xml(cls, scene_file: str | os.PathLike[str]) -> StaticScene:
+        """Return the scene of a file.
+
+        Parameters
+        ----------
+        scene_file : str or path-like
+            The file, or ``file.xml#id``; without an id its first scene.
+
+        Returns
+        -------
+        StaticScene
+            The scene.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        """
+        from .scene_xml import parts_of
+
+        file, _, id = os.fspath(scene_file).partition("#")
+        path = existing_file(file)
+        # A survey can name a packed scene or a mesh, too, whose parts are not listed.
+        is_xml = path.suffix.lower() == ".xml"
+        scene = cls(scene_parts=tuple(part for _, part in parts_of(scene_file)) if is_xml else ())
+        return scene.read_from(f"{path}#{id}" if id else os.fspath(path))
+
+    @classonlymethod
+    def from_binary(cls, binary_file: str | os.PathLike[str]) -> StaticScene:
+        """Return the scene of a file of :meth:`to_binary`, whose parts are not listed.
+
+        Parameters
+        ----------
+        binary_file : str or path-like
+            The file.
+
+        Returns
+        -------
+        StaticScene
+            The scene.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        """
+        path = existing_file(binary_file)
+        folder = None
+        if path.suffix != _PACKED:
+            # The engine knows packed scenes by this extension.
+            folder = tempfile.TemporaryDirectory(prefix="vlscan-")
+            link = Path(folder.name) / f"scene{_PACKED}"
+            try:
+                link.symlink_to(path.resolve())
+            except OSError:
+                # Windows allows links to some users only.
+                shutil.copy(path, link)
+            path = link
+        return cls().read_from(os.fspath(path), folder)
+
+    def read_from(self, file: str, kept: object = None) -> Self:
+        """Become the scene of a file, with the parts that it has now.
+
+        Parameters
+        ----------
+        file : str
+            The file, or ``file.xml#id``.
+        kept : object
+            What has to live as long as the scene.
+
+        Returns
+        -------
+        StaticScene
+            Itself.
+        """
+        self._file, self._kept, self._as_read = file, kept, [part.state() for part in self.scene_parts]
+        return self
+
+    @property
+    def source_file(self) -> str | None:
+        """File that it was read from."""
+        return self._file
+
+    @validate_call
+    def to_binary(self, binary_file: Path, compression_level: CompressionLevel = 6) -> None:
+        """Write the scene, ready to be used, as a packed scene of vlscan.
+
+        Parameters
+        ----------
+        binary_file : str or path-like
+            The file; ``.vlscene`` is the extension that the command line knows.
+        compression_level : int
+            Without effect: packed scenes are mapped into memory as they are.
+        """
+        if binary_file.suffix == _PACKED:
+            self.engine().pack(binary_file, physics="helios")
+            return
+        with tempfile.TemporaryDirectory(prefix=".vlscan-", dir=binary_file.parent) as folder:
+            packed = Path(folder) / f"scene{_PACKED}"
+            self.engine().pack(packed, physics="helios")
+            os.replace(packed, binary_file)
+
+    def add_scene_part(self, scene_part: ScenePart) -> None:
+        """Add a part.
+
+        Parameters
+        ----------
+        scene_part : ScenePart
+            The part.
+        """
+        self.scene_parts = (*self.scene_parts, scene_part)
+
+    @property
+    def bbox(self) -> BoundingBox:
+        """The box around all parts."""
+        return BoundingBox.of_bounds(self.engine().bounds)
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether the scene is in memory, ready to be traced."""
+        return self._scene is not None and self._scene.is_loaded
+
+    @property
+    def is_of_file(self) -> bool:
+        """Whether it was read from a file."""
+        return self._file is not None
+
+    @property
+    def is_as_read(self) -> bool:
+        """Whether it is that of a file, and no part was changed."""
+        return self._file is not None and [part.state() for part in self.scene_parts] == self._as_read
+
+    def engine(self) -> Scene:
+        """Return the scene for the engine; it is loaded once unless its parts change.
+
+        Returns
+        -------
+        vlscan.Scene
+            The scene.
+
+        Raises
+        ------
+        NotImplementedError
+            Parts were added to a packed scene, or to a file with parts that move or are swapped.
+        """
+        state = [part.state() for part in self.scene_parts]
+        if self._scene is not None and state == self._state:
+            return self._scene
+        if self._file is not None and state == self._as_read:
+            scene = Scene(self._file, own_directories())
+        elif self._file is not None and not self._as_read:
+            raise NotImplementedError(f"{self._file} cannot be extended; build the scene of parts, and write it anew by to_binary()")
+        else:
+            scene = Scene([part.engine() for part in self.scene_parts], own_directories())
+        self._scene, self._state = scene, state
+        return scene
+
+    def _identity(self) -> object:
+        return self._file
+
+    def __copy__(self) -> Self:
+        return self.__deepcopy__()
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        # The loaded scene is shared until a part changes.
+        twin = self.twin()
+        twin.scene_parts = tuple(copy(part) for part in self.scene_parts)
+        return twin
+
+    def __repr__(self) -> str:
+        return f"<StaticScene {self._file or f'{len(self.scene_parts)} parts'}>"
+
+
+_PACKED = ".vlscene"
+
+__all__ = ["BoundingBox", "Material", "MaterialDict", "ScenePart", "StaticScene"]

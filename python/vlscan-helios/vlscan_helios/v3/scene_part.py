@@ -1,0 +1,892 @@
+"""Parts of scenes."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import ConfigDict, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, PrivateAttr, validate_call
+from typing_extensions import Self
+
+from vlscan.parts import Part
+from vlscan.scene import Scene
+
+from .materials import Material, MaterialDict, read_materials
+from .settings import ForceOnGroundStrategy
+from .utils import classonlymethod, detect_separator, own_directories
+from .validation import AnyAngle, AssetPath, Model, MultiAssetPath, Quaternion, R3Vector, existing_files
+
+_ARBITRARY = ConfigDict(arbitrary_types_allowed=True)
+
+# What points have by default: no normal, normals and colours behind the coordinates.
+_NO_NORMAL: Any = np.full(3, np.finfo(np.float64).max)
+_NORMALS, _COLOURS = (3, 4, 5), (6, 7, 8)
+
+_MaterialReader = Callable[[], "dict[str, Material]"]
+
+
+class BoundingBox(Model):
+    """A box, as scenes and their parts return it."""
+
+    _bounds: NDArray[np.float64] = PrivateAttr(default_factory=lambda: np.zeros((2, 3)))
+
+    @classmethod
+    def of_bounds(cls, bounds: NDArray[np.float64]) -> BoundingBox:
+        """Return the box of two corners.
+
+        Parameters
+        ----------
+        bounds : numpy.ndarray
+            Lowest and highest corner, 2 by 3.
+
+        Returns
+        -------
+        BoundingBox
+            The box.
+        """
+        box = cls()
+        box._bounds = np.asarray(bounds, float)
+        return box
+
+    @property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest corner, m."""
+        return self._bounds[0], self._bounds[1]
+
+    @property
+    def centroid(self) -> NDArray[np.float64]:
+        """The middle, m."""
+        return np.asarray(self._bounds.mean(axis=0))
+
+    def _identity(self) -> object:
+        return self._bounds.tobytes()
+
+
+class ScenePart(Model):
+    """Geometry, its materials, and where it stands: see the methods ``from_…``. Transforms change the part and return it."""
+
+    force_on_ground: ForceOnGroundStrategy | PositiveInt = ForceOnGroundStrategy.NONE
+    _part: Part | None = PrivateAttr(None)
+    _read: _MaterialReader = PrivateAttr(dict)
+    _materials: MaterialDict | None = PrivateAttr(None)
+    _as_read: dict[str, Material] = PrivateAttr(default_factory=dict)
+    _updates: list[tuple[Material, NDArray[np.int64] | None]] = PrivateAttr(default_factory=list)
+    # Why a part of a file cannot be taken out of its scene.
+    _obstacle: str = PrivateAttr("")
+    _is_of_file: bool = PrivateAttr(False)
+    # Bounds of the part, and the state of which they are.
+    _measured: tuple[object, NDArray[np.float64]] | None = PrivateAttr(None)
+
+    @classmethod
+    def of_part(cls, part: Part, materials: _MaterialReader | None = None) -> Self:
+        """Return a part of what the engine takes.
+
+        Parameters
+        ----------
+        part : vlscan.Part
+            The part.
+        materials : callable, optional
+            Reads its materials by name.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+        """
+        return cls().become(part, materials or default_material)
+
+    def become(self, part: Part | None, materials: _MaterialReader = dict, obstacle: str = "") -> Self:
+        """Take geometry and materials.
+
+        Parameters
+        ----------
+        part : vlscan.Part or None
+            The geometry.
+        materials : callable
+            Reads its materials by name.
+        obstacle : str
+            Why a part of a file cannot be taken out of its scene.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        self._part, self._read, self._obstacle = part, materials, obstacle
+        return self
+
+    def placed(self, quaternion: Sequence[float], scale: float, offset: Sequence[float]) -> Self:
+        """Turn, scale and move the part.
+
+        Parameters
+        ----------
+        quaternion : sequence of float
+            w, x, y, z.
+        scale : float
+            The factor.
+        offset : sequence of float
+            x, y, z (m).
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        x, y, z = offset
+        self._part = self.known_part().turn(quaternion).scale(scale).translate(x, y, z)
+        return self
+
+    def of_file(self, id: str) -> Self:
+        """Become a part of a scene file.
+
+        Parameters
+        ----------
+        id : str
+            Its id.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        self._is_of_file, self._part = True, self._part and self._part.named(id)
+        return self
+
+    @classonlymethod
+    @validate_call
+    def from_obj(cls, obj_file: AssetPath, up_axis: Literal["y", "z"] = "z") -> Self:
+        """Make a part of an OBJ file.
+
+        Parameters
+        ----------
+        obj_file : str or path-like
+            The file.
+        up_axis : str
+            The axis that points up, ``z`` or ``y``.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        """
+        path = os.fspath(obj_file)
+        return cls.of_part(Part.obj(path, up_axis), partial(materials_of_obj, path))
+
+    @classonlymethod
+    @validate_call
+    def from_objs(cls, obj_files: MultiAssetPath, up_axis: Literal["y", "z"] = "z") -> list[Self]:
+        """Make parts of OBJ files.
+
+        Parameters
+        ----------
+        obj_files : str or iterable
+            A pattern (``trees/*.obj``), or the files.
+        up_axis : str
+            The axis that points up.
+
+        Returns
+        -------
+        list of ScenePart
+            The parts.
+
+        Raises
+        ------
+        FileNotFoundError
+            No file matches.
+        """
+        return [cls.from_obj(path, up_axis) for path in obj_files]
+
+    @classonlymethod
+    @validate_call
+    def from_tiff(cls, tiff_file: AssetPath) -> Self:
+        """Make a part of a terrain raster.
+
+        Parameters
+        ----------
+        tiff_file : str or path-like
+            The file.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        """
+        return cls.of_part(Part.raster(tiff_file))
+
+    @classonlymethod
+    @validate_call
+    def from_tiffs(cls, tiff_files: MultiAssetPath) -> list[Self]:
+        """Make parts of terrain rasters.
+
+        Parameters
+        ----------
+        tiff_files : str or iterable
+            A pattern, or the files.
+
+        Returns
+        -------
+        list of ScenePart
+            The parts.
+
+        Raises
+        ------
+        FileNotFoundError
+            No file matches.
+        """
+        return [cls.from_tiff(path) for path in tiff_files]
+
+    @classonlymethod
+    @validate_call(config=_ARBITRARY)
+    def from_xyz(
+        cls,
+        xyz_file: AssetPath,
+        voxel_size: PositiveFloat,
+        separator: str | None = None,
+        max_color_value: NonNegativeFloat = 0.0,
+        default_normal: R3Vector = _NO_NORMAL,
+        sparse: bool = True,
+        estimate_normals: bool = False,
+        normals_file_columns: Sequence[NonNegativeInt] = _NORMALS,
+        rgb_file_columns: Sequence[NonNegativeInt] = _COLOURS,
+        snap_neighbor_normal: bool = False,
+    ) -> Self:
+        """Make a part of a point cloud, whose points become voxels.
+
+        Parameters
+        ----------
+        xyz_file : str or path-like
+            The file.
+        voxel_size : float
+            Edge of the voxels, m.
+        separator : str, optional
+            Character between columns; detected by default.
+        max_color_value : float
+            Value that colours are divided by; 0 is 255.
+        default_normal : array_like
+            Normal of points that have none; the largest numbers mean no normal.
+        sparse : bool
+            Without effect: only voxels with points are stored.
+        estimate_normals : bool
+            Whether normals are those of a plane through the points of each voxel.
+        normals_file_columns, rgb_file_columns : sequence of int
+            Columns of the normal and of the colour, from 0, where the file has so many.
+        snap_neighbor_normal : bool
+            Whether a voxel has the normal of the point nearest to its centre.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+
+        Raises
+        ------
+        ValueError
+            Columns that the file does not have.
+        FileNotFoundError
+            There is no such file.
+        """
+        xyz_file = Path(xyz_file)
+        if separator is None:
+            separator = "" if xyz_file.suffix.lower() in _BINARY_CLOUDS else detect_separator(xyz_file)
+        count = 9 if separator == "" else _column_count(xyz_file, separator)
+        normals = _columns("normals_file_columns", normals_file_columns, normals_file_columns is _NORMALS, count)
+        colours = _columns("rgb_file_columns", rgb_file_columns, rgb_file_columns is _COLOURS, count)
+        settings = (max_color_value, default_normal, estimate_normals, snap_neighbor_normal)
+        return cls.of_part(_cloud(xyz_file, voxel_size, separator, normals, colours, *settings))
+
+    @classonlymethod
+    def from_xyzs(
+        cls,
+        xyz_files: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+        voxel_size: float,
+        separator: str | None = None,
+        max_color_value: float = 0.0,
+        default_normal: ArrayLike = _NO_NORMAL,
+        sparse: bool = False,
+        estimate_normals: bool = False,
+        normals_file_columns: Sequence[int] = _NORMALS,
+        rgb_file_columns: Sequence[int] = _COLOURS,
+        snap_neighbor_normal: bool = False,
+    ) -> list[Self]:
+        """Make parts of point clouds.
+
+        Parameters
+        ----------
+        xyz_files : str or iterable
+            A pattern, or the files.
+        voxel_size, separator, max_color_value, default_normal, sparse, estimate_normals : object
+            As for :meth:`from_xyz`.
+        normals_file_columns, rgb_file_columns, snap_neighbor_normal : object
+            As for :meth:`from_xyz`.
+
+        Returns
+        -------
+        list of ScenePart
+            The parts.
+
+        Raises
+        ------
+        FileNotFoundError
+            No file matches.
+        """
+        columns: dict[str, Any] = {} if normals_file_columns is _NORMALS else {"normals_file_columns": normals_file_columns}
+        columns |= {} if rgb_file_columns is _COLOURS else {"rgb_file_columns": rgb_file_columns}
+        settings = (voxel_size, separator, max_color_value, default_normal, sparse, estimate_normals)
+        return [cls.from_xyz(path, *settings, snap_neighbor_normal=snap_neighbor_normal, **columns) for path in existing_files(xyz_files)]
+
+    @classonlymethod
+    @validate_call
+    def from_vox(
+        cls,
+        vox_file: AssetPath,
+        intersection_mode: Literal["scaled", "fixed", "transmittive"] = "transmittive",
+        intersection_argument: float | None = None,
+        random_shift: bool = False,
+        ladlut_path: AssetPath | None = None,
+    ) -> Self:
+        """Make a part of vegetation voxels (AMAPVox).
+
+        Parameters
+        ----------
+        vox_file : str or path-like
+            The file.
+        intersection_mode : str
+            ``transmittive``, ``fixed`` or ``scaled``.
+        intersection_argument : float, optional
+            Exponent of the density by which cubes are scaled, 0.5 by default.
+        random_shift : bool
+            Whether scaled cubes are moved within their cells.
+        ladlut_path : str or path-like, optional
+            A table of leaf angles.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        """
+        exponent = 0.5 if intersection_argument is None else intersection_argument
+        return cls.of_part(Part.voxels(vox_file, intersection_mode, exponent, random_shift, ladlut_path))
+
+    @classonlymethod
+    @validate_call(config=_ARBITRARY)
+    def from_numpy_array(
+        cls,
+        points: Any,
+        voxel_size: PositiveFloat,
+        *,
+        normals_file_columns: Sequence[NonNegativeInt] | None = None,
+        rgb_file_columns: Sequence[NonNegativeInt] | None = None,
+        max_color_value: NonNegativeFloat = 0.0,
+        default_normal: R3Vector = _NO_NORMAL,
+        sparse: bool = True,
+        estimate_normals: bool = False,
+        snap_neighbor_normal: bool = False,
+    ) -> Self:
+        """Make a part of an array of points, which become voxels. :meth:`from_mesh` takes triangles.
+
+        Parameters
+        ----------
+        points : array_like
+            A row of x, y, z (m) for each point, and more columns.
+        voxel_size : float
+            Edge of the voxels, m.
+        normals_file_columns, rgb_file_columns : sequence of int, optional
+            Columns of the normal and of the colour, from 0; none by default.
+        max_color_value, default_normal, sparse, estimate_normals, snap_neighbor_normal : object
+            As for :meth:`from_xyz`.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+
+        Raises
+        ------
+        ValueError
+            An array of another shape, or columns that it does not have.
+
+        Examples
+        --------
+        >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+        >>> vlscan.helios.ScenePart.from_numpy_array(corners, 0.5).bbox.bounds[0].tolist()
+        [0.0, 0.0, 0.0]
+        """
+        rows = np.asarray(points, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
+            raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
+        normals = _columns("normals_file_columns", normals_file_columns, False, rows.shape[1])
+        colours = _columns("rgb_file_columns", rgb_file_columns, False, rows.shape[1])
+        settings = (max_color_value, default_normal, estimate_normals, snap_neighbor_normal)
+        return cls.of_part(_cloud(rows, voxel_size, " ", normals, colours, *settings))
+
+    @classonlymethod
+    def from_mesh(cls, vertices: ArrayLike, faces: ArrayLike, material: Material | None = None) -> Self:
+        """Make a part of triangles or quadrilaterals in memory; of vlscan.
+
+        Parameters
+        ----------
+        vertices : array_like
+            Coordinates, n by 3, m.
+        faces : array_like
+            Indices of vertices, m by 3 or m by 4.
+        material : Material, optional
+            The material.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+
+        Raises
+        ------
+        ValueError
+            Arrays of another shape, or indices beyond.
+
+        Examples
+        --------
+        >>> part = vlscan.helios.ScenePart.from_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        >>> part.scale(2).bbox.bounds[1].tolist()
+        [2.0, 2.0, 0.0]
+        """
+        own = (material or Material(name="default")).clone()
+        return cls.of_part(Part.mesh(vertices, faces, own.engine()), partial(_single, own))
+
+    @classonlymethod
+    def from_open3d(cls, geometry: Any, **kwargs: Any) -> Self:
+        """Make a part of a mesh or a point cloud of Open3D.
+
+        Parameters
+        ----------
+        geometry : open3d.geometry.TriangleMesh or open3d.geometry.PointCloud
+            The mesh, or the cloud, whose points become voxels.
+        **kwargs : Any
+            Of a mesh ``up_axis`` (``z`` or ``y``) and ``material``; of a cloud the keywords of :meth:`from_numpy_array`, such as
+            ``voxel_size``.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+
+        Raises
+        ------
+        TypeError
+            Another geometry, or unknown keywords.
+        """
+        if hasattr(geometry, "triangles") and hasattr(geometry, "vertices"):
+            return cls._from_open3d_mesh(geometry, **kwargs)
+        if not hasattr(geometry, "points"):
+            raise TypeError(f"{type(geometry).__name__} is neither a triangle mesh nor a point cloud")
+        rows, columns = np.asarray(geometry.points, float), {}
+        normals = np.asarray(getattr(geometry, "normals", ()), float)
+        if normals.shape == rows.shape:
+            rows, columns = np.hstack([rows, normals]), {"normals_file_columns": [3, 4, 5]}
+        return cls.from_numpy_array(rows, **{**columns, **kwargs})
+
+    @classmethod
+    def _from_open3d_mesh(cls, mesh: Any, up_axis: str = "z", material: Material | None = None) -> Self:
+        if up_axis not in ("y", "z"):
+            raise ValueError(f"up_axis is {up_axis!r}, expected 'y' or 'z'")
+        if not len(mesh.triangles):
+            raise ValueError("the mesh has no triangles")
+        corners = np.asarray(mesh.vertices, float)
+        if up_axis == "y":
+            corners = np.column_stack([corners[:, 0], -corners[:, 2], corners[:, 1]])
+        return cls.from_mesh(corners, np.asarray(mesh.triangles), material)
+
+    @classonlymethod
+    def from_xml(cls, scene_part_file: str | os.PathLike[str], id: int) -> ScenePart:
+        """Return a part of a scene file.
+
+        Parameters
+        ----------
+        scene_part_file : str or path-like
+            The file.
+        id : int
+            Id of the part.
+
+        Returns
+        -------
+        ScenePart
+            The part.
+
+        Raises
+        ------
+        ValueError
+            No part has the id, or it is several files.
+        NotImplementedError
+            The part moves, is swapped, or has random materials.
+        FileNotFoundError
+            There is no such file.
+        """
+        from .scene_xml import parts_of
+
+        found = [part for name, part in parts_of(scene_part_file) if name == str(id)]
+        if len(found) != 1:
+            raise ValueError(f"{os.fspath(scene_part_file)} has {len(found)} parts with the id {id}, expected one")
+        found[0].known_part()
+        return found[0]
+
+    @validate_call
+    def scale(self, factor: PositiveFloat) -> Self:
+        """Scale the part about the origin.
+
+        Parameters
+        ----------
+        factor : float
+            The factor.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        self._part = self.known_part().scale(factor)
+        return self
+
+    @validate_call(config=_ARBITRARY)
+    def translate(self, offset: R3Vector) -> Self:
+        """Move the part.
+
+        Parameters
+        ----------
+        offset : array_like
+            The way, three numbers (m) or quantities.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        self._part = self.known_part().translate(*offset.tolist())
+        return self
+
+    @validate_call(config=_ARBITRARY)
+    def rotate(
+        self,
+        quaternion: Quaternion | None = None,
+        axis: R3Vector | None = None,
+        angle: AnyAngle | None = None,
+        from_axis: R3Vector | None = None,
+        to_axis: R3Vector | None = None,
+        rotation_center: R3Vector | None = None,
+    ) -> Self:
+        """Turn the part: by a quaternion, about an axis by an angle, or from one axis to another.
+
+        Parameters
+        ----------
+        quaternion : array_like, optional
+            w, x, y, z.
+        axis : array_like, optional
+            The axis.
+        angle : quantity, optional
+            The angle.
+        from_axis, to_axis : array_like, optional
+            The axes.
+        rotation_center : array_like, optional
+            The centre, m; the origin by default.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+
+        Raises
+        ------
+        ValueError
+            None of these ways, or several.
+        """
+        ways: tuple[Any, ...] = (quaternion, axis, angle, from_axis, to_axis)
+        given = [way is not None for way in ways]
+        turn, about, angle_rad, start, end = ways
+        if given == [False, True, True, False, False]:
+            direction, half = about / np.linalg.norm(about), angle_rad / 2
+            turn = (math.cos(half), *(direction * math.sin(half)))
+        elif given == [False, False, False, True, True]:
+            turn = _between(start, end)
+        elif given != [True, False, False, False, False]:
+            raise ValueError("rotate() needs a quaternion, an axis and an angle, or from_axis and to_axis")
+        part, centre = self.known_part(), (0.0, 0.0, 0.0) if rotation_center is None else rotation_center.tolist()
+        x, y, z = centre
+        self._part = part.translate(-x, -y, -z).turn(turn).translate(x, y, z)
+        return self
+
+    @property
+    def materials(self) -> MaterialDict:
+        """Materials by name; they can be changed and replaced."""
+        if self._materials is None:
+            self._materials = MaterialDict(self._read())
+            self._as_read = {name: material.clone() for name, material in self._materials.items()}
+        return self._materials
+
+    @validate_call(config=_ARBITRARY)
+    def update_material(
+        self,
+        material: Material,
+        indices: Any = None,
+        range_start: NonNegativeInt | None = None,
+        range_stop: NonNegativeInt | None = None,
+    ) -> Self:
+        """Give faces another material. A polygon of a file is one face; voxels follow the faces.
+
+        Parameters
+        ----------
+        material : Material
+            The material.
+        indices : array_like, optional
+            Indices of the faces, or a mask for parts of arrays; all faces by default.
+        range_start, range_stop : int, optional
+            Instead of them the first face and the one behind the last.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+
+        Raises
+        ------
+        IndexError
+            An index beyond the faces of a mesh.
+        ValueError
+            Both indices and a range, or an empty range.
+        """
+        part = self.known_part()
+        if range_start is not None or range_stop is not None:
+            if range_stop is None or indices is not None:
+                raise ValueError("update_material() needs indices, or range_stop with or without range_start")
+            if range_stop <= (range_start or 0):
+                raise ValueError(f"range_start is {range_start or 0} and range_stop {range_stop}, expected at least one face between them")
+            indices = np.arange(range_start or 0, range_stop)
+        _check_faces(part, indices)
+        faces = None if indices is None else part.face_numbers(indices)
+        known, name, own = self.materials, material.name or "default", material.clone()
+        if faces is None:
+            known.clear()
+            self._updates.clear()
+        if name not in known:
+            known[name] = own
+        self._updates.append((own, faces))
+        return self
+
+    def _current(self, material: Material) -> Material:
+        """Return what an updated material has become: it may have been changed or replaced by its name since."""
+        name = material.name or "default"
+        if self._materials is None or name in self._as_read:
+            return material
+        return self._materials.get(self._materials.current(name), material)
+
+    @property
+    def bbox(self) -> BoundingBox:
+        """The box around the part where it stands now."""
+        state = (self.state(), own_directories())
+        if self._measured is None or self._measured[0] != state:
+            self._measured = (state, Scene([self.engine()], own_directories()).bounds)
+        return BoundingBox.of_bounds(self._measured[1])
+
+    @property
+    def id(self) -> str:
+        """Id of a part of a scene file; empty for others."""
+        return "" if self._part is None else self._part.id or ""
+
+    @property
+    def is_of_file(self) -> bool:
+        """Whether it is a part of a scene file."""
+        return self._is_of_file
+
+    def known_part(self) -> Part:
+        """Return the part without changes of materials.
+
+        Returns
+        -------
+        vlscan.Part
+            The part.
+
+        Raises
+        ------
+        NotImplementedError
+            It cannot be used alone, or has no geometry.
+        """
+        if self._part is None:
+            reason = self._obstacle or "it has no geometry; ScenePart.from_obj() and its kin make parts"
+            raise NotImplementedError(f"the part cannot be used alone: {reason}")
+        return self._part
+
+    def _identity(self) -> object:
+        return self.state()[:-1]
+
+    def state(self) -> tuple[object, ...]:
+        """Return what the part for the engine follows from.
+
+        Returns
+        -------
+        tuple
+            Values that are equal as long as it is the same.
+        """
+        changed = {name: material.clone() for name, material in self._changed_materials().items()}
+        updates = [(self._current(own).clone(), None if faces is None else faces.tolist()) for own, faces in self._updates]
+        return self._part, changed, updates, self.force_on_ground
+
+    def _changed_materials(self) -> dict[str, Material]:
+        """Return the materials of the geometry that are not as they were read."""
+        known = MaterialDict() if self._materials is None else self._materials
+        now = {name: known.get(known.current(name)) for name in self._as_read}
+        return {name: material for name, material in now.items() if material is not None and material != self._as_read[name]}
+
+    def engine(self) -> Part:
+        """Return the part for the engine.
+
+        Returns
+        -------
+        vlscan.Part
+            The part.
+
+        Raises
+        ------
+        NotImplementedError
+            A part of a scene file that moves, is swapped, or has random materials.
+        """
+        part = self.known_part()
+        for name, material in self._changed_materials().items():
+            part = part.with_material(material.engine(), of=name)
+        for material, indices in self._updates:
+            part = part.with_material(self._current(material).engine(), of=indices)
+        return part.drop_to_ground(int(self.force_on_ground))
+
+    def __copy__(self) -> Self:
+        return self.__deepcopy__()
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        # The geometry never changes and is shared.
+        return self.twin().with_own_materials()
+
+    def with_own_materials(self) -> Self:
+        """Stop sharing materials with the part of which this is a copy.
+
+        Returns
+        -------
+        ScenePart
+            Itself.
+        """
+        if self._materials is not None:
+            self._materials = self._materials.clone()
+        self._as_read, self._updates = dict(self._as_read), list(self._updates)
+        return self
+
+    def __repr__(self) -> str:
+        return f"<ScenePart {self._part if self._part is not None else self._obstacle}>"
+
+
+# Formats that tell their columns.
+_BINARY_CLOUDS = (".las", ".laz", ".ply", ".pcd", ".e57", ".pts", ".ptx", ".arrow", ".parquet")
+
+
+def _cloud(
+    source: Path | NDArray[np.float64],
+    voxel_size: float,
+    separator: str,
+    normals: tuple[int, int, int] | None,
+    colours: tuple[int, int, int] | None,
+    max_color_value: float,
+    default_normal: Any,
+    estimate_normals: bool,
+    snap_neighbor_normal: bool,
+) -> Part:
+    return Part.points(
+        source,
+        voxel_size,
+        separator="" if separator == " " else separator,
+        normal_columns=normals,
+        rgb_columns=colours,
+        max_color_value=max_color_value or 255.0,
+        default_normal=None if (default_normal == _NO_NORMAL).all() else tuple(default_normal.tolist()),
+        estimate_normals=int(estimate_normals),
+        snap_neighbor_normal=snap_neighbor_normal,
+    )
+
+
+def _column_count(path: Path, separator: str) -> int:
+    with open(path, encoding="utf-8", errors="replace") as file:
+        lines = (line.strip() for line in file)
+        first = next((line for line in lines if line and not line.startswith(("#", "//"))), "")
+    return len(first.split() if separator == " " else first.split(separator))
+
+
+def _columns(name: str, columns: Sequence[int] | None, is_default: bool, count: int) -> tuple[int, int, int] | None:
+    """Return three columns, or none for the default ones of a file that has fewer."""
+    if columns is None or is_default and max(columns) >= count:
+        return None
+    if len(columns) != 3 or max(columns) >= count:
+        raise ValueError(f"{name} is {list(columns)}, expected three of the columns 0 to {count - 1}")
+    x, y, z = columns
+    return x, y, z
+
+
+def _single(material: Material) -> dict[str, Material]:
+    """Return a copy of a material by its name."""
+    return {material.name or "default": material.clone()}
+
+
+def default_material() -> dict[str, Material]:
+    """Return the material of parts without one."""
+    return {"default": Material(name="default")}
+
+
+def materials_of_obj(path: str) -> dict[str, Material]:
+    """Return the materials of the libraries that an OBJ file names."""
+    found: dict[str, Material] = {}
+    used: dict[str, None] = {}
+    with open(path, "rb") as file:
+        for line in file:
+            keyword, *rest = line.split(None, 1)[:2] or [b""]
+            if keyword == b"usemtl" and rest:
+                used[rest[0].decode(errors="replace").strip()] = None
+            elif keyword == b"mtllib" and rest:
+                for name in rest[0].decode(errors="replace").split():
+                    library = os.path.join(os.path.dirname(path), name)
+                    if os.path.exists(library):
+                        found = {**read_materials(library), **found}
+    return {name: found[name] for name in used if name in found} or default_material()
+
+
+class _FaceIndexError(IndexError, ValueError):
+    """An index beyond the faces of a mesh."""
+
+
+def _check_faces(part: Part, indices: Any) -> None:
+    """Refuse indices beyond the faces of a mesh; other faults are told by the part."""
+    chosen = np.asarray([] if indices is None else indices)
+    if part.face_count is None or not chosen.size or chosen.dtype.kind not in "iu":
+        return
+    if chosen.min() < 0 or chosen.max() >= part.face_count:
+        raise _FaceIndexError(f"indices of faces are {chosen.min()} to {chosen.max()}, expected 0 to {part.face_count - 1}")
+
+
+def _between(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, ...]:
+    """Return the quaternion of the shortest rotation from one direction to another."""
+    a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
+    w = 1 + float(a @ b)
+    if w < 1e-12:
+        aside = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.9 else [0.0, 1.0, 0.0])
+        return (0.0, *(aside / np.linalg.norm(aside)))
+    return (w, *np.cross(a, b))

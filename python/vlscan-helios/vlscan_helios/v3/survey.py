@@ -1,0 +1,494 @@
+"""Surveys: a scanner, what carries it, what is scanned, legs; and their runs."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import AfterValidator, Field, PrivateAttr
+
+from vlscan import Result
+from vlscan import Survey as EngineSurvey
+from vlscan.errors import warn
+
+from . import survey_xml, xml_files
+from .callbacks import HookDispatcher, HookPayload, RunFacts, SurveyHook, build_progressbar_callbacks
+from .errors import engine_errors, engine_warnings
+from .leg import Leg, flown_part, make_leg
+from .platforms import Platform, PlatformSettingsBase, TrajectorySettings
+from .records import COLUMNS, laspy_data, point_records, pose_records
+from .scanner import Scanner, ScannerSettingsBase
+from .scene import StaticScene
+from .settings import (
+    ExecutionSettings,
+    FullWaveformSettings,
+    LogVerbosity,
+    OutputFormat,
+    OutputSettings,
+    ParallelizationStrategy,
+    compose_execution_settings,
+    compose_output_settings,
+)
+from .utils import classonlymethod, own_directories, rng_seed
+from .validation import Model, distribute
+from .xml_files import Document
+
+if TYPE_CHECKING:
+    from vlscan import RunOptions
+
+# Trees by the number of the factory.
+_TREES = {1: "median", 2: "sah", 3: "axis-sah", 4: "fsah"}
+
+# Points of a batch that hooks are given.
+_BATCH_ROWS = 200_000
+
+# Zero of the clock of GPS, s after that of POSIX, as HELIOS++ counts.
+_GPS_EPOCH, _WEEK = 315_964_809, 604_800
+
+
+def _zoned(time: datetime) -> datetime:
+    """Return a time with a zone: UTC where it has none."""
+    return time if time.tzinfo is not None else time.replace(tzinfo=timezone.utc)
+
+
+class _AsRead(NamedTuple):
+    """A survey as it was read from its file."""
+
+    name: str
+    scanner: Scanner
+    platform: Platform
+    scene: StaticScene
+    legs: tuple[Leg, ...]
+    full_waveform_settings: FullWaveformSettings
+
+
+class Survey(Model):
+    """A scanner that legs or a trajectory carry through a scene.
+
+    Parameters
+    ----------
+    scanner : Scanner
+        The scanner.
+    platform : Platform
+        What carries it.
+    scene : StaticScene
+        What is scanned.
+    legs : tuple of Leg
+        The legs.
+    name : str
+        Name, also of the folder of results.
+    gps_time : datetime
+        Start of the clock, UTC without a zone; 2024-01-01 by default, so that runs can be repeated.
+    full_waveform_settings : FullWaveformSettings
+        Digitisation of waveforms.
+    """
+
+    scanner: Scanner
+    platform: Platform
+    scene: StaticScene
+    legs: tuple[Leg, ...] = ()
+    name: str = ""
+    gps_time: Annotated[datetime, AfterValidator(_zoned)] = datetime(2024, 1, 1, tzinfo=timezone.utc)
+    full_waveform_settings: FullWaveformSettings = Field(default_factory=FullWaveformSettings)
+    _document: Document | None = PrivateAttr(None)
+    _as_read: _AsRead | None = PrivateAttr(None)
+
+    @classonlymethod
+    def from_xml(cls, survey_file: str | os.PathLike[str]) -> Survey:
+        """Return the survey of a file, which can be changed; unchanged it is run as it stands.
+
+        Parameters
+        ----------
+        survey_file : str or path-like
+            The file.
+
+        Returns
+        -------
+        Survey
+            The survey.
+
+        Raises
+        ------
+        ValueError
+            The file is no survey, or a value of its legs is invalid.
+        FileNotFoundError
+            There is no such file, or not that of its scene.
+        """
+        document = xml_files.read(survey_file)
+        element = document.asset("survey")
+        platform = survey_xml.read_platform(document)
+        survey = cls(
+            scanner=survey_xml.read_scanner(document),
+            platform=platform,
+            scene=StaticScene.from_xml(document.reference(element.get("scene", ""))),
+            legs=survey_xml.read_legs(document, platform),
+            name=element.get("name") or document.path.stem,
+            full_waveform_settings=survey_xml.read_waveform(document),
+        )
+        return survey.read_from(document)
+
+    def read_from(self, document: Document) -> Survey:
+        """Become the survey of a document, as it is now.
+
+        Parameters
+        ----------
+        document : Document
+            The document.
+
+        Returns
+        -------
+        Survey
+            Itself.
+        """
+        legs, waveform = tuple(leg.clone() for leg in self.legs), self.full_waveform_settings.clone()
+        self._document = document
+        self._as_read = _AsRead(self.name, self.scanner.clone(), self.platform.clone(), self.scene, legs, waveform)
+        # Settings of the file are not the user's.
+        self.__pydantic_fields_set__.discard("full_waveform_settings")
+        return self
+
+    @property
+    def document(self) -> Document | None:
+        """File that it was read from."""
+        return self._document
+
+    @property
+    def as_read(self) -> _AsRead | None:
+        """The survey as it was read from its file."""
+        return self._as_read
+
+    def add_leg(
+        self,
+        leg: Leg | None = None,
+        platform_settings: PlatformSettingsBase | None = None,
+        scanner_settings: ScannerSettingsBase | None = None,
+        trajectory_settings: TrajectorySettings | None = None,
+        **parameters: Any,
+    ) -> None:
+        """Add a leg.
+
+        Parameters
+        ----------
+        leg : Leg, optional
+            The leg.
+        platform_settings : PlatformSettings, optional
+            Instead of those of the leg.
+        scanner_settings : ScannerSettings, optional
+            Instead of those of the leg.
+        trajectory_settings : TrajectorySettings, optional
+            Instead of those of the leg.
+        **parameters : Any
+            Keywords of settings, which replace values of these.
+
+        Raises
+        ------
+        ValueError
+            Unknown keywords, or invalid values.
+        """
+        made = make_leg(self.platform, leg, platform_settings, scanner_settings, trajectory_settings, parameters)
+        self.legs = (*self.legs, made)
+
+    def run(
+        self,
+        execution_settings: ExecutionSettings | None = None,
+        output_settings: OutputSettings | None = None,
+        callbacks: Sequence[SurveyHook] | None = None,
+        **parameters: Any,
+    ) -> Any:
+        """Run the survey.
+
+        Parameters
+        ----------
+        execution_settings : ExecutionSettings, optional
+            Threads, over those of :func:`set_execution_settings`.
+        output_settings : OutputSettings, optional
+            What is returned or written, over those of :func:`set_output_settings`.
+        callbacks : sequence of SurveyHook, optional
+            What is called while it runs.
+        **parameters : Any
+            Keywords of these settings, which replace values of these.
+
+        Returns
+        -------
+        tuple or pathlib.Path
+            Points and trajectory for the formats NPY and LASPY; the folder that was written for the others.
+
+        Raises
+        ------
+        ValueError
+            Unknown keywords, or legs that do not fit the platform.
+        HeliosException
+            Input of the engine is invalid, or a file cannot be read or written.
+        NotImplementedError
+            What a format has no place for; the message says what to do.
+        """
+        for_execution, for_output = distribute(parameters, ExecutionSettings.model_fields, OutputSettings.model_fields)
+        execution = compose_execution_settings(execution_settings, for_execution)
+        output = compose_output_settings(output_settings, for_output)
+        hooks = [SurveyHook.model_validate(hook) for hook in callbacks or ()]
+        _check_output(output)
+        if execution.log_file or execution.log_file_only:
+            warn("log_file has no effect; notes go to the logger 'vlscan', which logging.FileHandler writes to a file")
+        self.check_legs()
+        bar_hooks, bars = build_progressbar_callbacks(execution.progressbar, len(self.legs))
+        is_silent = "verbosity" in execution.model_fields_set and execution.verbosity <= LogVerbosity.QUIET
+        try:
+            with tempfile.TemporaryDirectory() as folder, engine_warnings(folder, is_silent), engine_errors(folder):
+                run = _Run(self, self.engine(Path(folder)), self._options(execution, output), output)
+                return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
+        finally:
+            if bars is not None:
+                bars.close()
+
+    def check_legs(self) -> None:
+        """Check that the legs fit the platform.
+
+        Raises
+        ------
+        ValueError
+            There are no legs, or one has a part of a trajectory and the platform has no trajectory.
+        """
+        if not self.legs:
+            raise ValueError("the survey has no legs; add_leg() adds them")
+        if self.platform.trajectory is not None or self.platform.follows_file:
+            return
+        for leg in self.legs:
+            part = flown_part(leg)
+            changed = [] if part is None else [name for name in part.model_fields_set if getattr(part, name)]
+            if changed:
+                names = ", ".join(sorted(changed))
+                raise ValueError(f"a leg has {names}, but the platform has no trajectory; Platform.load_interpolate_platform() makes one")
+
+    def to_xml(self, folder: Path | None = None) -> str:
+        """Return the survey as XML, that of its file if it was not changed.
+
+        Parameters
+        ----------
+        folder : pathlib.Path, optional
+            Where a trajectory is written to.
+
+        Returns
+        -------
+        str
+            The text.
+        """
+        if self._document is not None and self._is_as_read():
+            return self._document.path.read_text(encoding="utf-8", errors="replace")
+        return survey_xml.text_of(survey_xml.write(self, folder))
+
+    @property
+    def trajectory(self) -> NDArray[np.void] | None:
+        """Recorded poses that the platform follows; an array of them can be set, as for :meth:`Platform.load_interpolate_platform`."""
+        return self.platform.trajectory
+
+    @trajectory.setter
+    def trajectory(self, poses: ArrayLike) -> None:
+        self.platform = self.platform.following(poses)
+
+    @property
+    def is_of_file(self) -> bool:
+        """Whether it was read from a file."""
+        return self._document is not None
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether its scene is loaded."""
+        return self.scene.is_loaded
+
+    def _is_as_read(self) -> bool:
+        old = self._as_read
+        if old is None or self.legs != old.legs or any(leg.source is None for leg in self.legs):
+            return False
+        same = (self.name, self.scanner, self.platform, self.full_waveform_settings)
+        return same == (old.name, old.scanner, old.platform, old.full_waveform_settings) and not self.has_own_waveform
+
+    @property
+    def has_own_waveform(self) -> bool:
+        """Whether waveform settings were given."""
+        return "full_waveform_settings" in self.model_fields_set
+
+    def engine(self, folder: Path) -> EngineSurvey:
+        """Return the survey for the engine: its file, or one that is written to a folder.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            The folder, which exists as long as the survey is used.
+
+        Returns
+        -------
+        vlscan.Survey
+            The survey.
+        """
+        is_scene_of_file = self._as_read is not None and self.scene.source_file == self._as_read.scene.source_file and self.scene.is_as_read
+        if self._document is not None and self._is_as_read():
+            return EngineSurvey.open(self._document.path, None if is_scene_of_file else self.scene.engine())
+        file = folder / "survey.xml"
+        file.write_text(self.to_xml(folder), encoding="utf-8")
+        return EngineSurvey.open(file, None if is_scene_of_file else self.scene.engine())
+
+    def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
+        given = execution.model_fields_set
+        is_chunked = execution.parallelization == ParallelizationStrategy.CHUNK
+        folders = [*own_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
+        options: dict[str, Any] = {
+            "threads": execution.num_threads if "num_threads" in given else None,
+            "chunk_size": execution.chunk_size if "chunk_size" in given else None,
+            "warehouse_factor": execution.warehouse_factor if "warehouse_factor" in given else None,
+            "schedule": ("dynamic" if is_chunked else "warehouse") if "parallelization" in given else None,
+            "tree": _TREES[execution.factory_type] if "factory_type" in given else None,
+            "tree_jobs": execution.kdt_num_threads if "kdt_num_threads" in given else None,
+            "seed": rng_seed(),
+            "gps_start": self.gps_time if "gps_time" in self.model_fields_set else None,
+            "assets": folders,
+        }
+        options = {name: value for name, value in options.items() if value is not None}
+        if _is_folder(output):
+            options["las_output"], options["zip_output"] = output.format != OutputFormat.XYZ, output.format == OutputFormat.LAZ
+            options["las_scale"] = output.las_scale if "las_scale" in output.model_fields_set else None
+            options["split_by_channel"] = output.split_by_channel
+        made: RunOptions = options  # type: ignore[assignment]
+        return made
+
+    def gps_start(self) -> float:
+        """Return the time of points at the beginning of the run, s of the week of GPS.
+
+        Returns
+        -------
+        float
+            The time.
+        """
+        return (self.gps_time.timestamp() - _GPS_EPOCH) % _WEEK
+
+    def durations(self) -> list[float]:
+        """Return how long legs take, s: as long as the head turns, or as the way to the next leg takes; NaN where neither is known.
+
+        Returns
+        -------
+        list of float
+            A duration for each leg.
+        """
+        durations = []
+        for leg, following in zip(self.legs, [*self.legs[1:], None], strict=True):
+            head, place = leg.scanner_settings, leg.platform_settings
+            rate, speed = getattr(head, "head_rotation", 0), getattr(place, "speed_m_s", 0)
+            if self.platform.trajectory is not None or self.platform.follows_file:
+                durations.append(math.nan)
+            elif self.platform.is_static:
+                turn = getattr(head, "rotation_stop_angle", 0) - getattr(head, "rotation_start_angle", 0)
+                durations.append(abs(turn / rate) if rate else math.nan)
+            elif following is None:
+                durations.append(0.0)
+            else:
+                way = [getattr(following.platform_settings, axis, 0) - getattr(place, axis, 0) for axis in "xyz"]
+                durations.append(math.hypot(*way) / speed if speed else math.nan)
+        return durations
+
+    def _identity(self) -> object:
+        return None if self._document is None else self._document.path
+
+    def __copy__(self) -> Survey:
+        return self.clone()
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Survey:
+        twin = self.twin()
+        # Behind the validation, which would note the fields as given.
+        twin.__dict__.update({name: value.clone() for name, value in self if isinstance(value, Model)})
+        twin.__dict__["legs"] = tuple(leg.clone() for leg in self.legs)
+        return twin
+
+    def __repr__(self) -> str:
+        return f"<Survey {self.name!r}: {len(self.legs)} legs>"
+
+    __str__ = __repr__
+
+
+def _is_folder(output: OutputSettings) -> bool:
+    return output.format in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ)
+
+
+def _check_output(output: OutputSettings) -> None:
+    """Refuse or warn of what the format of a run has no place for."""
+    if _is_folder(output):
+        return
+    for name in ("write_waveform", "write_pulse"):
+        if getattr(output, name):
+            raise NotImplementedError(
+                f"{name} needs a format of files: LAS, LAZ or XYZ; vlscan.Survey.run(waveforms=True, pulses=True) has them in memory"
+            )
+    has_effect = {"las_scale"} if output.format == OutputFormat.LASPY else set()
+    for name in ("output_dir", "split_by_channel", "las_scale"):
+        if name in output.model_fields_set - has_effect:
+            warn(f"{name} has no effect on the format {output.format.name}")
+
+
+class _Run:
+    """A run of a survey to one output."""
+
+    def __init__(self, survey: Survey, engine: EngineSurvey, options: RunOptions, output: OutputSettings) -> None:
+        self._survey, self._engine, self._options, self._output = survey, engine, options, output
+        self._is_folder = _is_folder(output)
+
+    def _chosen(self, has_batches: bool) -> dict[str, Any]:
+        """Return the arguments of the engine's run."""
+        options, output = dict(self._options), self._output
+        if not self._is_folder or has_batches and output.format != OutputFormat.XYZ:
+            # Columns of text are those of HELIOS++.
+            options["columns"] = COLUMNS
+        if self._is_folder:
+            options |= {"output": output.output_dir, "waveforms": output.write_waveform, "pulses": output.write_pulse}
+        return options
+
+    def plain(self) -> Any:
+        """Run, and return the results."""
+        result = self._engine.run(progress=False, **self._chosen(False))
+        if self._is_folder:
+            return Path(result.directories[0])
+        points = result.points
+        return self._result(point_records(points), result, points["Intensity"], points["ScanAngle"])
+
+    def with_hooks(self, hooks: list[SurveyHook]) -> Any:
+        """Run, call hooks, and return the results."""
+        path = os.fspath(self._output.output_dir) if self._is_folder else ""
+        facts = RunFacts(self._survey.durations(), self._survey.gps_start(), path)
+        dispatcher = HookDispatcher(hooks, len(self._survey.legs), facts)
+        needs_points = not self._is_folder or any(hook.payload != HookPayload.METADATA_ONLY for hook in hooks)
+        dispatcher.keeps_points = needs_points
+        columns: list[tuple[NDArray[Any], NDArray[Any]]] = []
+        start, last = None, 0.0
+        # A hook may fail, which ends the run.
+        with self._engine.run_batches(_BATCH_ROWS, True, **self._chosen(True)) as batches:
+            for points in batches:
+                gps_times = np.asarray(points["GpsTime"])
+                if start is None:
+                    start = self._start(gps_times)
+                times = np.maximum.accumulate(gps_times - start)
+                dispatcher.feed(point_records(points), times)
+                last = float(times[-1]) if len(times) else last
+                if self._output.format == OutputFormat.LASPY:
+                    columns.append((np.array(points["Intensity"]), np.array(points["ScanAngle"])))
+            result = batches.result
+        dispatcher.finish(last, pose_records(result.trajectory) if needs_points else None)
+        if self._is_folder:
+            return Path(result.directories[0])
+        intensity, angle = (np.concatenate(parts) for parts in zip(*columns, strict=True)) if columns else (np.empty(0), np.empty(0))
+        return self._result(dispatcher.collected(), result, intensity, angle)
+
+    def _start(self, times: NDArray[np.float64]) -> float:
+        """Return the time of points at the beginning of the run."""
+        start = self._survey.gps_start()
+        is_of_run = len(times) and not self._survey.platform.sync_gps_time and 0 <= times[0] - start < _WEEK
+        return start if is_of_run else float(times[0]) if len(times) else 0.0
+
+    def _result(self, records: NDArray[np.void], result: Result, intensity: NDArray[Any], angle: NDArray[Any]) -> Any:
+        poses = pose_records(result.trajectory)
+        if self._output.format == OutputFormat.LASPY:
+            return laspy_data(records, intensity, angle, self._output.las_scale or 0.0001), poses
+        return records, poses

@@ -1,0 +1,40 @@
+"""Points of an array as the file that the engine reads."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class PointFile:
+    """Points as text in a folder of its own, which lives as long as the parts that read it and is pickled with them."""
+
+    def __init__(self, content: bytes) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="vlscan-")
+        self._path = os.path.join(self._folder.name, "points.xyz")
+        with open(self._path, "wb") as file:
+            file.write(content)
+
+    @staticmethod
+    def of(points: ArrayLike) -> PointFile:
+        """Return the file of rows of x, y, z and more columns."""
+        rows: NDArray[np.float64] = np.asarray(points, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
+            raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
+        lines = (" ".join(map(repr, row)) for row in rows.tolist())
+        return PointFile(("\n".join(lines) + "\n").encode())
+
+    def __fspath__(self) -> str:
+        return self._path
+
+    def __reduce__(self) -> tuple[Callable[[bytes], PointFile], tuple[Any, ...]]:
+        with open(self._path, "rb") as file:
+            return PointFile, (file.read(),)
+
+    def __repr__(self) -> str:
+        return "array"

@@ -1,0 +1,86 @@
+"""Options of a run as values of the engine."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from datetime import datetime, timezone
+from difflib import get_close_matches
+from functools import wraps
+from typing import TypeVar, cast
+
+import numpy as np
+
+from . import catalogue
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+def renamed(**names: str) -> Callable[[Function], Function]:
+    """Accept earlier names of arguments, which a function's signature no longer has: ``renamed(earlier="now")``."""
+
+    def decorate(function: Function) -> Function:
+        @wraps(function)
+        def call(*args: object, **arguments: object) -> object:
+            for earlier, now in names.items():
+                if earlier in arguments:
+                    if now in arguments:
+                        raise TypeError(f"{earlier} is the earlier name of {now}; give {now} only")
+                    arguments[now] = arguments.pop(earlier)
+            return function(*args, **arguments)
+
+        return cast(Function, call)
+
+    return decorate
+
+
+def values_of(options: Mapping[str, object], *, writes_files: bool = True) -> dict[str, object]:
+    """Return the values of options for the engine; ``writes_files`` is whether options of files have a meaning."""
+    known = catalogue.options()
+    values: dict[str, object] = {}
+    for name, value in options.items():
+        if name not in known:
+            close = get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]!r}?" if close else "vlscan.options() lists them"
+            raise TypeError(f"no option of a run is called {name!r}; {hint}")
+        value = _plain(name, value, known[name].has_value)
+        if value is None or (value is False and known[name].has_value):
+            continue
+        if known[name].is_of_files and not writes_files and value is not False:
+            raise ValueError(f"{name} is an option of files, but this run writes none; name them with run(to=...)")
+        if isinstance(value, Mapping) and name == "columns":
+            # The columns that `vlscan.columns()` lists.
+            value = list(value)
+        values[name] = [value] if known[name].is_list and not isinstance(value, (dict, list)) else value
+    return values
+
+
+def _plain(name: str, value: object, has_value: bool) -> object:
+    """Return a value of an option as the engine takes it; a switch is a truth value, and nothing else is one."""
+    if isinstance(value, np.bool_):
+        value = bool(value)
+    if not has_value and isinstance(value, (int, np.integer)):
+        if value not in (0, 1):
+            raise TypeError(f"{name} is True or False, found {value!r}")
+        return bool(value)
+    if not has_value and value is not None:
+        raise TypeError(f"{name} is True or False, found {value!r}")
+    if value is True:
+        raise TypeError(f"{name} needs a value, found True")
+    return _value(value)
+
+
+def _value(value: object) -> object:
+    """Return a value with the types of Python: numbers, texts, lists and dictionaries."""
+    if isinstance(value, (os.PathLike, bytes)):
+        return os.fsdecode(value)
+    if isinstance(value, datetime):
+        return str(value if value.tzinfo is None else value.astimezone(timezone.utc).replace(tzinfo=None))
+    if hasattr(value, "tolist"):
+        # Scalars and arrays of NumPy and of libraries like it.
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _value(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_value(item) for item in value]
+    return value

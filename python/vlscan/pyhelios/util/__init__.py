@@ -1,0 +1,1 @@
+"""Helpers of HELIOS++ 2 for notebooks."""
