@@ -28,7 +28,9 @@ use vlscan_base::diag::Place;
 use vlscan_geom::{DVec3, Rotation, radians};
 
 pub use identity::{Identity, MaterialChanges};
-pub use mesh::{MaterialChange, MaterialDefinition, Mesh, OpticsDefinition, Replaced, UnusedOptics};
+pub use mesh::{
+    MaterialChange, MaterialDefinition, Mesh, OpticsDefinition, Replaced, UnusedOptics, WaterDefinition,
+};
 pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
 pub use poses::*;
 pub use pulse_times::PulseTimes;

@@ -49,6 +49,10 @@ pub struct Receiver {
     pub dead_time: f64,
     /// Step of the ranges that are reported, m; 0 = any range.
     pub range_step: f64,
+    /// Field of view, full angle, rad; `None` = all light that water scatters forward is received.
+    pub field_of_view: Option<f64>,
+    /// True if points below water are corrected for its refraction and speed of light.
+    pub corrects_refraction: bool,
 }
 
 /// Noise of a range as a function of the strength of its echo and of the depth of its footprint: independent
