@@ -13,8 +13,8 @@ use vlscan::geom::{DVec3, Rotation};
 use vlscan::scene::{Pack, pack};
 use vlscan::survey::{
     Loader, MaterialChange, MaterialChanges, MaterialChoice, MeshReading, OpticsDefinition, PartRecipe,
-    RasterFiles, Replaced, SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, WaterDefinition, XyzLoader,
-    find_raster,
+    RasterFiles, Replaced, SceneRecipe, Transform, UpAxis, VoxelLoader, VoxelMode, WaterDefinition,
+    XyzLoader, find_raster,
 };
 use vlscan::{LoadedScene, MaterialDefinition, ReadOptions, ResolvedRun, Session, read_scene};
 

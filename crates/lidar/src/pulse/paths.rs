@@ -1,7 +1,7 @@
 //! Light that mirrors, panes and water pass on to other surfaces.
 //!
-//! Each subray that meets a mirror, a pane or water is followed to the surfaces behind it. Light returns the way
-//! that it came, so every mirror and pane counts twice. A reflection at the end of a path has the optical
+//! Each subray that meets a mirror, a pane or water is followed to the surfaces behind it. Light returns the
+//! way that it came, so every mirror and pane counts twice. A reflection at the end of a path has the optical
 //! length of the path as its range, and the detector receives it like any other: echoes are on the axis of
 //! the beam, as instruments report them.
 //!
@@ -265,8 +265,8 @@ impl LightPaths {
         drawn
     }
 
-    /// Light at the surface of water: its facets mirror some of it, straight back or on to other surfaces; the
-    /// rest enters the water.
+    /// Light at the surface of water: its facets mirror some of it, straight back or on to other surfaces;
+    /// the rest enters the water.
     fn enter_water(
         &mut self,
         view: &SceneView,

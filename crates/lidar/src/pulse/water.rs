@@ -102,8 +102,8 @@ pub(super) fn refract(water: &Water, normal: DVec3, direction: DVec3) -> Option<
 }
 
 /// R_eff²: light of a point in water returns to the receiver as from that distance in air. With the ways l_a
-/// in air and l_w in water and the angles θ and φ at the facet it is (n·l_a + l_w) in the plane across that of
-/// incidence, times (n·l_a·cos φ/cos θ + l_w·cos θ/cos φ) in that plane.
+/// in air and l_w in water and the angles θ and φ at the facet it is (n·l_a + l_w) in the plane across that
+/// of incidence, times (n·l_a·cos φ/cos θ + l_w·cos θ/cos φ) in that plane.
 pub(super) fn effective_range_squared(water: &Water, air: f64, way: f64, [outer, inner]: [f64; 2]) -> f64 {
     let bent = water.index * air;
     (bent + way) * (bent * inner / outer + way * outer / inner)
