@@ -442,6 +442,42 @@ mod tests {
     }
 
     #[test]
+    fn water_is_read_and_impossible_water_is_an_error() {
+        let values = [1.34, 1.365, 0.2, 5.0, 0.9, 0.001, 7.0, -30.0];
+        let keys = OPTICAL_KEYS.iter().filter(|key| key.starts_with("water_"));
+        let lines: String = keys.zip(values).map(|(key, value)| format!("vlscan_{key} {value}\n")).collect();
+        let (m, d) = read_text(format!("newmtl a\n{lines}").as_bytes());
+        assert!(d.items().is_empty(), "{}", d.text());
+        let [index, group_index, attenuation, secchi, beam_attenuation, backscatter, wind, wind_direction] =
+            values.map(Some);
+        let water = WaterDefinition {
+            index,
+            group_index,
+            attenuation,
+            secchi,
+            beam_attenuation,
+            backscatter,
+            wind,
+            wind_direction,
+        };
+        assert_eq!(m[0].optics, OpticsDefinition { water, ..OpticsDefinition::default() });
+        assert!(OPTICAL_KEYS.iter().all(|key| is_known(format!("vlscan_{key}").as_bytes())));
+        for bad in [
+            "vlscan_water_index 0",
+            "vlscan_water_index nan",
+            "vlscan_water_group_index -1.3",
+            "vlscan_water_attenuation -1",
+            "vlscan_water_secchi_m 0",
+            "vlscan_water_backscatter nan",
+            "vlscan_water_wind_m_s -1",
+            "vlscan_water_wind_deg 400",
+        ] {
+            let (m, d) = read_text(format!("newmtl a\n{bad}\n").as_bytes());
+            assert!(d.is_fatal(false) && m[0].optics == OpticsDefinition::default(), "{bad}: {}", d.text());
+        }
+    }
+
+    #[test]
     fn glass_and_mirrors_of_pictures_have_a_meaning() {
         let meaning = |lines: &str| {
             let (m, _) = read_text(format!("newmtl a\n{lines}\n").as_bytes());
