@@ -448,19 +448,9 @@ mod tests {
         let lines: String = keys.zip(values).map(|(key, value)| format!("vlscan_{key} {value}\n")).collect();
         let (m, d) = read_text(format!("newmtl a\n{lines}").as_bytes());
         assert!(d.items().is_empty(), "{}", d.text());
-        let [index, group_index, attenuation, secchi, beam_attenuation, backscatter, wind, wind_direction] =
-            values.map(Some);
-        let water = WaterDefinition {
-            index,
-            group_index,
-            attenuation,
-            secchi,
-            beam_attenuation,
-            backscatter,
-            wind,
-            wind_direction,
-        };
-        assert_eq!(m[0].optics, OpticsDefinition { water, ..OpticsDefinition::default() });
+        let w = m[0].optics.water;
+        let of_light = [w.index, w.group_index, w.attenuation, w.secchi, w.beam_attenuation, w.backscatter];
+        assert_eq!([&of_light[..], &[w.wind, w.wind_direction]].concat(), values.map(Some));
         assert!(OPTICAL_KEYS.iter().all(|key| is_known(format!("vlscan_{key}").as_bytes())));
         for bad in [
             "vlscan_water_index 0",
