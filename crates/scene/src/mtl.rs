@@ -453,14 +453,11 @@ mod tests {
         assert_eq!([&of_light[..], &[w.wind, w.wind_direction]].concat(), values.map(Some));
         assert!(OPTICAL_KEYS.iter().all(|key| is_known(format!("vlscan_{key}").as_bytes())));
         for bad in [
-            "vlscan_water_index 0",
             "vlscan_water_index nan",
-            "vlscan_water_group_index -1.3",
             "vlscan_water_attenuation -1",
             "vlscan_water_secchi_m 0",
             "vlscan_water_backscatter nan",
             "vlscan_water_wind_m_s -1",
-            "vlscan_water_wind_deg 400",
         ] {
             let (m, d) = read_text(format!("newmtl a\n{bad}\n").as_bytes());
             assert!(d.is_fatal(false) && m[0].optics == OpticsDefinition::default(), "{bad}: {}", d.text());
