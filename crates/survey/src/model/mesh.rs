@@ -175,7 +175,7 @@ pub struct UnusedOptics {
 }
 
 /// Optical properties of a material as its definition states them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Default, PartialEq)]
 pub struct OpticsDefinition {
     /// Share of the light that a mirror reflects (`vlscan_mirror`), 0 to 1.
     pub mirror: Option<f64>,
@@ -193,6 +193,25 @@ pub struct OpticsDefinition {
     pub opacity: Option<f64>,
     /// Water whose surface it is.
     pub water: WaterDefinition,
+}
+
+impl fmt::Debug for OpticsDefinition {
+    /// Checksums of scenes include this text, so mirrors and panes have no field `water`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut fields = f.debug_struct("OpticsDefinition");
+        fields
+            .field("mirror", &self.mirror)
+            .field("index", &self.index)
+            .field("thickness", &self.thickness)
+            .field("absorption", &self.absorption)
+            .field("sheets", &self.sheets)
+            .field("retro", &self.retro)
+            .field("opacity", &self.opacity);
+        if self.water.is_water() {
+            fields.field("water", &self.water);
+        }
+        fields.finish()
+    }
 }
 
 /// Properties of water as the definition of its surface states them. Water has at least one of them.
