@@ -259,7 +259,9 @@ pub(super) mod tests {
         for (degrees, expected) in
             [(0.0, 0.184544), (5.0, 0.143929), (10.0, 0.067177), (15.0, 0.017829), (20.0, 0.002452)]
         {
-            let mean = mean_glint(&isotropic, down(degrees, 30.0), 200_000);
+            // Far from nadir few facets have most of the light.
+            let count = if degrees < 18.0 { 200_000 } else { 1_200_000 };
+            let mean = mean_glint(&isotropic, down(degrees, 30.0), count);
             near(mean / expected, 1.0, 0.02);
         }
         // The wind blows along y.
