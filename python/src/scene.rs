@@ -16,7 +16,7 @@ use vlscan::geom::{DVec3, Rotation};
 use vlscan::scene::{Pack, pack};
 use vlscan::survey::{
     Loader, MaterialChoice, MeshReading, OpticsDefinition, PartRecipe, RasterFiles, SceneRecipe, Transform,
-    UpAxis, VoxelLoader, VoxelMode, XyzLoader, find_raster,
+    UpAxis, VoxelLoader, VoxelMode, WaterDefinition, XyzLoader, find_raster,
 };
 use vlscan::{LoadedScene, MaterialDefinition, OptionValues, ReadOptions, ResolvedRun, Session, read_scene};
 
@@ -88,6 +88,15 @@ pub fn fields_of<'py>(py: Python<'py>, material: &MaterialDefinition) -> PyResul
     fields.set_item("pane_absorption", material.optics.absorption)?;
     fields.set_item("pane_sheets", material.optics.sheets)?;
     fields.set_item("retro", material.optics.retro)?;
+    let water = &material.optics.water;
+    fields.set_item("water_index", water.index)?;
+    fields.set_item("water_group_index", water.group_index)?;
+    fields.set_item("water_attenuation", water.attenuation)?;
+    fields.set_item("water_secchi_m", water.secchi)?;
+    fields.set_item("water_beam_attenuation", water.beam_attenuation)?;
+    fields.set_item("water_backscatter", water.backscatter)?;
+    fields.set_item("water_wind_m_s", water.wind)?;
+    fields.set_item("water_wind_deg", water.wind_direction)?;
     Ok(fields)
 }
 
@@ -117,6 +126,16 @@ pub fn material(fields: &Bound<'_, PyDict>) -> PyResult<MaterialDefinition> {
             sheets: get("pane_sheets")?.extract()?,
             retro: get("retro")?.extract()?,
             opacity: None,
+            water: WaterDefinition {
+                index: get("water_index")?.extract()?,
+                group_index: get("water_group_index")?.extract()?,
+                attenuation: get("water_attenuation")?.extract()?,
+                secchi: get("water_secchi_m")?.extract()?,
+                beam_attenuation: get("water_beam_attenuation")?.extract()?,
+                backscatter: get("water_backscatter")?.extract()?,
+                wind: get("water_wind_m_s")?.extract()?,
+                wind_direction: get("water_wind_deg")?.extract()?,
+            },
         },
         colour: None,
         unused_optics: None,

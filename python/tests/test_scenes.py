@@ -128,6 +128,7 @@ def test_materials_are_checked():
     for wrong in (
         {"reflectance": 1.5}, {"reflectance": float("nan")}, {"reflectance": -0.1}, {"roughness_deg": 91}, {"classification": 256},
         {"classification": -1}, {"mirror": 1.1}, {"pane_index": 0.9}, {"pane_thickness_m": -0.1}, {"pane_sheets": 3}, {"retro": -1},
+        {"water_index": 0}, {"water_secchi_m": 0}, {"water_attenuation": -1}, {"water_wind_m_s": float("nan")},
     ):  # fmt: skip
         with pytest.raises(ValueError, match=f"{next(iter(wrong))} of the material 'a' is"):
             Material("a", **wrong)

@@ -62,6 +62,22 @@ class Material:
         Number of sheets of a pane, 1 or 2.
     retro : float, optional
         Coefficient R_A of a retro-reflector, 0 to 1e5 cd/(lx m²).
+    water_index : float, optional
+        Refractive index of water, 1 to 5; 1.335 if another property of water is given, else the surface is not water.
+    water_group_index : float, optional
+        Group index of water, 1 to 5; 0.022 above the refractive index by default.
+    water_attenuation : float, optional
+        Diffuse attenuation K of light in water, per metre; 0.1 by default.
+    water_secchi_m : float, optional
+        Secchi depth, m, instead of ``water_attenuation``, which is 1.7 over it.
+    water_beam_attenuation : float, optional
+        Attenuation c of a narrow beam, per metre, at least K; K by default.
+    water_backscatter : float, optional
+        Light that water scatters straight back, per metre and sr; that of pure water by default.
+    water_wind_m_s : float, optional
+        Wind speed, 0 to 50 m/s, which makes waves; 0 for flat water, 5 by default.
+    water_wind_deg : float, optional
+        Direction of the wind, degrees clockwise from north; by default waves are alike in all directions.
 
     Raises
     ------
@@ -91,6 +107,14 @@ class Material:
     pane_absorption: float | None = None
     pane_sheets: int | None = None
     retro: float | None = None
+    water_index: float | None = None
+    water_group_index: float | None = None
+    water_attenuation: float | None = None
+    water_secchi_m: float | None = None
+    water_beam_attenuation: float | None = None
+    water_backscatter: float | None = None
+    water_wind_m_s: float | None = None
+    water_wind_deg: float | None = None
 
     _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
 
@@ -105,6 +129,14 @@ class Material:
         self._check("pane_absorption", 1e6)
         self._check("pane_sheets", 2, 1)
         self._check("retro", 1e5)
+        self._check("water_index", 5, 1)
+        self._check("water_group_index", 5, 1)
+        self._check("water_attenuation", 1e4)
+        self._check("water_secchi_m", 100, 0.01)
+        self._check("water_beam_attenuation", 1e4)
+        self._check("water_backscatter", 10)
+        self._check("water_wind_m_s", 50)
+        self._check("water_wind_deg", 360, -360)
 
     def _check(self, name: str, highest: float, lowest: float = 0) -> None:
         value = getattr(self, name)
@@ -808,8 +840,8 @@ def _fields(material: Material) -> dict[str, Any]:
     if not isinstance(material, Material):
         raise TypeError(f"expected a Material, found {material!r}; vlscan.Material({str(material)!r}) makes one")
     fields = asdict(material)
-    optics = (material.mirror, material.pane_index, material.pane_thickness_m, material.pane_absorption, material.pane_sheets)
-    is_optical = any(value is not None for value in optics)
+    optics = ("mirror", "pane_index", "pane_thickness_m", "pane_absorption", "pane_sheets")
+    is_optical = any(value is not None and (name in optics or name.startswith("water_")) for name, value in fields.items())
     if material.reflectance is None and material.spectrum is None and not is_optical:
         fields["reflectance"] = material._USUAL_REFLECTANCE
     for key in ("diffuse", "specular"):

@@ -1,5 +1,5 @@
-//! Mirrors and panes in complete runs: the image of a mirror, surfaces behind a pane, labels, hostile
-//! materials.
+//! Mirrors, panes and water in complete runs: the image of a mirror, surfaces behind a pane or below water,
+//! labels, hostile materials.
 
 use crate::common::{folder, run, succeed, text};
 use arrow_array::RecordBatch;
@@ -209,4 +209,118 @@ fn ghosts_of_surfaces_aside_have_the_same_bytes_from_tiles_and_from_shards() {
     }
     succeed(dir.path(), &["merge", "shards", "-q", "-o", "b.csv", "--columns", COLUMNS]);
     assert!(bytes("b.csv") == all, "shards");
+}
+
+/// Ground at 0 under a lake whose level is 10, with these properties.
+fn write_lake(dir: &Path, scanner: &str, water: &str) {
+    let ground = square("ground", 0.0);
+    fs::write(dir.join("m.mtl"), GROUND).unwrap();
+    fs::write(dir.join("ground.obj"), format!("mtllib m.mtl\n{ground}")).unwrap();
+    let lake = "[[part]]\nfile = \"ground.obj\"\n[[part]]\nwater_level_m = 10\n\
+                water_area_m = [-1000, -1000, 1000, 1000]\n[[part.material]]\n";
+    fs::write(dir.join("p.toml"), format!("{scanner}{lake}{water}")).unwrap();
+}
+
+#[test]
+fn a_lake_has_surface_column_and_bottom_with_the_same_bytes_in_every_way() {
+    let dir = folder();
+    write_lake(dir.path(), SCANNER, "water_attenuation = 0.05\nwater_wind_m_s = 6\nwater_wind_deg = 30\n");
+    let rows = flown(dir.path(), &[]);
+    let of = |path: f64| rows.iter().filter(move |row| row[5] == path);
+    assert!(of(5.0).count() > 1900 && of(3.0).count() > 500, "{} {}", of(5.0).count(), of(3.0).count());
+    assert!(of(5.0).all(|row| row[7].abs() < 1e-3 && row[6] == 1.0));
+    assert!(of(3.0).all(|row| (row[7] - 10.0).abs() < 1e-3 && row[6] == 0.0));
+    assert!(of(4.0).all(|row| (0.0..=10.0).contains(&row[7])));
+    assert!(rows.iter().all(|row| (3.0..=5.0).contains(&row[5])));
+    // Bottoms are too deep: light is slower in water.
+    assert!(of(5.0).all(|row| row[1] < -3.0));
+    let bytes = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    let all = bytes("a.csv");
+    for way in [
+        &["-j", "1", "--chunk-size", "7"][..],
+        &["-j", "4", "--chunk-size", "4096"],
+        &["-j", "2", "--tree", "sah"],
+        &["-j", "2", "--tree", "fsah"],
+        &["--scene-memory", "1M"],
+    ] {
+        flown(dir.path(), way);
+        assert!(bytes("a.csv") == all, "{way:?}");
+    }
+    for shard in ["0/2", "1/2"] {
+        succeed(dir.path(), &["run", "p.toml", "-q", "--shard", shard, "-o", "shards", "--columns", COLUMNS]);
+    }
+    succeed(dir.path(), &["merge", "shards", "-q", "-o", "b.csv", "--columns", COLUMNS]);
+    assert!(bytes("b.csv") == all, "shards");
+}
+
+#[test]
+fn points_below_water_are_corrected_for_refraction_and_have_classes_of_bathymetry() {
+    let dir = folder();
+    let corrected = SCANNER.replace("accuracy_m = 0", "accuracy_m = 0\nrefraction_corrected = true");
+    assert_ne!(corrected, SCANNER);
+    let flat = "water_attenuation = 0.05\nwater_wind_m_s = 0\nwater_backscatter = 0\n";
+    write_lake(dir.path(), SCANNER, flat);
+    let recorded = flown(dir.path(), &[]);
+    write_lake(dir.path(), &corrected, flat);
+    let rows = flown(dir.path(), &[]);
+    assert_eq!((rows.len(), recorded.len()), (2001, 2001));
+    for (row, recorded) in rows.iter().zip(&recorded) {
+        assert!(row[1].abs() < 2e-3 && row[2] == recorded[2], "{row:?} {recorded:?}");
+        let (cosine, index) = (-row[4], 1.335035f64);
+        let inner = (1.0 - (1.0 - cosine * cosine) / (index * index)).sqrt();
+        let range = 90.0 / cosine + 10.0 * 1.356954 / inner;
+        assert!((recorded[2] - range).abs() < 1e-3, "{recorded:?}: {range}");
+        assert!((recorded[1] - (100.0 - range * cosine)).abs() < 2e-3, "{recorded:?}");
+    }
+    write_lake(dir.path(), &corrected, "water_secchi_m = 20\nwater_wind_m_s = 8\n");
+    succeed(dir.path(), &["run", "p.toml", "-q", "-o", "c.csv", "--columns", "Path,Classification"]);
+    let table = fs::read_to_string(dir.path().join("c.csv")).unwrap();
+    let has = |row: &str| table.lines().any(|line| line == row);
+    assert!(has("3,41") && has("5,40") && !has("3,0") && !has("5,0"), "{table}");
+}
+
+#[test]
+fn impossible_water_is_refused_with_a_message() {
+    for (bad, expected) in [
+        ("vlscan_water_index 0", "a refractive index from 1 to 5"),
+        ("vlscan_water_index -1.33", "a refractive index from 1 to 5"),
+        ("vlscan_water_group_index nan", "a refractive index from 1 to 5"),
+        ("vlscan_water_attenuation -1", "an attenuation of 0 to 1e4 per metre"),
+        ("vlscan_water_secchi_m 0", "a Secchi depth of 0.01 to 100 m"),
+        ("vlscan_water_wind_m_s nan", "a wind speed of 0 to 50 m/s"),
+        ("vlscan_water_wind_m_s 1\nvlscan_mirror 1", "both a mirror and water"),
+        ("vlscan_water_secchi_m 1\nvlscan_water_attenuation 1", "both an attenuation and a Secchi depth"),
+        ("vlscan_water_beam_attenuation 0.01", "a beam attenuation of at least"),
+    ] {
+        let dir = folder();
+        write(dir.path(), &format!("newmtl m\n{bad}\n"), &[("m", 0.0)]);
+        let done = run(dir.path(), &["run", "p.toml", "-o", "a.csv"]);
+        assert!(!done.status.success(), "{bad}");
+        assert!(text(&done.stderr).contains(expected), "{bad}: {}", text(&done.stderr));
+    }
+    for (bad, expected) in [
+        ("[[part]]\nwater_level_m = 1\n", "needs the key `water_area_m`"),
+        ("[[part]]\nwater_area_m = [0, 0, 1, 1]\n", "water_level_m"),
+        ("[[part]]\nwater_level_m = nan\nwater_area_m = [0, 0, 1, 1]\n", "a height of -1e5 to 1e5 m"),
+        (
+            "[[part]]\nwater_level_m = 1\nwater_area_m = [1, 0, 0, 1]\n",
+            "the smallest x and y, then the largest",
+        ),
+        ("[[part]]\nfile = \"s.obj\"\nwater_level_m = 1\nwater_area_m = [0, 0, 1, 1]\n", "has no meaning"),
+        (
+            "[[part]]\nfile = \"s.obj\"\n[[part.material]]\nwater_index = 0.5\n",
+            "a refractive index from 1 to 5",
+        ),
+        (
+            "[[part]]\nfile = \"s.obj\"\n[[part.material]]\nwater_secchi_m = 1\nwater_attenuation = 1\n",
+            "not both",
+        ),
+    ] {
+        let dir = folder();
+        write(dir.path(), GROUND, &[("ground", 0.0)]);
+        fs::write(dir.path().join("p.toml"), format!("{SCANNER}{bad}")).unwrap();
+        let done = run(dir.path(), &["run", "p.toml", "-o", "a.csv"]);
+        assert!(!done.status.success(), "{bad}");
+        assert!(text(&done.stderr).contains(expected), "{bad}: {}", text(&done.stderr));
+    }
 }

@@ -225,6 +225,20 @@ pub const PANE_THICKNESS: Bounds = Bounds::new(0.0, 1.0, "a thickness of 0 to 1 
 pub const PANE_ABSORPTION: Bounds = Bounds::new(0.0, 1e6, "an absorption of 0 to 1e6 per metre");
 /// Number of sheets of a pane.
 pub const PANE_SHEETS: Bounds = Bounds::new(1.0, 2.0, "1 or 2 sheets");
+/// Attenuation of light in water, 1/m.
+pub const WATER_ATTENUATION: Bounds = Bounds::new(0.0, 1e4, "an attenuation of 0 to 1e4 per metre");
+/// Depth at which a white disk disappears, m.
+pub const SECCHI_DEPTH: Bounds = Bounds::new(0.01, 100.0, "a Secchi depth of 0.01 to 100 m");
+/// Light that water scatters straight back, 1/(m·sr).
+pub const WATER_BACKSCATTER: Bounds = Bounds::new(0.0, 10.0, "a backscatter of 0 to 10 per metre and sr");
+/// Wind speed, m/s.
+pub const WIND_SPEED: Bounds = Bounds::new(0.0, 50.0, "a wind speed of 0 to 50 m/s");
+/// Direction of the wind, degrees.
+pub const WIND_DIRECTION: Bounds = Bounds::new(-360.0, 360.0, "a direction of -360 to 360 degrees");
+/// Height of the surface of water, m.
+pub const WATER_LEVEL: Bounds = Bounds::new(-1e5, 1e5, "a height of -1e5 to 1e5 m");
+/// Field of view of a receiver, full angle, rad.
+pub const FIELD_OF_VIEW: Bounds = Bounds::new(0.0, 3.2, "an angle of 0 to 3.2 rad");
 /// Coefficient R_A of a retro-reflector, cd/(lx·m²).
 pub const RETRO: Bounds = Bounds::new(0.0, 1e5, "a coefficient of 0 to 1e5 cd/(lx·m²)");
 

@@ -104,7 +104,7 @@ pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
 pub use motion::{DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, check_time_step};
 pub use mtl::read_materials;
-pub use optics::{GLASS_INDEX, Optics, OpticsKind, SHEET_THICKNESS};
+pub use optics::{GLASS_INDEX, Optics, OpticsKind, SHEET_THICKNESS, Water};
 pub use pack::{Pack, pack};
 pub use part_facts::{MaterialArea, PartFacts, material_areas};
 pub use primitive::{PrimitiveFacts, PrimitiveShape};

@@ -9,10 +9,11 @@ use std::path::Path;
 use vlscan_base::columns::{comma_note, decoded};
 use vlscan_base::diag::{Diagnostics, nearest};
 use vlscan_base::quantity::{
-    CLASSES, MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, RETRO,
+    Bounds, CLASSES, MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, RETRO, SECCHI_DEPTH,
+    WATER_ATTENUATION, WATER_BACKSCATTER, WIND_DIRECTION, WIND_SPEED,
 };
 use vlscan_base::recognise::Expected;
-use vlscan_survey::{MaterialDefinition, OpticsDefinition};
+use vlscan_survey::{MaterialDefinition, OpticsDefinition, WaterDefinition};
 
 /// Reads the materials of a single file.
 ///
@@ -130,7 +131,7 @@ fn statement(
 }
 
 /// Keywords that matter.
-const KNOWN: [&str; 16] = [
+const KNOWN: [&str; 24] = [
     "Kd",
     "Ks",
     "Ns",
@@ -143,10 +144,35 @@ const KNOWN: [&str; 16] = [
     "vlscan_pane_absorption",
     "vlscan_pane_sheets",
     "vlscan_retro",
+    "vlscan_water_index",
+    "vlscan_water_group_index",
+    "vlscan_water_attenuation",
+    "vlscan_water_secchi_m",
+    "vlscan_water_beam_attenuation",
+    "vlscan_water_backscatter",
+    "vlscan_water_wind_m_s",
+    "vlscan_water_wind_deg",
     "helios_reflectance",
     "helios_spectra",
     "helios_classification",
     "helios_isGround",
+];
+/// Keys of optical properties, without the prefix `vlscan_`.
+pub(super) const OPTICAL_KEYS: [&str; 14] = [
+    "mirror",
+    "pane_index",
+    "pane_thickness_m",
+    "pane_absorption",
+    "pane_sheets",
+    "retro",
+    "water_index",
+    "water_group_index",
+    "water_attenuation",
+    "water_secchi_m",
+    "water_beam_attenuation",
+    "water_backscatter",
+    "water_wind_m_s",
+    "water_wind_deg",
 ];
 /// Prefixes of keywords that only laser scanners have.
 const OWN_PREFIXES: [&str; 2] = ["helios_", "vlscan_"];
@@ -209,10 +235,25 @@ pub(super) fn set_optics(
             optics.sheets = sheets.map(|sheets| sheets as u32);
             return optics.sheets.is_none().then_some(PANE_SHEETS.expected);
         }
-        _ => (RETRO, &mut optics.retro),
+        b"retro" => (RETRO, &mut optics.retro),
+        key => water_property(&mut optics.water, key),
     };
     *slot = value.filter(|v| bounds.contains(*v));
     slot.is_none().then_some(bounds.expected)
+}
+
+/// A property of water by its key without the prefix.
+fn water_property<'a>(water: &'a mut WaterDefinition, key: &[u8]) -> (Bounds, &'a mut Option<f64>) {
+    match key {
+        b"water_index" => (PANE_INDEX, &mut water.index),
+        b"water_group_index" => (PANE_INDEX, &mut water.group_index),
+        b"water_attenuation" => (WATER_ATTENUATION, &mut water.attenuation),
+        b"water_secchi_m" => (SECCHI_DEPTH, &mut water.secchi),
+        b"water_beam_attenuation" => (WATER_ATTENUATION, &mut water.beam_attenuation),
+        b"water_backscatter" => (WATER_BACKSCATTER, &mut water.backscatter),
+        b"water_wind_m_s" => (WIND_SPEED, &mut water.wind),
+        _ => (WIND_DIRECTION, &mut water.wind_direction),
+    }
 }
 
 fn set(
@@ -409,6 +450,29 @@ mod tests {
         ] {
             let (m, d) = read_text(format!("newmtl a\n{bad}\n").as_bytes());
             assert!(d.is_fatal(false) && m[0].optics == none, "{bad}: {}", d.text());
+        }
+    }
+
+    #[test]
+    fn water_is_read_and_impossible_water_is_an_error() {
+        let values = [1.34, 1.365, 0.2, 5.0, 0.9, 0.001, 7.0, -30.0];
+        let keys = OPTICAL_KEYS.iter().filter(|key| key.starts_with("water_"));
+        let lines: String = keys.zip(values).map(|(key, value)| format!("vlscan_{key} {value}\n")).collect();
+        let (m, d) = read_text(format!("newmtl a\n{lines}").as_bytes());
+        assert!(d.items().is_empty(), "{}", d.text());
+        let w = m[0].optics.water;
+        let of_light = [w.index, w.group_index, w.attenuation, w.secchi, w.beam_attenuation, w.backscatter];
+        assert_eq!([&of_light[..], &[w.wind, w.wind_direction]].concat(), values.map(Some));
+        assert!(OPTICAL_KEYS.iter().all(|key| is_known(format!("vlscan_{key}").as_bytes())));
+        for bad in [
+            "vlscan_water_index nan",
+            "vlscan_water_attenuation -1",
+            "vlscan_water_secchi_m 0",
+            "vlscan_water_backscatter nan",
+            "vlscan_water_wind_m_s -1",
+        ] {
+            let (m, d) = read_text(format!("newmtl a\n{bad}\n").as_bytes());
+            assert!(d.is_fatal(false) && m[0].optics == OpticsDefinition::default(), "{bad}: {}", d.text());
         }
     }
 

@@ -1,14 +1,14 @@
 //! Surfaces that mirror rays or let them pass.
 
 use vlscan_base::corrections::Corrections;
-use vlscan_survey::{MaterialDefinition, OpticsDefinition};
+use vlscan_survey::{MaterialDefinition, OpticsDefinition, WaterDefinition};
 
 /// Refractive index of panes that state none: window glass.
 pub const GLASS_INDEX: f64 = 1.5;
 /// Thickness of the sheets of panes that state none, m.
 pub const SHEET_THICKNESS: f64 = 0.004;
 
-/// Mirror or pane that a surface is.
+/// Mirror, pane or water that a surface is.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Optics {
     /// Behaviour of the light that meets the mirror or pane.
@@ -38,6 +38,69 @@ pub enum OpticsKind {
         /// Number of parallel sheets with air between them, 1 or 2.
         sheets: u32,
     },
+    /// Mirrors a part of the light; the rest enters the water below.
+    Water(Water),
+}
+
+/// Water below its surface, for light of the scanner's wavelength.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Water {
+    /// Refractive index in air, at least 1.
+    pub index: f64,
+    /// Group index in vacuum, at least 1: light is slower by that factor.
+    pub group_index: f64,
+    /// Diffuse attenuation K, 1/m.
+    pub attenuation: f64,
+    /// Attenuation c of a narrow beam, 1/m, at least K.
+    pub beam_attenuation: f64,
+    /// Volume scattering function at 180°, 1/(m·sr).
+    pub backscatter: f64,
+    /// Variances of the slopes of the surface along and across the wind; 0 for flat water.
+    pub slopes: [f64; 2],
+    /// Direction of the wind: x and y of a unit vector.
+    pub wind: [f64; 2],
+}
+
+impl Water {
+    /// Product of Secchi depth and K that is assumed (Poole and Atkins, 1929).
+    pub const SECCHI_PRODUCT: f64 = 1.7;
+    /// Attenuation of water that states none, 1/m: a clear lake.
+    pub const ATTENUATION: f64 = 0.1;
+    /// Backscatter of water that states none, 1/(m·sr): pure fresh water of 20 °C at 532 nm (Buiteveld et
+    /// al., 1994).
+    pub const BACKSCATTER: f64 = 1.895220e-4;
+    /// Wind speed over water that states none, m/s.
+    pub const WIND: f64 = 5.0;
+    /// Group index of fresh water of 20 °C at 532 nm in vacuum, less its refractive index in air.
+    pub const DISPERSION: f64 = 0.021919;
+
+    /// The water of a definition.
+    fn resolve(d: &WaterDefinition) -> Water {
+        let index = d.index.unwrap_or(WaterDefinition::FRESH_INDEX);
+        let by_secchi = d.secchi.map(|depth| Water::SECCHI_PRODUCT / depth);
+        let attenuation = d.attenuation.or(by_secchi).unwrap_or(Water::ATTENUATION);
+        let wind = d.wind.unwrap_or(Water::WIND);
+        let direction = d.wind_direction.unwrap_or(0.0).to_radians();
+        Water {
+            index,
+            group_index: d.group_index.unwrap_or(index + Water::DISPERSION),
+            attenuation,
+            beam_attenuation: d.beam_attenuation.unwrap_or(attenuation).max(attenuation),
+            backscatter: d.backscatter.unwrap_or(Water::BACKSCATTER),
+            slopes: wave_slopes(wind, d.wind_direction.is_some()),
+            wind: [libm::sin(direction), libm::cos(direction)],
+        }
+    }
+}
+
+/// Variances of the slopes of a clean sea along and across a wind (Cox and Munk, 1954), or half of their sum
+/// if its direction is unknown. Without wind the water is flat.
+fn wave_slopes(wind: f64, has_direction: bool) -> [f64; 2] {
+    match has_direction {
+        _ if wind == 0.0 => [0.0; 2],
+        true => [0.00316 * wind, 0.003 + 0.00192 * wind],
+        false => [0.5 * (0.003 + 0.00512 * wind); 2],
+    }
 }
 
 /// The optical properties of a definition that have an effect under `rules`: those of picture formats only
@@ -58,6 +121,17 @@ pub(super) fn is_diffuse_free(d: &MaterialDefinition, rules: Corrections) -> boo
 
 /// Properties of a definition that contradict each other, for a message.
 pub(super) fn conflict(d: &OpticsDefinition) -> Option<&'static str> {
+    if d.water.is_water() {
+        return match (d.mirror.is_some(), d.is_pane(), d.retro.is_some()) {
+            (true, ..) => Some("both a mirror and water"),
+            (_, true, _) => Some("both a pane and water"),
+            (.., true) => Some("both a retro-reflector and water"),
+            _ if d.water.attenuation.is_some() && d.water.secchi.is_some() => {
+                Some("water with both an attenuation and a Secchi depth")
+            }
+            _ => None,
+        };
+    }
     match (d.mirror.is_some(), d.is_pane(), d.retro.is_some()) {
         (true, true, _) => Some("both a mirror and a pane"),
         (true, _, true) => Some("both a mirror and a retro-reflector"),
@@ -69,8 +143,14 @@ pub(super) fn conflict(d: &OpticsDefinition) -> Option<&'static str> {
 /// A property beyond its bounds, for a message: definitions that a program makes are not checked before.
 pub(super) fn out_of_bounds(d: &OpticsDefinition) -> Option<&'static str> {
     use vlscan_base::quantity::{
-        MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, REFLECTANCE, RETRO,
+        MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, REFLECTANCE, RETRO, SECCHI_DEPTH,
+        WATER_ATTENUATION, WATER_BACKSCATTER, WIND_DIRECTION, WIND_SPEED,
     };
+    let w = &d.water;
+    let stated = w.attenuation.or(w.secchi.map(|depth| Water::SECCHI_PRODUCT / depth));
+    if w.beam_attenuation.is_some_and(|c| c < stated.unwrap_or(Water::ATTENUATION)) {
+        return Some("a beam attenuation of at least the diffuse attenuation of the water");
+    }
     [
         (d.mirror, MIRROR),
         (d.index, PANE_INDEX),
@@ -79,16 +159,25 @@ pub(super) fn out_of_bounds(d: &OpticsDefinition) -> Option<&'static str> {
         (d.sheets.map(f64::from), PANE_SHEETS),
         (d.retro, RETRO),
         (d.opacity, REFLECTANCE),
+        (w.index, PANE_INDEX),
+        (w.group_index, PANE_INDEX),
+        (w.attenuation, WATER_ATTENUATION),
+        (w.secchi, SECCHI_DEPTH),
+        (w.beam_attenuation, WATER_ATTENUATION),
+        (w.backscatter, WATER_BACKSCATTER),
+        (w.wind, WIND_SPEED),
+        (w.wind_direction, WIND_DIRECTION),
     ]
     .iter()
     .find(|(value, bounds)| value.is_some_and(|value| !bounds.contains(value)))
     .map(|(_, bounds)| bounds.expected)
 }
 
-/// The mirror or pane of a definition whose diffuse reflectance is the fraction `reflectance`.
+/// The mirror, pane or water of a definition whose diffuse reflectance is the fraction `reflectance`.
 pub(super) fn resolve(d: &OpticsDefinition, roughness: f64, reflectance: f64) -> Optics {
     let kind = match d.mirror {
         Some(reflectance) => OpticsKind::Mirror { reflectance },
+        None if d.water.is_water() => OpticsKind::Water(Water::resolve(&d.water)),
         None => OpticsKind::Pane {
             index: d.index.unwrap_or(GLASS_INDEX),
             thickness: d.thickness.unwrap_or(SHEET_THICKNESS),
@@ -112,6 +201,56 @@ mod tests {
         let mirror = OpticsDefinition { mirror: Some(0.8), ..OpticsDefinition::default() };
         let kind = OpticsKind::Mirror { reflectance: 0.8 };
         assert_eq!(resolve(&mirror, 0.1, 0.0), Optics { kind, share: 1.0, roughness: 0.1 });
+    }
+
+    #[test]
+    fn water_has_the_defaults_of_a_clear_lake_in_a_breeze() {
+        let of = |water: WaterDefinition| {
+            let d = OpticsDefinition { water, ..OpticsDefinition::default() };
+            let OpticsKind::Water(water) = resolve(&d, 0.0, 0.0).kind else { panic!("{d:?}") };
+            water
+        };
+        let none = WaterDefinition::default();
+        let water = of(WaterDefinition { index: Some(1.34), ..none });
+        assert_eq!((water.attenuation, water.beam_attenuation), (0.1, 0.1));
+        assert!((water.group_index - 1.361919).abs() < 1e-12 && water.slopes[0] == water.slopes[1]);
+        assert!((water.slopes[0] + water.slopes[1] - 0.0286).abs() < 1e-15);
+        let water = of(WaterDefinition { secchi: Some(3.4), wind: Some(0.0), ..none });
+        assert_eq!((water.attenuation, water.slopes), (0.5, [0.0; 2]));
+        assert!((water.index - 1.335035).abs() < 1e-12 && (water.group_index - 1.356954).abs() < 1e-12);
+        let water = of(WaterDefinition { wind: Some(5.0), wind_direction: Some(90.0), ..none });
+        assert!((water.slopes[0] - 0.0158).abs() < 1e-15 && (water.slopes[1] - 0.0126).abs() < 1e-15);
+        assert!(water.wind[0] == 1.0 && water.wind[1].abs() < 1e-15);
+    }
+
+    #[test]
+    fn impossible_water_is_named() {
+        let of = |water: WaterDefinition| OpticsDefinition { water, ..OpticsDefinition::default() };
+        let none = WaterDefinition::default();
+        for wrong in [0.0, -1.3, 0.99, f64::NAN, f64::INFINITY] {
+            let water = of(WaterDefinition { index: Some(wrong), ..none });
+            assert_eq!(out_of_bounds(&water), Some("a refractive index from 1 to 5"), "{wrong}");
+            let water = of(WaterDefinition { group_index: Some(wrong), ..none });
+            assert_eq!(out_of_bounds(&water), Some("a refractive index from 1 to 5"), "{wrong}");
+        }
+        for wrong in [-0.1, f64::NAN, f64::INFINITY] {
+            for water in [
+                WaterDefinition { attenuation: Some(wrong), ..none },
+                WaterDefinition { secchi: Some(wrong), ..none },
+                WaterDefinition { beam_attenuation: Some(wrong), ..none },
+                WaterDefinition { backscatter: Some(wrong), ..none },
+                WaterDefinition { wind: Some(wrong), ..none },
+                WaterDefinition { wind_direction: Some(1e3 + wrong), ..none },
+            ] {
+                assert!(out_of_bounds(&of(water)).is_some(), "{water:?}");
+            }
+        }
+        let narrow = of(WaterDefinition { attenuation: Some(0.5), beam_attenuation: Some(0.4), ..none });
+        assert!(out_of_bounds(&narrow).is_some_and(|expected| expected.contains("beam attenuation")));
+        let both = of(WaterDefinition { attenuation: Some(0.5), secchi: Some(3.0), ..none });
+        assert_eq!(conflict(&both), Some("water with both an attenuation and a Secchi depth"));
+        let both = OpticsDefinition { mirror: Some(1.0), ..of(WaterDefinition { wind: Some(1.0), ..none }) };
+        assert_eq!(conflict(&both), Some("both a mirror and water"));
     }
 
     #[test]

@@ -80,6 +80,8 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
     fields.set(K.dropout_rate, &mut receiver.dropout_rate);
     fields.set(K.dead_time_ns, &mut receiver.dead_time);
     fields.set(K.range_step_m, &mut receiver.range_step);
+    receiver.field_of_view = fields.optional(K.receiver_fov_rad).or(receiver.field_of_view);
+    receiver.corrects_refraction = fields.flag(K.refraction_corrected, receiver.corrects_refraction);
     check_counter(fields, receiver);
 }
 

@@ -224,12 +224,12 @@ impl FoliageContinuum {
 }
 
 /// Mean position of the light that an optical depth intercepts, from 0 (its front) to 1: 1/x − 1/(eˣ − 1).
-fn centroid(depth: f64) -> f64 {
+pub(super) fn centroid(depth: f64) -> f64 {
     if depth < 1e-2 { 0.5 - depth / 12.0 } else { 1.0 / depth - 1.0 / libm::expm1(depth) }
 }
 
 /// Width of the cells, m: a bin of the waveform, or several where bins are much finer than the pulse.
-fn cell_width(detector: &DetectorSettings) -> f64 {
+pub(super) fn cell_width(detector: &DetectorSettings) -> f64 {
     let shape = &detector.shape;
     let half = shape.samples.iter().copied().fold(0.0, f64::max) * 0.5;
     let width = shape.samples.iter().filter(|s| **s >= half).count() as f64;

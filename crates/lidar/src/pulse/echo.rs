@@ -75,7 +75,7 @@ pub struct EchoTruth {
 pub struct EchoPath {
     /// Kind of the way.
     pub kind: PathKind,
-    /// Number of mirrors and panes on the way to the surface.
+    /// Number of mirrors, panes and surfaces of water on the way to the surface.
     pub order: u8,
 }
 
@@ -86,8 +86,36 @@ pub enum PathKind {
     Direct = 0,
     /// Through panes.
     Pane = 1,
-    /// Over a mirror, or mirrored by a pane: the echo is a ghost.
+    /// Over a mirror, or mirrored by a pane or by water: the echo is a ghost.
     Mirror = 2,
+    /// To the surface of water, whose waves mirror it straight back.
+    WaterSurface = 3,
+    /// Into water, which scatters it back.
+    WaterColumn = 4,
+    /// Through water.
+    WaterBottom = 5,
+}
+
+/// Class of the bottom of water in the domain profile of LAS for bathymetry.
+const BOTTOM_CLASS: i32 = 40;
+/// Class of the surface of water there.
+const WATER_SURFACE_CLASS: i32 = 41;
+
+impl PathKind {
+    /// True for echoes of water and its bottom.
+    pub fn is_water(self) -> bool {
+        matches!(self, PathKind::WaterSurface | PathKind::WaterColumn | PathKind::WaterBottom)
+    }
+
+    /// Class of an echo of a surface whose material has the class `of_material`. Water without a class, and
+    /// its bottom without another class than ground, have those of bathymetry.
+    pub fn classification(self, of_material: i32) -> i32 {
+        match (self, of_material) {
+            (PathKind::WaterSurface, 0) => WATER_SURFACE_CLASS,
+            (PathKind::WaterBottom, 0..=2) => BOTTOM_CLASS,
+            _ => of_material,
+        }
+    }
 }
 
 impl EchoPath {
@@ -105,6 +133,9 @@ impl EchoPath {
         let kind = match kind {
             1 => PathKind::Pane,
             2 => PathKind::Mirror,
+            3 => PathKind::WaterSurface,
+            4 => PathKind::WaterColumn,
+            5 => PathKind::WaterBottom,
             _ => PathKind::Direct,
         };
         EchoPath { kind, order }

@@ -65,6 +65,10 @@ pub(super) struct Instrument {
     /// Factor on the range noise.
     pub distance_error: Option<Formula>,
     pub waveform_noise: WaveformNoise,
+    /// Field of view of the receiver, full angle, rad, as far as it matters to light in water.
+    pub field_of_view: Option<f64>,
+    /// True if points below water are corrected for its refraction and speed of light.
+    pub corrects_refraction: bool,
     /// The receiver, if it is not ideal.
     pub receiver: Option<ReceiverModel>,
     /// The receiver, if it counts photons.
@@ -164,6 +168,8 @@ impl Instrument {
             selection,
             distance_error: device.detector.distance_error.clone(),
             waveform_noise,
+            field_of_view: receiver.field_of_view,
+            corrects_refraction: receiver.corrects_refraction,
             receiver: model,
             counter,
         })

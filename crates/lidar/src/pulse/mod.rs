@@ -13,6 +13,7 @@
 //! | `tiles` | tracing through the tiles of a scene, which are loaded when rays need them |
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
 //! | `paths`, `pane` | light over mirrors and through panes; the formulas of panes |
+//! | `water`, `water_column` | the surface of water; light that water scatters back |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
@@ -71,6 +72,8 @@ mod tiles;
 mod traced;
 mod triangle_cache;
 mod view;
+mod water;
+mod water_column;
 mod waveform;
 
 pub use batch::{Batch, WeakPulses};

@@ -1,12 +1,13 @@
-//! Light that mirrors and panes pass on to other surfaces.
+//! Light that mirrors, panes and water pass on to other surfaces.
 //!
-//! Each subray that meets a mirror or a pane is followed to the surfaces behind it. Light returns the way
-//! that it came, so every mirror and pane counts twice. A reflection at the end of a path has the optical
+//! Each subray that meets a mirror, a pane or water is followed to the surfaces behind it. Light returns the
+//! way that it came, so every mirror and pane counts twice. A reflection at the end of a path has the optical
 //! length of the path as its range, and the detector receives it like any other: echoes are on the axis of
 //! the beam, as instruments report them.
 //!
 //! A subray splits in two at a pane. Paths end at the maximum order, beyond the maximum range, or when
-//! hardly any light is left. Pulses that meet neither mirrors nor panes have no paths.
+//! hardly any light is left, and at the first surface in water. Pulses that meet no such surface have no
+//! paths.
 
 use super::continuum::LeafResponse;
 use super::echo::{EchoPath, PathKind};
@@ -17,15 +18,19 @@ use super::reflect::ShadedSurface;
 use super::reflections::{PathEnd, Reflections};
 use super::traced::{SubrayGains, TracedPulse};
 use super::view::{Interaction, STEP_BEHIND, SceneView};
+use super::water::{self, Refracted, WaterPlane};
+use super::water_column::{ColumnRay, WaterColumn};
 use vlscan_base::rng::Stream;
 use vlscan_geom::{DVec3, unit};
-use vlscan_scene::{Optics, OpticsKind};
+use vlscan_scene::{Optics, OpticsKind, Water};
 use vlscan_trace::Hits;
 
 /// Share of the light, one way, below which a path ends: 1e-8 of it would return.
 const MIN_SHARE: f64 = 1e-4;
 /// Minimum radius of a beam that a rough mirror widens, m.
 const MIN_RADIUS: f64 = 1e-3;
+/// Minimum length in air of light that enters water, m.
+const MIN_AIR: f64 = 1e-3;
 
 /// Paths of the light of one pulse.
 #[derive(Clone, Debug, Default)]
@@ -33,6 +38,8 @@ pub(super) struct LightPaths {
     /// Arrivals at mirrors and panes that are not passed on yet; the last one is next.
     open: Vec<Arrival>,
     ends: Vec<Found>,
+    column: WaterColumn,
+    /// Ranges at which the gains of the instrument apply: those of the ends, but in water the length in air.
     ranges: Vec<f64>,
     rings: Vec<u32>,
     intensities: Vec<f64>,
@@ -71,6 +78,8 @@ struct Departure {
     direction: DVec3,
     /// Standard deviation of the slopes of the facets that spread the light, rad.
     roughness: f64,
+    /// Factor by which light is slower than in vacuum.
+    slowness: f64,
     light: Light,
 }
 
@@ -81,6 +90,8 @@ struct Found {
     subray: u32,
     primitive: u32,
     cosine: f64,
+    /// Optical length, m.
+    range: f64,
 }
 
 /// The mirror or pane that a primitive is. Voxels are opaque.
@@ -119,9 +130,14 @@ impl LightPaths {
         }
         self.drawn = 0;
         self.ends.clear();
+        self.column.clear();
         self.ranges.clear();
         self.intensities.clear();
         while let Some(arrival) = self.open.pop() {
+            if let OpticsKind::Water(water) = arrival.optics.kind {
+                self.enter_water(view, instrument, (&arrival, &water), (max_order, slopes), paths);
+                continue;
+            }
             let [mirrored, passed] = self.departures(view, &arrival, slopes, paths);
             // The light that is pushed last goes on first.
             for departure in [mirrored, passed].into_iter().flatten() {
@@ -131,14 +147,14 @@ impl LightPaths {
         self.rings.clear();
         self.rings.extend(self.ends.iter().map(|found| rings[found.subray as usize]));
         instrument.energy.apply(&self.rings, &self.ranges, &mut self.intensities);
-        for (i, Found { end, subray, primitive, cosine }) in self.ends.iter().enumerate() {
-            let source = (*subray, self.rings[i]);
-            let (range, intensity) = (self.ranges[i], self.intensities[i]);
-            out.push_end(source, *end, range, (*primitive, *cosine), intensity);
+        for (i, Found { end, subray, primitive, cosine, range }) in self.ends.iter().enumerate() {
+            let (source, intensity) = ((*subray, self.rings[i]), self.intensities[i]);
+            out.push_end(source, *end, *range, (*primitive, *cosine), intensity);
             if let Some(hits) = hits {
-                hits.push_end(source, *end, range, (*primitive, *cosine), intensity);
+                hits.push_end(source, *end, *range, (*primitive, *cosine), intensity);
             }
         }
+        self.column.emit(instrument, hits, out);
     }
 
     /// Finds the subrays that meet mirrors and panes first: those among the reflections, which may lie behind
@@ -188,14 +204,11 @@ impl LightPaths {
         paths: &FreePaths,
     ) -> [Option<Departure>; 2] {
         let Arrival { optics, primitive, at, direction, light } = *arrival;
-        let mut surface = ShadedSurface::none(view);
-        surface.load(view, primitive);
-        let Some(normal) = surface.normal.filter(|normal| normal.is_finite()) else { return [None; 2] };
-        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        let Some(normal) = normal_towards(view, primitive, direction) else { return [None; 2] };
         let cosine = (-normal.dot(direction)).min(1.0);
         let order = light.path.order + 1;
         let pane = match optics.kind {
-            OpticsKind::Mirror { .. } => None,
+            OpticsKind::Mirror { .. } | OpticsKind::Water(_) => None,
             OpticsKind::Pane { index, thickness, absorption, sheets } => {
                 Some(Pane { index, thickness, absorption, sheets })
             }
@@ -203,7 +216,7 @@ impl LightPaths {
         let shares = pane.map(|pane| pane.shares(cosine));
         let mirrored_share = match optics.kind {
             OpticsKind::Mirror { reflectance } => reflectance,
-            OpticsKind::Pane { .. } => shares.map_or(0.0, |shares| shares.mirrored),
+            OpticsKind::Pane { .. } | OpticsKind::Water(_) => shares.map_or(0.0, |shares| shares.mirrored),
         };
         let passed = pane.zip(shares).map(|(pane, shares)| {
             let crossing = pane.crossing(normal, direction);
@@ -217,7 +230,7 @@ impl LightPaths {
                 path: EchoPath { kind, order },
                 ..light
             };
-            Departure { primitive, from: at + crossing.way, direction, roughness: 0.0, light }
+            Departure { primitive, from: at + crossing.way, direction, roughness: 0.0, slowness: 1.0, light }
         });
         let facet = self.facet(normal, optics.roughness, slopes, paths);
         let direction = unit(direction - facet * (2.0 * facet.dot(direction)));
@@ -226,7 +239,8 @@ impl LightPaths {
             path: EchoPath { kind: PathKind::Mirror, order },
             ..light
         };
-        let mirrored = Departure { primitive, from: at, direction, roughness: optics.roughness, light };
+        let roughness = optics.roughness;
+        let mirrored = Departure { primitive, from: at, direction, roughness, slowness: 1.0, light };
         // Light that a steep facet throws into the surface is lost.
         [Some(mirrored).filter(|_| direction.dot(normal) > 0.0), passed]
     }
@@ -239,13 +253,115 @@ impl LightPaths {
         let aside = if normal.z.abs() < 0.9 { DVec3::Z } else { DVec3::X };
         let u = unit(normal.cross(aside));
         let v = normal.cross(u);
-        let mut slope = || {
-            let drawn = slopes.normal(paths.device, paths.pulse, self.drawn);
-            self.drawn = self.drawn.wrapping_add(1);
-            roughness * drawn
-        };
+        let mut slope = || roughness * self.draw(slopes, paths);
         let (along_u, along_v) = (slope(), slope());
         unit(normal + u * along_u + v * along_v)
+    }
+
+    /// The next normally distributed number of the pulse.
+    fn draw(&mut self, slopes: &Stream, paths: &FreePaths) -> f64 {
+        let drawn = slopes.normal(paths.device, paths.pulse, self.drawn);
+        self.drawn = self.drawn.wrapping_add(1);
+        drawn
+    }
+
+    /// Light at the surface of water: its facets mirror some of it, straight back or on to other surfaces;
+    /// the rest enters the water.
+    fn enter_water(
+        &mut self,
+        view: &SceneView,
+        instrument: &Instrument,
+        (arrival, water): (&Arrival, &Water),
+        (max_order, slopes): (u8, &Stream),
+        paths: &mut FreePaths,
+    ) {
+        let Arrival { optics, primitive, at, direction, light } = *arrival;
+        let Some(normal) = normal_towards(view, primitive, direction) else { return };
+        let facet = water::facet(water, normal, || self.draw(slopes, paths));
+        let glint = optics.share * water::glint(water, normal, &facet, direction);
+        if glint > 0.0 && instrument.detector.is_in_range(light.length) {
+            let path = EchoPath { kind: kind_in_water(light, PathKind::WaterSurface), ..light.path };
+            let end = PathEnd { surface: at, direction, path, plane: None };
+            let cosine = (-normal.dot(direction)).min(1.0);
+            self.ends.push(Found { end, subray: light.subray, primitive, cosine, range: light.length });
+            self.ranges.push(light.length);
+            self.intensities.push(glint * light.share * light.share);
+        }
+        let Some(refracted) = water::refract(water, facet.normal, direction) else { return };
+        let mirrored_share = water::mirrored_share(water, refracted.cosines[0]);
+        let mirrored = unit(direction - facet.normal * (2.0 * facet.normal.dot(direction)));
+        if mirrored.dot(normal) > 0.0 {
+            let path = EchoPath { kind: PathKind::Mirror, order: light.path.order + 1 };
+            let share = light.share * optics.share * mirrored_share;
+            let light = Light { share, path, ..light };
+            let roughness = (0.5 * (water.slopes[0] + water.slopes[1])).sqrt();
+            let departure =
+                Departure { primitive, from: at, direction: mirrored, roughness, slowness: 1.0, light };
+            self.send(view, instrument, &departure, max_order, paths);
+        }
+        if refracted.direction.dot(normal) < 0.0 {
+            let share = light.share * optics.share * (1.0 - mirrored_share);
+            let kind = kind_in_water(light, PathKind::WaterBottom);
+            let path = EchoPath { kind, order: light.path.order + 1 };
+            let plane = WaterPlane { point: at, normal, water: *water };
+            let light = Light { share, path, ..light };
+            self.dive(view, instrument, (primitive, light), (&plane, &refracted), paths);
+        }
+    }
+
+    /// Follows light into water, which scatters some of it back, to the bottom.
+    fn dive(
+        &mut self,
+        view: &SceneView,
+        instrument: &Instrument,
+        (primitive, light): (u32, Light),
+        (plane, refracted): (&WaterPlane, &Refracted),
+        paths: &mut FreePaths,
+    ) {
+        if light.share < MIN_SHARE {
+            return;
+        }
+        let WaterPlane { point: from, water, .. } = *plane;
+        let Refracted { direction, cosines } = *refracted;
+        let slowness = water.group_index;
+        let departure = Departure { primitive, from, direction, roughness: 0.0, slowness, light };
+        let bottom = next_surface(view, instrument, &departure, paths);
+        let air = light.length.max(MIN_AIR);
+        let attenuation = water::attenuation(&water, instrument.field_of_view, air);
+        let of_beam = Some(*plane).filter(|_| light.path.kind.is_water());
+        let end = PathEnd { surface: from, direction, path: light.path, plane: of_beam };
+        if water.backscatter > 0.0 {
+            let kind = kind_in_water(light, PathKind::WaterColumn);
+            self.column.push(ColumnRay {
+                water,
+                attenuation,
+                primitive,
+                cosine: cosines[0],
+                source: (light.subray, instrument.subrays.ring[light.subray as usize]),
+                end: PathEnd { path: EchoPath { kind, ..light.path }, ..end },
+                from,
+                air,
+                way: bottom.map_or(f64::INFINITY, |(_, way)| way),
+                cosines,
+                share: light.share * light.share,
+            });
+        }
+        let Some((at, way)) = bottom else { return };
+        let length = light.length + slowness * way;
+        let mut surface = ShadedSurface::none(view);
+        surface.load(view, at.primitive);
+        let corrections = &instrument.detector.corrections;
+        let LeafResponse { cosine, factor } =
+            surface.response(&at, direction, view.fixed_incidence, corrections);
+        if factor > 0.0 && instrument.detector.is_in_range(length) {
+            let end = PathEnd { surface: from + direction * way, ..end };
+            let range = length;
+            self.ends.push(Found { end, subray: light.subray, primitive: at.primitive, cosine, range });
+            self.ranges.push(air);
+            let spread = air * air / water::effective_range_squared(&water, air, way, cosines);
+            let passed = light.share * light.share * libm::exp(-2.0 * attenuation * way);
+            self.intensities.push(factor * passed * spread);
+        }
     }
 
     /// Follows light to the next surface, which reflects it or passes it on.
@@ -271,8 +387,9 @@ impl LightPaths {
             surface.response(&at, direction, view.fixed_incidence, corrections);
         let point = from + direction * way;
         if factor > 0.0 && instrument.detector.is_in_range(length) {
-            let end = PathEnd { surface: point, direction, path: light.path };
-            self.ends.push(Found { end, subray: light.subray, primitive: at.primitive, cosine });
+            let end = PathEnd { surface: point, direction, path: light.path, plane: None };
+            let range = length;
+            self.ends.push(Found { end, subray: light.subray, primitive: at.primitive, cosine, range });
             self.ranges.push(length);
             self.intensities.push(factor * share * share);
         }
@@ -283,6 +400,19 @@ impl LightPaths {
     }
 }
 
+/// Unit normal of a mirror, pane or surface of water on the side that light of this direction meets.
+fn normal_towards(view: &SceneView, primitive: u32, direction: DVec3) -> Option<DVec3> {
+    let mut surface = ShadedSurface::none(view);
+    surface.load(view, primitive);
+    let normal = surface.normal.filter(|normal| normal.is_finite())?;
+    Some(if normal.dot(direction) > 0.0 { -normal } else { normal })
+}
+
+/// Kind of a path into water: ghosts remain ghosts.
+fn kind_in_water(light: Light, kind: PathKind) -> PathKind {
+    if light.path.kind == PathKind::Mirror { PathKind::Mirror } else { kind }
+}
+
 /// The next surface on the way of light, or the foliage that intercepts it, and its distance, m.
 fn next_surface(
     view: &SceneView,
@@ -290,14 +420,15 @@ fn next_surface(
     departure: &Departure,
     paths: &mut FreePaths,
 ) -> Option<(Interaction, f64)> {
-    let Departure { primitive, from, direction, light, .. } = *departure;
+    let Departure { primitive, from, direction, slowness, light, .. } = *departure;
     let detector = &instrument.detector;
     let mut way = STEP_BEHIND;
     loop {
         let start = from + direction * way;
         let at = view.nearest_astray((start, direction), |i| i != primitive);
         // False for a ray that misses, and for one that is not finite.
-        let is_in_reach = at.primitive != Hits::MISS && light.length + way + at.t <= detector.range_max;
+        let length = light.length + slowness * way + slowness * at.t;
+        let is_in_reach = at.primitive != Hits::MISS && length <= detector.range_max;
         if !is_in_reach {
             return None;
         }

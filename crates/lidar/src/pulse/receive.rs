@@ -12,12 +12,13 @@ use super::photon_counter::PhotonCounter;
 use super::physics::Physics;
 use super::receiver::ReceiverModel;
 use super::reflect::ReflectScratch;
-use super::reflections::Reflections;
+use super::reflections::{PathEnd, Reflections};
 use super::return_profile::ReturnProfile;
 use super::slope::SlopeMerger;
 use super::sources::ReflectionSources;
 use super::traced::{SubrayGains, TracedPulse};
 use super::view::SceneView;
+use super::water::WaterPlane;
 use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
 use crate::flight::Pulse;
 use vlscan_base::{Error, Result};
@@ -38,6 +39,9 @@ pub(super) struct Detection {
     /// The waveform after saturation, where it is needed.
     saturated: Waveform,
     returns: Vec<Return>,
+    /// Echoes behind the surface of water, by their index in the batch, whose positions are to be corrected
+    /// for refraction.
+    pub refracted: Vec<(usize, WaterPlane)>,
 }
 
 /// Direction of the beam as it is traced; no component is a negative zero.
@@ -66,6 +70,18 @@ fn is_moved_too_far(range: f64, pulse: &Pulse, detector: &DetectorSettings) -> b
     detector.corrections.range_gate
         && pulse.range_error > 0.0
         && range + pulse.range_error > detector.range_max
+}
+
+/// Class of an echo of a surface with this class, at the end of a path if it has one.
+fn class_of(end: Option<&PathEnd>, classification: i32) -> i32 {
+    end.map_or(classification, |end| end.path.kind.classification(classification))
+}
+
+/// The reflection to which a return is attributed.
+#[inline(always)]
+fn source_near(reflections: &Reflections, range: f64, detector: &DetectorSettings) -> usize {
+    let half_pulse = 0.5 * detector.light_speed * detector.shape.duration;
+    reflections.source_in_water(attribute(reflections, range), range, half_pulse)
 }
 
 impl Detection {
@@ -231,12 +247,17 @@ impl Detection {
                 Some(triangle) => (triangle.part, triangle.classification),
                 None => view.part_and_class(primitive),
             };
+            let end = self.reflections.end_of(source);
+            if let Some(plane) = end.and_then(|end| end.plane).filter(|_| instrument.corrects_refraction) {
+                self.refracted.push((batch.echoes.len(), plane));
+            }
+            let classification = class_of(end, classification);
             let mut truth_index = Echo::NO_TRUTH;
             if traced.is_some() || has_navigation_error {
                 truth_index = batch.truths.len() as u32;
                 // Without a separate subray of the return the nearest hit counts.
                 let (hits, nearest) = match &self.scratch.hits {
-                    Some(hits) => (hits, attribute(hits, r.range)),
+                    Some(hits) => (hits, source_near(hits, r.range, &instrument.detector)),
                     None => (&self.reflections, source),
                 };
                 let traced = traced.filter(|_| hits.count() > 0);
@@ -274,7 +295,7 @@ impl Detection {
     /// than the pulse length, so that only noise of the receiver can have caused it.
     #[inline(always)]
     fn source_of(&self, r: &Return, instrument: &Instrument) -> Option<usize> {
-        let source = attribute(&self.reflections, r.range);
+        let source = source_near(&self.reflections, r.range, &instrument.detector);
         let pulse_depth = instrument.detector.light_speed * instrument.detector.shape.duration;
         let is_far = || (self.reflections.ranges()[source] - r.range).abs() > pulse_depth;
         (instrument.receiver.is_none() || !is_far()).then_some(source)
@@ -292,6 +313,7 @@ impl Detection {
             let truth = self.sources.of_reflection(i, view, (traced, [origin, direction]), found);
             let primitive = hits.primitives()[i];
             let (part, classification) = view.part_and_class(primitive);
+            let classification = class_of(hits.end_of(i), classification);
             let range = hits.ranges()[i];
             batch.echoes.push(Echo {
                 position: truth.surface,

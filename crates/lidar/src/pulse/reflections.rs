@@ -1,8 +1,9 @@
 //! The reflections of a pulse (spec pulse-physics §2).
 
-use super::echo::EchoPath;
+use super::echo::{EchoPath, PathKind};
 use super::energy::Energy;
 use super::lanes::{Block, LANES};
+use super::water::WaterPlane;
 use vlscan_geom::DVec3;
 use vlscan_trace::Hits;
 
@@ -33,6 +34,8 @@ pub(super) struct PathEnd {
     /// Direction in which the light arrives there.
     pub direction: DVec3,
     pub path: EchoPath,
+    /// The surface of the water that the light enters.
+    pub plane: Option<WaterPlane>,
 }
 
 impl Reflections {
@@ -106,6 +109,23 @@ impl Reflections {
     /// The end of the path of reflection `i` if it went over mirrors or panes.
     pub fn end_of(&self, i: usize) -> Option<&PathEnd> {
         self.ends.get(i.checked_sub(self.count - self.ends.len())?)
+    }
+
+    /// The reflection to which a return at `range` is attributed: `nearest`, the nearest one, but in pulses
+    /// that meet water the nearest one of the kind that has the most light within `depth` m.
+    pub fn source_in_water(&self, nearest: usize, range: f64, depth: f64) -> usize {
+        if !self.ends.iter().any(|end| end.path.kind.is_water()) {
+            return nearest;
+        }
+        let kind_of = |i: usize| self.end_of(i).map_or(PathKind::Direct, |end| end.path.kind) as usize;
+        let off = |i: usize| (self.entry[i] - range).abs();
+        let mut light = [0.0; PathKind::WaterBottom as usize + 1];
+        for i in (0..self.count).filter(|i| off(*i) <= depth) {
+            light[kind_of(i)] += self.intensity[i];
+        }
+        let brightest = (0..light.len()).max_by(|a, b| light[*a].total_cmp(&light[*b])).unwrap_or(0);
+        let of_kind = (0..self.count).filter(|i| off(*i) <= depth && kind_of(*i) == brightest);
+        of_kind.min_by(|a, b| off(*a).total_cmp(&off(*b))).unwrap_or(nearest)
     }
 
     /// Fills in the fields that [`Reflections::push_triangles`] leaves out, so that others may follow.
@@ -318,7 +338,7 @@ mod tests {
         assert_eq!((all.primitives(), all.count()), (&[1, 2, 3, 5, 7][..], 5));
         assert_eq!(all.subrays(), Some(&[11, 12, 13, 15, 17][..]));
         assert_eq!(all.entries(), [2.0, 3.0, 4.0, 6.0, 8.0]);
-        let end = PathEnd { surface: DVec3::X, direction: DVec3::Y, path: EchoPath::DIRECT };
+        let end = PathEnd { surface: DVec3::X, direction: DVec3::Y, path: EchoPath::DIRECT, plane: None };
         for i in 0..20 {
             all.push_end((i, 0), end, 9.0, (4, 1.0), 0.5);
         }
@@ -326,6 +346,26 @@ mod tests {
         all.clear(8);
         all.push((0, 0), (1.0, 1.0), 0, 1.0, 1.0);
         assert_eq!(all.end_of(0), None);
+    }
+
+    #[test]
+    fn returns_of_water_belong_to_the_kind_with_the_most_light() {
+        let mut all = Reflections::default();
+        all.clear(8);
+        for (range, kind, intensity) in [
+            (10.0, PathKind::WaterSurface, 0.5),
+            (10.0, PathKind::WaterSurface, 0.5),
+            (10.1, PathKind::WaterColumn, 0.7),
+            (12.0, PathKind::WaterBottom, 0.1),
+        ] {
+            let path = EchoPath { kind, order: 1 };
+            let end = PathEnd { surface: DVec3::X, direction: DVec3::Y, path, plane: None };
+            all.push_end((0, 0), end, range, (0, 1.0), intensity);
+        }
+        assert_eq!(all.source_in_water(2, 10.06, 0.2), 0);
+        assert_eq!(all.source_in_water(2, 10.2, 0.15), 2);
+        assert_eq!(all.source_in_water(3, 12.01, 0.2), 3);
+        assert_eq!(all.source_in_water(3, 20.0, 0.2), 3, "nothing is near");
     }
 
     #[test]

@@ -308,6 +308,7 @@ impl<'p> PulseSimulator<'p> {
         let mut view = physics.view.with(moving, self.tiles.as_ref().map(TileTracer::near));
         let slots = &self.slots[range];
         let first_echo = batch.echoes.len();
+        self.detection.refracted.clear();
         for (pulses, slots) in pulses.chunks(GAIN_BATCH).zip(slots.chunks(GAIN_BATCH)) {
             self.gain_buffer.clear();
             self.missing.clear();
@@ -343,6 +344,11 @@ impl<'p> PulseSimulator<'p> {
             let mut is_outside = false;
             for echoes in batch.echoes[first_echo..].chunks_mut(rng::NORMALS_PER_BLOCK) {
                 is_outside |= range_noise::apply_noise(echoes, &physics.range_noise, &self.instruments, leg)?;
+            }
+            for (i, plane) in self.detection.refracted.drain(..) {
+                let echo = &mut batch.echoes[i];
+                let corrected = plane.corrected(echo.origin, echo.direction, echo.range);
+                echo.position = corrected.unwrap_or(echo.position);
             }
             if is_outside && physics.options.corrections.range_gate {
                 range_noise::remove_outside(batch, first_echo, &self.instruments, leg)?;

@@ -58,11 +58,16 @@ impl ReflectionSources {
         (traced, beam): (&TracedPulse, [DVec3; 2]),
         (reflections, triangles): (&Reflections, &mut TriangleCache),
     ) -> EchoTruth {
-        let own = || (0..self.returns.len()).filter(|i| self.returns[*i] == number);
+        let kind_of = |i: usize| reflections.end_of(i).map(|end| end.path.kind);
+        let water = kind_of(source).filter(|kind| kind.is_water());
+        let is_alike = |i: &usize| water.is_none() || kind_of(*i) == water;
+        let own = || (0..self.returns.len()).filter(|i| self.returns[*i] == number).filter(is_alike);
         let intensities = reflections.intensities();
         let strongest = own().max_by(|a, b| intensities[*a].total_cmp(&intensities[*b])).unwrap_or(source);
         let of_subray = self.of_reflection(strongest, view, (traced, beam), (reflections, triangles));
-        EchoTruth { fraction: own().count() as f64 / traced.primitives.len().max(1) as f64, ..of_subray }
+        let fraction = own().count() as f64 / traced.primitives.len().max(1) as f64;
+        // The light of a column of water is not that of single subrays.
+        EchoTruth { fraction: if water.is_some() { fraction.min(1.0) } else { fraction }, ..of_subray }
     }
 
     pub fn of_reflection(
@@ -75,11 +80,11 @@ impl ReflectionSources {
         let subray = self.subray_of(i);
         let (start, direction) = (traced.start(subray as usize), traced.direction(subray as usize));
         let normal = triangles.look_up(view, reflections.primitives()[i]).map_or(DVec3::ZERO, |t| t.normal);
-        let PathEnd { surface, direction, path } = match reflections.end_of(i) {
+        let PathEnd { surface, direction, path, .. } = match reflections.end_of(i) {
             Some(end) => *end,
             None => {
                 let surface = start + direction * reflections.ranges()[i];
-                PathEnd { surface, direction, path: EchoPath::DIRECT }
+                PathEnd { surface, direction, path: EchoPath::DIRECT, plane: None }
             }
         };
         let primitive = reflections.primitives()[i];

@@ -104,6 +104,10 @@ keys! {
         /// Table of the materials of a mesh by name. Default: `materials.csv` beside it, if it is no OBJ
         /// file.
         materials;
+        /// Height of a level surface of water, m, instead of `file`; `[[part.material]]` has its properties.
+        water_level_m in WATER_LEVEL;
+        /// Area of that water: x and y of two corners, m.
+        water_area_m;
         /// Scale. Default: 1.
         scale in SCALE;
         /// Rotations in degrees, one axis each: `[{ z = 90 }]`. Default: none.
@@ -156,6 +160,27 @@ keys! {
         pane_sheets in PANE_SHEETS;
         /// Coefficient R_A of a retro-reflector, cd/(lx·m²). Default: it is not a retro-reflector.
         retro in RETRO;
+        /// Refractive index of water, 1 to 5. Default: 1.335 if another key of water is given, else the
+        /// surface is not water.
+        water_index in PANE_INDEX;
+        /// Group index of water, 1 to 5, by which light is slower there. Default: 1.357, or 0.022 above
+        /// `water_index`.
+        water_group_index in PANE_INDEX;
+        /// Diffuse attenuation K of light in water, per metre. Default: 0.1.
+        water_attenuation in WATER_ATTENUATION;
+        /// Secchi depth of water, m, instead of `water_attenuation`, which is 1.7 over it.
+        water_secchi_m in SECCHI_DEPTH;
+        /// Attenuation c of a narrow beam in water, per metre, at least K; a receiver whose field of view is
+        /// narrow sees more of it. Default: K.
+        water_beam_attenuation in WATER_ATTENUATION;
+        /// Light that water scatters straight back (volume scattering function at 180 degrees), per metre
+        /// and sr. Default: 0.00019, pure water at 532 nm.
+        water_backscatter in WATER_BACKSCATTER;
+        /// Wind speed at 12.5 m, m/s, which makes the slopes of the water's surface; 0: flat water. Default:
+        /// 5.
+        water_wind_m_s in WIND_SPEED;
+        /// Direction of the wind, degrees clockwise from north. Default: slopes are equal in all directions.
+        water_wind_deg in WIND_DIRECTION;
     }
 }
 
@@ -353,6 +378,12 @@ keys! {
         dead_time_ns = "deadTime_ns" in DEAD_TIME_NS, With("receiver");
         /// Ranges are reported in multiples of it, m; refined physics. Default: 0, any range.
         range_step_m = "rangeStep_m" in ACCURACY, With("receiver");
+        /// Field of view of the receiver, full angle, rad: how much light that water has scattered forward
+        /// it receives (`water_beam_attenuation`); refined physics. Default: all of it.
+        receiver_fov_rad = "receiverFov_rad" in FIELD_OF_VIEW, With("receiver");
+        /// Points below water are where the light was, bent and slowed down by the water's mean surface,
+        /// instead of on the axis of the beam; refined physics. Default: false.
+        refraction_corrected = "refractionCorrected", With("receiver");
         /// Metres added to each range, a formula of the deflection angle THETA in radians. Default: none.
         range_error_m = "rangeError";
         /// Radians added to the deflection angle, a formula of THETA; `rotating` only. Default: none.

@@ -165,7 +165,7 @@ pub struct MaterialDefinition {
     pub is_ground: bool,
     /// True for leaves (`vlscan_leaf`); `None` if the definition does not state it.
     pub leaf: Option<bool>,
-    /// Mirror, pane or retro-reflector that the surface is.
+    /// Mirror, pane, retro-reflector or water that the surface is.
     pub optics: OpticsDefinition,
     /// Colour; `None` if the definition states none.
     pub colour: Option<ColourDefinition>,
@@ -285,7 +285,7 @@ pub struct UnusedOptics {
 }
 
 /// Optical properties of a material as its definition states them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Default, PartialEq)]
 pub struct OpticsDefinition {
     /// Share of the light that a mirror reflects (`vlscan_mirror`), 0 to 1.
     pub mirror: Option<f64>,
@@ -301,6 +301,58 @@ pub struct OpticsDefinition {
     pub retro: Option<f64>,
     /// Share of a mirror or pane that is opaque (`d` of an MTL file), 0 to 1.
     pub opacity: Option<f64>,
+    /// Water whose surface it is.
+    pub water: WaterDefinition,
+}
+
+impl fmt::Debug for OpticsDefinition {
+    /// Checksums of scenes include this text, so mirrors and panes have no field `water`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut fields = f.debug_struct("OpticsDefinition");
+        fields
+            .field("mirror", &self.mirror)
+            .field("index", &self.index)
+            .field("thickness", &self.thickness)
+            .field("absorption", &self.absorption)
+            .field("sheets", &self.sheets)
+            .field("retro", &self.retro)
+            .field("opacity", &self.opacity);
+        if self.water.is_water() {
+            fields.field("water", &self.water);
+        }
+        fields.finish()
+    }
+}
+
+/// Properties of water as the definition of its surface states them. Water has at least one of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WaterDefinition {
+    /// Refractive index in air (`vlscan_water_index`), 1 to 5.
+    pub index: Option<f64>,
+    /// Group index in vacuum (`vlscan_water_group_index`), 1 to 5.
+    pub group_index: Option<f64>,
+    /// Diffuse attenuation K (`vlscan_water_attenuation`), 1/m.
+    pub attenuation: Option<f64>,
+    /// Secchi depth (`vlscan_water_secchi_m`), m, instead of the attenuation.
+    pub secchi: Option<f64>,
+    /// Attenuation c of a narrow beam (`vlscan_water_beam_attenuation`), 1/m.
+    pub beam_attenuation: Option<f64>,
+    /// Volume scattering function at 180° (`vlscan_water_backscatter`), 1/(m·sr).
+    pub backscatter: Option<f64>,
+    /// Wind speed at 12.5 m (`vlscan_water_wind_m_s`), m/s.
+    pub wind: Option<f64>,
+    /// Direction of the wind, clockwise from north (`vlscan_water_wind_deg`), degrees.
+    pub wind_direction: Option<f64>,
+}
+
+impl WaterDefinition {
+    /// Refractive index of fresh water of 20 °C at 532 nm, in air (Quan and Fry, 1995).
+    pub const FRESH_INDEX: f64 = 1.335035;
+
+    /// True if a property of water is given.
+    pub fn is_water(&self) -> bool {
+        *self != WaterDefinition::default()
+    }
 }
 
 impl OpticsDefinition {
@@ -309,9 +361,9 @@ impl OpticsDefinition {
         self.index.is_some() || self.thickness.is_some() || self.absorption.is_some() || self.sheets.is_some()
     }
 
-    /// True if the surface is a mirror or a pane.
+    /// True if the surface is a mirror, a pane or water.
     pub fn is_optical(&self) -> bool {
-        self.mirror.is_some() || self.is_pane()
+        self.mirror.is_some() || self.is_pane() || self.water.is_water()
     }
 
     /// True if no share of a mirror or pane is opaque, so that a missing reflectance is 0.

@@ -30,7 +30,7 @@ use vlscan_geom::{DVec3, Rotation, radians};
 pub use identity::{Identity, MaterialChanges};
 pub use mesh::{
     ColourDefinition, MaterialChange, MaterialDefinition, Mesh, MeshColours, OpticsDefinition, Replaced,
-    TextureDefinition, TextureImage, TextureWrap, UnusedOptics,
+    TextureDefinition, TextureImage, TextureWrap, UnusedOptics, WaterDefinition,
 };
 pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
 pub use poses::*;

@@ -3,6 +3,7 @@
 
 use libm::{acos, sqrt};
 use std::f64::consts::PI;
+use std::fmt;
 use std::sync::Arc;
 
 /// Profile of the beam across its axis.
@@ -18,7 +19,7 @@ pub enum BeamProfile {
 
 /// Settings of the receiver behind the optics. The default is ideal: no noise, no saturation, the reference's
 /// detector.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Default, PartialEq)]
 pub struct Receiver {
     /// Measured power of the outgoing pulse over time; `None` = the reference's gamma-like curve.
     pub pulse_shape: Option<Arc<PulseSamples>>,
@@ -51,6 +52,40 @@ pub struct Receiver {
     pub dead_time: f64,
     /// Step of the ranges that are reported, m; 0 = any range.
     pub range_step: f64,
+    /// Field of view, full angle, rad; `None` = all light that water scatters forward is received.
+    pub field_of_view: Option<f64>,
+    /// True if points below water are corrected for its refraction and speed of light.
+    pub corrects_refraction: bool,
+}
+
+impl fmt::Debug for Receiver {
+    /// Checksums of surveys include this text, so receivers without settings for water have none of them in
+    /// it.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut fields = f.debug_struct("Receiver");
+        fields
+            .field("pulse_shape", &self.pulse_shape)
+            .field("noise", &self.noise)
+            .field("shot", &self.shot)
+            .field("bandwidth", &self.bandwidth)
+            .field("max_range", &self.max_range)
+            .field("saturation", &self.saturation)
+            .field("range_walk", &self.range_walk)
+            .field("digitiser_clock", &self.digitiser_clock)
+            .field("ranging", &self.ranging)
+            .field("range_noise", &self.range_noise)
+            .field("threshold_photons", &self.threshold_photons)
+            .field("dropout_rate", &self.dropout_rate)
+            .field("dead_time", &self.dead_time)
+            .field("range_step", &self.range_step);
+        if self.field_of_view.is_some() {
+            fields.field("field_of_view", &self.field_of_view);
+        }
+        if self.corrects_refraction {
+            fields.field("corrects_refraction", &self.corrects_refraction);
+        }
+        fields.finish()
+    }
 }
 
 /// Noise of a range as a function of the strength of its echo and of the depth of its footprint: independent

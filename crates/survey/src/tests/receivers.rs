@@ -284,10 +284,22 @@ fn example(key: &str) -> &'static str {
         "range_noise" => "{ constant_m = 0.002 }",
         "overlap" => "{ field_of_view_rad = 0.002 }",
         "threshold_photons" => "8",
-        "digitiser_clock" => "true",
+        "digitiser_clock" | "refraction_corrected" => "true",
         "detector" => "\"gaussian\"",
         "background_w" => "1e-9\nresponsivity_a_per_w = 0.6",
         _ => "0.002",
+    }
+}
+
+#[test]
+fn field_of_view_and_corrected_points_are_read() {
+    let expected = Receiver { field_of_view: Some(0.006), corrects_refraction: true, ..Receiver::default() };
+    let keys = "receiver_fov_rad = 0.006\nrefraction_corrected = true\n";
+    assert_eq!(fine(of_toml(keys))[0].receiver, expected);
+    let attributes = "receiverFov_rad='0.006' refractionCorrected='true'";
+    assert_eq!(of_xml(attributes, "", "").unwrap().0.devices[0].receiver, expected);
+    for wrong in ["receiver_fov_rad = -1\n", "receiver_fov_rad = nan\n", "refraction_corrected = 2\n"] {
+        assert!(of_toml(wrong).is_err(), "{wrong}");
     }
 }
 

@@ -5,13 +5,17 @@ use super::super::keys::{MaterialKeys, PartKeys};
 use super::super::read::MESH_ENDINGS;
 use super::super::read::{loader_of_file, raster_loader};
 use super::super::{
-    Loader, MaterialChange, MaterialDefinition, MeshReading, OpticsDefinition, PartRecipe, Replaced,
-    SceneRecipe, Transform, UpAxis,
+    Loader, MaterialChange, MaterialDefinition, Mesh, MeshReading, OpticsDefinition, PartRecipe, Replaced,
+    SceneRecipe, Transform, UpAxis, WaterDefinition,
 };
 use super::source::Source;
 use std::path::Path;
+use std::sync::Arc;
 use vlscan_base::quantity::{CLASSES, COUNT};
 use vlscan_geom::{DVec3, radians};
+
+/// Maximum coordinate of an area of water, m.
+const MAX_AREA: f64 = 1e8;
 
 /// The scene of these parts. Problems are recorded; parts that cannot be read are left out.
 pub(super) fn read_parts(fields: &Fields, source: &Source, tables: Vec<Fields>) -> SceneRecipe {
@@ -40,6 +44,7 @@ pub(super) fn check_parts(tables: Vec<Fields>) {
         for key in [keys.file, keys.unit, keys.materials] {
             let _ = table.text(key);
         }
+        let _ = read_water(&mut table);
         let _ = table.choice(keys.up, &UpAxis::NAMES, None);
         table.done(&[]);
     }
@@ -67,6 +72,14 @@ fn read_placed(fields: &mut Fields) -> PartRecipe {
 fn read_loader(fields: &mut Fields) -> Option<Loader> {
     let keys = PartKeys::KEYS;
     let of_meshes = [keys.up, keys.unit, keys.materials];
+    if fields.has(keys.water_level_m) || fields.has(keys.water_area_m) {
+        for key in of_meshes.into_iter().chain([keys.file]).filter(|key| fields.has(*key)) {
+            fields.error(key, "has no meaning beside `water_level_m`");
+        }
+        fields.ignore(&of_meshes);
+        fields.ignore(&[keys.file]);
+        return read_water(fields);
+    }
     if !fields.has(keys.file) {
         fields.context.error(fields.own_place(), "a [[part]] needs the key `file`");
     }
@@ -107,6 +120,59 @@ fn read_loader(fields: &mut Fields) -> Option<Loader> {
     }
 }
 
+/// The level surface of water of a part without a file.
+fn read_water(fields: &mut Fields) -> Option<Loader> {
+    let keys = PartKeys::KEYS;
+    if !fields.has(keys.water_level_m) && !fields.has(keys.water_area_m) {
+        return None;
+    }
+    let level = fields.required_number(keys.water_level_m);
+    let is_area = |area: &[f64]| {
+        let is_in_reach = |value: &f64| value.abs() <= MAX_AREA;
+        area.len() == 4 && area.iter().all(is_in_reach) && area[0] < area[2] && area[1] < area[3]
+    };
+    let expected = "the smallest x and y, then the largest, in metres: [0, 0, 100, 50]";
+    let area = match fields.has(keys.water_area_m) {
+        true => fields.numbers(keys.water_area_m, is_area, expected),
+        false => {
+            fields.context.error(fields.own_place(), "`water_level_m` needs the key `water_area_m`");
+            None
+        }
+    };
+    let (level, area) = level.zip(area)?;
+    let corner = |i: usize, j: usize| DVec3::new(area[i], area[j], level);
+    let vertices = vec![corner(0, 1), corner(2, 1), corner(2, 3), corner(0, 3)];
+    let water = WaterDefinition { index: Some(WaterDefinition::FRESH_INDEX), ..WaterDefinition::default() };
+    let optics = OpticsDefinition { water, ..OpticsDefinition::default() };
+    let material = MaterialDefinition { kd: [1.0; 3], optics, ..MaterialDefinition::new("water") };
+    let mesh = Mesh::new(vertices, vec![[0, 1, 2], [0, 2, 3]], vec![material], Vec::new());
+    mesh.map(|mesh| Loader::Mesh(Arc::new(mesh.with_name("water".to_owned())))).ok()
+}
+
+fn read_optics(fields: &mut Fields) -> OpticsDefinition {
+    let keys = MaterialKeys::KEYS;
+    fields.either(keys.water_attenuation, keys.water_secchi_m);
+    OpticsDefinition {
+        mirror: fields.optional(keys.mirror),
+        index: fields.optional(keys.pane_index),
+        thickness: fields.optional(keys.pane_thickness_m),
+        absorption: fields.optional(keys.pane_absorption),
+        sheets: fields.has(keys.pane_sheets).then(|| fields.count(keys.pane_sheets, 1)),
+        retro: fields.optional(keys.retro),
+        opacity: None,
+        water: WaterDefinition {
+            index: fields.optional(keys.water_index),
+            group_index: fields.optional(keys.water_group_index),
+            attenuation: fields.optional(keys.water_attenuation),
+            secchi: fields.optional(keys.water_secchi_m),
+            beam_attenuation: fields.optional(keys.water_beam_attenuation),
+            backscatter: fields.optional(keys.water_backscatter),
+            wind: fields.optional(keys.water_wind_m_s),
+            wind_direction: fields.optional(keys.water_wind_deg),
+        },
+    }
+}
+
 fn read_change(mut fields: Fields) -> MaterialChange {
     let keys = MaterialKeys::KEYS;
     let (of, name) = (fields.text(keys.of), fields.text(keys.name));
@@ -135,15 +201,7 @@ fn read_change(mut fields: Fields) -> MaterialChange {
         classification,
         is_ground: fields.flag(keys.is_ground, false),
         leaf: fields.has(keys.is_leaf).then(|| fields.flag(keys.is_leaf, false)),
-        optics: OpticsDefinition {
-            mirror: fields.optional(keys.mirror),
-            index: fields.optional(keys.pane_index),
-            thickness: fields.optional(keys.pane_thickness_m),
-            absorption: fields.optional(keys.pane_absorption),
-            sheets: fields.has(keys.pane_sheets).then(|| fields.count(keys.pane_sheets, 1)),
-            retro: fields.optional(keys.retro),
-            opacity: None,
-        },
+        optics: read_optics(&mut fields),
         place: Some(fields.own_place()),
         ..MaterialDefinition::new(name.or(of.clone()).unwrap_or_else(|| "material".to_owned()))
     };

@@ -11,6 +11,7 @@ mod robustness;
 mod scene_box;
 mod slabs;
 mod truth;
+mod water;
 
 use super::testkit::*;
 use super::{Corrections, Physics, PhysicsOptions, PulseSimulator};

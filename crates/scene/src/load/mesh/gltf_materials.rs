@@ -1,7 +1,7 @@
 //! Materials of glTF documents: their names, and as extras the properties that material files of OBJ have.
 
 use super::{GltfError, diffuse};
-use crate::mtl::set_optics;
+use crate::mtl::{OPTICAL_KEYS, set_optics};
 use crate::optics::GLASS_INDEX;
 use serde::Deserialize;
 use serde_json::Value;
@@ -79,7 +79,7 @@ fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, 
             *slot = unit * number.ok_or_else(|| wrong(key, &expected, value))?;
         }
     }
-    for key in ["mirror", "pane_index", "pane_thickness_m", "pane_absorption", "pane_sheets", "retro"] {
+    for key in OPTICAL_KEYS {
         let name = format!("vlscan_{key}");
         if let Some(value) = extra(&name) {
             let refused = set_optics(&mut material.optics, key.as_bytes(), value.as_f64());

@@ -24,7 +24,7 @@ use vlscan_tables::input::read_file;
 
 /// Name of the table that is searched next to a mesh file.
 const FILE_NAME: &str = "materials.csv";
-const COLUMNS: [&str; 12] = [
+const COLUMNS: [&str; 20] = [
     "name",
     "reflectance",
     "class",
@@ -37,10 +37,20 @@ const COLUMNS: [&str; 12] = [
     "pane_absorption",
     "pane_sheets",
     "retro",
+    "water_index",
+    "water_group_index",
+    "water_attenuation",
+    "water_secchi_m",
+    "water_beam_attenuation",
+    "water_backscatter",
+    "water_wind_m_s",
+    "water_wind_deg",
 ];
 const HELP: &str = "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), \
                     leaf (true or false), spectrum, and those of mirrors and panes: mirror, pane_index, \
-                    pane_thickness_m, pane_absorption, pane_sheets, retro";
+                    pane_thickness_m, pane_absorption, pane_sheets, retro; and of water: water_index, \
+                    water_group_index, water_attenuation, water_secchi_m, water_beam_attenuation, \
+                    water_backscatter, water_wind_m_s, water_wind_deg";
 /// Maximum size of a table, bytes.
 const MAX_BYTES: u64 = 1 << 26;
 
