@@ -1,15 +1,19 @@
 #!/bin/sh
-# How long `vlscan info` takes to describe a cloud, beside other programs that compute the same numbers.
+# Time and memory of the commands that read clouds, beside other programs that do the same.
 #
 #   benches/clouds.sh [FOLDER]        default: a folder under $TMPDIR, removed at the end
 #
 # Writes one flight as LAZ, COPC, LAS, Parquet and text unless the files exist, and describes each of them
 # with vlscan and with another program in turn: laspy with lazrs for LAS, LAZ and COPC, pyarrow for Parquet,
-# polars for text; programs that are not installed are skipped. Prints the median times and the median ratio
-# of neighbouring runs; below 1, vlscan is faster. Times include the start of the interpreter.
+# polars for text; programs that are not installed are skipped. Then makes rasters and pictures of the LAZ
+# file, which have the ratio to `info`, which only reads it, and compares it and the text with themselves;
+# CloudCompare (Debian: cloudcompare) measures the distances between the points of the text, one way. Prints
+# median times, processor times and peaks of memory, and the median ratio of neighbouring runs; below 1,
+# vlscan is faster. Times include the start of the interpreter.
 #
 # Environment: VLSCAN (the program; default: built with `cargo build --release`), PULSES (20M), ROUNDS (5),
-# FORMATS (laz copc las parquet xyz), PYTHON (python3; with the packages to compare with).
+# FORMATS (laz copc las parquet xyz), COMMANDS (1; 0 leaves out the second table), PYTHON (python3; with the
+# packages to compare with).
 set -eu
 
 here=$(cd "$(dirname "$0")/.." && pwd)
@@ -28,10 +32,12 @@ for format in $formats; do
 done
 
 # shellcheck disable=SC2086
-"${PYTHON:-python3}" - "$VLSCAN" "$folder" "${ROUNDS:-5}" $formats << 'PYTHON'
-import importlib.util, os, statistics, subprocess, sys, time
+"${PYTHON:-python3}" - "$VLSCAN" "$folder" "${ROUNDS:-5}" "${COMMANDS:-1}" $formats << 'PYTHON'
+import importlib.util, os, shutil, statistics, subprocess, sys, time
 
-program, folder, rounds, *formats = sys.argv[1:]
+program, folder, rounds, commands, *formats = sys.argv[1:]
+# CloudCompare needs no display.
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 LASPY = """
 import sys, laspy, numpy as np
@@ -60,36 +66,64 @@ OTHERS = {
 }
 
 
-def seconds(command):
-    """Time of a command; None if it fails."""
+def run(command):
+    """Time and processor time of a command, s, and its peak of memory, MB; None if it fails."""
     start = time.monotonic()
-    run = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    if run.returncode != 0:
-        print(f"{command[0]} fails: {run.stderr.strip()[-300:]}", file=sys.stderr)
-        return None
-    return time.monotonic() - start
+    with open(os.path.join(folder, "messages"), "w+") as messages:
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=messages)
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode != 0:
+            messages.seek(0)
+            print(f"{command[0]} fails: {messages.read().strip()[-300:]}", file=sys.stderr)
+            return None
+    return time.monotonic() - start, used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
 
 
-print(f"{'format':<8} {'MB':>7} {'info, s':>8} {'other':>8} {'s':>7} {'ratio':>6}")
+def compared(name, own, other, unit=""):
+    """Runs two commands in turn, the second of which may be None, and prints a line."""
+    runs = []
+    # The first round only fills the page cache.
+    for round in range(int(rounds) + 1):
+        pair = (run(own), run(other[1]) if other else None)
+        if round > 0 and pair[0] is not None:
+            runs.append(pair)
+    line = f"{name:<18} {unit:>7}"
+    median = lambda values: statistics.median(list(values))
+    if runs:
+        line += "".join(f" {median(pair[0][i] for pair in runs):>8.{1 if i < 2 else 0}f}" for i in range(3))
+    both = [pair for pair in runs if pair[1] is not None]
+    if both:
+        line += f" {other[0]:>14}"
+        line += "".join(f" {median(pair[1][i] for pair in both):>8.{1 if i < 2 else 0}f}" for i in range(3))
+        line += f" {median(pair[0][0] / pair[1][0] for pair in both):>6.2f}"
+    print(line, flush=True)
+
+
+columns = f"{'s':>8} {'cpu, s':>8} {'MB':>8} {'other':>14} {'s':>8} {'cpu, s':>8} {'MB':>8} {'ratio':>6}"
+print(f"{'info':<18} {'file MB':>7} {columns}")
 for form in formats:
     path = os.path.join(folder, "cloud.copc.laz" if form == "copc" else f"cloud.{form}")
     name, modules, code = OTHERS.get(form, ("", [""], ""))
     is_there = all(module and importlib.util.find_spec(module) for module in modules)
     if is_there and form == "las":
         code = code.replace(", laz_backend=laspy.LazBackend.LazrsParallel", "")
-    own, other = [program, "info", path], [sys.executable, "-c", code, path]
-    times = []
-    # The first round only fills the page cache.
-    for round in range(int(rounds) + 1):
-        pair = (seconds(own), seconds(other) if is_there else None)
-        if round > 0 and pair[0] is not None:
-            times.append(pair)
-    line = f"{form:<8} {os.path.getsize(path) / 1e6:>7.0f}"
-    if times:
-        line += f" {statistics.median(pair[0] for pair in times):>8.2f}"
-    both = [pair for pair in times if pair[1] is not None]
-    if both:
-        line += f" {name:>8} {statistics.median(pair[1] for pair in both):>7.2f}"
-        line += f" {statistics.median(pair[0] / pair[1] for pair in both):>6.2f}"
-    print(line)
+    other = (name, [sys.executable, "-c", code, path]) if is_there else None
+    compared(form, [program, "info", path], other, f"{os.path.getsize(path) / 1e6:.0f}")
+
+cloud, out = os.path.join(folder, "cloud.laz"), lambda name: os.path.join(folder, name)
+if commands != "0" and os.path.exists(cloud):
+    print(f"{'command':<18} {'':>7} {columns}")
+    reading = ("info", [program, "info", cloud])
+    dsm, dtm = ["--dsm", out("dsm.tif")], ["--dtm", out("dtm.tif")]
+    compared("raster --dsm", [program, "raster", cloud, *dsm, "--force"], reading)
+    compared("raster --dtm --dsm", [program, "raster", cloud, *dsm, *dtm, "--force"], reading)
+    compared("preview", [program, "preview", cloud, "-o", out("cloud.png"), "--force"], reading)
+    compared("compare", [program, "compare", cloud, cloud], ("twice info", [*reading[1], cloud]))
+    # Debian's CloudCompare reads no LAS.
+    peer, text = shutil.which("CloudCompare"), out("cloud.xyz")
+    if peer and os.path.exists(text):
+        quiet = ["-SILENT", "-NO_TIMESTAMP", "-AUTO_SAVE", "OFF"]
+        distances = [peer, *quiet, "-O", text, "-O", text, "-C2C_DIST"]
+        compared("compare text", [program, "compare", text, text], ("CloudCompare", distances))
 PYTHON

@@ -9,12 +9,14 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, reads, refuse_existing, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_formats::PointFormat;
-use vlscan_tools::compare::{changed_points, compare, json, page, table, write_changed};
+use vlscan_tools::cloud::read_attributes;
+use vlscan_tools::compare::{changed_points, compare, compared_attributes, json, page, table, write_changed};
 
 pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     check(args)?;
     let observer = console.listener();
-    let [first, second] = [&args.first, &args.second].map(|path| read_cloud(path, console));
+    let read = |path: &Path| read_attributes(path, compared_attributes());
+    let [first, second] = [&args.first, &args.second].map(|path| read_cloud(path, console, read));
     let (first, second) = (first?, second?);
     let names = [&args.first, &args.second].map(|path| path.display().to_string());
     let clouds = [(names[0].as_str(), &first), (names[1].as_str(), &second)];

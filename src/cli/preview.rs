@@ -6,13 +6,14 @@ use super::watch::during;
 use super::{Console, interrupt, messages};
 use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
+use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileWriter, Patched, means_stdout, reads, refuse_existing};
 use vlscan_base::quantity::{amount, amount_of};
 use vlscan_campaign::SurveySketch;
 use vlscan_options::holds_survey;
 use vlscan_session::output::expand;
-use vlscan_tools::cloud::{Points, Wave, read_packet, read_points, read_wave};
+use vlscan_tools::cloud::{Points, Wave, read_attributes, read_packet, read_points, read_wave};
 use vlscan_tools::preview::{Chart, ColourBy, Picture, PreviewOptions, draw, write_octree, write_page};
 
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
@@ -40,7 +41,14 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     if is_survey {
         return survey(args, &options, console);
     }
-    let points = read_cloud(&args.points, console)?;
+    // A page offers all colours.
+    let points = match is_page(&args.out) || options.colour == ColourBy::Rgb {
+        true => read_cloud(&args.points, console, read_points)?,
+        false => {
+            let attributes = options.colour.attributes();
+            read_cloud(&args.points, console, |path| read_attributes(path, attributes))?
+        }
+    };
     console.warnings(&options.colour.doubts(&points, &args.points))?;
     match is_page(&args.out) {
         true => page(args, &points, &options, console),
@@ -88,9 +96,13 @@ fn page(args: &PreviewArgs, points: &Points, options: &PreviewOptions, console: 
     Ok(())
 }
 
-/// Reads points, and reports remarks about their file.
-pub(super) fn read_cloud(path: &Path, console: &Console) -> Result<Points> {
-    let (points, found) = during(console, "reading points", || read_points(path))?;
+/// Reads points by `read`, and reports remarks about their file.
+pub(super) fn read_cloud(
+    path: &Path,
+    console: &Console,
+    read: impl FnOnce(&Path) -> Result<(Points, Diagnostics)>,
+) -> Result<Points> {
+    let (points, found) = during(console, "reading points", || read(path))?;
     console.warnings(&found)?;
     Ok(points)
 }

@@ -78,7 +78,7 @@ impl SurveySketch {
         let flight = FlightMap {
             lines: lines.iter().map(|line| line.iter().map(|p| [p.x, p.y]).collect()).collect(),
             outline: density.outline(),
-            density: points.positions().iter().map(|position| density.at(*position)).collect(),
+            density: points.positions().map(|position| density.at(position)).collect(),
         };
         Ok(SurveySketch { points, lines, flight })
     }

@@ -1,6 +1,6 @@
 //! The points that are nearest to a place, seen from above, and the plane through them.
 
-use crate::kd_tree::KdTree;
+use crate::kd_tree::{KdTree, Places};
 use vlscan_geom::DVec3;
 
 /// Points in the plane.
@@ -9,11 +9,25 @@ pub struct Neighbours {
     tree: KdTree,
 }
 
+/// Points at the height 0.
+struct Flat<'p>(&'p [DVec3]);
+
+impl Places for Flat<'_> {
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    fn at(&self, index: u32) -> [f64; 3] {
+        let p = self.0[index as usize];
+        [p.x, p.y, 0.0]
+    }
+}
+
 impl Neighbours {
     /// Prepares points for searches.
     pub fn of(points: Vec<DVec3>) -> Neighbours {
-        let flat: Vec<[f64; 3]> = points.iter().map(|p| [p.x, p.y, 0.0]).collect();
-        Neighbours { points, tree: KdTree::new(&flat) }
+        let tree = KdTree::new(&Flat(&points));
+        Neighbours { points, tree }
     }
 
     /// The points.
@@ -23,19 +37,21 @@ impl Neighbours {
 
     /// True if a point lies within `radius` of a place.
     pub fn is_near(&self, x: f64, y: f64, radius: f64) -> bool {
-        self.tree.is_near(&[x, y, 0.0], radius)
+        self.tree.is_near(&Flat(&self.points), &[x, y, 0.0], radius)
     }
 
     /// The nearest `count` points and their squared distances, nearest first, of equal distances in the order
     /// of points; `without` is left out. The time does not depend on where points lie.
     pub fn nearest(&self, x: f64, y: f64, count: usize, without: Option<usize>) -> Vec<(f64, usize)> {
-        let found = self.tree.nearest_few(&[x, y, 0.0], count, |i| Some(i as usize) != without);
+        let is_other = |i: u32| Some(i as usize) != without;
+        let found = self.tree.nearest_few(&Flat(&self.points), &[x, y, 0.0], count, is_other);
         found.into_iter().map(|(square, i)| (square, i as usize)).collect()
     }
 
     /// As [`nearest`](Neighbours::nearest), of the points within `radius` of the place.
     pub fn nearest_within(&self, x: f64, y: f64, count: usize, radius: f64) -> Vec<(f64, usize)> {
-        let found = self.tree.nearest_within(&[x, y, 0.0], count, radius * radius, |_| true);
+        let (points, place) = (Flat(&self.points), [x, y, 0.0]);
+        let found = self.tree.nearest_within(&points, &place, count, radius * radius, |_| true);
         found.into_iter().map(|(square, i)| (square, i as usize)).collect()
     }
 }

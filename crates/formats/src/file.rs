@@ -57,7 +57,7 @@ fn read_into(path: &Path, threads: usize, sink: &mut dyn PointSink, found: &mut 
     read.map_err(|e| Error::io("read", &name, e))?;
     // The points of a stream are passed on as they arrive.
     let threads = if is_file { or_all(threads) } else { 1 };
-    let mut reading = Reading::new(&name, Selection::All, sink, found).on(threads);
+    let mut reading = Reading::new(&name, sink.selection(), sink, found).on(threads);
     let Some(format) = recognise(&first, &mut reading) else { return Ok(()) };
     reading.tell(format);
     if format.is_stream() {

@@ -208,6 +208,12 @@ pub trait PointSink {
     /// name one.
     fn crs(&mut self, _wkt: &str) {}
 
+    /// The attributes that the sink uses. Of LAS the others are 0, since leaving them compressed saves time;
+    /// other formats pass on all of them.
+    fn selection(&self) -> Selection {
+        Selection::All
+    }
+
     /// True if [`PointSink::unread`] and [`PointSink::details`] are called, which takes time.
     fn takes_details(&self) -> bool {
         false
@@ -333,7 +339,8 @@ impl<'a> Reading<'a> {
     /// # Errors
     /// That of the sink.
     fn end(self) -> Result<()> {
-        let is_selected = |attribute| self.selection == Selection::All || attribute == Attribute::Class;
+        let is_selected =
+            |attribute| self.selection != Selection::PositionAndClass || attribute == Attribute::Class;
         for (attribute, (count, place)) in Attribute::ALL.into_iter().zip(self.misfits) {
             if count > 0 && is_selected(attribute) {
                 let points = if count == 1 { "point has" } else { "points have" };

@@ -77,7 +77,7 @@ impl PulseGroups {
     /// Times that several pulses share, in files whose returns are not in the order of pulses.
     pub fn of(keys: &[PulseKey]) -> Result<PulseGroups, PulseGroupsError> {
         let by_time = PulseGroups::by_time(keys);
-        if by_time.ambiguous as f64 <= MAX_AMBIGUOUS * by_time.pulses.len() as f64 {
+        if PulseGroups::are_distinct(by_time.ambiguous, by_time.pulses.len()) {
             return Ok(by_time);
         }
         let ambiguous = by_time.ambiguous;
@@ -103,6 +103,11 @@ impl PulseGroups {
             start = end;
         }
         Ok(PulseGroups { order, pulses, by: GroupedBy::Order, ambiguous })
+    }
+
+    /// True if times tell pulses: few returns have the flight line, channel, time and number of another one.
+    pub fn are_distinct(ambiguous: usize, pulses: usize) -> bool {
+        ambiguous as f64 <= MAX_AMBIGUOUS * pulses as f64
     }
 
     /// Groups `keys` by time alone. `ambiguous` says how well times tell pulses.

@@ -13,6 +13,7 @@
 
 use super::recording::{Recording, Target};
 use super::sensor::SensorPath;
+use super::smoothing::smoothed;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use vlscan_geom::DVec3;
@@ -257,17 +258,21 @@ pub(super) fn extinctions(
     all.lengths.iter_mut().zip(&left_out.lengths).for_each(|(a, b)| *a += b);
     let crowns = |counts: &dyn Fn(usize) -> bool| grid.levels_of(canopy(recording, counts));
     // Alignment and prior for which the pulses that are held out are most likely.
+    let passed = left_out.passed();
     let mut best = (f64::NEG_INFINITY, false, 0.0, Vec::new());
     for along_canopy in [false, true] {
         let surface =
             if along_canopy { crowns(&|pulse| !recording.is_held_out[pulse]) } else { ground.clone() };
         let levels = Levels::of(rest.clone(), &grid, &surface);
+        let mut better: Option<(f64, f64)> = None;
         for prior in PRIOR_LENGTHS {
-            let sigma = levels.extinctions(prior);
-            let likelihood = left_out.log_likelihood(&sigma);
-            if likelihood > best.0 {
-                best = (likelihood, along_canopy, prior, sigma);
+            let likelihood = left_out.log_likelihood(&passed, |voxel| levels.extinction(voxel, prior));
+            if likelihood > better.map_or(best.0, |(likelihood, _)| likelihood) {
+                better = Some((likelihood, prior));
             }
+        }
+        if let Some((likelihood, prior)) = better {
+            best = (likelihood, along_canopy, prior, levels.extinctions(prior));
         }
     }
     let (_, along_canopy, prior, of_rest) = best;
@@ -331,22 +336,30 @@ fn sums(
 
 impl Sums {
     /// Replaces both sums by means over 3 by 3 columns with the weights 1, 2, 1 along x and y, at the same
-    /// height over the ground: `ground` is the number of the voxel at the ground of each column.
-    fn smooth(&mut self, grid: &Grid, ground: &[i32]) {
+    /// height over the ground: `ground` is the number of the voxel at the ground of each column. `spare` has
+    /// as many values, of any content.
+    fn smooth(&mut self, grid: &Grid, ground: &[i32], spare: &mut Vec<f32>) {
         for values in [&mut self.hits, &mut self.lengths] {
-            for axis in 0..2 {
-                smooth_along(grid, ground, axis, values);
-            }
+            smoothed(grid.cells, ground, values, spare);
+            std::mem::swap(values, spare);
         }
     }
 
-    /// Log-likelihood of these sums, given extinctions from other pulses.
-    fn log_likelihood(&self, sigma: &[f32]) -> f64 {
-        let of = |((hit, length), sigma): ((&f32, &f32), &f32)| {
-            let s = f64::from(sigma.max(MIN_EXTINCTION));
-            f64::from(*hit) * libm::log(s) - f64::from(*length) * s
+    /// The voxels that beams have passed, in their order.
+    fn passed(&self) -> Vec<u32> {
+        (0..).zip(&self.lengths).filter(|(_, length)| **length > 0.0).map(|(voxel, _)| voxel).collect()
+    }
+
+    /// Log-likelihood of the sums of the voxels that beams have `passed`, given extinctions from other pulses.
+    fn log_likelihood(&self, passed: &[u32], sigma: impl Fn(usize) -> f32 + Sync) -> f64 {
+        let of = |voxel: &u32| {
+            let voxel = *voxel as usize;
+            let s = f64::from(sigma(voxel).max(MIN_EXTINCTION));
+            f64::from(self.hits[voxel]) * libm::log(s) - f64::from(self.lengths[voxel]) * s
         };
-        self.hits.iter().zip(&self.lengths).zip(sigma).filter(|((_, l), _)| **l > 0.0).map(of).sum()
+        // The order of the sum does not depend on the threads.
+        let terms: Vec<f64> = passed.par_iter().map(of).collect();
+        terms.into_iter().sum()
     }
 }
 
@@ -356,10 +369,10 @@ struct Levels(Vec<(Sums, f64)>);
 impl Levels {
     fn of(finest: Sums, grid: &Grid, ground: &[i32]) -> Levels {
         let mut levels: Vec<(Sums, f64)> = Vec::new();
-        let mut sums = finest;
+        let (mut sums, mut spare) = (finest, vec![0.0; grid.len()]);
         for (level, passes) in PASSES.into_iter().enumerate() {
             let done = if level == 0 { 0 } else { PASSES[level - 1] };
-            (done..passes).for_each(|_| sums.smooth(grid, ground));
+            (done..passes).for_each(|_| sums.smooth(grid, ground, &mut spare));
             // A kernel of the variance n/2 along both axes counts as many voxels as lie in 4π times it.
             let count = (2.0 * std::f64::consts::PI * passes as f64).max(1.0);
             levels.push((Sums { hits: sums.hits.clone(), lengths: sums.lengths.clone() }, count));
@@ -370,42 +383,22 @@ impl Levels {
     /// Extinctions of the finest level, where each has the next coarser one for a prior that counts like
     /// `prior` metres of beams: the mean of a gamma distribution, which is conjugate to exponential paths.
     fn extinctions(&self, prior: f64) -> Vec<f32> {
-        let mut sigma: Vec<f32> = Vec::new();
-        for (sums, count) in self.0.iter().rev() {
-            let weight = (prior / count) as f32;
-            let of = |i: usize| {
-                let (hit, length) = (sums.hits[i], sums.lengths[i]);
-                let before = sigma.get(i).copied().unwrap_or(0.0);
-                // The coarsest level has no prior.
-                let weight = if sigma.is_empty() { 0.0 } else { weight };
-                if length + weight > 0.0 { (hit + weight * before) / (length + weight) } else { 0.0 }
-            };
-            sigma = (0..sums.hits.len()).into_par_iter().map(of).collect();
-        }
-        sigma.iter_mut().for_each(|s| *s = if *s < MIN_EXTINCTION { 0.0 } else { s.min(MAX_EXTINCTION) });
-        sigma
+        let count = self.0.first().map_or(0, |(sums, _)| sums.hits.len());
+        (0..count).into_par_iter().map(|voxel| self.extinction(voxel, prior)).collect()
     }
-}
 
-fn smooth_along(grid: &Grid, ground: &[i32], axis: usize, values: &mut [f32]) {
-    let [nx, ny, nz] = grid.cells;
-    let (count, step) = if axis == 0 { (nx, ny) } else { (ny, 1) };
-    let before = values.to_vec();
-    let columns = values.par_chunks_mut(nz).enumerate();
-    columns.for_each(|(column, values)| {
-        let place = if axis == 0 { column / ny } else { column % ny };
-        values.iter_mut().for_each(|v| *v *= 0.5);
-        let beside = [(place > 0).then(|| column - step), (place + 1 < count).then(|| column + step)];
-        for other in beside.into_iter().flatten() {
-            let shift = ground[other] - ground[column];
-            for (k, value) in values.iter_mut().enumerate() {
-                let from = k as i64 + i64::from(shift);
-                if (0..nz as i64).contains(&from) {
-                    *value += 0.25 * before[other * nz + from as usize];
-                }
-            }
+    /// The extinction of a voxel.
+    fn extinction(&self, voxel: usize, prior: f64) -> f32 {
+        let mut sigma: Option<f32> = None;
+        for (sums, count) in self.0.iter().rev() {
+            let (hit, length) = (sums.hits[voxel], sums.lengths[voxel]);
+            // The coarsest level has no prior.
+            let (weight, before) = sigma.map_or((0.0, 0.0), |sigma| ((prior / count) as f32, sigma));
+            let has_beams = length + weight > 0.0;
+            sigma = Some(if has_beams { (hit + weight * before) / (length + weight) } else { 0.0 });
         }
-    });
+        sigma.filter(|sigma| *sigma >= MIN_EXTINCTION).map_or(0.0, |sigma| sigma.min(MAX_EXTINCTION))
+    }
 }
 
 impl Extinctions {
@@ -497,7 +490,7 @@ mod tests {
         for (ground, at, beside) in [(&level, [2, 2, 1], [1, 3, 1]), (&slope, [2, 2, 2], [1, 3, 1])] {
             let mut sums = Sums { hits: vec![0.0; grid.len()], lengths: vec![1.0; grid.len()] };
             sums.hits[grid.number(at)] = 16.0;
-            sums.smooth(&grid, ground);
+            sums.smooth(&grid, ground, &mut vec![0.0; grid.len()]);
             assert_eq!(sums.hits[grid.number(at)], 4.0);
             assert_eq!(sums.hits[grid.number(beside)], 1.0);
             assert_eq!(sums.hits.iter().sum::<f32>(), 16.0);
@@ -508,7 +501,7 @@ mod tests {
     #[test]
     fn the_likelihood_prefers_the_truth() {
         let sums = Sums { hits: vec![3.0, 6.0], lengths: vec![10.0, 20.0] };
-        let at = |s: f32| sums.log_likelihood(&[s, s]);
+        let at = |s: f32| sums.log_likelihood(&sums.passed(), |_| s);
         assert!(at(0.3) > at(0.29) && at(0.3) > at(0.31));
         // With enough beams, the prior has no effect.
         let grid = Grid { min: DVec3::ZERO, size: 1.0, cells: [2, 1, 1] };

@@ -10,7 +10,7 @@
 //! | `recording` | returns as pulses and flight lines |
 //! | `sensor` | positions of the instrument |
 //! | `terrain`, `roofs` | surfaces |
-//! | `foliage` | leaf area densities |
+//! | `foliage`, `smoothing` | leaf area densities; means over neighbouring columns |
 //! | `receiver` | resolution and threshold of the receiver, size of the elements of foliage |
 //! | `write` | the files of the scene |
 
@@ -19,6 +19,7 @@ mod receiver;
 mod recording;
 mod roofs;
 mod sensor;
+mod smoothing;
 mod terrain;
 mod write;
 

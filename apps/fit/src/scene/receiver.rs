@@ -17,6 +17,7 @@ use super::recording::Recording;
 use super::sensor::SensorPath;
 use super::terrain::Terrain;
 use rayon::prelude::*;
+use std::collections::HashMap;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_geom::DVec3;
 
@@ -144,27 +145,29 @@ pub(super) fn receiver(
     let radius = samples.iter().map(|s| s.radius).sum::<f64>() / samples.len() as f64;
     // Size of elements over the radius of the footprint, and threshold.
     let settings = |x: &[f64; 2]| (libm::exp(x[0]) * radius, libm::exp(x[1]));
+    let mut simulator = Simulator::new(&samples, resolution);
     let mut factors = [1.0; LAYERS];
     let mut best = [0.0; 2];
     for _ in 0..ROUNDS {
         let cost = |x: &[f64; 2]| -> f64 {
-            let (shares, _) = simulated_shares(&samples, settings(x), &factors, resolution);
+            let (shares, _) = simulator.shares(settings(x));
             shares.iter().zip(recorded).map(|(s, r)| (s - r).powi(2)).sum::<f64>()
         };
         best = minimise(cost, [[0.05f64, 6.0], [0.01, 0.5]].map(|range| range.map(libm::log)));
         for _ in 0..LAYER_STEPS {
-            let (_, simulated) = simulated_shares(&samples, settings(&best), &factors, resolution);
+            let (_, simulated) = simulator.shares(settings(&best));
             let mut counts = [0.0; LAYERS];
             samples.iter().filter_map(|s| s.first_layer).for_each(|layer| counts[layer] += 1.0);
             for layer in 0..LAYERS {
                 let ratio: f64 = (counts[layer] + 1.0) / (simulated[layer] + 1.0);
                 factors[layer] = (factors[layer] * ratio.sqrt()).clamp(FACTORS[0], FACTORS[1]);
             }
+            simulator.set_factors(factors);
         }
     }
     (found.element_size, found.threshold) = settings(&best);
     found.layers = tops.into_iter().zip(factors).map(|(top, factor)| Layer { top, factor }).collect();
-    let (simulated, _) = simulated_shares(&samples, settings(&best), &factors, resolution);
+    let (simulated, _) = simulator.shares(settings(&best));
     (found.samples, found.recorded, found.simulated) = (samples.len(), recorded, simulated);
     found
 }
@@ -296,15 +299,73 @@ struct Echoes {
     last_is_leaf: bool,
 }
 
-/// The shares of simulated pulses, and first returns from foliage by layer.
-fn simulated_shares(
-    samples: &[Sample],
-    settings: (f64, f64),
-    factors: &[f64; LAYERS],
+/// The ranges of the rays of a beam, ascending, with the layer of the foliage that each met, or [`SURFACE`].
+type Ranges = [(f64, u8); SUBRAYS];
+
+/// In place of a layer: the surface below the foliage.
+const SURFACE: u8 = u8::MAX;
+
+/// Sends the beams of samples through foliage. Trials differ in few settings, so that what is common to
+/// several of them is computed once.
+struct Simulator<'s> {
+    samples: &'s [Sample],
+    /// Minimum distance between two returns, m.
     resolution: f64,
-) -> ([f64; SHARES], [f64; LAYERS]) {
-    let all: Vec<Option<Echoes>> =
-        samples.par_iter().map(|sample| simulate(sample, settings, factors, resolution)).collect();
+    /// Of each ray its distance from the axis over the radius of the footprint, and the sine and cosine of its
+    /// direction there.
+    rays: [[f64; 3]; SUBRAYS],
+    /// Optical depths of the rays of each sample, by the bits of the size of elements.
+    depths: HashMap<u64, Vec<[f64; SUBRAYS]>>,
+    /// Ranges for the present factors, by the bits of the size of elements.
+    ranges: HashMap<u64, Vec<Ranges>>,
+    factors: [f64; LAYERS],
+}
+
+impl<'s> Simulator<'s> {
+    fn new(samples: &'s [Sample], resolution: f64) -> Simulator<'s> {
+        const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+        let ray = |i: usize| {
+            // Equal shares of the energy of a Gaussian beam, exp(−2r²/w²).
+            let inner = (i as f64 + 0.5) / SUBRAYS as f64;
+            let (sin, cos) = libm::sincos(i as f64 * GOLDEN_ANGLE);
+            [(-0.5 * libm::log1p(-inner)).sqrt(), sin, cos]
+        };
+        Simulator {
+            samples,
+            resolution,
+            rays: std::array::from_fn(ray),
+            depths: HashMap::new(),
+            ranges: HashMap::new(),
+            factors: [1.0; LAYERS],
+        }
+    }
+
+    /// Changes the factors on the extinctions of layers.
+    fn set_factors(&mut self, factors: [f64; LAYERS]) {
+        if self.factors != factors {
+            (self.factors, self.ranges) = (factors, HashMap::new());
+        }
+    }
+
+    /// The shares of simulated pulses for a size of elements and a threshold, and first returns from foliage
+    /// by layer.
+    fn shares(&mut self, (size, threshold): (f64, f64)) -> ([f64; SHARES], [f64; LAYERS]) {
+        let Simulator { samples, resolution, rays, depths, ranges, factors } = self;
+        let ranges = ranges.entry(size.to_bits()).or_insert_with(|| {
+            let depths = depths
+                .entry(size.to_bits())
+                .or_insert_with(|| samples.par_iter().map(|sample| sample.depths(rays, size)).collect());
+            let pairs = samples.par_iter().zip(&*depths);
+            pairs.map(|(sample, depths)| sample.ranges(depths, factors)).collect()
+        });
+        let all: Vec<Option<Echoes>> =
+            ranges.par_iter().map(|ranges| Echoes::of(ranges, threshold, *resolution)).collect();
+        shares_of(&all, samples)
+    }
+}
+
+/// The shares of pulses by the returns of their samples, and first returns from foliage by layer.
+fn shares_of(all: &[Option<Echoes>], samples: &[Sample]) -> ([f64; SHARES], [f64; LAYERS]) {
     let (mut counts, mut layers) = ([0.0; SHARES], [0.0; LAYERS]);
     let (mut n, mut firsts, mut lasts) = (0.0f64, 0.0f64, 0.0f64);
     // A pulse without a return is not in a recording. First and last returns count only where the recorded
@@ -328,61 +389,72 @@ fn simulated_shares(
     (std::array::from_fn(|i| counts[i] / of[i].max(1.0)), layers)
 }
 
-/// The returns of a beam through foliage.
-fn simulate(
-    sample: &Sample,
-    (size, threshold): (f64, f64),
-    factors: &[f64; LAYERS],
-    resolution: f64,
-) -> Option<Echoes> {
-    const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-    let draws = Stream::new(0, Purpose::FreePath);
-    let shift = [0u32, 1].map(|axis| draws.uniform(1, sample.number, axis));
-    let mut ranges: Vec<(f64, Option<usize>)> = (0..SUBRAYS)
-        .map(|i| {
-            // Equal shares of the energy of a Gaussian beam, exp(−2r²/w²).
-            let inner = (i as f64 + 0.5) / SUBRAYS as f64;
-            let r = sample.radius * (-0.5 * libm::log1p(-inner)).sqrt();
-            let (sin, cos) = libm::sincos(i as f64 * GOLDEN_ANGLE);
+impl Sample {
+    /// The optical depths at which elements of a size intercept rays.
+    fn depths(&self, rays: &[[f64; 3]; SUBRAYS], size: f64) -> [f64; SUBRAYS] {
+        let draws = Stream::new(0, Purpose::FreePath);
+        let shift = [0u32, 1].map(|axis| draws.uniform(1, self.number, axis));
+        rays.map(|[distance, sin, cos]| {
+            let r = self.radius * distance;
             let [u, v] = [r * cos / size + shift[0], r * sin / size + shift[1]].map(|q| q.floor() as i32);
             let column = (u as u32 & 0x7fff) << 15 | (v as u32 & 0x7fff);
-            let mut depth = -libm::log(draws.uniform(2, sample.number, column));
-            for segment in &sample.segments {
+            -libm::log(draws.uniform(2, self.number, column))
+        })
+    }
+
+    /// The ranges at which rays have passed these optical depths of foliage.
+    fn ranges(&self, depths: &[f64; SUBRAYS], factors: &[f64; LAYERS]) -> Ranges {
+        let losses: Vec<(f64, f64)> = self
+            .segments
+            .iter()
+            .map(|segment| {
                 let sigma = segment.sigma * factors[segment.layer];
-                let lost = sigma * (segment.to - segment.from);
-                if lost >= depth {
-                    return (segment.from + depth / sigma, Some(segment.layer));
+                (sigma, sigma * (segment.to - segment.from))
+            })
+            .collect();
+        let mut ranges = depths.map(|mut depth| {
+            for ((sigma, lost), segment) in losses.iter().zip(&self.segments) {
+                if *lost >= depth {
+                    return (segment.from + depth / sigma, segment.layer as u8);
                 }
                 depth -= lost;
             }
-            (sample.surface, None)
-        })
-        .collect();
-    ranges.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut found = Echoes { count: 0, first_layer: None, last_is_leaf: false };
-    let mut start = 0;
-    for i in 0..SUBRAYS {
-        let is_end = ranges.get(i + 1).is_none_or(|next| next.0 - ranges[i].0 > resolution);
-        if !is_end {
-            continue;
-        }
-        let of = &ranges[start..=i];
-        start = i + 1;
-        if (of.len() as f64) < threshold * SUBRAYS as f64 {
-            continue;
-        }
-        let is_leaf = 2 * of.iter().filter(|r| r.1.is_some()).count() > of.len();
-        if found.count == 0 {
-            found.first_layer = of[of.len() / 2].1.filter(|_| is_leaf);
-        }
-        found.last_is_leaf = is_leaf;
-        found.count += 1;
+            (self.surface, SURFACE)
+        });
+        ranges.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ranges
     }
-    (found.count > 0).then_some(found)
+}
+
+impl Echoes {
+    /// The returns of a beam whose rays have these ranges.
+    fn of(ranges: &Ranges, threshold: f64, resolution: f64) -> Option<Echoes> {
+        let mut found = Echoes { count: 0, first_layer: None, last_is_leaf: false };
+        let mut start = 0;
+        for i in 0..SUBRAYS {
+            let is_end = ranges.get(i + 1).is_none_or(|next| next.0 - ranges[i].0 > resolution);
+            if !is_end {
+                continue;
+            }
+            let of = &ranges[start..=i];
+            start = i + 1;
+            if (of.len() as f64) < threshold * SUBRAYS as f64 {
+                continue;
+            }
+            let is_leaf = 2 * of.iter().filter(|r| r.1 != SURFACE).count() > of.len();
+            if found.count == 0 {
+                let layer = of[of.len() / 2].1;
+                found.first_layer = (is_leaf && layer != SURFACE).then_some(usize::from(layer));
+            }
+            found.last_is_leaf = is_leaf;
+            found.count += 1;
+        }
+        (found.count > 0).then_some(found)
+    }
 }
 
 /// Minimum of a function within bounds: a coarse grid, then steps along each axis that shrink.
-fn minimise(cost: impl Fn(&[f64; 2]) -> f64, bounds: [[f64; 2]; 2]) -> [f64; 2] {
+fn minimise(mut cost: impl FnMut(&[f64; 2]) -> f64, bounds: [[f64; 2]; 2]) -> [f64; 2] {
     const COARSE: usize = 9;
     let at = |axis: usize, i: usize| {
         let [low, high] = bounds[axis];

@@ -4,7 +4,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `points` | the points |
+//! | `points`, `positions` | the points; their positions |
 //! | `source` | where a cloud comes from |
 //! | `read` | reads files and tables of points |
 //! | `wave`, `read_packets` | waveforms from text and from LAS |
@@ -19,6 +19,7 @@ mod facts;
 mod facts_text;
 mod occupancy;
 mod points;
+mod positions;
 mod read;
 mod read_packets;
 mod source;
@@ -31,7 +32,7 @@ pub use classes::class_name;
 pub(crate) use extent::{in_command, too_many_cells};
 pub use facts::{CloudSummary, LineFacts, Span, cloud_facts};
 pub use points::Points;
-pub use read::{points_of_table, read_points};
+pub use read::{points_of_table, read_attributes, read_points};
 pub use read_packets::read_packet;
 pub use source::CloudSource;
 pub use wave::{Wave, read_wave};

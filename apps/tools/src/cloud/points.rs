@@ -1,13 +1,14 @@
-//! A point cloud in memory: 24 bytes for each position and up to 28 for its attributes, and a bounded number
-//! of points.
+//! A point cloud in memory: 12 or 24 bytes for each position and up to 28 for its attributes, and a bounded
+//! number of points.
 
+use super::positions::{Positions, halve, retain};
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::counted;
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder};
+use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, Selection, StrayFinder};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
 /// Maximum number of points that are kept.
@@ -17,7 +18,11 @@ const MAX_POINTS: usize = 40_000_000;
 #[derive(Clone, Debug)]
 pub struct Points {
     attributes: AttributeSet,
-    positions: Vec<DVec3>,
+    /// The attributes that are kept of those of a file; `None` for all.
+    kept: Option<AttributeSet>,
+    /// Scale and offset of the positions in a file of LAS.
+    steps: Option<(DVec3, DVec3)>,
+    positions: Positions,
     pub(crate) intensity: Vec<f32>,
     pub(crate) class: Vec<u8>,
     pub(crate) return_number: Vec<u8>,
@@ -68,7 +73,9 @@ impl Points {
     pub fn new(attributes: AttributeSet) -> Points {
         Points {
             attributes,
-            positions: Vec::new(),
+            kept: None,
+            steps: None,
+            positions: Positions::default(),
             intensity: Vec::new(),
             class: Vec::new(),
             return_number: Vec::new(),
@@ -96,6 +103,11 @@ impl Points {
             high_legs: 0,
             high_channels: 0,
         }
+    }
+
+    /// An empty cloud that keeps, of the points of a file, only these attributes.
+    pub(super) fn keeping(attributes: AttributeSet) -> Points {
+        Points { kept: Some(attributes), ..Points::default() }
     }
 
     /// Adds a point; `object` is the name of its object, if it has one besides its number. A point with a
@@ -149,7 +161,7 @@ impl Points {
             self.high_channels += u64::from(row.channel > 255);
             self.channel.push(row.channel.min(255) as u8);
         }
-        if let Some(colour) = row.colour {
+        if let Some(colour) = row.colour.filter(|_| self.kept.is_none()) {
             // Points of other scans may have none.
             self.colour.resize(self.positions.len() - 1, [0; 3]);
             self.colour.push(colour);
@@ -165,38 +177,29 @@ impl Points {
     /// cloud is thinned, strays are found and counted among all points, and the bounds become those of the
     /// points that are kept.
     pub(super) fn leave_out_strays(&mut self, path: &Path, found: &mut Diagnostics) {
-        fn keep<T: Copy>(values: &mut Vec<T>, is_kept: &[bool]) {
-            let mut kept = is_kept.iter();
-            values.retain(|_| kept.next().copied().unwrap_or(true));
-        }
         let strays = self.strays.strays();
         if strays.count == 0 {
             return;
         }
         strays.warn(path, "left out", found);
-        let is_kept: Vec<bool> = self.positions.iter().map(|p| !strays.contains(*p)).collect();
-        keep(&mut self.positions, &is_kept);
-        keep(&mut self.intensity, &is_kept);
-        keep(&mut self.class, &is_kept);
-        keep(&mut self.return_number, &is_kept);
-        keep(&mut self.number_of_returns, &is_kept);
-        keep(&mut self.scan_angle, &is_kept);
-        keep(&mut self.object, &is_kept);
-        keep(&mut self.leg, &is_kept);
-        keep(&mut self.channel, &is_kept);
-        keep(&mut self.colour, &is_kept);
-        keep(&mut self.time, &is_kept);
+        let is_kept: Vec<bool> = self.positions.iter().map(|p| !strays.contains(p)).collect();
+        self.positions.retain(&is_kept);
+        retain(&mut self.intensity, &is_kept);
+        retain(&mut self.class, &is_kept);
+        retain(&mut self.return_number, &is_kept);
+        retain(&mut self.number_of_returns, &is_kept);
+        retain(&mut self.scan_angle, &is_kept);
+        retain(&mut self.object, &is_kept);
+        retain(&mut self.leg, &is_kept);
+        retain(&mut self.channel, &is_kept);
+        retain(&mut self.colour, &is_kept);
+        retain(&mut self.time, &is_kept);
         self.added -= strays.count;
-        self.bounds = self.positions.iter().fold(Aabb::EMPTY, |bounds, p| bounds.with(*p));
+        self.bounds = self.positions.iter().fold(Aabb::EMPTY, Aabb::with);
     }
 
     fn drop_every_second(&mut self) {
-        fn halve<T: Copy>(values: &mut Vec<T>) {
-            let kept = values.len().div_ceil(2);
-            (0..kept).for_each(|i| values[i] = values[2 * i]);
-            values.truncate(kept);
-        }
-        halve(&mut self.positions);
+        self.positions.halve();
         halve(&mut self.intensity);
         halve(&mut self.class);
         halve(&mut self.return_number);
@@ -239,23 +242,23 @@ impl Points {
 
     /// World position of a point that is kept, m.
     pub fn position(&self, i: usize) -> DVec3 {
-        self.positions[i]
+        self.positions.get(i)
     }
 
     /// World positions of the points that are kept, m.
-    pub fn positions(&self) -> &[DVec3] {
-        &self.positions
+    pub fn positions(&self) -> impl Iterator<Item = DVec3> + Clone + '_ {
+        self.positions.iter()
     }
 
     /// Position of a point relative to [`Points::origin`], m.
     pub(crate) fn offset(&self, i: usize) -> [f32; 3] {
-        rounded(self.positions[i] - self.origin())
+        rounded(self.position(i) - self.origin())
     }
 
     /// The offsets of all points.
     pub(crate) fn offsets(&self) -> impl Iterator<Item = [f32; 3]> + Clone {
         let origin = self.origin();
-        self.positions.iter().map(move |position| rounded(*position - origin))
+        self.positions.iter().map(move |position| rounded(position - origin))
     }
 
     /// Intensity of a point; `None` if the points have none.
@@ -331,7 +334,7 @@ impl Points {
 
     /// True if there are no points.
     pub fn is_empty(&self) -> bool {
-        self.positions.is_empty()
+        self.positions.len() == 0
     }
 
     /// Box around the points, world frame, m; empty without points.
@@ -378,8 +381,20 @@ impl Points {
 }
 
 impl PointSink for Points {
+    fn selection(&self) -> Selection {
+        self.kept.map_or(Selection::All, Selection::Attributes)
+    }
+
     fn start(&mut self, attributes: AttributeSet) {
-        *self = Points::new(attributes);
+        let Points { kept, steps, .. } = *self;
+        let is_kept = |attribute| attributes.has(attribute) && kept.is_none_or(|kept| kept.has(attribute));
+        let in_steps = |(scale, offset)| Positions::in_steps(scale, offset);
+        let positions = steps.map_or_else(Positions::default, in_steps);
+        *self = Points { kept, steps, positions, ..Points::new(AttributeSet::of(is_kept)) };
+    }
+
+    fn file(&mut self, facts: &FileFacts) {
+        self.steps = facts.las.as_ref().map(|las| (las.scale, las.offset));
     }
 
     fn crs(&mut self, wkt: &str) {

@@ -5,6 +5,7 @@ use ::arrow_array::RecordBatch;
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_formats::AttributeSet;
 use vlscan_geom::MAX_COORDINATE;
 
 /// Reads a point cloud in any format of [`vlscan_formats`]; `-` is stdin. Returns the points and what is to
@@ -13,7 +14,19 @@ use vlscan_geom::MAX_COORDINATE;
 /// # Errors
 /// [`Error::Input`] when the file is of no format that is read or damaged, with the invalid lines of text.
 pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
-    let mut points = Points::default();
+    read_kept(Points::default(), path)
+}
+
+/// Reads a point cloud as [`read_points`] does, and keeps only the positions and these attributes. The others
+/// take no memory, and of LAS no time.
+///
+/// # Errors
+/// The errors of [`read_points`].
+pub fn read_attributes(path: &Path, attributes: AttributeSet) -> Result<(Points, Diagnostics)> {
+    read_kept(Points::keeping(attributes), path)
+}
+
+fn read_kept(mut points: Points, path: &Path) -> Result<(Points, Diagnostics)> {
     let found = vlscan_formats::read_points(path, &mut points)?;
     checked(points, path, found)
 }

@@ -31,22 +31,22 @@ pub(super) enum CellSurface {
 
 /// The ground of each cell: of all points, or of those of class 2.
 pub(super) fn cell_surfaces(grid: &CellGrid, cut: &Cut, are_classified: bool) -> Vec<CellSurface> {
-    let is_chosen = |i: &usize| !are_classified || cut.class(*i) == Some(GROUND);
-    let mut order: Vec<(u32, u32)> =
-        (0..cut.len()).filter(is_chosen).map(|i| (grid.cell(&cut.offsets[i]) as u32, i as u32)).collect();
-    order.par_sort_unstable();
-    let cells: Vec<&[(u32, u32)]> = order.chunk_by(|a, b| a.0 == b.0).collect();
-    let fits: Vec<(usize, Option<Fit>)> = cells
-        .par_iter()
-        .map(|points| {
-            let cell = points[0].0 as usize;
+    let (order, ends) = by_cell(grid, cut, are_classified);
+    let fits: Vec<(usize, Option<Fit>)> = (0..grid.len())
+        .into_par_iter()
+        .filter_map(|cell| {
+            let start = if cell == 0 { 0 } else { ends[cell - 1] };
+            let points = &order[start as usize..ends[cell] as usize];
+            if points.is_empty() {
+                return None;
+            }
             let centre = grid.centre(cell);
-            let points: Vec<[f64; 3]> = points.iter().map(|(_, i)| cut.offsets[*i as usize]).collect();
+            let points: Vec<[f64; 3]> = points.iter().map(|i| cut.offset(*i as usize)).collect();
             let fit = match are_classified {
                 true => fit(&points, centre),
                 false => fit(&ground(&points, centre, grid.side), centre),
             };
-            (cell, fit)
+            Some((cell, fit))
         })
         .collect();
     let pooled = pooled_variance(fits.iter().filter_map(|(_, fit)| fit.as_ref()?.of_points));
@@ -58,6 +58,27 @@ pub(super) fn cell_surfaces(grid: &CellGrid, cut: &Cut, are_classified: bool) ->
         });
     }
     surfaces
+}
+
+/// The numbers of all points, or of those of class 2, cell by cell, with the end of each cell.
+fn by_cell(grid: &CellGrid, cut: &Cut, are_classified: bool) -> (Vec<u32>, Vec<u32>) {
+    let is_chosen = |i: &usize| !are_classified || cut.class(*i) == Some(GROUND);
+    let cells = || (0..cut.len()).filter(is_chosen).map(|i| (i as u32, grid.cell(&cut.offset(i))));
+    // First the places of the next points of the cells, which become the ends.
+    let mut ends = vec![0; grid.len()];
+    cells().for_each(|(_, cell)| ends[cell] += 1);
+    let mut sum = 0;
+    for end in &mut ends {
+        let points = *end;
+        *end = sum;
+        sum += points;
+    }
+    let mut order = vec![0; sum as usize];
+    for (i, cell) in cells() {
+        order[ends[cell] as usize] = i;
+        ends[cell] += 1;
+    }
+    (order, ends)
 }
 
 /// A plane at the centre of a cell.

@@ -44,23 +44,25 @@ pub fn changed_points(clouds: [&Points; 2], cell: f64) -> Result<ChangedPoints> 
     let (low, high) = common_box(clouds[0], clouds[1])?;
     let grid = CellGrid::new((low, high), cell, ("the first cloud", clouds[0]))?;
     let cuts = clouds.map(|points| Cut::of(points, low, high));
-    let counts = [&cuts[0], &cuts[1]].map(|cut| grid.counts(cut.offsets.iter()));
+    let counts = [&cuts[0], &cuts[1]].map(|cut| grid.counts(cut.offsets()));
     let is_seen = |offset: &[f64; 3]| counts.iter().all(|counts| counts[grid.cell(offset)] > 0.0);
-    let trees = [&cuts[0], &cuts[1]].map(|cut| KdTree::new(&cut.offsets));
+    let trees = [&cuts[0], &cuts[1]].map(KdTree::new);
     let far = |from: usize, to: usize| -> Vec<usize> {
         let is_far = |offset: &[f64; 3]| {
-            let Some((distance, nearest)) = trees[to].nearest_few(offset, 1, |_| true).first().copied()
-            else {
-                return true;
-            };
+            let found = trees[to].nearest_few(&cuts[to], offset, 1, |_| true);
+            let Some((distance, nearest)) = found.first().copied() else { return true };
             // The nearest point is its own first neighbour.
-            let around = trees[to].nearest_few(&cuts[to].offsets[nearest as usize], NEIGHBOUR + 1, |_| true);
+            let place = cuts[to].offset(nearest as usize);
+            let around = trees[to].nearest_few(&cuts[to], &place, NEIGHBOUR + 1, |_| true);
             let spacing = around.last().map_or(0.0, |(squared, _)| *squared);
             distance > SPACINGS * SPACINGS * spacing
         };
-        let points = cuts[from].offsets.par_iter().zip(&cuts[from].index);
-        let changed = points.filter(|(offset, _)| is_seen(offset) && is_far(offset));
-        changed.map(|(_, index)| *index as usize).collect()
+        let is_changed = |i: &usize| {
+            let offset = cuts[from].offset(*i);
+            is_seen(&offset) && is_far(&offset)
+        };
+        let changed = (0..cuts[from].len()).into_par_iter().filter(is_changed);
+        changed.map(|i| cuts[from].index(i)).collect()
     };
     Ok(ChangedPoints { gone: far(0, 1), new: far(1, 0) })
 }

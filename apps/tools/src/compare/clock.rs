@@ -7,6 +7,7 @@
 
 use super::cut::Cut;
 use super::pulses::{Pulse, Pulses, distance};
+use rayon::prelude::*;
 
 /// Maximum number of parts of a recording whose places are compared.
 const MAX_PARTS: usize = 64;
@@ -16,6 +17,8 @@ const MIN_LINES: usize = 4;
 const MIN_PULSES: usize = 20;
 /// Minimum number of pulses of the other cloud in a part, as a fraction of the first cloud's.
 const MIN_SHARE: f64 = 0.05;
+/// Number of pulses that one task compares.
+const PART_PULSES: usize = 1 << 14;
 /// Maximum distance of the centres of both clouds, as a fraction of the spread of their pulses.
 const MAX_DISTANCE: f64 = 0.25;
 
@@ -45,16 +48,16 @@ pub(super) fn check_clocks([first, second]: [&Pulses; 2], [a, b]: [&Cut; 2]) -> 
     let size = by_time.len().div_ceil(parts.clamp(1, MAX_PARTS)).max(1);
     let mut distances: Vec<(f64, f64)> = Vec::new();
     for part in by_time.chunks(size) {
-        let [from, to] = [part[0], part[part.len() - 1]].map(|i| first.pulses[i].time);
-        let time_of = |i: &usize| second.pulses[*i].time;
+        let [from, to] = [part[0], part[part.len() - 1]].map(|i| first.pulses[i as usize].time);
+        let time_of = |i: &u32| second.pulses[*i as usize].time;
         let begin = others.partition_point(|i| time_of(i) < from);
         let end = others.partition_point(|i| time_of(i) <= to);
         let other = &others[begin..end];
         if other.is_empty() || (other.len() as f64) < MIN_SHARE * part.len() as f64 {
             continue;
         }
-        let (centre, spread) = centre_of(part.iter().map(|i| first.place(a, *i)));
-        let (other_centre, other_spread) = centre_of(other.iter().map(|i| second.place(b, *i)));
+        let (centre, spread) = centre_of(part.iter().map(|i| first.place(a, *i as usize)));
+        let (other_centre, other_spread) = centre_of(other.iter().map(|i| second.place(b, *i as usize)));
         distances.push((distance(centre, other_centre), spread.max(other_spread)));
     }
     let ratio = |(distance, spread): &(f64, f64)| distance / spread.max(f64::MIN_POSITIVE);
@@ -76,16 +79,17 @@ fn centre_of(places: impl Iterator<Item = [f64; 2]> + Clone) -> ([f64; 2], f64) 
 }
 
 /// Numbers of pulses by ascending time.
-fn by_time(pulses: &Pulses) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..pulses.pulses.len()).collect();
-    order.sort_by(|a, b| pulses.pulses[*a].time.total_cmp(&pulses.pulses[*b].time));
+fn by_time(pulses: &Pulses) -> Vec<u32> {
+    let time = |i: &u32| pulses.pulses[*i as usize].time;
+    let mut order: Vec<u32> = (0..pulses.pulses.len() as u32).collect();
+    order.par_sort_by(|a, b| time(a).total_cmp(&time(b)));
     order
 }
 
 /// Scan angles of some pulses minus those of a cloud at the same time.
 pub(super) struct Angles<'p> {
     pulses: &'p Pulses,
-    by_time: Vec<usize>,
+    by_time: Vec<u32>,
     /// Maximum time between the pulses before and after, s.
     reach: f64,
 }
@@ -107,36 +111,71 @@ impl<'p> Angles<'p> {
     /// Scan angles of `others` minus those of the cloud, degrees, with the cloud's scan lines: of the pulse
     /// of the same time, if possible of the same source, or else interpolated.
     pub fn differences(&self, others: &[Pulse]) -> Vec<(f64, u32)> {
-        let difference = |pulse: &Pulse| {
-            let begin = self.by_time.partition_point(|i| self.pulses.pulses[*i].time < pulse.time);
+        let difference = |(pulse, begin): (&Pulse, usize)| {
             let at_time = || {
                 let from_begin = self.by_time[begin..].iter();
-                from_begin.take_while(|i| self.pulses.pulses[**i].time == pulse.time)
+                from_begin.map(|i| *i as usize).take_while(|i| self.pulses.pulses[*i].time == pulse.time)
             };
-            let of_source = at_time().find(|i| self.pulses.pulses[**i].source == pulse.source);
+            let of_source = at_time().find(|i| self.pulses.pulses[*i].source == pulse.source);
             match of_source.or_else(|| at_time().next()) {
-                Some(i) => Some((pulse.angle - self.pulses.pulses[*i].angle, self.pulses.line_of[*i])),
-                None => self.interpolated(pulse),
+                Some(i) => Some((pulse.angle - self.pulses.pulses[i].angle, self.pulses.line_of[i])),
+                None => self.interpolated(pulse, begin),
             }
         };
-        others.iter().filter_map(difference).collect()
+        self.of_each(others, difference)
     }
 
     /// Scan angles of the cloud's pulses minus those that follow from the pulses before and after, degrees,
     /// with their scan lines.
     pub fn errors(&self) -> Vec<(f64, u32)> {
-        self.pulses.pulses.iter().filter_map(|pulse| self.interpolated(pulse)).collect()
+        self.of_each(&self.pulses.pulses, |(pulse, begin)| self.interpolated(pulse, begin))
     }
 
-    /// The scan angle of a pulse minus that between the cloud's pulses before and after.
-    fn interpolated(&self, pulse: &Pulse) -> Option<(f64, u32)> {
-        let time_of = |i: &usize| self.pulses.pulses[*i].time;
-        let begin = self.by_time.partition_point(|i| time_of(i) < pulse.time);
-        let end = self.by_time.partition_point(|i| time_of(i) <= pulse.time);
+    /// The values of some pulses in their order; `value` gets also the place of the cloud's first pulse that
+    /// is not earlier.
+    fn of_each(
+        &self,
+        pulses: &[Pulse],
+        value: impl Fn((&Pulse, usize)) -> Option<(f64, u32)> + Sync,
+    ) -> Vec<(f64, u32)> {
+        let of_part = |part: &[Pulse]| -> Vec<(f64, u32)> {
+            let mut begin = 0;
+            let of_pulse = |pulse: &Pulse| {
+                begin = self.first_not_before(pulse.time, begin);
+                value((pulse, begin))
+            };
+            part.iter().filter_map(of_pulse).collect()
+        };
+        pulses.par_chunks(PART_PULSES).flat_map_iter(of_part).collect()
+    }
+
+    /// The place in `by_time` of the first pulse at or after a time, which is probably near the place
+    /// `guess`.
+    fn first_not_before(&self, time: f64, guess: usize) -> usize {
+        let is_before = |place: usize| self.pulses.pulses[self.by_time[place] as usize].time < time;
+        let count = self.by_time.len();
+        let (mut low, mut high, mut step) = (guess.min(count), guess.min(count), 1);
+        while low > 0 && !is_before(low - 1) {
+            (low, step) = (low.saturating_sub(step), 2 * step);
+        }
+        step = 1;
+        while high < count && is_before(high) {
+            (low, high, step) = (high, (high + step).min(count), 2 * step);
+        }
+        let range = &self.by_time[low..high];
+        low + range.partition_point(|i| self.pulses.pulses[*i as usize].time < time)
+    }
+
+    /// The scan angle of a pulse minus that between the cloud's pulses before and after; `begin` is the place
+    /// of the first pulse that is not earlier.
+    fn interpolated(&self, pulse: &Pulse, begin: usize) -> Option<(f64, u32)> {
+        let is_at_time = |i: &&u32| self.pulses.pulses[**i as usize].time <= pulse.time;
+        let end = begin + self.by_time[begin..].iter().take_while(is_at_time).count();
         let [before, after] = [self.by_time.get(begin.checked_sub(1)?)?, self.by_time.get(end)?];
-        let [a, b] = [before, after].map(|i| &self.pulses.pulses[*i]);
-        let line = self.pulses.line_of[*before];
-        let is_near = b.time - a.time <= self.reach && line == self.pulses.line_of[*after];
+        let [before, after] = [*before as usize, *after as usize];
+        let [a, b] = [before, after].map(|i| &self.pulses.pulses[i]);
+        let line = self.pulses.line_of[before];
+        let is_near = b.time - a.time <= self.reach && line == self.pulses.line_of[after];
         let share = (pulse.time - a.time) / (b.time - a.time);
         is_near.then_some((pulse.angle - (a.angle + share * (b.angle - a.angle)), line))
     }

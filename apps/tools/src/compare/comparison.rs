@@ -16,6 +16,7 @@ use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice};
 use vlscan_base::error::{Error, Result};
 use vlscan_crs::{differ, short_name};
+use vlscan_formats::{Attribute, AttributeSet};
 use vlscan_geom::DVec3;
 
 /// Side of the squares whose lowest point counts as ground without a terrain, m.
@@ -150,6 +151,15 @@ pub fn compare(
     })
 }
 
+/// The attributes of points that a comparison uses beside their positions.
+pub fn compared_attributes() -> AttributeSet {
+    AttributeSet::of(|attribute| {
+        use Attribute::{Channel, Class, Intensity, Leg, NumberOfReturns, ReturnNumber, ScanAngle, Time};
+        let used = [Channel, Class, Intensity, Leg, NumberOfReturns, ReturnNumber, ScanAngle, Time];
+        used.contains(&attribute)
+    })
+}
+
 /// Warns of clouds in different coordinate reference systems.
 fn check_systems(first: &Points, second: &Points, observer: &Observer) -> Result<()> {
     if let (Some(a), Some(b)) = (first.crs(), second.crs())
@@ -174,19 +184,17 @@ fn prepared<'a>(
     options: &CompareOptions,
     observer: &Observer,
 ) -> Result<(Setting<'a>, BlockKind, u32)> {
-    let pulses = cuts.map(Pulses::of);
-    let own_lines: Option<Vec<u32>> = match &pulses[0] {
-        Ok(found) if found.has_lines => {
-            Some(found.pulse_of.iter().map(|pulse| found.line_of[*pulse as usize]).collect())
-        }
-        _ => None,
-    };
+    let mut pulses = cuts.map(Pulses::of);
+    let [own_lines, _] = pulses.each_mut().map(|found| match found {
+        Ok(found) => Some(found.take_lines_of_points()).filter(|_| found.has_lines),
+        Err(_) => None,
+    });
     let terrain = match &options.terrain {
         Some(path) => Some(Terrain::load(path, low, observer)?),
         None => Planes::of(cuts[0], own_lines.as_deref()).map(Terrain::Planes),
     };
     let (kind, count, blocks) = blocks_of(cuts[0], own_lines, (low, high), wide_grid.side, first)?;
-    let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| &cut.offsets));
+    let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| cut.offsets()));
     let lowest: Vec<f64> = extremes.into_iter().map(|[low, _]| low).collect();
     let halves = (options.chance && count >= MIN_BLOCKS).then(|| Halves::new(count));
     let most = options.max_distances;
@@ -215,16 +223,7 @@ fn described(setting: &Setting, index: usize, (name, points): (&str, &Points), a
 /// Agreement of two halves of the first cloud; `None` without halves.
 fn agreement_of_halves(setting: &Setting, options: &CompareOptions) -> Option<Agreement> {
     let (halves, cut) = (setting.halves.as_ref()?, setting.cuts[0]);
-    let half = |half: usize| {
-        let is_part = |i: &usize| halves.half(0, setting.blocks[*i]) == half;
-        let chosen: Vec<usize> = (0..cut.len()).filter(is_part).collect();
-        Cut {
-            points: cut.points,
-            index: chosen.iter().map(|i| cut.index[*i]).collect(),
-            offsets: chosen.iter().map(|i| cut.offsets[*i]).collect(),
-            weight: cut.weight,
-        }
-    };
+    let half = |half: usize| cut.part(|i| halves.half(0, setting.blocks[i]) == half);
     let (first, second) = (half(0), half(1));
     Some(agreement(setting, [&first, &second], options))
 }
@@ -277,24 +276,23 @@ fn blocks_of(
     let extent = high - low;
     let side = (extent.x * extent.y / BLOCK_CELLS).sqrt().clamp(1e-3, max_side);
     let grid = CellGrid::new((low, high), side, cloud)?;
-    let cells = cut.offsets.iter().map(|offset| grid.cell(offset) as u32).collect();
+    let cells = cut.offsets().map(|offset| grid.cell(&offset) as u32).collect();
     Ok((BlockKind::Cells { side_m: side }, grid.len() as u32, cells))
 }
 
 fn occupied_cells(grid: &CellGrid, cuts: [&Cut; 2]) -> usize {
-    let counts = cuts.map(|cut| grid.counts(cut.offsets.iter()));
+    let counts = cuts.map(|cut| grid.counts(cut.offsets()));
     counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0).count()
 }
 
 fn agreement(setting: &Setting, cuts: [&Cut; 2], options: &CompareOptions) -> Agreement {
-    let offsets = cuts.map(|cut| cut.offsets.as_slice());
-    let counts = cuts.map(|cut| setting.grid.counts(cut.offsets.iter()));
+    let counts = cuts.map(|cut| setting.grid.counts(cut.offsets()));
     let pairs = counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0);
     Agreement {
         density_correlation: correlation(pairs.map(|(a, b)| (*a, *b))),
         canopy: canopy(&setting.grid, &setting.wide_grid, &setting.lowest, cuts),
-        first_to_second: distances(offsets[0], offsets[1], options.max_distances),
-        second_to_first: distances(offsets[1], offsets[0], options.max_distances),
-        voxels: voxels(offsets, options.voxel),
+        first_to_second: distances(cuts[0], cuts[1], options.max_distances),
+        second_to_first: distances(cuts[1], cuts[0], options.max_distances),
+        voxels: voxels(cuts, options.voxel),
     }
 }

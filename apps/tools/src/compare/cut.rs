@@ -1,6 +1,7 @@
 //! The points of a cloud within the box that both clouds share, and cells over that box.
 
 use crate::cloud::{Points, in_command, too_many_cells};
+use crate::kd_tree::Places;
 use std::path::Path;
 use vlscan_base::error::Result;
 use vlscan_formats::StrayFinder;
@@ -12,46 +13,78 @@ const MAX_CELLS: f64 = 1e8;
 /// The points of a cloud within the common box, in the order of the file.
 pub(super) struct Cut<'a> {
     pub points: &'a Points,
-    /// Their indices in `points`.
-    pub index: Vec<u32>,
-    /// Their positions relative to the lower corner of the box, m.
-    pub offsets: Vec<[f64; 3]>,
+    /// Lower corner of the box.
+    corner: DVec3,
+    /// Their indices in `points`; `None` if all points are in the box.
+    chosen: Option<Vec<u32>>,
     /// Points of the file per point kept.
     pub weight: f64,
 }
 
-impl Cut<'_> {
+impl Places for Cut<'_> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn at(&self, index: u32) -> [f64; 3] {
+        self.offset(index as usize)
+    }
+}
+
+impl<'a> Cut<'a> {
     /// The points of `points` in the box.
-    pub fn of(points: &Points, low: DVec3, high: DVec3) -> Cut<'_> {
-        let is_inside = |i: &usize| {
-            let p = points.position(*i);
-            p.x >= low.x && p.y >= low.y && p.x <= high.x && p.y <= high.y
-        };
-        let index: Vec<u32> = (0..points.len()).filter(is_inside).map(|i| i as u32).collect();
-        let offsets = index.iter().map(|i| (points.position(*i as usize) - low).to_array()).collect();
-        Cut { points, index, offsets, weight: points.total() as f64 / points.len().max(1) as f64 }
+    pub fn of(points: &'a Points, low: DVec3, high: DVec3) -> Cut<'a> {
+        let is_inside = |p: &DVec3| p.x >= low.x && p.y >= low.y && p.x <= high.x && p.y <= high.y;
+        let are_all_inside = points.positions().all(|p| is_inside(&p));
+        let chosen = (!are_all_inside).then(|| {
+            let inside = (0..).zip(points.positions()).filter(|(_, p)| is_inside(p));
+            inside.map(|(index, _)| index).collect()
+        });
+        let weight = points.total() as f64 / points.len().max(1) as f64;
+        Cut { points, corner: low, chosen, weight }
+    }
+
+    /// The points of the cut that are chosen.
+    pub fn part(&self, is_chosen: impl Fn(usize) -> bool) -> Cut<'a> {
+        let chosen = (0..self.len()).filter(|i| is_chosen(*i)).map(|i| self.index(i) as u32).collect();
+        Cut { chosen: Some(chosen), ..*self }
     }
 
     /// Number of points.
     pub fn len(&self) -> usize {
-        self.index.len()
+        self.chosen.as_ref().map_or(self.points.len(), Vec::len)
+    }
+
+    /// The index of a point in `points`.
+    pub fn index(&self, i: usize) -> usize {
+        self.chosen.as_ref().map_or(i, |chosen| chosen[i] as usize)
+    }
+
+    /// Position of a point relative to the lower corner of the box, m.
+    pub fn offset(&self, i: usize) -> [f64; 3] {
+        (self.points.position(self.index(i)) - self.corner).to_array()
+    }
+
+    /// Positions of all points, in their order.
+    pub fn offsets(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        (0..self.len()).map(move |i| self.offset(i))
     }
 
     /// A value of each point, in their order.
     pub fn map<'s, T>(&'s self, of: impl Fn(&Points, usize) -> T + 's) -> impl Iterator<Item = T> + 's {
-        self.index.iter().map(move |i| of(self.points, *i as usize))
+        (0..self.len()).map(move |i| of(self.points, self.index(i)))
     }
 
     /// The numbers of return and returns of a point; `None` without both.
     pub fn returns(&self, i: usize) -> Option<(u8, u8)> {
-        let i = self.index[i] as usize;
+        let i = self.index(i);
         let numbers = (self.points.return_number_of(i)?, self.points.number_of_returns_of(i)?);
         Some(numbers).filter(|numbers| numbers.0 > 0 && numbers.1 > 0)
     }
 
     /// The median of the intensities; `None` without any.
     pub fn median_intensity(&self) -> Option<f64> {
-        let all = self.index.iter().filter_map(|i| self.points.intensity_of(*i as usize));
+        let all = self.map(|points, i| points.intensity_of(i)).flatten();
         let mut values: Vec<f32> = all.filter(|value| !value.is_nan()).collect();
         let middle = values.len() / 2;
         (!values.is_empty()).then(|| f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1))
@@ -59,7 +92,7 @@ impl Cut<'_> {
 
     /// Class of a point; `None` if the points have none.
     pub fn class(&self, i: usize) -> Option<u8> {
-        self.points.class_of(self.index[i] as usize)
+        self.points.class_of(self.index(i))
     }
 }
 
@@ -81,7 +114,7 @@ impl CellGrid {
         let (columns, rows) = (count(high.x - low.x), count(high.y - low.y));
         if columns * rows > MAX_CELLS {
             let mut finder = StrayFinder::default();
-            points.positions().iter().for_each(|p| finder.add(*p));
+            points.positions().for_each(|p| finder.add(p));
             let input = in_command(&[Path::new(name)]);
             return Err(too_many_cells((name, &input), [columns, rows], side, MAX_CELLS, &finder));
         }
@@ -114,19 +147,19 @@ impl CellGrid {
     }
 
     /// The lowest and the highest of some points in each cell; infinite in cells without.
-    pub fn extremes<'p>(&self, offsets: impl Iterator<Item = &'p [f64; 3]>) -> Vec<[f64; 2]> {
+    pub fn extremes(&self, offsets: impl Iterator<Item = [f64; 3]>) -> Vec<[f64; 2]> {
         let mut extremes = vec![[f64::INFINITY, f64::NEG_INFINITY]; self.len()];
         for offset in offsets {
-            let [low, high] = &mut extremes[self.cell(offset)];
+            let [low, high] = &mut extremes[self.cell(&offset)];
             (*low, *high) = (low.min(offset[2]), high.max(offset[2]));
         }
         extremes
     }
 
     /// The number of some points in each cell.
-    pub fn counts<'p>(&self, offsets: impl Iterator<Item = &'p [f64; 3]>) -> Vec<f64> {
+    pub fn counts(&self, offsets: impl Iterator<Item = [f64; 3]>) -> Vec<f64> {
         let mut counts = vec![0.0; self.len()];
-        offsets.for_each(|offset| counts[self.cell(offset)] += 1.0);
+        offsets.for_each(|offset| counts[self.cell(&offset)] += 1.0);
         counts
     }
 }

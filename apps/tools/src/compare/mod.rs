@@ -48,7 +48,7 @@ mod tests;
 pub use chance::{BlockKind, Chance};
 pub use change::{Change, ChangeMap, Volume};
 pub use changed::{ChangedPoints, changed_points, write_changed};
-pub use comparison::{Agreement, Cloud, Comparison, compare};
+pub use comparison::{Agreement, Cloud, Comparison, compare, compared_attributes};
 pub use histogram::Histogram;
 pub use neighbours::Distances;
 pub use options::CompareOptions;

@@ -1,6 +1,6 @@
 //! Distances from the points of one cloud to the nearest points of another.
 
-use crate::kd_tree::KdTree;
+use crate::kd_tree::{KdTree, Places};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -22,10 +22,15 @@ pub struct Distances {
 }
 
 /// Distances from at most `most` points of `from`, evenly chosen, to the nearest of `to`; neither is empty.
-pub(super) fn distances(from: &[[f64; 3]], to: &[[f64; 3]], most: usize) -> Distances {
+pub(super) fn distances(
+    from: &(impl Places + ?Sized),
+    to: &(impl Places + ?Sized),
+    most: usize,
+) -> Distances {
     let tree = KdTree::new(to);
-    let step = from.len().div_ceil(most.max(1)).max(1);
-    let mut found: Vec<f64> = from.par_iter().step_by(step).map(|point| tree.nearest(point).sqrt()).collect();
+    let step = from.count().div_ceil(most.max(1)).max(1);
+    let distance = |i: usize| tree.nearest(to, &from.at(i as u32)).sqrt();
+    let mut found: Vec<f64> = (0..from.count()).into_par_iter().step_by(step).map(distance).collect();
     found.par_sort_unstable_by(f64::total_cmp);
     let count = found.len() as f64;
     let at = |fraction: f64| found[((count - 1.0) * fraction).round() as usize];
@@ -53,15 +58,15 @@ mod tests {
                 (0..count).map(|i| [0, 1, 2].map(|a| draw(seed + i, a as u32) * scale[a] + shift)).collect()
             };
             let (from, to) = (cloud(0, 200, 3.0), cloud(1000, 300, 0.0));
-            let tree = KdTree::new(&to);
+            let tree = KdTree::new(&to[..]);
             for p in &from {
                 let distance = |q: &[f64; 3]| (0..3).map(|a| (q[a] - p[a]) * (q[a] - p[a])).sum::<f64>();
                 let expected = to.iter().map(distance).fold(f64::INFINITY, f64::min);
-                assert_eq!(tree.nearest(p), expected, "{p:?} {scale:?}");
+                assert_eq!(tree.nearest(&to[..], p), expected, "{p:?} {scale:?}");
                 let mut all: Vec<(f64, u32)> =
                     to.iter().map(distance).zip(0..).filter(|(_, i)| i % 3 == 0).collect();
                 all.sort_by(|a, b| a.0.total_cmp(&b.0));
-                let few = tree.nearest_few(p, 5, |i| i % 3 == 0);
+                let few = tree.nearest_few(&to[..], p, 5, |i| i % 3 == 0);
                 assert_eq!(
                     few.iter().map(|(d, _)| *d).collect::<Vec<_>>(),
                     all[..5].iter().map(|(d, _)| *d).collect::<Vec<_>>()
@@ -78,7 +83,7 @@ mod tests {
         let to: Vec<[f64; 3]> =
             (0..100_000).map(|i| [0, 1, 2].map(|a| draw(i, a) + (i % 2) as f64 * 1000.0)).collect();
         let from: Vec<[f64; 3]> = (0..2000).map(|i| [draw(i, 3), draw(i, 4) + 1000.0, draw(i, 5)]).collect();
-        let found = distances(&from, &to, usize::MAX);
+        let found = distances(&from[..], &to[..], usize::MAX);
         assert!((found.mean_m - 999.0).abs() < 2.0 && found.points == 2000, "{found:?}");
     }
 }

@@ -2,8 +2,9 @@
 //! have a gap or the scan angle turns.
 
 use super::cut::Cut;
+use rayon::prelude::*;
 use std::ops::Range;
-use vlscan_formats::{GroupedBy, PulseGroups, PulseGroupsError, PulseKey};
+use vlscan_formats::PulseGroups;
 
 /// Least number of pulses of a line whose figures count.
 const MIN_LINE_PULSES: usize = 5;
@@ -34,8 +35,8 @@ pub(super) struct Pulses {
     pub line_of: Vec<u32>,
     /// Pulses of each line.
     pub lines: Vec<Range<usize>>,
-    /// The pulse of each point of the cut.
-    pub pulse_of: Vec<u32>,
+    /// The pulse of each point of the cut, until it is taken.
+    pulse_of: Vec<u32>,
     /// True if the lines are those of a scanner; otherwise there is one for each source.
     pub has_lines: bool,
     pub has_angles: bool,
@@ -71,6 +72,29 @@ pub(super) struct MissingPulses {
     pub reason: PulsesError,
 }
 
+impl Pulse {
+    /// The pulse of some points by the number of their return, of which there is at least one.
+    fn of(cut: &Cut, points: &[u32]) -> Pulse {
+        let (mut first, mut least, mut stated) = (points[0], u8::MAX, 0);
+        for i in points {
+            let Some((number, count)) = cut.returns(*i as usize) else { continue };
+            stated = stated.max(count);
+            if number < least {
+                (first, least) = (*i, number);
+            }
+        }
+        let (source, time) = key(cut, first);
+        let angle = cut.points.scan_angle_of(cut.index(first as usize));
+        Pulse {
+            source,
+            time,
+            first,
+            returns: if stated > 0 { stated } else { points.len().min(255) as u8 },
+            angle: angle.map_or(0.0, f64::from),
+        }
+    }
+}
+
 impl Pulses {
     /// The pulses of the points of a cut.
     ///
@@ -80,47 +104,29 @@ impl Pulses {
         if cut.points.is_thinned() {
             return Err(PulsesError::Thinned);
         }
-        let times: Option<Vec<f64>> = cut.map(|points, i| points.time_of(i)).collect();
-        let times = times.ok_or(PulsesError::NoTimes)?;
-        if times.iter().all(|time| *time == times[0]) {
-            return Err(PulsesError::EqualTimes);
+        let order = order_by_pulse(cut)?;
+        let (mut pulses, mut pulse_of, mut ambiguous) = (Vec::new(), vec![0; cut.len()], 0);
+        for points in order.chunk_by(|a, b| key(cut, *a) == key(cut, *b)) {
+            let numbers = points.windows(2).map(|pair| (number(cut, pair[0]), number(cut, pair[1])));
+            ambiguous += numbers.filter(|(number, next)| number == next && *number > 0).count();
+            points.iter().for_each(|i| pulse_of[*i as usize] = pulses.len() as u32);
+            pulses.push(Pulse::of(cut, points));
         }
-        let sources: Vec<(u16, u8)> = cut.map(|points, i| points.source_of(i)).collect();
-        let mut groups = groups(cut, &sources, &times)?;
-        let key = |group: &Range<usize>| {
-            let i = groups.order[group.start];
-            (sources[i], times[i])
-        };
-        groups.pulses.sort_by(|a, b| {
-            let ((source_a, time_a), (source_b, time_b)) = (key(a), key(b));
-            source_a.cmp(&source_b).then(time_a.total_cmp(&time_b))
-        });
-        let (mut pulses, mut pulse_of) = (Vec::new(), vec![0; cut.len()]);
-        for group in &groups.pulses {
-            let points = &groups.order[group.clone()];
-            points.iter().for_each(|i| pulse_of[*i] = pulses.len() as u32);
-            let (mut first, mut least, mut stated) = (points[0], u8::MAX, 0);
-            for i in points {
-                let Some((number, count)) = cut.returns(*i) else { continue };
-                stated = stated.max(count);
-                if number < least {
-                    (first, least) = (*i, number);
-                }
-            }
-            let index = cut.index[first] as usize;
-            pulses.push(Pulse {
-                source: sources[first],
-                time: times[first],
-                first: first as u32,
-                returns: if stated > 0 { stated } else { points.len().min(255) as u8 },
-                angle: cut.points.scan_angle_of(index).map_or(0.0, f64::from),
-            });
+        if !PulseGroups::are_distinct(ambiguous, pulses.len()) {
+            return Err(PulsesError::CoarseTimes(ambiguous));
         }
+        pulses.shrink_to_fit();
         let has_angles = pulses.iter().any(|pulse| pulse.angle != pulses[0].angle);
         let mut found =
             Pulses { pulses, line_of: Vec::new(), lines: Vec::new(), pulse_of, has_lines: false, has_angles };
         found.find_lines();
         Ok(found)
+    }
+
+    /// The line of each point of the cut. The pulses of points are dropped.
+    pub fn take_lines_of_points(&mut self) -> Vec<u32> {
+        let pulse_of = std::mem::take(&mut self.pulse_of);
+        pulse_of.into_iter().map(|pulse| self.line_of[pulse as usize]).collect()
     }
 
     fn find_lines(&mut self) {
@@ -159,7 +165,7 @@ impl Pulses {
 
     /// Horizontal position of the first echo of a pulse, m.
     pub fn place(&self, cut: &Cut, pulse: usize) -> [f64; 2] {
-        let [x, y, _] = cut.offsets[self.pulses[pulse].first as usize];
+        let [x, y, _] = cut.offset(self.pulses[pulse].first as usize);
         [x, y]
     }
 
@@ -262,24 +268,37 @@ impl Pulses {
     }
 }
 
-/// The points of a cut by pulse, whose times differ.
+/// The source and the time of a point, which are those of its pulse.
+fn key(cut: &Cut, point: u32) -> ((u16, u8), f64) {
+    let index = cut.index(point as usize);
+    (cut.points.source_of(index), cut.points.time_of(index).unwrap_or(0.0))
+}
+
+/// The number of a return; 0 if unknown.
+fn number(cut: &Cut, point: u32) -> u8 {
+    cut.returns(point as usize).map_or(0, |(number, _)| number)
+}
+
+/// The points of a cut by source, time and number of the return, else in the order of the file.
 ///
 /// # Errors
-/// Times that several pulses share: the order of points tells these pulses, but neither their intervals nor
-/// their lines.
-fn groups(cut: &Cut, sources: &[(u16, u8)], times: &[f64]) -> Result<PulseGroups, PulsesError> {
-    let key = |i: usize| {
-        let (number, of) = cut.returns(i).unwrap_or((0, 0));
-        let (source, channel) = sources[i];
-        PulseKey { source, channel: u16::from(channel), time: times[i], number, of }
-    };
-    let keys: Vec<PulseKey> = (0..cut.len()).map(key).collect();
-    match PulseGroups::of(&keys) {
-        Ok(groups) if groups.by == GroupedBy::Time => Ok(groups),
-        Ok(groups) => Err(PulsesError::CoarseTimes(groups.ambiguous)),
-        Err(PulseGroupsError::CoarseTimes(ambiguous)) => Err(PulsesError::CoarseTimes(ambiguous)),
-        Err(_) => Err(PulsesError::CoarseTimes(0)),
+/// Points without times, or of one time.
+fn order_by_pulse(cut: &Cut) -> Result<Vec<u32>, PulsesError> {
+    let mut times = cut.map(|points, i| points.time_of(i));
+    let first = times.next().flatten().ok_or(PulsesError::NoTimes)?;
+    if times.all(|time| time == Some(first)) {
+        return Err(PulsesError::EqualTimes);
     }
+    let by_pulse = |a: &u32, b: &u32| {
+        let ((source_a, time_a), (source_b, time_b)) = (key(cut, *a), key(cut, *b));
+        let by_time = source_a.cmp(&source_b).then(time_a.total_cmp(&time_b));
+        by_time.then_with(|| number(cut, *a).cmp(&number(cut, *b)))
+    };
+    let mut order: Vec<u32> = (0..cut.len() as u32).collect();
+    if !order.is_sorted_by(|a, b| by_pulse(a, b).is_le()) {
+        order.par_sort_by(by_pulse);
+    }
+    Ok(order)
 }
 
 /// The lines of the pulses of one source.

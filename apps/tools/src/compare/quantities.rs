@@ -17,7 +17,7 @@ const QUARTILES: [Statistic; 6] =
 
 impl Setting<'_> {
     pub fn density(&self, found: &mut Findings) {
-        let all = self.cuts.map(|cut| self.grid.counts(cut.offsets.iter()));
+        let all = self.cuts.map(|cut| self.grid.counts(cut.offsets()));
         let occupied: Vec<bool> = all[0].iter().zip(&all[1]).map(|(a, b)| a + b > 0.0).collect();
         let area = self.grid.side * self.grid.side;
         let definition = self.define(
@@ -27,7 +27,7 @@ impl Setting<'_> {
             &[Mean],
             "points per m² of the cells that hold points of either cloud",
         );
-        let densities = |points: &mut dyn Iterator<Item = &[f64; 3]>, weight: f64| {
+        let densities = |points: &mut dyn Iterator<Item = [f64; 3]>, weight: f64| {
             let counts = self.grid.counts(points);
             let of_occupied = counts.iter().zip(&occupied).filter(|(_, is_occupied)| **is_occupied);
             of_occupied.map(|(count, _)| count * weight / area).collect()
@@ -55,7 +55,8 @@ impl Setting<'_> {
         let define = |name, of: &str| {
             self.define("Heights", name, ("m", "point"), &statistics, &format!("{of}{meaning}"))
         };
-        found.add("heights", self.of_points(define("height", ""), heights.clone()));
+        let steps = self.cuts.map(|cut| self.step_of_heights(cut));
+        found.add("heights", self.of_points(define("height", ""), heights.clone(), steps[0]));
         if has_returns.contains(&false) {
             found.note_missing(
                 "heights of first and last returns",
@@ -70,10 +71,10 @@ impl Setting<'_> {
             for (name, of, is_chosen) in choices {
                 let chosen = [0, 1].map(|cloud: usize| {
                     let is_chosen = |i: usize| self.cuts[cloud].returns(i).is_some_and(is_chosen);
-                    let heights = heights[cloud].iter().enumerate();
+                    let heights = (0..).step_by(steps[cloud]).zip(&heights[cloud]);
                     heights.map(|(i, h)| if is_chosen(i) { *h } else { f64::NAN }).collect()
                 });
-                found.add(name, self.of_points(define(name, of), chosen));
+                found.add(name, self.of_points(define(name, of), chosen, steps[0]));
             }
         }
         let definition = self.define(
@@ -83,27 +84,29 @@ impl Setting<'_> {
             &QUARTILES,
             "highest minus lowest point of each cell with at least two points; of fewer points it is smaller",
         );
-        let ranges = |points: &mut dyn Iterator<Item = &[f64; 3]>, _: f64| -> Vec<f64> {
+        let ranges = |points: &mut dyn Iterator<Item = [f64; 3]>, _: f64| -> Vec<f64> {
             let extremes = self.grid.extremes(points);
             extremes.into_iter().map(|[low, high]| high - low).filter(|range| *range > 0.0).collect()
         };
         found.add("height range of cells", self.of_cells(definition, &ranges));
     }
 
-    /// The height of each point of a cut; NaN where there is no terrain, and of points that are left out for
-    /// their number.
+    /// Number of points of a cut of which one has a height: above a terrain not all heights are computed.
+    fn step_of_heights(&self, cut: &Cut) -> usize {
+        self.terrain.as_ref().map_or(1, |_| cut.len().div_ceil(self.most).max(1))
+    }
+
+    /// The height of every n-th point of a cut, see [`Setting::step_of_heights`]; NaN where there is no
+    /// terrain.
     fn heights_of(&self, cut: &Cut) -> Vec<f64> {
-        match &self.terrain {
-            Some(terrain) => {
-                let step = cut.len().div_ceil(self.most).max(1);
-                let height = |(i, p): (usize, &[f64; 3])| match i.is_multiple_of(step) {
-                    true => terrain.height([p[0], p[1]]).map_or(f64::NAN, |(z, _)| p[2] - z),
-                    false => f64::NAN,
-                };
-                cut.offsets.par_iter().enumerate().map(height).collect()
+        let height = |i: usize| {
+            let p = cut.offset(i);
+            match &self.terrain {
+                Some(terrain) => terrain.height([p[0], p[1]]).map_or(f64::NAN, |(z, _)| p[2] - z),
+                None => p[2] - self.lowest[self.wide_grid.cell(&p)],
             }
-            None => cut.offsets.par_iter().map(|p| p[2] - self.lowest[self.wide_grid.cell(p)]).collect(),
-        }
+        };
+        (0..cut.len()).into_par_iter().step_by(self.step_of_heights(cut)).map(height).collect()
     }
 
     pub fn returns(&self, found: &mut Findings) {
@@ -167,7 +170,7 @@ impl Setting<'_> {
             "shares of the classes of points by their codes in LAS",
         );
         definition.is_whole = true;
-        found.add("classes", self.of_points(definition, classes));
+        found.add("classes", self.of_points(definition, classes, 1));
     }
 
     pub fn intensity(&self, found: &mut Findings) {
@@ -189,7 +192,7 @@ impl Setting<'_> {
             &QUARTILES,
             "intensities in units of each cloud's median, since instruments scale them differently",
         );
-        match self.of_points(definition, scaled) {
+        match self.of_points(definition, scaled, 1) {
             Some(quantity) => found.quantities.push(quantity),
             None => found.note_missing("intensities", "a cloud has none, or more than half of them are 0"),
         }

@@ -89,14 +89,21 @@ impl Definition {
         halves: Option<&Halves>,
     ) -> Option<Quantity> {
         let mut errors = self.errors.take();
+        let values = |of: Vec<(f64, u32)>| of.into_iter().map(|(value, _)| value).collect::<Vec<f64>>();
+        let Some(halves) = halves else {
+            let errors = errors.map(|errors| {
+                let mut errors = values(errors);
+                errors.par_sort_unstable_by(f64::total_cmp);
+                errors
+            });
+            return self.compare(values(first), second, errors, None);
+        };
         for values in [Some(&mut first), errors.as_mut()].into_iter().flatten() {
             values.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         }
-        let of_split =
-            halves.map(|halves| |split: usize| halves.of_values(split, errors.as_ref().unwrap_or(&first)));
-        let of_split = of_split.as_ref().map(|of| of as &(dyn Fn(usize) -> [Vec<f64>; 2] + Sync));
+        let of_split = |split: usize| halves.of_values(split, errors.as_ref().unwrap_or(&first));
         let values = |of: &Vec<(f64, u32)>| of.iter().map(|(value, _)| *value).collect::<Vec<f64>>();
-        self.compare(values(&first), second, errors.as_ref().map(values), of_split)
+        self.compare(values(&first), second, errors.as_ref().map(values), Some(&of_split))
     }
 
     /// The quantity of values of both clouds, where `errors` are ascending errors of the first cloud's

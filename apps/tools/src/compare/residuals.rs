@@ -144,13 +144,13 @@ fn residuals_of(cut: &Cut, terrain: &Terrain, most: usize) -> Vec<Residual> {
     let is_classified = has_ground(cut);
     let is_last = |i: usize| cut.returns(i).is_none_or(|(number, count)| number >= count);
     let is_candidate = |i: &usize| if is_classified { cut.class(*i) == Some(GROUND) } else { is_last(*i) };
-    let candidates: Vec<usize> = (0..cut.len()).filter(is_candidate).collect();
-    let step = candidates.len().div_ceil(most).max(1);
+    let candidates = || (0..cut.len()).filter(is_candidate);
+    let step = candidates().count().div_ceil(most).max(1);
     let residual = |i: &usize| {
-        let [x, y, z] = cut.offsets[*i];
+        let [x, y, z] = cut.offset(*i);
         let (elevation, is_supported) = terrain.height([x, y])?;
         let is_ground = is_classified || (z - elevation).abs() <= MAX_GROUND_DISTANCE;
-        let angle = cut.points.scan_angle_of(cut.index[*i] as usize).map_or(0.0, f64::from);
+        let angle = cut.points.scan_angle_of(cut.index(*i)).map_or(0.0, f64::from);
         (is_supported && is_ground).then_some(Residual {
             millimetres: 1e3 * (z - elevation),
             point: *i as u32,
@@ -158,5 +158,6 @@ fn residuals_of(cut: &Cut, terrain: &Terrain, most: usize) -> Vec<Residual> {
             elevation,
         })
     };
-    candidates.par_iter().step_by(step).filter_map(residual).collect()
+    let chosen: Vec<usize> = candidates().step_by(step).collect();
+    chosen.par_iter().filter_map(residual).collect()
 }

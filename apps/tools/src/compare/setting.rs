@@ -8,7 +8,7 @@ use super::statistic::Statistic;
 use super::terrain::Terrain;
 
 /// Values of cells by the points in them and their weight.
-pub(super) type CellValues<'v> = dyn Fn(&mut dyn Iterator<Item = &[f64; 3]>, f64) -> Vec<f64> + Sync + 'v;
+pub(super) type CellValues<'v> = dyn Fn(&mut dyn Iterator<Item = [f64; 3]>, f64) -> Vec<f64> + Sync + 'v;
 
 /// Both clouds, ready to be measured.
 pub(super) struct Setting<'a> {
@@ -21,7 +21,7 @@ pub(super) struct Setting<'a> {
     /// The lowest points of both clouds in wide cells, which heights refer to without a terrain.
     pub wide_grid: CellGrid,
     pub lowest: Vec<f64>,
-    pub terrain: Option<Terrain>,
+    pub terrain: Option<Terrain<'a>>,
     /// Most points of each cloud whose height above the terrain is computed.
     pub most: usize,
 }
@@ -67,25 +67,31 @@ impl Setting<'_> {
         }
     }
 
-    /// Values of the points of the first cloud with their blocks.
-    pub fn with_blocks(&self, values: impl Iterator<Item = f64>) -> Vec<(f64, u32)> {
-        values.zip(self.blocks.iter().copied()).filter(|(value, _)| !value.is_nan()).collect()
-    }
-
-    /// The quantity of a value of each point; NaN where a point has none.
-    pub fn of_points(&self, definition: Definition, values: [Vec<f64>; 2]) -> Option<Quantity> {
-        let [first, second] = values;
-        let second = second.into_iter().filter(|value| !value.is_nan()).collect();
-        definition.measure(self.with_blocks(first.into_iter()), second, self.halves.as_ref())
+    /// The quantity of a value of each point, or of every n-th point of the first cloud for a step of n; NaN
+    /// where a point has none.
+    pub fn of_points(
+        &self,
+        definition: Definition,
+        [mut first, mut second]: [Vec<f64>; 2],
+        step: usize,
+    ) -> Option<Quantity> {
+        second.retain(|value| !value.is_nan());
+        if self.halves.is_none() {
+            first.retain(|value| !value.is_nan());
+            return definition.compare(first, second, None, None);
+        }
+        let blocks = self.blocks.iter().copied().step_by(step);
+        let first = first.into_iter().zip(blocks).filter(|(value, _)| !value.is_nan()).collect();
+        definition.measure(first, second, self.halves.as_ref())
     }
 
     /// The quantity of a value of each cell, by the points in the cells.
     pub fn of_cells(&self, definition: Definition, values: &CellValues) -> Option<Quantity> {
-        let [first, second] = self.cuts.map(|cut| values(&mut cut.offsets.iter(), cut.weight));
+        let [first, second] = self.cuts.map(|cut| values(&mut cut.offsets(), cut.weight));
         let of_split = self.halves.as_ref().map(|halves| {
             move |split: usize| {
                 [0, 1].map(|half| {
-                    let points = self.cuts[0].offsets.iter().zip(&self.blocks);
+                    let points = self.cuts[0].offsets().zip(&self.blocks);
                     let mut points = points
                         .filter(|(_, block)| halves.half(split, **block) == half)
                         .map(|(offset, _)| offset);
@@ -123,6 +129,6 @@ impl Setting<'_> {
     /// World height of the lower corner of the common box, m.
     pub fn corner(&self) -> f64 {
         let cut = self.cuts[0];
-        cut.points.position(cut.index[0] as usize).z - cut.offsets[0][2]
+        cut.points.position(cut.index(0)).z - cut.offset(0)[2]
     }
 }

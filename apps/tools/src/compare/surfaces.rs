@@ -3,6 +3,7 @@
 use super::cut::{CellGrid, Cut};
 use serde::Serialize;
 use std::collections::HashSet;
+use std::hash::{BuildHasherDefault, Hasher};
 
 /// Canopy height, the highest point of each cell above the ground, where both clouds have points.
 #[derive(Clone, Debug, Serialize)]
@@ -36,7 +37,7 @@ pub struct Voxels {
 /// `wide_grid`.
 pub(super) fn canopy(grid: &CellGrid, wide_grid: &CellGrid, lowest: &[f64], cuts: [&Cut; 2]) -> Canopy {
     let tops = cuts.map(|cut| {
-        let extremes = grid.extremes(cut.offsets.iter());
+        let extremes = grid.extremes(cut.offsets());
         let top = |(cell, [_, high]): (usize, [f64; 2])| {
             let [x, y] = grid.centre(cell);
             high - lowest[wide_grid.cell(&[x, y, 0.0])]
@@ -59,11 +60,8 @@ pub(super) fn canopy(grid: &CellGrid, wide_grid: &CellGrid, lowest: &[f64], cuts
 }
 
 /// The voxels of a side that points of one cloud or the other occupy.
-pub(super) fn voxels([first, second]: [&[[f64; 3]]; 2], side: f64) -> Voxels {
-    let occupied = |offsets: &[[f64; 3]]| -> HashSet<[i32; 3]> {
-        offsets.iter().map(|offset| offset.map(|v| (v / side).floor() as i32)).collect()
-    };
-    let [a, b] = [occupied(first), occupied(second)];
+pub(super) fn voxels(cuts: [&Cut; 2], side: f64) -> Voxels {
+    let (a, b) = rayon::join(|| occupied(cuts[0], side), || occupied(cuts[1], side));
     let both = a.intersection(&b).count();
     let all = a.len() + b.len() - both;
     Voxels {
@@ -72,6 +70,43 @@ pub(super) fn voxels([first, second]: [&[[f64; 3]]; 2], side: f64) -> Voxels {
         only_first: a.len() - both,
         only_second: b.len() - both,
         agreement: both as f64 / all.max(1) as f64,
+    }
+}
+
+/// The voxels of a side that hold points of a cloud: three indices of 32 bits in one number.
+fn occupied(cut: &Cut, side: f64) -> HashSet<u128, BuildHasherDefault<VoxelHasher>> {
+    let mut voxels = HashSet::default();
+    let mut last = None;
+    for offset in cut.offsets() {
+        let [x, y, z] = offset.map(|v| u128::from((v / side).floor() as i32 as u32));
+        let voxel = x << 64 | y << 32 | z;
+        // Many neighbours in the file are in one voxel.
+        if last != Some(voxel) {
+            voxels.insert(voxel);
+            last = Some(voxel);
+        }
+    }
+    voxels
+}
+
+/// Mixes the bits of numbers. Collisions cost time, and no one gains by them.
+#[derive(Default)]
+struct VoxelHasher(u64);
+
+impl Hasher for VoxelHasher {
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.write_u128(u128::from(*byte)));
+    }
+
+    fn write_u128(&mut self, number: u128) {
+        const ODD: [u64; 2] = [0x9E37_79B9_7F4A_7C15, 0xD6E8_FEB8_6659_FD93];
+        let folded =
+            (number as u64 ^ self.0).wrapping_mul(ODD[0]) ^ ((number >> 64) as u64).wrapping_mul(ODD[1]);
+        self.0 = (folded ^ folded >> 32).wrapping_mul(ODD[0]);
+    }
+
+    fn finish(&self) -> u64 {
+        self.0 ^ self.0 >> 29
     }
 }
 

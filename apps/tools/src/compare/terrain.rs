@@ -2,7 +2,7 @@
 //! mesh.
 
 use super::cut::Cut;
-use crate::kd_tree::KdTree;
+use crate::kd_tree::{KdTree, Places};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::recognise::{Expected, foreign_file};
@@ -20,19 +20,19 @@ const NEIGHBOURS: usize = 12;
 const MAX_LEVERAGE: f64 = 0.5;
 
 /// A terrain.
-pub(super) enum Terrain {
+pub(super) enum Terrain<'c> {
     /// Planes through the nearest ground points of the first cloud.
-    Planes(Planes),
+    Planes(Planes<'c>),
     /// A raster or mesh, and the corner of the common box that places are relative to.
     Model(GroundModel, DVec3),
 }
 
-impl Terrain {
+impl<'c> Terrain<'c> {
     /// Loads a raster (.tif, .asc, .vrt, a folder of tiles) or mesh (.obj, .ply, .stl, .off).
     ///
     /// # Errors
     /// The errors of reading it.
-    pub fn load(path: &Path, corner: DVec3, observer: &Observer) -> Result<Terrain> {
+    pub fn load(path: &Path, corner: DVec3, observer: &Observer) -> Result<Terrain<'c>> {
         let is_mesh = path.extension().is_some_and(|extension| {
             ["obj", "ply", "stl", "off"].iter().any(|known| extension.eq_ignore_ascii_case(known))
         });
@@ -82,25 +82,48 @@ impl Terrain {
 }
 
 /// Planes through the nearest ground points.
-pub(super) struct Planes {
+pub(super) struct Planes<'c> {
     tree: KdTree,
-    /// Positions of the ground points.
-    points: Vec<[f64; 3]>,
+    ground: Ground<'c>,
     /// The scan line of each ground point, if there are any.
     lines: Option<Vec<u32>>,
 }
 
-impl Planes {
+/// The ground points of a cloud.
+struct Ground<'c> {
+    cut: &'c Cut<'c>,
+    /// Their numbers in the cut.
+    points: Vec<u32>,
+}
+
+impl Ground<'_> {
+    fn position(&self, index: u32) -> [f64; 3] {
+        self.cut.offset(self.points[index as usize] as usize)
+    }
+}
+
+impl Places for Ground<'_> {
+    fn count(&self) -> usize {
+        self.points.len()
+    }
+
+    fn at(&self, index: u32) -> [f64; 3] {
+        let [x, y, _] = self.position(index);
+        [x, y, 0.0]
+    }
+}
+
+impl<'c> Planes<'c> {
     /// Of the ground points of a cloud, with the scan line of each of its points; `None` if they are too few.
-    pub fn of(cut: &Cut, line_of: Option<&[u32]>) -> Option<Planes> {
-        let ground: Vec<usize> = (0..cut.len()).filter(|i| cut.class(*i) == Some(GROUND)).collect();
-        if ground.len() <= NEIGHBOURS {
+    pub fn of(cut: &'c Cut<'c>, line_of: Option<&[u32]>) -> Option<Planes<'c>> {
+        let is_ground = |i: &u32| cut.class(*i as usize) == Some(GROUND);
+        let points: Vec<u32> = (0..cut.len() as u32).filter(is_ground).collect();
+        if points.len() <= NEIGHBOURS {
             return None;
         }
-        let points: Vec<[f64; 3]> = ground.iter().map(|i| cut.offsets[*i]).collect();
-        let flat: Vec<[f64; 3]> = points.iter().map(|[x, y, _]| [*x, *y, 0.0]).collect();
-        let lines = line_of.map(|of| ground.iter().map(|i| of[*i]).collect());
-        Some(Planes { tree: KdTree::new(&flat), points, lines })
+        let lines = line_of.map(|of| points.iter().map(|i| of[*i as usize]).collect());
+        let ground = Ground { cut, points };
+        Some(Planes { tree: KdTree::new(&ground), ground, lines })
     }
 
     /// Height of the least-squares plane through the nearest ground points, and whether it is no
@@ -109,13 +132,13 @@ impl Planes {
     /// that remain as it does.
     fn height(&self, [x, y]: [f64; 2]) -> Option<(f64, bool)> {
         let place = [x, y, 0.0];
-        let (_, nearest) = *self.tree.nearest_few(&place, 1, |_| true).first()?;
+        let (_, nearest) = *self.tree.nearest_few(&self.ground, &place, 1, |_| true).first()?;
         let is_other = |i: u32| match &self.lines {
             Some(lines) => lines[i as usize] != lines[nearest as usize],
             None => i != nearest,
         };
-        let nearest = self.tree.nearest_few(&place, NEIGHBOURS, is_other);
-        let points: Vec<[f64; 3]> = nearest.iter().map(|(_, i)| self.points[*i as usize]).collect();
+        let nearest = self.tree.nearest_few(&self.ground, &place, NEIGHBOURS, is_other);
+        let points: Vec<[f64; 3]> = nearest.iter().map(|(_, i)| self.ground.position(*i)).collect();
         plane(&points, [x, y]).map(|at| (at.height, at.is_supported))
     }
 }

@@ -206,6 +206,22 @@ fn two_measurements_of_one_place_are_within_chance() {
 }
 
 #[test]
+fn a_comparison_does_not_depend_on_the_number_of_threads() {
+    let clouds = [strip(1, 0.0, 5), strip(2, 0.01, 4)];
+    for chance in [false, true] {
+        let options = CompareOptions { chance, ..options() };
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| json(&compared(&clouds[0], &clouds[1], &options)).unwrap())
+        };
+        let expected = on(1);
+        for threads in [2, 5] {
+            assert_eq!(on(threads), expected, "{threads} threads");
+        }
+    }
+}
+
+#[test]
 fn a_centimetre_of_bias_and_a_third_more_returns_are_beyond_chance() {
     let with_chance = CompareOptions { chance: true, max_distances: 200_000, ..options() };
     let c = compared(&strip(1, 0.0, 5), &strip(2, 0.01, 2), &with_chance);

@@ -6,7 +6,7 @@ use crate::cloud::Points;
 use libm::{cos, sin};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_formats::Attribute;
+use vlscan_formats::{Attribute, AttributeSet};
 
 /// Attribute that colours show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -44,11 +44,10 @@ impl ColourBy {
         ["height", "class", "intensity", "object", "return", "leg", "channel", "time", "rgb"][self as usize]
     }
 
-    /// True if the points have the attribute of this colouring.
-    pub(super) fn shown_by(self, points: &Points) -> bool {
-        points.has(match self {
-            ColourBy::Height => return true,
-            ColourBy::Rgb => return points.has_colours(),
+    /// The attribute that this colouring shows beside the position.
+    fn attribute(self) -> Option<Attribute> {
+        Some(match self {
+            ColourBy::Height | ColourBy::Rgb => return None,
             ColourBy::Class => Attribute::Class,
             ColourBy::Intensity => Attribute::Intensity,
             ColourBy::Object => Attribute::Object,
@@ -57,6 +56,20 @@ impl ColourBy {
             ColourBy::Channel => Attribute::Channel,
             ColourBy::Time => Attribute::Time,
         })
+    }
+
+    /// The attributes that a picture in these colours needs beside the positions, and the points' own
+    /// colours for [`ColourBy::Rgb`], which are read with all attributes.
+    pub fn attributes(self) -> AttributeSet {
+        AttributeSet::of(|attribute| self.attribute() == Some(attribute))
+    }
+
+    /// True if the points have the attribute of this colouring.
+    pub(super) fn shown_by(self, points: &Points) -> bool {
+        match self {
+            ColourBy::Rgb => points.has_colours(),
+            _ => self.attribute().is_none_or(|attribute| points.has(attribute)),
+        }
     }
 
     /// A warning of the points of the file `path` whose colour is that of other numbers.

@@ -27,7 +27,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::counted;
 use vlscan_crs as crs;
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, StrayFinder, Strays};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, Selection, StrayFinder, Strays};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
 /// Ground samples through which the plane of a cell goes.
@@ -104,6 +104,11 @@ impl PointSink for Sink {
     fn start(&mut self, attributes: AttributeSet) {
         self.attributes = attributes;
         self.has_returns |= attributes.has(Attribute::ReturnNumber);
+    }
+
+    fn selection(&self) -> Selection {
+        let is_used = |attribute| matches!(attribute, Attribute::Class | Attribute::ReturnNumber);
+        Selection::Attributes(AttributeSet::of(is_used))
     }
 
     fn crs(&mut self, wkt: &str) {

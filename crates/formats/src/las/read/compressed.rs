@@ -2,6 +2,7 @@
 
 use super::error::{LasError, MAX_COMPRESSED_RECORD_BYTES, PointsError};
 use super::header::{Fields, Header};
+use crate::{Attribute, AttributeSet};
 use laz::las::selective::DecompressionSelection;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
@@ -20,13 +21,55 @@ const POINT_WISE: u16 = 1;
 const CHUNK_SIZE_AT: usize = 12;
 const MAX_CHUNK_POINTS: u32 = u32::MAX - 1;
 
-/// Selection of the fields of compressed records that are decompressed.
+/// Selection of the fields of LAS records that are read; other formats read all fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selection {
     /// Position and class only.
     PositionAndClass,
+    /// Position and these attributes; the others are 0.
+    Attributes(AttributeSet),
     /// All fields.
     All,
+}
+
+impl Selection {
+    /// The attributes whose values are read.
+    pub(super) fn attributes(self) -> AttributeSet {
+        match self {
+            Selection::PositionAndClass => AttributeSet::of(|attribute| attribute == Attribute::Class),
+            Selection::Attributes(attributes) => attributes,
+            Selection::All => AttributeSet::of(|_| true),
+        }
+    }
+
+    /// The layers of compressed records that hold the selected fields. Flags and intensity mark pulses without
+    /// a return.
+    fn layers(self) -> DecompressionSelection {
+        let always = DecompressionSelection::xy_returns_channel()
+            .decompress_z()
+            .decompress_classification()
+            .decompress_flags()
+            .decompress_intensity();
+        let Selection::Attributes(attributes) = self else {
+            return if self == Selection::All { DecompressionSelection::all() } else { always };
+        };
+        let mut layers = always;
+        if attributes.has(Attribute::ScanAngle) {
+            layers = layers.decompress_scan_angle();
+        }
+        if attributes.has(Attribute::Leg) {
+            layers = layers.decompress_point_source_id();
+        }
+        if attributes.has(Attribute::Time) {
+            layers = layers.decompress_gps_time();
+        }
+        // Amplitudes, objects and devices of this program.
+        let in_extra_bytes = [Attribute::Intensity, Attribute::Object, Attribute::Channel];
+        if in_extra_bytes.into_iter().any(|attribute| attributes.has(attribute)) {
+            layers = layers.decompress_extra_bytes();
+        }
+        layers
+    }
 }
 
 pub(super) struct Compressed<'a> {
@@ -90,15 +133,7 @@ impl<'a> Compressed<'a> {
         }
         let mut source = Cursor::new(file.0);
         source.set_position(header.data_at as u64);
-        let selected_fields = match selection {
-            // With flags and intensity, which mark pulses without a return.
-            Selection::PositionAndClass => DecompressionSelection::xy_returns_channel()
-                .decompress_z()
-                .decompress_classification()
-                .decompress_flags()
-                .decompress_intensity(),
-            Selection::All => DecompressionSelection::all(),
-        };
+        let selected_fields = selection.layers();
         let decompressor =
             LasZipDecompressor::selective(source, vlr, selected_fields).map_err(LasError::of_library)?;
         Ok(Some(Compressed { decompressor, selection: selected_fields, is_one_chunk, layers, next_chunk: 0 }))

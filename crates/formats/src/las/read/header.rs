@@ -44,6 +44,8 @@ pub struct LasFacts {
     pub has_adjusted_times: bool,
     /// Steps of the coordinates, in the unit of the file.
     pub scale: DVec3,
+    /// Coordinates of step 0, in the unit of the file.
+    pub offset: DVec3,
     /// The system that made the points, as the file names it.
     pub system: String,
     /// The program that wrote the file, as the file names it.
@@ -160,6 +162,7 @@ impl Header {
             is_copc,
             has_adjusted_times: self.raw.global_encoding & 1 != 0,
             scale: self.scale(),
+            offset: self.offset(),
             system: text(&self.raw.system_identifier),
             software: text(&self.raw.generating_software),
         }

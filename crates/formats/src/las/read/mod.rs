@@ -158,8 +158,7 @@ impl<'a> LasReader<'a> {
 pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> {
     let mut reader = LasReader::open(bytes, reading.selection)?;
     let extra = reader.extra_dimensions()?;
-    let reads_all = reading.selection == Selection::All;
-    let (mut rows, warnings) = RowFormat::new(&reader.header, &extra, reads_all);
+    let (mut rows, warnings) = RowFormat::new(&reader.header, &extra, reading.selection);
     warnings.iter().for_each(|warning| reading.warn(warning.as_str()));
     let units = units::position_units(reader.file, &reader.header)?;
     units.note.iter().for_each(|note| reading.note(note.as_str()));

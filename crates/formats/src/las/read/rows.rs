@@ -1,5 +1,6 @@
 //! Records as points.
 
+use super::compressed::Selection;
 use super::details::DetailFields;
 use super::extra::ExtraDimension;
 use super::header::Header;
@@ -30,27 +31,35 @@ pub(super) struct RowFormat {
     may_have_misses: bool,
     /// Offset of red, green and blue in a record, if the format has them and all fields are read.
     colour_at: Option<usize>,
+    /// The attributes that are read if the records have them; the others are 0.
+    selected: AttributeSet,
 }
 
 impl RowFormat {
-    /// The points of a file with this header and these extra dimensions, of which the attributes are read if
-    /// `reads_all` is set. Returns also warnings about scales and offsets that are replaced.
+    /// The points of a file with this header and these extra dimensions, of which the selected attributes are
+    /// read. Returns also warnings about scales and offsets that are replaced.
     pub fn new(
         header: &Header,
         extra: &[(String, ExtraDimension)],
-        reads_all: bool,
+        selection: Selection,
     ) -> (RowFormat, Vec<String>) {
-        let (shown, warnings) = if reads_all { Shown::of(extra) } else { Default::default() };
+        let (shown, warnings) = match selection {
+            Selection::PositionAndClass => Default::default(),
+            Selection::Attributes(_) | Selection::All => Shown::of(extra),
+        };
         // A program that edits a file of this program names itself in the header and keeps the dimensions.
         let may_have_misses = header.is_own() || extra.iter().any(|(name, _)| name == NAME_OF_MISSES);
         let colour_at = match header.format {
+            _ if selection != Selection::All => None,
             2 => Some(20),
             3 | 5 => Some(28),
             7 | 8 | 10 => Some(30),
             _ => None,
         };
-        let (colour_at, header) = (colour_at.filter(|_| reads_all), header.clone());
-        let rows = RowFormat { header, shown, details: None, metres: DVec3::ONE, may_have_misses, colour_at };
+        let selected = selection.attributes();
+        let header = header.clone();
+        let (details, metres) = (None, DVec3::ONE);
+        let rows = RowFormat { header, shown, details, metres, may_have_misses, colour_at, selected };
         (rows, warnings)
     }
 
@@ -80,9 +89,12 @@ impl RowFormat {
         let (header, shown) = (&self.header, &self.shown);
         let raw_intensity = u16::from_le_bytes([record[12], record[13]]);
         let mut misfits = Misfits::default();
-        let time = misfits.fitted(Attribute::Time, header.time(record));
+        let has = |attribute| self.selected.has(attribute);
+        let time = if has(Attribute::Time) { header.time(record) } else { 0.0 };
+        let time = misfits.fitted(Attribute::Time, time);
         let mut number = |attribute, dimension: Option<ExtraDimension>| {
             dimension
+                .filter(|_| has(attribute))
                 .and_then(|dimension| dimension.value(record))
                 .map(|value| misfits.fitted(attribute, value))
         };
@@ -90,6 +102,7 @@ impl RowFormat {
             position: header.position(record) * self.metres,
             normal: None,
             intensity: match shown.intensity {
+                _ if !has(Attribute::Intensity) => 0.0,
                 Some(amplitude) => amplitude.value(record).unwrap_or(f64::NAN) as f32,
                 None => f32::from(raw_intensity),
             },
@@ -97,9 +110,9 @@ impl RowFormat {
             return_number: header.return_number(record),
             number_of_returns: header.number_of_returns(record),
             is_miss: self.may_have_misses && raw_intensity == 0 && header.is_miss(record),
-            scan_angle: header.scan_angle(record),
-            leg: header.source_id(record),
-            point_source: header.point_source(record),
+            scan_angle: if has(Attribute::ScanAngle) { header.scan_angle(record) } else { 0.0 },
+            leg: if has(Attribute::Leg) { header.source_id(record) } else { 0 },
+            point_source: if has(Attribute::Leg) { header.point_source(record) } else { 0 },
             channel: number(Attribute::Channel, shown.device).map_or(header.channel(record), |v| v as u16),
             time,
             object: number(Attribute::Object, shown.object).map_or(0, |v| v as i64),

@@ -62,6 +62,11 @@ fn read_with_causes(bytes: &[u8]) -> (Vec<PointRow>, Diagnostics) {
 
 /// Reads a file on some threads.
 fn read_on(bytes: &[u8], threads: usize) -> (Vec<PointRow>, Diagnostics) {
+    read_selected(bytes, threads, Selection::All)
+}
+
+/// Reads the selected attributes of a file on some threads.
+fn read_selected(bytes: &[u8], threads: usize, selection: Selection) -> (Vec<PointRow>, Diagnostics) {
     struct Rows(Vec<PointRow>);
     impl PointSink for Rows {
         fn start(&mut self, _: AttributeSet) {}
@@ -72,7 +77,7 @@ fn read_on(bytes: &[u8], threads: usize) -> (Vec<PointRow>, Diagnostics) {
     }
     let (mut rows, mut found) = (Rows(Vec::new()), Diagnostics::default());
     let file = PointFile::new(Path::new("a.las"), bytes, &mut found).unwrap().on_threads(threads);
-    file.read(Selection::All, &mut rows, &mut found).unwrap();
+    file.read(selection, &mut rows, &mut found).unwrap();
     (rows.0, found)
 }
 
@@ -364,6 +369,41 @@ fn points_do_not_depend_on_the_number_of_threads() {
             let (rows, said) = same_on_threads(&whole, &what);
             assert_eq!((rows.len(), said.as_str()), (1000, ""), "{what}");
             assert!((0..1000).all(|i| rows[i].position.x == 0.01 * i as f64), "{what}");
+        }
+    }
+}
+
+#[test]
+fn attributes_that_are_not_selected_are_0_and_the_others_as_in_the_file() {
+    use crate::Attribute::{Class, Intensity, Leg, ScanAngle, Time};
+    let mut records = irregular(1000, 30);
+    for (i, record) in (0_u16..).zip(&mut records) {
+        (record[14], record[16]) = (0x21, (i % 7) as u8);
+        record[18..20].copy_from_slice(&(i % 50 * 100).to_le_bytes());
+        record[20..22].copy_from_slice(&(1 + i / 300).to_le_bytes());
+        record[22..30].copy_from_slice(&(0.5 + f64::from(i)).to_le_bytes());
+    }
+    let mut plain = file(1000, false, None, &records.concat());
+    (plain[104], plain[105]) = (6, 30);
+    for (bytes, what) in [(chunked(6, &records, false), "compressed"), (plain, "plain")] {
+        let all = read_on(&bytes, 1).0;
+        assert_eq!((all[907].class, all[907].leg, all[907].time), (4, 3, 907.5), "{what}");
+        for selected in [vec![], vec![Class], vec![Time, Leg], vec![ScanAngle, Intensity]] {
+            let has = |attribute| selected.contains(&attribute);
+            let expected = |row: &PointRow| PointRow {
+                intensity: if has(Intensity) { row.intensity } else { 0.0 },
+                scan_angle: if has(ScanAngle) { row.scan_angle } else { 0.0 },
+                leg: if has(Leg) { row.leg } else { 0 },
+                point_source: if has(Leg) { row.point_source } else { 0 },
+                time: if has(Time) { row.time } else { 0.0 },
+                ..*row
+            };
+            let expected: Vec<PointRow> = all.iter().map(expected).collect();
+            for threads in [1, 2, 5] {
+                let selection = Selection::Attributes(AttributeSet::of(has));
+                let rows = read_selected(&bytes, threads, selection).0;
+                assert!(rows == expected, "{what}, {selected:?}, {threads} threads");
+            }
         }
     }
 }
