@@ -10,7 +10,7 @@ use rusqlite::Connection;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::{fs, io};
 
 /// Names that a line lists.
@@ -121,6 +121,7 @@ pub fn inspect(args: &CheckArgs) -> std::result::Result<Report, InspectError> {
                 kept,
                 fetches: crate::files::Fetches::default(),
                 served: Mutex::default(),
+                receiving: Arc::default(),
             };
             contents(&store, &mut report)?;
         }

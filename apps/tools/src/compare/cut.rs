@@ -84,7 +84,7 @@ impl<'a> Cut<'a> {
 
     /// The median of the intensities; `None` without any.
     pub fn median_intensity(&self) -> Option<f64> {
-        let all = self.map(|points, i| points.intensity_of(i)).flatten();
+        let all = (0..self.len()).filter_map(|i| self.points.intensity_of(self.index(i)));
         let mut values: Vec<f32> = all.filter(|value| !value.is_nan()).collect();
         let middle = values.len() / 2;
         (!values.is_empty()).then(|| f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1))
