@@ -179,7 +179,7 @@ fn folders_that_cannot_be_read_are_removed() {
     let closed = incoming.join("closed/inner");
     std::fs::create_dir_all(&closed).unwrap();
     for folder in [closed.as_path(), closed.parent().unwrap()] {
-        std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0)).unwrap();
+        std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o0)).unwrap();
     }
     service.restart();
     assert!(is_empty(), "a start removes them");
