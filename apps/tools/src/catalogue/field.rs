@@ -153,7 +153,7 @@ mod tests {
     use vlscan_survey::catalogue;
 
     /// The fields of all instruments of the catalogue, as their data sheets state them where those are known.
-    const FIELDS: [(&str, &[f64]); 50] = [
+    const FIELDS: [(&str, &[f64]); 54] = [
         ("als.xml#leica_als50", &[75.0]),
         ("als.xml#leica_als50-ii", &[75.0]),
         ("als.xml#optech_2033", &[40.0]),
@@ -171,6 +171,7 @@ mod tests {
         ("als.xml#riegl_minivux-3uav", &[360.0]),
         ("als.xml#riegl_vq-1560ii", &[58.0]),
         ("als.xml#riegl_vq-840-g", &[40.0, 28.0]),
+        ("als.xml#riegl_vq-840-gl", &[40.0, 28.0]),
         ("als.xml#livox_mid-70", &[70.4, 70.4]),
         ("als.xml#livox-mid-100", &[98.4, 38.4]),
         ("als.xml#livox-mid-100a", &[38.4, 38.4]),
@@ -195,6 +196,9 @@ mod tests {
         ("tls.xml#ouster_os0-128", &[360.0, 92.0]),
         ("tls.xml#ouster_os1-128", &[360.0, 43.0]),
         ("tls.xml#ouster_os2-128", &[360.0, 21.9]),
+        ("tls.xml#ouster_os0-128-rev7", &[360.0, 92.0]),
+        ("tls.xml#ouster_os1-128-rev7", &[360.0, 43.0]),
+        ("tls.xml#ouster_os2-128-rev7", &[360.0, 21.9]),
         ("tls.xml#leica_rtc360", &[360.0, 300.0]),
         ("tls.xml#leica_blk360", &[360.0, 300.0]),
         ("tls.xml#livox_mid-40", &[38.4, 38.4]),

@@ -100,6 +100,7 @@ mod tests {
             "rangeMax_m",
             "rangeNoise",
             "rangeStep_m",
+            "receiverFov_rad",
             "scanAngleMax_deg",
             "scanAngleEffectiveMax_deg",
             "scanAngleAlongMax_deg",
