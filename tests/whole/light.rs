@@ -232,8 +232,8 @@ fn a_lake_has_surface_column_and_bottom_with_the_same_bytes_in_every_way() {
     assert!(of(3.0).all(|row| (row[7] - 10.0).abs() < 1e-3 && row[6] == 0.0));
     assert!(of(4.0).all(|row| (0.0..=10.0).contains(&row[7])));
     assert!(rows.iter().all(|row| (3.0..=5.0).contains(&row[5])));
-    // Bottoms are too deep: light is slower in water.
-    assert!(of(5.0).all(|row| row[1] < -3.0));
+    // Bottoms are too deep: light is slower in water, by 10 m · 0.357 at nadir and less aside.
+    assert!(of(5.0).all(|row| (-4.0..-1.5).contains(&row[1])));
     let bytes = |name: &str| fs::read(dir.path().join(name)).unwrap();
     let all = bytes("a.csv");
     for way in [
