@@ -151,8 +151,8 @@ pub struct Cause {
     pub fraction: f64,
     /// Number of the strongest subray within the beam, from 0; `u32::MAX` without a surface.
     pub subray: u32,
-    /// Way of the light: 0 straight, 1 through panes, 2 over mirrors, 3 to the surface of water, 4 into water,
-    /// 5 through water.
+    /// Way of the light: 0 straight, 1 through panes, 2 over mirrors, 3 to the surface of water, 4 into
+    /// water, 5 through water.
     pub path: u8,
     /// Number of mirrors, panes and surfaces of water on the way.
     pub order: u8,

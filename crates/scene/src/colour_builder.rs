@@ -110,15 +110,15 @@ impl SceneBuilder<'_> {
         let slashes = name.replace('\\', "/");
         let is_absolute = slashes.starts_with('/') || slashes.as_bytes().get(1) == Some(&b':');
         let relative = [name, slashes.as_str()].map(|name| folder.join(name));
-        let beside = folder.join(slashes.rsplit('/').next().unwrap_or_default());
+        let sibling = folder.join(slashes.rsplit('/').next().unwrap_or_default());
         let named = relative.iter().filter(|_| !is_absolute).find(|path| reads::is_file(path));
         let path: PathBuf = match named {
             Some(path) => path.clone(),
-            None if reads::is_file(&beside) && slashes.contains('/') => {
+            None if reads::is_file(&sibling) && slashes.contains('/') => {
                 let message =
-                    format!("there is no texture {}; {} is read", shown(name.as_bytes()), beside.display());
+                    format!("there is no texture {}; {} is read", shown(name.as_bytes()), sibling.display());
                 self.diagnostics.warn(place.cloned(), message);
-                beside
+                sibling
             }
             None => return Err(std::io::Error::from(std::io::ErrorKind::NotFound).into()),
         };

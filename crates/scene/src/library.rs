@@ -360,7 +360,7 @@ impl Library {
         }
         let mut from_spectrum: Option<Vec<f64>> = None;
         if let (None, Some(name)) = (d.reflectance, &d.spectrum) {
-            from_spectrum = self.spectra.reflectances(name, diagnostics);
+            from_spectrum = self.spectra.reflectances(name, d.place.as_ref(), diagnostics);
             if from_spectrum.is_none() {
                 let assumed = assumed(self.rules);
                 let message =

@@ -90,8 +90,8 @@ impl Optics {
         }
     }
 
-    /// The mirror or pane that the numbers describe; `None` for glass of full opacity, or if a texture decides
-    /// where light passes.
+    /// The mirror or pane that the numbers describe; `None` for glass of full opacity, or if a texture
+    /// decides where light passes.
     fn meaning(&self, material: Option<&MaterialDefinition>) -> Option<OpticsDefinition> {
         let number = |i: usize| self.statements[i].as_ref().filter(|s| !s.is_opaque).and_then(|s| s.value);
         let opacity = number(0).or(number(1).map(|transparency| 1.0 - transparency));

@@ -50,8 +50,9 @@ pub(super) fn assumed(rules: Corrections) -> &'static str {
 }
 
 /// Advice for leaves with the default reflectance.
-const HELP_OF_LEAVES: &str = "leaves reflect less than that at most wavelengths: give them the built-in spectrum \
-                              broadleaf or needle (helios_spectra in MTL files), or a reflectance from 0 to 1";
+const HELP_OF_LEAVES: &str = "leaves reflect less than that at most wavelengths: give them the built-in \
+                              spectrum broadleaf or needle (helios_spectra in MTL files), or a reflectance \
+                              from 0 to 1";
 
 /// Maximum number of names in one message.
 const MAX_LISTED: usize = 8;

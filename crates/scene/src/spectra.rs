@@ -63,9 +63,14 @@ impl Spectra {
         }
     }
 
-    /// Reflectances of the spectrum `name` at the wavelengths in per cent; `None` if there is no such
-    /// spectrum.
-    pub fn reflectances(&mut self, name: &str, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
+    /// Reflectances of the spectrum `name`, which the material at `place` has, at the wavelengths in per
+    /// cent; `None` if there is no such spectrum.
+    pub fn reflectances(
+        &mut self,
+        name: &str,
+        place: Option<&Place>,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<Vec<f64>> {
         if let Some(values) = self.known.get(name) {
             return values.clone();
         }
@@ -73,14 +78,14 @@ impl Spectra {
         self.files.extend(file.clone());
         let values = match file {
             Some(path) => reflectances_in(&path, &self.wavelengths_um, diagnostics),
-            None => self.built_in(name, diagnostics),
+            None => self.built_in(name, place, diagnostics),
         };
         self.known.insert(name.to_owned(), values.clone());
         values
     }
 
     /// Reflectances of a surface of the library at the wavelengths in per cent; `None` for another name.
-    fn built_in(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
+    fn built_in(&self, name: &str, place: Option<&Place>, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
         let surface = SurfaceSpectrum::find(name)?;
         let (first, last) = surface.range();
         let wavelengths = self.wavelengths_um.iter().map(|um| f64::from(*um) * 1000.0);
@@ -92,7 +97,7 @@ impl Spectra {
                  used for {} nm",
                 number(beyond.round())
             );
-            diagnostics.warn(None, message);
+            diagnostics.warn(place.cloned(), message);
         }
         Some(wavelengths.map(|nm| 100.0 * surface.reflectance(nm)).collect())
     }
@@ -364,7 +369,7 @@ mod tests {
         std::fs::create_dir(root.path().join("spectra")).unwrap();
         std::fs::write(root.path().join("spectra/a.txt"), spectrum(rows)).unwrap();
         let mut d = Diagnostics::default();
-        let values = Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", &mut d);
+        let values = Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", None, &mut d);
         (values.map(|values| values[0]), d)
     }
 
@@ -428,7 +433,7 @@ mod tests {
         )
         .unwrap();
         let mut d = Diagnostics::default();
-        Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", &mut d);
+        Spectra::new(&[root.path().to_path_buf()], [1064.0]).reflectances("a", None, &mut d);
         let [reported] = d.items() else { panic!("{}", d.text()) };
         assert!(reported.message.contains("the first 26 lines"), "{}", reported.message);
         assert_eq!(reported.place.as_ref().unwrap().line, 25);
@@ -447,8 +452,8 @@ mod tests {
         for (folders, warnings) in [(vec![empty.clone(), a.clone(), a.clone()], 0), (vec![empty, a, b], 1)] {
             let mut d = Diagnostics::default();
             let mut spectra = Spectra::new(&folders, [1064.0]);
-            assert_eq!(spectra.reflectances("moss.green", &mut d), Some(vec![20.0]));
-            assert_eq!(spectra.reflectances("moss", &mut d), None);
+            assert_eq!(spectra.reflectances("moss.green", None, &mut d), Some(vec![20.0]));
+            assert_eq!(spectra.reflectances("moss", None, &mut d), None);
             assert_eq!(d.items().len(), warnings, "{}", d.text());
             assert!(d.items().iter().all(|item| item.place.is_some()));
         }
@@ -463,9 +468,9 @@ mod tests {
         std::fs::write(root.path().join("spectra/b.txt"), "0.5\t10\n").unwrap();
         let mut d = Diagnostics::default();
         let mut spectra = Spectra::new(&[root.path().to_path_buf()], [500.0]);
-        assert_eq!(spectra.reflectances("a", &mut d), None);
+        assert_eq!(spectra.reflectances("a", None, &mut d), None);
         assert_eq!(d.items().iter().flat_map(|i| i.lines()).collect::<Vec<_>>(), [28, 29]);
-        assert_eq!(spectra.reflectances("b", &mut d), None);
+        assert_eq!(spectra.reflectances("b", None, &mut d), None);
         assert!(d.text().contains("holds no values"), "{}", d.text());
     }
 }

@@ -7,15 +7,15 @@
 pub struct SurfaceSpectrum {
     /// Name, by which materials find it.
     pub name: &'static str,
-    /// Wavelengths, nm, ascending, with the reflectance and the transmittance there, 0 to 1. The transmittance
-    /// is that of a single leaf, and 0 for others. Echoes do not depend on it.
+    /// Wavelengths, nm, ascending, with the reflectance and the transmittance there, 0 to 1. The
+    /// transmittance is that of a single leaf, and 0 for others. Echoes do not depend on it.
     pub values: &'static [(f64, f64, f64)],
 }
 
 /// All surfaces of the library.
 pub const SURFACE_SPECTRA: &[SurfaceSpectrum] = &[
-    // Quercus crispula, leaves in summer, mean of the files of Noda et al. (JaLTER ERDP-2013-02); 1064 nm from
-    // 905 nm by the ratio in Quercus_leaf_sun_2010_0802_2.
+    // Quercus crispula, leaves in summer, mean of the files of Noda et al. (JaLTER ERDP-2013-02); 1064 nm
+    // from 905 nm by the ratio in Quercus_leaf_sun_2010_0802_2.
     SurfaceSpectrum {
         name: "broadleaf",
         values: &[

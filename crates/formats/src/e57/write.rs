@@ -15,7 +15,8 @@ use vlscan_base::files::{FileWriter, scratch_failed};
 use vlscan_crs as crs;
 use vlscan_geom::DVec3;
 
-/// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number, colour.
+/// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number,
+/// colour.
 const RECORD_BYTES: usize = 2 + 7 * 8 + 4 + 2 + 3;
 
 /// Bytes of points that are kept in memory.

@@ -206,8 +206,8 @@ impl fmt::Debug for MaterialDefinition {
 pub struct ColourDefinition {
     /// Red, green and blue, 0 to 1, which multiply those of the texture.
     pub factor: [f64; 3],
-    /// True if `factor` and the colours of corners are linear, as in glTF: texels are decoded from sRGB before
-    /// they are multiplied. Otherwise all are multiplied as they are stored.
+    /// True if `factor` and the colours of corners are linear, as in glTF: texels are decoded from sRGB
+    /// before they are multiplied. Otherwise all are multiplied as they are stored.
     pub is_linear: bool,
     /// Texture.
     pub texture: Option<TextureDefinition>,
@@ -227,7 +227,7 @@ pub struct TextureDefinition {
     pub image: TextureImage,
     /// Linear map of texture coordinates, by rows, and the offset that is added to its result.
     pub transform: ([[f64; 2]; 2], [f64; 2]),
-    /// What texture coordinates outside of 0 to 1 mean, along either axis.
+    /// Meaning of texture coordinates outside of 0 to 1, along either axis.
     pub wrap: [TextureWrap; 2],
     /// True if the second coordinate counts from the lower edge of the image, as in OBJ.
     pub is_upward: bool,

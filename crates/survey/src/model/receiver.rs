@@ -154,8 +154,8 @@ impl Overlap {
     }
 }
 
-/// Area that two discs of these radii have in common whose centres are `distance` apart: less than the sum and
-/// more than the difference of the radii.
+/// Area that two discs of these radii have in common whose centres are `distance` apart: less than the sum
+/// and more than the difference of the radii.
 fn common_area(a: f64, b: f64, distance: f64) -> f64 {
     let half_angle = |own: f64, other: f64| {
         acos(((distance * distance + own * own - other * other) / (2.0 * distance * own)).clamp(-1.0, 1.0))

@@ -42,8 +42,8 @@ impl Selection {
         }
     }
 
-    /// The layers of compressed records that hold the selected fields. Flags and intensity mark pulses without
-    /// a return.
+    /// The layers of compressed records that hold the selected fields. Flags and intensity mark pulses
+    /// without a return.
     fn layers(self) -> DecompressionSelection {
         let always = DecompressionSelection::xy_returns_channel()
             .decompress_z()

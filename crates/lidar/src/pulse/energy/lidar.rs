@@ -141,8 +141,8 @@ mod tests {
         let focused = Overlap { focus: 0.1, ..coaxial };
         assert!(near(share(focused, 10.0), 1.0) && near(share(focused, 5.0), 0.04));
         assert!(near(share(focused, 1e14), 0.04));
-        // Axes 1 m apart: the disc reaches the field from (1 − 0.05)/1e-3 m on, and is within from 1050 m on. At
-        // 1000 m its centre is on the edge of the field, which is 20 times as wide.
+        // Axes 1 m apart: the disc reaches the field from (1 − 0.05)/1e-3 m on, and is within from 1050 m on.
+        // At 1000 m its centre is on the edge of the field, which is 20 times as wide.
         let biaxial = Overlap { baseline: 1.0, ..coaxial };
         assert!(share(biaxial, 949.0) == 0.0 && near(share(biaxial, 1051.0), 1.0));
         let at_edge = share(biaxial, 1000.0);

@@ -2,6 +2,13 @@
 //! points. The file is read twice, once for its extent and once into the cells of the grid, so that memory
 //! grows with the number of occupied cells instead of the number of points. Very many cells are found in
 //! several readings, some at a time.
+//!
+//! | files | contents |
+//! |---|---|
+//! | `text` | points of lines of text |
+//! | `cells`, `occupancy` | the cells of the grid and sums over their points; the occupied cells |
+//! | `sorter` | points in the order of their cells |
+//! | `colours` | mean colours of the points in each cell |
 
 mod cells;
 mod colours;
@@ -32,7 +39,7 @@ use vlscan_survey::XyzLoader;
 /// Bytes of text read by one task.
 const PIECE_BYTES: usize = if cfg!(test) { 1 << 10 } else { 1 << 20 };
 
-/// What cells need of points.
+/// Attributes of points that cells need.
 const CELLS: Selection = Selection::PositionAndClass;
 
 /// Minimum number of points to which a plane is fitted.
@@ -62,8 +69,8 @@ pub(crate) fn load(
     let source = fed.as_ref().unwrap_or(source);
     let cloud = match is_text {
         true => {
-            let wanted = (&settings, scene.options.colours);
-            Cloud::of_text(source, loader, wanted, &mut scene.diagnostics)
+            let selected = (&settings, scene.options.colours);
+            Cloud::of_text(source, loader, selected, &mut scene.diagnostics)
         }
         false => Some(Cloud::File(file)),
     };
@@ -183,8 +190,8 @@ impl<'s> Cloud<'s> {
             return None;
         }
         let mut found = Diagnostics::default();
-        let wanted = (settings.rule != NormalRule::Plane, has_colours);
-        let format = RowFormat::new(loader, wanted, source, &mut found);
+        let selected = (settings.rule != NormalRule::Plane, has_colours);
+        let format = RowFormat::new(loader, selected, source, &mut found);
         let is_wrong = found.is_fatal(false);
         diagnostics.extend(found);
         if format.is_none() {

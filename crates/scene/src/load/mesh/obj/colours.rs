@@ -1,5 +1,5 @@
-//! Texture coordinates and colours of corners of OBJ files. They are read only if colours are requested, after
-//! the geometry, in a second pass over the file.
+//! Texture coordinates and colours of corners of OBJ files. They are read only if colours are requested,
+//! after the geometry, in a second pass over the file.
 
 use super::slice::Reading;
 use crate::number::{float_at, is_blank, skip_blanks};
