@@ -14,7 +14,10 @@ const MAX_BYTE: f64 = 255.0;
 /// Sums over the points of a cell.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    colour: [f64; 3],
+    /// Components as stored.
+    colour: [u64; 3],
+    /// The upper eight bits of components.
+    upper: [u64; 3],
     points: u32,
 }
 
@@ -35,8 +38,9 @@ impl Voxels<'_> {
                 let Some(&index) = index_of.get(&self.grid.cell_of(point.position)) else { continue };
                 let of_cell: &mut Sums = &mut sums[index];
                 of_cell.points += 1;
-                for (sum, component) in of_cell.colour.iter_mut().zip(colour) {
-                    *sum += f64::from(component);
+                for (i, component) in colour.into_iter().enumerate() {
+                    of_cell.colour[i] += u64::from(component);
+                    of_cell.upper[i] += u64::from(component >> 8);
                     max = max.max(component);
                 }
             }
@@ -46,13 +50,14 @@ impl Voxels<'_> {
         if max == 0 {
             return Ok(Vec::new());
         }
-        // Numbers above the greatest one that the scene states have 16 bits, of which the upper eight count.
+        // Numbers above the greatest one that the scene states have 16 bits, of which the upper eight count:
+        // programs multiply 8 bits by 256 or by 257.
         let stated = self.settings.max_colour;
-        let scale = if f64::from(max) > stated { 1.0 / 256.0 } else { MAX_BYTE / stated };
-        let mean = |of_cell: &Sums| match of_cell.points {
-            0 => [0; 3],
-            // The conversion saturates.
-            count => of_cell.colour.map(|sum| (sum / f64::from(count) * scale).round() as u8),
+        let (has_16_bits, scale) = (f64::from(max) > stated, MAX_BYTE / stated);
+        let mean = |of_cell: &Sums| {
+            let (sums, scale) = if has_16_bits { (of_cell.upper, 1.0) } else { (of_cell.colour, scale) };
+            // The conversion saturates, and NaN of a cell without points becomes 0.
+            sums.map(|sum| (sum as f64 / f64::from(of_cell.points) * scale).round() as u8)
         };
         Ok(sums.iter().map(mean).collect())
     }

@@ -509,3 +509,26 @@ fn lines_of_other_lengths_than_the_first_are_reported() {
     assert_eq!(said(&points, ","), "");
     assert_eq!(said("1 2 3 0 0 1 9 9 9\n", " "), "");
 }
+
+#[test]
+fn voxels_have_the_mean_colour_of_their_points() {
+    let colours = |numbers: [[u32; 3]; 3], max: f64| {
+        let mut f = Fixture::new();
+        f.options.colours = true;
+        let mut text = String::new();
+        for ([r, g, b], x) in numbers.into_iter().zip(["0.2", "0.4", "1.5"]) {
+            writeln!(text, "{x} 0 0 {r} {g} {b}").unwrap();
+        }
+        let mut settings = loader(vec![f.file("a.xyz", text)], " ", 1.0);
+        (settings.rgb_columns, settings.max_color_value) = (Some([3, 4, 5]), max);
+        f.part(Loader::Xyz(Box::new(settings)));
+        let scene = f.scene();
+        [0, 1].map(|cube| scene.colour_at(cube, None, DVec3::ZERO))
+    };
+    assert_eq!(colours([[10, 20, 30], [20, 30, 31], [1, 2, 255]], 255.0), [[15, 25, 31], [1, 2, 255]]);
+    for factor in [256, 257] {
+        let numbers = [[200, 100, 7], [202, 100, 7], [255, 1, 0]].map(|row| row.map(|c| c * factor));
+        assert_eq!(colours(numbers, 255.0), [[201, 100, 7], [255, 1, 0]], "{factor}");
+    }
+    assert_eq!(colours([[0, 20, 100]; 3], 100.0), [[0, 51, 255]; 2]);
+}
