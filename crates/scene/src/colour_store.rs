@@ -4,6 +4,7 @@ use super::colours::{ColouredCubes, ColouredMesh, Colours, NONE, SurfaceColour};
 use super::texture::Texture;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
+use vlscan_base::store::Checksum;
 use vlscan_survey::{ColourDefinition, TextureImage};
 
 /// Numbers of triangles, cubes and grids of a scene before a part.
@@ -50,6 +51,17 @@ impl ColourBuilder {
         self.texture_bytes_of(&used_numbers(meshes.clone()))
             + meshes.map(|mesh| mesh.memory() as u64).sum::<u64>()
             + cubes.map(|of| 3 * of.colours.len() as u64).sum::<u64>()
+    }
+
+    /// Adds the colours of primitives from `start` on to a checksum, independent of the primitives before.
+    pub fn add_since(&self, start: ColourMark, sum: &mut Checksum) {
+        for mesh in self.meshes.iter().filter(|mesh| mesh.triangles.start >= start.triangles) {
+            sum.debug(&(mesh.triangles.start - start.triangles, mesh.triangles.len()));
+            mesh.add_to(&self.palette, sum);
+        }
+        for of in self.cubes.iter().filter(|of| of.cubes.start >= start.cubes) {
+            sum.array(&of.colours);
+        }
     }
 
     /// Bytes of the textures of some colours.

@@ -6,7 +6,7 @@ use super::texture::Texture;
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
-use vlscan_base::store::vec_bytes;
+use vlscan_base::store::{Checksum, vec_bytes};
 use vlscan_geom::DVec3;
 use vlscan_survey::{ColourDefinition, MeshColours};
 use vlscan_trace::PrimitiveRef;
@@ -58,6 +58,18 @@ impl ColouredMesh {
         vec_bytes(&self.runs) + vec_bytes(&self.colours.texels) + vec_bytes(&self.colours.tints)
     }
 
+    /// Adds the colours to a checksum. The numbers in the palette and the names of files do not count.
+    pub fn add_to(&self, palette: &[SurfaceColour], sum: &mut Checksum) {
+        for (first, number) in &self.runs {
+            sum.debug(first);
+            if let Some(colour) = palette.get(*number as usize) {
+                colour.add_to(sum);
+            }
+        }
+        sum.array(&self.colours.texels);
+        sum.array(&self.colours.tints);
+    }
+
     /// Number of the colour of a triangle, counted within the range.
     fn number(&self, triangle: usize) -> u32 {
         let next = self.runs.partition_point(|(first, _)| *first as usize <= triangle);
@@ -95,6 +107,19 @@ impl Colours {
             + self.cubes.iter().map(|of| vec_bytes(&of.colours)).sum::<usize>()
             + self.grids.iter().map(vec_bytes).sum::<usize>()
             + self.palette.capacity() * size_of::<SurfaceColour>()
+    }
+
+    /// Adds all colours to a checksum.
+    pub(super) fn add_to(&self, sum: &mut Checksum) {
+        for mesh in self.meshes.iter().chain(self.models.iter().flatten()) {
+            sum.debug(&mesh.triangles);
+            mesh.add_to(&self.palette, sum);
+        }
+        for of in &self.cubes {
+            sum.debug(&of.cubes);
+            sum.array(&of.colours);
+        }
+        self.grids.iter().for_each(|colours| sum.array(colours));
     }
 
     /// The colour of a voxel; black if it has none.
@@ -144,6 +169,15 @@ fn find<T>(all: &[T], index: usize, range: impl Fn(&T) -> &Range<usize>) -> Opti
 }
 
 impl SurfaceColour {
+    /// Adds the colour to a checksum, without the name of its texture.
+    fn add_to(&self, sum: &mut Checksum) {
+        let ColourDefinition { factor, is_linear, texture } = &self.definition;
+        sum.debug(&(factor, is_linear));
+        if let (Some(map), Some(image)) = (texture, &self.texture) {
+            sum.debug(&(map.transform, map.wrap, map.is_upward, image.checksum()));
+        }
+    }
+
     /// The colour at texture coordinates, times the colour `tint` of the corners.
     fn at(&self, texel: Option<[f64; 2]>, tint: [f64; 3]) -> [u8; 3] {
         let ColourDefinition { factor, is_linear, texture } = &self.definition;
@@ -177,11 +211,16 @@ fn encode(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
 }
 
-/// Weights of the corners of a triangle at a point of it.
+/// Weights of the corners of a triangle at a point of it; those of the first corner if it has no area.
 fn weights([a, b, c]: [DVec3; 3], at: DVec3) -> [f64; 3] {
     let normal = (b - a).cross(c - a);
-    let of_b = ((at - a).cross(c - a).dot(normal) / normal.dot(normal)).clamp(0.0, 1.0);
-    let of_c = ((b - a).cross(at - a).dot(normal) / normal.dot(normal)).clamp(0.0, 1.0 - of_b);
+    let of_b = (at - a).cross(c - a).dot(normal) / normal.dot(normal);
+    let of_c = (b - a).cross(at - a).dot(normal) / normal.dot(normal);
+    if !of_b.is_finite() || !of_c.is_finite() {
+        return [1.0, 0.0, 0.0];
+    }
+    let of_b = of_b.clamp(0.0, 1.0);
+    let of_c = of_c.clamp(0.0, 1.0 - of_b);
     [1.0 - of_b - of_c, of_b, of_c]
 }
 
@@ -237,5 +276,8 @@ mod tests {
         assert_eq!(weights(corners, corners[1]), [0.0, 1.0, 0.0]);
         assert_eq!(weights(corners, DVec3::new(2.0, 0.5, 2.0)), [0.5, 0.25, 0.25]);
         assert_eq!(weights(corners, DVec3::new(9.0, 0.0, 2.0)), [0.0, 1.0, 0.0], "beyond a corner");
+        for flat in [[DVec3::ONE; 3], corners.map(|corner| corner * 1e-100)] {
+            assert_eq!(weights(flat, DVec3::ONE), [1.0, 0.0, 0.0], "without area");
+        }
     }
 }

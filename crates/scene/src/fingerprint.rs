@@ -11,7 +11,7 @@ use vlscan_survey::{Loader, MaterialChoice, SceneRecipe};
 use vlscan_trace::Geometry;
 
 /// Checksum of the scene of the first epoch, `scene`, and of the replacements of its parts. Neither the names
-/// of files nor the tree count. That of a packed scene follows from the checksums within it, so that it need
+/// of files nor the tree count; colours count if they were loaded. That of a packed scene follows from the checksums within it, so that it need
 /// not be read.
 ///
 /// # Errors
@@ -39,6 +39,9 @@ pub fn fingerprint(scene: &Scene, recipe: &SceneRecipe) -> Result<u64> {
     }
     for tile in scene.tiles.iter().flat_map(|tiles| tiles.facts()) {
         sum.debug(&(tile.checksum, tile.first, tile.part, &tile.materials));
+    }
+    if let Some(colours) = &scene.colours {
+        colours.add_to(&mut sum);
     }
     for swap in recipe.parts.iter().flat_map(|part| &part.swaps) {
         sum.debug(&(swap.epochs, swap.keep_crs, swap.vanish, swap.scale, swap.offset));

@@ -3,6 +3,7 @@
 use std::io::Cursor;
 use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::quantity;
+use vlscan_base::store::Checksum;
 use vlscan_survey::TextureWrap;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -21,6 +22,8 @@ pub(crate) struct Texture {
     height: u32,
     /// By rows from the top.
     texels: Vec<u8>,
+    /// Checksum of the size and the texels.
+    checksum: u64,
 }
 
 /// A texture that cannot be used; the text follows its name.
@@ -76,6 +79,11 @@ impl Texture {
         let row = if is_upward { self.height as usize - 1 - row } else { row };
         let at = TEXEL * (row * self.width as usize + column);
         [self.texels[at], self.texels[at + 1], self.texels[at + 2]]
+    }
+
+    /// Checksum of the size and the texels.
+    pub fn checksum(&self) -> u64 {
+        self.checksum
     }
 
     /// Bytes in memory.
@@ -156,7 +164,10 @@ fn finish(width: u32, height: u32, mut texels: Vec<u8>) -> Result<Texture, Textu
         return Err(damaged("texels are missing"));
     }
     texels.shrink_to_fit();
-    Ok(Texture { width, height, texels })
+    let mut sum = Checksum::default();
+    sum.debug(&(width, height));
+    sum.array(&texels);
+    Ok(Texture { width, height, texels, checksum: sum.finish() })
 }
 
 #[cfg(test)]

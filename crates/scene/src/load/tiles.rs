@@ -369,7 +369,8 @@ fn centres_of_cubes(scene: &SceneBuilder, extent: &Extent) -> Option<Vec<(f64, A
     Some(found)
 }
 
-/// Checksum of the primitives of an extent, independent of the primitives before them in the scene.
+/// Checksum of the primitives of an extent and their colours, independent of the primitives before them in
+/// the scene.
 fn checksum(scene: &SceneBuilder, extent: &Extent) -> u64 {
     let (g, first) = (&scene.geometry, extent.vertices.start as u32);
     let mut sum = Checksum::default();
@@ -382,5 +383,8 @@ fn checksum(scene: &SceneBuilder, extent: &Extent) -> u64 {
     }
     sum.array(&g.cubes[extent.cubes.clone()]);
     sum.array(&scene.voxels[extent.cubes.clone()]);
+    if scene.options.colours {
+        scene.colours.add_since(extent.colour_mark(), &mut sum);
+    }
     sum.finish()
 }

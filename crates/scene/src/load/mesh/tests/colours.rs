@@ -3,6 +3,7 @@
 use super::glb;
 use crate::Scene;
 use crate::builder::Sharing;
+use crate::fingerprint::fingerprint;
 use crate::fixture::Fixture;
 use crate::texture::tests::png_of;
 use crate::tiles::TileOptions;
@@ -153,4 +154,23 @@ fn textures_that_cannot_be_used_are_warned_of_once() {
     let (scene, found) = f.load().unwrap();
     assert!(found.text().contains("there is no texture C:\\images\\t.png"), "{}", found.text());
     assert_eq!(colour(&scene, 1.0, 3.0), [200, 0, 0]);
+}
+
+#[test]
+fn checksums_depend_on_texels_only_if_colours_are_requested() {
+    let mut f = fixture();
+    f.file("m.mtl", "newmtl a\nmap_Kd t.png\nhelios_reflectance 0.3\n");
+    f.obj("a.obj", SQUARE);
+    let sums = |f: &Fixture| {
+        [&TEXELS, &[7; 12]].map(|texels| {
+            f.file("t.png", png_of(2, 2, texels));
+            fingerprint(&f.load().unwrap().0, &f.recipe()).unwrap()
+        })
+    };
+    let [one, other] = sums(&f);
+    assert_ne!(one, other);
+    assert_eq!(sums(&f), [one, other]);
+    f.options.colours = false;
+    let [plain, again] = sums(&f);
+    assert!(plain == again && plain != one);
 }
