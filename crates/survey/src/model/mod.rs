@@ -564,7 +564,7 @@ pub struct Head {
 }
 
 /// Emission (spec pulse-physics §0.1).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, PartialEq)]
 pub struct Beam {
     /// Divergence, rad; for an elliptical beam along the emitter's x axis.
     pub divergence: f64,

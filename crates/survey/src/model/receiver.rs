@@ -1,6 +1,7 @@
 //! Settings of an instrument's receiver beyond the reference's threshold on a noiseless waveform. All of them
 //! apply in refined physics only (correction `receiver`).
 
+use super::Beam;
 use libm::{acos, sqrt};
 use std::f64::consts::PI;
 use std::fmt;
@@ -116,6 +117,31 @@ impl RangeNoise {
         libm::sqrt(
             self.constant * self.constant + (shot + amplifier * weakness) * weakness + texture * texture,
         )
+    }
+}
+
+impl fmt::Debug for Beam {
+    /// Checksums of surveys include this text, so beams without an overlap have no such field in it.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut fields = f.debug_struct("Beam");
+        fields
+            .field("divergence", &self.divergence)
+            .field("divergence_y", &self.divergence_y)
+            .field("profile", &self.profile)
+            .field("aperture", &self.aperture)
+            .field("pulse_length", &self.pulse_length)
+            .field("stated_width", &self.stated_width)
+            .field("wavelength", &self.wavelength)
+            .field("atmosphere_wavelength", &self.atmosphere_wavelength)
+            .field("average_power", &self.average_power)
+            .field("pulse_energy", &self.pulse_energy)
+            .field("quality", &self.quality)
+            .field("efficiency", &self.efficiency)
+            .field("receiver_diameter", &self.receiver_diameter);
+        if let Some(overlap) = &self.overlap {
+            fields.field("overlap", overlap);
+        }
+        fields.field("visibility", &self.visibility).finish()
     }
 }
 

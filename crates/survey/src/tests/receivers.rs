@@ -304,6 +304,21 @@ fn field_of_view_and_corrected_points_are_read() {
 }
 
 #[test]
+fn overlaps_are_read_and_beams_without_one_have_no_text_of_it() {
+    let expected = Overlap { field_of_view: 0.002, baseline: 0.1, focus: 0.02 };
+    let table = "overlap = { field_of_view_rad = 0.002, baseline_m = 0.1, focus_m = 50 }\n";
+    let child = "<overlap fieldOfView_rad='0.002' baseline_m='0.1' focus_m='50'/>";
+    for found in [of_toml(table), of_xml("", child, "")] {
+        let beam = found.unwrap().0.devices[0].beam;
+        assert_eq!(beam.overlap, Some(expected));
+        assert!(format!("{beam:?}").contains("overlap: Overlap { field_of_view: 0.002"), "{beam:?}");
+    }
+    let plain = fine(of_toml(""))[0].beam;
+    assert!(plain.overlap.is_none() && !format!("{plain:?}").contains("overlap"), "{plain:?}");
+    assert!(of_toml("overlap = { baseline_m = 0.1 }\n").is_err());
+}
+
+#[test]
 fn keys_that_a_physics_passes_over_are_told_with_their_line() {
     let report_of = |scanner: &Scanner, refined: bool| {
         let mut found = Diagnostics::default();
