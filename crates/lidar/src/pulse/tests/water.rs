@@ -155,6 +155,7 @@ fn water_without_a_bottom_has_a_column() {
     scene.materials[0].reflectance = 0.0;
     let options = PhysicsOptions { record_truth: true, ..PhysicsOptions::refined() };
     let batch = simulate(&scene, &tls(), options);
+    assert!(!batch.truths.is_empty(), "no echo of the column");
     assert!(batch.truths.iter().all(|truth| truth.path.kind == PathKind::WaterColumn), "{:?}", batch.truths);
 }
 
