@@ -26,7 +26,7 @@ pub const SURFACE_SPECTRA: &[SurfaceSpectrum] = &[
         ],
     },
     // Picea, needles in summer, mean of the files of the same data set; 905 nm from 1064 nm by the ratio in
-    // Picea_leaf_2011_0629_1.
+    // Picea_leaf__2011_0629_1.
     SurfaceSpectrum {
         name: "needle",
         values: &[
@@ -36,7 +36,7 @@ pub const SURFACE_SPECTRA: &[SurfaceSpectrum] = &[
             (1550.0, 0.147, 0.156),
         ],
     },
-    // Quercus crispula, Quercus_trunk_2010_0803_3 of the same data set.
+    // Quercus crispula, Quercus_trunk__2010_0803_3 of the same data set.
     SurfaceSpectrum {
         name: "bark",
         values: &[
