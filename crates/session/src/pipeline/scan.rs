@@ -282,6 +282,7 @@ impl Scan {
         settings.set_corrections(self.corrections);
         settings.set_flight_rules(true, PhysicsProfile::OF_PIPELINES);
         settings.strict = self.is_strict;
+        settings.load.colours = self.outputs.records().colours;
         if let Some(threads) = self.threads {
             settings.set_threads(threads);
         }
