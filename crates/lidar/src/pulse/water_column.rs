@@ -117,11 +117,11 @@ impl WaterColumn {
             let border = ((number + 1) as f64 * width - ray.air) / n;
             let to = border.min(limit);
             if to > from {
-                let (intensity, way) = light(&ray, from, to);
-                let range = ray.air + n * way;
+                let (factor, way) = light(&ray, from, to);
+                let (range, intensity) = (ray.air + n * way, factor * self.gains[i]);
+                // Cells without light have no range.
                 if intensity > 0.0 && instrument.detector.is_in_range(range) {
-                    let added = (i, intensity * self.gains[i], way);
-                    at = self.add(at, number, range, added);
+                    at = self.add(at, number, range, (i, intensity, way));
                 }
                 from = to;
             }
@@ -164,9 +164,12 @@ fn light(ray: &ColumnRay, from: f64, to: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pulse::PhysicsOptions;
     use crate::pulse::echo::{EchoPath, PathKind};
-    use crate::pulse::testkit::tls_instrument;
+    use crate::pulse::instrument::InstrumentTable;
+    use crate::pulse::testkit::{survey, tls_device, tls_instrument};
     use crate::pulse::water::tests::water;
+    use vlscan_survey::Overlap;
 
     fn ray(water: Water, way: f64) -> ColumnRay {
         let path = EchoPath { kind: PathKind::WaterColumn, order: 1 };
@@ -186,13 +189,29 @@ mod tests {
         }
     }
 
-    fn emitted(rays: &[ColumnRay]) -> Reflections {
+    fn emitted_by(instrument: &Instrument, rays: &[ColumnRay]) -> Reflections {
         let (mut column, mut out) = (WaterColumn::default(), Reflections::default());
         column.clear();
         rays.iter().for_each(|ray| column.push(*ray));
         out.clear(1);
-        column.emit(&tls_instrument(5.0), &mut None, &mut out);
+        column.emit(instrument, &mut None, &mut out);
         out
+    }
+
+    fn emitted(rays: &[ColumnRay]) -> Reflections {
+        emitted_by(&tls_instrument(5.0), rays)
+    }
+
+    #[test]
+    fn light_that_misses_the_detector_is_in_no_cell() {
+        let of = |baseline: f64| {
+            let mut device = tls_device(5.0);
+            device.beam.overlap = Some(Overlap { field_of_view: 1e-2, baseline, focus: 0.0 });
+            let table = InstrumentTable::new(&survey(vec![device]), &PhysicsOptions::refined()).unwrap();
+            emitted_by(table.instrument(0, 0).unwrap(), &[ray(water(), 5.0)]).count()
+        };
+        assert!(of(0.0) > 10);
+        assert_eq!(of(5.0), 0);
     }
 
     #[test]
