@@ -83,8 +83,8 @@ pub struct Received {
     space: Reservation,
 }
 
-/// Receives the files of a form for an owner. `is_genuine` judges the field `csrf`, which forms of pages begin
-/// with; `None` where none is needed.
+/// Receives the files of a form for an owner. `is_genuine` judges the field `csrf`, which forms of pages
+/// begin with; `None` where none is needed.
 ///
 /// # Errors
 /// [`UploadError`].
