@@ -309,6 +309,8 @@ impl Received {
         for number in 1..=most {
             upload.name = if number == 1 { name.clone() } else { format!("{name}-{number}") };
             if store.add_upload(owner, &upload, &files)? {
+                // The database counts it from now on.
+                self.space.set(0);
                 return Ok(upload);
             }
         }
