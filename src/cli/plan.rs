@@ -27,8 +27,8 @@ pub fn run(args: &PlanArgs, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// The command line as typed, with quotes where a shell needs them. The form of its messages is left out: plans
-/// do not depend on it.
+/// The command line as typed, with quotes where a shell needs them. The form of its messages is left out:
+/// plans do not depend on it.
 fn command_line() -> String {
     let words = messages::without_format(std::env::args_os().skip(1)).into_iter().map(|word| {
         let word = word.to_string_lossy().into_owned();

@@ -222,8 +222,8 @@ pub fn now() -> i64 {
     i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
 }
 
-/// Clock by which jobs expire. It follows the clock of the system, one that is put forward only after a day: a
-/// wrong clock would have everything removed at once.
+/// Clock by which jobs expire. It follows the clock of the system, one that is put forward only after a day:
+/// a wrong clock would have everything removed at once.
 #[derive(Debug)]
 pub(crate) struct ExpiryClock {
     time: i64,

@@ -83,8 +83,8 @@ pub struct Received {
     space: Reservation,
 }
 
-/// Receives the files of a form for an owner. `is_genuine` judges the field `csrf`, which forms of pages begin
-/// with; `None` where none is needed.
+/// Receives the files of a form for an owner. `is_genuine` judges the field `csrf`, which forms of pages
+/// begin with; `None` where none is needed.
 ///
 /// # Errors
 /// [`UploadError`].
@@ -309,6 +309,8 @@ impl Received {
         for number in 1..=most {
             upload.name = if number == 1 { name.clone() } else { format!("{name}-{number}") };
             if store.add_upload(owner, &upload, &files)? {
+                // The database counts it from now on.
+                self.space.set(0);
                 return Ok(upload);
             }
         }

@@ -253,7 +253,9 @@ impl Workshop {
             return Ok(());
         }
         if matches!(outcome, Outcome::Same(_)) {
-            return Ok(fs::rename(&folder, removed)?);
+            fs::rename(&folder, removed)?;
+            // An earlier worker may have recorded the space of its files.
+            return self.store.set_disk(&job.id, 0);
         }
         let unused = match outcome {
             Outcome::Successful(..) => &UNUSED[..4],

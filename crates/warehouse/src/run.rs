@@ -280,8 +280,8 @@ enum Collected<S, E> {
     Cut(Result<S, E>),
 }
 
-/// The result of a run, or the first cause of its end. `is_stop_first` is true if the caller had requested the
-/// stop when the producer failed.
+/// The result of a run, or the first cause of its end. `is_stop_first` is true if the caller had requested
+/// the stop when the producer failed.
 fn first_cause<S, E>(
     collected: Result<Collected<S, E>, E>,
     produced: Result<(), E>,

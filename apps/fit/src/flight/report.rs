@@ -128,9 +128,9 @@ impl FlightFit {
         }
     }
 
-    /// Half angle of an oscillating mirror, rad. Reversals that have not been estimated take 50 pulses each, at
-    /// most half of a sweep; between reversals the mirror moves evenly, and faster than a mirror of the same
-    /// angle that reverses at once (docs/physics.md, kinematics).
+    /// Half angle of an oscillating mirror, rad. Reversals that have not been estimated take 50 pulses each,
+    /// at most half of a sweep; between reversals the mirror moves evenly, and faster than a mirror of the
+    /// same angle that reverses at once (docs/physics.md, kinematics).
     pub(super) fn half_angle(&self) -> f64 {
         const REVERSAL: f64 = 50.0;
         let mirror = &self.solution.model.parameters.mirror;

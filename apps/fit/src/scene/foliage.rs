@@ -350,7 +350,8 @@ impl Sums {
         (0..).zip(&self.lengths).filter(|(_, length)| **length > 0.0).map(|(voxel, _)| voxel).collect()
     }
 
-    /// Log-likelihood of the sums of the voxels that beams have `passed`, given extinctions from other pulses.
+    /// Log-likelihood of the sums of the voxels that beams have `passed`, given extinctions from other
+    /// pulses.
     fn log_likelihood(&self, passed: &[u32], sigma: impl Fn(usize) -> f32 + Sync) -> f64 {
         let of = |voxel: &u32| {
             let voxel = *voxel as usize;

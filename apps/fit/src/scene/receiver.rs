@@ -311,8 +311,8 @@ struct Simulator<'s> {
     samples: &'s [Sample],
     /// Minimum distance between two returns, m.
     resolution: f64,
-    /// Of each ray its distance from the axis over the radius of the footprint, and the sine and cosine of its
-    /// direction there.
+    /// Of each ray its distance from the axis over the radius of the footprint, and the sine and cosine of
+    /// its direction there.
     rays: [[f64; 3]; SUBRAYS],
     /// Optical depths of the rays of each sample, by the bits of the size of elements.
     depths: HashMap<u64, Vec<[f64; SUBRAYS]>>,

@@ -92,6 +92,18 @@ fn a_job_is_finished_although_its_folder_cannot_be_tidied() {
 }
 
 #[test]
+fn files_of_a_job_that_gets_other_results_count_no_longer() {
+    let (_folder, workshop, job) = workshop();
+    let store = &workshop.store;
+    fill(&store.job_folder("a"));
+    store.take_job("w", Lane::Any).unwrap().unwrap();
+    store.set_disk("a", 1 << 30).unwrap();
+    workshop.conclude(&job, "w", &Outcome::Same("b".to_owned()));
+    let stored = store.stored_bytes("anna").unwrap();
+    assert!(stored < 10_000, "{stored}");
+}
+
+#[test]
 fn campaigns_at_the_same_time_count_each_other() {
     let (_folder, mut workshop, _) = workshop();
     workshop.limits.quota = Some(100);
