@@ -220,7 +220,7 @@ def test_pictures_are_those_of_the_command(room, command, tmp_path):
     vlscan.preview(waves, tmp_path / "wave.png", pulse=number)
     assert (tmp_path / "wave.png").read_bytes()[1:4] == b"PNG"
     survey = Survey(flat(), "vlp16", [vlscan.Leg((0, 0, 5), head_rate_deg_per_s=3600, head_stop_deg=360)])
-    vlscan.preview(survey, tmp_path / "memory.png")
+    vlscan.preview(survey, tmp_path / "memory.png", width=400, height=300)
     with pytest.raises(FileExistsError, match="force"):
         vlscan.preview(survey, tmp_path / "memory.png")
     with pytest.raises(ValueError, match=".png or .html"):

@@ -243,7 +243,7 @@ def test_pulses_of_a_survey_can_be_traced_again(room):
 def test_pictures_and_pages(tmp_path):
     scene = Scene(FIXTURES / "forest/scene.xml")
     points = scene.sample(5000)
-    assert points.png()[:4] == b"\x89PNG" and "<canvas" in points.html("class")
+    assert points.png(width=400, height=300)[:4] == b"\x89PNG" and "<canvas" in points.html("class")
     assert "<img" in points._repr_html_() and "primitives" in scene._repr_html_()
     points.save_preview(tmp_path / "a.png")
     points.save_preview(tmp_path / "a.html", "class")

@@ -194,6 +194,10 @@ class ScannerKeys(TypedDict, total=False):
     receiver_diameter_m: float
     """Receiver diameter, m. Default: 0.15."""
 
+    overlap: Mapping[str, object]
+    """Light of near targets that misses the detector: ``{ field_of_view_rad = 0.001, baseline_m = 0.05, focus_m = 50 }``; refined
+    physics. Default: all light reaches it."""
+
     visibility_km: float
     """Atmospheric visibility, km. Default: 23."""
 
@@ -264,6 +268,14 @@ class ScannerKeys(TypedDict, total=False):
 
     range_step_m: float
     """Ranges are reported in multiples of it, m; refined physics. Default: 0, any range."""
+
+    receiver_fov_rad: float
+    """Field of view of the receiver, full angle, rad: how much light that water has scattered forward it receives
+    (``water_beam_attenuation``); refined physics. Default: all of it."""
+
+    refraction_corrected: bool
+    """Points below water are where the light was, bent and slowed down by the water's mean surface, instead of on the axis of the beam;
+    refined physics. Default: false."""
 
     range_error_m: str
     """Metres added to each range, a formula of the deflection angle THETA in radians. Default: none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -42,6 +43,25 @@ def needed(name: str, by: str) -> ModuleType:
         if (error.name or "").split(".")[0] != name:
             raise
         raise ImportError(f"{by} needs {name}: pip install {name}", name=name) from None
+
+
+def refuse_existing(path: str, force: bool) -> None:
+    """Refuse a file that exists, before its content is made.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    force : bool
+        Whether a file that exists is replaced.
+
+    Raises
+    ------
+    InputError
+        The file exists.
+    """
+    if not force and os.path.lexists(path):
+        raise InputError(f"{path} exists already; replace it with force=True")
 
 
 def save(path: str, content: bytes, force: bool) -> None:

@@ -22,11 +22,15 @@ def picture_html(draw: Callable[[int, int], bytes], about: str) -> str:
 
     Notebooks keep the pictures of all cells, so it is the largest one that takes at most 60 kB, or the smallest.
     """
-    data = ""
+    data, per_area = "", 0.0
     for width in _WIDTHS:
+        # Bytes are about in proportion to the area: what is expected to be far too large is not drawn.
+        if per_area * width**2 > 1.3 * _MAX_BYTES and width != _WIDTHS[-1]:
+            continue
         data = base64.b64encode(draw(width, width * 3 // 4)).decode()
         if len(data) <= _MAX_BYTES:
             break
+        per_area = len(data) / width**2
     return f'<img src="data:image/png;base64,{data}" style="max-width:100%"><div>{about}</div>'
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _vlscan
 from ._columns import columns_of
-from ._libraries import needed, save
+from ._libraries import needed, refuse_existing, save
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, TableLike, Vector
 from ._values import values_of
@@ -465,6 +465,7 @@ class Points(Table):
         >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity")
         """
         name = os.fspath(path)
+        refuse_existing(name, force)
         if name.lower().endswith((".html", ".htm")):
             content = self.html(colour, title).encode()
         elif name.lower().endswith(".png"):
