@@ -224,7 +224,7 @@ mod tests {
             "threads": 3, "misses": true, "labels": false, "columns": ["X", "Y"], "seed": 1.5, "tile": 20,
             "no_leg_noise": true, "physics": "refined", "correct": "a,b", "assets": ["x", "y,z"],
             "lever_arm": [1, 2.5, -3], "navigation_error": { "position_m": [1, 2, 3] }, "crs": 25832,
-            "las_scale": 1, "format": "laz", "out": ["a.laz"], "schedule": "dynamic", "separator": null,
+            "las_scale": 1, "format": "laz", "out": ["a.laz"], "schedule": "dynamic", "trajectory_separator": null,
             "trajectory_columns": "time,x,y",
         });
         let words = "--threads=3 --misses --no-labels --columns=X,Y --seed=1.5 --tile=20 --no-leg-noise \

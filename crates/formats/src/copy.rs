@@ -328,7 +328,7 @@ mod tests {
         let stored = after.details[0].stored;
         assert_eq!((stored.intensity, stored.point_source, stored.user_data), (Some(41_332), Some(9), 77));
         let (before, after) = (before.rows[0], after.rows[0]);
-        assert_eq!(PointRow { position: after.position, ..before }, after);
+        assert_eq!(PointRow { position: after.position, colour: None, ..before }, after);
         let (_, found) = copy(&at("a.las"), &at("c.ply"), &CloudSettings::default()).unwrap();
         let said = found.text();
         assert!(said.contains("points: flags") && said.contains("points: user data"), "{said}");

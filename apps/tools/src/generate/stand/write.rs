@@ -430,6 +430,6 @@ mod tests {
         std::fs::write(&path, SOIL).unwrap();
         let (mut found, _) = vlscan_scene::read_materials(&path).unwrap();
         let soil = found.remove(0);
-        assert_eq!(MaterialDefinition { place: None, ..soil }, MaterialDefinition::soil());
+        assert_eq!(MaterialDefinition { place: None, colour: None, ..soil }, MaterialDefinition::soil());
     }
 }
