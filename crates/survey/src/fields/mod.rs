@@ -30,8 +30,8 @@ use vlscan_base::quantity::number;
 const MAX_UNKNOWN_CHILDREN: usize = 1000;
 
 /// Elements of which an element may have several.
-const REPEATED: [&str; 10] =
-    ["channel", "dmotion", "filter", "leg", "motion", "param", "part", "rot", "source", "swap"];
+const REPEATED: [&str; 11] =
+    ["channel", "dmotion", "filter", "leg", "motion", "param", "part", "rot", "source", "stated", "swap"];
 /// Settings that XML has in child elements; all others are attributes.
 const IN_CHILDREN: [&str; 12] = [
     "beamOrigin",
