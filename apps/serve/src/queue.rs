@@ -352,7 +352,10 @@ impl Store {
             params![now, owner, id, holder],
         )?;
         if changed > 0 {
-            self.database().execute("DELETE FROM uses WHERE job = ?", [id])?;
+            let database = self.database();
+            database.execute("DELETE FROM uses WHERE job = ?", [id])?;
+            // Updates leave a page to each row that was long; SQLite merges pages only after deletions.
+            database.execute("INSERT OR REPLACE INTO jobs SELECT * FROM jobs WHERE id = ?", [id])?;
         }
         self.remove_unused()?;
         Ok(changed > 0)
