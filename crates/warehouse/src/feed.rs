@@ -3,7 +3,7 @@
 use super::error::RunError;
 use super::jobs::JobQueue;
 use super::policy::{MAX_BUFFERED_TASKS, Policy, Schedule};
-use super::record::ProducerRecord;
+use super::record::{ProducerRecord, Recorder};
 use super::sizing::{ChunkSizer, IdleClock};
 use super::spin::spin_until;
 use super::stop::RunState;
@@ -43,15 +43,25 @@ pub(super) enum Pending<R, E> {
     InFlight(flume::Receiver<Result<R, E>>),
 }
 
+/// The producer's ends of the channels of a run.
+pub(super) struct ProducerEnds<C, R, E> {
+    pub queue: Sender<QueuedChunk<C, R, E>>,
+    /// The workers' end of `queue`, from which the producer takes chunks back.
+    pub queue_end: Receiver<QueuedChunk<C, R, E>>,
+    /// One message per idle worker; not used by the warehouse.
+    pub idle_workers: Receiver<()>,
+    pub results: Sender<Pending<R, E>>,
+}
+
 /// Barrier at the end of a leg: waits until all chunks of the leg are done, each of which holds a clone of
 /// the sender.
-pub(super) struct LegBarrier {
+struct LegBarrier {
     guard: Sender<()>,
     done: Receiver<()>,
 }
 
 impl LegBarrier {
-    pub fn new() -> LegBarrier {
+    fn new() -> LegBarrier {
         let (guard, done) = bounded(0);
         LegBarrier { guard, done }
     }
@@ -69,26 +79,57 @@ impl LegBarrier {
 /// Results keep the order of the chunks under every schedule. Every method blocks while the collector is too
 /// far behind, and fails when the collector has ended. `E` is the error type of the run.
 pub struct Feed<'a, C, R, W, E = Error> {
-    pub(super) schedule: Schedule,
-    pub(super) state: &'a RunState<'a>,
-    pub(super) queue: Sender<QueuedChunk<C, R, E>>,
-    /// The workers' end of `queue`, from which the producer takes chunks back.
-    pub(super) queue_end: Receiver<QueuedChunk<C, R, E>>,
-    /// One message per idle worker; not used by the warehouse.
-    pub(super) idle_workers: Receiver<()>,
-    pub(super) results: Sender<Pending<R, E>>,
-    pub(super) jobs: &'a JobQueue,
-    pub(super) sizer: Option<ChunkSizer>,
-    pub(super) idle: &'a IdleClock,
-    pub(super) measured_idle_ns: Option<u64>,
-    pub(super) barrier: Option<LegBarrier>,
+    schedule: Schedule,
+    state: &'a RunState<'a>,
+    ends: ProducerEnds<C, R, E>,
+    jobs: &'a JobQueue,
+    sizer: Option<ChunkSizer>,
+    idle: &'a IdleClock,
+    measured_idle_ns: Option<u64>,
+    barrier: Option<LegBarrier>,
     /// Results not yet in the queue, and the number of chunks that they come from.
-    pub(super) buffered: (Vec<Result<R, E>>, usize),
-    pub(super) record: ProducerRecord<'a>,
-    pub(super) work: W,
+    buffered: (Vec<Result<R, E>>, usize),
+    record: ProducerRecord<'a>,
+    work: W,
 }
 
 impl<'a, C, R, W, E> Feed<'a, C, R, W, E> {
+    /// The producer's side of a run, before its first chunk. `work` computes chunks on the producer's thread.
+    pub(super) fn new(
+        schedule: Schedule,
+        state: &'a RunState<'a>,
+        ends: ProducerEnds<C, R, E>,
+        jobs: &'a JobQueue,
+        idle: &'a IdleClock,
+        recorder: Option<&'a Recorder>,
+        work: W,
+    ) -> Feed<'a, C, R, W, E> {
+        let sizer = match schedule.policy {
+            Policy::Dynamic { size, significant_ns } => Some(ChunkSizer::new(size, significant_ns)),
+            _ => None,
+        };
+        Feed {
+            schedule,
+            state,
+            ends,
+            jobs,
+            sizer,
+            idle,
+            measured_idle_ns: None,
+            barrier: schedule.leg_barrier.then(LegBarrier::new),
+            buffered: (Vec::new(), 0),
+            record: ProducerRecord::new(recorder),
+            work,
+        }
+    }
+
+    /// Ends the producer: workers and collector learn that no chunk follows. Returns the jobs of the
+    /// collector.
+    pub(super) fn finish(self) -> &'a JobQueue {
+        self.record.finish();
+        self.jobs
+    }
+
     /// The state of the run, which the producer checks between chunks and while it waits for input.
     pub fn state(&self) -> &'a RunState<'a> {
         self.state
@@ -111,14 +152,14 @@ impl<C: Tasks, R: Outcome, E: From<RunError>, W: FnMut(C) -> Result<R, E>> Feed<
             Policy::Warehouse { .. } => self.store(chunk).map(|()| None),
             Policy::Single => {
                 self.record.timer.discard_lap();
-                spin_until(|| !self.idle_workers.is_empty());
-                let idle = self.idle_workers.recv();
+                spin_until(|| !self.ends.idle_workers.is_empty());
+                let idle = self.ends.idle_workers.recv();
                 self.record.timer.add_idle();
                 idle.map_err(|_| RunError::Ended("every worker"))?;
                 self.send(chunk).map(|()| None)
             }
             Policy::Static { .. } | Policy::Dynamic { .. } => {
-                if self.idle_workers.try_recv().is_err() {
+                if self.ends.idle_workers.try_recv().is_err() {
                     self.record.add_refusal();
                     if let Some(ns) = self.sizer.and_then(|_| self.idle.stop()) {
                         self.measured_idle_ns = Some(ns);
@@ -144,7 +185,7 @@ impl<C: Tasks, R: Outcome, E: From<RunError>, W: FnMut(C) -> Result<R, E>> Feed<
             _ if self.schedule.workers() == 0 || self.barrier.is_some() => self.compute(chunk)?,
             Policy::Warehouse { .. } => self.store(chunk)?,
             Policy::Single => drop(self.offer(chunk)?),
-            Policy::Static { .. } | Policy::Dynamic { .. } => match self.idle_workers.try_recv() {
+            Policy::Static { .. } | Policy::Dynamic { .. } => match self.ends.idle_workers.try_recv() {
                 Ok(()) => self.send(chunk)?,
                 Err(_) => self.compute(chunk)?,
             },
@@ -224,7 +265,7 @@ impl<C: Tasks, R: Outcome, E: From<RunError>, W: FnMut(C) -> Result<R, E>> Feed<
     /// Computes the chunks in the warehouse on this thread, in parallel with the workers.
     pub(super) fn drain(&mut self) {
         while self.has_warehouse()
-            && let Ok(item) = self.queue_end.try_recv()
+            && let Ok(item) = self.ends.queue_end.try_recv()
         {
             self.take_back(item);
         }
@@ -237,20 +278,20 @@ impl<C: Tasks, R: Outcome, E: From<RunError>, W: FnMut(C) -> Result<R, E>> Feed<
 
     /// Stores the chunk in the warehouse, or computes it on this thread when the warehouse is full.
     fn store(&mut self, chunk: C) -> Result<(), E> {
-        if self.queue.is_full() {
+        if self.ends.queue.is_full() {
             self.record.add_refusal();
             return self.compute_and_flush(chunk, true);
         }
         // Only this thread fills the queue, so there is still a free slot.
         let result = self.queue_chunk(chunk)?;
-        self.record.add_handover(self.queue.len());
+        self.record.add_handover(self.ends.queue.len());
         self.enqueue_in_flight(result)
     }
 
     /// Sends the chunk to a worker that is known to be idle.
     fn send(&mut self, chunk: C) -> Result<(), E> {
         let result = self.queue_chunk(chunk)?;
-        self.record.add_handover(self.schedule.workers().saturating_sub(self.idle_workers.len()));
+        self.record.add_handover(self.schedule.workers().saturating_sub(self.ends.idle_workers.len()));
         self.enqueue_in_flight(result)
     }
 
@@ -260,7 +301,7 @@ impl<C: Tasks, R: Outcome, E: From<RunError>, W: FnMut(C) -> Result<R, E>> Feed<
         let (sender, result) = flume::bounded(1);
         let barrier = self.barrier.as_ref().map(|barrier| barrier.guard.clone());
         let item = QueuedChunk { chunk, result: sender, barrier };
-        self.queue.send(item).map_err(|_| RunError::Ended("every worker"))?;
+        self.ends.queue.send(item).map_err(|_| RunError::Ended("every worker"))?;
         Ok(result)
     }
 
@@ -311,7 +352,7 @@ impl<C: Tasks, R: Outcome, E: From<RunError>, W: FnMut(C) -> Result<R, E>> Feed<
     /// from the warehouse, all of which are older than the results, and runs the collector's side jobs.
     fn enqueue(&mut self, mut pending: Pending<R, E>) -> Result<(), E> {
         let gone = || E::from(RunError::Ended("the collector"));
-        let (results, queue_end, jobs) = (self.results.clone(), self.queue_end.clone(), self.jobs);
+        let (results, queue_end, jobs) = (self.ends.results.clone(), self.ends.queue_end.clone(), self.jobs);
         loop {
             pending = match results.try_send(pending) {
                 Ok(()) => return Ok(()),

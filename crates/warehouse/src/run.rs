@@ -1,17 +1,18 @@
 //! The threads: one producer, the workers, one collector.
 
 use super::error::RunError;
-use super::feed::{Feed, LegBarrier, Outcome, Pending, QueuedChunk, Tasks};
+use super::feed::{Feed, Outcome, Pending, ProducerEnds, QueuedChunk, Tasks};
 use super::jobs::{Job, JobQueue};
 use super::policy::{Policy, Schedule};
-use super::record::{ProducerRecord, Recorder, ThreadTimer};
-use super::sizing::{ChunkSizer, IdleClock};
+use super::record::{Recorder, ThreadTimer};
+use super::sizing::IdleClock;
 use super::spin::spin_until;
 use super::stop::{RunState, Stop};
 use crossbeam_channel::{Receiver, Sender, bounded, select};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::thread::{Scope, ScopedJoinHandle};
 use std::time::Instant;
 use vlscan_base::machine;
 
@@ -76,35 +77,24 @@ where
     let (results, results_end) = bounded(schedule.results_capacity());
     let (announce_idle, idle_workers) = bounded(schedule.workers().max(1));
     let idle = IdleClock::new();
-    let sizer = match schedule.policy {
-        Policy::Dynamic { size, significant_ns } => Some(ChunkSizer::new(size, significant_ns)),
-        _ => None,
-    };
+    let is_dynamic = matches!(schedule.policy, Policy::Dynamic { .. });
     let context = WorkerContext {
         queue_end,
         jobs,
         announce_idle: (!matches!(schedule.policy, Policy::Warehouse { .. })).then_some(announce_idle),
-        idle: sizer.map(|_| &idle),
+        idle: is_dynamic.then_some(&idle),
         recorder,
     };
-    for _ in 0..schedule.workers() {
-        context.announce_idle();
-    }
     let make_worker = &make_worker;
     std::thread::scope(|scope| -> Result<K::Summary, K::Error> {
-        let mut workers = Vec::new();
-        for _ in 0..schedule.workers() {
-            let context = context.clone();
-            let worker = machine::try_spawn_scoped(scope, "worker", move || context.run(make_worker()));
-            match worker {
-                Ok(worker) => workers.push(worker),
-                Err(source) => {
-                    collector.abort();
-                    jobs.close();
-                    return Err(RunError::Thread { name: "worker", source }.into());
-                }
+        let workers = match start_workers(scope, schedule.workers(), &context, make_worker) {
+            Ok(workers) => workers,
+            Err(failure) => {
+                collector.abort();
+                jobs.close();
+                return Err(failure.into());
             }
-        }
+        };
         let queue_end = context.queue_end.clone();
         // A producer that waits for an idle worker must notice when none is left.
         drop(context);
@@ -120,42 +110,9 @@ where
             jobs.close();
             RunError::Thread { name: "collector", source }
         })?;
-        let mut feed = Feed {
-            schedule,
-            state,
-            queue,
-            queue_end,
-            idle_workers,
-            results,
-            jobs,
-            sizer,
-            idle: &idle,
-            measured_idle_ns: None,
-            barrier: schedule.leg_barrier.then(LegBarrier::new),
-            buffered: (Vec::new(), 0),
-            record: ProducerRecord::new(recorder),
-            work: make_worker(),
-        };
-        // The producer computes chunks, too. If that panics, the collector must not take what it has for
-        // everything.
-        let mut is_stop_first = false;
-        let produced = catch_unwind(AssertUnwindSafe(|| {
-            let produced = produce(&mut feed);
-            is_stop_first = produced.is_err() && stop.is_requested();
-            // Results before a failure or a stop are part of the output, too.
-            let flushed = feed.flush();
-            produced.and(flushed).map(|()| feed.drain())
-        }));
-        let produced =
-            produced.unwrap_or_else(|panic| Err(RunError::panicked("the producer", &*panic).into()));
-        if produced.is_err() {
-            state.fail();
-        }
-        feed.record.finish();
-        drop(feed);
-        while let Ok(job) = jobs.queue_end().recv() {
-            job();
-        }
+        let ends = ProducerEnds { queue, queue_end, idle_workers, results };
+        let feed = Feed::new(schedule, state, ends, jobs, &idle, recorder, make_worker());
+        let (produced, is_stop_first) = produce_all(feed, stop, produce);
         let collected = collecting.join();
         let collected =
             collected.unwrap_or_else(|panic| Err(RunError::panicked("the collector", &*panic).into()));
@@ -167,6 +124,62 @@ where
         }
         first_cause(collected, produced, is_stop_first)
     })
+}
+
+/// Starts the threads of the workers, all of which are idle.
+fn start_workers<'scope, C, R, W, E>(
+    scope: &'scope Scope<'scope, '_>,
+    count: usize,
+    context: &WorkerContext<'scope, C, R, E>,
+    make_worker: &'scope (impl Fn() -> W + Sync),
+) -> Result<Vec<ScopedJoinHandle<'scope, ()>>, RunError>
+where
+    C: Tasks + Send + 'scope,
+    R: Send + 'scope,
+    W: FnMut(C) -> Result<R, E>,
+    E: From<RunError> + Send + 'scope,
+{
+    let start = |_| {
+        context.announce_idle();
+        let context = context.clone();
+        machine::try_spawn_scoped(scope, "worker", move || context.run(make_worker()))
+            .map_err(|source| RunError::Thread { name: "worker", source })
+    };
+    (0..count).map(start).collect()
+}
+
+/// Runs `produce` until it has passed all chunks or failed, then the jobs of the collector that are left.
+/// Returns its outcome, and true if the caller had requested the stop when it failed.
+fn produce_all<C, R, W, E>(
+    mut feed: Feed<'_, C, R, W, E>,
+    stop: &Stop,
+    produce: impl FnOnce(&mut Feed<'_, C, R, W, E>) -> Result<(), E>,
+) -> (Result<(), E>, bool)
+where
+    C: Tasks,
+    R: Outcome,
+    W: FnMut(C) -> Result<R, E>,
+    E: From<RunError>,
+{
+    // The producer computes chunks, too. If that panics, the collector must not take what it has for
+    // everything.
+    let mut is_stop_first = false;
+    let produced = catch_unwind(AssertUnwindSafe(|| {
+        let produced = produce(&mut feed);
+        is_stop_first = produced.is_err() && stop.is_requested();
+        // Results before a failure or a stop are part of the output, too.
+        let flushed = feed.flush();
+        produced.and(flushed).map(|()| feed.drain())
+    }));
+    let produced = produced.unwrap_or_else(|panic| Err(RunError::panicked("the producer", &*panic).into()));
+    if produced.is_err() {
+        feed.state().fail();
+    }
+    let jobs = feed.finish();
+    while let Ok(job) = jobs.queue_end().recv() {
+        job();
+    }
+    (produced, is_stop_first)
 }
 
 /// Channels of a worker thread.
