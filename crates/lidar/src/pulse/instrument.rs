@@ -3,14 +3,14 @@
 use super::cluster::ClusterRule;
 use super::detector_settings::{DetectorSettings, PeakRule};
 use super::echo::Echo;
-use super::energy::{BeamState, Energy, NANO, half_angle};
+use super::energy::{BeamState, Energy, half_angle};
 use super::footprint::Footprint;
-use super::noise::{ReceiverNoise, signal_to_noise};
+use super::noise::signal_to_noise;
 use super::options::PhysicsOptions;
 use super::peaks::Peaks;
 use super::photon_counter::PhotonCounter;
-use super::receiver::{FalseAlarms, ReceiverModel, receiver_noise};
-use super::receiver_error::ReceiverError;
+use super::receiver::{FalseAlarms, ReceiverModel};
+use super::reception::{Reception, peak_rule};
 use super::sampled;
 use super::selection::ReturnSelection;
 use super::shape::{self, PulseShape, sample_count};
@@ -25,20 +25,13 @@ use vlscan_base::corrections::Corrections;
 use vlscan_base::quantity::number;
 use vlscan_base::{Error, Result};
 use vlscan_geom::LIGHT_SPEED;
-use vlscan_survey::{
-    Beam, Device, Formula, RangeNoise, Ranging, Receiver, ReferenceTarget, ScannerSettings, Survey,
-};
+use vlscan_survey::{Beam, Device, Formula, RangeNoise, Receiver, ReferenceTarget, ScannerSettings, Survey};
 use vlscan_trace::simd::portable::Portable;
 
 /// Maximum number of rings of subrays: 512 rings are 822,000 rays per pulse.
 const MAX_RINGS: u32 = 512;
-/// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not
-/// given and is in nanowatts with and without the correction of the unit.
-const DEFAULT_THRESHOLD: f64 = 1e-4;
 /// Cosine of the angle of incidence below which the depth of a footprint no longer grows: 84°.
 const MIN_INCIDENCE_COSINE: f64 = 0.1;
-/// Longest travel time of photons that count, 150,000 km.
-const MAX_WINDOW_NS: f64 = 1e9;
 const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
 /// A device with one divergence.
@@ -101,41 +94,11 @@ impl Instrument {
                 Energy::new(BeamState { frequency, ..state }, subrays.len(), context.multi_channel, o);
             energy.of_beam(subrays.len(), target.range) * target.reflectance * shape.top
         };
-        let counts_photons = receiver.ranging == Ranging::Photons;
-        let noise = if counts_photons { None } else { receiver_noise(receiver, &shape, amplitude_of) };
-        let is_noisy = noise.is_some();
-        let rule = peak_rule(device, &c);
-        let stated = threshold(device, receiver, noise.as_ref(), &rule, amplitude_of);
-        let max_returns = device.detector.max_returns;
-        let of_returns = match counts_photons {
-            true => Receiver { threshold_photons: None, dead_time: 0.0, ..receiver.clone() },
-            false => receiver.clone(),
-        };
-        let selection = ReturnSelection::new(&of_returns, stated, max_returns, o.seed);
-        let lowest = selection.as_ref().map_or(1.0, ReturnSelection::lowest_share);
-        // Echoes count until the next pulse.
-        let farthest = device.detector.range_max.min(LIGHT_SPEED * 0.5e9 / frequency);
-        let gate = (device.detector.range_min / light_speed, farthest / light_speed);
-        let named =
-            |problem: ReceiverError| Error::caused_by(format!("device {}: {problem}", device.id), problem);
-        let model = ReceiverModel::new(receiver, noise, &shape, stated, gate, o.seed).map_err(named)?;
-        // Instruments with a stated window assign photons to their pulses.
-        let limit = device.detector.range_max / light_speed;
-        let window = (gate.0, if limit < MAX_WINDOW_NS { limit } else { gate.1 }.max(gate.0));
-        let counter =
-            PhotonCounter::new(receiver, &shape, stated, (window, max_returns), o.seed).map_err(named)?;
-        let rule =
-            PeakRule { threshold: model.as_ref().map_or(stated, ReceiverModel::threshold) * lowest, ..rule };
-        let waveform_noise = match (o.waveform_noise, c.receiver) {
-            (false, _) => WaveformNoise::None,
-            (true, false) => WaveformNoise::Amplitude(device.detector.accuracy * 0.5),
-            // The samples have noise already.
-            (true, true) if is_noisy => WaveformNoise::None,
-            (true, true) => {
-                let ratio = signal_to_noise(shape.width() * light_speed, device.detector.accuracy);
-                WaveformNoise::OverPeak(1.0 / ratio)
-            }
-        };
+        let speeds = (light_speed, frequency);
+        let reception = Reception::new(device, receiver, &shape, amplitude_of, speeds, o)
+            .map_err(|problem| Error::caused_by(format!("device {}: {problem}", device.id), problem))?;
+        let Reception { threshold, rule, selection, model, counter, has_noise } = reception;
+        let waveform_noise = WaveformNoise::new(device, shape.width() * light_speed, has_noise, o);
         let has_fast_path = model.is_none()
             && counter.is_none()
             && receiver.pulse_shape.is_none()
@@ -154,7 +117,7 @@ impl Instrument {
                 shape,
                 rule,
                 // The selection counts itself.
-                max_returns: if selection.is_some() { 0 } else { max_returns },
+                max_returns: if selection.is_some() { 0 } else { device.detector.max_returns },
                 range_min: device.detector.range_min,
                 range_max: device.detector.range_max,
                 max_duration: device.waveform.max_range,
@@ -163,7 +126,7 @@ impl Instrument {
                 corrections: c,
             },
             range_accuracy: if c.own_accuracy { device.detector.accuracy } else { context.first_accuracy },
-            range_noise: receiver.range_noise.map(|noise| (noise, stated)),
+            range_noise: receiver.range_noise.map(|noise| (noise, threshold)),
             range_step: receiver.range_step,
             selection,
             distance_error: device.detector.distance_error.clone(),
@@ -223,39 +186,6 @@ fn subrays(device: &Device, half_angles: [f64; 2], c: &Corrections) -> Subrays {
     }
 }
 
-fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
-    let bins = device.waveform.window / device.waveform.bin;
-    PeakRule {
-        threshold: match &device.detector {
-            d if c.threshold_in_watts && d.threshold_given && d.threshold != DEFAULT_THRESHOLD => {
-                d.threshold * NANO
-            }
-            d => d.threshold,
-        },
-        // The allowance lifts quotients that rounding left just below a whole number.
-        window: if c.peak_neighbours { ((bins + 1e-9) as u64).max(2) } else { bins as u64 },
-        weak_neighbours: c.weak_neighbours,
-        first_bin: c.clip_dead_zone,
-    }
-}
-
-/// Detection threshold, nW: the peak of an echo at the instrument's maximum range, if it states one; a
-/// multiple of its noise, if it has noise and states no threshold; otherwise the threshold of `rule`.
-/// `amplitude_of` computes the peak of a target's echo, nW.
-fn threshold(
-    device: &Device,
-    receiver: &Receiver,
-    noise: Option<&ReceiverNoise>,
-    rule: &PeakRule,
-    amplitude_of: impl Fn(&ReferenceTarget) -> f64,
-) -> f64 {
-    match (&receiver.max_range, noise) {
-        (Some(target), _) => amplitude_of(target),
-        (None, Some(noise)) if !device.detector.threshold_given => noise.default_threshold(),
-        _ => rule.threshold,
-    }
-}
-
 /// Noise that is added to recorded waveforms on request, without effect on points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum WaveformNoise {
@@ -267,6 +197,18 @@ pub(super) enum WaveformNoise {
 }
 
 impl WaveformNoise {
+    /// The noise that `options` request, for a pulse whose width is `depth` in metres of range. `has_noise` is
+    /// true if the samples have noise already.
+    fn new(device: &Device, depth: f64, has_noise: bool, options: &PhysicsOptions) -> WaveformNoise {
+        let accuracy = device.detector.accuracy;
+        match (options.waveform_noise, options.corrections.receiver) {
+            (false, _) => WaveformNoise::None,
+            (true, false) => WaveformNoise::Amplitude(accuracy * 0.5),
+            (true, true) if has_noise => WaveformNoise::None,
+            (true, true) => WaveformNoise::OverPeak(1.0 / signal_to_noise(depth, accuracy)),
+        }
+    }
+
     pub fn sigma(self, samples: &[f64]) -> f64 {
         match self {
             WaveformNoise::None => 0.0,
@@ -466,17 +408,5 @@ mod tests {
         assert!(table.instrument(2, 1).is_ok());
         assert!(table.instrument(3, 0).is_err() && table.instrument(0, 2).is_err());
         assert!(table.instrument(u32::MAX, u32::MAX).is_err());
-    }
-
-    #[test]
-    fn windows_are_truncated_as_the_reference_does_it_unless_corrected() {
-        let mut device = tls_device(5.0);
-        (device.waveform.window, device.waveform.bin) = (0.3, 0.1);
-        let mut c = Corrections::NONE;
-        assert_eq!(peak_rule(&device, &c).window, 2);
-        c.peak_neighbours = true;
-        assert_eq!(peak_rule(&device, &c).window, 3);
-        device.waveform.window = 0.05;
-        assert_eq!(peak_rule(&device, &c).window, 2);
     }
 }

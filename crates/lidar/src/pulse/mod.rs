@@ -17,7 +17,7 @@
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
-//! | `receiver`, `receiver_error`, `noise`, `ranging`, `selection` | receivers that are not ideal: noise, ranging, photon statistics, dead time |
+//! | `reception`, `receiver`, `receiver_error`, `noise`, `ranging`, `selection` | detection of each device; receivers that are not ideal: noise, ranging, photon statistics, dead time |
 //! | `photon_counter` | receivers that count single photons |
 //! | `maximum` | time and height of an echo between its samples |
 //! | `detector_settings`, `peak_detection`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
@@ -52,6 +52,7 @@ mod ray_batch;
 mod receive;
 mod receiver;
 mod receiver_error;
+mod reception;
 mod recorded;
 mod reflect;
 mod reflections;
