@@ -5,6 +5,9 @@ use std::f64::consts::PI;
 use std::fmt;
 use vlscan_base::corrections::Corrections;
 
+/// Name of the material of faces without one; no file can redefine it.
+pub(super) const DEFAULT: &str = "default";
+
 /// A material with its reflectance at the scanner's wavelength.
 #[derive(Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Material {

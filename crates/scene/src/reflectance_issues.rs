@@ -1,6 +1,6 @@
 //! Collects materials whose reflectance is missing or not a fraction, to report them file by file.
 
-use super::library::DEFAULT;
+use super::material::DEFAULT;
 use super::material::has_leaf_word;
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;

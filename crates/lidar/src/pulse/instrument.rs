@@ -197,7 +197,7 @@ pub(super) enum WaveformNoise {
 }
 
 impl WaveformNoise {
-    /// The noise that `options` request, for a pulse whose width is `depth` in metres of range. `has_noise` is
+    /// The noise that `options` request, for a pulse with a width of `depth` metres of range. `has_noise` is
     /// true if the samples have noise already.
     fn new(device: &Device, depth: f64, has_noise: bool, options: &PhysicsOptions) -> WaveformNoise {
         let accuracy = device.detector.accuracy;

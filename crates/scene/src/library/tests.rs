@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::fixture::HELIOS;
+use crate::material::Reflection;
 
 const MTL: &str = "newmtl matte\nKd .6 .6 .6\nhelios_reflectance 50\nnewmtl glossy\nKd .4 .4 .4\nKs .4 .4 .4\nNs 20\n\
     helios_reflectance 12.5\nnewmtl slate\nKd .3 .3 .3\nKs .1 .1 .1\nhelios_spectra slate\nnewmtl lost\nKd .1 .1 .1\n\

@@ -1,7 +1,8 @@
 //! Loads meshes in memory.
 
 use crate::builder::{PartSource, SceneBuilder};
-use crate::library::{DEFAULT, DefinedBy};
+use crate::library::DefinedBy;
+use crate::material::DEFAULT;
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::error::Result;

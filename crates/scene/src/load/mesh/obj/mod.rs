@@ -8,7 +8,8 @@ mod slice;
 mod tests;
 
 use crate::builder::{PartSource, SceneBuilder};
-use crate::library::{DEFAULT, Known, Names};
+use crate::library::{Known, Names};
+use crate::material::DEFAULT;
 use crate::load::mesh::polygon::{self, Fan};
 use crate::mtl::name_of;
 use crate::reflectance_issues::{ReflectanceIssue, assumed};
