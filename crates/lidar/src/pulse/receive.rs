@@ -6,6 +6,7 @@ use super::detector_settings::{DetectorSettings, Return};
 use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
 use super::foliage::FreePaths;
 use super::instrument::Instrument;
+use super::options::PhysicsOptions;
 use super::paths::LightPaths;
 use super::peak_detection::{attribute, detect};
 use super::photon_counter::PhotonCounter;
@@ -97,16 +98,7 @@ impl Detection {
     ) -> Result<()> {
         let (options, detector) = (&physics.options, &instrument.detector);
         let corrections = &detector.corrections;
-        let mut paths =
-            FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
-        self.scratch.records_hits = options.record_truth || options.record_subrays;
-        view.reflect(instrument, (traced, gains), &mut paths, &mut self.scratch, &mut self.reflections);
-        if view.has_optics {
-            let draws = (&physics.facet_slopes, &mut paths);
-            let rules = (options.max_order, draws);
-            let hits = &mut self.scratch.hits;
-            self.light_paths.follow(view, instrument, (traced, gains), rules, hits, &mut self.reflections);
-        }
+        self.reflect(physics, view, (instrument, pulse), (traced, gains));
         let model = instrument.receiver.as_ref();
         let counter = instrument.counter.as_ref();
         let is_idle = !model.is_some_and(ReceiverModel::has_false_alarms)
@@ -132,27 +124,9 @@ impl Detection {
             );
         }
         if options.record_waveforms || !self.detect_without_waveform(instrument, is_kept) {
-            if !self.waveform.receive(&self.profile, detector) {
+            let has_light = self.detect_in_waveform(simd, options, (instrument, pulse), is_kept)?;
+            if !has_light {
                 return Ok(());
-            }
-            let draw = (pulse.device, pulse.number);
-            if let Some(model) = model {
-                model.add_noise(&mut self.waveform, options.record_waveforms, draw);
-            }
-            let mut output = &self.waveform;
-            if let Some(model) = model.filter(|m| m.can_saturate())
-                && (options.echo_width || options.record_waveforms)
-            {
-                model.saturate(&self.waveform, &mut self.saturated);
-                output = &self.saturated;
-            }
-            let fitted = options.echo_width.then_some(output);
-            match counter {
-                Some(counter) => counter.count(&self.waveform, detector, draw, is_kept, &mut self.returns)?,
-                None => detect(simd, &self.waveform, (detector, model), fitted, is_kept, &mut self.returns),
-            }
-            if let Some(model) = model {
-                model.add_false_alarms(&self.waveform, detector, draw, &mut self.returns);
             }
         }
         if let Some(selection) = &instrument.selection {
@@ -177,6 +151,63 @@ impl Detection {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
         Ok(())
+    }
+
+    /// Collects the light that surfaces reflect, and the light behind mirrors and panes.
+    #[inline(always)]
+    fn reflect(
+        &mut self,
+        physics: &Physics,
+        view: &SceneView,
+        (instrument, pulse): (&Instrument, &Pulse),
+        (traced, gains): (TracedPulse, SubrayGains),
+    ) {
+        let options = &physics.options;
+        let mut paths =
+            FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
+        self.scratch.records_hits = options.record_truth || options.record_subrays;
+        view.reflect(instrument, (traced, gains), &mut paths, &mut self.scratch, &mut self.reflections);
+        if view.has_optics {
+            let draws = (&physics.facet_slopes, &mut paths);
+            let rules = (options.max_order, draws);
+            let hits = &mut self.scratch.hits;
+            self.light_paths.follow(view, instrument, (traced, gains), rules, hits, &mut self.reflections);
+        }
+    }
+
+    /// Detects returns in the sampled waveform; `false` if the pulse has none.
+    #[inline(always)]
+    fn detect_in_waveform<S: Simd>(
+        &mut self,
+        simd: S,
+        options: &PhysicsOptions,
+        (instrument, pulse): (&Instrument, &Pulse),
+        is_kept: impl Fn(f64) -> bool,
+    ) -> Result<bool> {
+        let (detector, model) = (&instrument.detector, instrument.receiver.as_ref());
+        if !self.waveform.receive(&self.profile, detector) {
+            return Ok(false);
+        }
+        let draw = (pulse.device, pulse.number);
+        if let Some(model) = model {
+            model.add_noise(&mut self.waveform, options.record_waveforms, draw);
+        }
+        let mut output = &self.waveform;
+        if let Some(model) = model.filter(|m| m.can_saturate())
+            && (options.echo_width || options.record_waveforms)
+        {
+            model.saturate(&self.waveform, &mut self.saturated);
+            output = &self.saturated;
+        }
+        let fitted = options.echo_width.then_some(output);
+        match &instrument.counter {
+            Some(counter) => counter.count(&self.waveform, detector, draw, is_kept, &mut self.returns)?,
+            None => detect(simd, &self.waveform, (detector, model), fitted, is_kept, &mut self.returns),
+        }
+        if let Some(model) = model {
+            model.add_false_alarms(&self.waveform, detector, draw, &mut self.returns);
+        }
+        Ok(true)
     }
 
     /// Counts a pulse without a return that met something at a range that is measured: its light stays below

@@ -76,8 +76,8 @@ impl Library {
         optics::stated(d, self.rules)
     }
 
-    /// Reflectances of the definition's spectrum at the wavelengths, in per cent. `None` if the definition has
-    /// a reflectance, or no spectrum that can be read. Records definitions that have neither.
+    /// Reflectances of the definition's spectrum at the wavelengths, in per cent. `None` if the definition
+    /// has a reflectance, or no spectrum that can be read. Records definitions that have neither.
     fn spectrum_of(&mut self, d: &MaterialDefinition, diagnostics: &mut Diagnostics) -> Option<Vec<f64>> {
         if d.reflectance.is_some() {
             return None;
@@ -99,8 +99,8 @@ impl Library {
         found
     }
 
-    /// The reflectances at the first wavelength and at the others: fractions, or per cent where the physics of
-    /// the reference keeps it. `spectrum` is in per cent. Records values that are not fractions.
+    /// The reflectances at the first wavelength and at the others: fractions, or per cent where the physics
+    /// of the reference keeps it. `spectrum` is in per cent. Records values that are not fractions.
     fn reflectances(
         &mut self,
         d: &MaterialDefinition,

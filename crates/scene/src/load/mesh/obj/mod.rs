@@ -9,8 +9,8 @@ mod tests;
 
 use crate::builder::{PartSource, SceneBuilder};
 use crate::library::{Known, Names};
-use crate::material::DEFAULT;
 use crate::load::mesh::polygon::{self, Fan};
+use crate::material::DEFAULT;
 use crate::mtl::name_of;
 use crate::reflectance_issues::{ReflectanceIssue, assumed};
 use crate::text::{Problems, Source, cut_into_pieces};
