@@ -55,6 +55,36 @@ impl Deflector {
 /// [`leave_out_flat_prisms`]. `None` for unknown optics.
 pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_channel: bool) -> Option<()> {
     let is_toml = fields.is_toml();
+    let is_new = change_optics(fields, device, in_channel)?;
+    fields.set_angle(K.scan_angle_max_deg, &mut device.scan_angle_max);
+    change_frequencies(fields, device);
+    let optics = device.deflector.optics();
+    for (own, keys) in OWN_KEYS.iter().filter(|(own, _)| *own != optics) {
+        keys.iter().for_each(|keys| refuse_unused(fields, keys, own, optics));
+    }
+    // In XML scanners of all optics have it in their channels only.
+    let beam = (is_toml || in_channel).then(|| fields.xyz(K.incident_beam)).flatten().map(unit);
+    if beam.is_some_and(|beam| !beam.is_finite()) {
+        fields.error(K.incident_beam, "must have a direction");
+    }
+    let are_tilts = |tilts: &[f64]| (1..=64).contains(&tilts.len()) && tilts.iter().all(|t| t.abs() < 90.0);
+    let tilts = fields.numbers(K.facet_tilts_deg, are_tilts, "up to 64 angles between -90 and 90");
+    if let Deflector::Polygon { effective_max, .. } = &mut device.deflector
+        && is_new
+        && is_toml
+    {
+        *effective_max = device.scan_angle_max;
+    }
+    change_parameters(fields, &mut device.deflector, beam, tilts);
+    if is_toml && (fields.has(K.scan_angle_along_max_deg) || fields.has(K.scan_angle_max_deg)) {
+        check_cone(fields, device);
+    }
+    Some(())
+}
+
+/// Gives a device the optics that the fields name. Returns true if they are new; `None` for unknown optics.
+fn change_optics(fields: &mut Fields, device: &mut Device, in_channel: bool) -> Option<bool> {
+    let is_toml = fields.is_toml();
     let kinds = [
         Deflector::Polygon { effective_max: 0.0, facet_tilts: Vec::new() },
         Deflector::Oscillating { scan_product: 1_000_000.0 },
@@ -79,7 +109,11 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
             (device.scan_angle_max, device.scan_freq) = (0.0, (0.0, 0.0));
         }
     }
-    fields.set_angle(K.scan_angle_max_deg, &mut device.scan_angle_max);
+    Some(is_new)
+}
+
+/// Sets the limits of the scan frequency.
+fn change_frequencies(fields: &mut Fields, device: &mut Device) {
     fields.set(K.scan_freq_min_hz, &mut device.scan_freq.0);
     fields.set(K.scan_freq_max_hz, &mut device.scan_freq.1);
     if device.scan_freq.1 > 0.0 {
@@ -90,22 +124,19 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
         let message = format!("is 0, which means no limit, although `{low}` is {least}");
         fields.warn(K.scan_freq_max_hz, &message);
     }
-    let optics = device.deflector.optics();
-    for (own, keys) in OWN_KEYS.iter().filter(|(own, _)| *own != optics) {
-        keys.iter().for_each(|keys| refuse_unused(fields, keys, own, optics));
-    }
-    // In XML scanners of all optics have it in their channels only.
-    let beam = (is_toml || in_channel).then(|| fields.xyz(K.incident_beam)).flatten().map(unit);
-    if beam.is_some_and(|beam| !beam.is_finite()) {
-        fields.error(K.incident_beam, "must have a direction");
-    }
-    let are_tilts = |tilts: &[f64]| (1..=64).contains(&tilts.len()) && tilts.iter().all(|t| t.abs() < 90.0);
-    let tilts = fields.numbers(K.facet_tilts_deg, are_tilts, "up to 64 angles between -90 and 90");
-    match &mut device.deflector {
+}
+
+/// Sets the parameters that the optics have of their own. `beam` is the direction of the incident beam and
+/// `tilts` are those of facets in degrees, if the fields have them.
+fn change_parameters(
+    fields: &mut Fields,
+    deflector: &mut Deflector,
+    beam: Option<DVec3>,
+    tilts: Option<Vec<f64>>,
+) {
+    let is_toml = fields.is_toml();
+    match deflector {
         Deflector::Polygon { effective_max, facet_tilts } => {
-            if is_new && is_toml {
-                *effective_max = device.scan_angle_max;
-            }
             fields.set_angle(K.scan_angle_effective_max_deg, effective_max);
             if let Some(tilts) = tilts {
                 *facet_tilts = tilts.into_iter().map(radians).collect();
@@ -140,10 +171,6 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
             };
         }
     }
-    if is_toml && (fields.has(K.scan_angle_along_max_deg) || fields.has(K.scan_angle_max_deg)) {
-        check_cone(fields, device);
-    }
-    Some(())
 }
 
 /// Refuses an ellipse without its larger angle.

@@ -175,7 +175,7 @@ impl Detection {
         }
     }
 
-    /// Detects returns in the sampled waveform; `false` if the pulse has none.
+    /// Detects returns in the sampled waveform; `false` if the pulse has no waveform.
     #[inline(always)]
     fn detect_in_waveform<S: Simd>(
         &mut self,
