@@ -93,19 +93,6 @@ impl Separator {
         })
     }
 
-    /// The `count` columns of a line of a table, of which the last may be empty: then the separator at the
-    /// end of the line stands before it. `Err` has the number of columns found.
-    pub fn split_row(self, line: &str, count: usize) -> Result<Vec<Range<usize>>, usize> {
-        let mut fields: Vec<_> = self.split(line).collect();
-        if let Separator::Char(c) = self
-            && fields.len() + 1 == count
-            && line.trim_end_matches(|end: char| end.is_whitespace() && end != c).ends_with(c)
-        {
-            fields.push(line.len()..line.len());
-        }
-        if fields.len() == count { Ok(fields) } else { Err(fields.len()) }
-    }
-
     /// The number in `field`, one of the `fields` of a line. Its comma is a decimal comma unless commas
     /// separate fields or another field has a decimal point.
     #[inline]
@@ -326,24 +313,6 @@ mod tests {
         for blanks in ["", " ", " \t"] {
             assert_eq!(Separator::any_of(blanks), Separator::Blanks);
         }
-    }
-
-    #[test]
-    fn the_last_column_of_a_row_may_be_empty() {
-        let row =
-            |line: &str, count| Separator::guess(line).split_row(line, count).map(|fields| fields.len());
-        assert_eq!(
-            [row("a,b,", 3), row("a,b,", 2), row("a,b", 2), row("a,,  ", 3)],
-            [Ok(3), Ok(2), Ok(2), Ok(3)]
-        );
-        assert_eq!(
-            [
-                Separator::Char('\t').split_row("a\t\t", 3).map(|fields| fields.len()),
-                row("a;b;c", 4),
-                row("a,b,c,d", 3)
-            ],
-            [Ok(3), Err(3), Err(4)]
-        );
     }
 
     #[test]

@@ -31,8 +31,10 @@ struct Facts {
     /// File name extension; formats with the same last part of it share that one.
     extension: &'static str,
     flags: u8,
-    /// Of a format that was left out, the feature that builds it.
-    encoder: Result<NewEncoder, &'static str>,
+    /// `None` if the format was left out of the build.
+    encoder: Option<NewEncoder>,
+    /// The feature that builds the encoder; empty for formats that all builds have.
+    feature: &'static str,
     /// One line about it.
     help: &'static str,
 }
@@ -72,8 +74,9 @@ macro_rules! formats {
             aliases: &$aliases,
             extension: $extension,
             flags: 0 $(| $flag)*,
-            $(#[cfg(not(feature = $feature))] encoder: Err($feature),)?
-            $(#[cfg(feature = $feature)])? encoder: Ok($encoder),
+            $(#[cfg(not(feature = $feature))] encoder: None,)?
+            $(#[cfg(feature = $feature)])? encoder: Some($encoder),
+            feature: concat!($($feature)?),
             help: $help,
         },)*];
 
@@ -132,7 +135,7 @@ impl Choice for PointFormat {
 
     /// A format that is not built is still a value, for the message of the encoder.
     fn is_hidden(self) -> bool {
-        self.facts().encoder.is_err()
+        self.facts().encoder.is_none()
     }
 }
 
@@ -199,7 +202,7 @@ impl PointFormat {
 
     /// Returns the names of the formats that this build writes, separated by commas.
     pub fn names() -> String {
-        let built = FACTS.iter().filter(|facts| facts.encoder.is_ok());
+        let built = FACTS.iter().filter(|facts| facts.encoder.is_some());
         built.map(|facts| facts.name).collect::<Vec<_>>().join(", ")
     }
 
@@ -253,9 +256,10 @@ impl PointFormat {
         settings: &CloudSettings,
         problems: &mut Diagnostics,
     ) -> Result<Arc<dyn PointEncoder>> {
-        let new = self.facts().encoder.map_err(|feature| {
+        let facts = self.facts();
+        let new = facts.encoder.ok_or_else(|| {
             let message = format!("this build does not write {}", self.name());
-            Error::unsupported(message, build_with(feature))
+            Error::unsupported(message, build_with(facts.feature))
         })?;
         new(settings, problems)
     }

@@ -125,7 +125,7 @@ fn statement(
         let hint =
             values.iter().find_map(|(word, _)| Some(comma_note(&shown(word))).filter(|h| !h.is_empty()));
         problems.error(line.number, in_file(marked), || {
-            format!("expected {expected} after {}, found {found}{}", shown(keyword), hint.unwrap_or_default())
+            format!("{expected} after {}, found {found}{}", shown(keyword), hint.unwrap_or_default())
         });
     }
 }
@@ -218,13 +218,20 @@ fn warn_of_rest(line: &Line, keyword: &[u8], values: &[(&[u8], Range<usize>)], p
     });
 }
 
-/// Sets an optical property by its key without the prefix. Returns the numbers that it may have if `value` is
-/// none of them.
+/// The values that a property may have, as the error of one that it cannot have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected {0}")]
+pub(super) struct ExpectedValue(pub &'static str);
+
+/// Sets an optical property by its key without the prefix.
+///
+/// # Errors
+/// A `value` that the property cannot have, or none.
 pub(super) fn set_optics(
     optics: &mut OpticsDefinition,
     key: &[u8],
     value: Option<f64>,
-) -> Option<&'static str> {
+) -> Result<(), ExpectedValue> {
     let (bounds, slot) = match key {
         b"mirror" => (MIRROR, &mut optics.mirror),
         b"pane_index" => (PANE_INDEX, &mut optics.index),
@@ -233,13 +240,13 @@ pub(super) fn set_optics(
         b"pane_sheets" => {
             let sheets = value.filter(|v| PANE_SHEETS.contains(*v) && v.fract() == 0.0);
             optics.sheets = sheets.map(|sheets| sheets as u32);
-            return optics.sheets.is_none().then_some(PANE_SHEETS.expected);
+            return optics.sheets.map(|_| ()).ok_or(ExpectedValue(PANE_SHEETS.expected));
         }
         b"retro" => (RETRO, &mut optics.retro),
         key => water_property(&mut optics.water, key),
     };
     *slot = value.filter(|v| bounds.contains(*v));
-    slot.is_none().then_some(bounds.expected)
+    slot.map(|_| ()).ok_or(ExpectedValue(bounds.expected))
 }
 
 /// A property of water by its key without the prefix.
@@ -260,38 +267,43 @@ fn set(
     material: &mut MaterialDefinition,
     keyword: &[u8],
     values: &[(&[u8], Range<usize>)],
-) -> Result<(), &'static str> {
+) -> Result<(), ExpectedValue> {
     let first = values.first().map(|(word, _)| *word);
     let number = || first.and_then(float).filter(|v| v.is_finite());
+    let is_true = || first.and_then(boolean).ok_or(ExpectedValue("true or false"));
+    let components = || colour(values).ok_or(ExpectedValue("one or three numbers, 0 or greater,"));
     match keyword {
-        b"Kd" => material.kd = colour(values).ok_or("one or three numbers, 0 or greater,")?,
-        b"Ks" => material.ks = colour(values).ok_or("one or three numbers, 0 or greater,")?,
-        b"Ns" => material.ns = number().filter(|n| *n >= 0.0).ok_or("an exponent, 0 or greater,")?,
+        b"Kd" => material.kd = components()?,
+        b"Ks" => material.ks = components()?,
+        b"Ns" => {
+            let exponent = number().filter(|n| *n >= 0.0);
+            material.ns = exponent.ok_or(ExpectedValue("an exponent, 0 or greater,"))?;
+        }
         b"vlscan_roughness_deg" => {
             let degrees = number().filter(|d| (0.0..=90.0).contains(d));
-            material.roughness = degrees.ok_or("a roughness of 0 to 90 degrees")?.to_radians();
+            let degrees = degrees.ok_or(ExpectedValue("a roughness of 0 to 90 degrees"))?;
+            material.roughness = degrees.to_radians();
         }
         b"vlscan_element_size_m" => {
             let size = number().filter(|size| (0.0..=100.0).contains(size));
-            material.element_size = size.ok_or("a size of foliage elements of 0 to 100 m")?;
+            material.element_size = size.ok_or(ExpectedValue("a size of foliage elements of 0 to 100 m"))?;
         }
         b"helios_reflectance" if first.and_then(float).is_some_and(f64::is_nan) => {
             material.reflectance = None
         }
         b"helios_reflectance" => {
-            material.reflectance =
-                Some(number().filter(|r| *r >= 0.0).ok_or("a reflectance, 0 or greater,")?);
+            let reflectance = number().filter(|r| *r >= 0.0);
+            material.reflectance = Some(reflectance.ok_or(ExpectedValue("a reflectance, 0 or greater,"))?);
         }
-        b"helios_spectra" => return Err("the name of a spectrum"),
+        b"helios_spectra" => return Err(ExpectedValue("the name of a spectrum")),
         b"helios_classification" => {
-            material.classification = first.and_then(integer).ok_or("a whole number")?
+            material.classification = first.and_then(integer).ok_or(ExpectedValue("a whole number"))?;
         }
-        b"vlscan_leaf" => material.leaf = Some(first.and_then(boolean).ok_or("true or false")?),
+        b"vlscan_leaf" => material.leaf = Some(is_true()?),
         _ if keyword.starts_with(b"vlscan_") => {
-            let refused = set_optics(&mut material.optics, &keyword[7..], number());
-            return refused.map_or(Ok(()), Err);
+            return set_optics(&mut material.optics, &keyword[7..], number());
         }
-        _ => material.is_ground = first.and_then(boolean).ok_or("true or false")?,
+        _ => material.is_ground = is_true()?,
     }
     Ok(())
 }

@@ -17,10 +17,12 @@
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `ground` | noise of ranges |
 //! | `doubts` | estimates that are not plausible, which are left out |
+//! | `error` | reasons why no flight is fitted |
 //! | `report`, `write`, `pipeline` | figures with uncertainties; written files; text of the pipeline file |
 
 mod cones;
 mod doubts;
+mod error;
 mod facets;
 mod ground;
 mod guess;
@@ -43,6 +45,7 @@ mod tests;
 mod turning;
 mod write;
 
+pub use error::{FlightError, Misfit};
 pub use ground::RangeScatter;
 pub use mirror::{Mirror, MirrorParameters};
 pub use model::{Attitude, Footprint, Model};
@@ -145,7 +148,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
                 found.warn(Some(Place::of_file(path)), message);
                 turned
             }
-            None => return Err(no_flight(path, &recording, &reason)),
+            None => return Err(no_flight(path, &recording, reason)),
         },
     };
     let rate = PulseRate::of(&recording, &solution);
@@ -183,17 +186,19 @@ fn best_turned_solution(recording: &Recording) -> Option<(Recording, Solution)> 
     Some((turned, solution))
 }
 
-fn no_flight(path: &Path, recording: &Recording, reason: &str) -> Error {
+fn no_flight(path: &Path, recording: &Recording, reason: FlightError) -> Error {
     let name = path.display();
-    Error::input_with_help(
-        format!(
-            "{name}: no flight matches these points: {reason}; the cloud has {}",
-            recording.description()
-        ),
+    let message = format!(
+        "{name}: no flight matches these points: {reason}; the cloud has {}",
+        recording.description()
+    );
+    let mut problems = Diagnostics::default();
+    problems.error(None, message).because_of(reason).help(
         "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a polygon \
          mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from prisms or a \
          sensor that spins, with scan angles in degrees that change across the track, and times in seconds",
-    )
+    );
+    Error::Input(Box::new(problems))
 }
 
 impl FlightFit {
@@ -250,9 +255,7 @@ impl FlightFit {
 
 /// A guess that does not explain the points.
 struct Failure {
-    /// Kind of mirror, with channels and facets.
-    kind: String,
-    reason: String,
+    misfit: Misfit,
     /// m on the ground.
     residual: f64,
 }
@@ -265,14 +268,14 @@ impl Failure {
             (1, facets) => format!(" with {facets} facets of different tilt"),
             (channels, _) => format!(" with {channels} channels"),
         };
-        let kind = format!("{}{details}", trial.model.mirror.name());
-        Some(Failure { kind, reason, residual: trial.residual })
+        let mirror = format!("{}{details}", trial.model.mirror.name());
+        Some(Failure { misfit: Misfit { mirror, reason }, residual: trial.residual })
     }
 }
 
 /// The solution with the smallest unexplained part, over all kinds of mirrors; the error lists the reasons
 /// against each kind.
-fn best_solution(recording: &Recording) -> std::result::Result<Solution, String> {
+fn best_solution(recording: &Recording) -> Result<Solution, FlightError> {
     let mut trials: Vec<Solution> =
         guess::guesses(recording).iter().map(|first| trial(recording, first)).collect();
     let others = trials.iter().map(Solution::unexplained).fold(f64::INFINITY, f64::min);
@@ -290,17 +293,20 @@ fn best_solution(recording: &Recording) -> std::result::Result<Solution, String>
     let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
     trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
     let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()));
-    let best = best.ok_or("the pulse times show neither circles nor lines across the track")?;
+    let best = best.ok_or(FlightError::NoPattern)?;
     let solved = |max| solve::solve(recording, &best.model, &sections_of(recording, &best.model, max), true);
     // All sections take long: where no guess explains the points, some sections are tried before.
     if is_doubtful && misfit(&solved(DOUBTFUL_SECTIONS), recording).is_some() {
-        return Err(reasons(&failures));
+        return Err(reasons(failures));
     }
     let best = solved(MAX_SECTIONS);
     match misfit(&best, recording) {
         None => Ok(best),
-        Some(misfit) if failures.is_empty() => Err(format!("{} {misfit}", best.model.mirror.name())),
-        Some(_) => Err(reasons(&failures)),
+        Some(reason) if failures.is_empty() => {
+            let mirror = best.model.mirror.name().to_owned();
+            Err(FlightError::Unexplained(vec![Misfit { mirror, reason }]))
+        }
+        Some(_) => Err(reasons(failures)),
     }
 }
 
@@ -322,18 +328,16 @@ fn trial(recording: &Recording, first: &Model) -> Solution {
 
 /// The reasons against several guesses: of each kind of mirror that of the guess with the smallest residual,
 /// the first of several.
-fn reasons(failures: &[Failure]) -> String {
-    let mut best: Vec<&Failure> = Vec::new();
+fn reasons(failures: Vec<Failure>) -> FlightError {
+    let mut best: Vec<Failure> = Vec::new();
     for failure in failures {
-        match best.iter_mut().find(|known| known.kind == failure.kind) {
+        match best.iter_mut().find(|known| known.misfit.mirror == failure.misfit.mirror) {
             Some(known) if failure.residual < known.residual => *known = failure,
             Some(_) => {}
             None => best.push(failure),
         }
     }
-    let texts: Vec<String> =
-        best.iter().map(|failure| format!("{} {}", failure.kind, failure.reason)).collect();
-    texts.join("; ")
+    FlightError::Unexplained(best.into_iter().map(|failure| failure.misfit).collect())
 }
 
 /// Reason why a solution does not explain its points by a possible flight; `None` if it does.

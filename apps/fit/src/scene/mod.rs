@@ -65,17 +65,28 @@ pub struct ReconstructOptions {
     pub overwrite: bool,
 }
 
-fn within(text: &str, low: f64, high: f64, what: &str) -> std::result::Result<f64, String> {
-    let value = text.parse::<f64>().ok().filter(|v| (low..=high).contains(v));
-    value.ok_or_else(|| format!("expected {what} from {low} to {high}"))
+/// A value of an option that is not a number within its bounds.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("expected {unit} from {low} to {high}")]
+struct OutOfBounds {
+    unit: &'static str,
+    low: f64,
+    high: f64,
 }
 
-fn voxel_size(text: &str) -> std::result::Result<f64, String> {
-    within(text, 0.05, 20.0, "metres")
+impl OutOfBounds {
+    /// The number in `text`, if it is within these bounds.
+    fn check(self, text: &str) -> Result<f64, OutOfBounds> {
+        text.parse::<f64>().ok().filter(|value| (self.low..=self.high).contains(value)).ok_or(self)
+    }
 }
 
-fn divergence(text: &str) -> std::result::Result<f64, String> {
-    within(text, 1e-6, 0.1, "rad")
+fn voxel_size(text: &str) -> Result<f64, OutOfBounds> {
+    OutOfBounds { unit: "metres", low: 0.05, high: 20.0 }.check(text)
+}
+
+fn divergence(text: &str) -> Result<f64, OutOfBounds> {
+    OutOfBounds { unit: "rad", low: 1e-6, high: 0.1 }.check(text)
 }
 
 impl ReconstructOptions {

@@ -11,10 +11,12 @@
 //! | `planes` | planes in patches of pixels |
 //! | `noise` | the law of range noise |
 //! | `detection` | threshold, photons, dropouts |
+//! | `error` | recordings from which no sensor can be estimated |
 //! | `report` | figures by class |
 //! | `write` | the pipeline file, and the planes as a scene |
 
 mod detection;
+mod error;
 mod image;
 mod noise;
 mod planes;
@@ -23,6 +25,7 @@ mod report;
 mod tests;
 mod write;
 
+pub use error::SpinningError;
 pub use image::{Pixel, RangeImage};
 pub use planes::{Patch, Sample};
 pub use report::{ClassFigures, SpinningFigures};
@@ -101,7 +104,7 @@ pub fn fit_spinning(
     scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
     let image = RangeImage::read(recording, &scanner)?;
     let fit = estimate(scanner, image, request.half)
-        .map_err(|problem| Error::input(format!("{}: {problem}", recording.display())))?;
+        .map_err(|problem| Error::caused_by(format!("{}: {problem}", recording.display()), problem))?;
     if fit.planes.len() < FEW_PLANES {
         let message = format!(
             "{} planes are few for a noise law: it may differ between the halves of the columns",
@@ -162,24 +165,21 @@ impl SpinningFit {
 }
 
 /// Estimates noise and detection from an image; the error names what the recording lacks.
-fn estimate(scanner: Scanner, image: RangeImage, half: Half) -> std::result::Result<SpinningFit, String> {
+fn estimate(scanner: Scanner, image: RangeImage, half: Half) -> Result<SpinningFit, SpinningError> {
     let parity = u32::from(half == Half::Odd);
     let all = planes(&image, |column| column % 2 == parity);
-    let too_few = |count: usize| {
-        format!("{count} planes were found, expected at least {MIN_PLANES}; record walls, floors or roads")
-    };
     if all.len() < MIN_PLANES {
-        return Err(too_few(all.len()));
+        return Err(SpinningError::FewPlanes(all.len()));
     }
     let divergence = scanner.devices[0].beam.divergence;
     // The threshold only scales the parts of the noise until it is known.
     let mut threshold = all.iter().map(|patch| patch.strength).fold(f64::MAX, f64::min);
     let mut estimated = None;
     for _ in 0..ROUNDS {
-        let law = noise_law(&all, threshold, divergence).ok_or_else(|| too_few(0))?;
+        let law = noise_law(&all, threshold, divergence).ok_or(SpinningError::FewPlanes(0))?;
         let chosen = || all.iter().zip(&law.is_plane).filter(|(_, is_plane)| **is_plane).map(|(p, _)| p);
         if chosen().count() < MIN_PLANES {
-            return Err(too_few(chosen().count()));
+            return Err(SpinningError::FewPlanes(chosen().count()));
         }
         let pulses: Vec<(f64, bool)> = chosen()
             .flat_map(|patch| {
@@ -187,11 +187,11 @@ fn estimate(scanner: Scanner, image: RangeImage, half: Half) -> std::result::Res
                 fitted.map(|sample| (patch.strength, !sample.residual.is_nan()))
             })
             .collect();
-        let detection = detection(&pulses).ok_or_else(|| too_few(chosen().count()))?;
+        let detection = detection(&pulses).ok_or_else(|| SpinningError::FewPlanes(chosen().count()))?;
         threshold = detection.threshold;
         estimated = Some((law, detection));
     }
-    let (law, detection) = estimated.ok_or_else(|| too_few(0))?;
+    let (law, detection) = estimated.ok_or(SpinningError::FewPlanes(0))?;
     let planes: Vec<Patch> =
         all.into_iter().zip(&law.is_plane).filter(|(_, is_plane)| **is_plane).map(|(p, _)| p).collect();
     let white = match image.has_signal {
@@ -199,9 +199,7 @@ fn estimate(scanner: Scanner, image: RangeImage, half: Half) -> std::result::Res
         false => 1.0,
     };
     if !white.is_finite() {
-        return Err(
-            "no plane has a reflectivity from 4 to 100, from which the maximum range follows".to_owned()
-        );
+        return Err(SpinningError::NoReflectivity);
     }
     Ok(SpinningFit {
         noise: law.range_noise(image.range_step),

@@ -126,14 +126,15 @@ fn a_maximum_range_far_from_that_of_the_product_line_is_a_comment() {
 fn recordings_without_planes_are_refused() {
     let scanner = scanner();
     let empty = RangeImage::empty(&scanner).unwrap();
-    assert!(
-        estimate(scanner.clone(), empty.clone(), Half::Even).unwrap_err().contains("0 planes were found")
-    );
+    let error = estimate(scanner.clone(), empty.clone(), Half::Even).unwrap_err();
+    assert_eq!(error, SpinningError::FewPlanes(0));
+    assert!(error.to_string().starts_with("0 planes were found, expected at least 25;"), "{error}");
     // Noise of metres everywhere.
     let mut wild = empty;
     let noise = Stream::new(1, Purpose::Range);
     for (number, pixel) in (0u64..).zip(&mut wild.pixels) {
         (pixel.range, pixel.strength) = (5.0 + 30.0 * noise.uniform(0, number, 0), 10.0);
     }
-    assert!(estimate(scanner, wild, Half::Even).unwrap_err().contains("planes were found"));
+    let error = estimate(scanner, wild, Half::Even).unwrap_err();
+    assert!(matches!(error, SpinningError::FewPlanes(_)), "{error}");
 }

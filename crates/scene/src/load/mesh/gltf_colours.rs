@@ -25,6 +25,27 @@ pub(super) struct ColourJson {
     samplers: Vec<SamplerJson>,
 }
 
+/// A texture that cannot be used. The messages are the rest of a sentence about it.
+#[derive(Debug, thiserror::Error)]
+enum TextureError {
+    #[error("does not exist")]
+    Missing,
+    #[error("has no PNG or JPEG image")]
+    NoSource,
+    #[error("refers to image {0}, which is missing")]
+    NoImage(usize),
+    #[error("has no image")]
+    Empty,
+    #[error("is on another machine")]
+    Elsewhere,
+    #[error("is not base64")]
+    NoBase64,
+    #[error("is not base64: {0}")]
+    Base64(#[from] base64::DecodeError),
+    #[error(transparent)]
+    View(#[from] GltfError),
+}
+
 #[derive(Debug, Deserialize)]
 struct TextureJson {
     source: Option<usize>,
@@ -107,33 +128,26 @@ impl GltfDocument {
     }
 
     /// The image of a texture.
-    ///
-    /// # Errors
-    /// The rest of a sentence about the texture.
-    fn image(&self, json: &ColourJson, texture: usize) -> Result<TextureImage, String> {
-        let texture = json.textures.get(texture).ok_or("does not exist")?;
-        let source = texture.source.ok_or("has no PNG or JPEG image")?;
-        let image =
-            json.images.get(source).ok_or_else(|| format!("refers to image {source}, which is missing"))?;
+    fn image(&self, json: &ColourJson, texture: usize) -> Result<TextureImage, TextureError> {
+        let texture = json.textures.get(texture).ok_or(TextureError::Missing)?;
+        let source = texture.source.ok_or(TextureError::NoSource)?;
+        let image = json.images.get(source).ok_or(TextureError::NoImage(source))?;
         let path = self.source.path();
         let within = |bytes: &[u8]| TextureImage::Bytes(path.to_path_buf(), bytes.into());
         match (&image.uri, image.buffer_view) {
             (Some(uri), _) => match uri.strip_prefix("data:") {
                 Some(data) => {
-                    let text = data.split_once(";base64,").ok_or("is not base64")?.1;
-                    let bytes = base64::engine::general_purpose::STANDARD.decode(text);
-                    Ok(within(&bytes.map_err(|e| format!("is not base64: {e}"))?))
+                    let text = data.split_once(";base64,").ok_or(TextureError::NoBase64)?.1;
+                    Ok(within(&base64::engine::general_purpose::STANDARD.decode(text)?))
                 }
-                None if uri.contains("://") => Err("is on another machine".to_owned()),
+                None if uri.contains("://") => Err(TextureError::Elsewhere),
                 None => {
                     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
                     Ok(TextureImage::File(folder, decode_percent(uri)))
                 }
             },
-            (None, Some(view)) => {
-                self.view(view, 0, 1).map(|(bytes, _)| within(bytes)).map_err(|e| e.to_string())
-            }
-            (None, None) => Err("has no image".to_owned()),
+            (None, Some(view)) => Ok(within(self.view(view, 0, 1)?.0)),
+            (None, None) => Err(TextureError::Empty),
         }
     }
 

@@ -82,8 +82,8 @@ fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, 
     for key in OPTICAL_KEYS {
         let name = format!("vlscan_{key}");
         if let Some(value) = extra(&name) {
-            let refused = set_optics(&mut material.optics, key.as_bytes(), value.as_f64());
-            refused.map_or(Ok(()), |expected| Err(wrong(&name, expected, value)))?;
+            set_optics(&mut material.optics, key.as_bytes(), value.as_f64())
+                .map_err(|expected| wrong(&name, expected.0, value))?;
         }
     }
     material.unused_optics = unused_optics(json).map(|properties| {

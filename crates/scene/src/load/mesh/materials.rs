@@ -10,17 +10,17 @@
 //! loader, or is the file `materials.csv` next to a PLY, STL or glTF file.
 
 use super::diffuse;
-use crate::mtl::set_optics;
+use crate::mtl::{ExpectedValue, set_optics};
 use crate::text::printable;
 use std::collections::HashMap;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
-use vlscan_base::columns::{Separator, comma_note, unquoted};
+use vlscan_base::columns::{Separator, comma_note};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::files::reads;
 use vlscan_base::recognise::{Expected, foreign_file};
 use vlscan_survey::{MaterialDefinition, MeshReading};
 use vlscan_tables::input::read_file;
+use vlscan_tables::{Line, TextTable};
 
 /// Name of the table that is searched next to a mesh file.
 const FILE_NAME: &str = "materials.csv";
@@ -109,55 +109,24 @@ impl MaterialTable {
 
 fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<String, MaterialDefinition> {
     let mut rows = HashMap::new();
-    let text = text.trim_start_matches('\u{feff}');
-    let mut lines =
-        (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
-    let Some((number, heading)) = lines.next() else {
+    let mut table = TextTable::new(path, text);
+    let Some(heading) = table.next() else {
         diagnostics.error(Some(Place::of_file(path)), "the table of materials is empty").help(HELP);
         return rows;
     };
-    let separator = Separator::guess(heading);
-    // The keys of MTL files and of pipeline files name columns, too.
-    let column = |name: String| match name.as_str() {
-        "helios_reflectance" => "reflectance".to_owned(),
-        "helios_classification" | "classification" => "class".to_owned(),
-        "helios_isground" | "is_ground" => "ground".to_owned(),
-        "helios_spectra" => "spectrum".to_owned(),
-        "vlscan_leaf" | "is_leaf" => "leaf".to_owned(),
-        _ => match name.strip_prefix("vlscan_") {
-            Some(key) if COLUMNS[6..].contains(&key) => key.to_owned(),
-            _ => name,
-        },
-    };
-    let names = separator.split(heading).map(|at| column(heading[at].to_ascii_lowercase()));
-    let names: Vec<String> = names.collect();
-    let unknown = names.iter().find(|name| !COLUMNS.contains(&name.as_str()));
-    if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-        let place = Place::in_line(path, number, heading, 0..heading.len());
-        diagnostics.error(Some(place), format!("duplicate column {name}")).help(HELP);
-        return rows;
-    }
-    if !names.iter().any(|n| n == "name") || unknown.is_some() {
-        let what = unknown.map_or("no column \"name\"".to_owned(), |name| format!("the column \"{name}\""));
-        let place = Place::in_line(path, number, heading, 0..heading.len());
-        diagnostics.error(Some(place), format!("expected a table of materials, found {what}")).help(HELP);
-        return rows;
-    }
-    for (number, line) in lines {
-        let place = Place::in_line(path, number, line, 0..line.len());
+    let Some(names) = read_heading(&table, &heading, diagnostics) else { return rows };
+    while let Some(mut line) = table.next() {
+        let place = table.place(&line, None);
+        if let Err(e) = line.fit(names.len(), "the heading", table.separator()) {
+            let help = if e.help.is_empty() { HELP } else { e.help };
+            diagnostics.error(Some(place), e.message).help(help);
+            continue;
+        }
         let mut material = MaterialDefinition { place: Some(place.clone()), ..diffuse("") };
-        let fields = match fields_of(line, separator, names.len()) {
-            Ok(fields) => fields,
-            Err(found) => {
-                let message = format!("expected {} fields, found {found}", names.len());
-                diagnostics.error(Some(place), message).help(HELP);
-                continue;
-            }
-        };
-        for (name, (value, at)) in names.iter().zip(fields) {
-            if let Err(expected) = set(&mut material, name, &value, separator) {
-                let message = format!("expected {expected}, found \"{value}\"{}", comma_note(&value));
-                diagnostics.error(Some(Place::in_line(path, number, line, at)), message).help(HELP);
+        for (column, (name, value)) in names.iter().zip(&line.fields).enumerate() {
+            if let Err(expected) = set(&mut material, name, value, table.separator()) {
+                let message = format!("{expected}, found \"{value}\"{}", comma_note(value));
+                diagnostics.error(Some(table.place(&line, Some(column))), message).help(HELP);
             }
         }
         let name = material.name.clone();
@@ -168,17 +137,40 @@ fn read_rows(path: &Path, text: &str, diagnostics: &mut Diagnostics) -> HashMap<
     rows
 }
 
-/// The fields of a row and their places, of which the last may be empty; `Err` has their number if it is not
-/// `count`. Fields in quotes may hold the separator.
-fn fields_of(line: &str, separator: Separator, count: usize) -> Result<Vec<(String, Range<usize>)>, usize> {
-    if !line.contains('"') {
-        let fields = separator.split_row(line, count)?;
-        return Ok(fields.into_iter().map(|at| (line[at.clone()].to_owned(), at)).collect());
+/// The columns that a heading names; `None` after an error.
+fn read_heading(table: &TextTable, heading: &Line, diagnostics: &mut Diagnostics) -> Option<Vec<String>> {
+    let mut names: Vec<String> = heading.fields.iter().map(|field| column(field)).collect();
+    // Separators at the end of a line do not make columns.
+    while names.last().is_some_and(String::is_empty) {
+        names.pop();
     }
-    let fields = unquoted(line, separator);
-    match fields.len() == count {
-        true => Ok(fields.into_iter().map(|field| (field, 0..line.len())).collect()),
-        false => Err(fields.len()),
+    let repeated = (0..names.len()).find(|i| names[..*i].contains(&names[*i]));
+    let unknown = names.iter().position(|name| !COLUMNS.contains(&name.as_str()));
+    let (at, message) = match (repeated, unknown) {
+        (Some(i), _) => (Some(i), format!("duplicate column {}", names[i])),
+        (None, Some(i)) => {
+            (Some(i), format!("expected a table of materials, found the column \"{}\"", names[i]))
+        }
+        (None, None) if names.iter().any(|name| name == "name") => return Some(names),
+        (None, None) => (None, "expected a table of materials, found no column \"name\"".to_owned()),
+    };
+    diagnostics.error(Some(table.place(heading, at)), message).help(HELP);
+    None
+}
+
+/// The column of a heading, which may be a key of MTL files or of pipeline files.
+fn column(heading: &str) -> String {
+    let name = heading.to_ascii_lowercase();
+    match name.as_str() {
+        "helios_reflectance" => "reflectance".to_owned(),
+        "helios_classification" | "classification" => "class".to_owned(),
+        "helios_isground" | "is_ground" => "ground".to_owned(),
+        "helios_spectra" => "spectrum".to_owned(),
+        "vlscan_leaf" | "is_leaf" => "leaf".to_owned(),
+        _ => match name.strip_prefix("vlscan_") {
+            Some(key) if COLUMNS[6..].contains(&key) => key.to_owned(),
+            _ => name,
+        },
     }
 }
 
@@ -196,23 +188,27 @@ fn set(
     column: &str,
     value: &str,
     separator: Separator,
-) -> Result<(), &'static str> {
+) -> Result<(), ExpectedValue> {
+    let is_true = || boolean(value).ok_or(ExpectedValue("true or false"));
     match column {
-        "name" if value.is_empty() => return Err("the name of a material"),
+        "name" if value.is_empty() => return Err(ExpectedValue("the name of a material")),
         "name" => material.name = printable(value),
         _ if value.is_empty() => {}
         "reflectance" => {
             let reflectance = separator.number(value.as_bytes(), std::iter::empty());
             let reflectance = reflectance.filter(|r| (0.0..=1.0).contains(r));
-            material.reflectance = Some(reflectance.ok_or("a reflectance from 0 to 1")?);
+            material.reflectance = Some(reflectance.ok_or(ExpectedValue("a reflectance from 0 to 1"))?);
         }
-        "class" => material.classification = value.parse::<u8>().map_err(|_| "a class from 0 to 255")?.into(),
-        "ground" => material.is_ground = boolean(value).ok_or("true or false")?,
-        "leaf" => material.leaf = Some(boolean(value).ok_or("true or false")?),
+        "class" => {
+            let class = value.parse::<u8>().map_err(|_| ExpectedValue("a class from 0 to 255"))?;
+            material.classification = class.into();
+        }
+        "ground" => material.is_ground = is_true()?,
+        "leaf" => material.leaf = Some(is_true()?),
         "spectrum" => material.spectrum = Some(value.to_owned()),
         key => {
             let number = separator.number(value.as_bytes(), std::iter::empty());
-            return set_optics(&mut material.optics, key.as_bytes(), number).map_or(Ok(()), Err);
+            return set_optics(&mut material.optics, key.as_bytes(), number);
         }
     }
     Ok(())
