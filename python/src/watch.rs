@@ -2,9 +2,12 @@
 
 use flume::RecvTimeoutError;
 use pyo3::prelude::*;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::thread::Builder;
 use std::time::Duration;
+use vlscan::base::damage::panic_text;
 use vlscan::{Error, Settings, Stop};
 
 /// Time between two checks of signals and reports of progress.
@@ -70,7 +73,7 @@ pub fn interruptible<T: Send + 'static>(
 }
 
 /// Calls `work` on another thread, and `check` from time to time until it is done. An error of `check` ends
-/// the work.
+/// the work. A panic of the work is an [`Error::Internal`] with its text.
 pub fn watched<T: Send + 'static>(
     py: Python<'_>,
     interruption: &Interruption,
@@ -78,12 +81,21 @@ pub fn watched<T: Send + 'static>(
     mut check: impl FnMut() -> PyResult<()>,
 ) -> PyResult<vlscan::Result<T>> {
     let (done, result) = flume::bounded(1);
-    std::thread::spawn(move || done.send(work()));
+    let run = move || {
+        let outcome = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+            Err(Error::Internal(format!("a thread of the run panicked: {}", panic_text(&*panic))))
+        });
+        // Fails if the call has been given up.
+        let _ = done.send(outcome);
+    };
+    if let Err(source) = Builder::new().name("run".to_owned()).spawn(run) {
+        return Ok(Err(Error::io("start the thread", "run", source)));
+    }
     loop {
         match py.detach(|| result.recv_timeout(POLL_INTERVAL)) {
             Ok(found) => return Ok(found),
             Err(RecvTimeoutError::Disconnected) => {
-                return Ok(Err(Error::Internal("a thread of the run has failed".to_owned())));
+                return Ok(Err(Error::Internal("a thread of the run has ended early".to_owned())));
             }
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(failure) = check() {

@@ -182,6 +182,9 @@ pub(super) enum GeometryError {
         /// Its attribute `lon`.
         longitude: Option<String>,
     },
+    /// A point of a track with a height that is not a number.
+    #[error("a point of a track with the height `{0}`, expected metres")]
+    TrackHeight(String),
     /// A polygon of KML without its outer ring.
     #[error("a Polygon without outerBoundaryIs")]
     NoOuterRing,
@@ -327,8 +330,12 @@ fn track(node: roxmltree::Node, name: &str) -> Result<Line, GeometryError> {
                 longitude: point.attribute("lon").map(str::to_owned),
             })?;
         let height = point.children().find(|child| child.tag_name().name() == "ele");
-        let height = height.and_then(|ele| ele.text()).and_then(|text| text.trim().parse().ok());
-        Ok(vec![longitude, latitude, height.unwrap_or(0.0)])
+        let height = height.and_then(|ele| ele.text()).map_or("", str::trim);
+        let height = match height.is_empty() {
+            true => 0.0,
+            false => height.parse::<f64>().map_err(|_| GeometryError::TrackHeight(height.to_owned()))?,
+        };
+        Ok(vec![longitude, latitude, height])
     }))
 }
 
@@ -566,6 +573,10 @@ mod tests {
             ("<kml><LineString><coordinates>1, 2</coordinates></LineString></kml>", "`1,`"),
             ("<kml>", "no KML or GPX"),
             ("<gpx><trk><trkseg><trkpt lat=\"49\"/></trkseg></trk></gpx>", "lon None"),
+            (
+                "<gpx><trk><trkseg><trkpt lat=\"49\" lon=\"8\"><ele>1,5</ele></trkpt></trkseg></trk></gpx>",
+                "with the height `1,5`, expected metres",
+            ),
             ("id,wkt\n1,POLYGON ((0 0, 1 1))", "expected GeoJSON"),
             ("POLYGON ((0 0, 1 1)", "expected GeoJSON"),
             ("POLYGON (0 0, 1 1)", "expected (x y"),
