@@ -1,6 +1,6 @@
 //! Material libraries (spec input-formats §4.2).
 
-use super::mtl_optics::Optics;
+use super::mtl_optics::{ExpectedValue, Optics, set_optics};
 use super::mtl_texture;
 use super::number::{float, skip_blanks};
 use super::text::{Line, Lines, Problems, Source, Words, operand, printable, shown};
@@ -8,12 +8,9 @@ use std::ops::Range;
 use std::path::Path;
 use vlscan_base::columns::{comma_note, decoded};
 use vlscan_base::diag::{Diagnostics, nearest};
-use vlscan_base::quantity::{
-    Bounds, CLASSES, MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, RETRO, SECCHI_DEPTH,
-    WATER_ATTENUATION, WATER_BACKSCATTER, WIND_DIRECTION, WIND_SPEED,
-};
+use vlscan_base::quantity::CLASSES;
 use vlscan_base::recognise::Expected;
-use vlscan_survey::{MaterialDefinition, OpticsDefinition, WaterDefinition};
+use vlscan_survey::MaterialDefinition;
 
 /// Reads the materials of a single file.
 ///
@@ -56,21 +53,8 @@ fn statement(
     let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
     let values: Vec<(&[u8], Range<usize>)> = words.collect();
     if keyword == b"newmtl" {
-        let name_at = operand(&line.text, at.end);
-        if name_at.is_empty() {
-            problems.warn(line.number, in_file(at), || {
-                "newmtl without a name: no face can use this material".to_owned()
-            });
-        }
-        let name = name_of(&line.text[name_at.clone()]);
-        if let Some(first) = definitions.iter().find(|d| d.name == name) {
-            let first = first.place.as_ref().map_or(0, |place| place.line);
-            let message = format!("material \"{name}\" is already defined in line {first}, which is used");
-            problems.warn(line.number, in_file(name_at.clone()), || message);
-        }
-        let place = Some(source.place(line.number, in_file(0..line.text.len())));
         std::mem::take(optics).finish(definitions.last_mut());
-        return definitions.push(MaterialDefinition { place, ..MaterialDefinition::new(name) });
+        return begin(source, line, at, definitions, problems);
     }
     let whole_line = || source.place(line.number, in_file(at.start..line.text.len()));
     if optics.read(keyword, &line.text[operand(&line.text, at.end)], whole_line) {
@@ -116,18 +100,54 @@ fn statement(
         return problems.warn(line.number, in_file(at), || message);
     }
     if let Err(expected) = is_set {
-        let found = values.first().map_or("nothing".to_owned(), |(w, _)| format!("\"{}\"", shown(w)));
-        let marked = values.first().map_or(at, |(_, at)| at.clone());
-        if matches!(values.first(), Some((b"spectral" | b"xyz", _))) {
-            let message = "colours by spectral curves or CIE XYZ are not read; the line is ignored";
-            return problems.warn(line.number, in_file(marked), || message.to_owned());
-        }
-        let hint =
-            values.iter().find_map(|(word, _)| Some(comma_note(&shown(word))).filter(|h| !h.is_empty()));
-        problems.error(line.number, in_file(marked), || {
-            format!("{expected} after {}, found {found}{}", shown(keyword), hint.unwrap_or_default())
+        report_value(line, (keyword, at), &values, expected, problems);
+    }
+}
+
+/// Begins the material that a line `newmtl` names; `at` is the keyword.
+fn begin(
+    source: &Source,
+    line: &Line,
+    at: Range<usize>,
+    definitions: &mut Vec<MaterialDefinition>,
+    problems: &mut Problems,
+) {
+    let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
+    let name_at = operand(&line.text, at.end);
+    if name_at.is_empty() {
+        problems.warn(line.number, in_file(at), || {
+            "newmtl without a name: no face can use this material".to_owned()
         });
     }
+    let name = name_of(&line.text[name_at.clone()]);
+    if let Some(first) = definitions.iter().find(|d| d.name == name) {
+        let first = first.place.as_ref().map_or(0, |place| place.line);
+        let message = format!("material \"{name}\" is already defined in line {first}, which is used");
+        problems.warn(line.number, in_file(name_at), || message);
+    }
+    let place = Some(source.place(line.number, in_file(0..line.text.len())));
+    definitions.push(MaterialDefinition { place, ..MaterialDefinition::new(name) });
+}
+
+/// Reports values that a keyword cannot have.
+fn report_value(
+    line: &Line,
+    (keyword, at): (&[u8], Range<usize>),
+    values: &[(&[u8], Range<usize>)],
+    expected: ExpectedValue,
+    problems: &mut Problems,
+) {
+    let found = values.first().map_or("nothing".to_owned(), |(w, _)| format!("\"{}\"", shown(w)));
+    let marked = values.first().map_or(at, |(_, at)| at.clone());
+    let marked = line.start + marked.start..line.start + marked.end;
+    if matches!(values.first(), Some((b"spectral" | b"xyz", _))) {
+        let message = "colours by spectral curves or CIE XYZ are not read; the line is ignored";
+        return problems.warn(line.number, marked, || message.to_owned());
+    }
+    let hint = values.iter().find_map(|(word, _)| Some(comma_note(&shown(word))).filter(|h| !h.is_empty()));
+    problems.error(line.number, marked, || {
+        format!("{expected} after {}, found {found}{}", shown(keyword), hint.unwrap_or_default())
+    });
 }
 
 /// Keywords that matter.
@@ -156,23 +176,6 @@ const KNOWN: [&str; 24] = [
     "helios_spectra",
     "helios_classification",
     "helios_isGround",
-];
-/// Keys of optical properties, without the prefix `vlscan_`.
-pub(super) const OPTICAL_KEYS: [&str; 14] = [
-    "mirror",
-    "pane_index",
-    "pane_thickness_m",
-    "pane_absorption",
-    "pane_sheets",
-    "retro",
-    "water_index",
-    "water_group_index",
-    "water_attenuation",
-    "water_secchi_m",
-    "water_beam_attenuation",
-    "water_backscatter",
-    "water_wind_m_s",
-    "water_wind_deg",
 ];
 /// Prefixes of keywords that only laser scanners have.
 const OWN_PREFIXES: [&str; 2] = ["helios_", "vlscan_"];
@@ -216,51 +219,6 @@ fn warn_of_rest(line: &Line, keyword: &[u8], values: &[(&[u8], Range<usize>)], p
         };
         format!("\"{rest}\" after {} {value} is ignored{hint}", shown(keyword))
     });
-}
-
-/// The values that a property may have, as the error of one that it cannot have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected {0}")]
-pub(super) struct ExpectedValue(pub &'static str);
-
-/// Sets an optical property by its key without the prefix.
-///
-/// # Errors
-/// A `value` that the property cannot have, or none.
-pub(super) fn set_optics(
-    optics: &mut OpticsDefinition,
-    key: &[u8],
-    value: Option<f64>,
-) -> Result<(), ExpectedValue> {
-    let (bounds, slot) = match key {
-        b"mirror" => (MIRROR, &mut optics.mirror),
-        b"pane_index" => (PANE_INDEX, &mut optics.index),
-        b"pane_thickness_m" => (PANE_THICKNESS, &mut optics.thickness),
-        b"pane_absorption" => (PANE_ABSORPTION, &mut optics.absorption),
-        b"pane_sheets" => {
-            let sheets = value.filter(|v| PANE_SHEETS.contains(*v) && v.fract() == 0.0);
-            optics.sheets = sheets.map(|sheets| sheets as u32);
-            return optics.sheets.map(|_| ()).ok_or(ExpectedValue(PANE_SHEETS.expected));
-        }
-        b"retro" => (RETRO, &mut optics.retro),
-        key => water_property(&mut optics.water, key),
-    };
-    *slot = value.filter(|v| bounds.contains(*v));
-    slot.map(|_| ()).ok_or(ExpectedValue(bounds.expected))
-}
-
-/// A property of water by its key without the prefix.
-fn water_property<'a>(water: &'a mut WaterDefinition, key: &[u8]) -> (Bounds, &'a mut Option<f64>) {
-    match key {
-        b"water_index" => (PANE_INDEX, &mut water.index),
-        b"water_group_index" => (PANE_INDEX, &mut water.group_index),
-        b"water_attenuation" => (WATER_ATTENUATION, &mut water.attenuation),
-        b"water_secchi_m" => (SECCHI_DEPTH, &mut water.secchi),
-        b"water_beam_attenuation" => (WATER_ATTENUATION, &mut water.beam_attenuation),
-        b"water_backscatter" => (WATER_BACKSCATTER, &mut water.backscatter),
-        b"water_wind_m_s" => (WIND_SPEED, &mut water.wind),
-        _ => (WIND_DIRECTION, &mut water.wind_direction),
-    }
 }
 
 fn set(
@@ -336,7 +294,9 @@ pub(super) fn name_of(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mtl_optics::OPTICAL_KEYS;
     use vlscan_base::diag::Severity;
+    use vlscan_survey::OpticsDefinition;
 
     fn read_text(text: &[u8]) -> (Vec<MaterialDefinition>, Diagnostics) {
         let mut d = Diagnostics::default();

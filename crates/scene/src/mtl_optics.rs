@@ -1,12 +1,33 @@
-//! Keywords of material files that mean transparency or mirror reflection, which only the refined physics
-//! simulates.
+//! Optical properties of materials by their keys, and keywords of other programs that mean transparency or
+//! mirror reflection, which only the refined physics simulates.
 
 use super::number::float;
 use super::optics::GLASS_INDEX;
 use super::text::shown;
 use vlscan_base::diag::Place;
-use vlscan_base::quantity::PANE_INDEX;
-use vlscan_survey::{MaterialDefinition, OpticsDefinition, UnusedOptics};
+use vlscan_base::quantity::{
+    Bounds, MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, RETRO, SECCHI_DEPTH,
+    WATER_ATTENUATION, WATER_BACKSCATTER, WIND_DIRECTION, WIND_SPEED,
+};
+use vlscan_survey::{MaterialDefinition, OpticsDefinition, UnusedOptics, WaterDefinition};
+
+/// Keys of optical properties, without the prefix `vlscan_`.
+pub(super) const OPTICAL_KEYS: [&str; 14] = [
+    "mirror",
+    "pane_index",
+    "pane_thickness_m",
+    "pane_absorption",
+    "pane_sheets",
+    "retro",
+    "water_index",
+    "water_group_index",
+    "water_attenuation",
+    "water_secchi_m",
+    "water_beam_attenuation",
+    "water_backscatter",
+    "water_wind_m_s",
+    "water_wind_deg",
+];
 
 /// The illumination models without transparency and mirrors; those above are glass and mirrors.
 const OPAQUE_MODELS: std::ops::RangeInclusive<f64> = 0.0..=3.0;
@@ -15,6 +36,51 @@ const GLASS_MODELS: [f64; 4] = [4.0, 6.0, 7.0, 9.0];
 /// Illumination models of mirrors, with and without ray tracing.
 const MIRROR_MODEL: f64 = 5.0;
 const DARK_MIRROR_MODEL: f64 = 8.0;
+
+/// The values that a property may have, as the error of one that it cannot have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected {0}")]
+pub(super) struct ExpectedValue(pub &'static str);
+
+/// Sets an optical property by its key without the prefix.
+///
+/// # Errors
+/// A `value` that the property cannot have, or none.
+pub(super) fn set_optics(
+    optics: &mut OpticsDefinition,
+    key: &[u8],
+    value: Option<f64>,
+) -> Result<(), ExpectedValue> {
+    let (bounds, slot) = match key {
+        b"mirror" => (MIRROR, &mut optics.mirror),
+        b"pane_index" => (PANE_INDEX, &mut optics.index),
+        b"pane_thickness_m" => (PANE_THICKNESS, &mut optics.thickness),
+        b"pane_absorption" => (PANE_ABSORPTION, &mut optics.absorption),
+        b"pane_sheets" => {
+            let sheets = value.filter(|v| PANE_SHEETS.contains(*v) && v.fract() == 0.0);
+            optics.sheets = sheets.map(|sheets| sheets as u32);
+            return optics.sheets.map(|_| ()).ok_or(ExpectedValue(PANE_SHEETS.expected));
+        }
+        b"retro" => (RETRO, &mut optics.retro),
+        key => water_property(&mut optics.water, key),
+    };
+    *slot = value.filter(|v| bounds.contains(*v));
+    slot.map(|_| ()).ok_or(ExpectedValue(bounds.expected))
+}
+
+/// A property of water by its key without the prefix.
+fn water_property<'a>(water: &'a mut WaterDefinition, key: &[u8]) -> (Bounds, &'a mut Option<f64>) {
+    match key {
+        b"water_index" => (PANE_INDEX, &mut water.index),
+        b"water_group_index" => (PANE_INDEX, &mut water.group_index),
+        b"water_attenuation" => (WATER_ATTENUATION, &mut water.attenuation),
+        b"water_secchi_m" => (SECCHI_DEPTH, &mut water.secchi),
+        b"water_beam_attenuation" => (WATER_ATTENUATION, &mut water.beam_attenuation),
+        b"water_backscatter" => (WATER_BACKSCATTER, &mut water.backscatter),
+        b"water_wind_m_s" => (WIND_SPEED, &mut water.wind),
+        _ => (WIND_DIRECTION, &mut water.wind_direction),
+    }
+}
 
 /// Transparency of one material as its file states it.
 #[derive(Default)]

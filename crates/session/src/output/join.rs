@@ -195,31 +195,7 @@ pub fn join(
     force: bool,
     mut progress: impl FnMut(u64) -> bool,
 ) -> Result<FileSummary> {
-    let mut head: Option<(Vec<u8>, Vec<u8>)> = None;
-    for Segment { path, records, .. } in segments {
-        let segment = OpenSegment::open(path)?;
-        if segment.records() != *records {
-            return Err(Error::input(format!(
-                "{} holds {} points instead of {records}: if points do not fit the format and are left out, \
-                 merge without --segment",
-                path.display(),
-                segment.records()
-            )));
-        }
-        match &mut head {
-            None => head = Some((segment.head.clone(), segment.common())),
-            Some((sum, common)) if *common == segment.common() => add(sum, &segment.head),
-            Some(_) => {
-                let message = format!(
-                    "{} and {} belong to different merges",
-                    segments[0].path.display(),
-                    path.display()
-                );
-                return Err(Error::input(message));
-            }
-        }
-    }
-    let Some((head, _)) = head else { return Err(Error::Internal("no segments".to_owned())) };
+    let head = joined_head(segments)?;
     let mut file = FileWriter::create(out, force, Patched::Always)?;
     file.append(&head)?;
     let mut bytes = head.len() as u64;
@@ -246,16 +222,7 @@ pub fn join(
         }
     }
     if let Some(laszip) = laszip {
-        let mut encoded = Vec::new();
-        let written = table.write_to(&mut encoded, &laszip);
-        written.map_err(|e| Error::Internal(format!("LAZ: {e}")))?;
-        file.append(&encoded)?;
-        let patched = file
-            .seek(SeekFrom::Start(head.len() as u64))
-            .and_then(|_| file.write_all(&bytes.to_le_bytes()))
-            .and_then(|()| file.seek(SeekFrom::End(0)));
-        patched.map_err(|e| file.failed("write", e))?;
-        bytes += encoded.len() as u64;
+        bytes += append_table(&mut file, &table, &laszip, (head.len() as u64, bytes))?;
     }
     let path = file.finish()?;
     let corner = |first: usize| DVec3::from([0, 1, 2].map(|axis| double(&head, first + 16 * axis)));
@@ -270,6 +237,54 @@ pub fn join(
         by_return: std::array::from_fn(|i| long(&head, RETURNS_AT + 8 * i)),
         left_out: 0,
     })
+}
+
+/// The header of the joined file, whose counts and bounds are those of all segments.
+fn joined_head(segments: &[Segment]) -> Result<Vec<u8>> {
+    let mut head: Option<(Vec<u8>, Vec<u8>)> = None;
+    for Segment { path, records, .. } in segments {
+        let segment = OpenSegment::open(path)?;
+        if segment.records() != *records {
+            return Err(Error::input(format!(
+                "{} holds {} points instead of {records}: if points do not fit the format and are left out, \
+                 merge without --segment",
+                path.display(),
+                segment.records()
+            )));
+        }
+        match &mut head {
+            None => head = Some((segment.head.clone(), segment.common())),
+            Some((sum, common)) if *common == segment.common() => add(sum, &segment.head),
+            Some(_) => {
+                let message = format!(
+                    "{} and {} belong to different merges",
+                    segments[0].path.display(),
+                    path.display()
+                );
+                return Err(Error::input(message));
+            }
+        }
+    }
+    head.map(|(head, _)| head).ok_or_else(|| Error::Internal("no segments".to_owned()))
+}
+
+/// Appends the sizes of all chunks at the end of the file, whose length is `at`, and stores `at` behind the
+/// header. Returns the number of bytes.
+fn append_table(
+    file: &mut FileWriter,
+    table: &ChunkTable,
+    laszip: &LazVlr,
+    (head, at): (u64, u64),
+) -> Result<u64> {
+    let mut encoded = Vec::new();
+    table.write_to(&mut encoded, laszip).map_err(|e| Error::Internal(format!("LAZ: {e}")))?;
+    file.append(&encoded)?;
+    let patched = file
+        .seek(SeekFrom::Start(head))
+        .and_then(|_| file.write_all(&at.to_le_bytes()))
+        .and_then(|()| file.seek(SeekFrom::End(0)));
+    patched.map_err(|e| file.failed("write", e))?;
+    Ok(encoded.len() as u64)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Materials of glTF documents: their names, and as extras the properties that material files of OBJ have.
 
 use super::{GltfError, diffuse};
-use crate::mtl::{OPTICAL_KEYS, set_optics};
+use crate::mtl_optics::{OPTICAL_KEYS, set_optics};
 use crate::optics::GLASS_INDEX;
 use serde::Deserialize;
 use serde_json::Value;

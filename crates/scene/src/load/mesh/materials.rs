@@ -10,7 +10,7 @@
 //! loader, or is the file `materials.csv` next to a PLY, STL or glTF file.
 
 use super::diffuse;
-use crate::mtl::{ExpectedValue, set_optics};
+use crate::mtl_optics::{ExpectedValue, set_optics};
 use crate::text::printable;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
