@@ -6,7 +6,7 @@ use super::lanes::PACKET_SIZE;
 use super::traversal::{PacketTraversal, Visit};
 use crate::block::Block;
 use crate::frame::Frame;
-use crate::heights::{FieldBoxes, FieldView, HeightField, LEAF_VERTICES};
+use crate::heights::{BoxNode, FieldBoxes, FieldView, HeightField, LEAF_VERTICES};
 use crate::simd::Simd;
 use vlscan_geom::DVec3;
 
@@ -28,6 +28,15 @@ impl<S: Simd> PacketTraversal<'_, S> {
     #[inline(always)]
     pub(super) fn walk_fields(&mut self, boxes: &FieldBoxes, frame: &Frame, pulses: u32) {
         let Some(root) = boxes.root() else { return };
+        let simd = self.simd;
+        simd.outlined(
+            #[inline(always)]
+            || self.walk_boxes(boxes, root, frame, pulses),
+        );
+    }
+
+    #[inline(always)]
+    fn walk_boxes(&mut self, boxes: &FieldBoxes, root: BoxNode, frame: &Frame, pulses: u32) {
         self.stacks.boxes[0] = Visit::root(root, pulses);
         let mut height = 1;
         while let Some(visit) = self.pop_visit(|stacks| &stacks.boxes, &mut height) {

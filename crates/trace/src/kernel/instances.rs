@@ -162,6 +162,22 @@ impl<S: Simd> PacketTraversal<'_, S> {
         origins: &OriginLanes,
         scratch: &mut PacketScratch,
     ) -> bool {
+        let simd = self.simd;
+        simd.outlined(
+            #[inline(always)]
+            || self.walk_in_model(tree, instance, pulses, origins, scratch),
+        )
+    }
+
+    #[inline(always)]
+    fn walk_in_model(
+        &mut self,
+        tree: &InstanceTree,
+        instance: &Instance,
+        pulses: u32,
+        origins: &OriginLanes,
+        scratch: &mut PacketScratch,
+    ) -> bool {
         let Some(way) = tree.instances.world_to_instance(instance) else { return false };
         let model = &tree.models[instance.model as usize];
         let Some(frustum) = self.frustum.in_model(&model.frame, &way, origins, pulses) else { return false };

@@ -46,9 +46,17 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
 
     #[inline(always)]
     pub(super) fn flush_candidates(&mut self) {
-        if self.blocks.count == 0 {
-            return;
+        let simd = self.simd;
+        if self.blocks.count > 0 {
+            simd.outlined(
+                #[inline(always)]
+                || self.flush_pending(),
+            );
         }
+    }
+
+    #[inline(always)]
+    fn flush_pending(&mut self) {
         let touched = if self.offsets.is_empty() { self.flush_pulses() } else { self.flush_merged() };
         self.lower_limits(touched);
         self.blocks.count = 0;

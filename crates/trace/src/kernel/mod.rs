@@ -103,14 +103,25 @@ impl Tree {
         }
         let TraceScratch { packet, merged: (merged, merged_hits, places), .. } = scratch;
         if rays.rays() > RayGroup::MAX_MERGEABLE_RAYS {
-            dispatch!(level, simd => trace_packets(simd, self, geometry, rays, hits, packet));
+            trace_packets_on(level, self, geometry, rays, hits, packet);
             return;
         }
         merged.merge_pulses(rays, places);
         merged_hits.resize(merged.len() * merged.stride());
-        dispatch!(level, simd => trace_packets(simd, self, geometry, merged, merged_hits, packet));
+        trace_packets_on(level, self, geometry, merged, merged_hits, packet);
         hits.take_merged(merged_hits, places);
     }
+}
+
+fn trace_packets_on(
+    level: Level,
+    tree: &Tree,
+    geometry: &Geometry,
+    rays: &RayGroup,
+    hits: &mut Hits,
+    scratch: &mut PacketScratch,
+) {
+    dispatch!(level, simd => trace_packets(simd, tree, geometry, rays, hits, scratch));
 }
 
 #[inline(always)]

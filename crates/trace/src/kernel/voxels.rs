@@ -23,8 +23,12 @@ impl<S: Simd> PacketTraversal<'_, S> {
     /// Traverses the grids whose boxes the pulses hit.
     #[inline(always)]
     pub(super) fn walk_grids(&mut self, frame: &Frame) {
+        let simd = self.simd;
         while let Some((grid, pulses)) = self.grids.pop() {
-            self.walk_grid(&self.geometry.grids[grid], frame, pulses);
+            simd.outlined(
+                #[inline(always)]
+                || self.walk_grid(&self.geometry.grids[grid], frame, pulses),
+            );
         }
     }
 

@@ -21,9 +21,17 @@ impl<'a, S: Simd> PacketTraversal<'a, S> {
     /// Traverses the tree with the pulses in a mask, front to back.
     #[inline(always)]
     pub(super) fn walk(&mut self, tree: &'a Tree, pulses: u32) {
+        let simd = self.simd;
+        // One copy for the trees of scenes, instances and models.
         match &tree.nodes {
-            Nodes::Kd(nodes) => self.walk_kd(tree, nodes, pulses),
-            Nodes::Wide(nodes) => self.walk_wide(tree, nodes, pulses),
+            Nodes::Kd(nodes) => simd.outlined(
+                #[inline(always)]
+                || self.walk_kd(tree, nodes, pulses),
+            ),
+            Nodes::Wide(nodes) => simd.outlined(
+                #[inline(always)]
+                || self.walk_wide(tree, nodes, pulses),
+            ),
         }
         self.flush_candidates();
     }
