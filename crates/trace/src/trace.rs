@@ -10,6 +10,10 @@ use super::stack::{pop_within, push_children};
 use super::{Geometry, Hit, Hits, Tree};
 use vlscan_geom::DVec3;
 
+/// A choice among primitives by number. It is called through a pointer, so that each caller's choice does
+/// not make a copy of the traversal.
+pub(super) type Accept<'a> = &'a dyn Fn(u32) -> bool;
+
 impl Tree {
     /// First hit of the ray `origin + t·direction` among the primitives whose number `accept` accepts, with
     /// t > 0 in units of `direction`. Directions should be of about unit length; one shorter than 1e-100 hits
@@ -21,10 +25,20 @@ impl Tree {
         direction: DVec3,
         accept: impl Fn(u32) -> bool,
     ) -> Option<Hit> {
-        let best = self.nearest_primitive(geometry, origin, direction, &accept);
+        self.nearest_accepted(geometry, origin, direction, &accept)
+    }
+
+    fn nearest_accepted(
+        &self,
+        geometry: &Geometry,
+        origin: DVec3,
+        direction: DVec3,
+        accept: Accept,
+    ) -> Option<Hit> {
+        let best = self.nearest_primitive(geometry, origin, direction, accept);
         match &self.instances {
             Some(instances) if origin.is_finite() && direction.is_finite() => {
-                instances.nearest(origin, direction, best, &accept)
+                instances.nearest(origin, direction, best, accept)
             }
             _ => best,
         }
@@ -36,7 +50,7 @@ impl Tree {
         geometry: &Geometry,
         origin: DVec3,
         direction: DVec3,
-        accept: impl Fn(u32) -> bool,
+        accept: Accept,
     ) -> Option<Hit> {
         if !(origin.is_finite() && direction.is_finite()) {
             return None;

@@ -5,6 +5,7 @@ use super::frustum::Frustum;
 use super::index::InstanceTree;
 use super::instances::{Instance, WorldToInstance};
 use super::intersect::{MIN_DIRECTION, triangle};
+use super::trace::Accept;
 use super::{Hit, Hits, RayGroup};
 use vlscan_geom::DVec3;
 
@@ -74,13 +75,7 @@ impl InstanceTree {
     }
 
     /// Returns the nearer of `best` and the first hit among the instances' triangles that `accept` accepts.
-    pub fn nearest(
-        &self,
-        origin: DVec3,
-        direction: DVec3,
-        best: Option<Hit>,
-        accept: &impl Fn(u32) -> bool,
-    ) -> Option<Hit> {
+    pub fn nearest(&self, origin: DVec3, direction: DVec3, best: Option<Hit>, accept: Accept) -> Option<Hit> {
         let mut t = [best.map_or(f64::INFINITY, |b| b.t)];
         let mut id = [best.map_or(Hits::MISS, |b| b.primitive)];
         let axes = direction.to_array();
@@ -91,7 +86,7 @@ impl InstanceTree {
 
     /// Merges the hits of the instances into the hits of some rays. `local` is memory for directions in the
     /// frame of a model.
-    fn trace(&self, mut rays: Rays, accept: &impl Fn(u32) -> bool, local: &mut Vec<DVec3>) {
+    fn trace(&self, mut rays: Rays, accept: Accept, local: &mut Vec<DVec3>) {
         let directions = (0..rays.len()).map(|r| rays.direction(r));
         match Frustum::around(&self.top.frame, rays.origin, directions) {
             Some(frustum) => {
@@ -115,13 +110,7 @@ impl InstanceTree {
     }
 
     /// Merges the hits of one instance into the hits of some rays.
-    fn visit(
-        &self,
-        instance: &Instance,
-        rays: &mut Rays,
-        accept: &impl Fn(u32) -> bool,
-        local: &mut Vec<DVec3>,
-    ) {
+    fn visit(&self, instance: &Instance, rays: &mut Rays, accept: Accept, local: &mut Vec<DVec3>) {
         match self.instances.world_to_instance(instance) {
             Some(way) => self.walk_model(instance, &way, rays, accept, local),
             None => self.test_all(instance, rays, accept),
@@ -134,7 +123,7 @@ impl InstanceTree {
         instance: &Instance,
         way: &WorldToInstance,
         rays: &mut Rays,
-        accept: &impl Fn(u32) -> bool,
+        accept: Accept,
         local: &mut Vec<DVec3>,
     ) {
         let tree = &self.models[instance.model as usize];
@@ -162,14 +151,14 @@ impl InstanceTree {
     }
 
     /// Applies the exact test to all rays and all triangles of an instance.
-    fn test_all(&self, instance: &Instance, rays: &mut Rays, accept: &impl Fn(u32) -> bool) {
+    fn test_all(&self, instance: &Instance, rays: &mut Rays, accept: Accept) {
         let count = self.instances.model(instance).geometry.triangles.len() as u32;
         (0..count).for_each(|triangle| self.test(instance, triangle, rays, accept));
     }
 
     /// Applies the exact test to all rays and one triangle of an instance.
     #[inline]
-    fn test(&self, instance: &Instance, number: u32, rays: &mut Rays, accept: &impl Fn(u32) -> bool) {
+    fn test(&self, instance: &Instance, number: u32, rays: &mut Rays, accept: Accept) {
         let id = instance.first + number;
         if !accept(id) {
             return;

@@ -181,7 +181,7 @@ fn trace_packet<S: Simd>(
 fn trace_single_rays(tree: &Tree, geometry: &Geometry, rays: &RayGroup, pulse: usize, hits: &mut Hits) {
     for r in 0..rays.rays() {
         let (origin, direction) = (rays.origin_of(pulse, r), rays.direction(pulse, r));
-        if let Some(hit) = tree.nearest_primitive(geometry, origin, direction, |_| true) {
+        if let Some(hit) = tree.nearest_primitive(geometry, origin, direction, &|_| true) {
             let at = pulse * rays.stride() + r;
             (hits.t[at], hits.primitive[at]) = (hit.t, hit.primitive);
         }
