@@ -3,7 +3,7 @@
 use clap::Parser as _;
 use std::process::ExitCode;
 use vlscan_serve::config::{Cli, Command};
-use vlscan_serve::{confine, inspect, server, tasks, tokens, uploads};
+use vlscan_serve::{archives, confine, inspect, server, tasks, tokens};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -26,7 +26,7 @@ fn main() -> ExitCode {
             Err(error) => Err(error.to_string()),
         },
         Some(Command::Task(args)) => tasks::run(args).map_err(|e| e.to_string()),
-        Some(Command::Expand(args)) => uploads::expand(args).map_err(|e| e.to_string()),
+        Some(Command::Expand(args)) => archives::expand(args).map_err(|e| e.to_string()),
         Some(Command::Confine(args)) => confine::confine(args).map_err(|e| e.to_string()),
     };
     match done {
