@@ -10,8 +10,8 @@
 //! DATA/jobs/ID/tasks/        what an engine was given, and what came of it
 //! DATA/jobs/ID/view/         pictures of its results for pages
 //! DATA/jobs/ID/log           messages of vlscan
-//! DATA/incoming/…            uploads that are not complete
-//! DATA/lost/…                uploads and jobs that the database does not list
+//! DATA/incoming/…            uploads and other files that are not complete
+//! DATA/lost/…                uploads and jobs that the database does not list, files of others
 //! ```
 //!
 //! With a bucket, uploads and `out` are there only while they are used (`files`).
@@ -27,6 +27,7 @@ use crate::records::Kind;
 pub use crate::records::{FileKind, Job, ResultFile, Selection, Status, Upload, UploadFile, now, time_text};
 use crate::reservations::Reservations;
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -39,6 +40,8 @@ pub struct Store {
     pub(crate) fetches: Fetches,
     /// Owners whose jobs were taken, the last one at the end.
     pub(crate) served: Mutex<Vec<String>>,
+    /// Jobs that took too long for workers of quick jobs, and wait for another worker or have one.
+    pub(crate) slow: Mutex<BTreeSet<String>>,
     /// Uploads that are being received.
     pub(crate) receiving: Arc<Reservations>,
 }
@@ -52,6 +55,11 @@ impl Store {
     /// The folder of a job.
     pub fn job_folder(&self, folder: &str) -> PathBuf {
         self.root.join("jobs").join(folder)
+    }
+
+    /// The folder of files that are not complete.
+    pub(crate) fn incoming(&self) -> PathBuf {
+        self.root.join(INCOMING)
     }
 
     /// The folder of an upload's files.
@@ -418,6 +426,8 @@ pub enum Listed {
 /// Time of the computation of a job, ms; null for a job that waits. The time now is parameter 8.
 const DURATION: &str = "CASE status WHEN 'running' THEN ?8 - started ELSE finished - started END";
 
+/// The folder of files that are not complete, in that of the service.
+pub(crate) const INCOMING: &str = "incoming";
 /// Most uploads in a list.
 const MAX_UPLOADS: u32 = 10_000;
 /// Bytes that a row takes besides its texts.

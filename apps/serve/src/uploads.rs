@@ -108,7 +108,7 @@ pub async fn receive(
     limits: &ServeArgs,
     is_genuine: Option<&(dyn Fn(&str) -> bool + Sync)>,
 ) -> Result<Received, UploadError> {
-    let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
+    let folder = tempfile::tempdir_in(store.incoming())?;
     let mut received = Received::new(folder, owner, store);
     let mut room = Room {
         bytes: 0,
@@ -255,7 +255,7 @@ impl Received {
         name: &str,
         texts: &[(&'static str, String)],
     ) -> Result<Received, UploadError> {
-        let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
+        let folder = tempfile::tempdir_in(store.incoming())?;
         let mut received = Received::new(folder, owner, store);
         for (file, text) in texts {
             fs::write(received.folder.path().join(file), text)?;
@@ -285,7 +285,7 @@ impl Received {
         };
         // The folder that a browser sends a folder's files with is the upload itself.
         let mut root = self.folder.path().to_owned();
-        let work = tempfile::tempdir_in(store.root().join("incoming"))?;
+        let work = tempfile::tempdir_in(store.incoming())?;
         let only = self.files.first().filter(|_| self.files.len() == 1).map(|path| root.join(path));
         if let Some(archive) = only
             && is_archive(&archive)?

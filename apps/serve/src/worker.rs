@@ -10,18 +10,18 @@ use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
 use crate::execution::{End, Setting, bytes_in};
 use crate::files::Fetched;
-use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results, write_whole};
+use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results};
 use crate::messages::{MAX_LOG, progress_of};
 use crate::processes::Process;
 use crate::program::{MESSAGES, Program};
-use crate::queue::{Lane, Outcome};
+use crate::queue::{Lane, Outcome, Use};
 use crate::records::{ExpiryClock, Kind};
 use crate::request::Prepared;
 use crate::steps::Steps;
 use crate::store::{Job, Result, Status, Store, StoreError, now, remove_folder};
 use crate::tasks::{Submission, Tasks};
 use crate::tokens::{Owner, random_name};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
@@ -37,6 +37,11 @@ const RENEWAL: Duration = Duration::from_secs(1);
 const BUCKET: Duration = Duration::from_secs(5);
 /// Workers of jobs that answer requests, besides those of --workers.
 const QUICK_WORKERS: usize = 2;
+/// Time after which a quick job is given to the other workers, if quick jobs of other owners wait: requests
+/// are not answered by jobs that take longer.
+const MAX_QUICK: Duration = Duration::from_secs(30);
+/// The message of a job whose inputs are gone.
+const REMOVED: &str = "the files that it reads have been removed";
 /// A day, ms.
 const DAY: i64 = 86_400_000;
 /// Period of the search for jobs that are kept no longer.
@@ -47,6 +52,23 @@ const CLOCK: &str = "clock";
 const MAX_REPORT: u64 = 1 << 20;
 /// Lease owner of cancelled jobs still queued in an engine.
 const WITHDRAWAL: &str = "withdrawal";
+
+/// Turn of a job at a worker.
+struct Turn {
+    lane: Lane,
+    start: Instant,
+    /// True if other workers are to compute the job.
+    is_over: Cell<bool>,
+    /// Message of a limit of its owner that is exceeded.
+    exceeded: RefCell<Option<String>>,
+}
+
+impl Turn {
+    fn new(lane: Lane) -> Turn {
+        let (is_over, exceeded) = (Cell::new(false), RefCell::new(None));
+        Turn { lane, start: Instant::now(), is_over, exceeded }
+    }
+}
 
 /// State that all workers share.
 #[derive(Debug)]
@@ -134,7 +156,9 @@ impl Workshop {
                 checked = Some(Instant::now());
                 let time = clock.time(now(), Instant::now());
                 let done = self.remove_old(keep, time);
-                if let Err(error) = done.and_then(|()| write_whole(&path, clock.record().as_bytes())) {
+                if let Err(error) =
+                    done.and_then(|()| self.store.write_whole(&path, clock.record().as_bytes()))
+                {
                     eprintln!("vlscan serve: {error}");
                 }
             }
@@ -179,7 +203,7 @@ impl Workshop {
         let holder = random_name(8);
         while !self.is_ending() {
             match self.store.take_job(&holder, lane) {
-                Ok(Some(job)) => self.compute(&job, &holder),
+                Ok(Some(job)) => self.compute(&job, &holder, lane),
                 Ok(None) => self.wait(IDLE),
                 Err(error) => {
                     eprintln!("vlscan serve: {error}");
@@ -199,12 +223,25 @@ impl Workshop {
     }
 
     /// Computes a job and records what came of it.
-    fn compute(&self, job: &Job, holder: &str) {
-        let outcome = match self.try_compute(job, holder) {
+    fn compute(&self, job: &Job, holder: &str, lane: Lane) {
+        let turn = Turn::new(lane);
+        let outcome = match self.try_compute(job, holder, &turn) {
             Ok(Some(outcome)) => outcome,
             // The service ends: the job is released, not finished.
             Ok(None) if self.is_ending() => return,
+            Ok(None) if turn.is_over.get() => {
+                if let Err(error) = self.store.release_slow(&job.id, holder) {
+                    eprintln!("vlscan serve: job {}: {error}", job.id);
+                }
+                self.wake();
+                return;
+            }
             Ok(None) => Outcome::Failed(String::new()),
+            // Objects that somebody has removed do not come back.
+            Err(StoreError::Bucket(error)) if error.kind() == std::io::ErrorKind::NotFound => {
+                eprintln!("vlscan serve: job {}: the bucket of the service: {error}", job.id);
+                Outcome::Failed(REMOVED.to_owned())
+            }
             Err(StoreError::Bucket(error)) => {
                 eprintln!(
                     "vlscan serve: job {}: the bucket of the service: {error}; it is tried again",
@@ -237,7 +274,7 @@ impl Workshop {
     fn conclude(&self, job: &Job, holder: &str, outcome: &Outcome) {
         let report = |error: StoreError| eprintln!("vlscan serve: job {}: {error}", job.id);
         // Large folders are moved at once and removed after the lease.
-        let removed = self.store.root().join("incoming").join(random_name(8));
+        let removed = self.store.incoming().join(random_name(8));
         if self.store.renew(&job.id, holder, 0, "").unwrap_or(false) {
             self.tidy_folder(job, outcome, &removed).unwrap_or_else(report);
         }
@@ -277,7 +314,7 @@ impl Workshop {
     }
 
     /// Returns `None` if the job was given up.
-    fn try_compute(&self, job: &Job, holder: &str) -> Result<Option<Outcome>> {
+    fn try_compute(&self, job: &Job, holder: &str, turn: &Turn) -> Result<Option<Outcome>> {
         if let Some(same) = self.store.same_job(&job.owner, &job.fingerprint)? {
             // Another worker has computed it while this one waited.
             return Ok(Some(Outcome::Same(same.folder)));
@@ -294,9 +331,12 @@ impl Workshop {
         let files = match complete_results(&folder)? {
             Some(files) => files,
             None => {
+                if self.lacks_inputs(&prepared) {
+                    return Ok(Some(Outcome::Failed(REMOVED.to_owned())));
+                }
                 make(&self.store, &folder, &prepared)?;
                 let fetched = self.while_renewing(job, holder, || self.fetch(&prepared))?;
-                let end = self.compute_files(job, holder, &folder, &prepared)?;
+                let end = self.compute_files(job, holder, &folder, &prepared, turn)?;
                 drop(fetched);
                 // Cells that are complete have cost what they cost, whatever came of the campaign.
                 self.charge_cells(job, &folder)?;
@@ -311,7 +351,7 @@ impl Workshop {
                     Ok(files) => files,
                     Err(name) => return Ok(Some(Outcome::Failed(name.to_string()))),
                 };
-                record_complete(&folder, &files)?;
+                record_complete(&self.store, &folder, &files)?;
                 files
             }
         };
@@ -322,6 +362,16 @@ impl Workshop {
         let said =
             self.setting(&folder, &prepared).said(&[folder.join("log"), Tasks::of(&folder).last_log()]);
         Ok(Some(Outcome::Successful(files, said)))
+    }
+
+    /// True if uploads or results that a job reads have been removed, as between the check of a request and
+    /// its entry in the queue.
+    fn lacks_inputs(&self, prepared: &Prepared) -> bool {
+        let is_absent = |used: &Use| {
+            let (kind, id) = used.files();
+            !self.store.local(kind, id).is_dir()
+        };
+        !self.store.has_bucket() && prepared.uses.iter().any(is_absent)
     }
 
     /// Charges the owner of a campaign for the cells that are complete.
@@ -346,7 +396,14 @@ impl Workshop {
     }
 
     /// Computes the files of a job's results, if the quota of its owner allows it.
-    fn compute_files(&self, job: &Job, holder: &str, folder: &Path, prepared: &Prepared) -> Result<End> {
+    fn compute_files(
+        &self,
+        job: &Job,
+        holder: &str,
+        folder: &Path,
+        prepared: &Prepared,
+        turn: &Turn,
+    ) -> Result<End> {
         let process = Process::named(&job.process);
         let setting = self.setting(folder, prepared);
         let log = folder.join("log");
@@ -354,23 +411,22 @@ impl Workshop {
             End::Success => {}
             end => return Ok(end),
         }
-        let exceeded = RefCell::new(None);
-        let end = self.compute_steps(job, holder, setting, prepared, &exceeded)?;
-        Ok(match exceeded.into_inner() {
+        let end = self.compute_steps(job, holder, setting, prepared, turn)?;
+        Ok(match turn.exceeded.take() {
             Some(message) if end == End::GivenUp => End::Failure(message),
             _ => end,
         })
     }
 
-    /// Computes the files of a job's results. Returns [`End::GivenUp`], with a message in `exceeded`, if a
-    /// limit of the owner is exceeded.
+    /// Computes the files of a job's results. Returns [`End::GivenUp`] if a limit of the owner is exceeded,
+    /// or its turn is over.
     fn compute_steps(
         &self,
         job: &Job,
         holder: &str,
         setting: Setting,
         prepared: &Prepared,
-        exceeded: &RefCell<Option<String>>,
+        turn: &Turn,
     ) -> Result<End> {
         let process = Process::named(&job.process);
         let folder = setting.folder.clone();
@@ -381,17 +437,17 @@ impl Workshop {
         let Some(engine) = engine else {
             let stdout = prepared.stdout.as_ref().map(|name| folder.join("out").join(name));
             let goes_on = self.renewing(job, holder, || progress_of(&log));
-            let mut goes_on = self.within_limits(job, &folder, exceeded, goes_on);
+            let mut goes_on = self.within_limits(job, &folder, turn, goes_on);
             return steps.compute_last(&setting, &log, stdout.as_deref(), &mut goes_on);
         };
         let tasks = Tasks::of(&folder);
         let goes_on = self.renewing(job, holder, || tasks.progress(parts));
-        let mut goes_on = self.within_limits(job, &folder, exceeded, goes_on);
+        let mut goes_on = self.within_limits(job, &folder, turn, goes_on);
         let end = engine.compute(&job.id, &Submission { setting, steps }, &mut goes_on)?;
         drop(goes_on);
         let is_over = || {
             let is_dismissed = self.store.status(&job.id)? == Some(Status::Dismissed);
-            Ok::<_, StoreError>(is_dismissed || exceeded.borrow().is_some())
+            Ok::<_, StoreError>(is_dismissed || turn.exceeded.borrow().is_some())
         };
         if end == End::GivenUp && is_over()? && !engine.withdraw(&job.id, &folder)? {
             eprintln!("vlscan serve: job {}: it was cancelled, but the engine still has it", job.id);
@@ -399,12 +455,12 @@ impl Workshop {
         Ok(end)
     }
 
-    /// `goes_on` while the owner of a job is within the limits; else false, with a message in `exceeded`.
+    /// `goes_on` while the owner of a job is within the limits and its turn is not over.
     fn within_limits<'a>(
         &'a self,
         job: &'a Job,
         folder: &'a Path,
-        exceeded: &'a RefCell<Option<String>>,
+        turn: &'a Turn,
         mut goes_on: impl FnMut() -> Result<bool> + 'a,
     ) -> impl FnMut() -> Result<bool> + 'a {
         let mut next = Instant::now() + RENEWAL;
@@ -420,9 +476,16 @@ impl Workshop {
             // Folders of many files are looked into less often.
             next = Instant::now() + RENEWAL.max(20 * start.elapsed());
             let is_within = message.is_none();
-            *exceeded.borrow_mut() = message;
-            Ok(is_within)
+            *turn.exceeded.borrow_mut() = message;
+            turn.is_over.set(self.is_over(job, turn)?);
+            Ok(is_within && !turn.is_over.get())
         }
+    }
+
+    /// True if a job has had its turn at a worker of quick jobs, and those of other owners wait.
+    fn is_over(&self, job: &Job, turn: &Turn) -> Result<bool> {
+        let is_slow = turn.lane != Lane::Any && turn.start.elapsed() > MAX_QUICK;
+        Ok(is_slow && self.store.has_waiting_others(&job.owner, turn.lane)?)
     }
 
     /// The message of a job whose owner exceeds a limit while it is computed. Records its disk space, and the
@@ -604,7 +667,7 @@ impl Workshop {
     fn tidy_failed(&self) -> Result<()> {
         for id in self.store.ids(&[Status::Failed])? {
             let folder = self.store.job_folder(&id);
-            let removed = self.store.root().join("incoming").join(random_name(8));
+            let removed = self.store.incoming().join(random_name(8));
             if move_away(&folder, &UNUSED, &removed)? {
                 remove_folder(&removed)?;
                 self.store.set_disk(&id, bytes_in(&folder)?)?;

@@ -91,8 +91,13 @@ fn results_are_given_again_and_kept_while_a_job_names_them() {
     store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
     store.take_job("w", Lane::Any).unwrap();
     std::fs::create_dir_all(store.job_folder("a").join("out")).unwrap();
+    let points = store.job_folder("a").join("out/points.laz");
+    std::fs::write(&points, "7 bytes").unwrap();
     let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
     store.finish("a", "w", &Outcome::Successful(files.clone(), warned())).unwrap();
+    std::fs::rename(&points, points.with_extension("gone")).unwrap();
+    assert!(store.same_job("anna", "same").unwrap().is_none(), "its file is gone");
+    std::fs::rename(points.with_extension("gone"), &points).unwrap();
     let first = store.same_job("anna", "same").unwrap().unwrap();
     assert!(store.same_job("ben", "same").unwrap().is_none());
     store.add_job(&job("anna", "b"), &BTreeSet::new(), Some(&first), 0).unwrap();
@@ -105,6 +110,9 @@ fn results_are_given_again_and_kept_while_a_job_names_them() {
     assert!(store.job_folder("a").is_dir(), "the second job has its results there");
     store.dismiss("anna", "b", None).unwrap();
     assert!(!store.job_folder("a").exists());
+    // A request that was about to be answered with them.
+    store.add_job(&job("anna", "c"), &BTreeSet::new(), Some(&first), 9).unwrap();
+    assert_eq!(store.status("c").unwrap(), Some(Status::Accepted), "it is computed");
 }
 
 #[test]
