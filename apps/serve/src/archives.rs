@@ -4,6 +4,7 @@ use crate::beneath::{BLOCK, Beneath};
 use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
 use crate::execution::{End, Setting};
 use crate::names;
+use crate::terms::Terms;
 use crate::uploads::UploadError;
 use std::ffi::OsString;
 use std::fs;
@@ -63,6 +64,7 @@ impl<'a> Unpacking<'a> {
             max_time: EXPAND_SECONDS,
             // The archive and its files, which the process counts itself.
             max_disk: limits.max_upload.saturating_mul(2).saturating_add(folders.saturating_mul(BLOCK)),
+            terms: Terms::default(),
         };
         Ok(Unpacking { setting, work, max_files: limits.max_files, max_bytes: limits.max_upload })
     }

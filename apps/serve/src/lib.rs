@@ -20,7 +20,7 @@
 //! | `files`, `bucket`, `no_bucket` | where files of uploads and results are kept; `no_bucket` takes the place of `bucket` without the feature `s3` |
 //! | `worker` | threads that have jobs computed |
 //! | `job_folder`, `steps`, `execution` | the folder of a job, what is executed in it, and how |
-//! | `messages` | progress, warnings and errors of what is executed |
+//! | `messages`, `terms` | progress, warnings and errors of what is executed, in the terms of requests |
 //! | `engine`, `template`, `tasks` | jobs that an existing engine computes, and what its tasks do |
 //! | `view`, `scene_map` | pictures of results and of scenes, drawn when pages ask for them |
 //! | `confine`, `own_root`, `calls` | restrictions of the processes that compute |
@@ -79,6 +79,7 @@ pub mod store;
 pub mod submit;
 pub mod tasks;
 pub mod template;
+pub mod terms;
 pub mod tokens;
 pub mod uploads;
 pub mod view;

@@ -66,7 +66,8 @@ fn as_problem(response: Response) -> Response {
         return response;
     }
     let allowed = response.headers().get(header::ALLOW).cloned();
-    let methods = allowed.as_ref().and_then(|methods| methods.to_str().ok()).unwrap_or("other methods");
+    // The router may add the field later.
+    let methods = allowed.as_ref().and_then(|methods| methods.to_str().ok()).unwrap_or("those of `Allow`");
     let detail = match status {
         StatusCode::METHOD_NOT_ALLOWED => format!("the address has no such method; it has {methods}"),
         StatusCode::PAYLOAD_TOO_LARGE => "the request is larger than the service takes".to_owned(),

@@ -20,6 +20,7 @@ use crate::request::Prepared;
 use crate::steps::Steps;
 use crate::store::{Job, Result, Status, Store, StoreError, now, remove_folder};
 use crate::tasks::{Submission, Tasks};
+use crate::terms::Terms;
 use crate::tokens::{Owner, random_name};
 use std::cell::{Cell, RefCell};
 use std::ffi::OsString;
@@ -699,6 +700,7 @@ impl Workshop {
             within_inputs: prepared.within_inputs,
             max_time: self.limits.max_time,
             max_disk: self.limits.max_disk,
+            terms: Terms::of(&prepared.words),
         }
     }
 }
