@@ -147,7 +147,11 @@ impl Store {
                     std::fs::create_dir_all(&part)?;
                     let paths: Vec<String> =
                         self.listed(kind, id)?.into_iter().map(|file| file.path).collect();
-                    bucket.get(kind, id, &part, &paths).map_err(StoreError::Bucket)?;
+                    if let Err(error) = bucket.get(kind, id, &part, &paths) {
+                        // It is tried again, with a new folder.
+                        remove_folder(&part)?;
+                        return Err(StoreError::Bucket(error));
+                    }
                     folder.parent().map_or(Ok(()), std::fs::create_dir_all)?;
                     std::fs::rename(&part, &folder)?;
                 }

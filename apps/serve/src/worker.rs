@@ -41,8 +41,8 @@ const QUICK_WORKERS: usize = 2;
 /// Time after which a quick job is given to the other workers, if quick jobs of other owners wait: requests
 /// are not answered by jobs that take longer.
 const MAX_QUICK: Duration = Duration::from_secs(30);
-/// The message of a job whose inputs are gone.
-const REMOVED: &str = "the files that it reads have been removed";
+/// The message of a job whose files are gone.
+const REMOVED: &str = "files that it needs have been removed";
 /// A day, ms.
 const DAY: i64 = 86_400_000;
 /// Period of the search for jobs that are kept no longer.
@@ -238,8 +238,11 @@ impl Workshop {
                 return;
             }
             Ok(None) => Outcome::Failed(String::new()),
-            // Objects that somebody has removed do not come back.
-            Err(StoreError::Bucket(error)) if error.kind() == std::io::ErrorKind::NotFound => {
+            // Objects that somebody has removed do not come back, unless the whole bucket is away.
+            Err(StoreError::Bucket(error))
+                if error.kind() == std::io::ErrorKind::NotFound
+                    && self.store.kept.id().is_ok_and(|id| id.is_some()) =>
+            {
                 eprintln!("vlscan serve: job {}: the bucket of the service: {error}", job.id);
                 Outcome::Failed(REMOVED.to_owned())
             }

@@ -233,7 +233,8 @@ pub async fn events(
         if is_over {
             return None;
         }
-        while start.elapsed() < MAX_STREAM {
+        // Tokens may be revoked meanwhile.
+        while start.elapsed() < MAX_STREAM && app.tokens.admits(&identity.owner) {
             let job = find(&app, &identity, &id).await.ok()?;
             let info = status_info(&job).to_string();
             if info != last {
