@@ -166,6 +166,18 @@ fn an_address_that_others_reach_needs_tokens() {
     assert!(told.contains("--no-sandbox"), "{told}");
 }
 
+#[test]
+fn a_service_without_tokens_is_not_reached_through_a_proxy_by_accident() {
+    let through_proxy = |options: &[&str]| {
+        let service = Service::start(&[&["--workers", "0"], options].concat());
+        service.ask("GET", "/uploads", &[("X-Forwarded-For", "203.0.113.7")], b"")
+    };
+    let refused = through_proxy(&[]);
+    assert!(refused.status == 403 && refused.text().contains("no tokens"), "{}", refused.text());
+    assert_eq!(through_proxy(&["--host", "localhost"]).status, 403);
+    assert_eq!(through_proxy(&["--host", "scans.example.org", "--open"]).status, 200);
+}
+
 /// A file outside of the service, which no answer may contain.
 fn secret() -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
