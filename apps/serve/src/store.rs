@@ -227,6 +227,14 @@ impl Store {
         Ok(rows.collect::<rusqlite::Result<_>>()?)
     }
 
+    /// Time of the newest change of a job, if there are jobs.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn newest_update(&self) -> Result<Option<i64>> {
+        Ok(self.database().query_row("SELECT max(updated) FROM jobs", [], |row| row.get(0))?)
+    }
+
     /// Forgets jobs that were dismissed before a time. Quotas count the pulses of the last 24 hours, of
     /// dismissed jobs, too.
     ///

@@ -149,9 +149,7 @@ impl Workshop {
         let period = keep.map_or(EXPIRY, |keep| EXPIRY.min(Duration::from_millis(keep.unsigned_abs())));
         let mut checked: Option<Instant> = None;
         let path = self.store.root().join(CLOCK);
-        let recorded = fs::read_to_string(&path).ok();
-        let recorded = recorded.and_then(|record| ExpiryClock::recorded(&record, Instant::now()));
-        let mut clock = recorded.unwrap_or_else(|| ExpiryClock::new(now(), Instant::now()));
+        let mut clock = self.expiry_clock(&path);
         while !self.is_ending() {
             if checked.is_none_or(|checked| checked.elapsed() > period) {
                 checked = Some(Instant::now());
@@ -165,6 +163,21 @@ impl Workshop {
             }
             self.wait(IDLE);
         }
+    }
+
+    /// The clock by which jobs expire, as the file `path` records it. Without a record it begins with the
+    /// newest job: the clock of the system may be wrong from the start.
+    fn expiry_clock(&self, path: &Path) -> ExpiryClock {
+        let recorded = fs::read_to_string(path).ok();
+        if let Some(clock) = recorded.and_then(|record| ExpiryClock::recorded(&record, Instant::now())) {
+            return clock;
+        }
+        let newest = self.store.newest_update().unwrap_or_else(|error| {
+            eprintln!("vlscan serve: {error}");
+            None
+        });
+        let now = now();
+        ExpiryClock::new(newest.map_or(now, |newest| newest.min(now)), Instant::now())
     }
 
     /// Removes jobs that were finished longer than `keep` before `time`, ms.

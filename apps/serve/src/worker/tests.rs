@@ -116,6 +116,23 @@ fn a_job_without_its_inputs_fails_with_the_reason() {
 }
 
 #[test]
+fn a_clock_of_the_system_that_is_wrong_at_the_first_start_removes_nothing() {
+    let (_folder, workshop, _) = workshop();
+    let path = workshop.store.root().join(CLOCK);
+    let year = 365 * DAY;
+    workshop.store.database().execute("UPDATE jobs SET updated = updated - ?", [year]).unwrap();
+    let time = |wall: i64| workshop.expiry_clock(&path).time(wall, Instant::now());
+    assert!(time(now()) < now() - 364 * DAY, "the newest job was changed a year ago");
+    fs::write(&path, "damaged").unwrap();
+    assert!(time(now()) < now() - 364 * DAY);
+    fs::write(&path, "5 -\n").unwrap();
+    assert!(time(now()) < 60_000, "the clock of the service");
+    workshop.store.database().execute("DELETE FROM jobs", []).unwrap();
+    fs::remove_file(&path).unwrap();
+    assert!(time(now()) > now() - DAY, "there is nothing to remove");
+}
+
+#[test]
 fn a_quick_job_has_its_turn_while_others_wait() {
     let (_folder, workshop, _) = workshop();
     let store = &workshop.store;
