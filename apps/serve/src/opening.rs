@@ -147,6 +147,10 @@ impl Store {
                 }
             }
         }
+        // Earlier versions kept what finished jobs have read.
+        let unused =
+            "DELETE FROM uses WHERE job NOT IN (SELECT id FROM jobs WHERE status IN ('accepted', 'running'))";
+        self.database().execute(unused, [])?;
         self.remove_unused()?;
         Ok(lost)
     }

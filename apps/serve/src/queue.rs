@@ -15,6 +15,8 @@ use std::time::Duration;
 
 /// Most files of results that are looked for before they answer another request.
 const MAX_LOOKED: usize = 100;
+/// Bytes of the database for an upload or results that a job reads.
+const USE: u64 = 256;
 /// Time for which a job is held without a renewal.
 pub const LEASE: Duration = Duration::from_secs(10);
 
@@ -111,6 +113,9 @@ impl Store {
             Some(answer) if is_successful(&transaction, &answer.id)? => Some(answer),
             _ => None,
         };
+        // Finished jobs read nothing more.
+        let none = BTreeSet::new();
+        let uses = if answer.is_some() { &none } else { uses };
         if answer.is_none() {
             let waiting: usize = transaction
                 .prepare_cached(
@@ -128,7 +133,7 @@ impl Store {
             .prepare_cached(
                 "INSERT INTO jobs (id, owner, process, inputs, prepared, fingerprint, folder, status, progress, results, created, started,
                  finished, updated, message, warnings, texts) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?12, ?11, ?13,
-                 ?14, octet_length(?4) + octet_length(?5) + octet_length(?10) + octet_length(?13) + octet_length(?14))",
+                 ?14, octet_length(?4) + octet_length(?5) + octet_length(?10) + octet_length(?13) + octet_length(?14) + ?15)",
             )?
             .execute(params![
                 job.id,
@@ -145,6 +150,7 @@ impl Store {
                 done,
                 answer.map_or("", |answer| &answer.message),
                 answer.map_or("[]", |answer| &answer.warnings),
+                uses.len() as u64 * USE,
             ])?;
         for used in uses {
             let (kind, target) = match used {
@@ -306,7 +312,9 @@ impl Store {
             )?;
             update.execute(params![status.name(), message, results, bytes, now, id, holder, warnings])?
         };
-        if changed == 0 {
+        if changed > 0 {
+            self.database().execute("DELETE FROM uses WHERE job = ?", [id])?;
+        } else {
             // It was dismissed: only now may its folder go.
             self.database()
                 .execute("UPDATE jobs SET holder = NULL WHERE id = ? AND holder = ?", [id, holder])?;
@@ -325,8 +333,9 @@ impl Store {
              WHERE id = ?3 AND holder = ?4 AND status = 'running'",
             params![folder, now(), id, holder],
         )?;
-        if changed == 0 {
-            self.release(holder)?;
+        match changed {
+            0 => self.release(holder)?,
+            _ => drop(self.database().execute("DELETE FROM uses WHERE job = ?", [id])?),
         }
         self.remove_unused()?;
         Ok(changed > 0)

@@ -110,6 +110,16 @@ fn results_are_given_again_and_kept_while_a_job_names_them() {
     assert!(store.job_folder("a").is_dir(), "the second job has its results there");
     store.dismiss("anna", "b", None).unwrap();
     assert!(!store.job_folder("a").exists());
+    let uses = BTreeSet::from([Use::Upload { name: "forest".into(), id: "u".into() }]);
+    let rows =
+        || -> i64 { store.database().query_row("SELECT count(*) FROM uses", [], |row| row.get(0)).unwrap() };
+    store.add_job(&Job { fingerprint: "other".to_owned(), ..job("anna", "d") }, &uses, None, 9).unwrap();
+    assert!(rows() == 1 && store.stored_bytes("anna").unwrap() > 256);
+    store.take_job("w", Lane::Any).unwrap();
+    store.finish("d", "w", &Outcome::Successful(Vec::new(), Said::default())).unwrap();
+    let other = store.same_job("anna", "other").unwrap().unwrap();
+    store.add_job(&job("anna", "e"), &uses, Some(&other), 9).unwrap();
+    assert_eq!(rows(), 0, "finished jobs read nothing");
     // A request that was about to be answered with them.
     store.add_job(&job("anna", "c"), &BTreeSet::new(), Some(&first), 9).unwrap();
     assert_eq!(store.status("c").unwrap(), Some(Status::Accepted), "it is computed");
