@@ -26,6 +26,9 @@ const MAX_UPLOADS: (usize, usize) = (16, 4);
 /// Most pictures that are drawn at the same time.
 const MAX_PICTURES: (usize, usize) = (4, 1);
 
+/// Most requests that are checked at the same time.
+const MAX_REQUESTS: (usize, usize) = (16, 2);
+
 /// Why the service does not start.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
@@ -127,6 +130,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
         streams: Shares::new(MAX_STREAMS.0, MAX_STREAMS.1),
         uploads: Shares::new(MAX_UPLOADS.0, MAX_UPLOADS.1),
         pictures: Shares::new(MAX_PICTURES.0, MAX_PICTURES.1),
+        requests: Shares::new(MAX_REQUESTS.0, MAX_REQUESTS.1),
     });
     let done = runtime.block_on(listen(listener, app));
     workshop.end();

@@ -6,6 +6,7 @@ use super::results::answer;
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::store::{Job, Status};
+use crate::worker::Workshop;
 use axum::Extension;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
@@ -27,8 +28,14 @@ pub async fn execute(
 ) -> Result<Response, Failure> {
     let Request { process, inputs, outputs, prefers_job } = Request::parse(&id, &headers, &body)?;
     let owner = identity.owner.clone();
-    let job =
-        blocking(&app, move |workshop| workshop.submit_for(&owner, process, &inputs, Some(outputs))).await?;
+    let turn = app.turn_to_submit(&owner).await?;
+    // The turn ends with the check, not with the connection.
+    let submit = move |workshop: &Workshop| {
+        let job = workshop.submit_for(&owner, process, &inputs, Some(outputs));
+        drop(turn);
+        job
+    };
+    let job = blocking(&app, submit).await?;
     if prefers_job || !process.is_quick() {
         let mut response = created(&job);
         if prefers_job {
