@@ -95,7 +95,10 @@ fn replaced(text: &str, quote: &str) -> String {
         written.push_str(text.get(from..at).unwrap_or_default());
         let end = at + 2 + name.len();
         // `--height <M>`
-        let value = text[end..].strip_prefix(" <").and_then(|rest| rest.find('>'));
+        let value = text[end..].strip_prefix(" <").and_then(|rest| {
+            let length = rest.find(['>', ' '])?;
+            rest[length..].starts_with('>').then_some(length)
+        });
         from = end + value.map_or(0, |length| length + 3);
         if written.ends_with('\'') && text[from..].starts_with('\'') {
             written.pop();
@@ -134,6 +137,7 @@ mod tests {
             ("a--b.obj: 5 -- 7 --- é--x (--crs)", "a--b.obj: 5 -- 7 --- é--x (`crs`)"),
             ("a.laz exists already; overwrite it with --force", "a.laz exists already"),
             ("'--a <--b>'", "`a`"),
+            ("--a < 5, 7 > 5", "`a` < 5, 7 > 5"),
         ] {
             assert_eq!(Terms::Inputs.message(text), expected);
         }

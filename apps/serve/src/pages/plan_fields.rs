@@ -288,7 +288,7 @@ fn labels() -> impl Iterator<Item = (&'static str, &'static str)> {
     NUMBERS.iter().map(|number| (number.name, number.label)).chain(OTHERS)
 }
 
-/// The field whose option a message of `vlscan plan` names first.
+/// The field whose input a message of a plan names first.
 pub fn field_of_message(message: &str) -> Option<&'static str> {
     let named = |input: &str| labels().map(|(name, _)| name).find(|name| *name == input);
     let quoted = message.split('`').skip(1).step_by(2).find_map(named);
