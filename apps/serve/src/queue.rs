@@ -181,14 +181,15 @@ impl Store {
         Ok(found.filter(|job| self.has_results(job)))
     }
 
-    /// True if the files of a job's results are there, as far as they are in the folder of the service: files
-    /// that somebody has removed are computed again.
+    /// True if the list of a job's results can be read and their files are there, as far as they are in the
+    /// folder of the service: what is damaged, or somebody has removed, is computed again.
     fn has_results(&self, job: &Job) -> bool {
+        let Ok(files) = serde_json::from_str::<Vec<ResultFile>>(&job.results) else { return false };
         let folder = self.local(Kind::Results, &job.folder);
         let is_there = |file: &ResultFile| {
             folder.join(&file.path).symlink_metadata().is_ok_and(|about| about.len() == file.bytes)
         };
-        self.has_bucket() || job.result_files().iter().take(MAX_LOOKED).all(is_there)
+        self.has_bucket() || files.iter().take(MAX_LOOKED).all(is_there)
     }
 
     /// Takes a job for `holder`, one that waits or whose lease has run out: of the owner of whom the fewest

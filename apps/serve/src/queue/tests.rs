@@ -136,6 +136,7 @@ fn a_damaged_list_of_results_is_an_error_and_not_an_empty_list() {
     store.database().execute("UPDATE jobs SET results = '[{' WHERE id = 'a'", []).unwrap();
     let error = store.results_in("a").unwrap_err();
     assert!(matches!(error, StoreError::Record { .. }), "{error}");
+    assert!(store.same_job("anna", "same").unwrap().is_none(), "it answers no other request");
 }
 
 #[test]
