@@ -12,7 +12,7 @@ use crate::security;
 use crate::sessions::Sessions;
 use crate::shares::Shares;
 use crate::store::{Store, StoreError, make_private};
-use crate::tokens::{TokenError, Tokens, random_name};
+use crate::tokens::{TokenError, Tokens, hash, hex, random_name};
 use crate::worker::Workshop;
 use axum::Router;
 use std::env::VarError;
@@ -125,7 +125,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
         workshop: Arc::clone(&workshop),
         tokens,
         sessions: Sessions::of(&id),
-        secret: random_name(32),
+        secret: form_secret(&id),
         hosts: args.host.clone(),
         streams: Shares::new(MAX_STREAMS.0, MAX_STREAMS.1),
         uploads: Shares::new(MAX_UPLOADS.0, MAX_UPLOADS.1),
@@ -137,6 +137,12 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
     workers.into_iter().for_each(|worker| drop(worker.join()));
     drop(holds);
     Ok(done?)
+}
+
+/// The secret by which forms are recognised. It follows from the id of the service, so forms that are open
+/// outlive a restart.
+fn form_secret(id: &str) -> String {
+    if id.is_empty() { random_name(32) } else { hex(&hash(&format!("forms of {id}"))) }
 }
 
 /// True if a name leads to this machine only, whatever a proxy does.
