@@ -103,7 +103,7 @@ impl Engine {
         let mut asked: Option<Instant> = None;
         let mut lost = 0;
         // The most of what was seen.
-        let mut reached = [0, 0];
+        let mut reached = [0_u64; 2];
         loop {
             if let Some(outcome) = tasks.outcome()? {
                 return self.end(job, &tasks, number, outcome, goes_on);
@@ -132,10 +132,10 @@ impl Engine {
                 continue;
             }
             let progress = progress(&tasks, submission);
-            if (0..2).any(|at| progress[at] > reached[at]) {
+            if progress.iter().zip(&reached).any(|(now, before)| now > before) {
                 lost = 0;
             }
-            reached = [0, 1].map(|at| progress[at].max(reached[at]));
+            reached = [progress[0].max(reached[0]), progress[1].max(reached[1])];
             if lost >= MAX_SUBMISSIONS {
                 let message = format!(
                     "the engine has ended the job {lost} times without results; it may need more memory or time than it is given"

@@ -53,6 +53,7 @@ const OF_CLOUDS: [&str; 8] = [
     "classification",
     "gpstime",
 ];
+
 /// Why an upload is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum UploadError {
@@ -469,6 +470,7 @@ fn sync_folder(_: &Path) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
     #[test]
     fn the_only_folder_of_an_upload_is_the_upload_unless_files_are_named_by_it() {
         for (made, inner) in [("wood/a", "wood"), ("data/scenes/a", ""), ("wood/data/a", "wood"), ("a", "")] {
