@@ -1,5 +1,6 @@
 //! Leases, folders, limits of owners.
 
+use super::limits::MAX_QUICK;
 use super::*;
 use crate::files::Files;
 use crate::messages::Said;
