@@ -275,6 +275,21 @@ impl Store {
         Ok(query.query_row([owner, id], job_of).optional()?)
     }
 
+    /// The state of a job of an owner: the job without its inputs, what is executed, and results. Those who
+    /// wait for a job ask for its state again and again.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn job_state(&self, owner: &str, id: &str) -> Result<Option<Job>> {
+        let columns = [("inputs,", "'{}',"), ("prepared,", "'{}',"), ("results,", "'[]',")]
+            .iter()
+            .fold(COLUMNS.to_owned(), |columns, (column, empty)| columns.replace(column, empty));
+        let database = self.database();
+        let mut query =
+            database.prepare_cached(&format!("SELECT {columns} FROM jobs WHERE owner = ? AND id = ?"))?;
+        Ok(query.query_row([owner, id], job_of).optional()?)
+    }
+
     /// The newest jobs of an owner, of these states and processes if any are named, after the first `skip`.
     /// Lists have no long texts: neither what is executed nor warnings, long inputs and messages in part, and
     /// results only in lists of `Listed::Results`, unless they are very many.

@@ -1,6 +1,6 @@
 //! Execution of processes.
 
-use super::jobs::status_info;
+use super::jobs::{find_state, find_successful, status_info};
 use super::request::Request;
 use super::results::answer;
 use crate::answers::Failure;
@@ -47,13 +47,14 @@ pub async fn execute(
     let mut job = job;
     while !job.status.is_final() && start.elapsed() < MAX_WAIT {
         tokio::time::sleep(POLL).await;
-        let (owner, id) = (identity.owner.clone(), job.id.clone());
-        let found = blocking(&app, move |workshop| workshop.store.job(&owner, &id)).await?;
-        job = found.ok_or_else(|| Failure::no_job(&job.id))?;
+        job = find_state(&app, &identity, &job.id).await?;
     }
     match job.status {
         // Fields of the request are about its execution, not about a file.
-        Status::Successful => answer(&app, &job, &HeaderMap::new()).await,
+        Status::Successful => {
+            let job = find_successful(&app, &identity, &job.id).await?;
+            answer(&app, &job, &HeaderMap::new()).await
+        }
         Status::Failed => Err(Failure::new(StatusCode::UNPROCESSABLE_ENTITY, job.message)),
         Status::Dismissed => Err(Failure::new(StatusCode::GONE, "the job was dismissed")),
         Status::Accepted | Status::Running => Ok(created(&job)),

@@ -301,6 +301,22 @@ fn lists_have_the_start_of_long_messages() {
 }
 
 #[test]
+fn the_state_of_a_job_has_no_long_texts() {
+    let (_folder, store) = store();
+    let long = format!("{{\"shown\": \"{}\"}}", "x".repeat(100_000));
+    let waiting = Job { inputs: long.clone(), prepared: long, ..job("anna", "a") };
+    store.add_job(&waiting, &BTreeSet::new(), None, 9).unwrap();
+    store.take_job("w", Lane::Any).unwrap();
+    let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
+    store.finish("a", "w", &Outcome::Successful(files, warned())).unwrap();
+    let state = store.job_state("anna", "a").unwrap().unwrap();
+    assert_eq!((state.inputs.as_str(), state.prepared.as_str(), state.results.as_str()), ("{}", "{}", "[]"));
+    assert_eq!((state.status, state.message.as_str()), (Status::Successful, "warning: w"));
+    assert_eq!(state.problems(), warned().warnings);
+    assert!(store.job_state("ben", "a").unwrap().is_none());
+}
+
+#[test]
 fn quotas_count_what_has_started_within_a_day() {
     let (_folder, store) = store();
     for id in ["a", "b"] {
