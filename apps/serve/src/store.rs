@@ -204,6 +204,18 @@ impl Store {
         Ok(query.query_row(params![owner, BLOCK, ROW], |row| row.get(0))?)
     }
 
+    /// Bytes of the database that the jobs of an owner take.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn row_bytes(&self, owner: &str) -> Result<u64> {
+        let database = self.database();
+        let mut query = database.prepare_cached(
+            "SELECT coalesce(sum(texts + ?2), 0) FROM jobs WHERE owner = ?1 AND bytes >= 0",
+        )?;
+        Ok(query.query_row(params![owner, ROW], |row| row.get(0))?)
+    }
+
     /// Adds what was drawn for a job to what its owner takes on the disk.
     ///
     /// # Errors

@@ -241,12 +241,15 @@ fn dismissed_jobs_leave_nothing_but_their_state() {
         assert!(store.add_job(&job, &BTreeSet::new(), None, 999).unwrap());
     }
     assert!(store.stored_bytes("anna").unwrap() > 200 * 200_000, "rows count");
+    let rows = store.row_bytes("anna").unwrap();
+    assert!((200 * 200_000..200 * 202_000).contains(&rows), "{rows}");
     let listed = store.jobs(Listed::States, "anna", &[], &[], 0, 1000).unwrap();
     assert!(listed.len() == 200 && listed.iter().all(|job| job.inputs.len() + job.prepared.len() < 100));
     for number in 0..200 {
         assert!(store.dismiss("anna", &format!("j{number}"), None).unwrap());
     }
     assert_eq!(store.stored_bytes("anna").unwrap(), 200 * 1024, "rows that are left count");
+    assert_eq!(store.row_bytes("anna").unwrap(), 0);
     assert_eq!(store.job("anna", "j7").unwrap().unwrap().inputs, "{}");
     store.database().query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(())).unwrap();
     let bytes = std::fs::metadata(folder.path().join("service.db")).unwrap().len();
