@@ -309,3 +309,28 @@ impl Console {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::hint::black_box;
+    use vlscan_messages::ProblemClass;
+
+    #[test]
+    fn a_panic_that_is_caught_is_an_error_in_json() {
+        let log = tempfile::NamedTempFile::new().unwrap();
+        let json = Console::new(Verbosity::Normal).formatted(MessageFormat::Json, "run");
+        let console = Console { stderr: false, file: Some(Arc::new(log.reopen().unwrap())), ..json };
+        let hook = std::panic::take_hook();
+        crate::cli::report_panics(&console);
+        let caught = std::panic::catch_unwind(|| assert!(black_box(false), "the cause"));
+        std::panic::set_hook(hook);
+        assert!(caught.is_err());
+        let lines = std::fs::read_to_string(log.path()).unwrap();
+        let is_cause = |message: Message| {
+            matches!(message, Message::Error(error)
+                if error.problem == ProblemClass::Internal && error.message.contains("the cause"))
+        };
+        assert!(lines.lines().any(|line| is_cause(serde_json::from_str(line).unwrap())), "{lines}");
+    }
+}

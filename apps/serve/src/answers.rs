@@ -85,7 +85,7 @@ impl From<SubmitError> for Failure {
             }
             SubmitError::Request(_) => StatusCode::BAD_REQUEST,
             SubmitError::Full(_) => StatusCode::TOO_MANY_REQUESTS,
-            SubmitError::Stored(_) => StatusCode::FORBIDDEN,
+            SubmitError::Stored(_) | SubmitError::Rows(_) => StatusCode::FORBIDDEN,
         };
         Failure::new(status, error.to_string())
     }

@@ -41,12 +41,31 @@ pub struct App {
     pub uploads: Shares,
     /// Pictures that may be drawn.
     pub pictures: Shares,
+    /// Requests that may be checked.
+    pub requests: Shares,
 }
 
 /// Longest wait for the turn to draw a picture.
 const MAX_PICTURE_WAIT: Duration = Duration::from_secs(120);
 
+/// Longest wait for the turn to have a request checked.
+const MAX_REQUEST_WAIT: Duration = Duration::from_secs(60);
+
 impl App {
+    /// The turn of an owner to have a request checked, which may take seconds.
+    ///
+    /// # Errors
+    /// If it does not come.
+    pub async fn turn_to_submit(&self, owner: &str) -> Result<Share, Failure> {
+        let turn = self.requests.take(owner, MAX_REQUEST_WAIT).await;
+        turn.ok_or_else(|| {
+            Failure::new(
+                StatusCode::TOO_MANY_REQUESTS,
+                "too many requests at the same time; try again in a minute",
+            )
+        })
+    }
+
     /// The turn of an owner to draw a picture.
     ///
     /// # Errors

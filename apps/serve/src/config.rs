@@ -85,6 +85,9 @@ pub struct ExpandArgs {
     /// Number of files.
     #[arg(long, value_name = "N")]
     pub max_files: usize,
+    /// Only print the size that the directory of the archive states, as JSON.
+    #[arg(long)]
+    pub size: bool,
 }
 
 /// Options of the service.

@@ -4,6 +4,7 @@
 
 use crate::config::ServeArgs;
 use crate::execution::End;
+use crate::job_folder::campaign_pulses;
 use crate::program::own_program;
 use crate::store::Result;
 use crate::tasks::{Outcome, Submission, Tasks};
@@ -20,8 +21,9 @@ const LOOK: Duration = Duration::from_millis(200);
 const GRACE: Duration = Duration::from_secs(5);
 /// Longest wait for the end of a job that was cancelled.
 const MAX_WAIT: Duration = Duration::from_secs(60);
-/// Maximum number of submissions of a job whose tasks end without a result.
-const MAX_SUBMISSIONS: u32 = 20;
+/// Maximum number of submissions in a row of a job whose tasks end without a result and without progress:
+/// mostly they need more memory than they get.
+const MAX_SUBMISSIONS: u32 = 5;
 
 const OF_SUBMISSION: [&str; 7] = ["name", "tasks", "last", "folder", "command", "minutes", "megabytes"];
 
@@ -100,6 +102,8 @@ impl Engine {
         let mut unknown = Instant::now();
         let mut asked: Option<Instant> = None;
         let mut lost = 0;
+        // The most of what was seen.
+        let mut reached = [0_u64; 2];
         loop {
             if let Some(outcome) = tasks.outcome()? {
                 return self.end(job, &tasks, number, outcome, goes_on);
@@ -127,6 +131,11 @@ impl Engine {
             if tasks.outcome()?.is_some() {
                 continue;
             }
+            let progress = progress(&tasks, submission);
+            if progress.iter().zip(&reached).any(|(now, before)| now > before) {
+                lost = 0;
+            }
+            reached = [progress[0].max(reached[0]), progress[1].max(reached[1])];
             if lost >= MAX_SUBMISSIONS {
                 let message = format!(
                     "the engine has ended the job {lost} times without results; it may need more memory or time than it is given"
@@ -226,6 +235,12 @@ impl Engine {
             ("megabytes", Value::Text(self.max_memory.div_ceil(1_000_000).to_string())),
         ])
     }
+}
+
+/// Percentage of the parts of a job, and pulses of the complete cells of a campaign.
+fn progress(tasks: &Tasks, submission: &Submission) -> [u64; 2] {
+    let (percent, _) = tasks.progress(submission.steps.parts);
+    [u64::from(percent), campaign_pulses(&submission.setting.folder.join("out")).unwrap_or(0)]
 }
 
 /// The name of a submission at the engine.

@@ -6,6 +6,7 @@ use crate::config::ConfineArgs;
 use crate::messages::{Said, failure, said};
 use crate::program::confined;
 use crate::store::Result;
+use crate::terms::Terms;
 use serde::{Deserialize, Serialize};
 #[cfg(target_os = "linux")]
 use std::collections::BTreeMap;
@@ -66,6 +67,9 @@ pub struct Setting {
     pub max_time: u64,
     /// Bytes of all files of the job.
     pub max_disk: u64,
+    /// Terms of the messages. Submissions of earlier versions have none.
+    #[serde(default)]
+    pub terms: Terms,
 }
 
 impl Setting {
@@ -181,7 +185,7 @@ impl Setting {
         if was_killed(status) {
             return Ended::Killed;
         }
-        let message = match failure(log, |text| self.without_folders(text)) {
+        let message = match failure(log, self.terms, |text| self.without_folders(text)) {
             message if message.is_empty() => {
                 format!("vlscan ended with {status}; see the limits of the service")
             }
@@ -197,7 +201,7 @@ impl Setting {
     /// Messages of vlscan in the last existing log, without progress and the names of outputs.
     pub(crate) fn said(&self, logs: &[PathBuf]) -> Said {
         let log = logs.iter().rev().find_map(|log| File::open(log).ok());
-        log.map_or_else(Said::default, |log| said(log, |text| self.without_folders(text)))
+        log.map_or_else(Said::default, |log| said(log, self.terms, |text| self.without_folders(text)))
     }
 
     /// A text without the folders of the service and of the job.

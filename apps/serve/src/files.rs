@@ -122,7 +122,7 @@ impl Store {
                 let folder = self.local(kind, id);
                 bucket.put(kind, id, &folder, paths).map_err(StoreError::Bucket)?;
                 // The folder is there as a whole or not at all, whenever the service is ended.
-                let gone = self.root().join("incoming").join(random_name(8));
+                let gone = self.incoming().join(random_name(8));
                 std::fs::rename(&folder, &gone)?;
                 std::fs::remove_dir_all(gone)?;
             }
@@ -143,11 +143,15 @@ impl Store {
                 let mut count = held(&count);
                 let folder = self.local(kind, id);
                 if *count == 0 && !folder.is_dir() {
-                    let part = self.root().join("incoming").join(random_name(8));
+                    let part = self.incoming().join(random_name(8));
                     std::fs::create_dir_all(&part)?;
                     let paths: Vec<String> =
                         self.listed(kind, id)?.into_iter().map(|file| file.path).collect();
-                    bucket.get(kind, id, &part, &paths).map_err(StoreError::Bucket)?;
+                    if let Err(error) = bucket.get(kind, id, &part, &paths) {
+                        // It is tried again, with a new folder.
+                        remove_folder(&part)?;
+                        return Err(StoreError::Bucket(error));
+                    }
                     folder.parent().map_or(Ok(()), std::fs::create_dir_all)?;
                     std::fs::rename(&part, &folder)?;
                 }

@@ -2,10 +2,10 @@
 
 use crate::config::CheckArgs;
 use crate::files::Files;
-use crate::opening::{DATABASE, database_files, folder_of, names_in, read_id};
+use crate::opening::{DATABASE, database_files, folder_of, is_incomplete, leftovers, names_in, read_id};
 use crate::records::Kind;
 use crate::schema::{self, State};
-use crate::store::{Result, Store, StoreError};
+use crate::store::{INCOMING, Result, Store, StoreError};
 use rusqlite::Connection;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -121,9 +121,11 @@ pub fn inspect(args: &CheckArgs) -> std::result::Result<Report, InspectError> {
                 kept,
                 fetches: crate::files::Fetches::default(),
                 served: Mutex::default(),
+                slow: Mutex::default(),
                 receiving: Arc::default(),
             };
             contents(&store, &mut report)?;
+            incomplete(&store, &mut report)?;
         }
         Ok(None) => {
             report.problem("database", "it is missing or empty");
@@ -185,6 +187,22 @@ fn contents(store: &Store, report: &mut Report) -> Result<()> {
         if !lost.is_empty() {
             report.line("", &format!("{} in lost/{}", lost.len(), folder_of(kind)));
         }
+    }
+    Ok(())
+}
+
+/// Lists files that are not complete, and what others have put among them.
+fn incomplete(store: &Store, report: &mut Report) -> Result<()> {
+    let names = names_in(&store.incoming())?;
+    let (own, others): (Vec<String>, Vec<String>) = names.into_iter().partition(|name| is_incomplete(name));
+    let own = own.len() + leftovers(store.root())?.len();
+    if own > 0 || !others.is_empty() {
+        report.line(INCOMING, &format!("a start removes {own} incomplete files"));
+    }
+    report.names("", &others, "are none of the service's files; a start moves them to lost/");
+    let lost = names_in(&store.root().join("lost").join(INCOMING))?;
+    if !lost.is_empty() {
+        report.line("", &format!("{} in lost/{INCOMING}", lost.len()));
     }
     Ok(())
 }

@@ -21,14 +21,14 @@ pub(crate) fn make(store: &Store, folder: &Path, prepared: &Prepared) -> Result<
     }
     // Tasks of an engine may be reading it.
     for (name, text) in prepared.document.iter().chain(&prepared.geometries) {
-        write_whole(&inputs.join(name), text.as_bytes())?;
+        store.write_whole(&inputs.join(name), text.as_bytes())?;
     }
     for used in &prepared.uses {
         let (kind, id) = used.files();
         link(&store.local(kind, id), &inputs.join(name_of(used)))?;
     }
     let text = serde_json::to_string(prepared).map_err(std::io::Error::other)?;
-    write_whole(&folder.join("prepared.json"), text.as_bytes())
+    store.write_whole(&folder.join("prepared.json"), text.as_bytes())
 }
 
 /// Links a file or folder; does nothing if the name exists.
@@ -102,21 +102,32 @@ pub(crate) fn complete_results(folder: &Path) -> Result<Option<Vec<ResultFile>>>
 ///
 /// # Errors
 /// Errors of files.
-pub(crate) fn record_complete(folder: &Path, files: &[ResultFile]) -> Result<()> {
+pub(crate) fn record_complete(store: &Store, folder: &Path, files: &[ResultFile]) -> Result<()> {
     let text = serde_json::to_vec(files).map_err(std::io::Error::other)?;
-    write_whole(&folder.join(COMPLETE), &text)
+    store.write_whole(&folder.join(COMPLETE), &text)
 }
 
 const COMPLETE: &str = "complete";
 
-/// Writes a file that is there as a whole or not at all.
+impl Store {
+    /// Writes a file that is there as a whole or not at all. What an interruption leaves is among the
+    /// incomplete files, which the next start removes.
+    ///
+    /// # Errors
+    /// Errors of files.
+    pub(crate) fn write_whole(&self, path: &Path, bytes: &[u8]) -> Result<()> {
+        write_whole(&self.incoming(), path, bytes)
+    }
+}
+
+/// Writes a file that is there as a whole or not at all, first into the folder `scratch` of the same file
+/// system.
 ///
 /// # Errors
 /// Errors of files.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(crate) fn write_whole(scratch: &Path, path: &Path, bytes: &[u8]) -> Result<()> {
     use std::io::Write as _;
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let mut part = tempfile::NamedTempFile::new_in(folder)?;
+    let mut part = tempfile::NamedTempFile::new_in(scratch)?;
     part.write_all(bytes)?;
     part.as_file().sync_all()?;
     part.persist(path).map_err(|e| e.error)?;

@@ -15,12 +15,12 @@
 //! | `records`, `error`, `schema`, `store`, `queue` | uploads, jobs and leases, in SQLite |
 //! | `place` | the place of a job in the queue, and when it is expected to be finished |
 //! | `opening`, `inspect` | whether folder, database and bucket belong together, and what the database does not list |
-//! | `uploads`, `reservations`, `missing` | files that are received, their disk space until they are listed, archives that are expanded, and files that are named and not there |
+//! | `uploads`, `archives`, `reservations`, `missing` | files that are received, archives that are expanded, disk space until they are listed, and files that are named and not there |
 //! | `submit` | from a request to a job in the queue |
 //! | `files`, `bucket`, `no_bucket` | where files of uploads and results are kept; `no_bucket` takes the place of `bucket` without the feature `s3` |
 //! | `worker` | threads that have jobs computed |
 //! | `job_folder`, `steps`, `execution` | the folder of a job, what is executed in it, and how |
-//! | `messages` | progress, warnings and errors of what is executed |
+//! | `messages`, `terms` | progress, warnings and errors of what is executed, in the terms of requests |
 //! | `engine`, `template`, `tasks` | jobs that an existing engine computes, and what its tasks do |
 //! | `view`, `scene_map` | pictures of results and of scenes, drawn when pages ask for them |
 //! | `confine`, `own_root`, `calls` | restrictions of the processes that compute |
@@ -39,6 +39,7 @@
 pub mod answers;
 pub mod api;
 pub mod app;
+pub mod archives;
 pub mod beneath;
 #[cfg_attr(not(feature = "s3"), path = "no_bucket.rs")]
 pub mod bucket;
@@ -78,6 +79,7 @@ pub mod store;
 pub mod submit;
 pub mod tasks;
 pub mod template;
+pub mod terms;
 pub mod tokens;
 pub mod uploads;
 pub mod view;

@@ -4,7 +4,7 @@ use clap::Parser as _;
 use std::error::Error;
 use std::process::ExitCode;
 use vlscan_serve::config::{Cli, Command};
-use vlscan_serve::{confine, inspect, server, tasks, tokens, uploads};
+use vlscan_serve::{archives, confine, inspect, server, tasks, tokens};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
             Err(error) => Err(error.into()),
         },
         Some(Command::Task(args)) => tasks::run(args).map_err(Into::into),
-        Some(Command::Expand(args)) => uploads::expand(args).map_err(Into::into),
+        Some(Command::Expand(args)) => archives::expand(args).map_err(Into::into),
         Some(Command::Confine(args)) => confine::confine(args).map_err(Into::into),
     };
     match done {

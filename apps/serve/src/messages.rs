@@ -4,6 +4,7 @@
 //! Lines of other form are taken as text: they come from the step that confines the process, and from the
 //! loader of the system. A process that a hostile file has taken over may write anything, of any length.
 
+use crate::terms::Terms;
 use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read, Seek as _, SeekFrom};
 use std::path::Path;
@@ -46,26 +47,26 @@ impl Line {
     }
 }
 
-/// Messages in a log, which `visible` changes to what the owner of the job sees; of the first [`MAX_LOG`]
-/// bytes: warnings come first, and the progress of hours may follow them.
-pub(crate) fn said(log: impl Read, visible: impl Fn(&str) -> String) -> Said {
+/// Messages in a log in these terms, which `visible` changes to what the owner of the job sees; of the first
+/// [`MAX_LOG`] bytes: warnings come first, and the progress of hours may follow them.
+pub(crate) fn said(log: impl Read, terms: Terms, visible: impl Fn(&str) -> String) -> Said {
     let mut log = BufReader::new(log.take(MAX_LOG));
     let mut said = Said::default();
     let mut text = Limited::default();
     for line in log.by_ref().split(b'\n').map_while(std::io::Result::ok) {
         match Line::of(&line) {
             Line::Message(Message::Warning(warning)) => {
-                let warning = seen(warning, &visible);
+                let warning = seen(warning, terms, &visible);
                 if text.add(&text_of("warning", &warning)) {
                     said.warnings.push(warning);
                 }
             }
             Line::Message(Message::Note(note)) => {
-                text.add(&text_of("note", &seen(note, &visible)));
+                text.add(&text_of("note", &seen(note, terms, &visible)));
             }
             // The results list the files.
             Line::Message(Message::Info(info)) if info.topic != InfoTopic::File => {
-                text.add(&visible(&info.message));
+                text.add(&visible(&terms.message(&info.message)));
             }
             Line::Message(_) => {}
             Line::Text(line) => {
@@ -80,12 +81,14 @@ pub(crate) fn said(log: impl Read, visible: impl Fn(&str) -> String) -> Said {
     said
 }
 
-/// The message of vlscan on its failure, or else the text in its log; empty if there is none.
-pub(crate) fn failure(log: &Path, visible: impl Fn(&str) -> String) -> String {
+/// The message of vlscan on its failure in these terms, or else the text in its log; empty if there is none.
+pub(crate) fn failure(log: &Path, terms: Terms, visible: impl Fn(&str) -> String) -> String {
     let (mut errors, mut others) = (Limited::default(), Limited::default());
     for line in last_lines(log, MAX_END) {
         match line {
-            Line::Message(Message::Error(error)) => errors.add(&text_of("error", &seen(error, &visible))),
+            Line::Message(Message::Error(error)) => {
+                errors.add(&text_of("error", &seen(error, terms, &visible)))
+            }
             Line::Message(_) => false,
             Line::Text(line) => others.add(&visible(&line)),
         };
@@ -147,13 +150,13 @@ pub(crate) fn rounded(number: f64) -> String {
 }
 
 /// A problem as the owner of the job sees it.
-fn seen(problem: ProblemMessage, visible: &impl Fn(&str) -> String) -> ProblemMessage {
+fn seen(problem: ProblemMessage, terms: Terms, visible: &impl Fn(&str) -> String) -> ProblemMessage {
     let text = |text: Option<String>| text.map(|text| visible(&text));
     ProblemMessage {
-        message: visible(&problem.message),
+        message: visible(&terms.message(&problem.message)),
         file: text(problem.file),
         excerpt: text(problem.excerpt),
-        help: text(problem.help),
+        help: text(problem.help.and_then(|help| terms.help(&help))),
         ..problem
     }
 }
@@ -266,19 +269,22 @@ mod tests {
         let progress = format!("{PROGRESS}\n").repeat(3000);
         let start = r#"{"kind":"start","version":1,"program":"0.1.0","command":"run"}"#;
         let log = format!("{start}\n{WARNING}\n{progress}{file}\n{end}\n");
-        let found = said(log.as_bytes(), plain);
+        let found = said(log.as_bytes(), Terms::Options, plain);
         assert_eq!(found.text, "warning: leg 2 has no pulses\n --> s.xml:2\n10 pulses in 1 s");
         assert_eq!(found.warnings.len(), 1);
         assert_eq!((found.warnings[0].file.as_deref(), found.warnings[0].line), (Some("s.xml"), Some(2)));
-        let long = said(format!("{WARNING}\n{}", "x\n".repeat(10_000)).as_bytes(), plain).text;
+        let long =
+            said(format!("{WARNING}\n{}", "x\n".repeat(10_000)).as_bytes(), Terms::Options, plain).text;
         assert!(long.starts_with("warning: leg 2") && long.ends_with(" more lines"), "{long}");
         assert!(long.len() < MAX_MESSAGE + 40);
-        assert_eq!(said(&b"a \xff b\nc"[..], plain).text, "a \u{fffd} b\nc");
+        assert_eq!(said(&b"a \xff b\nc"[..], Terms::Options, plain).text, "a \u{fffd} b\nc");
     }
 
     #[test]
     fn a_line_without_end_is_not_read_to_its_end() {
-        let said = said(WARNING.as_bytes().chain(&b"\n"[..]).chain(std::io::repeat(b'x')), plain).text;
+        let said =
+            said(WARNING.as_bytes().chain(&b"\n"[..]).chain(std::io::repeat(b'x')), Terms::Options, plain)
+                .text;
         assert!(said.starts_with("warning: leg 2") && said.contains("… and 1 more lines"), "{said}");
         assert!(said.ends_with("the first 1048576 bytes of the messages are read)"), "{said}");
     }
@@ -286,11 +292,12 @@ mod tests {
     #[test]
     fn messages_that_were_cut_off_are_not_shown_as_text() {
         let half = &PROGRESS[..PROGRESS.len() / 2];
-        assert_eq!(failure(log_of(&format!("{WARNING}\n{half}")).path(), plain), "");
+        assert_eq!(failure(log_of(&format!("{WARNING}\n{half}")).path(), Terms::Options, plain), "");
         let progress = format!("{PROGRESS}\n").repeat(MAX_LOG as usize / PROGRESS.len() + 1);
-        let found = said(format!("{WARNING}\n{progress}").as_bytes(), plain).text;
+        let found = said(format!("{WARNING}\n{progress}").as_bytes(), Terms::Options, plain).text;
         assert!(found.starts_with("warning: leg 2") && !found.contains("kind"), "{found}");
-        let other = said(&b"{\"kind\":\"weather\",\"sun\":true}\n{\"sun\": tr\n"[..], plain).text;
+        let other =
+            said(&b"{\"kind\":\"weather\",\"sun\":true}\n{\"sun\": tr\n"[..], Terms::Options, plain).text;
         assert_eq!(other, "{\"sun\": tr", "kinds of later versions are left out, other text is not");
     }
 
@@ -313,16 +320,18 @@ mod tests {
     fn a_failure_is_told_with_its_place() {
         let error = r#"{"kind":"error","problem":"invalid","message":"unknown key","file":"../in/job.toml","line":12,"column":3,"excerpt":"a\tä = 1","marked":[2,3],"help":"write b","repeats":2,"also_in_lines":[14,15]}"#;
         let expected = "error: unknown key\n --> job.toml:12:3\n   |\n12 | a ä = 1\n   |   ^\nnote: also in line 14, 15\nhelp: write b";
-        assert_eq!(failure(log_of(&format!("{WARNING}\n{error}\n")).path(), plain), expected);
+        assert_eq!(failure(log_of(&format!("{WARNING}\n{error}\n")).path(), Terms::Options, plain), expected);
+        let option = r#"{"kind":"error","problem":"usage","message":"'--height <M>'","help":"see --resume"}"#;
+        assert_eq!(failure(log_of(option).path(), Terms::Inputs, plain), "error: `height`");
         let confined = log_of("error: this system has no Landlock\n");
-        assert_eq!(failure(confined.path(), plain), "error: this system has no Landlock");
-        assert_eq!(failure(log_of(WARNING).path(), plain), "");
+        assert_eq!(failure(confined.path(), Terms::Options, plain), "error: this system has no Landlock");
+        assert_eq!(failure(log_of(WARNING).path(), Terms::Options, plain), "");
     }
 
     #[test]
     fn absurd_marks_take_no_memory() {
         let error = r#"{"kind":"error","problem":"x","message":"m","file":"f","line":18446744073709551615,"excerpt":"ab","marked":[18446744073709551615,3]}"#;
-        let text = failure(log_of(error).path(), plain);
+        let text = failure(log_of(error).path(), Terms::Options, plain);
         assert!(
             text.starts_with("error: m\n --> f:18446744073709551615\n") && text.ends_with("|   ^"),
             "{text}"

@@ -4,13 +4,15 @@
 //! Each service has a random id, in its database, in the file `DATA/id` and in its bucket. A service whose
 //! ids differ, or whose database is missing, empty or damaged, does not start; so a wrong volume or a lost
 //! database costs nothing. What the database does not list, as after the restoration of an older one, is
-//! moved to `DATA/lost` (in a bucket: below `lost/`) and never removed. Only what the database says was
-//! removed, or never completed, is removed.
+//! moved to `DATA/lost` (in a bucket: below `lost/`) and never removed, and so is what is among the
+//! incomplete files under a name that the service does not give. Only what the database says was removed, or
+//! never completed, is removed.
 
 use crate::files::Files;
-use crate::records::Kind;
+use crate::program::{PATTERN, PATTERNS};
+use crate::records::{ExpiryClock, Kind};
 use crate::schema::{self, State};
-use crate::store::{Result, Store, StoreError, make_private, remove_folder};
+use crate::store::{INCOMING, Result, Store, StoreError, make_private, remove_folder};
 use crate::tokens::random_name;
 use rusqlite::OptionalExtension as _;
 use std::collections::BTreeSet;
@@ -18,6 +20,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 /// The database in the folder of a service.
 pub(crate) const DATABASE: &str = "service.db";
@@ -25,6 +28,12 @@ pub(crate) const DATABASE: &str = "service.db";
 const ID: &str = "id";
 /// Names that a message lists.
 const MAX_LISTED: usize = 10;
+/// Start and length of the names that `tempfile` gives.
+const TEMPORARY: (&str, usize) = (".tmp", 10);
+/// Length of the other names of incomplete files: random bytes as hexadecimal digits.
+const RANDOM: usize = 16;
+/// Most bytes of a temporary file of earlier versions in the folder of a service.
+const MAX_TEMPORARY: u64 = 100;
 
 /// Uploads and results that the database does not list, and that a start has moved.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -91,14 +100,15 @@ impl Store {
         }
         let (database, id) = schema::open(&path, found.state, &known.unwrap_or_else(|| random_name(16)))?;
         // The database comes first: an interrupted start is completed by the next one.
+        for folder in ["uploads", "jobs", INCOMING] {
+            fs::create_dir_all(root.join(folder))?;
+        }
         if of_folder.is_none() {
-            crate::job_folder::write_whole(&root.join(ID), format!("{id}\n").as_bytes())?;
+            let text = format!("{id}\n");
+            crate::job_folder::write_whole(&root.join(INCOMING), &root.join(ID), text.as_bytes())?;
         }
         if of_bucket.is_none() {
             kept.set_id(&id)?;
-        }
-        for folder in ["uploads", "jobs", "incoming"] {
-            fs::create_dir_all(root.join(folder))?;
         }
         database.set_prepared_statement_cache_capacity(64);
         Ok(Store {
@@ -107,6 +117,7 @@ impl Store {
             kept,
             fetches: crate::files::Fetches::default(),
             served: Mutex::default(),
+            slow: Mutex::default(),
             receiving: Arc::default(),
         })
     }
@@ -117,14 +128,7 @@ impl Store {
     /// # Errors
     /// [`StoreError`].
     pub fn tidy(&self) -> Result<Lost> {
-        let incoming = self.root().join("incoming");
-        for name in names_in(&incoming)? {
-            let path = incoming.join(&name);
-            let removed = if path.is_dir() { remove_folder(&path) } else { fs::remove_file(&path) };
-            if let Err(error) = removed {
-                eprintln!("vlscan serve: warning: {} cannot be removed: {error}", path.display());
-            }
-        }
+        self.remove_incomplete()?;
         self.finish_removals()?;
         let mut lost = Lost::default();
         for kind in [Kind::Upload, Kind::Results] {
@@ -143,8 +147,47 @@ impl Store {
                 }
             }
         }
+        // Earlier versions kept what finished jobs have read.
+        let unused =
+            "DELETE FROM uses WHERE job NOT IN (SELECT id FROM jobs WHERE status IN ('accepted', 'running'))";
+        self.database().execute(unused, [])?;
         self.remove_unused()?;
         Ok(lost)
+    }
+
+    /// Removes incomplete files. What others have put among them is moved to `lost`.
+    fn remove_incomplete(&self) -> Result<()> {
+        let incoming = self.incoming();
+        for name in names_in(&incoming)? {
+            let path = incoming.join(&name);
+            if !is_incomplete(&name) {
+                let moved = self.move_to_lost(INCOMING, &name);
+                let moved = moved.map_or_else(
+                    |error| format!("cannot be moved: {error}"),
+                    |to| format!("was moved to {}", to.display()),
+                );
+                eprintln!(
+                    "vlscan serve: warning: {} is none of the service's files and {moved}",
+                    path.display()
+                );
+                continue;
+            }
+            let removed = if path.is_dir() { remove_folder(&path) } else { fs::remove_file(&path) };
+            if let Err(error) = removed {
+                eprintln!("vlscan serve: warning: {} cannot be removed: {error}", path.display());
+            }
+        }
+        for path in leftovers(self.root())? {
+            // A folder is removed only if it is empty.
+            let removed = match path.is_dir() {
+                true => fs::remove_file(path.join(PATTERN)).and_then(|()| fs::remove_dir(&path)),
+                false => fs::remove_file(&path),
+            };
+            if let Err(error) = removed {
+                eprintln!("vlscan serve: warning: {} cannot be removed: {error}", path.display());
+            }
+        }
+        Ok(())
     }
 
     /// True if the database lists an upload, or a job with a folder.
@@ -162,15 +205,24 @@ impl Store {
             bucket.set_aside(kind, id).map_err(StoreError::Bucket)?;
         }
         let from = self.root().join(folder_of(kind)).join(id);
-        if from.symlink_metadata().is_err() {
-            return Ok(());
+        match from.symlink_metadata() {
+            Ok(_) => self.move_to_lost(folder_of(kind), id).map(drop),
+            Err(_) => Ok(()),
         }
-        let folder = self.root().join("lost").join(folder_of(kind));
-        fs::create_dir_all(&folder)?;
-        let numbered = (2..).map(|number| folder.join(format!("{id}-{number}")));
-        let mut names = std::iter::once(folder.join(id)).chain(numbered);
-        let free = names.find(|path| path.symlink_metadata().is_err());
-        Ok(free.map_or(Ok(()), |to| fs::rename(from, to))?)
+    }
+
+    /// Moves something in a folder of the service to `lost`, under a name that is free. Returns its new path.
+    fn move_to_lost(&self, folder: &str, name: &str) -> Result<PathBuf> {
+        let lost = self.root().join("lost").join(folder);
+        fs::create_dir_all(&lost)?;
+        let mut to = lost.join(name);
+        let mut number = 2;
+        while to.symlink_metadata().is_ok() {
+            to = lost.join(format!("{name}-{number}"));
+            number += 1;
+        }
+        fs::rename(self.root().join(folder).join(name), &to)?;
+        Ok(to)
     }
 
     /// Removes the files of what was removed before an interruption.
@@ -208,6 +260,42 @@ pub(crate) fn read_id(root: &Path) -> Result<Option<String>> {
 fn has_files(root: &Path) -> Result<bool> {
     let all = [Kind::Upload, Kind::Results].map(|kind| names_in(&root.join(folder_of(kind))));
     Ok(all.into_iter().collect::<Result<Vec<_>>>()?.iter().any(|names| !names.is_empty()))
+}
+
+/// True if the service gives this name to files and folders that are not complete.
+pub(crate) fn is_incomplete(name: &str) -> bool {
+    is_temporary(name) || name.len() == RANDOM && name.bytes().all(|byte| byte.is_ascii_hexdigit())
+}
+
+fn is_temporary(name: &str) -> bool {
+    let (start, length) = TEMPORARY;
+    name.len() == length
+        && name.strip_prefix(start).is_some_and(|rest| rest.bytes().all(|b| b.is_ascii_alphanumeric()))
+}
+
+/// Temporary files that a killed service of an earlier version has left beside the file of its clock and
+/// among patterns of instruments.
+///
+/// # Errors
+/// Errors of folders.
+pub(crate) fn leftovers(root: &Path) -> Result<Vec<PathBuf>> {
+    let is_record = |path: &Path| {
+        let is_small =
+            path.symlink_metadata().is_ok_and(|about| about.is_file() && about.len() <= MAX_TEMPORARY);
+        let text = is_small.then(|| fs::read_to_string(path).ok()).flatten();
+        text.is_some_and(|text| text.is_empty() || ExpiryClock::recorded(&text, Instant::now()).is_some())
+    };
+    let is_scratch = |path: &Path| {
+        let names = names_in(path).unwrap_or_default();
+        !path.is_symlink() && names.iter().eq([PATTERN])
+    };
+    let temporary = |folder: &Path| -> Result<Vec<PathBuf>> {
+        let names = names_in(folder)?.into_iter().filter(|name| is_temporary(name));
+        Ok(names.map(|name| folder.join(name)).collect())
+    };
+    let records = temporary(root)?.into_iter().filter(|path| is_record(path));
+    let scratch = temporary(&root.join(PATTERNS))?.into_iter().filter(|path| is_scratch(path));
+    Ok(records.chain(scratch).collect())
 }
 
 /// The names in a folder; none if it does not exist.

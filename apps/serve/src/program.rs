@@ -15,6 +15,10 @@ const NAME: &str = if cfg!(windows) { "vlscan.exe" } else { "vlscan" };
 /// Option of the program for messages that the service reads.
 pub(crate) const MESSAGES: &str = "--message-format=json";
 
+/// Folder of the patterns of scanners, in that of the service, and the file that vlscan writes.
+pub(crate) const PATTERNS: &str = "patterns";
+pub(crate) const PATTERN: &str = "pattern.svg";
+
 /// Prefix of references that vlscan resolves in its catalogue, whatever files exist.
 pub const CATALOGUE: &str = "catalogue:";
 
@@ -112,11 +116,12 @@ impl Program {
         self.references().any(|reference| reference.split('#').next() == Some(name))
     }
 
-    /// The pattern of a scanner of the catalogue as SVG, made at its first call.
+    /// The pattern of a scanner of the catalogue as SVG, kept in `folder` and made at its first call, below
+    /// the folder `scratch` of the same file system.
     ///
     /// # Errors
     /// [`ProgramError`].
-    pub fn pattern(&self, reference: &str, folder: &Path) -> Result<Vec<u8>, ProgramError> {
+    pub fn pattern(&self, reference: &str, folder: &Path, scratch: &Path) -> Result<Vec<u8>, ProgramError> {
         let failed = |e: std::io::Error| self.failed("catalogue show", &e.to_string());
         let name: String =
             reference.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
@@ -125,8 +130,8 @@ impl Program {
             return Ok(picture);
         }
         std::fs::create_dir_all(folder).map_err(failed)?;
-        let scratch = tempfile::tempdir_in(folder).map_err(failed)?;
-        let made = scratch.path().join("pattern.svg");
+        let scratch = tempfile::tempdir_in(scratch).map_err(failed)?;
+        let made = scratch.path().join(PATTERN);
         run(
             &self.path,
             [

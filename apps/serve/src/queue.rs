@@ -10,9 +10,13 @@ use crate::records::Kind;
 use crate::store::{COLUMNS, Job, Result, ResultFile, Status, Store, job_of, now};
 use rusqlite::{Connection, OptionalExtension as _, TransactionBehavior, params};
 use std::collections::BTreeSet;
-use std::sync::PoisonError;
+use std::sync::{MutexGuard, PoisonError};
 use std::time::Duration;
 
+/// Most files of results that are looked for before they answer another request.
+const MAX_LOOKED: usize = 100;
+/// Bytes of the database for an upload or results that a job reads.
+const USE: u64 = 256;
 /// Time for which a job is held without a renewal.
 pub const LEASE: Duration = Duration::from_secs(10);
 
@@ -62,12 +66,22 @@ pub enum Outcome {
 pub enum Lane {
     /// All.
     Any,
-    /// Jobs that answer requests: at most this many of an owner at a time, so that no owner can take all
-    /// workers of the lane.
+    /// Jobs that answer requests, but for slow ones: at most this many of an owner at a time, so that no
+    /// owner can take all workers of the lane.
     Quick {
         /// Jobs of an owner.
         share: usize,
     },
+}
+
+impl Lane {
+    /// Most jobs of an owner at a time.
+    fn share(self) -> usize {
+        match self {
+            Lane::Any => usize::MAX,
+            Lane::Quick { share } => share,
+        }
+    }
 }
 
 /// An owner whose jobs wait.
@@ -80,8 +94,9 @@ struct Waiting {
 }
 
 impl Store {
-    /// Adds a job to the queue, or, with `answer`, as successful with the results of that earlier job.
-    /// Returns `false` and adds nothing if the owner has `max_queued` jobs that are not finished.
+    /// Adds a job to the queue, or, with `answer`, as successful with the results of that earlier job, unless
+    /// that was dismissed meanwhile. Returns `false` and adds nothing if the owner has `max_queued` jobs that
+    /// are not finished.
     ///
     /// # Errors
     /// [`crate::store::StoreError`].
@@ -94,6 +109,13 @@ impl Store {
     ) -> Result<bool> {
         let mut database = self.database();
         let transaction = database.transaction_with_behavior(TransactionBehavior::Immediate)?;
+        let answer = match answer {
+            Some(answer) if is_successful(&transaction, &answer.id)? => Some(answer),
+            _ => None,
+        };
+        // Finished jobs read nothing more.
+        let none = BTreeSet::new();
+        let uses = if answer.is_some() { &none } else { uses };
         if answer.is_none() {
             let waiting: usize = transaction
                 .prepare_cached(
@@ -111,7 +133,7 @@ impl Store {
             .prepare_cached(
                 "INSERT INTO jobs (id, owner, process, inputs, prepared, fingerprint, folder, status, progress, results, created, started,
                  finished, updated, message, warnings, texts) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?12, ?11, ?13,
-                 ?14, octet_length(?4) + octet_length(?5) + octet_length(?10) + octet_length(?13) + octet_length(?14))",
+                 ?14, octet_length(?4) + octet_length(?5) + octet_length(?10) + octet_length(?13) + octet_length(?14) + ?15)",
             )?
             .execute(params![
                 job.id,
@@ -128,6 +150,7 @@ impl Store {
                 done,
                 answer.map_or("", |answer| &answer.message),
                 answer.map_or("[]", |answer| &answer.warnings),
+                uses.len() as u64 * USE,
             ])?;
         for used in uses {
             let (kind, target) = match used {
@@ -152,10 +175,21 @@ impl Store {
         }
         let database = self.database();
         let mut query = database.prepare_cached(&format!(
-            "SELECT {COLUMNS} FROM jobs WHERE owner = ? AND fingerprint = ? AND status = 'successful' LIMIT 1"
+            "SELECT {COLUMNS} FROM jobs WHERE owner = ? AND fingerprint = ? AND status = 'successful' ORDER BY number DESC LIMIT 1"
         ))?;
         let found = query.query_row([owner, fingerprint], job_of).optional()?;
-        Ok(found)
+        Ok(found.filter(|job| self.has_results(job)))
+    }
+
+    /// True if the list of a job's results can be read and their files are there, as far as they are in the
+    /// folder of the service: what is damaged, or somebody has removed, is computed again.
+    fn has_results(&self, job: &Job) -> bool {
+        let Ok(files) = serde_json::from_str::<Vec<ResultFile>>(&job.results) else { return false };
+        let folder = self.local(Kind::Results, &job.folder);
+        let is_there = |file: &ResultFile| {
+            folder.join(&file.path).symlink_metadata().is_ok_and(|about| about.len() == file.bytes)
+        };
+        self.has_bucket() || files.iter().take(MAX_LOOKED).all(is_there)
     }
 
     /// Takes a job for `holder`, one that waits or whose lease has run out: of the owner of whom the fewest
@@ -166,14 +200,12 @@ impl Store {
     /// [`crate::store::StoreError`].
     pub fn take_job(&self, holder: &str, lane: Lane) -> Result<Option<Job>> {
         let mut served = self.served.lock().unwrap_or_else(PoisonError::into_inner);
+        let slow = self.slow_jobs().clone();
         let mut database = self.database();
         let transaction = database.transaction_with_behavior(TransactionBehavior::Immediate)?;
         let now = now();
-        let share = match lane {
-            Lane::Any => usize::MAX,
-            Lane::Quick { share } => share,
-        };
-        let waiting = waiting(&transaction, lane, now)?.into_iter().filter(|one| one.running < share);
+        let waiting = waiting(&transaction, lane, &slow, now)?.into_iter();
+        let waiting = waiting.filter(|one| one.running < lane.share());
         let turn = |owner: &str| served.iter().position(|known| known == owner).map_or(0, |at| at + 1);
         let next = waiting.min_by_key(|one| (one.running, turn(&one.owner), one.number));
         let Some(next) = next else { return Ok(None) };
@@ -188,6 +220,29 @@ impl Store {
         served.retain(|owner| *owner != next.owner);
         served.push(next.owner);
         Ok(taken)
+    }
+
+    /// True if a job of another owner waits for a worker of a lane.
+    ///
+    /// # Errors
+    /// [`crate::store::StoreError`].
+    pub(crate) fn has_waiting_others(&self, owner: &str, lane: Lane) -> Result<bool> {
+        let slow = self.slow_jobs().clone();
+        let waiting = waiting(&self.database(), lane, &slow, now())?;
+        Ok(waiting.iter().any(|one| one.owner != owner && one.running < lane.share()))
+    }
+
+    /// Gives a job that took too long for the workers of quick jobs back to the queue, for the other workers.
+    ///
+    /// # Errors
+    /// [`crate::store::StoreError`].
+    pub(crate) fn release_slow(&self, id: &str, holder: &str) -> Result<()> {
+        self.slow_jobs().insert(id.to_owned());
+        self.release(holder)
+    }
+
+    fn slow_jobs(&self) -> MutexGuard<'_, BTreeSet<String>> {
+        self.slow.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Renews a lease and records the progress, in percent. Returns whether the job is still to be computed
@@ -243,6 +298,7 @@ impl Store {
             Outcome::Same(folder) => return self.finish_as(id, holder, folder),
         };
         let warnings = serde_json::to_string(&said.warnings).unwrap_or_else(|_| "[]".to_owned());
+        self.slow_jobs().remove(id);
         let bytes: u64 = files.iter().map(|file| file.bytes).sum();
         let results = serde_json::to_string(files).map_err(std::io::Error::other)?;
         let changed = {
@@ -257,7 +313,9 @@ impl Store {
             )?;
             update.execute(params![status.name(), message, results, bytes, now, id, holder, warnings])?
         };
-        if changed == 0 {
+        if changed > 0 {
+            self.database().execute("DELETE FROM uses WHERE job = ?", [id])?;
+        } else {
             // It was dismissed: only now may its folder go.
             self.database()
                 .execute("UPDATE jobs SET holder = NULL WHERE id = ? AND holder = ?", [id, holder])?;
@@ -276,8 +334,9 @@ impl Store {
              WHERE id = ?3 AND holder = ?4 AND status = 'running'",
             params![folder, now(), id, holder],
         )?;
-        if changed == 0 {
-            self.release(holder)?;
+        match changed {
+            0 => self.release(holder)?,
+            _ => drop(self.database().execute("DELETE FROM uses WHERE job = ?", [id])?),
         }
         self.remove_unused()?;
         Ok(changed > 0)
@@ -345,6 +404,7 @@ impl Store {
     /// [`crate::store::StoreError`].
     pub fn dismiss(&self, owner: &str, id: &str, holder: Option<&str>) -> Result<bool> {
         let now = now();
+        self.slow_jobs().remove(id);
         let changed = self.database().execute(
             "UPDATE jobs SET status = 'dismissed', updated = ?1, finished = coalesce(finished, ?1), message = '', warnings = '[]', holder = coalesce(holder, ?4),
              inputs = '{}', prepared = '{}', fingerprint = '', texts = octet_length(results)
@@ -388,19 +448,33 @@ impl Store {
     }
 }
 
+/// True if a job has results.
+fn is_successful(database: &Connection, id: &str) -> rusqlite::Result<bool> {
+    let mut query = database
+        .prepare_cached("SELECT 1 FROM jobs WHERE id = ? AND status = 'successful' AND bytes >= 0")?;
+    Ok(query.query_row([id], |_| Ok(())).optional()?.is_some())
+}
+
 /// The owners whose jobs wait for a worker of a lane.
-fn waiting(database: &Connection, lane: Lane, now: i64) -> rusqlite::Result<Vec<Waiting>> {
+fn waiting(
+    database: &Connection,
+    lane: Lane,
+    slow: &BTreeSet<String>,
+    now: i64,
+) -> rusqlite::Result<Vec<Waiting>> {
     let processes: Vec<&str> = match lane {
         Lane::Any => Vec::new(),
         Lane::Quick { .. } => Process::ALL.iter().filter(|one| one.is_quick()).map(|one| one.id()).collect(),
     };
     let mut query = database.prepare_cached(
         "WITH lane AS (SELECT owner, number, status = 'running' AND holder IS NOT NULL AND held_until >= ?1 AS is_held FROM jobs
-            WHERE status IN ('accepted', 'running') AND (?2 = '[]' OR process IN (SELECT value FROM json_each(?2))))
+            WHERE status IN ('accepted', 'running')
+            AND (?2 = '[]' OR process IN (SELECT value FROM json_each(?2)) AND id NOT IN (SELECT value FROM json_each(?3))))
          SELECT owner, min(number) FILTER (WHERE NOT is_held) AS first, count(*) FILTER (WHERE is_held) FROM lane
          GROUP BY owner HAVING first IS NOT NULL",
     )?;
-    let rows = query.query_map(params![now, serde_json::json!(processes).to_string()], |row| {
+    let texts = [serde_json::json!(processes).to_string(), serde_json::json!(slow).to_string()];
+    let rows = query.query_map(params![now, texts[0], texts[1]], |row| {
         Ok(Waiting { owner: row.get(0)?, number: row.get(1)?, running: row.get(2)? })
     })?;
     rows.collect()

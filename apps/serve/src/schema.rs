@@ -213,7 +213,15 @@ pub(crate) fn id_of(database: &Connection) -> Result<Option<String>> {
 fn keep_copy(database: &Connection, path: &Path, version: i64) -> Result<()> {
     let copy = path.with_extension(format!("db-version-{version}"));
     if !copy.exists() {
-        database.execute("VACUUM INTO ?", [copy.to_string_lossy()])?;
+        // The copy is there as a whole or not at all, whenever the service is ended.
+        let part = path.with_extension("db-part");
+        match std::fs::remove_file(&part) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
+            _ => {}
+        }
+        database.execute("VACUUM INTO ?", [part.to_string_lossy()])?;
+        std::fs::File::open(&part)?.sync_all()?;
+        std::fs::rename(&part, &copy)?;
         eprintln!(
             "vlscan serve: the database of version {version} is migrated to version {VERSION}; a copy is kept in {}",
             copy.display()

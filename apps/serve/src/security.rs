@@ -35,6 +35,12 @@ fn is_foreign(headers: &HeaderMap) -> bool {
     }
 }
 
+/// True if a proxy says that it passes on a request: others may reach the service through it, whatever name
+/// it gives the service.
+fn is_forwarded(headers: &HeaderMap) -> bool {
+    ["forwarded", "x-forwarded-for", "x-real-ip"].iter().any(|name| headers.contains_key(*name))
+}
+
 /// Admits requests, and gives all answers their headers.
 pub async fn guard(State(app): State<Arc<App>>, mut request: Request, next: Next) -> Response {
     let is_page = wants_page(request.headers(), request.uri().query());
@@ -66,7 +72,8 @@ fn as_problem(response: Response) -> Response {
         return response;
     }
     let allowed = response.headers().get(header::ALLOW).cloned();
-    let methods = allowed.as_ref().and_then(|methods| methods.to_str().ok()).unwrap_or("other methods");
+    // The router may add the field later.
+    let methods = allowed.as_ref().and_then(|methods| methods.to_str().ok()).unwrap_or("those of `Allow`");
     let detail = match status {
         StatusCode::METHOD_NOT_ALLOWED => format!("the address has no such method; it has {methods}"),
         StatusCode::PAYLOAD_TOO_LARGE => "the request is larger than the service takes".to_owned(),
@@ -90,6 +97,11 @@ fn admit(app: &App, request: &Request) -> Result<Identity, Box<Response>> {
     if !app.is_own_host(headers) {
         let message = "the service is not known by this name; its operator can add it with --host NAME";
         return Err(refuse(StatusCode::MISDIRECTED_REQUEST, message));
+    }
+    if app.tokens.is_empty() && !app.workshop.limits.open && is_forwarded(headers) {
+        let message = "the request comes through a proxy, and the service has no tokens; its operator can give it a \
+                       token file, or start it with --host NAME --open";
+        return Err(refuse(StatusCode::FORBIDDEN, message));
     }
     let changes = !matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     let Some(identity) = app.identity(headers) else {
@@ -158,6 +170,13 @@ mod tests {
         // Pages of errors stay pages.
         let page = (StatusCode::FORBIDDEN, [(header::CONTENT_TYPE, "text/html")], "<p>").into_response();
         assert_eq!(as_problem(page).headers()[header::CONTENT_TYPE], "text/html");
+    }
+
+    #[test]
+    fn requests_through_proxies_are_recognised() {
+        assert!(is_forwarded(&headers(&[("host", "localhost"), ("x-forwarded-for", "203.0.113.7")])));
+        assert!(is_forwarded(&headers(&[("forwarded", "for=203.0.113.7")])));
+        assert!(!is_forwarded(&headers(&[("host", "localhost"), ("x-forwarded-proto", "https")])));
     }
 
     #[test]

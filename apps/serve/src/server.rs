@@ -12,7 +12,7 @@ use crate::security;
 use crate::sessions::Sessions;
 use crate::shares::Shares;
 use crate::store::{Store, StoreError, make_private};
-use crate::tokens::{TokenError, Tokens, random_name};
+use crate::tokens::{TokenError, Tokens, hash, hex, random_name};
 use crate::worker::Workshop;
 use axum::Router;
 use std::env::VarError;
@@ -25,6 +25,9 @@ const MAX_STREAMS: (usize, usize) = (1024, 128);
 const MAX_UPLOADS: (usize, usize) = (16, 4);
 /// Most pictures that are drawn at the same time.
 const MAX_PICTURES: (usize, usize) = (4, 1);
+
+/// Most requests that are checked at the same time.
+const MAX_REQUESTS: (usize, usize) = (16, 2);
 
 /// Why the service does not start.
 #[non_exhaustive]
@@ -122,17 +125,24 @@ pub fn serve(args: &ServeArgs) -> Result<(), ServeError> {
         workshop: Arc::clone(&workshop),
         tokens,
         sessions: Sessions::of(&id),
-        secret: random_name(32),
+        secret: form_secret(&id),
         hosts: args.host.clone(),
         streams: Shares::new(MAX_STREAMS.0, MAX_STREAMS.1),
         uploads: Shares::new(MAX_UPLOADS.0, MAX_UPLOADS.1),
         pictures: Shares::new(MAX_PICTURES.0, MAX_PICTURES.1),
+        requests: Shares::new(MAX_REQUESTS.0, MAX_REQUESTS.1),
     });
     let done = runtime.block_on(listen(listener, app));
     workshop.end();
     workers.into_iter().for_each(|worker| drop(worker.join()));
     drop(holds);
     Ok(done?)
+}
+
+/// The secret by which forms are recognised. It follows from the id of the service, so forms that are open
+/// outlive a restart.
+fn form_secret(id: &str) -> String {
+    if id.is_empty() { random_name(32) } else { hex(&hash(&format!("forms of {id}"))) }
 }
 
 /// True if a name leads to this machine only, whatever a proxy does.

@@ -10,8 +10,8 @@
 //! DATA/jobs/ID/tasks/        what an engine was given, and what came of it
 //! DATA/jobs/ID/view/         pictures of its results for pages
 //! DATA/jobs/ID/log           messages of vlscan
-//! DATA/incoming/…            uploads that are not complete
-//! DATA/lost/…                uploads and jobs that the database does not list
+//! DATA/incoming/…            uploads and other files that are not complete
+//! DATA/lost/…                uploads and jobs that the database does not list, files of others
 //! ```
 //!
 //! With a bucket, uploads and `out` are there only while they are used (`files`).
@@ -27,6 +27,7 @@ use crate::records::Kind;
 pub use crate::records::{FileKind, Job, ResultFile, Selection, Status, Upload, UploadFile, now, time_text};
 use crate::reservations::Reservations;
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -39,6 +40,8 @@ pub struct Store {
     pub(crate) fetches: Fetches,
     /// Owners whose jobs were taken, the last one at the end.
     pub(crate) served: Mutex<Vec<String>>,
+    /// Jobs that took too long for workers of quick jobs, and wait for another worker or have one.
+    pub(crate) slow: Mutex<BTreeSet<String>>,
     /// Uploads that are being received.
     pub(crate) receiving: Arc<Reservations>,
 }
@@ -52,6 +55,11 @@ impl Store {
     /// The folder of a job.
     pub fn job_folder(&self, folder: &str) -> PathBuf {
         self.root.join("jobs").join(folder)
+    }
+
+    /// The folder of files that are not complete.
+    pub(crate) fn incoming(&self) -> PathBuf {
+        self.root.join(INCOMING)
     }
 
     /// The folder of an upload's files.
@@ -196,6 +204,18 @@ impl Store {
         Ok(query.query_row(params![owner, BLOCK, ROW], |row| row.get(0))?)
     }
 
+    /// Bytes of the database that the jobs of an owner take.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn row_bytes(&self, owner: &str) -> Result<u64> {
+        let database = self.database();
+        let mut query = database.prepare_cached(
+            "SELECT coalesce(sum(texts + ?2), 0) FROM jobs WHERE owner = ?1 AND bytes >= 0",
+        )?;
+        Ok(query.query_row(params![owner, ROW], |row| row.get(0))?)
+    }
+
     /// Adds what was drawn for a job to what its owner takes on the disk.
     ///
     /// # Errors
@@ -217,6 +237,14 @@ impl Store {
         )?;
         let rows = query.query_map([time], |row| Ok((row.get(0)?, row.get(1)?)))?;
         Ok(rows.collect::<rusqlite::Result<_>>()?)
+    }
+
+    /// Time of the newest change of a job, if there are jobs.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub(crate) fn newest_update(&self) -> Result<Option<i64>> {
+        Ok(self.database().query_row("SELECT max(updated) FROM jobs", [], |row| row.get(0))?)
     }
 
     /// Forgets jobs that were dismissed before a time. Quotas count the pulses of the last 24 hours, of
@@ -256,6 +284,21 @@ impl Store {
         let database = self.database();
         let mut query =
             database.prepare_cached(&format!("SELECT {COLUMNS} FROM jobs WHERE owner = ? AND id = ?"))?;
+        Ok(query.query_row([owner, id], job_of).optional()?)
+    }
+
+    /// The state of a job of an owner: the job without its inputs, what is executed, and results. Those who
+    /// wait for a job ask for its state again and again.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn job_state(&self, owner: &str, id: &str) -> Result<Option<Job>> {
+        let columns = [("inputs,", "'{}',"), ("prepared,", "'{}',"), ("results,", "'[]',")]
+            .iter()
+            .fold(COLUMNS.to_owned(), |columns, (column, empty)| columns.replace(column, empty));
+        let database = self.database();
+        let mut query =
+            database.prepare_cached(&format!("SELECT {columns} FROM jobs WHERE owner = ? AND id = ?"))?;
         Ok(query.query_row([owner, id], job_of).optional()?)
     }
 
@@ -418,6 +461,8 @@ pub enum Listed {
 /// Time of the computation of a job, ms; null for a job that waits. The time now is parameter 8.
 const DURATION: &str = "CASE status WHEN 'running' THEN ?8 - started ELSE finished - started END";
 
+/// The folder of files that are not complete, in that of the service.
+pub(crate) const INCOMING: &str = "incoming";
 /// Most uploads in a list.
 const MAX_UPLOADS: u32 = 10_000;
 /// Bytes that a row takes besides its texts.

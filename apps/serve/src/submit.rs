@@ -9,6 +9,8 @@ use serde_json::{Map, Value};
 
 /// Most jobs among which one that does the same is looked for.
 const MAX_LIKE: u32 = 200;
+/// Most bytes of the database that the jobs of an owner take: each start reads all of it.
+const MAX_ROWS: u64 = 4 << 30;
 
 /// Why a job is not accepted.
 #[derive(Debug, thiserror::Error)]
@@ -24,6 +26,11 @@ pub enum SubmitError {
     /// Too much is stored.
     #[error("your uploads and jobs take {0} bytes, more than this service keeps; remove some first")]
     Stored(u64),
+    /// Too much of the database is taken.
+    #[error(
+        "the requests and lists of results of your jobs take {0} bytes, the most that this service keeps; remove some jobs first"
+    )]
+    Rows(u64),
     /// The store.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -80,6 +87,10 @@ impl Workshop {
         let stored = self.store.stored_bytes(owner)?;
         if stored > self.limits.max_stored {
             return Err(SubmitError::Stored(stored));
+        }
+        let rows = self.store.row_bytes(owner)?;
+        if rows > MAX_ROWS {
+            return Err(SubmitError::Rows(rows));
         }
         let text = |value: Result<String, serde_json::Error>| {
             value.map_err(|e| StoreError::Files(std::io::Error::other(e)))

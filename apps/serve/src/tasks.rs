@@ -191,7 +191,7 @@ impl Tasks {
             if !self.is_complete(number, parts) {
                 let log = self.log(&number.to_string());
                 match steps.compute_part(number, &setting, &log, &mut goes_on)? {
-                    End::Success => write_whole(&self.mark(number, parts), b"")?,
+                    End::Success => write_whole(&self.folder, &self.mark(number, parts), b"")?,
                     // One task computes the whole run.
                     End::NotDivisible(_) if number > 0 => return Ok(None),
                     End::NotDivisible(_) => {
@@ -228,7 +228,8 @@ impl Tasks {
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    write_whole(path, &serde_json::to_vec(value).map_err(io::Error::other)?)
+    let folder = path.parent().unwrap_or(Path::new("."));
+    write_whole(folder, path, &serde_json::to_vec(value).map_err(io::Error::other)?)
 }
 
 /// The content of a file; `None` if there is none.

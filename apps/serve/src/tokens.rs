@@ -110,6 +110,12 @@ impl Tokens {
         self.known.read().unwrap_or_else(PoisonError::into_inner).is_empty()
     }
 
+    /// True if an owner may use the service: one who has a token, or everybody if there are none.
+    pub fn admits(&self, owner: &str) -> bool {
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.is_empty() || known.iter().any(|(other, _)| other.name == owner)
+    }
+
     /// All owners.
     pub fn owners(&self) -> Vec<Owner> {
         let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
@@ -224,6 +230,8 @@ mod tests {
         std::fs::write(&file, format!("{line}\n{second}\n")).unwrap();
         let tokens = Tokens::read(Some(file.path()), Some("a token of the environment")).unwrap();
         assert!(tokens.has_file() && tokens.reload().unwrap().is_empty());
+        assert!(tokens.admits("anna") && tokens.admits(ADMIN) && !tokens.admits("carl"));
+        assert!(Tokens::default().admits(LOCAL), "everybody");
         std::fs::write(&file, format!("{second}\n{third}\n")).unwrap();
         assert_eq!(tokens.reload().unwrap(), ["anna"]);
         assert_eq!((tokens.owner_of(&anna), tokens.owner_of(&new).unwrap().quota), (None, Some(7)));

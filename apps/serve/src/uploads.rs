@@ -1,9 +1,9 @@
 //! Uploads: files of a form are received into a folder of their own, archives expanded by a confined process,
 //! everything hashed, and only then listed under the name that their owner gives them.
 
+use crate::archives::{Unpacking, is_archive};
 use crate::beneath::{BLOCK, Beneath, EntryKind};
-use crate::config::{ConfineArgs, ExpandArgs, ServeArgs};
-use crate::execution::{End, Setting};
+use crate::config::ServeArgs;
 use crate::names;
 use crate::records::Kind;
 use crate::reservations::Reservation;
@@ -13,9 +13,8 @@ use axum::extract::Multipart;
 use axum::extract::multipart::{Field, MultipartError};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
-use std::ffi::OsString;
 use std::fs;
-use std::io::{self, Read as _, Write as _};
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::io::AsyncWriteExt as _;
@@ -28,17 +27,32 @@ pub const MAX_TIME: Duration = Duration::from_secs(3600);
 const MAX_TEXT: usize = 4096;
 /// Highest number that is added to a name that is taken.
 const MAX_NUMBER: u32 = 1000;
-/// Memory and processor time of the process that expands an archive.
-const EXPAND_MEMORY: u64 = 1 << 30;
-const EXPAND_SECONDS: u64 = 300;
-/// Room on the disk without which an archive counts as too large for the disk, not as damaged, bytes.
-const MIN_ROOM: usize = 1 << 20;
-/// Name of an archive for the process that expands it.
-const ARCHIVE: &str = "archive.zip";
-/// Names of columns that only inventories of trees have.
+/// Words of columns of trees, which point clouds of forests may have, too.
 const OF_TREES: [&str; 7] = ["species", "baumart", "art", "dbh", "bhd", "crown", "kronendurchmesser"];
-/// First bytes of a zip archive.
-const ZIP: &[u8] = b"PK\x03\x04";
+/// Words of the column that inventories need besides the places of trees.
+const OF_HEIGHTS: [&str; 10] = [
+    "height",
+    "h",
+    "ht",
+    "hgt",
+    "treeheight",
+    "totalheight",
+    "h\u{f6}he",
+    "hoehe",
+    "baumh\u{f6}he",
+    "baumhoehe",
+];
+/// Words of columns that only point clouds have.
+const OF_CLOUDS: [&str; 8] = [
+    "intensity",
+    "amplitude",
+    "reflectance",
+    "return",
+    "returns",
+    "returnnumber",
+    "classification",
+    "gpstime",
+];
 
 /// Why an upload is refused.
 #[derive(Debug, thiserror::Error)]
@@ -95,7 +109,7 @@ pub async fn receive(
     limits: &ServeArgs,
     is_genuine: Option<&(dyn Fn(&str) -> bool + Sync)>,
 ) -> Result<Received, UploadError> {
-    let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
+    let folder = tempfile::tempdir_in(store.incoming())?;
     let mut received = Received::new(folder, owner, store);
     let mut room = Room {
         bytes: 0,
@@ -242,7 +256,7 @@ impl Received {
         name: &str,
         texts: &[(&'static str, String)],
     ) -> Result<Received, UploadError> {
-        let folder = tempfile::tempdir_in(store.root().join("incoming"))?;
+        let folder = tempfile::tempdir_in(store.incoming())?;
         let mut received = Received::new(folder, owner, store);
         for (file, text) in texts {
             fs::write(received.folder.path().join(file), text)?;
@@ -272,7 +286,7 @@ impl Received {
         };
         // The folder that a browser sends a folder's files with is the upload itself.
         let mut root = self.folder.path().to_owned();
-        let work = tempfile::tempdir_in(store.root().join("incoming"))?;
+        let work = tempfile::tempdir_in(store.incoming())?;
         let only = self.files.first().filter(|_| self.files.len() == 1).map(|path| root.join(path));
         if let Some(archive) = only
             && is_archive(&archive)?
@@ -318,7 +332,8 @@ impl Received {
         Err(UploadError::Taken(name))
     }
 
-    /// Expands an archive within the room that its owner has. Returns the folder of its files.
+    /// Expands an archive within the room that its owner has, of which it takes no more than the directory of
+    /// the archive says. Returns the folder of its files.
     fn expand(
         &mut self,
         archive: &Path,
@@ -327,83 +342,14 @@ impl Received {
         store: &Store,
         limits: &ServeArgs,
     ) -> Result<PathBuf, UploadError> {
-        let left = limits.max_stored.saturating_sub(store.stored_bytes(owner)?);
-        let max_bytes = limits.max_upload.min(left);
-        self.space.add(max_bytes);
-        let is_owners = max_bytes < limits.max_upload;
-        let too_large = ExpandError::Bytes(max_bytes).to_string();
-        match expand_confined(archive, work, max_bytes, limits) {
-            Err(UploadError::Wrong(message)) if is_owners && message.contains(&too_large) => {
-                Err(too_much(limits.max_stored))
-            }
-            expanded => expanded,
+        let unpacking = Unpacking::new(archive, work, limits)?;
+        let stated = unpacking.stated_size()?;
+        self.space.add(stated.bytes.saturating_add(stated.files.saturating_mul(BLOCK)));
+        if store.stored_bytes(owner)? > limits.max_stored {
+            return Err(too_much(limits.max_stored));
         }
+        unpacking.expand(stated.bytes)
     }
-}
-
-/// Has a zip archive expanded by a process that can reach nothing else. Moves the archive to the empty folder
-/// `work`; returns the folder of its files.
-fn expand_confined(
-    archive: &Path,
-    work: &Path,
-    max_bytes: u64,
-    limits: &ServeArgs,
-) -> Result<PathBuf, UploadError> {
-    let [inputs, out, tmp] = ["in", "out", "tmp"].map(|name| work.join(name));
-    for folder in [&inputs, &out, &tmp] {
-        fs::create_dir(folder)?;
-    }
-    fs::rename(archive, inputs.join(ARCHIVE))?;
-    let folders = (limits.max_files as u64).saturating_mul(names::MAX_DEPTH as u64 + 1);
-    let setting = Setting {
-        root: work.to_owned(),
-        folder: work.to_owned(),
-        restrictions: ConfineArgs {
-            read: vec![inputs],
-            write: vec![out.clone(), tmp],
-            memory: Some(EXPAND_MEMORY),
-            time: Some(EXPAND_SECONDS),
-            file_size: Some(limits.max_upload),
-            no_sandbox: limits.no_sandbox,
-            program: vec![crate::program::own_program()?.into_os_string()],
-        },
-        within_inputs: true,
-        max_time: EXPAND_SECONDS,
-        // The archive and its files, which the process counts itself.
-        max_disk: limits.max_upload.saturating_mul(2).saturating_add(folders.saturating_mul(BLOCK)),
-    };
-    let words = [
-        "expand".to_owned(),
-        format!("--max-bytes={max_bytes}"),
-        format!("--max-files={}", limits.max_files),
-        "--".to_owned(),
-        ARCHIVE.to_owned(),
-        "../out".to_owned(),
-    ];
-    let words = words.map(OsString::from);
-    match setting
-        .execute(&words, &work.join("log"), None, &mut || crate::steps::empty(&out), &mut || Ok(true))?
-    {
-        End::Success => Ok(out),
-        End::Failure(message) | End::NotDivisible(message) => {
-            check_room(work)?;
-            let message = message.trim_start_matches("error: ");
-            Err(UploadError::Wrong(format!("the archive cannot be expanded: {message}")))
-        }
-        End::GivenUp => Err(UploadError::Wrong("the archive was not expanded".to_owned())),
-    }
-}
-
-/// Returns the error of a full disk, which the process that expands an archive may not even have been able to
-/// report.
-fn check_room(folder: &Path) -> io::Result<()> {
-    fs::write(folder.join("room"), vec![0; MIN_ROOM])
-}
-
-fn is_archive(path: &Path) -> io::Result<bool> {
-    let mut start = [0; 4];
-    let is_named = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
-    Ok(is_named && fs::File::open(path)?.read_exact(&mut start).is_ok() && start == ZIP)
 }
 
 /// The folder itself, or the only thing in it if that is a folder. The folder `data` stays: files of HELIOS++
@@ -492,12 +438,13 @@ fn kind_of(path: &Path, start: &[u8]) -> FileKind {
     }
 }
 
-/// True if the first line of a table names what only trees have.
+/// True if the first line of a table names heights and other sizes of trees, and nothing that only point
+/// clouds have.
 fn is_inventory(start: &[u8]) -> bool {
     let line = start.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let line = String::from_utf8_lossy(&line[..line.len().min(MAX_TEXT)]).to_lowercase();
-    let mut words = line.split(|letter: char| !letter.is_alphanumeric());
-    words.any(|word| OF_TREES.contains(&word))
+    let has = |known: &[&str]| line.split(|c: char| !c.is_alphanumeric()).any(|word| known.contains(&word));
+    has(&OF_TREES) && has(&OF_HEIGHTS) && !has(&OF_CLOUDS)
 }
 
 /// Kind of an XML document by its beginning.
@@ -520,126 +467,9 @@ fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// An archive that cannot be expanded.
-#[non_exhaustive]
-#[derive(Debug, thiserror::Error)]
-pub enum ExpandError {
-    /// The system.
-    #[error("{0}")]
-    System(#[from] io::Error),
-    /// An archive whose directory cannot be read.
-    #[error("the archive is damaged: {0}")]
-    Damaged(zip::result::ZipError),
-    /// A file in the archive that cannot be expanded.
-    #[error("the archive is damaged: {0}")]
-    DamagedFile(io::Error),
-    /// An entry, by its name, that is neither a file nor a folder.
-    #[error("`{0}` is no file")]
-    NoFile(String),
-    /// More files than this maximum.
-    #[error("it has more than {0} files")]
-    Files(usize),
-    /// A name that leads elsewhere.
-    #[error("`{0}` cannot be the name of a file here")]
-    Name(String),
-    /// A file that cannot be created.
-    #[error("`{name}`: {error}")]
-    Create {
-        /// Its name in the archive.
-        name: String,
-        /// The error of the operating system.
-        error: io::Error,
-    },
-    /// More bytes than this maximum.
-    #[error("it has more than {0} bytes when it is expanded")]
-    Bytes(u64),
-}
-
-/// Expands a zip archive within limits of what it really contains, not of what it says of itself: the command
-/// of the confined process.
-///
-/// # Errors
-/// [`ExpandError`].
-pub fn expand(args: &ExpandArgs) -> Result<(), ExpandError> {
-    let file = fs::File::open(&args.archive)?;
-    let mut archive = zip::ZipArchive::new(file).map_err(ExpandError::Damaged)?;
-    let mut left = args.max_bytes;
-    let mut files = 0;
-    for number in 0..archive.len() {
-        let mut entry = archive.by_index(number).map_err(ExpandError::Damaged)?;
-        let name = entry.name().map_err(ExpandError::Damaged)?.into_owned();
-        // What systems add of their own.
-        let is_aside = name.starts_with("__MACOSX/") || name.rsplit('/').next() == Some(".DS_Store");
-        if entry.is_dir() || is_aside {
-            continue;
-        }
-        if !entry.is_file() {
-            return Err(ExpandError::NoFile(name));
-        }
-        files += 1;
-        if files > args.max_files {
-            return Err(ExpandError::Files(args.max_files));
-        }
-        let path = names::relative_path(&name).ok_or_else(|| ExpandError::Name(name.clone()))?;
-        let target = args.folder.join(path);
-        if let Some(parent) = target.parent() {
-            fs::create_dir_all(parent)?;
-        }
-        let out = fs::File::create_new(&target);
-        let mut out = out.map_err(|error| ExpandError::Create { name, error })?;
-        let copied = io::copy(&mut (&mut entry).take(left.saturating_add(1)), &mut out);
-        let copied = copied.map_err(ExpandError::DamagedFile)?;
-        if copied > left {
-            return Err(ExpandError::Bytes(args.max_bytes));
-        }
-        left -= copied;
-        out.flush()?;
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use zip::write::SimpleFileOptions;
-
-    fn archive(files: &[(&str, &[u8])]) -> tempfile::NamedTempFile {
-        let file = tempfile::Builder::new().suffix(".zip").tempfile().unwrap();
-        let mut zip = zip::ZipWriter::new(file.reopen().unwrap());
-        for (name, content) in files {
-            zip.start_file(*name, SimpleFileOptions::default()).unwrap();
-            zip.write_all(content).unwrap();
-        }
-        zip.finish().unwrap();
-        file
-    }
-
-    fn expanded(files: &[(&str, &[u8])], max_bytes: u64) -> Result<Vec<String>, ExpandError> {
-        let (zip, folder) = (archive(files), tempfile::tempdir().unwrap());
-        let args = ExpandArgs {
-            archive: zip.path().to_owned(),
-            folder: folder.path().to_owned(),
-            max_bytes,
-            max_files: 3,
-        };
-        expand(&args)?;
-        let limits = <crate::config::Cli as clap::Parser>::parse_from(["serve"]).serve;
-        Ok(hash_files(folder.path(), &limits).unwrap().files.into_iter().map(|file| file.path).collect())
-    }
-
-    #[test]
-    fn archives_are_expanded_within_their_limits() {
-        let found = expanded(&[("a/b.obj", b"v 0 0 0"), ("c.mtl", b""), ("__MACOSX/x", b"")], 100).unwrap();
-        assert_eq!(found, ["a/b.obj", "c.mtl"]);
-        let bomb = vec![0; 1 << 20];
-        assert!(matches!(expanded(&[("a", &bomb)], 1000), Err(ExpandError::Bytes(1000))));
-        let four: [(&str, &[u8]); 4] = [("a", b""), ("b", b""), ("c", b""), ("d", b"")];
-        assert!(expanded(&four, 100).unwrap_err().to_string().contains("more than 3 files"));
-        for name in ["../a", "/etc/a", "a/../../b", "C:/a", ".ssh/a"] {
-            let refused = expanded(&[(name, b"x")], 100).unwrap_err();
-            assert!(refused.to_string().contains("cannot be the name"), "{name}: {refused}");
-        }
-    }
 
     #[test]
     fn the_only_folder_of_an_upload_is_the_upload_unless_files_are_named_by_it() {
@@ -660,7 +490,10 @@ mod tests {
             ("a.csv", "Baum;X;Y;H\u{f6}he;BHD;Art\n1;2", FileKind::Inventory),
             ("a.csv", "x,y,height,species", FileKind::Inventory),
             ("a.txt", "time x y z roll pitch yaw\n0 0 0 0 0 0 0 dbh", FileKind::Other),
+            ("a.csv", "tree_id,x,y,tree_height,dbh", FileKind::Inventory),
             ("a.csv", "x,y,z,particle,intensity", FileKind::Other),
+            ("a.csv", "x,y,z,species", FileKind::Other),
+            ("a.csv", "x,y,z,height_above_ground,species,intensity", FileKind::Other),
             ("a.xyz", "species", FileKind::Other),
         ] {
             assert_eq!(kind_of(Path::new(name), start.as_bytes()), kind, "{name}: {start}");

@@ -105,7 +105,7 @@ impl Workshop {
         words: &[OsString],
         renamed: Option<(&str, &str)>,
     ) -> Result<tempfile::TempDir> {
-        let folder = tempfile::tempdir_in(self.store.root().join("incoming"))?;
+        let folder = tempfile::tempdir_in(self.store.incoming())?;
         job_folder::make(&self.store, folder.path(), prepared)?;
         if let Some((path, name)) = renamed.filter(|(path, name)| path != name) {
             job_folder::link(Path::new(path), &folder.path().join("in").join(name))?;

@@ -4,25 +4,31 @@
 //! A worker makes the job's folder, has the results computed under restrictions, and renews the lease
 //! meanwhile. It gives the job up when the job is dismissed, or when the service ends. What an earlier worker
 //! has begun is continued.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `limits` | limits of owners while their jobs are computed |
 
-use crate::beneath::{BLOCK, Beneath};
+mod limits;
+
+use crate::beneath::BLOCK;
 use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
 use crate::execution::{End, Setting, bytes_in};
 use crate::files::Fetched;
-use crate::job_folder::{campaign_pulses, complete_results, make, record_complete, results, write_whole};
+use crate::job_folder::{complete_results, make, record_complete, results};
 use crate::messages::{MAX_LOG, progress_of};
 use crate::processes::Process;
 use crate::program::{MESSAGES, Program};
-use crate::queue::{Lane, Outcome};
+use crate::queue::{Lane, Outcome, Use};
 use crate::records::{ExpiryClock, Kind};
 use crate::request::Prepared;
 use crate::steps::Steps;
 use crate::store::{Job, Result, Status, Store, StoreError, now, remove_folder};
 use crate::tasks::{Submission, Tasks};
+use crate::terms::Terms;
 use crate::tokens::{Owner, random_name};
-use std::cell::RefCell;
-use std::ffi::OsString;
+use limits::Turn;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,14 +43,14 @@ const RENEWAL: Duration = Duration::from_secs(1);
 const BUCKET: Duration = Duration::from_secs(5);
 /// Workers of jobs that answer requests, besides those of --workers.
 const QUICK_WORKERS: usize = 2;
+/// The message of a job whose files are gone.
+const REMOVED: &str = "files that it needs have been removed";
 /// A day, ms.
 const DAY: i64 = 86_400_000;
 /// Period of the search for jobs that are kept no longer.
 const EXPIRY: Duration = Duration::from_secs(60);
 /// File of the clock by which jobs expire.
 const CLOCK: &str = "clock";
-/// Largest forecast that is read, bytes.
-const MAX_REPORT: u64 = 1 << 20;
 /// Lease owner of cancelled jobs still queued in an engine.
 const WITHDRAWAL: &str = "withdrawal";
 
@@ -126,20 +132,35 @@ impl Workshop {
         let period = keep.map_or(EXPIRY, |keep| EXPIRY.min(Duration::from_millis(keep.unsigned_abs())));
         let mut checked: Option<Instant> = None;
         let path = self.store.root().join(CLOCK);
-        let recorded = fs::read_to_string(&path).ok();
-        let recorded = recorded.and_then(|record| ExpiryClock::recorded(&record, Instant::now()));
-        let mut clock = recorded.unwrap_or_else(|| ExpiryClock::new(now(), Instant::now()));
+        let mut clock = self.expiry_clock(&path);
         while !self.is_ending() {
             if checked.is_none_or(|checked| checked.elapsed() > period) {
                 checked = Some(Instant::now());
                 let time = clock.time(now(), Instant::now());
                 let done = self.remove_old(keep, time);
-                if let Err(error) = done.and_then(|()| write_whole(&path, clock.record().as_bytes())) {
+                if let Err(error) =
+                    done.and_then(|()| self.store.write_whole(&path, clock.record().as_bytes()))
+                {
                     eprintln!("vlscan serve: {error}");
                 }
             }
             self.wait(IDLE);
         }
+    }
+
+    /// The clock by which jobs expire, as the file `path` records it. Without a record it begins with the
+    /// newest job: the clock of the system may be wrong from the start.
+    fn expiry_clock(&self, path: &Path) -> ExpiryClock {
+        let recorded = fs::read_to_string(path).ok();
+        if let Some(clock) = recorded.and_then(|record| ExpiryClock::recorded(&record, Instant::now())) {
+            return clock;
+        }
+        let newest = self.store.newest_update().unwrap_or_else(|error| {
+            eprintln!("vlscan serve: {error}");
+            None
+        });
+        let now = now();
+        ExpiryClock::new(newest.map_or(now, |newest| newest.min(now)), Instant::now())
     }
 
     /// Removes jobs that were finished longer than `keep` before `time`, ms.
@@ -179,7 +200,7 @@ impl Workshop {
         let holder = random_name(8);
         while !self.is_ending() {
             match self.store.take_job(&holder, lane) {
-                Ok(Some(job)) => self.compute(&job, &holder),
+                Ok(Some(job)) => self.compute(&job, &holder, lane),
                 Ok(None) => self.wait(IDLE),
                 Err(error) => {
                     eprintln!("vlscan serve: {error}");
@@ -199,12 +220,28 @@ impl Workshop {
     }
 
     /// Computes a job and records what came of it.
-    fn compute(&self, job: &Job, holder: &str) {
-        let outcome = match self.try_compute(job, holder) {
+    fn compute(&self, job: &Job, holder: &str, lane: Lane) {
+        let turn = Turn::new(lane);
+        let outcome = match self.try_compute(job, holder, &turn) {
             Ok(Some(outcome)) => outcome,
             // The service ends: the job is released, not finished.
             Ok(None) if self.is_ending() => return,
+            Ok(None) if turn.is_over.get() => {
+                if let Err(error) = self.store.release_slow(&job.id, holder) {
+                    eprintln!("vlscan serve: job {}: {error}", job.id);
+                }
+                self.wake();
+                return;
+            }
             Ok(None) => Outcome::Failed(String::new()),
+            // Objects that somebody has removed do not come back, unless the whole bucket is away.
+            Err(StoreError::Bucket(error))
+                if error.kind() == std::io::ErrorKind::NotFound
+                    && self.store.kept.id().is_ok_and(|id| id.is_some()) =>
+            {
+                eprintln!("vlscan serve: job {}: the bucket of the service: {error}", job.id);
+                Outcome::Failed(REMOVED.to_owned())
+            }
             Err(StoreError::Bucket(error)) => {
                 eprintln!(
                     "vlscan serve: job {}: the bucket of the service: {error}; it is tried again",
@@ -237,7 +274,7 @@ impl Workshop {
     fn conclude(&self, job: &Job, holder: &str, outcome: &Outcome) {
         let report = |error: StoreError| eprintln!("vlscan serve: job {}: {error}", job.id);
         // Large folders are moved at once and removed after the lease.
-        let removed = self.store.root().join("incoming").join(random_name(8));
+        let removed = self.store.incoming().join(random_name(8));
         if self.store.renew(&job.id, holder, 0, "").unwrap_or(false) {
             self.tidy_folder(job, outcome, &removed).unwrap_or_else(report);
         }
@@ -277,7 +314,7 @@ impl Workshop {
     }
 
     /// Returns `None` if the job was given up.
-    fn try_compute(&self, job: &Job, holder: &str) -> Result<Option<Outcome>> {
+    fn try_compute(&self, job: &Job, holder: &str, turn: &Turn) -> Result<Option<Outcome>> {
         if let Some(same) = self.store.same_job(&job.owner, &job.fingerprint)? {
             // Another worker has computed it while this one waited.
             return Ok(Some(Outcome::Same(same.folder)));
@@ -294,9 +331,12 @@ impl Workshop {
         let files = match complete_results(&folder)? {
             Some(files) => files,
             None => {
+                if self.lacks_inputs(&prepared) {
+                    return Ok(Some(Outcome::Failed(REMOVED.to_owned())));
+                }
                 make(&self.store, &folder, &prepared)?;
                 let fetched = self.while_renewing(job, holder, || self.fetch(&prepared))?;
-                let end = self.compute_files(job, holder, &folder, &prepared)?;
+                let end = self.compute_files(job, holder, &folder, &prepared, turn)?;
                 drop(fetched);
                 // Cells that are complete have cost what they cost, whatever came of the campaign.
                 self.charge_cells(job, &folder)?;
@@ -311,7 +351,7 @@ impl Workshop {
                     Ok(files) => files,
                     Err(name) => return Ok(Some(Outcome::Failed(name.to_string()))),
                 };
-                record_complete(&folder, &files)?;
+                record_complete(&self.store, &folder, &files)?;
                 files
             }
         };
@@ -324,15 +364,14 @@ impl Workshop {
         Ok(Some(Outcome::Successful(files, said)))
     }
 
-    /// Charges the owner of a campaign for the cells that are complete.
-    fn charge_cells(&self, job: &Job, folder: &Path) -> Result<()> {
-        let Some(quota) = self.quota(&job.owner) else { return Ok(()) };
-        if Process::named(&job.process) == Some(Process::Campaign) {
-            // A data set whose cells cannot be counted costs the whole quota.
-            let pulses = campaign_pulses(&folder.join("out")).unwrap_or(quota).max(1);
-            self.store.charge(job, pulses, None)?.unwrap_or_default();
-        }
-        Ok(())
+    /// True if uploads or results that a job reads have been removed, as between the check of a request and
+    /// its entry in the queue.
+    fn lacks_inputs(&self, prepared: &Prepared) -> bool {
+        let is_absent = |used: &Use| {
+            let (kind, id) = used.files();
+            !self.store.local(kind, id).is_dir()
+        };
+        !self.store.has_bucket() && prepared.uses.iter().any(is_absent)
     }
 
     /// Everything that a job reads.
@@ -346,7 +385,14 @@ impl Workshop {
     }
 
     /// Computes the files of a job's results, if the quota of its owner allows it.
-    fn compute_files(&self, job: &Job, holder: &str, folder: &Path, prepared: &Prepared) -> Result<End> {
+    fn compute_files(
+        &self,
+        job: &Job,
+        holder: &str,
+        folder: &Path,
+        prepared: &Prepared,
+        turn: &Turn,
+    ) -> Result<End> {
         let process = Process::named(&job.process);
         let setting = self.setting(folder, prepared);
         let log = folder.join("log");
@@ -354,23 +400,22 @@ impl Workshop {
             End::Success => {}
             end => return Ok(end),
         }
-        let exceeded = RefCell::new(None);
-        let end = self.compute_steps(job, holder, setting, prepared, &exceeded)?;
-        Ok(match exceeded.into_inner() {
+        let end = self.compute_steps(job, holder, setting, prepared, turn)?;
+        Ok(match turn.exceeded.take() {
             Some(message) if end == End::GivenUp => End::Failure(message),
             _ => end,
         })
     }
 
-    /// Computes the files of a job's results. Returns [`End::GivenUp`], with a message in `exceeded`, if a
-    /// limit of the owner is exceeded.
+    /// Computes the files of a job's results. Returns [`End::GivenUp`] if a limit of the owner is exceeded,
+    /// or its turn is over.
     fn compute_steps(
         &self,
         job: &Job,
         holder: &str,
         setting: Setting,
         prepared: &Prepared,
-        exceeded: &RefCell<Option<String>>,
+        turn: &Turn,
     ) -> Result<End> {
         let process = Process::named(&job.process);
         let folder = setting.folder.clone();
@@ -381,107 +426,22 @@ impl Workshop {
         let Some(engine) = engine else {
             let stdout = prepared.stdout.as_ref().map(|name| folder.join("out").join(name));
             let goes_on = self.renewing(job, holder, || progress_of(&log));
-            let mut goes_on = self.within_limits(job, &folder, exceeded, goes_on);
+            let mut goes_on = self.within_limits(job, &folder, turn, goes_on);
             return steps.compute_last(&setting, &log, stdout.as_deref(), &mut goes_on);
         };
         let tasks = Tasks::of(&folder);
         let goes_on = self.renewing(job, holder, || tasks.progress(parts));
-        let mut goes_on = self.within_limits(job, &folder, exceeded, goes_on);
+        let mut goes_on = self.within_limits(job, &folder, turn, goes_on);
         let end = engine.compute(&job.id, &Submission { setting, steps }, &mut goes_on)?;
         drop(goes_on);
         let is_over = || {
             let is_dismissed = self.store.status(&job.id)? == Some(Status::Dismissed);
-            Ok::<_, StoreError>(is_dismissed || exceeded.borrow().is_some())
+            Ok::<_, StoreError>(is_dismissed || turn.exceeded.borrow().is_some())
         };
         if end == End::GivenUp && is_over()? && !engine.withdraw(&job.id, &folder)? {
             eprintln!("vlscan serve: job {}: it was cancelled, but the engine still has it", job.id);
         }
         Ok(end)
-    }
-
-    /// `goes_on` while the owner of a job is within the limits; else false, with a message in `exceeded`.
-    fn within_limits<'a>(
-        &'a self,
-        job: &'a Job,
-        folder: &'a Path,
-        exceeded: &'a RefCell<Option<String>>,
-        mut goes_on: impl FnMut() -> Result<bool> + 'a,
-    ) -> impl FnMut() -> Result<bool> + 'a {
-        let mut next = Instant::now() + RENEWAL;
-        move || {
-            if !goes_on()? {
-                return Ok(false);
-            }
-            let start = Instant::now();
-            if start < next {
-                return Ok(true);
-            }
-            let message = self.exceeded(job, folder)?;
-            // Folders of many files are looked into less often.
-            next = Instant::now() + RENEWAL.max(20 * start.elapsed());
-            let is_within = message.is_none();
-            *exceeded.borrow_mut() = message;
-            Ok(is_within)
-        }
-    }
-
-    /// The message of a job whose owner exceeds a limit while it is computed. Records its disk space, and the
-    /// cells of a campaign that are complete, so that jobs at the same time count each other.
-    fn exceeded(&self, job: &Job, folder: &Path) -> Result<Option<String>> {
-        // Too many files are found by those who watch the process.
-        if let Ok(bytes) = bytes_in(folder) {
-            self.store.set_disk(&job.id, bytes)?;
-        }
-        if self.store.stored_bytes(&job.owner)? > self.limits.max_stored {
-            let most = self.limits.max_stored;
-            return Ok(Some(format!(
-                "your uploads and jobs take more than {most} bytes, the limit of this service; remove some first"
-            )));
-        }
-        let quota =
-            self.quota(&job.owner).filter(|_| Process::named(&job.process) == Some(Process::Campaign));
-        let Some(quota) = quota else { return Ok(None) };
-        let pulses = campaign_pulses(&folder.join("out")).unwrap_or(quota).max(1);
-        let charged = self.store.charge(job, pulses, Some(quota))?;
-        Ok(charged.err().map(|spent| used_up(quota, spent.saturating_add(pulses))))
-    }
-
-    /// Prices a run by a dry run, and charges the owner.
-    fn charge(
-        &self,
-        job: &Job,
-        holder: &str,
-        process: Option<Process>,
-        setting: &Setting,
-        log: &Path,
-    ) -> Result<End> {
-        let Some(quota) = self.quota(&job.owner) else { return Ok(End::Success) };
-        if process == Some(Process::Run) {
-            let words = ["run", "../in/job.toml", "--dry-run", "--json"].map(OsString::from);
-            let price = setting.folder.join("price.json");
-            let mut goes_on = self.renewing(job, holder, || (0, String::new()));
-            match setting.execute(&words, log, Some(&price), &mut || Ok(()), &mut goes_on)? {
-                End::Success => {}
-                end => return Ok(end),
-            }
-            let report = Beneath::of(&setting.folder)?.read("price.json", MAX_REPORT)?;
-            let report: serde_json::Value = serde_json::from_slice(&report).map_err(std::io::Error::other)?;
-            // A run whose pulses are unknown would cost nothing.
-            let pulses = report["pulses"].as_f64();
-            let pulses = pulses.ok_or_else(|| std::io::Error::other("a dry run without its pulses"))?;
-            if let Err(spent) = self.store.charge(job, pulses as u64, Some(quota))? {
-                return Ok(End::Failure(format!(
-                    "the run has {pulses:.0} pulses; of the quota of {quota} pulses within 24 hours {} are left",
-                    quota.saturating_sub(spent)
-                )));
-            }
-        }
-        if process == Some(Process::Campaign)
-            && let Err(spent) = self.store.charge(job, 1, Some(quota))?
-        {
-            return Ok(End::Failure(used_up(quota, spent)));
-        }
-        Ok(End::Success)
     }
 
     /// True if a job is still to be computed by its holder; records its progress, at first and then now and
@@ -604,7 +564,7 @@ impl Workshop {
     fn tidy_failed(&self) -> Result<()> {
         for id in self.store.ids(&[Status::Failed])? {
             let folder = self.store.job_folder(&id);
-            let removed = self.store.root().join("incoming").join(random_name(8));
+            let removed = self.store.incoming().join(random_name(8));
             if move_away(&folder, &UNUSED, &removed)? {
                 remove_folder(&removed)?;
                 self.store.set_disk(&id, bytes_in(&folder)?)?;
@@ -636,13 +596,9 @@ impl Workshop {
             within_inputs: prepared.within_inputs,
             max_time: self.limits.max_time,
             max_disk: self.limits.max_disk,
+            terms: Terms::of(&prepared.words),
         }
     }
-}
-
-/// The message of a campaign beyond the quota of its owner.
-fn used_up(quota: u64, spent: u64) -> String {
-    format!("the quota of {quota} pulses within 24 hours is used up ({spent})")
 }
 
 /// Files and folders of a job that a finished one does not need: of a successful job the first four, of a

@@ -16,9 +16,10 @@ thread_local! {
 /// must not be used afterwards.
 pub fn catch_decoder_panic<T>(decode: impl FnOnce() -> T) -> Option<T> {
     install_panic_hook();
-    IS_CAUGHT.set(true);
+    // Decoders call each other.
+    let is_caught = IS_CAUGHT.replace(true);
     let decoded = panic::catch_unwind(AssertUnwindSafe(decode));
-    IS_CAUGHT.set(false);
+    IS_CAUGHT.set(is_caught);
     decoded.ok()
 }
 
@@ -56,6 +57,16 @@ fn install_panic_hook() {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_decoder_within_a_decoder_shows_no_message() {
+        let shown = catch_decoder_panic(|| {
+            assert_eq!(catch_decoder_panic(|| 7), Some(7));
+            let inner = outside_decoder(|| catch_decoder_panic(|| IS_CAUGHT.get()));
+            (IS_CAUGHT.get(), inner.unwrap())
+        });
+        assert_eq!((shown, IS_CAUGHT.get()), (Some((true, Some(true))), false));
+    }
 
     #[test]
     fn a_panic_gives_none_and_a_result_is_passed_on() {

@@ -1,11 +1,12 @@
 //! Execution of processes.
 
-use super::jobs::status_info;
+use super::jobs::{find_state, find_successful, status_info};
 use super::request::Request;
 use super::results::answer;
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
 use crate::store::{Job, Status};
+use crate::worker::Workshop;
 use axum::Extension;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
@@ -27,8 +28,14 @@ pub async fn execute(
 ) -> Result<Response, Failure> {
     let Request { process, inputs, outputs, prefers_job } = Request::parse(&id, &headers, &body)?;
     let owner = identity.owner.clone();
-    let job =
-        blocking(&app, move |workshop| workshop.submit_for(&owner, process, &inputs, Some(outputs))).await?;
+    let turn = app.turn_to_submit(&owner).await?;
+    // The turn ends with the check, not with the connection.
+    let submit = move |workshop: &Workshop| {
+        let job = workshop.submit_for(&owner, process, &inputs, Some(outputs));
+        drop(turn);
+        job
+    };
+    let job = blocking(&app, submit).await?;
     if prefers_job || !process.is_quick() {
         let mut response = created(&job);
         if prefers_job {
@@ -40,13 +47,14 @@ pub async fn execute(
     let mut job = job;
     while !job.status.is_final() && start.elapsed() < MAX_WAIT {
         tokio::time::sleep(POLL).await;
-        let (owner, id) = (identity.owner.clone(), job.id.clone());
-        let found = blocking(&app, move |workshop| workshop.store.job(&owner, &id)).await?;
-        job = found.ok_or_else(|| Failure::no_job(&job.id))?;
+        job = find_state(&app, &identity, &job.id).await?;
     }
     match job.status {
         // Fields of the request are about its execution, not about a file.
-        Status::Successful => answer(&app, &job, &HeaderMap::new()).await,
+        Status::Successful => {
+            let job = find_successful(&app, &identity, &job.id).await?;
+            answer(&app, &job, &HeaderMap::new()).await
+        }
         Status::Failed => Err(Failure::new(StatusCode::UNPROCESSABLE_ENTITY, job.message)),
         Status::Dismissed => Err(Failure::new(StatusCode::GONE, "the job was dismissed")),
         Status::Accepted | Status::Running => Ok(created(&job)),

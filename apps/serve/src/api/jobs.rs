@@ -169,6 +169,13 @@ pub async fn find(app: &Arc<App>, identity: &Identity, id: &str) -> Result<Job, 
     job.ok_or_else(|| Failure::no_job(id))
 }
 
+/// The state of a job of the one who asks.
+pub async fn find_state(app: &Arc<App>, identity: &Identity, id: &str) -> Result<Job, Failure> {
+    let (owner, name) = (identity.owner.clone(), id.to_owned());
+    let job = blocking(app, move |workshop| workshop.store.job_state(&owner, &name)).await?;
+    job.ok_or_else(|| Failure::no_job(id))
+}
+
 /// The job of the one who asks, if it has results.
 pub async fn find_successful(app: &Arc<App>, identity: &Identity, id: &str) -> Result<Job, Failure> {
     let job = find(app, identity, id).await?;
@@ -190,11 +197,11 @@ pub async fn status(
     Query(asked): Query<BTreeMap<String, String>>,
     headers: HeaderMap,
 ) -> Result<Response, Failure> {
-    let job = find(&app, &identity, &id).await?;
-    match wants_page(&headers, query.as_deref()) {
-        true => pages::job(&app, &identity, &job, asked.get("points").map(String::as_str)).await,
-        false => Ok(document(&status_info(&job))),
+    if !wants_page(&headers, query.as_deref()) {
+        return Ok(document(&status_info(&find_state(&app, &identity, &id).await?)));
     }
+    let job = find(&app, &identity, &id).await?;
+    pages::job(&app, &identity, &job, asked.get("points").map(String::as_str)).await
 }
 
 pub async fn dismiss(
@@ -202,14 +209,14 @@ pub async fn dismiss(
     Extension(identity): Extension<Identity>,
     Path(id): Path<String>,
 ) -> Result<Response, Failure> {
-    let job = find(&app, &identity, &id).await?;
+    let job = find_state(&app, &identity, &id).await?;
     if job.status == Status::Dismissed {
         return Err(Failure::new(StatusCode::GONE, "the job was dismissed"));
     }
     let (owner, name) = (identity.owner.clone(), id.clone());
     let workshop = Arc::clone(&app.workshop);
     blocking(&app, move |_| workshop.dismiss(&owner, &name)).await?;
-    Ok(document(&status_info(&find(&app, &identity, &id).await?)))
+    Ok(document(&status_info(&find_state(&app, &identity, &id).await?)))
 }
 
 /// The state of a job whenever it changes, until it is final.
@@ -218,7 +225,7 @@ pub async fn events(
     Extension(identity): Extension<Identity>,
     Path(id): Path<String>,
 ) -> Result<Response, Failure> {
-    find(&app, &identity, &id).await?;
+    find_state(&app, &identity, &id).await?;
     let Some(share) = app.streams.try_take(&identity.owner) else {
         return Err(Failure::new(
             StatusCode::TOO_MANY_REQUESTS,
@@ -233,8 +240,9 @@ pub async fn events(
         if is_over {
             return None;
         }
-        while start.elapsed() < MAX_STREAM {
-            let job = find(&app, &identity, &id).await.ok()?;
+        // Tokens may be revoked meanwhile.
+        while start.elapsed() < MAX_STREAM && app.tokens.admits(&identity.owner) {
+            let job = find_state(&app, &identity, &id).await.ok()?;
             let info = status_info(&job).to_string();
             if info != last {
                 let event = Event::default().event(job.status.name()).data(&info);

@@ -62,6 +62,8 @@ impl Problem {
     }
 }
 
+/// Values that solve the problem of a message. Jobs of earlier versions have messages with options in place
+/// of inputs.
 fn fixes(message: &str, fields: &Fields, Usual { level, flight }: Usual) -> Vec<Fix> {
     let given = |key: &str| fields.get(key).and_then(|text| text.parse::<f64>().ok());
     let mut found = Vec::new();
@@ -82,10 +84,10 @@ fn fixes(message: &str, fields: &Fields, Usual { level, flight }: Usual) -> Vec<
     if let Some(height) = height {
         add(format!("Fly at {height} m"), "height", height.to_string());
     }
-    if message.contains("--follow-terrain") {
+    if message.contains("`follow_terrain`") || message.contains("--follow-terrain") {
         add("Follow the terrain".to_owned(), "follow_terrain", "on".to_owned());
     }
-    if message.contains("--ground") {
+    if message.contains("`ground`") || message.contains("--ground") {
         add(format!("Level ground at {level} m"), "ground", level.to_string());
     }
     // The last number is the possible one.
@@ -93,7 +95,8 @@ fn fixes(message: &str, fields: &Fields, Usual { level, flight }: Usual) -> Vec<
     if let Some(possible) = possible.filter(|_| message.contains("° is possible")) {
         add(format!("Resolution {possible}°"), "resolution", possible.to_string());
     }
-    if let Some(spacing) = given("spacing").filter(|_| message.contains("smaller --spacing")) {
+    let asks_for_spacing = message.contains("smaller `spacing`") || message.contains("smaller --spacing");
+    if let Some(spacing) = given("spacing").filter(|_| asks_for_spacing) {
         let half = spacing / 2.0;
         add(format!("Spacing {half} m"), "spacing", half.to_string());
     }
@@ -185,6 +188,22 @@ mod tests {
                 "error: no position is inside the area; choose a smaller --spacing",
                 Some("spacing"),
                 &["Spacing 20 m: spacing=20"],
+            ),
+            (
+                "error: `scene` a.obj: none of its materials is ground\nhelp: give the height of level ground with `ground`",
+                Some("ground"),
+                &["Level ground at 2.5 m: ground=2.5"],
+            ),
+            (
+                "error: no position is inside the area; choose a smaller `spacing`",
+                Some("spacing"),
+                &["Spacing 20 m: spacing=20"],
+            ),
+            (
+                "error: the ground is 60 m away, but A measures from 70 m; fly higher than 91 m, or keep the height above the ground \
+                 with `follow_terrain`",
+                Some("height"),
+                &["Fly at 100 m: height=100", "Follow the terrain: follow_terrain=on"],
             ),
             (
                 "error: at 5 m/s one strip has 12.34 pulses/m² already, more than 4; increase --height or --speed",

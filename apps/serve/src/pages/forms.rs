@@ -23,7 +23,13 @@ type Answer = Result<Response, Failure>;
 /// Adds a job and leads to its page.
 async fn submit(app: &Arc<App>, identity: &Identity, process: Process, inputs: Map<String, Value>) -> Answer {
     let owner = identity.owner.clone();
-    let job = blocking(app, move |workshop| workshop.submit(&owner, process, &inputs)).await?;
+    let turn = app.turn_to_submit(&owner).await?;
+    let submit = move |workshop: &Workshop| {
+        let job = workshop.submit(&owner, process, &inputs);
+        drop(turn);
+        job
+    };
+    let job = blocking(app, submit).await?;
     Ok(Redirect::to(&format!("/jobs/{}", job.id)).into_response())
 }
 

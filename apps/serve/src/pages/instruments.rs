@@ -4,7 +4,7 @@ use super::layout::page;
 use super::trail::{Crumb, path};
 use crate::answers::Failure;
 use crate::app::{App, Identity, blocking};
-use crate::program::ProgramError;
+use crate::program::{PATTERNS, ProgramError};
 use axum::Extension;
 use axum::extract::{Path, State};
 use axum::http::{StatusCode, header};
@@ -126,7 +126,8 @@ pub async fn pattern(State(app): State<Arc<App>>, Path(number): Path<usize>) -> 
     let picture = blocking(&app, move |workshop| {
         let entry = workshop.program.entries("scanners").nth(number);
         let Some((reference, _)) = entry else { return Ok(None) };
-        workshop.program.pattern(reference, &workshop.store.root().join("patterns")).map(Some)
+        let store = &workshop.store;
+        workshop.program.pattern(reference, &store.root().join(PATTERNS), &store.incoming()).map(Some)
     })
     .await?;
     let picture = picture.ok_or_else(no_instrument)?;

@@ -160,7 +160,7 @@ fn state(job: &Job, queued: &str) -> Markup {
     }
 }
 
-/// A message of a job. Those of plans name options, which are fields of the page.
+/// A message of a job. Those of plans name inputs, which are fields of the page.
 fn in_words(job: &Job, message: &str) -> String {
     match job.process == Process::Plan.id() {
         true => in_words_of_the_page(message),

@@ -288,19 +288,26 @@ fn labels() -> impl Iterator<Item = (&'static str, &'static str)> {
     NUMBERS.iter().map(|number| (number.name, number.label)).chain(OTHERS)
 }
 
-/// The field whose option a message of `vlscan plan` names first.
+/// The field whose input a message of a plan names first.
 pub fn field_of_message(message: &str) -> Option<&'static str> {
+    let named = |input: &str| labels().map(|(name, _)| name).find(|name| *name == input);
+    let quoted = message.split('`').skip(1).step_by(2).find_map(named);
+    if quoted.is_some() {
+        return quoted;
+    }
+    // Jobs of earlier versions have messages with options.
     let mut parts = message.split("--").skip(1);
     parts.find_map(|part| {
         let end = part.find(|c: char| !c.is_ascii_alphanumeric() && c != '-').unwrap_or(part.len());
         let option = part[..end].replace('-', "_");
-        labels().map(|(name, _)| name).find(|name| *name == option)
+        named(&option)
     })
 }
 
-/// A message of `vlscan plan` with the fields in place of its options.
+/// A message of a plan with the fields in place of inputs and options.
 pub fn in_words_of_the_page(message: &str) -> String {
     labels().fold(message.to_owned(), |text, (name, label)| {
+        let text = text.replace(&format!("`{name}`"), label);
         with_label(&text, &format!("--{}", name.replace('_', "-")), label)
     })
 }
@@ -427,5 +434,12 @@ mod tests {
             in_words_of_the_page(message),
             "error: Density, Speed and Overlap determine each other; --scene-memory"
         );
+        let message = "error: `density`, `speed` and `overlap` determine each other; `scene_memory`";
+        assert_eq!(
+            in_words_of_the_page(message),
+            "error: Density, Speed and Overlap determine each other; `scene_memory`"
+        );
+        assert_eq!(field_of_message(message), Some("density"));
+        assert_eq!(field_of_message("error: `a`: --speed and `density`"), Some("density"));
     }
 }

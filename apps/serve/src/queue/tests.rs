@@ -91,8 +91,13 @@ fn results_are_given_again_and_kept_while_a_job_names_them() {
     store.add_job(&job("anna", "a"), &BTreeSet::new(), None, 9).unwrap();
     store.take_job("w", Lane::Any).unwrap();
     std::fs::create_dir_all(store.job_folder("a").join("out")).unwrap();
+    let points = store.job_folder("a").join("out/points.laz");
+    std::fs::write(&points, "7 bytes").unwrap();
     let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
     store.finish("a", "w", &Outcome::Successful(files.clone(), warned())).unwrap();
+    std::fs::rename(&points, points.with_extension("gone")).unwrap();
+    assert!(store.same_job("anna", "same").unwrap().is_none(), "its file is gone");
+    std::fs::rename(points.with_extension("gone"), &points).unwrap();
     let first = store.same_job("anna", "same").unwrap().unwrap();
     assert!(store.same_job("ben", "same").unwrap().is_none());
     store.add_job(&job("anna", "b"), &BTreeSet::new(), Some(&first), 0).unwrap();
@@ -105,6 +110,19 @@ fn results_are_given_again_and_kept_while_a_job_names_them() {
     assert!(store.job_folder("a").is_dir(), "the second job has its results there");
     store.dismiss("anna", "b", None).unwrap();
     assert!(!store.job_folder("a").exists());
+    let uses = BTreeSet::from([Use::Upload { name: "forest".into(), id: "u".into() }]);
+    let rows =
+        || -> i64 { store.database().query_row("SELECT count(*) FROM uses", [], |row| row.get(0)).unwrap() };
+    store.add_job(&Job { fingerprint: "other".to_owned(), ..job("anna", "d") }, &uses, None, 9).unwrap();
+    assert!(rows() == 1 && store.stored_bytes("anna").unwrap() > 256);
+    store.take_job("w", Lane::Any).unwrap();
+    store.finish("d", "w", &Outcome::Successful(Vec::new(), Said::default())).unwrap();
+    let other = store.same_job("anna", "other").unwrap().unwrap();
+    store.add_job(&job("anna", "e"), &uses, Some(&other), 9).unwrap();
+    assert_eq!(rows(), 0, "finished jobs read nothing");
+    // A request that was about to be answered with them.
+    store.add_job(&job("anna", "c"), &BTreeSet::new(), Some(&first), 9).unwrap();
+    assert_eq!(store.status("c").unwrap(), Some(Status::Accepted), "it is computed");
 }
 
 #[test]
@@ -118,6 +136,7 @@ fn a_damaged_list_of_results_is_an_error_and_not_an_empty_list() {
     store.database().execute("UPDATE jobs SET results = '[{' WHERE id = 'a'", []).unwrap();
     let error = store.results_in("a").unwrap_err();
     assert!(matches!(error, StoreError::Record { .. }), "{error}");
+    assert!(store.same_job("anna", "same").unwrap().is_none(), "it answers no other request");
 }
 
 #[test]
@@ -222,12 +241,15 @@ fn dismissed_jobs_leave_nothing_but_their_state() {
         assert!(store.add_job(&job, &BTreeSet::new(), None, 999).unwrap());
     }
     assert!(store.stored_bytes("anna").unwrap() > 200 * 200_000, "rows count");
+    let rows = store.row_bytes("anna").unwrap();
+    assert!((200 * 200_000..200 * 202_000).contains(&rows), "{rows}");
     let listed = store.jobs(Listed::States, "anna", &[], &[], 0, 1000).unwrap();
     assert!(listed.len() == 200 && listed.iter().all(|job| job.inputs.len() + job.prepared.len() < 100));
     for number in 0..200 {
         assert!(store.dismiss("anna", &format!("j{number}"), None).unwrap());
     }
     assert_eq!(store.stored_bytes("anna").unwrap(), 200 * 1024, "rows that are left count");
+    assert_eq!(store.row_bytes("anna").unwrap(), 0);
     assert_eq!(store.job("anna", "j7").unwrap().unwrap().inputs, "{}");
     store.database().query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(())).unwrap();
     let bytes = std::fs::metadata(folder.path().join("service.db")).unwrap().len();
@@ -279,6 +301,22 @@ fn lists_have_the_start_of_long_messages() {
     let listed = store.jobs(Listed::Bare, "anna", &[], &[], 0, 9).unwrap();
     assert_eq!(listed[0].message, format!("{} …", "ä".repeat(1000)));
     assert_eq!(store.job("anna", "a").unwrap().unwrap().message, long);
+}
+
+#[test]
+fn the_state_of_a_job_has_no_long_texts() {
+    let (_folder, store) = store();
+    let long = format!("{{\"shown\": \"{}\"}}", "x".repeat(100_000));
+    let waiting = Job { inputs: long.clone(), prepared: long, ..job("anna", "a") };
+    store.add_job(&waiting, &BTreeSet::new(), None, 9).unwrap();
+    store.take_job("w", Lane::Any).unwrap();
+    let files = vec![ResultFile { path: "points.laz".to_owned(), bytes: 7 }];
+    store.finish("a", "w", &Outcome::Successful(files, warned())).unwrap();
+    let state = store.job_state("anna", "a").unwrap().unwrap();
+    assert_eq!((state.inputs.as_str(), state.prepared.as_str(), state.results.as_str()), ("{}", "{}", "[]"));
+    assert_eq!((state.status, state.message.as_str()), (Status::Successful, "warning: w"));
+    assert_eq!(state.problems(), warned().warnings);
+    assert!(store.job_state("ben", "a").unwrap().is_none());
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::named::named_pipeline;
 use super::prepared::{Prepared, RequestError, wrong};
+use super::values::texts;
 use crate::job_folder::DATASET;
 use crate::names;
 use crate::processes::Process;
@@ -139,16 +140,6 @@ pub(super) fn asset_folders(inputs: &Value, uses: &BTreeSet<Use>) -> Vec<String>
     let mut seen = BTreeSet::new();
     folders.retain(|folder| seen.insert(folder.clone()));
     folders
-}
-
-/// All texts of a value.
-fn texts(value: &Value) -> Vec<&str> {
-    match value {
-        Value::String(text) => vec![text],
-        Value::Array(list) => list.iter().flat_map(texts).collect(),
-        Value::Object(map) => map.values().flat_map(texts).collect(),
-        _ => Vec::new(),
-    }
 }
 
 /// The folders of [`asset_folders`] as options of a command.

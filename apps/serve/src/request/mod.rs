@@ -26,7 +26,7 @@ use crate::store::Store;
 use crate::tokens::hex;
 use clock::depends_on_time;
 use commands::{assets, campaign, options, pipeline, plan, shown};
-use named::{find_files, with_uses_of_jobs};
+use named::{check_names, find_files, with_uses_of_jobs};
 use prepared::wrong;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
@@ -61,6 +61,7 @@ pub fn check(
     let (inputs, geometries) = checked_inputs(process, inputs, &schema)?;
     let mut uses = BTreeSet::new();
     let tree = Value::Object(inputs.clone());
+    check_names("inputs", &tree)?;
     find_files("", &tree, 0, owner, store, program, &mut uses)?;
     let mut prepared = match process {
         Process::Run | Process::DryRun => pipeline(process, tree, owner, store, program, &mut uses)?,

@@ -1,6 +1,7 @@
 //! Uploads and results that the inputs of a request name.
 
 use super::prepared::{Prepared, RequestError, wrong};
+use super::values::texts;
 use crate::names::{self, JOBS};
 use crate::program::Program;
 use crate::queue::Use;
@@ -12,6 +13,18 @@ use std::collections::BTreeSet;
 const MAX_PIPELINE_BYTES: u64 = 1 << 20;
 /// Deepest nesting of inputs.
 const MAX_DEPTH: usize = 12;
+/// Most words of the inputs that may be names of files: each is looked for.
+const MAX_NAMES: usize = 10_000;
+
+/// Refuses inputs with very many words that may be names of files.
+pub(super) fn check_names(key: &str, inputs: &Value) -> Result<(), RequestError> {
+    let words = texts(inputs).into_iter().flat_map(names::words);
+    let number = words.filter(|word| word.contains(['/', '\\'])).take(MAX_NAMES + 1).count();
+    match number > MAX_NAMES {
+        true => Err(wrong(key, format!("more than {MAX_NAMES} words that may be names of files"))),
+        false => Ok(()),
+    }
+}
 
 /// Looks through all texts of the inputs for names of files: refuses those that lead out of the job's folder,
 /// whatever key has them, and collects uploads and results of the owner that are named.
@@ -153,6 +166,7 @@ pub(super) fn named_pipeline(
     let table: toml::Table =
         text.parse().map_err(|e: toml::de::Error| wrong("pipeline", format!("{name}: {e}")))?;
     let keys = serde_json::to_value(&table).map_err(|e| wrong("pipeline", e.to_string()))?;
+    check_names("pipeline", &keys)?;
     find_files("pipeline", &keys, 0, owner, store, program, uses)?;
     with_uses_of_jobs(store, uses)?;
     Ok(table)

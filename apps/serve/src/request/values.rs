@@ -22,6 +22,16 @@ pub(super) fn unqualified(key: &str, value: Value) -> Result<Value, RequestError
     }
 }
 
+/// All texts of a value.
+pub(super) fn texts(value: &Value) -> Vec<&str> {
+    match value {
+        Value::String(text) => vec![text],
+        Value::Array(list) => list.iter().flat_map(texts).collect(),
+        Value::Object(map) => map.values().flat_map(texts).collect(),
+        _ => Vec::new(),
+    }
+}
+
 /// Longest well-known text that stands in a command, bytes.
 const MAX_TEXT: usize = 4096;
 

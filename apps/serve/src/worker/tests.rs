@@ -1,5 +1,6 @@
 //! Leases, folders, limits of owners.
 
+use super::limits::MAX_QUICK;
 use super::*;
 use crate::files::Files;
 use crate::messages::Said;
@@ -101,6 +102,66 @@ fn files_of_a_job_that_gets_other_results_count_no_longer() {
     workshop.conclude(&job, "w", &Outcome::Same("b".to_owned()));
     let stored = store.stored_bytes("anna").unwrap();
     assert!(stored < 10_000, "{stored}");
+}
+
+#[test]
+fn a_job_without_its_inputs_fails_with_the_reason() {
+    let (_folder, workshop, job) = workshop();
+    let store = &workshop.store;
+    let used = Use::Upload { name: "forest".to_owned(), id: "u".to_owned() };
+    let prepared = Prepared { uses: BTreeSet::from([used]), ..Prepared::default() };
+    let job = Job { prepared: serde_json::to_string(&prepared).unwrap(), ..job };
+    store.take_job("w", Lane::Any).unwrap().unwrap();
+    workshop.compute(&job, "w", Lane::Any);
+    assert_eq!(store.job("anna", "a").unwrap().unwrap().message, REMOVED);
+}
+
+#[test]
+fn a_clock_of_the_system_that_is_wrong_at_the_first_start_removes_nothing() {
+    let (_folder, workshop, _) = workshop();
+    let path = workshop.store.root().join(CLOCK);
+    let year = 365 * DAY;
+    workshop.store.database().execute("UPDATE jobs SET updated = updated - ?", [year]).unwrap();
+    let time = |wall: i64| workshop.expiry_clock(&path).time(wall, Instant::now());
+    assert!(time(now()) < now() - 364 * DAY, "the newest job was changed a year ago");
+    fs::write(&path, "damaged").unwrap();
+    assert!(time(now()) < now() - 364 * DAY);
+    fs::write(&path, "5 -\n").unwrap();
+    assert!(time(now()) < 60_000, "the clock of the service");
+    workshop.store.database().execute("DELETE FROM jobs", []).unwrap();
+    fs::remove_file(&path).unwrap();
+    assert!(time(now()) > now() - DAY, "there is nothing to remove");
+}
+
+#[test]
+fn a_quick_job_has_its_turn_while_others_wait() {
+    let (_folder, workshop, _) = workshop();
+    let store = &workshop.store;
+    let quick = Lane::Quick { share: 1 };
+    let add = |owner: &str, id: &str| {
+        let job = Job { process: "plan".to_owned(), fingerprint: id.to_owned(), ..job(owner, id) };
+        assert!(store.add_job(&job, &BTreeSet::new(), None, 9).unwrap());
+        job
+    };
+    let first = add("anna", "p");
+    assert_eq!(store.take_job("w", quick).unwrap().unwrap().id, "p");
+    let start = Instant::now().checked_sub(MAX_QUICK + RENEWAL).unwrap();
+    let is_over = |turn: Turn| workshop.is_over(&first, &turn).unwrap();
+    let long = |lane| Turn { start, ..Turn::new(lane) };
+    add("anna", "q");
+    assert!(!is_over(long(quick)), "nobody else waits");
+    add("ben", "r");
+    assert!(is_over(long(quick)) && !is_over(Turn::new(quick)) && !is_over(long(Lane::Any)));
+    assert_eq!(store.take_job("x", quick).unwrap().unwrap().id, "r");
+    add("ben", "s");
+    assert!(!is_over(long(quick)), "ben has his share");
+    store.release_slow("p", "w").unwrap();
+    assert_eq!(store.take_job("w", quick).unwrap().unwrap().id, "q", "p waits for the other workers");
+    assert!(store.take_job("w", quick).unwrap().is_none());
+    let others: Vec<_> = std::iter::from_fn(|| store.take_job("y", Lane::Any).unwrap()).collect();
+    assert!(others.iter().any(|job| job.id == "p"));
+    assert!(store.finish("p", "y", &Outcome::Failed(String::new())).unwrap());
+    assert!(store.slow.lock().unwrap().is_empty());
 }
 
 #[test]

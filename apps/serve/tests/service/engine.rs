@@ -243,6 +243,19 @@ fn campaigns_are_divided_among_tasks_and_failures_are_told() {
 }
 
 #[test]
+fn a_job_that_an_engine_loses_again_and_again_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log");
+    // As tasks that are killed for lack of memory.
+    let submit = format!("--submit=sh -c 'echo \"$0\" >>{}' {{name}} {{command}}", log.display());
+    let service = Service::start(&[submit.as_str(), "--poll=true {name}", "--cancel=true {name}"]);
+    with_field(&service);
+    let job = service.run("run", &flight(1, 1));
+    assert!(job["message"].as_str().unwrap().contains("5 times without results"), "{job}");
+    assert_eq!(std::fs::read_to_string(log).unwrap().lines().count(), 5);
+}
+
+#[test]
 fn a_service_without_the_engine_leaves_its_jobs_alone() {
     let engine = Engine::new();
     let mut service = engine.service(2);

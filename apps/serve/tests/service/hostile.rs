@@ -166,6 +166,30 @@ fn an_address_that_others_reach_needs_tokens() {
     assert!(told.contains("--no-sandbox"), "{told}");
 }
 
+#[test]
+fn requests_that_name_very_many_files_are_refused() {
+    let service = Service::start(&["--workers", "0"]);
+    let names: Vec<String> = (0..10_001).map(|number| format!("u{number}/a")).collect();
+    let refused = service.execute("run", &json!({ "scene": names }));
+    assert!(refused.status == 400 && refused.text().contains("more than 10000 words"), "{}", refused.text());
+    let pipeline = format!("scene = \"{}\"\n", names.join(" "));
+    assert_eq!(service.upload("many", &[("p.toml", pipeline.into_bytes())]).status, 201);
+    let refused = service.execute("run", &json!({ "pipeline": "many/p.toml" }));
+    assert!(refused.status == 400 && refused.text().contains("more than 10000 words"), "{}", refused.text());
+}
+
+#[test]
+fn a_service_without_tokens_is_not_reached_through_a_proxy_by_accident() {
+    let through_proxy = |options: &[&str]| {
+        let service = Service::start(&[&["--workers", "0"], options].concat());
+        service.ask("GET", "/uploads", &[("X-Forwarded-For", "203.0.113.7")], b"")
+    };
+    let refused = through_proxy(&[]);
+    assert!(refused.status == 403 && refused.text().contains("no tokens"), "{}", refused.text());
+    assert_eq!(through_proxy(&["--host", "localhost"]).status, 403);
+    assert_eq!(through_proxy(&["--host", "scans.example.org", "--open"]).status, 200);
+}
+
 /// A file outside of the service, which no answer may contain.
 fn secret() -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();

@@ -176,7 +176,7 @@ fn folders_that_cannot_be_read_are_removed() {
     let incoming = service.data.join("incoming");
     let is_empty = || std::fs::read_dir(&incoming).unwrap().count() == 0;
     wait_until("the files of the job go", is_empty);
-    let closed = incoming.join("closed/inner");
+    let closed = incoming.join("0123456789abcdef/inner");
     std::fs::create_dir_all(&closed).unwrap();
     for folder in [closed.as_path(), closed.parent().unwrap()] {
         std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o0)).unwrap();

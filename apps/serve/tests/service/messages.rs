@@ -37,6 +37,18 @@ fn a_job_lists_its_warnings_with_place_and_help() {
 }
 
 #[test]
+fn messages_name_inputs_and_no_options() {
+    let service = Service::start(&[]);
+    with_field(&service);
+    let plan = json!({
+        "kind": "airborne", "scene": "field/field.obj", "scanner": "riegl_vux-1uav", "height": -5, "density": 5
+    });
+    let refused = service.execute("plan", &plan);
+    let detail = refused.text();
+    assert!(refused.status == 422 && detail.contains("`height`") && !detail.contains("--"), "{detail}");
+}
+
+#[test]
 fn a_failed_job_tells_the_error_with_its_place() {
     let service = Service::start(&[]);
     with_field(&service);

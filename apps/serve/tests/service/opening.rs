@@ -252,6 +252,60 @@ fn an_interrupted_removal_is_completed_and_not_taken_for_a_loss() {
     assert!(!uploads.path().exists() && !used.data().join("lost").exists());
 }
 
+#[test]
+fn incomplete_files_go_and_what_others_have_put_among_them_is_kept() {
+    let used = Used::new();
+    let data = used.data();
+    let write = |path: &str, text: &str| {
+        std::fs::create_dir_all(data.join(path).parent().unwrap()).unwrap();
+        std::fs::write(data.join(path), text).unwrap();
+    };
+    let incomplete = [
+        "incoming/.tmpAb12Cd/a.obj",
+        "incoming/0123456789abcdef/out/a.laz",
+        ".tmpXy34Zw",
+        "patterns/.tmpAAAAAA/pattern.svg",
+    ];
+    incomplete.iter().for_each(|path| write(path, "1764372000000 -\n"));
+    let others = [
+        "incoming/photos/2025/a.jpg",
+        "incoming/.tmp",
+        "incoming/notes.txt",
+        ".tmpOthers",
+        "patterns/.tmpBBBBBB/a",
+    ];
+    others.iter().for_each(|path| write(path, path));
+    let told = check(&data);
+    assert!(!told.status.success() && text(&told).contains("removes 4 incomplete files"), "{}", text(&told));
+    assert!(text(&told).contains("photos"), "{}", text(&told));
+    let mut service = Service::at(&data, &[]);
+    service.stop();
+    for path in incomplete {
+        assert!(!data.join(path).exists(), "{path}");
+    }
+    for path in others {
+        let kept = if path.starts_with("incoming/") { data.join("lost").join(path) } else { data.join(path) };
+        assert_eq!(std::fs::read_to_string(kept).unwrap(), path);
+    }
+    assert_eq!(std::fs::read_dir(data.join("incoming")).unwrap().count(), 0);
+    let told = check(&data);
+    assert!(told.status.success() && text(&told).contains("3 in lost/incoming"), "{}", text(&told));
+}
+
+#[test]
+fn a_copy_before_a_migration_is_whole() {
+    let used = Used::new();
+    used.change(BACK[0]);
+    // As a service leaves it that was killed while it made the copy.
+    std::fs::write(used.data().join("service.db-part"), "a part").unwrap();
+    let mut service = Service::at(&used.data(), &[]);
+    service.stop();
+    let copy = used.data().join("service.db-version-3");
+    let jobs = rusqlite::Connection::open(copy).unwrap();
+    let jobs: i64 = jobs.query_row("SELECT count(*) FROM jobs", [], |row| row.get(0)).unwrap();
+    assert!(jobs == 1 && !used.data().join("service.db-part").exists());
+}
+
 /// A folder whose service was killed: the log has what the database lacks.
 fn killed() -> Used {
     let used = Used::new();

@@ -51,6 +51,18 @@ fn uploads_of_pages_get_a_number_and_keep_their_form() {
     assert!(text.contains("the upload has no files") && text.contains("action=\"/uploads\""), "{text}");
 }
 
+#[test]
+fn forms_that_are_open_outlive_a_restart() {
+    let mut service = Service::start(&["--workers", "0"]);
+    with_field(&service);
+    let token = token_of(&page(&service, "/")).to_owned();
+    service.restart();
+    assert_eq!(send(&service, "/forms/remove-upload", &token, &[("name", "field")]).status, 303);
+    assert!(service.json("/uploads")["uploads"].as_array().unwrap().is_empty());
+    let other = Service::start(&["--workers", "0"]);
+    assert_eq!(send(&other, "/forms/remove-upload", &token, &[("name", "field")]).status, 403);
+}
+
 const UAV: &str = "data/scanners_als.xml#riegl_vux-1uav";
 
 #[test]

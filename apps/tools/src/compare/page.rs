@@ -31,7 +31,8 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
  td:first-child,th:first-child{text-align:left;min-width:13em}th{font-weight:600;border-bottom:1px solid}\
  tr.out td{font-weight:700}p.m{margin:.2em 0;opacity:.8;max-width:60em}img{max-width:100%}\
  figure{margin:0 0 1em}\
- h1,h3{overflow-wrap:anywhere}section{break-inside:avoid;margin:0 0 1.6em}\
+ h1,h3{overflow-wrap:anywhere}h1{font-size:clamp(1.2em,4vw,2em);line-height:1.25}\
+ section{break-inside:avoid;margin:0 0 1.6em}\
  .pair{display:flex;flex-wrap:wrap;gap:0 1.5em;align-items:flex-start}\
  h2{margin:1.6em 0 .4em;border-bottom:2px solid}h3{margin:.8em 0 .1em}.pair figure{flex:0 1 490px}\
  @media (min-width:62em){.pair{flex-wrap:nowrap}}\
@@ -44,7 +45,10 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
 pub fn page(comparison: &Comparison, clouds: [&Points; 2]) -> Result<String> {
     let names = [&comparison.first.name, &comparison.second.name].map(|name| escaped(name));
     let (body, contents) = details(comparison);
-    let mut out = String::from("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n");
+    let mut out = String::from(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n",
+    );
     // Writing to a string does not fail.
     let mut add = |text: std::fmt::Arguments| {
         let _ = out.write_fmt(text);
@@ -331,6 +335,7 @@ mod tests {
             "<h2>Contents</h2>",
             "<svg",
         ];
+        assert!(text.contains("name=\"viewport\"") && text.contains("h1{font-size:clamp("), "phones");
         let places = parts.map(|part| text.find(part).unwrap_or_else(|| panic!("no {part} in {text}")));
         assert!(places.is_sorted(), "{places:?}");
         for link in text.split("href=\"#").skip(1) {

@@ -18,6 +18,11 @@ const ON_SURFACE: f64 = 0.05;
 /// that must agree.
 const RING: usize = 8;
 const MIN_AGREEING: usize = 7;
+/// Number of horizontal directions in which the nearest surface must be a wall if a position is taken to be
+/// beside or within a house, below its roof.
+const MIN_WALLS: usize = 2;
+/// Largest sine of the angle between a wall and the vertical.
+const MAX_LEAN: f64 = 0.3;
 
 /// Maximum number of positions that are looked at over a scene of tiles, each of which may have to be loaded.
 const MAX_PLACES_OVER_TILES: usize = 8;
@@ -87,11 +92,69 @@ fn side(scene: &Scene, tree: &Tree, place: DVec3) -> Side {
     }
     let Some(depth) = cast(place, DVec3::Z) else { return Side::Elsewhere };
     let radius = 0.02 * bounds.size().x.hypot(bounds.size().y);
-    let around = (0..RING).map(|i| {
-        let (sin, cos) = (i as f64 * std::f64::consts::TAU / RING as f64).sin_cos();
-        place + DVec3::new(cos, sin, 0.0) * radius
-    });
     let roofed = |p: DVec3| !within(p) || cast(p, DVec3::Z).is_some() && cast(p, -DVec3::Z).is_none();
-    let agreeing = around.filter(|&p| roofed(p)).count();
-    if agreeing >= MIN_AGREEING { Side::Below(depth) } else { Side::Elsewhere }
+    let agreeing = directions().filter(|&way| roofed(place + way * radius)).count();
+    let is_by_wall = |way: &DVec3| {
+        let nearest = cast(place, *way);
+        nearest.is_some() && nearest == scene.nearest_where(tree, place, *way, is_wall).map(|hit| hit.t)
+    };
+    let is_below = agreeing >= MIN_AGREEING && directions().filter(is_by_wall).count() < MIN_WALLS;
+    if is_below { Side::Below(depth) } else { Side::Elsewhere }
+}
+
+/// Horizontal directions.
+fn directions() -> impl Iterator<Item = DVec3> {
+    (0..RING).map(|i| {
+        let (sin, cos) = (i as f64 * std::f64::consts::TAU / RING as f64).sin_cos();
+        DVec3::new(cos, sin, 0.0)
+    })
+}
+
+/// True for a triangle that is almost vertical.
+fn is_wall(scene: &Scene, primitive: u32) -> bool {
+    scene.triangle(primitive).is_some_and(|[a, b, c]| {
+        let normal = (b - a).cross(c - a);
+        normal.z.abs() < MAX_LEAN * normal.length()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_trace::{BuildOptions, Builder, Geometry};
+
+    /// Horizontal squares from `-half` to `half` at heights, and walls up to height 3 around a square of 8 m.
+    fn found(squares: &[(f64, f64)], has_walls: bool, place: [f64; 3]) -> bool {
+        let mut geometry = Geometry::default();
+        let mut add = |corners: [[f64; 3]; 4]| {
+            let first = geometry.vertices.len() as u32;
+            geometry.vertices.extend(corners.map(DVec3::from));
+            geometry.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        };
+        for &(half, z) in squares {
+            add([[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]]);
+        }
+        let sides = if has_walls { 4 } else { 0 };
+        let ends = [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]];
+        for side in 0..sides {
+            let ([x, y], [u, v]) = (ends[side], ends[(side + 1) % 4]);
+            add([[x, y, 0.0], [u, v, 0.0], [u, v, 3.0], [x, y, 3.0]]);
+        }
+        let scene = Scene { bounds: geometry.bounds(), geometry, ..Scene::default() };
+        let tree = scene.tree(&BuildOptions::of(Builder::Bvh));
+        check("leg 0", &scene, &tree, &[DVec3::from(place)], 0.0).is_some()
+    }
+
+    #[test]
+    fn a_tripod_under_the_eaves_is_not_below_the_terrain() {
+        let roof = (5.0, 3.0);
+        for place in [[4.5, 0.0, 1.5], [0.0, -4.5, 1.5], [-4.5, 3.0, 1.5], [0.0, 0.0, 1.5]] {
+            assert!(!found(&[roof], true, place), "{place:?}");
+            assert!(found(&[roof], false, place), "{place:?}: a terrain above");
+        }
+        // A house that stands on the terrain does not hide a scanner below it.
+        for place in [[0.0, 0.0, -2.0], [4.5, 0.0, -2.0], [40.0, 0.0, -2.0]] {
+            assert!(found(&[roof, (50.0, 0.0)], true, place), "{place:?}");
+        }
+    }
 }
