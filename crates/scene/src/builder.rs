@@ -243,8 +243,13 @@ impl Extent {
 
     /// The numbers of primitives before the extent.
     pub fn colour_mark(&self) -> ColourMark {
-        let (triangles, cubes, grids) = (self.triangles.start, self.cubes.start, self.grids.start);
-        ColourMark { triangles, cubes, grids }
+        let Extent { triangles, cubes, fields, grids, .. } = self;
+        ColourMark {
+            triangles: triangles.start,
+            fields: fields.start,
+            cubes: cubes.start,
+            grids: grids.start,
+        }
     }
 
     pub fn is_empty(&self) -> bool {
