@@ -163,6 +163,35 @@ fn facing_mirrors_give_ghosts_up_to_the_maximum_order() {
 }
 
 #[test]
+fn the_maximum_order_is_a_key_and_an_option() {
+    let dir = folder();
+    let mirror = "newmtl mirror\nKd 1 1 1\nhelios_reflectance 0.1\nvlscan_mirror 1\n";
+    write(dir.path(), mirror, &[("mirror", 0.0), ("mirror", 200.0)]);
+    let greatest = |more: &[&str]| flown(dir.path(), more).iter().map(|row| row[6]).fold(0.0, f64::max);
+    let plain = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+    let with = |key: &str| {
+        fs::write(dir.path().join("p.toml"), format!("{plain}[physics]\n{key}\n")).unwrap();
+    };
+    with("max_order = 7");
+    assert_eq!((greatest(&[]), greatest(&["--max-order", "2"])), (7.0, 2.0));
+    // The maximum range ends the ways before.
+    with("max_order = 64");
+    assert!((8.0..=10.0).contains(&greatest(&[])), "{}", greatest(&[]));
+    with("max_order = 0");
+    assert!(flown(dir.path(), &[]).iter().all(|row| row[5..7] == [0.0, 0.0]));
+    for bad in ["65", "-1", "1.5", "nan"] {
+        with(&format!("max_order = {bad}"));
+        let done = run(dir.path(), &["run", "p.toml", "-o", "b.csv"]);
+        assert!(!done.status.success(), "{bad}");
+        assert!(
+            text(&done.stderr).contains("expected 0 to 64 mirrors and panes"),
+            "{bad}: {}",
+            text(&done.stderr)
+        );
+    }
+}
+
+#[test]
 fn hostile_materials_are_refused_with_a_message() {
     for (bad, expected) in [
         ("vlscan_pane_index 0", "a refractive index from 1 to 5"),

@@ -83,6 +83,12 @@ pub(super) fn glint(water: &Water, normal: DVec3, facet: &Facet, direction: DVec
     PI * front * density / (4.0 * square * square * cosine)
 }
 
+/// True if water scatters light back on its way. Light that is scattered back is lost to the beam, which the
+/// attenuation K counts; so water with K = 0 scatters nothing back.
+pub(super) fn has_column(water: &Water) -> bool {
+    water.backscatter > 0.0 && water.attenuation > 0.0
+}
+
 /// Share of unpolarised light that a facet mirrors; the rest enters the water.
 pub(super) fn mirrored_share(water: &Water, cosine: f64) -> f64 {
     let [s, p] = fresnel(water.index, cosine);

@@ -160,6 +160,16 @@ fn water_without_a_bottom_has_a_column() {
 }
 
 #[test]
+fn water_that_takes_no_light_returns_none_but_that_of_its_bottom() {
+    let clear = Water { backscatter: Water::BACKSCATTER, attenuation: 0.0, beam_attenuation: 0.0, ..WATER };
+    let mut scene = lake(clear, 100.0, 5.0);
+    let kinds = |scene: &Scene| light_by_kind(scene, &tls(), &pulses(1)).map(|light| light > 0.0);
+    assert_eq!(kinds(&scene), [false, false, false, false, false, true]);
+    scene.materials[0].reflectance = 0.0;
+    assert_eq!(kinds(&scene), [false; 6]);
+}
+
+#[test]
 fn pulses_beside_water_do_not_change() {
     let walls = [wall(-20.0, 0.0, 10.0), wall(5.0, 20.0, 12.0)];
     let plain = rectangles(half_white(), &walls);
