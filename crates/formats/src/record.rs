@@ -498,3 +498,18 @@ impl From<&PointRow> for PointRecord {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_have_256_times_their_8_bits() {
+        let cause = Cause { colour: [255, 146, 0], ..Cause::UNKNOWN };
+        let mut point = PointRecord { cause, ..PointRecord::default() };
+        assert_eq!(point.colour_u16(), [65_280, 37_376, 0]);
+        // Files with 257 times the bits have the same upper eight.
+        point.set_colour([65_535, 37_522, 257]);
+        assert_eq!((point.colour_u16(), point.cause.colour), ([65_535, 37_522, 257], [255, 146, 1]));
+    }
+}

@@ -234,6 +234,10 @@ mod tests {
                 assert!((way - before - width / 1.365).abs() < 1e-9);
                 let slope = libm::log(of_metre / of_last) / (way - before);
                 assert!((slope + 0.2).abs() < 1e-9, "{slope}");
+                // Over the depth it is steeper by the secant of the angle in water.
+                let inner = ray.cosines[1];
+                let over_depth = libm::log(of_metre / of_last) / ((way - before) * inner);
+                assert!((over_depth + 0.2 / inner).abs() < 1e-9, "{over_depth}");
             }
             last = Some((way, of_metre));
             let (thin, at) = light(&ray, way - 5e-7, way + 5e-7);

@@ -231,6 +231,8 @@ fn depths_of_the_vq_840_g_follow_from_its_pulse_rates() {
             }
         }
         assert!((shallow - sheet).abs() < 0.1, "{pulse_freq} Hz, {mean_of} pulses: {shallow}");
+        let formula = 2.0 + libm::log(50_000.0 / f64::from(pulse_freq) * mean_of.sqrt()) / (2.0 * 2.3);
+        assert!((formula - exact).abs() < 5.1e-5, "{formula}");
         // The formula leaves out that light spreads with the depth.
         assert!((shallow - exact).abs() < 0.02, "{pulse_freq} Hz, {mean_of} pulses: {shallow}");
     }
