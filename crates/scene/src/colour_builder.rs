@@ -1,6 +1,7 @@
 //! Adds colours to a scene under construction.
 
 use super::builder::{Extent, SceneBuilder};
+use super::colour_store::ColourMark;
 use super::colours::{ColouredCubes, ColouredField, ColouredMesh, FieldPlace, NONE, SurfaceColour};
 use super::text::{Source, shown};
 use super::texture::{Texture, TextureError};
@@ -12,6 +13,19 @@ use vlscan_survey::{MeshColours, TextureImage};
 
 /// Memory for textures of a scene without a limit, bytes.
 const MAX_TEXTURES: u64 = 1 << 36;
+
+impl Extent {
+    /// The numbers of primitives before the extent.
+    pub fn colour_mark(&self) -> ColourMark {
+        let Extent { triangles, cubes, fields, grids, .. } = self;
+        ColourMark {
+            triangles: triangles.start,
+            fields: fields.start,
+            cubes: cubes.start,
+            grids: grids.start,
+        }
+    }
+}
 
 impl SceneBuilder<'_> {
     /// Adds the colours of the triangles since `start`, which have their materials: those of the materials,
@@ -36,8 +50,8 @@ impl SceneBuilder<'_> {
         }
     }
 
-    /// Adds the colour of the last height field, which is that of a material. A texture covers the `raster` of
-    /// these columns and rows that the field is a part of.
+    /// Adds the colour of the last height field, which is that of a material. A texture covers the `raster`,
+    /// columns and rows of pixels, that the field is a part of.
     pub fn add_field_colour(&mut self, material: u32, raster: [usize; 2]) {
         if !self.options.colours {
             return;

@@ -118,8 +118,8 @@ impl FieldPlace {
     }
 }
 
-/// Texture coordinates of the centre of a pixel of a raster, by its column and row from the upper left corner.
-/// The texture covers the raster, and its second coordinate counts from the lower edge, as in MTL files.
+/// Texture coordinates of the centre of a pixel of a raster, by column and row from the upper left corner.
+/// The texture covers the raster; its second coordinate counts from the lower edge, as in MTL files.
 pub(super) fn raster_texel([column, row]: [usize; 2], [columns, rows]: [usize; 2]) -> [f32; 2] {
     let u = (column as f64 + 0.5) / columns as f64;
     let v = 1.0 - (row as f64 + 0.5) / rows as f64;

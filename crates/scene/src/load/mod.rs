@@ -372,6 +372,7 @@ fn load_files(
     // Corners of OBJ files find their texture coordinates by the numbers of their faces.
     let are_requested = names_faces || scene.options.colours;
     scene.faces = FaceNumbers { are_requested, ..FaceNumbers::default() };
+    scene.part_changes = part.changes.clone();
     let mut densities = Vec::new();
     match &part.loader {
         Loader::Mesh(triangles) => mesh::memory::load(scene, &target, triangles)?,

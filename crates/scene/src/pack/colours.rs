@@ -143,8 +143,8 @@ pub(super) fn read_colours(file: &ArrayFile, prefix: &str) -> Result<Colours> {
 }
 
 impl StoredColour {
-    /// The stored form of a colour, whose image is added to `images` if it is new. A texture that could not be
-    /// read is left out.
+    /// The stored form of a colour, whose image is added to `images` if it is new. Without an image there is
+    /// no texture.
     fn of<'c>(colour: &'c SurfaceColour, images: &mut Vec<&'c Arc<Texture>>) -> StoredColour {
         let ColourDefinition { factor, is_linear, texture } = &colour.definition;
         let texture = texture.as_ref().zip(colour.texture.as_ref()).map(|(map, texture)| {

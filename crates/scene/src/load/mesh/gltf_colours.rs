@@ -200,9 +200,9 @@ pub(super) fn complete_colours(raw: &mut RawMesh) {
 }
 
 /// The transform of texture coordinates of the extension `KHR_texture_transform`: scale, then rotation, then
-/// offset. A positive rotation turns from u towards smaller v, which counts downwards: anticlockwise to people
-/// who look at the image. The text and the examples of the extension say so, and other programs do it; the
-/// matrix in its listing has the opposite sign (KhronosGroup/glTF#1563).
+/// offset. A positive rotation turns from u towards smaller v, which counts downwards: anticlockwise in the
+/// image. The text and the examples of the extension mean that, and other programs compute it. The matrix in
+/// its listing has the opposite sign (KhronosGroup/glTF#1563).
 fn transform(json: &Value) -> ([[f64; 2]; 2], [f64; 2]) {
     let pair = |key: &str, default: f64| {
         [0, 1].map(|i| json.get(key).and_then(|all| all.get(i)?.as_f64()).unwrap_or(default))
@@ -217,7 +217,7 @@ fn transform(json: &Value) -> ([[f64; 2]; 2], [f64; 2]) {
 mod tests {
     use super::*;
 
-    /// Where a transform moves texture coordinates.
+    /// Texture coordinates after a transform.
     fn moved(json: &str, [u, v]: [f64; 2]) -> [f64; 2] {
         let (linear, offset) = transform(&serde_json::from_str(json).unwrap());
         [0, 1].map(|i| linear[i][0] * u + linear[i][1] * v + offset[i])
