@@ -125,7 +125,8 @@ fn packed_scenes_have_the_colours_that_they_were_packed_with() {
     let columns = ["--columns", "X,Y,Z,Red,Green,Blue"];
     succeed(dir.path(), &[&["run", "p.toml", "-q", "-o", "a.csv"], &columns[..]].concat());
     let expected = fs::read(dir.path().join("a.csv")).unwrap();
-    for more in [&[][..], &["--scene-memory", "1M"]] {
+    let paged: &[&str] = &["--scene-memory", "1M"];
+    for more in [&[], paged] {
         let pack = ["scene", "pack", "p.toml", "-q", "--force", "-o", "s.vlscene", "--colours"];
         succeed(dir.path(), &[&pack[..], more].concat());
         let scan = ["run", "p.toml", "-q", "--force", "-o", "b.csv", "--scene", "s.vlscene"];

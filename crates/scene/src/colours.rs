@@ -145,15 +145,6 @@ impl Colours {
         }
     }
 
-    /// True if no surface has a colour.
-    pub(super) fn is_empty(&self) -> bool {
-        self.meshes.is_empty()
-            && self.models.iter().all(Vec::is_empty)
-            && self.fields.is_empty()
-            && self.cubes.is_empty()
-            && self.grids.iter().all(Vec::is_empty)
-    }
-
     /// Memory, bytes.
     pub(super) fn memory(&self) -> usize {
         let textures = self.palette.iter().filter_map(|colour| colour.texture.as_ref());

@@ -149,6 +149,15 @@ impl TileIndex {
         pages: Vec<PageFacts>,
     ) {
         let raster = Arc::new(raster);
+        let colour = scene.library.colour_of(coloured_as).filter(|_| scene.options.colours);
+        let checksum = |page: u64| match colour {
+            Some((colour, _)) => {
+                let mut sum = Checksum::default();
+                sum.debug(&(page, colour.factor, colour.is_linear));
+                sum.finish()
+            }
+            None => page,
+        };
         let before = Before {
             own_triangles: scene.geometry.triangle_count() as u32,
             own_cubes: scene.geometry.cube_count() as u32,
@@ -163,7 +172,7 @@ impl TileIndex {
                 part: scene.next_part(),
                 materials: vec![material],
                 triangles: facts.numbers,
-                checksum: facts.checksum,
+                checksum: checksum(facts.checksum),
                 place: Some(facts.place),
                 before,
                 ..TileFacts::default()
