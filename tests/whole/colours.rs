@@ -125,8 +125,8 @@ fn packed_scenes_have_the_colours_that_they_were_packed_with() {
     let columns = ["--columns", "X,Y,Z,Red,Green,Blue"];
     succeed(dir.path(), &[&["run", "p.toml", "-q", "-o", "a.csv"], &columns[..]].concat());
     let expected = fs::read(dir.path().join("a.csv")).unwrap();
-    let paged: &[&str] = &["--scene-memory", "1M"];
-    for more in [&[], paged] {
+    let (whole, paged): (&[&str], &[&str]) = (&[], &["--scene-memory", "1M"]);
+    for more in [whole, paged] {
         let pack = ["scene", "pack", "p.toml", "-q", "--force", "-o", "s.vlscene", "--colours"];
         succeed(dir.path(), &[&pack[..], more].concat());
         let scan = ["run", "p.toml", "-q", "--force", "-o", "b.csv", "--scene", "s.vlscene"];
