@@ -128,7 +128,8 @@ class Scene:
         scanner : str, optional
             As for :meth:`load`.
         **options : RunOptions
-            As for :meth:`load`.
+            As for :meth:`load`. With columns of colours (``columns=["Red", "Green", "Blue"]``) the colours of
+            surfaces are packed, too.
 
         Raises
         ------

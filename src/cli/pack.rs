@@ -36,6 +36,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
         sharing: args.instances.unwrap_or_default(),
         max_memory: machine::memory(),
         tiles,
+        colours: args.colours,
         ..LoadOptions::default()
     };
     let packed = during(console, "packing the scene", || {

@@ -87,7 +87,7 @@ fn las_files_have_point_format_7_with_256_times_the_bits() {
 fn every_format_with_colours_is_read_back_with_them() {
     let dir = folder();
     write(dir.path());
-    for name in ["a.laz", "a.copc.laz", "a.ply", "a.e57", "a.parquet", "a.csv"] {
+    for name in ["a.laz", "a.copc.laz", "a.ply", "a.pcd", "a.e57", "a.parquet", "a.csv"] {
         let columns = if name.ends_with("csv") || name.ends_with("parquet") {
             "X,Y,Z,Red,Green,Blue"
         } else {
@@ -103,6 +103,40 @@ fn every_format_with_colours_is_read_back_with_them() {
         let bytes = fs::read(dir.path().join(name)).unwrap();
         assert!(bytes.windows(3).any(|window| window == b"rgb"), "{name}");
     }
+}
+
+#[test]
+fn the_octree_of_preview_keeps_colours() {
+    let dir = folder();
+    write(dir.path());
+    succeed(dir.path(), &["run", "p.toml", "-q", "-o", "a.laz", "--columns", "Red,Green,Blue"]);
+    succeed(dir.path(), &["preview", "a.laz", "-o", "b.copc.laz", "-q"]);
+    let copy = fs::read(dir.path().join("b.copc.laz")).unwrap();
+    assert_eq!(copy[104] & 0x3f, 7);
+    succeed(dir.path(), &["preview", "b.copc.laz", "-o", "b.html", "-q", "--colour", "rgb"]);
+    let page = fs::read_to_string(dir.path().join("b.html")).unwrap();
+    assert!(page.contains("\"own\":true"));
+}
+
+#[test]
+fn packed_scenes_have_the_colours_that_they_were_packed_with() {
+    let dir = folder();
+    write(dir.path());
+    let columns = ["--columns", "X,Y,Z,Red,Green,Blue"];
+    succeed(dir.path(), &[&["run", "p.toml", "-q", "-o", "a.csv"], &columns[..]].concat());
+    let expected = fs::read(dir.path().join("a.csv")).unwrap();
+    let (whole, paged): (&[&str], &[&str]) = (&[], &["--scene-memory", "1M"]);
+    for more in [whole, paged] {
+        let pack = ["scene", "pack", "p.toml", "-q", "--force", "-o", "s.vlscene", "--colours"];
+        succeed(dir.path(), &[&pack[..], more].concat());
+        let scan = ["run", "p.toml", "-q", "--force", "-o", "b.csv", "--scene", "s.vlscene"];
+        succeed(dir.path(), &[&scan[..], more, &columns[..]].concat());
+        assert!(fs::read(dir.path().join("b.csv")).unwrap() == expected, "{more:?}");
+    }
+    succeed(dir.path(), &["scene", "pack", "p.toml", "-q", "--force", "-o", "s.vlscene"]);
+    let scan = ["run", "p.toml", "--force", "-o", "b.csv", "--scene", "s.vlscene"];
+    let black = run(dir.path(), &[&scan[..], &columns[..]].concat());
+    assert!(text(&black.stderr).contains("packed without colours"), "{}", text(&black.stderr));
 }
 
 #[test]

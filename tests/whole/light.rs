@@ -163,13 +163,53 @@ fn facing_mirrors_give_ghosts_up_to_the_maximum_order() {
 }
 
 #[test]
+fn the_maximum_order_is_a_key_and_an_option() {
+    let dir = folder();
+    let mirror = "newmtl mirror\nKd 1 1 1\nhelios_reflectance 0.1\nvlscan_mirror 1\n";
+    write(dir.path(), mirror, &[("mirror", 0.0), ("mirror", 200.0)]);
+    let greatest = |more: &[&str]| flown(dir.path(), more).iter().map(|row| row[6]).fold(0.0, f64::max);
+    let plain = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+    let with = |key: &str| {
+        fs::write(dir.path().join("p.toml"), format!("{plain}[physics]\n{key}\n")).unwrap();
+    };
+    with("max_order = 7");
+    assert_eq!((greatest(&[]), greatest(&["--max-order", "2"])), (7.0, 2.0));
+    // The maximum range ends the ways before.
+    with("max_order = 64");
+    assert!((8.0..=10.0).contains(&greatest(&[])), "{}", greatest(&[]));
+    with("max_order = 0");
+    assert!(flown(dir.path(), &[]).iter().all(|row| row[5..7] == [0.0, 0.0]));
+    for bad in ["65", "-1", "1.5", "nan"] {
+        with(&format!("max_order = {bad}"));
+        let done = run(dir.path(), &["run", "p.toml", "-o", "b.csv"]);
+        assert!(!done.status.success(), "{bad}");
+        assert!(
+            text(&done.stderr).contains("expected 0 to 64 mirrors and panes"),
+            "{bad}: {}",
+            text(&done.stderr)
+        );
+    }
+}
+
+#[test]
 fn hostile_materials_are_refused_with_a_message() {
     for (bad, expected) in [
         ("vlscan_pane_index 0", "a refractive index from 1 to 5"),
         ("vlscan_pane_index -1.5", "a refractive index from 1 to 5"),
         ("vlscan_pane_index nan", "a refractive index from 1 to 5"),
+        ("vlscan_pane_index inf", "a refractive index from 1 to 5"),
+        ("vlscan_pane_thickness_m -0.004", "a thickness of 0 to 1 m"),
+        ("vlscan_pane_thickness_m nan", "a thickness of 0 to 1 m"),
+        ("vlscan_pane_absorption -1", "an absorption of 0 to 1e6 per metre"),
+        ("vlscan_pane_absorption inf", "an absorption of 0 to 1e6 per metre"),
         ("vlscan_pane_sheets 9", "1 or 2 sheets"),
+        ("vlscan_pane_sheets 0", "1 or 2 sheets"),
         ("vlscan_mirror 1.5", "a share from 0 to 1"),
+        ("vlscan_mirror -0.1", "a share from 0 to 1"),
+        ("vlscan_mirror nan", "a share from 0 to 1"),
+        ("vlscan_retro -180", "a coefficient of 0 to 1e5"),
+        ("vlscan_retro inf", "a coefficient of 0 to 1e5"),
+        ("vlscan_mirror 1\nvlscan_roughness_deg nan", "a roughness of 0 to 90 degrees"),
         ("vlscan_mirror 1\nvlscan_pane_index 1.5", "both a mirror and a pane"),
     ] {
         let dir = folder();
@@ -286,9 +326,17 @@ fn impossible_water_is_refused_with_a_message() {
         ("vlscan_water_index 0", "a refractive index from 1 to 5"),
         ("vlscan_water_index -1.33", "a refractive index from 1 to 5"),
         ("vlscan_water_group_index nan", "a refractive index from 1 to 5"),
+        ("vlscan_water_group_index 0", "a refractive index from 1 to 5"),
         ("vlscan_water_attenuation -1", "an attenuation of 0 to 1e4 per metre"),
+        ("vlscan_water_attenuation inf", "an attenuation of 0 to 1e4 per metre"),
         ("vlscan_water_secchi_m 0", "a Secchi depth of 0.01 to 100 m"),
+        ("vlscan_water_secchi_m -4", "a Secchi depth of 0.01 to 100 m"),
+        ("vlscan_water_secchi_m nan", "a Secchi depth of 0.01 to 100 m"),
+        ("vlscan_water_backscatter -1", "a backscatter of 0 to 10"),
         ("vlscan_water_wind_m_s nan", "a wind speed of 0 to 50 m/s"),
+        ("vlscan_water_wind_m_s -3", "a wind speed of 0 to 50 m/s"),
+        ("vlscan_water_wind_m_s inf", "a wind speed of 0 to 50 m/s"),
+        ("vlscan_water_wind_deg nan", "a direction of -360 to 360 degrees"),
         ("vlscan_water_wind_m_s 1\nvlscan_mirror 1", "both a mirror and water"),
         ("vlscan_water_secchi_m 1\nvlscan_water_attenuation 1", "both an attenuation and a Secchi depth"),
         ("vlscan_water_beam_attenuation 0.01", "a beam attenuation of at least"),

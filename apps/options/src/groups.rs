@@ -6,8 +6,8 @@ use super::precedence::group;
 use super::switch::Switch;
 use super::trajectory::TrajectoryOptions;
 use super::values::{
-    Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, NavigationError, NotNegative, Positive, Seed,
-    WarehouseFactor,
+    Bytes, ChunkSize, ColumnList, Count, Crs, GpsStart, MaxOrder, NavigationError, NotNegative, Positive,
+    Seed, WarehouseFactor,
 };
 use clap::ArgAction::SetTrue;
 use clap::Args;
@@ -324,6 +324,10 @@ pub struct EchoOptions with opposites {
     /// Compute echo strengths with the older energy model.
     #[arg(long, action = SetTrue)]
     pub legacy_energy: Switch,
+    /// Maximum number of mirrors, panes and surfaces of water on the way of light, 0 to 64; with 0 they are
+    /// opaque. [default: 4]
+    #[arg(long, value_name = "N")]
+    pub max_order: Option<MaxOrder>,
 }
 }
 

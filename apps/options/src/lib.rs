@@ -62,7 +62,8 @@ pub use schema::pipeline_schema;
 pub use switch::Switch;
 pub use trajectory::TrajectoryOptions;
 pub use values::{
-    Bytes, ChunkSize, Count, Crs, Divergence, NotNegative, Positive, Seed, ValueError, WarehouseFactor,
+    Bytes, ChunkSize, Count, Crs, Divergence, MaxOrder, NotNegative, Positive, Seed, ValueError,
+    WarehouseFactor,
 };
 pub use vlscan_session::shards::{OneOf, OneOfError};
 pub use words::OptionName;

@@ -1,7 +1,7 @@
 //! The options of a run as a `TypedDict` of the Python package, for type checkers and editors.
 
 use super::groups::Options;
-use super::values::{Bytes, ChunkSize, ColumnList, Count, Crs, Finite, GpsStart, Latency};
+use super::values::{Bytes, ChunkSize, ColumnList, Count, Crs, Finite, GpsStart, Latency, MaxOrder};
 use super::values::{NavigationError, NotNegative, Positive, Seed, Vector, WarehouseFactor, Zone};
 use super::words::is_list;
 use clap::Arg;
@@ -78,7 +78,7 @@ pub(super) fn value_types(parser: &ValueParser) -> &'static [&'static str] {
 }
 
 /// Types of values, their names in Python, and their types in JSON.
-const NAMES: [(TypeId, &str, &[&str]); 20] = [
+const NAMES: [(TypeId, &str, &[&str]); 21] = [
     (TypeId::of::<String>(), "str", &["string"]),
     (TypeId::of::<char>(), "str", &["string"]),
     (TypeId::of::<Zone>(), "str", &["string"]),
@@ -86,6 +86,7 @@ const NAMES: [(TypeId, &str, &[&str]); 20] = [
     (TypeId::of::<usize>(), "int", &["integer"]),
     (TypeId::of::<ChunkSize>(), "int", &["integer"]),
     (TypeId::of::<WarehouseFactor>(), "int", &["integer"]),
+    (TypeId::of::<MaxOrder>(), "int", &["integer"]),
     (TypeId::of::<Count<1>>(), "int | str", &["integer", "string"]),
     (TypeId::of::<Bytes>(), "int | str", &["integer", "string"]),
     (TypeId::of::<f64>(), "float", &["number"]),

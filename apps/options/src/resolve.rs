@@ -6,7 +6,7 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::means_stdout;
 use vlscan_base::machine;
-use vlscan_lidar::pulse::{Corrections, PhysicsProfile};
+use vlscan_lidar::pulse::{Corrections, PhysicsOptions, PhysicsProfile};
 use vlscan_scene::TileOptions;
 use vlscan_session::output::OutputRequest;
 use vlscan_session::{DEFAULT_CHUNK_SIZE, DEFAULT_WAREHOUSE_FACTOR, Settings};
@@ -90,6 +90,7 @@ impl ResolvedRun {
         let (echoes, physics) = (&options.echoes, &mut settings.physics);
         physics.legacy_energy = echoes.legacy_energy.is_on();
         physics.fixed_incidence = echoes.fixed_incidence.is_on();
+        physics.max_order = echoes.max_order.map_or(PhysicsOptions::MAX_ORDER, |order| order.0);
         physics.echo_width = echoes.echo_width.is_on();
         physics.waveform_noise = echoes.waveform_noise.is_on();
         physics.record_subrays = options.output.subrays.is_on();

@@ -11,6 +11,7 @@ use vlscan_base::quantity::{self, NumberError};
 use vlscan_crs::EpsgError;
 use vlscan_formats::ColumnListError;
 use vlscan_lidar::flight::{TimeError, calendar_day, gps_start};
+use vlscan_lidar::pulse::PhysicsOptions;
 use vlscan_session::MAX_LATENCY_S;
 use vlscan_session::output::Column;
 use vlscan_survey::{NavigationErrors, NavigationKeyError, SeedError, parse_seed};
@@ -47,7 +48,7 @@ macro_rules! deserialize_from_text {
 }
 
 deserialize_from_text!(false, Seed, Bytes, ChunkSize, Finite, NotNegative, Positive, GpsStart, Latency, Crs);
-deserialize_from_text!(false, Zone, Count<1>, WarehouseFactor);
+deserialize_from_text!(false, Zone, Count<1>, WarehouseFactor, MaxOrder);
 deserialize_from_text!(true, Vector, ColumnList);
 
 /// A text that is not a value of an option.
@@ -170,6 +171,21 @@ impl FromStr for WarehouseFactor {
         match text.parse() {
             Ok(n @ 1..=MAX_FACTOR) => Ok(WarehouseFactor(n)),
             _ => Err(NumberError { expected: "1 to 65536 chunks", found: text.to_owned() }.into()),
+        }
+    }
+}
+
+/// Maximum number of mirrors, panes and surfaces of water on the way of light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MaxOrder(pub u8);
+
+impl FromStr for MaxOrder {
+    type Err = ValueError;
+
+    fn from_str(text: &str) -> Result<MaxOrder, ValueError> {
+        match text.parse() {
+            Ok(n @ 0..=PhysicsOptions::GREATEST_ORDER) => Ok(MaxOrder(n)),
+            _ => Err(NumberError { expected: "0 to 64 mirrors and panes", found: text.to_owned() }.into()),
         }
     }
 }
@@ -357,6 +373,8 @@ mod tests {
         check(&[("0.5", Some(Positive(0.5))), ("0", None)]);
         check(&[("1", Some(ChunkSize(1))), ("0", None), ("-32", None), ("16777217", None)]);
         check(&[("65536", Some(WarehouseFactor(65_536))), ("0", None), ("-4", None), ("65537", None)]);
+        check(&[("0", Some(MaxOrder(0))), ("64", Some(MaxOrder(64))), ("65", None), ("300", None)]);
+        check::<MaxOrder>(&[("-1", None), ("1.5", None), ("nan", None), ("", None)]);
         check(&[
             ("0.25", Some(Latency(Duration::from_millis(250)))),
             ("-1", None),
@@ -393,6 +411,9 @@ mod tests {
         assert_eq!(error.to_string(), format!("expected 1 to {MAX_CHUNK_SIZE} pulses, found 0"));
         let error = "0".parse::<WarehouseFactor>().unwrap_err();
         assert_eq!(error.to_string(), format!("expected 1 to {MAX_FACTOR} chunks, found 0"));
+        let error = "65".parse::<MaxOrder>().unwrap_err();
+        let greatest = PhysicsOptions::GREATEST_ORDER;
+        assert_eq!(error.to_string(), format!("expected 0 to {greatest} mirrors and panes, found 65"));
         let error = "3601".parse::<Latency>().unwrap_err();
         assert_eq!(error.to_string(), format!("expected seconds from 0 to {MAX_LATENCY_S}, found 3601"));
         let error = "32N".parse::<Crs>().unwrap_err().to_string();

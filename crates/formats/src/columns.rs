@@ -354,8 +354,9 @@ impl Columns {
 
     /// The names of the columns that are not read.
     pub fn unread(&self, names: &[&str]) -> Vec<String> {
+        let is_colour = |column: &usize| self.colours.iter().flatten().any(|colour| colour == column);
         let is_unread = |(column, name): &(usize, &&str)| {
-            !name.is_empty() && !self.used().any(|(_, used)| used == *column)
+            !name.is_empty() && !is_colour(column) && !self.used().any(|(_, used)| used == *column)
         };
         names.iter().enumerate().filter(is_unread).map(|(_, name)| (*name).to_owned()).collect()
     }

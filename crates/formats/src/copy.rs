@@ -2,8 +2,8 @@
 
 use crate::record::WEEK_S;
 use crate::{
-    Attribute, AttributeSet, CloudFormat, CloudSettings, CloudWriter, ExtraDimensions, FileFacts, LasVersion,
-    PointDetails, PointFlags, PointFormat, PointRecord, PointRow, PointSink, Tally, read_points,
+    Attribute, AttributeSet, CloudFormat, CloudSettings, CloudWriter, Column, ExtraDimensions, FileFacts,
+    LasVersion, PointDetails, PointFlags, PointFormat, PointRecord, PointRow, PointSink, Tally, read_points,
 };
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -18,7 +18,8 @@ const BLOCK_POINTS: usize = 4096;
 /// Copies a cloud to a new file, whose extension names its format; the file is read twice. Bounds, origin and
 /// coordinate reference system are those of the cloud unless the settings have them. Returns the counts of
 /// the points, and warnings: one for each attribute that the copy lacks. From LAS to LAS everything is copied
-/// but colours, waveform packets and extra dimensions of other programs.
+/// but near infrared, waveform packets and extra dimensions of other programs. Colours of 8 bits are 256
+/// times as large in formats with 16 bits.
 ///
 /// # Errors
 /// The errors of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a stream, and for an extension
@@ -32,12 +33,15 @@ pub fn copy(from: &Path, to: &Path, settings: &CloudSettings) -> Result<(Tally, 
     }
     let mut facts = SourceFacts::default();
     let mut found = read_points(from, &mut facts)?;
-    facts.warn(from, (format, settings.las.version), &mut found);
     let settings = facts.settings(settings, format);
+    let keeps_colours = settings.has_colours() && (format.has_colours() || format.has_columns());
+    facts.warn(from, (format, settings.las.version), keeps_colours, &mut found);
     let mut writer = CopyWriter {
         writer: CloudWriter::create(to, false, format, &settings, &mut found)?,
         settings,
         has_exact_times: !format.has_frames(),
+        has_byte_colours: facts.max_colour.is_some_and(|max| max <= u16::from(u8::MAX)),
+        is_from_las: facts.format == Some(CloudFormat::Las),
         details: None,
         objects: HashMap::new(),
         block: Vec::with_capacity(BLOCK_POINTS),
@@ -55,6 +59,8 @@ struct SourceFacts {
     crs: Option<String>,
     bounds: Option<Aabb>,
     highest_class: u8,
+    /// The greatest component of colours; `None` without colours.
+    max_colour: Option<u16>,
     has_adjusted_times: bool,
     has_flags: bool,
     /// True if a point has the flag that LAS 1.0 lacks.
@@ -68,10 +74,17 @@ struct SourceFacts {
 }
 
 impl SourceFacts {
-    fn warn(&self, from: &Path, (format, version): (PointFormat, LasVersion), found: &mut Diagnostics) {
+    fn warn(
+        &self,
+        from: &Path,
+        (format, version): (PointFormat, LasVersion),
+        keeps_colours: bool,
+        found: &mut Diagnostics,
+    ) {
         let is_las = format.is_las();
         let has_normals = Attribute::NORMAL.iter().all(|attribute| self.attributes.has(*attribute));
         let others = [
+            (self.max_colour.is_some() && !keeps_colours, "colour"),
             (has_normals, "normals"),
             (self.has_flags && !is_las, "flags"),
             (self.has_overlap && is_las && version == LasVersion::V10, "overlap flags"),
@@ -89,8 +102,8 @@ impl SourceFacts {
         let is_named =
             matches!(self.format, Some(CloudFormat::Las | CloudFormat::Arrow | CloudFormat::Parquet));
         if !is_named {
-            let message = "positions, intensities, classes, returns, times, scan angles, objects, legs and \
-                           channels are copied, other attributes are not";
+            let message = "positions, intensities, classes, returns, times, scan angles, objects, legs, \
+                           channels and colours are copied, other attributes are not";
             found.note(Some(Place::of_file(from)), message);
         }
     }
@@ -112,7 +125,25 @@ impl SourceFacts {
             // They would be zeros.
             settings.las.extra = ExtraDimensions::None;
         }
+        self.add_colours(&mut settings, format);
         settings
+    }
+
+    /// Adds columns of colours if the points have colours, the format has a place for them, and no columns
+    /// are chosen.
+    fn add_colours(&self, settings: &mut CloudSettings, format: PointFormat) {
+        let is_old = format.is_las() && settings.las.version == LasVersion::V10;
+        if self.max_colour.is_none() || settings.columns.is_some() || is_old {
+            return;
+        }
+        let colours = [Column::Red, Column::Green, Column::Blue];
+        if format.has_colours() {
+            settings.columns = Some(colours.to_vec());
+        } else if format.has_columns() && format != PointFormat::Xyz {
+            let mut columns = settings.table_columns();
+            columns.extend(colours);
+            settings.columns = Some(columns);
+        }
     }
 }
 
@@ -150,6 +181,9 @@ impl PointSink for SourceFacts {
             self.bounds = Some(self.bounds.unwrap_or(Aabb::EMPTY).with(row.position));
         }
         self.highest_class = self.highest_class.max(row.class);
+        if let Some(colour) = row.colour {
+            self.max_colour = colour.into_iter().chain(self.max_colour).max();
+        }
         self.has_adjusted_times |= !(0.0..=WEEK_S).contains(&row.time) && row.time.is_finite();
         Ok(ControlFlow::Continue(()))
     }
@@ -161,6 +195,10 @@ struct CopyWriter {
     settings: CloudSettings,
     /// True if times may have different origins, so that no digit of them is lost.
     has_exact_times: bool,
+    /// True if all colours have 8 bits.
+    has_byte_colours: bool,
+    /// True if the points are those of a LAS file, so that colours stay as they are in LAS.
+    is_from_las: bool,
     /// Details of the next point.
     details: Option<PointDetails>,
     /// Numbers of objects with names, in order of appearance.
@@ -195,6 +233,13 @@ impl PointSink for CopyWriter {
         }
         if let Some(details) = self.details.take() {
             details.add_to(&mut record);
+        }
+        if let Some(colour) = row.colour {
+            let is_byte = self.has_byte_colours;
+            record.set_colour(if is_byte { colour.map(|component| component << 8) } else { colour });
+            if self.is_from_las {
+                record.stored.colour = Some(colour);
+            }
         }
         if let Some(name) = object {
             let next = self.objects.len() as i32 + 1;
@@ -318,22 +363,51 @@ mod tests {
         // The first of two returns; the scan direction is positive; withheld, class 2.
         (record[14], record[15], record[17]) = (1 | 2 << 3 | 1 << 6, 2 | 1 << 7, 77);
         record[18..20].copy_from_slice(&9_u16.to_le_bytes());
+        record[20..26].copy_from_slice(&[255, 255, 1, 2, 0, 128]);
         file.extend_from_slice(&record);
         std::fs::write(at("a.las"), &file).unwrap();
         let (_, found) = copy(&at("a.las"), &at("b.las"), &CloudSettings::default()).unwrap();
-        let said = found.text();
-        assert!(lacking(&found) == 1 && said.contains("attribute of the points: colour"), "{said}");
+        assert_eq!(lacking(&found), 0, "{}", found.text());
         let (before, after) = (read(&at("a.las")), read(&at("b.las")));
         assert_eq!(before.details, after.details);
         let stored = after.details[0].stored;
         assert_eq!((stored.intensity, stored.point_source, stored.user_data), (Some(41_332), Some(9), 77));
         let (before, after) = (before.rows[0], after.rows[0]);
-        assert_eq!(PointRow { position: after.position, colour: None, ..before }, after);
+        assert_eq!(after.colour, Some([65_535, 513, 32_768]));
+        assert_eq!(PointRow { position: after.position, ..before }, after);
+        let mut old = CloudSettings::default();
+        old.las.version = LasVersion::V10;
+        for (name, settings) in [("old.las", &old), ("a.xyz", &CloudSettings::default())] {
+            let (_, found) = copy(&at("a.las"), &at(name), settings).unwrap();
+            assert!(found.text().contains("attribute of the points: colour"), "{name}: {}", found.text());
+        }
         let (_, found) = copy(&at("a.las"), &at("c.ply"), &CloudSettings::default()).unwrap();
         let said = found.text();
         assert!(said.contains("points: flags") && said.contains("points: user data"), "{said}");
         assert!(copy(&at("a.las"), &at("b.las"), &CloudSettings::default()).is_err(), "it exists");
         assert!(copy(folder.path(), &at("d.las"), &CloudSettings::default()).is_err());
+    }
+
+    #[test]
+    fn colours_of_8_bits_are_256_times_as_large_in_formats_with_16() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let ply = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n\
+                   property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
+                   end_header\n1 2 3 255 128 7\n4 5 6 0 1 2\n";
+        std::fs::write(at("a.ply"), ply).unwrap();
+        let bytes = [[255, 128, 7], [0, 1, 2]].map(Some);
+        let shorts = [[65_280, 32_768, 1792], [0, 256, 512]].map(Some);
+        let colours = |name: &str| read(&at(name)).rows.iter().map(|row| row.colour).collect::<Vec<_>>();
+        for (name, expected) in
+            [("b.laz", shorts), ("c.pcd", bytes), ("d.csv", shorts), ("e.ply", bytes), ("f.arrow", shorts)]
+        {
+            let (_, found) = copy(&at("a.ply"), &at(name), &CloudSettings::default()).unwrap();
+            assert_eq!(colours(name), expected, "{name}");
+            assert_eq!(lacking(&found), 0, "{name}: {}", found.text());
+        }
+        copy(&at("b.laz"), &at("g.pcd"), &CloudSettings::default()).unwrap();
+        assert_eq!(colours("g.pcd"), bytes);
     }
 
     #[test]
@@ -347,7 +421,7 @@ mod tests {
             let _ = facts.point(&row, None).unwrap();
             let (format, mut found) =
                 (PointFormat::required(Path::new(format)).unwrap(), Diagnostics::default());
-            facts.warn(Path::new("a.laz"), (format, version), &mut found);
+            facts.warn(Path::new("a.laz"), (format, version), true, &mut found);
             found.text()
         };
         let old = said("b.las", LasVersion::V10);

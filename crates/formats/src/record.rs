@@ -137,6 +137,8 @@ pub struct StoredFields {
     pub flags: PointFlags,
     /// User data.
     pub user_data: u8,
+    /// Red, green and blue with 16 bits; `None`: those of the [cause](Cause::colour).
+    pub colour: Option<[u16; 3]>,
 }
 
 /// The true cause of an echo. Positions are relative to
@@ -264,10 +266,17 @@ impl PointRecord {
         [self.return_number, self.number_of_returns].map(|count| u8::try_from(count).unwrap_or(u8::MAX))
     }
 
-    /// The colour of the surface with 16 bits, as LAS files have it: 256 times the 8 bits.
+    /// The colour of the surface with 16 bits, as LAS files have it: 256 times the 8 bits. A colour that was
+    /// [stored](StoredFields::colour) stays as it is.
     #[inline]
     pub(crate) fn colour_u16(&self) -> [u16; 3] {
-        self.cause.colour.map(|component| u16::from(component) << 8)
+        self.stored.colour.unwrap_or_else(|| self.cause.colour.map(|component| u16::from(component) << 8))
+    }
+
+    /// Sets the colour to one of 16 bits, of which formats with 8 bits write the upper ones.
+    pub fn set_colour(&mut self, colour: [u16; 3]) {
+        self.stored.colour = Some(colour);
+        self.cause.colour = colour.map(|component| (component >> 8) as u8);
     }
 
     /// Index of the device, saturated to 16 bits.
@@ -487,5 +496,20 @@ impl From<&PointRow> for PointRecord {
             time_ns: row.time * 1e9,
             ..PointRecord::default()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_have_256_times_their_8_bits() {
+        let cause = Cause { colour: [255, 146, 0], ..Cause::UNKNOWN };
+        let mut point = PointRecord { cause, ..PointRecord::default() };
+        assert_eq!(point.colour_u16(), [65_280, 37_376, 0]);
+        // Files with 257 times the bits have the same upper eight.
+        point.set_colour([65_535, 37_522, 257]);
+        assert_eq!((point.colour_u16(), point.cause.colour), ([65_535, 37_522, 257], [255, 146, 1]));
     }
 }

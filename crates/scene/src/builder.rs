@@ -1,7 +1,7 @@
 //! A scene under construction, to which the loaders append.
 
 use super::change::AppliedChanges;
-use super::colour_store::{ColourBuilder, ColourMark};
+use super::colour_store::ColourBuilder;
 use super::grid_voxels::{GridSurfaces, GridVoxels};
 use super::library::Library;
 use super::model::{MovingPart, Part};
@@ -21,7 +21,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity;
 pub(super) use vlscan_geom::MAX_COORDINATE;
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_survey::{Identity, Scanner, UpAxis};
+use vlscan_survey::{Identity, MaterialChanges, Scanner, UpAxis};
 use vlscan_trace::{Cube, Geometry, Model, Placement, VoxelGrid};
 
 /// Maximum number of vertices, and of primitives, of a scene: indices have 32 bits and the largest one means
@@ -188,6 +188,8 @@ pub(super) struct SceneBuilder<'a> {
     pub colours: ColourBuilder,
     /// Materials of parts that have been replaced.
     pub changes: AppliedChanges,
+    /// Changes of the materials of the part that is being loaded.
+    pub part_changes: MaterialChanges,
     /// Geometry files and tables that were opened.
     pub sources: Vec<PathBuf>,
     /// Rules that change some leaf angle table.
@@ -241,12 +243,6 @@ impl Extent {
         }
     }
 
-    /// The numbers of primitives before the extent.
-    pub fn colour_mark(&self) -> ColourMark {
-        let (triangles, cubes, grids) = (self.triangles.start, self.cubes.start, self.grids.start);
-        ColourMark { triangles, cubes, grids }
-    }
-
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty() && self.cubes.is_empty() && self.fields.is_empty() && self.grids.is_empty()
     }
@@ -270,6 +266,7 @@ impl<'a> SceneBuilder<'a> {
             meshes: SharedMeshes::default(),
             colours: ColourBuilder::default(),
             changes: AppliedChanges::default(),
+            part_changes: MaterialChanges::default(),
             sources: Vec::new(),
             leaf_table_rules: Corrections::NONE,
             diagnostics: Diagnostics::default(),

@@ -75,6 +75,18 @@ pub(super) fn report_unused(scene: &mut SceneBuilder) {
     }
 }
 
+impl SceneBuilder<'_> {
+    /// True if a change of the part that is being loaded replaces the materials of this name, which then need
+    /// no definition.
+    pub fn replaces_material(&self, name: &str) -> bool {
+        self.part_changes.iter().any(|change| match &change.replaced {
+            Replaced::All => true,
+            Replaced::Named(replaced) => replaced == name,
+            Replaced::Faces(_) => false,
+        })
+    }
+}
+
 /// The material of each change.
 fn replacements(scene: &mut SceneBuilder, identity: Identity, changes: &MaterialChanges) -> Vec<u32> {
     let definitions = || changes.iter().map(|change| change.material.clone()).collect();

@@ -13,6 +13,7 @@ impl Scene {
         let Some(corners) = corners else { return colours.of_voxel(primitive) };
         match (primitive, &self.instances) {
             (PrimitiveRef::Triangle(index), _) => colours.of_stored(index, corners, at),
+            (PrimitiveRef::Field { field, triangle }, _) => colours.of_field(field, triangle, corners, at),
             (PrimitiveRef::Instance { instance, triangle }, Some(set)) => {
                 let model = set.instances.all[instance].model as usize;
                 colours.of_model(model, triangle, corners, at)

@@ -1,7 +1,8 @@
 //! Adds colours to a scene under construction.
 
 use super::builder::{Extent, SceneBuilder};
-use super::colours::{ColouredCubes, ColouredMesh, NONE, SurfaceColour};
+use super::colour_store::ColourMark;
+use super::colours::{ColouredCubes, ColouredField, ColouredMesh, FieldPlace, NONE, SurfaceColour};
 use super::text::{Source, shown};
 use super::texture::{Texture, TextureError};
 use std::path::{Path, PathBuf};
@@ -12,6 +13,19 @@ use vlscan_survey::{MeshColours, TextureImage};
 
 /// Memory for textures of a scene without a limit, bytes.
 const MAX_TEXTURES: u64 = 1 << 36;
+
+impl Extent {
+    /// The numbers of primitives before the extent.
+    pub fn colour_mark(&self) -> ColourMark {
+        let Extent { triangles, cubes, fields, grids, .. } = self;
+        ColourMark {
+            triangles: triangles.start,
+            fields: fields.start,
+            cubes: cubes.start,
+            grids: grids.start,
+        }
+    }
+}
 
 impl SceneBuilder<'_> {
     /// Adds the colours of the triangles since `start`, which have their materials: those of the materials,
@@ -25,10 +39,7 @@ impl SceneBuilder<'_> {
         let mut runs: Vec<(u32, u32)> = Vec::new();
         for (i, triangle) in (0..).zip(triangles.clone()) {
             let material = self.surfaces[self.triangle_surfaces[triangle] as usize].material;
-            let number = match self.colours.numbers.get(&material) {
-                Some(known) => *known,
-                None => self.add_to_palette(material),
-            };
+            let number = self.palette_number(material);
             let number = if number == NONE && has_tints { self.colours.white() } else { number };
             if runs.last().is_none_or(|(_, last)| *last != number) {
                 runs.push((i, number));
@@ -37,6 +48,28 @@ impl SceneBuilder<'_> {
         if runs.iter().any(|(_, number)| *number != NONE) {
             self.colours.meshes.push(ColouredMesh { triangles, runs, colours });
         }
+    }
+
+    /// Adds the colour of the last height field, which is that of a material. A texture covers the `raster`,
+    /// columns and rows of pixels, that the field is a part of.
+    pub fn add_field_colour(&mut self, material: u32, raster: [usize; 2]) {
+        if !self.options.colours {
+            return;
+        }
+        let number = self.palette_number(material);
+        if let Some(last) = self.geometry.fields.last()
+            && number != NONE
+        {
+            let place = FieldPlace::of(last.grid(), raster);
+            let field = self.geometry.fields.len() - 1;
+            self.colours.fields.push(ColouredField { field, number, place });
+        }
+    }
+
+    /// True if surfaces of a material have the colours of a texture.
+    pub fn has_texture(&self, material: u32) -> bool {
+        let colour = self.library.colour_of(material).filter(|_| self.options.colours);
+        colour.is_some_and(|(definition, _)| definition.texture.is_some())
     }
 
     /// Adds the colours of voxels, which are all of a grid or stored cubes.
@@ -50,7 +83,15 @@ impl SceneBuilder<'_> {
         }
     }
 
-    /// The number of the colour of a material in the palette.
+    /// The number of the colour of a material in the palette, to which it is added if it is new.
+    fn palette_number(&mut self, material: u32) -> u32 {
+        match self.colours.numbers.get(&material) {
+            Some(known) => *known,
+            None => self.add_to_palette(material),
+        }
+    }
+
+    /// Adds the colour of a material to the palette. Returns its number.
     fn add_to_palette(&mut self, material: u32) -> u32 {
         let number = match self.library.colour_of(material).cloned() {
             None => NONE,

@@ -1,16 +1,17 @@
 //! Colours of a scene under construction, as far as they have been loaded.
 
-use super::colours::{ColouredCubes, ColouredMesh, Colours, NONE, SurfaceColour};
+use super::colours::{ColouredCubes, ColouredField, ColouredMesh, Colours, NONE, SurfaceColour};
 use super::texture::Texture;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 use vlscan_base::store::Checksum;
 use vlscan_survey::{ColourDefinition, TextureImage};
 
-/// Numbers of triangles, cubes and grids of a scene before a part.
+/// Numbers of triangles, height fields, cubes and grids of a scene before a part.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ColourMark {
     pub triangles: usize,
+    pub fields: usize,
     pub cubes: usize,
     pub grids: usize,
 }
@@ -29,6 +30,7 @@ pub(super) struct ColourBuilder {
     pub meshes: Vec<ColouredMesh>,
     /// Colours of the triangles of each model of instances.
     models: Vec<Vec<ColouredMesh>>,
+    pub fields: Vec<ColouredField>,
     pub cubes: Vec<ColouredCubes>,
     /// Colours of the voxels of each grid, as far as any grid has some.
     grids: Vec<Vec<[u8; 3]>>,
@@ -74,6 +76,7 @@ impl ColourBuilder {
     /// Removes the colours of primitives from `start` on, and their textures from memory.
     pub fn truncate(&mut self, start: ColourMark) {
         self.meshes.retain(|mesh| mesh.triangles.start < start.triangles);
+        self.fields.retain(|of| of.field < start.fields);
         self.cubes.retain(|of| of.cubes.start < start.cubes);
         self.grids.truncate(start.grids);
         let used = self.drop_unused_textures();
@@ -86,7 +89,8 @@ impl ColourBuilder {
     /// Removes the textures that no triangle has from the palette. Returns the numbers of the colours that
     /// triangles have.
     fn drop_unused_textures(&mut self) -> BTreeSet<u32> {
-        let used = used_numbers(self.meshes.iter().chain(self.models.iter().flatten()));
+        let mut used = used_numbers(self.meshes.iter().chain(self.models.iter().flatten()));
+        used.extend(self.fields.iter().map(|of| of.number));
         for (number, colour) in (0..).zip(&mut self.palette) {
             if !used.contains(&number) {
                 colour.texture = None;
@@ -127,7 +131,8 @@ impl ColourBuilder {
     /// The colours of the finished scene.
     pub fn finish(mut self) -> Colours {
         self.drop_unused_textures();
-        Colours::new(self.palette, (self.meshes, self.models), self.cubes, self.grids)
+        let ColourBuilder { palette, meshes, models, fields, cubes, grids, .. } = self;
+        Colours { palette, meshes, models, fields, cubes, grids }
     }
 }
 

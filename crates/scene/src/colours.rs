@@ -1,5 +1,5 @@
-//! Colours of surfaces as people see them: of materials, textures, corners of triangles, and voxels of
-//! coloured points. Scenes have them if [`LoadOptions::colours`](super::LoadOptions::colours) is set. They
+//! Colours of surfaces as people see them: of materials, textures, corners of triangles, rasters, and voxels
+//! of coloured points. Scenes have them if [`LoadOptions::colours`](super::LoadOptions::colours) is set. They
 //! change no echo.
 
 use super::texture::Texture;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 use vlscan_base::store::{Checksum, vec_bytes};
 use vlscan_geom::DVec3;
 use vlscan_survey::{ColourDefinition, MeshColours};
-use vlscan_trace::PrimitiveRef;
+use vlscan_trace::{HeightGrid, PrimitiveRef};
 
 /// Number of a missing colour.
 pub(super) const NONE: u32 = u32::MAX;
@@ -18,15 +18,17 @@ pub(super) const NONE: u32 = u32::MAX;
 #[derive(Clone, Default)]
 pub struct Colours {
     /// Distinct colours of materials.
-    palette: Vec<SurfaceColour>,
+    pub(super) palette: Vec<SurfaceColour>,
     /// Colours of stored triangles, by their first ones.
-    meshes: Vec<ColouredMesh>,
+    pub(super) meshes: Vec<ColouredMesh>,
     /// Colours of the triangles of each model of instances.
-    models: Vec<Vec<ColouredMesh>>,
+    pub(super) models: Vec<Vec<ColouredMesh>>,
+    /// Colours of height fields, in their order.
+    pub(super) fields: Vec<ColouredField>,
     /// Colours of stored cubes, by their first ones.
-    cubes: Vec<ColouredCubes>,
+    pub(super) cubes: Vec<ColouredCubes>,
     /// Colours of the voxels of each grid; empty for grids without.
-    grids: Vec<Vec<[u8; 3]>>,
+    pub(super) grids: Vec<Vec<[u8; 3]>>,
 }
 
 /// The colour of a material, with its texture if that could be read.
@@ -44,6 +46,27 @@ pub(super) struct ColouredMesh {
     /// counted within the range.
     pub runs: Vec<(u32, u32)>,
     pub colours: MeshColours,
+}
+
+/// The colour of a height field.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct ColouredField {
+    /// Index of the field.
+    pub field: usize,
+    /// Number of the colour in the palette.
+    pub number: u32,
+    pub place: FieldPlace,
+}
+
+/// The place of a height field in the raster that a texture covers.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct FieldPlace {
+    /// Cells per row of the field.
+    pub cells: usize,
+    /// Column and row of its first pixel in the raster.
+    pub first: [usize; 2],
+    /// Columns and rows of the raster.
+    pub raster: [usize; 2],
 }
 
 /// Colours of consecutive cubes.
@@ -77,6 +100,32 @@ impl ColouredMesh {
     }
 }
 
+impl FieldPlace {
+    /// The place of a field with this grid in a raster of these columns and rows.
+    pub fn of(grid: &HeightGrid, raster: [usize; 2]) -> FieldPlace {
+        FieldPlace { cells: grid.columns.saturating_sub(1), first: grid.first, raster }
+    }
+
+    /// Texture coordinates of the corners of triangle `i` of the field, in the order of its corners.
+    fn texels(&self, i: usize) -> [[f32; 2]; 3] {
+        let (cell, cells) = (i / 2, self.cells.max(1));
+        let (column, row) = (self.first[0] + cell % cells, self.first[1] + cell / cells);
+        let of = |below: usize, right: usize| raster_texel([column + right, row + below], self.raster);
+        match i.is_multiple_of(2) {
+            true => [of(0, 0), of(1, 0), of(0, 1)],
+            false => [of(1, 0), of(1, 1), of(0, 1)],
+        }
+    }
+}
+
+/// Texture coordinates of the centre of a pixel of a raster, by column and row from the upper left corner.
+/// The texture covers the raster; its second coordinate counts from the lower edge, as in MTL files.
+pub(super) fn raster_texel([column, row]: [usize; 2], [columns, rows]: [usize; 2]) -> [f32; 2] {
+    let u = (column as f64 + 0.5) / columns as f64;
+    let v = 1.0 - (row as f64 + 0.5) / rows as f64;
+    [u as f32, v as f32]
+}
+
 impl fmt::Debug for Colours {
     /// Numbers of colours and of ranges of triangles.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
@@ -86,13 +135,14 @@ impl fmt::Debug for Colours {
 }
 
 impl Colours {
-    pub(super) fn new(
-        palette: Vec<SurfaceColour>,
-        (meshes, models): (Vec<ColouredMesh>, Vec<Vec<ColouredMesh>>),
-        cubes: Vec<ColouredCubes>,
-        grids: Vec<Vec<[u8; 3]>>,
-    ) -> Colours {
-        Colours { palette, meshes, models, cubes, grids }
+    /// The colours of a scene that is one height field with this grid, without a texture.
+    pub(super) fn of_page(definition: ColourDefinition, grid: &HeightGrid) -> Colours {
+        let place = FieldPlace::of(grid, [grid.columns, grid.rows]);
+        Colours {
+            palette: vec![SurfaceColour { definition, texture: None }],
+            fields: vec![ColouredField { field: 0, number: 0, place }],
+            ..Colours::default()
+        }
     }
 
     /// Memory, bytes.
@@ -107,6 +157,7 @@ impl Colours {
             + self.cubes.iter().map(|of| vec_bytes(&of.colours)).sum::<usize>()
             + self.grids.iter().map(vec_bytes).sum::<usize>()
             + self.palette.capacity() * size_of::<SurfaceColour>()
+            + vec_bytes(&self.fields)
     }
 
     /// Adds all colours to a checksum.
@@ -114,6 +165,12 @@ impl Colours {
         for mesh in self.meshes.iter().chain(self.models.iter().flatten()) {
             sum.debug(&mesh.triangles);
             mesh.add_to(&self.palette, sum);
+        }
+        for of in &self.fields {
+            sum.debug(&(of.field, of.place));
+            if let Some(colour) = self.palette.get(of.number as usize) {
+                colour.add_to(sum);
+            }
         }
         for of in &self.cubes {
             sum.debug(&of.cubes);
@@ -145,21 +202,32 @@ impl Colours {
         meshes.map_or([0; 3], |meshes| self.of_triangle(meshes, index, weights(corners, at)))
     }
 
+    /// The colour of a triangle of height field `field` at a point of it; black if it has none.
+    pub(super) fn of_field(&self, field: usize, index: usize, corners: [DVec3; 3], at: DVec3) -> [u8; 3] {
+        let found = self.fields.binary_search_by_key(&field, |of| of.field);
+        let Some(of) = found.ok().map(|i| &self.fields[i]) else { return [0; 3] };
+        let Some(colour) = self.palette.get(of.number as usize) else { return [0; 3] };
+        let texel = mean(of.place.texels(index), weights(corners, at));
+        colour.at(Some(texel), [1.0; 3])
+    }
+
     /// The colour of triangle `index` of `meshes` at a point, whose weights for the corners are `weights`;
     /// black if it has none.
     fn of_triangle(&self, meshes: &[ColouredMesh], index: usize, weights: [f64; 3]) -> [u8; 3] {
         let Some(mesh) = find(meshes, index, |of| &of.triangles) else { return [0; 3] };
         let triangle = index - mesh.triangles.start;
         let Some(colour) = self.palette.get(mesh.number(triangle) as usize) else { return [0; 3] };
-        let texel =
-            mesh.colours.texels.get(triangle).map(|corners| {
-                [0, 1].map(|axis| (0..3).map(|i| weights[i] * f64::from(corners[i][axis])).sum())
-            });
+        let texel = mesh.colours.texels.get(triangle).map(|corners| mean(*corners, weights));
         let tint = mesh.colours.tints.get(triangle).map_or([1.0; 3], |corners| {
             [0, 1, 2].map(|c| (0..3).map(|i| weights[i] * f64::from(corners[i][c])).sum::<f64>() / 65_535.0)
         });
         colour.at(texel, tint)
     }
+}
+
+/// The mean of the texture coordinates of corners with these weights.
+fn mean(corners: [[f32; 2]; 3], weights: [f64; 3]) -> [f64; 2] {
+    [0, 1].map(|axis| (0..3).map(|i| weights[i] * f64::from(corners[i][axis])).sum())
 }
 
 /// The element whose range contains `index`; ranges are in order.
@@ -268,6 +336,24 @@ mod tests {
         let found: Vec<_> = (0..11).map(number).collect();
         let none = Some(NONE);
         assert_eq!(found, [None, None, Some(7), Some(7), none, Some(1), None, None, None, none, None]);
+    }
+
+    #[test]
+    fn textures_cover_all_pixels_of_a_raster() {
+        // The second of two pages of a raster of 5 by 4 pixels, from column 2 on.
+        let grid = HeightGrid { first: [2, 0], ..HeightGrid::new(3, 4) };
+        let place = FieldPlace::of(&grid, [5, 4]);
+        let of = |column: f32, row: f32| [(column + 0.5) / 5.0, 1.0 - (row + 0.5) / 4.0];
+        // Cell 3 is the second of the second row.
+        let expected =
+            [[of(3.0, 1.0), of(3.0, 2.0), of(4.0, 1.0)], [of(3.0, 2.0), of(4.0, 2.0), of(4.0, 1.0)]];
+        for (triangle, expected) in [6, 7].into_iter().zip(expected) {
+            for (found, expected) in
+                place.texels(triangle).into_iter().flatten().zip(expected.into_iter().flatten())
+            {
+                assert!((found - expected).abs() < 1e-6, "{triangle}: {found} {expected}");
+            }
+        }
     }
 
     #[test]

@@ -223,6 +223,64 @@ mod tests {
         assert!(water.wind[0] == 1.0 && water.wind[1].abs() < 1e-15);
     }
 
+    /// Refractive index of water in air (Quan and Fry, 1995), by wavelength, temperature and salinity.
+    fn index_in_air(nm: f64, celsius: f64, salinity: f64) -> f64 {
+        1.31405 + (1.779e-4 - 1.05e-6 * celsius + 1.6e-8 * celsius * celsius) * salinity
+            - 2.02e-6 * celsius * celsius
+            + (15.868 + 0.01155 * salinity - 0.00423 * celsius) / nm
+            - 4382.0 / (nm * nm)
+            + 1.1455e6 / (nm * nm * nm)
+    }
+
+    /// Group index in vacuum, with the air of Ciddor (1996).
+    fn group_index(nm: f64, celsius: f64, salinity: f64) -> f64 {
+        let air = |nm: f64| {
+            let square = (1e3 / nm).powi(2);
+            1.0 + 1e-8 * (5_792_105.0 / (238.0185 - square) + 167_917.0 / (57.362 - square))
+        };
+        let index = |nm: f64| index_in_air(nm, celsius, salinity) * air(nm);
+        index(nm) - nm * (index(nm + 1e-3) - index(nm - 1e-3)) / 2e-3
+    }
+
+    #[test]
+    fn the_defaults_are_pure_water_of_20_degrees_at_532_nm() {
+        for (celsius, salinity, index, group) in [
+            (20.0, 0.0, 1.335035, 1.356954),
+            (20.0, 35.0, 1.341510, 1.364191),
+            (0.0, 35.0, 1.342988, 1.365829),
+        ] {
+            let found = (index_in_air(532.0, celsius, salinity), group_index(532.0, celsius, salinity));
+            assert!((found.0 - index).abs() < 1e-6 && (found.1 - group).abs() < 1e-6, "{found:?}");
+        }
+        let fresh = Water::resolve(&WaterDefinition::default());
+        assert!((fresh.index - 1.335035).abs() < 1e-6 && (fresh.group_index - 1.356954).abs() < 1e-6);
+        // The group index of the sea by the same dispersion is within 1 mm per metre.
+        let sea = Water::resolve(&WaterDefinition { index: Some(1.341510), ..WaterDefinition::default() });
+        assert!((sea.group_index - 1.364191).abs() < 1e-3, "{}", sea.group_index);
+    }
+
+    #[test]
+    fn the_default_backscatter_is_that_of_molecules() {
+        // Buiteveld et al. (1994) at 532 nm and 20 °C; compressibility in 1e-10/Pa, depolarisation 0.051.
+        let (nm, celsius, depolarisation) = (532.0f64, 20.0, 0.051);
+        let index = 1.3247 + 3.3e3 / nm.powi(2) - 3.2e7 / nm.powi(4) - 2.5e-6 * celsius * celsius;
+        let compressibility = (5.062271 - 0.03179 * celsius + 0.000407 * celsius * celsius) * 1e-10;
+        let by_pressure = (-0.000156 * nm + 1.5989) * (1.61857 - 0.005785 * celsius) / 1.5014 * 1e-10;
+        let density = 2.0 * std::f64::consts::PI.powi(2) * 1.38054e-23 * (273.0 + celsius)
+            / (nm * 1e-9).powi(4)
+            / compressibility;
+        let cabannes = (6.0 + 6.0 * depolarisation) / (6.0 - 7.0 * depolarisation);
+        let aside = density * index * index * by_pressure * by_pressure * cabannes;
+        let back = aside * (1.0 + (1.0 - depolarisation) / (1.0 + depolarisation));
+        assert!((back / 1.895220e-4 - 1.0).abs() < 1e-6, "{back:e}");
+        assert!((back / Water::BACKSCATTER - 1.0).abs() < 1e-6);
+        let salt = 1.0 + 0.3 * 35.0 / 37.0;
+        assert!((back * salt / 2.433053e-4 - 1.0).abs() < 1e-6);
+        let total =
+            8.0 * std::f64::consts::PI / 3.0 * aside * (2.0 + depolarisation) / (1.0 + depolarisation);
+        assert!((total / 1.628223e-3 - 1.0).abs() < 1e-6 && (total * salt / 2.090287e-3 - 1.0).abs() < 1e-6);
+    }
+
     #[test]
     fn impossible_water_is_named() {
         let of = |water: WaterDefinition| OpticsDefinition { water, ..OpticsDefinition::default() };

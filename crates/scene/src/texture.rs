@@ -81,6 +81,22 @@ impl Texture {
         [self.texels[at], self.texels[at + 1], self.texels[at + 2]]
     }
 
+    /// An image of these columns and rows; `None` if it does not have that many texels.
+    pub fn of_texels([width, height]: [u32; 2], texels: Vec<u8>) -> Option<Texture> {
+        check_size(width as usize, height as usize, u64::MAX).ok()?;
+        finish(width, height, texels).ok()
+    }
+
+    /// Number of columns and rows.
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// Red, green and blue of the texels, by rows from the top.
+    pub fn texels(&self) -> &[u8] {
+        &self.texels
+    }
+
     /// Checksum of the size and the texels.
     pub fn checksum(&self) -> u64 {
         self.checksum

@@ -102,6 +102,9 @@ pub struct PackArgs {
     /// more memory than this for them, e.g. 2G. [default: the scene is packed whole]
     #[arg(long, value_name = "SIZE")]
     pub scene_memory: Option<Bytes>,
+    /// Pack the colours of surfaces, with their textures, too, for runs with the columns Red, Green and Blue.
+    #[arg(long)]
+    pub colours: bool,
     /// Replace an existing file.
     #[arg(long)]
     pub force: bool,

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::outputs::OutputContent;
-use crate::values::{Bytes, Crs, Seed};
+use crate::values::{Bytes, Crs, MaxOrder, Seed};
 use vlscan_geom::{DVec3, radians};
 use vlscan_survey::*;
 use vlscan_trace::Builder;
@@ -66,6 +66,7 @@ distance_error = "1+t"
 
 [physics]
 legacy_energy = true
+max_order = 9
 platform_noise = false
 
 [schedule]
@@ -124,6 +125,7 @@ fn every_table() {
     assert_eq!((options.schedule.threads, options.tree.tree), (Some(3), Some(Builder::Sah)));
     assert_eq!(options.schedule.max_memory, Some(Bytes(2 << 30)));
     assert!(options.echoes.legacy_energy.is_on() && !options.echoes.echo_width.is_on());
+    assert_eq!(options.echoes.max_order, Some(MaxOrder(9)));
     assert!(options.noise.no_platform_noise.is_on() && !options.noise.no_leg_noise.is_on());
     assert_eq!(options.origin.seed, "2020-01-01 00:00:00".parse().ok());
     let outputs: Vec<_> =

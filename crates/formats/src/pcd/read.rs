@@ -59,10 +59,47 @@ enum Encoding {
     Compressed,
 }
 
+/// A field with the colour of a point as 0xRRGGBB, below eight bits that do not count.
+#[derive(Clone, Copy, Debug)]
+struct PackedColour {
+    field: usize,
+    /// True if text has the number whose bits as a 32-bit float are the colour, as the Point Cloud Library
+    /// writes it.
+    is_float: bool,
+}
+
+impl PackedColour {
+    /// The first field with one of the usual names.
+    fn find(names: &[String], fields: &[Field]) -> Option<PackedColour> {
+        let is_colour = |name: &String| name.eq_ignore_ascii_case("rgb") || name.eq_ignore_ascii_case("rgba");
+        let is_packed = |field: &Field| field.count == 1 && field.size == 4;
+        let field = names.iter().zip(fields).position(|(name, field)| is_colour(name) && is_packed(field))?;
+        Some(PackedColour { field, is_float: fields[field].kind == b'F' })
+    }
+
+    /// The bits of a number in text, as a number. Those of NaN are not known.
+    fn bits(self, number: f64) -> f64 {
+        match self.is_float {
+            _ if number.is_nan() => 0.0,
+            true => f64::from((number as f32).to_bits()),
+            false => number,
+        }
+    }
+
+    /// Red, green and blue of the bits.
+    fn colour(bits: f64) -> [u16; 3] {
+        // The conversion wraps negative numbers of signed fields, and NaN becomes 0.
+        let bits = bits as i64 as u32;
+        [16, 8, 0].map(|shift| (bits >> shift & 0xff) as u16)
+    }
+}
+
 /// The header of a file.
 struct Header {
     fields: Vec<Field>,
     columns: Columns,
+    /// The colour of the points, if a field packs red, green and blue into one number.
+    packed_colour: Option<PackedColour>,
     remarks: Vec<String>,
     points: usize,
     encoding: Encoding,
@@ -128,6 +165,7 @@ impl Header {
                     let header = Header {
                         fields: Vec::new(),
                         columns: Columns::default(),
+                        packed_colour: None,
                         remarks: Vec::new(),
                         points,
                         encoding,
@@ -163,6 +201,11 @@ impl Header {
             self.fields.push(Field { kind, size, count, offset, index });
             offset += size * count;
             index += count;
+        }
+        self.packed_colour = PackedColour::find(names, &self.fields);
+        if let Some(colour) = self.packed_colour {
+            // Its bits count, also those of a float that is NaN.
+            self.fields[colour.field].kind = b'U';
         }
         // Padding is called "_"; fields of several values hold no attribute.
         let names: Vec<&str> = names
@@ -225,7 +268,12 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PcdError> 
 }
 
 fn push(header: &Header, value: impl Fn(usize) -> f64, reading: &mut Reading) -> ControlFlow<()> {
-    let mut row = header.columns.row(value);
+    let mut row = header.columns.row(&value);
+    if let Some(PackedColour { field, .. }) = header.packed_colour
+        && row.colour.is_none()
+    {
+        row.colour = Some(PackedColour::colour(value(field)));
+    }
     if row.position.is_nan() {
         return ControlFlow::Continue(());
     }
@@ -236,6 +284,10 @@ fn push(header: &Header, value: impl Fn(usize) -> f64, reading: &mut Reading) ->
 fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), PcdError> {
     let mut passed = 0;
     let used: Vec<(Attribute, usize)> = header.columns.used().collect();
+    let colours: Vec<usize> = match (header.columns.colours(), header.packed_colour) {
+        (Some(columns), _) => columns.to_vec(),
+        (None, packed) => packed.iter().map(|packed| packed.field).collect(),
+    };
     let mut values = vec![f64::NAN; header.fields.len()];
     let width: usize = header.fields.iter().map(|field| field.count).sum();
     let mut others = 0u64;
@@ -250,6 +302,13 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
                 expected: attribute.described(),
                 found: String::from_utf8_lossy(word).into_owned(),
             })?;
+        }
+        for column in colours.iter().copied() {
+            let word = words.get(header.fields[column].index).map_or(&b""[..], |at| &line[at.clone()]);
+            // Colours are not attributes: without a number a point is black.
+            let number = float(word).unwrap_or(f64::NAN);
+            let packed = header.packed_colour.filter(|packed| packed.field == column);
+            values[column] = packed.map_or(number, |packed| packed.bits(number));
         }
         passed += 1;
         if push(header, |column| values[column], reading).is_break() {
@@ -325,6 +384,64 @@ fn lzf(packed: &[u8], length: usize) -> Option<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{AttributeSet, PointRow, PointSink, read_points};
+    use vlscan_base::error::Result;
+
+    /// Takes the colours of points.
+    #[derive(Default)]
+    struct ColourSink(Vec<Option<[u16; 3]>>);
+
+    impl PointSink for ColourSink {
+        fn start(&mut self, _: AttributeSet) {}
+
+        fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
+            self.0.push(row.colour);
+            Ok(ControlFlow::Continue(()))
+        }
+    }
+
+    /// The colours of a file whose field `name` has 4 bytes of this kind.
+    fn colours(name: &str, kind: char, points: usize, data: &[u8]) -> Vec<Option<[u16; 3]>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.pcd");
+        let head = format!(
+            "VERSION 0.7\nFIELDS x y z {name}\nSIZE 4 4 4 4\nTYPE F F F {kind}\nCOUNT 1 1 1 1\n\
+             WIDTH {points}\nHEIGHT 1\nPOINTS {points}\nDATA "
+        );
+        std::fs::write(&path, [head.as_bytes(), data].concat()).unwrap();
+        let mut sink = ColourSink::default();
+        read_points(&path, &mut sink).unwrap();
+        sink.0
+    }
+
+    #[test]
+    fn packed_colours_are_read_from_text_and_from_the_bits_of_floats() {
+        // The first number is one of the documentation of the format: 0x4a8080e0 as bits of a float.
+        let text = b"ascii\n1 2 3 4.2108e+06\n1 2 3 2.3463979e-38\n1 2 3 nan\n1 2 3 9.2557167e-41\n";
+        let expected = [[128, 128, 224], [255, 128, 7], [0; 3], [1, 2, 3]].map(Some);
+        assert_eq!(colours("rgb", 'F', 4, text), expected);
+        let unsigned = b"ascii\n1 2 3 4278190335\n1 2 3 16744455\n";
+        assert_eq!(colours("rgba", 'U', 2, unsigned), [[0, 0, 255], [255, 128, 7]].map(Some));
+        assert_eq!(colours("rgb", 'I', 1, b"ascii\n1 2 3 -16776961\n"), [Some([0, 0, 255])]);
+        // Opaque: the bits are those of a float that is NaN.
+        let binary = |bits: u32| [b"binary\n", &[0; 12][..], &bits.to_le_bytes()].concat();
+        for kind in ['F', 'U', 'I'] {
+            assert_eq!(colours("rgb", kind, 1, &binary(0xffff_8007)), [Some([255, 128, 7])], "{kind}");
+        }
+        assert_eq!(colours("curvature", 'F', 1, &binary(7)), [None]);
+    }
+
+    #[test]
+    fn columns_of_red_green_and_blue_are_read_from_text() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.pcd");
+        let text = "VERSION 0.7\nFIELDS x y z red green blue\nWIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA ascii\n\
+                    1 2 3 255 128 7\n";
+        std::fs::write(&path, text).unwrap();
+        let mut sink = ColourSink::default();
+        read_points(&path, &mut sink).unwrap();
+        assert_eq!(sink.0, [Some([255, 128, 7])]);
+    }
 
     #[test]
     fn lzf_repeats_what_it_refers_to() {

@@ -66,6 +66,8 @@ pub struct PhysicsOptions {
 impl PhysicsOptions {
     /// Default of [`PhysicsOptions::max_order`].
     pub const MAX_ORDER: u8 = 4;
+    /// Greatest [`PhysicsOptions::max_order`] that options of a run accept.
+    pub const GREATEST_ORDER: u8 = 64;
 
     /// The reference's physics: no corrections, improved energy model, seed 0, only points are recorded.
     pub fn helios() -> PhysicsOptions {

@@ -157,8 +157,34 @@ mod tests {
                 near(shares.transmitted + shares.mirrored, 1.0, 1e-12);
             }
         }
-        let double = pane(1, 0.0).shares(1.0).transmitted;
-        near(double * double, 0.852071, 5e-7);
+        for (degrees, expected) in [(0.0, 0.852071), (45.0, 0.823274), (60.0, 0.719322), (80.0, 0.210197)] {
+            let transmitted = pane(1, 0.0).shares(cosine(degrees)).transmitted;
+            near(transmitted * transmitted, expected, 5e-7);
+        }
+    }
+
+    /// The light that is absorbed in a sheet, summed over its ways: (1 − r)(1 − t)/(1 − r·t) of each
+    /// polarisation. Two sheets absorb it of the light that comes in and of all that runs between them.
+    #[test]
+    fn mirrored_transmitted_and_absorbed_light_is_all_light() {
+        for absorption in [0.0, 0.5, 10.0, 500.0] {
+            for step in 0..90 {
+                let c = cosine(f64::from(step));
+                let [one, two] = [pane(1, absorption), pane(2, absorption)];
+                let t = exp(-absorption * 0.004 / one.inner_cosine(c));
+                let of_polarisation = |r: f64| {
+                    let once = t * (1.0 - r) * (1.0 - r) / (1.0 - r * r * t * t);
+                    let absorbed = (1.0 - r) * (1.0 - t) / (1.0 - r * t);
+                    let mirrored = 1.0 - once - absorbed;
+                    [absorbed, absorbed * (1.0 + once / (1.0 - mirrored))]
+                };
+                let [s, p] = fresnel(1.5, c).map(of_polarisation);
+                for (pane, absorbed) in [(one, 0.5 * (s[0] + p[0])), (two, 0.5 * (s[1] + p[1]))] {
+                    let PaneShares { mirrored, transmitted } = pane.shares(c);
+                    near(mirrored + transmitted + absorbed, 1.0, 1e-12);
+                }
+            }
+        }
     }
 
     #[test]

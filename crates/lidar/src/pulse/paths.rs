@@ -330,7 +330,7 @@ impl LightPaths {
         let attenuation = water::attenuation(&water, instrument.field_of_view, air);
         let of_beam = Some(*plane).filter(|_| light.path.kind.is_water());
         let end = PathEnd { surface: from, direction, path: light.path, plane: of_beam };
-        if water.backscatter > 0.0 {
+        if water::has_column(&water) {
             let kind = kind_in_water(light, PathKind::WaterColumn);
             self.column.push(ColumnRay {
                 water,

@@ -83,6 +83,12 @@ pub(super) fn glint(water: &Water, normal: DVec3, facet: &Facet, direction: DVec
     PI * front * density / (4.0 * square * square * cosine)
 }
 
+/// True if water scatters light back on its way. Light that is scattered back is lost to the beam, which the
+/// attenuation K counts; so water with K = 0 scatters nothing back.
+pub(super) fn has_column(water: &Water) -> bool {
+    water.backscatter > 0.0 && water.attenuation > 0.0
+}
+
 /// Share of unpolarised light that a facet mirrors; the rest enters the water.
 pub(super) fn mirrored_share(water: &Water, cosine: f64) -> f64 {
     let [s, p] = fresnel(water.index, cosine);
@@ -177,11 +183,11 @@ pub(super) mod tests {
     #[test]
     fn the_effective_range_is_that_of_the_closed_form() {
         let (height, depth) = (300.0, 10.0);
-        for (degrees, squared, echo) in [
-            (0.0, None, 7.639813e-07),
-            (10.0, None, 7.178395e-07),
-            (20.0, Some(197263.5958), 5.933099e-07),
-            (30.0, None, 4.263529e-07),
+        for (degrees, squared, echo, of_guenther) in [
+            (0.0, None, 7.639813e-07, 1.0),
+            (10.0, None, 7.178395e-07, 0.985457),
+            (20.0, Some(197263.5958), 5.933099e-07, 0.942210),
+            (30.0, None, 4.263529e-07, 0.871375),
         ] {
             let refracted = refract(&water(), DVec3::Z, down(degrees, 0.0)).unwrap();
             let [outer, inner] = refracted.cosines;
@@ -193,6 +199,9 @@ pub(super) mod tests {
             let passed = 1.0 - mirrored_share(&water(), outer);
             let attenuated = exp(-2.0 * attenuation(&water(), None, air) * way);
             near(passed * passed * inner / found * attenuated / echo, 1.0, 1e-6);
+            // Guenther's cos²θ/(n·H + D)² has neither the cosine of the bottom nor the astigmatism.
+            let guenther = (outer / (1.34 * height + depth)).powi(2);
+            near(inner / found / guenther, of_guenther, 1e-6);
         }
     }
 
@@ -309,6 +318,9 @@ pub(super) mod tests {
         let range = 300.0 / outer + 1.365 * 10.0 / inner;
         let uncorrected = origin + direction * range;
         assert!((uncorrected - DVec3::new(114.019575, 0.0, -13.266207)).length() < 1e-6, "{uncorrected}");
+        let (sine, cosine) = libm::sincos(20f64.to_radians());
+        let unbent = DVec3::new(range * sine, 0.0, 300.0 - range * cosine);
+        assert!((uncorrected - unbent).length() < 1e-9, "{uncorrected}");
         let corrected = plane.corrected(origin, direction, range).unwrap();
         assert!((corrected - DVec3::new(111.830896, 0.0, -10.0)).length() < 1e-6, "{corrected}");
         let exact = 300.0 * libm::tan(20f64.to_radians()) + 10.0 * libm::tan(libm::acos(inner));

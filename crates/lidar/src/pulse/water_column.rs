@@ -114,6 +114,10 @@ impl WaterColumn {
         let first = (ray.air / width) as u64;
         let (mut from, mut at) = (0.0, 0);
         for number in first..first.saturating_add(MAX_CELLS) {
+            if ray.air + n * from > instrument.detector.range_max {
+                // The light of this cell and of all behind it comes from beyond the maximum range.
+                return;
+            }
             let border = ((number + 1) as f64 * width - ray.air) / n;
             let to = border.min(limit);
             if to > from {
@@ -230,6 +234,10 @@ mod tests {
                 assert!((way - before - width / 1.365).abs() < 1e-9);
                 let slope = libm::log(of_metre / of_last) / (way - before);
                 assert!((slope + 0.2).abs() < 1e-9, "{slope}");
+                // Over the depth it is steeper by the secant of the angle in water.
+                let inner = ray.cosines[1];
+                let over_depth = libm::log(of_metre / of_last) / ((way - before) * inner);
+                assert!((over_depth + 0.2 / inner).abs() < 1e-9, "{over_depth}");
             }
             last = Some((way, of_metre));
             let (thin, at) = light(&ray, way - 5e-7, way + 5e-7);
@@ -244,6 +252,22 @@ mod tests {
     }
 
     #[test]
+    fn the_maximum_range_ends_a_column_without_a_change_of_what_is_nearer() {
+        // Clear water without a bottom: the cells would end at their maximum number.
+        let clear = ray(Water { attenuation: 1e-6, ..water() }, f64::INFINITY);
+        let mut instrument = tls_instrument(5.0);
+        let all = emitted_by(&instrument, &[clear]);
+        assert!(all.count() as u64 > MAX_CELLS - 2 && all.count() as u64 <= MAX_CELLS, "{}", all.count());
+        for range_max in [75.0, 75.5, 90.0] {
+            instrument.detector.range_max = range_max;
+            let near = emitted_by(&instrument, &[clear]);
+            let count = all.ranges().iter().filter(|range| **range <= range_max).count();
+            assert_eq!(near.ranges(), &all.ranges()[..count], "{range_max} m");
+            assert_eq!(near.intensities(), &all.intensities()[..count], "{range_max} m");
+        }
+    }
+
+    #[test]
     fn cells_are_shared_by_subrays_and_end_in_the_dark() {
         let (one, other) = (ray(water(), 3.0), ColumnRay { air: 75.01, ..ray(water(), 5.0) });
         let [alone, both] = [emitted(&[other]), emitted(&[one, other])];
@@ -254,8 +278,6 @@ mod tests {
         let deep = emitted(&[ray(water(), f64::INFINITY)]);
         let last = (deep.ranges()[deep.count() - 1] - 75.0) / 1.365;
         assert!((90.0..92.1).contains(&last), "{last}");
-        let clear = Water { attenuation: 0.0, ..water() };
-        assert!(emitted(&[ray(clear, f64::INFINITY)]).count() <= 1 << 14);
         assert_eq!(emitted(&[ray(Water { backscatter: 0.0, ..water() }, 5.0)]).count(), 0);
     }
 }

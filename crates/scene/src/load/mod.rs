@@ -97,9 +97,9 @@ pub fn load_epoch(
                     "the scene was packed without --scene-memory, so that it is read into memory whole";
                 warnings.warn(Some(Place::of_file(path)), message.to_owned());
             }
-            if options.colours && epoch == 0 {
-                let message = "packed scenes have no colours: red, green and blue of all points are 0";
-                let help = "name the files of the scene instead of the packed one";
+            if options.colours && epoch == 0 && !pack.has_colours(epoch) {
+                let message = "the scene was packed without colours: red, green and blue of all points are 0";
+                let help = "pack the scene again with --colours";
                 warnings.warn(Some(Place::of_file(path)), message.to_owned()).help(help);
             }
             Ok((pack.scene(options, epoch)?, warnings))
@@ -213,8 +213,8 @@ fn load_part(
             .warn(part.place.clone(), format!("part {} names no file and is left out", describe(part)));
         return Ok(());
     }
-    if raster::is_paged(scene.options, part) {
-        return load_pages(scene, part, ids, loaded);
+    if raster::is_paged(scene.options, part) && load_pages(scene, part, ids, loaded)? {
+        return Ok(());
     }
     let lad = leaf_angles(scene, part);
     let mut names = Names::default();
@@ -281,17 +281,21 @@ fn load_part(
     Ok(())
 }
 
-/// Loads a raster for what must be known of its pages while they are not in memory.
+/// Loads a raster for what must be known of its pages while they are not in memory. Returns `false` for one
+/// that has to be in memory as a whole: each page would hold the texture of the raster.
 fn load_pages(
     scene: &mut SceneBuilder,
     part: &PartRecipe,
     ids: &mut Ids,
     loaded: &mut LoadedParts,
-) -> Result<()> {
-    let Loader::GeoTiff { files, material } = &part.loader else { return Ok(()) };
+) -> Result<bool> {
+    let Loader::GeoTiff { files, material } = &part.loader else { return Ok(false) };
     let id = ids.single(part);
     let target = PartSource { index: scene.next_part(), place: part.place.as_ref() };
-    let Some(materials) = choose(scene, &target, part, material) else { return Ok(()) };
+    let Some(materials) = choose(scene, &target, part, material) else { return Ok(true) };
+    if scene.has_texture(materials[0]) {
+        return Ok(false);
+    }
     let transform = (part.transform != Transform::IDENTITY).then(|| similarity(&part.transform));
     let indexed = raster::PagedRaster::index(scene, &target, files, transform)?;
     let Some((raster, pages)) = indexed.filter(|(_, pages)| !pages.is_empty()) else {
@@ -301,16 +305,16 @@ fn load_pages(
             scene.diagnostics.warn(part.place.clone(), message);
         }
         scene.leave_out_next_part();
-        return Ok(());
+        return Ok(true);
     };
     let material = change::material_of(scene, &target, &part.changes, materials[0]);
     let bounds = pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page.bounds));
     refuse_far(scene, &id, reach(bounds), part.place.as_ref());
     loaded.frames.add(&id, part.place.as_ref(), bounds);
     let described = Part { id, name: name_of(part, files.all()), lad: None };
-    loaded.tiles.add_raster(scene, &described, material, raster, pages);
+    loaded.tiles.add_raster(scene, &described, (material, materials[0]), raster, pages);
     scene.parts.push(described);
-    Ok(())
+    Ok(true)
 }
 
 /// The name of a mesh in memory, or of the first of a part's files, without its extension.
@@ -368,6 +372,7 @@ fn load_files(
     // Corners of OBJ files find their texture coordinates by the numbers of their faces.
     let are_requested = names_faces || scene.options.colours;
     scene.faces = FaceNumbers { are_requested, ..FaceNumbers::default() };
+    scene.part_changes = part.changes.clone();
     let mut densities = Vec::new();
     match &part.loader {
         Loader::Mesh(triangles) => mesh::memory::load(scene, &target, triangles)?,

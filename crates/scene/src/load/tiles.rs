@@ -4,6 +4,7 @@ use super::load_files;
 use super::raster::{PageFacts, PagedRaster};
 use crate::Scene;
 use crate::builder::{Extent, LoadOptions, SceneBuilder, memory_of};
+use crate::colours::Colours;
 use crate::library::{Library, Names};
 use crate::material::Material;
 use crate::model::Part;
@@ -43,8 +44,17 @@ struct IndexedTile {
 /// Source of a tile.
 enum TileSource {
     Files(TileFiles),
-    /// A page of a raster, by its index.
-    Page(Arc<PagedRaster>, usize, Part),
+    Page(RasterPage),
+}
+
+/// A page of a raster.
+struct RasterPage {
+    raster: Arc<PagedRaster>,
+    /// Index of the page.
+    page: usize,
+    part: Part,
+    /// The material that it has the colour of.
+    coloured_as: u32,
 }
 
 /// The files of a tile.
@@ -109,7 +119,7 @@ impl TileIndex {
         // Files of one part share its facts.
         let last = self.tiles.last().and_then(|tile| match &tile.source {
             TileSource::Files(files) => Some(&files.recipe),
-            TileSource::Page(..) => None,
+            TileSource::Page(_) => None,
         });
         let is_same = |last: &&Arc<PartRecipe>| last.number == recipe.number && last.place == recipe.place;
         let recipe = last.filter(is_same).cloned().unwrap_or_else(|| Arc::new(recipe.clone()));
@@ -129,16 +139,25 @@ impl TileIndex {
         true
     }
 
-    /// Makes a tile of every page of a raster, all of one material.
+    /// Makes a tile of every page of a raster, all of one `material` and with the colour of another.
     pub fn add_raster(
         &mut self,
         scene: &SceneBuilder,
         part: &Part,
-        material: u32,
+        (material, coloured_as): (u32, u32),
         raster: PagedRaster,
         pages: Vec<PageFacts>,
     ) {
         let raster = Arc::new(raster);
+        let colour = scene.library.colour_of(coloured_as).filter(|_| scene.options.colours);
+        let checksum = |page: u64| match colour {
+            Some((colour, _)) => {
+                let mut sum = Checksum::default();
+                sum.debug(&(page, colour.factor, colour.is_linear));
+                sum.finish()
+            }
+            None => page,
+        };
         let before = Before {
             own_triangles: scene.geometry.triangle_count() as u32,
             own_cubes: scene.geometry.cube_count() as u32,
@@ -146,13 +165,14 @@ impl TileIndex {
             ..Before::default()
         };
         for (page, facts) in pages.into_iter().enumerate() {
-            let source = TileSource::Page(raster.clone(), page, part.clone());
+            let (raster, part) = (raster.clone(), part.clone());
+            let source = TileSource::Page(RasterPage { raster, page, part, coloured_as });
             let corners = facts.bounds;
             let facts = TileFacts {
                 part: scene.next_part(),
                 materials: vec![material],
                 triangles: facts.numbers,
-                checksum: facts.checksum,
+                checksum: checksum(facts.checksum),
                 place: Some(facts.place),
                 before,
                 ..TileFacts::default()
@@ -216,7 +236,7 @@ impl TileIndex {
                 TileSource::Files(_) => {
                     memory_of(tile.vertices, triangles, cubes).saturating_add(tree + tile.colours)
                 }
-                TileSource::Page(raster, page, _) => raster.bytes(*page),
+                TileSource::Page(of) => of.raster.bytes(of.page),
             };
             let bounds = tile.bounds(shift);
             facts.push(TileFacts { bounds, bytes, ..tile.facts });
@@ -278,9 +298,13 @@ impl TileLoader {
         let facts = &self.facts[tile];
         let source = match &self.sources[tile] {
             TileSource::Files(files) => files,
-            TileSource::Page(raster, page, part) => {
+            TileSource::Page(RasterPage { raster, page, part, coloured_as }) => {
                 let field = raster.load(&self.options, *page, self.shift)?;
                 let material = self.library.materials[facts.materials[0] as usize].clone();
+                let colours = self.options.colours.then(|| match self.library.colour_of(*coloured_as) {
+                    Some((colour, _)) => Arc::new(Colours::of_page(colour.clone(), field.grid())),
+                    None => Arc::default(),
+                });
                 return Ok(Scene {
                     shift: self.shift,
                     bounds: facts.bounds,
@@ -289,6 +313,7 @@ impl TileLoader {
                     surfaces: vec![Surface { part: 0, material: 0 }],
                     parts: vec![part.clone()],
                     materials: vec![material],
+                    colours,
                     ..Scene::default()
                 });
             }

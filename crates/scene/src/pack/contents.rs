@@ -1,5 +1,6 @@
 //! Scenes as arrays and values of a file.
 
+use super::colours::{is_of_colours, read_colours, write_colours};
 use super::tiles::{is_of_tile, write_tiles};
 use super::trees::{
     read_fields, read_geometry, read_grids, read_instance_trees, read_instances, read_tree, write_fields,
@@ -76,10 +77,11 @@ pub(super) fn prefix(epoch: u32) -> String {
     format!("epoch {epoch} ")
 }
 
-/// True if an array is needed for an epoch, by its name. Tiles are read when they are needed.
-pub(super) fn is_of_epoch(name: &str, epoch: u32) -> bool {
+/// True if an array is needed for an epoch, by its name, colours only if they are requested. Tiles are read
+/// when they are needed.
+pub(super) fn is_of_epoch(name: &str, epoch: u32, colours: bool) -> bool {
     match name.strip_prefix(&prefix(epoch)) {
-        Some(what) => !is_of_tile(what),
+        Some(what) => !is_of_tile(what) && (colours || !is_of_colours(what)),
         None => !name.starts_with("epoch "),
     }
 }
@@ -106,6 +108,9 @@ pub(super) fn write_scene(scene: &Scene, tree: &Tree, prefix: &str, out: &mut Ar
     }
     out.array(name("voxels"), &scene.voxels)?;
     scene.surface_ids.pack(name("surfaces"), out)?;
+    if let Some(colours) = &scene.colours {
+        write_colours(colours, prefix, out)?;
+    }
     write_tree(tree, &name("tree"), out)?;
     if let Some(set) = &scene.instances {
         write_instances(&set.instances, prefix, out)?;
@@ -117,11 +122,12 @@ pub(super) fn write_scene(scene: &Scene, tree: &Tree, prefix: &str, out: &mut Ar
     Ok(())
 }
 
-/// Reads a scene without its tiles, from the arrays whose names begin with `prefix`.
+/// Reads a scene without its tiles, from the arrays whose names begin with `prefix`, with `colours` if they
+/// are requested.
 ///
 /// # Errors
 /// As for [`ArrayFile::array`].
-pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Result<Scene> {
+pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder, colours: bool) -> Result<Scene> {
     let name = |what: &str| format!("{prefix}{what}");
     let values: SceneValues<'static> = file.value(&name("values"))?;
     let mut scene = Scene {
@@ -143,6 +149,7 @@ pub(super) fn read_scene(file: &ArrayFile, prefix: &str, builder: Builder) -> Re
         field_surfaces: values.field_surfaces.into_owned(),
         voxels: file.array(&name("voxels"))?,
         surface_ids: SurfaceIds::unpack(&name("surfaces"), file)?,
+        colours: colours.then(|| read_colours(file, prefix).map(Arc::new)).transpose()?,
         ..Scene::default()
     };
     if file.element(&name(OPTICS)).is_some() {

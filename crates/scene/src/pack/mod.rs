@@ -8,6 +8,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `colours` | colours of surfaces |
 //! | `contents` | scenes as arrays and encoded values |
 //! | `origin` | settings and files that a pack was made from, and whether they have changed |
 //! | `read` | opens packs |
@@ -15,6 +16,7 @@
 //! | `trees` | trees, geometry and instances as arrays |
 //! | `write` | packs scenes |
 
+mod colours;
 mod contents;
 mod origin;
 mod read;

@@ -1,5 +1,6 @@
 //! Opens packed scenes.
 
+use super::colours::has_colours;
 use super::contents::{are_arrays_valid, is_of_epoch, prefix, read_epochs, read_scene};
 use super::origin::Origin;
 use super::tiles::{PackedTiles, has_tiles};
@@ -67,6 +68,11 @@ impl Pack {
         has_tiles(&self.file, &prefix(epoch))
     }
 
+    /// True if the scene of an epoch was packed with the colours of its surfaces.
+    pub fn has_colours(&self, epoch: u32) -> bool {
+        has_colours(&self.file, &prefix(epoch))
+    }
+
     /// Reads the scene of an epoch, with its tree. All that it consists of is compared with its checksums;
     /// tiles are when rays need them. Without [`LoadOptions::tiles`] they stay in memory.
     ///
@@ -78,12 +84,12 @@ impl Pack {
         let checked = self.origin.conditions.check(options);
         checked.map_err(|reason| self.file.refuse(&format!("{reason}; pack the scene again for that")))?;
         let epoch = epoch.min(self.epochs().saturating_sub(1));
-        let needed = self.file.bytes_of(|name| is_of_epoch(name, epoch));
+        let needed = self.file.bytes_of(|name| is_of_epoch(name, epoch, options.colours));
         if let Some(limit) = options.max_memory.filter(|limit| needed > *limit) {
             let (needed, limit) = (quantity::bytes(needed), quantity::bytes(limit));
             return Err(self.file.refuse(&format!("its scene needs {needed}; the limit is {limit}")));
         }
-        let mut scene = read_scene(&self.file, &prefix(epoch), self.origin.builder)?;
+        let mut scene = read_scene(&self.file, &prefix(epoch), self.origin.builder, options.colours)?;
         if self.has_tiles(epoch) {
             let tiles = self.tiles(&scene, epoch)?;
             let needed = needed.saturating_add(tiles.bytes());
@@ -114,12 +120,12 @@ impl Pack {
     pub fn verify(&self) -> Result<()> {
         self.file.verify()?;
         for epoch in 0..self.epochs() {
-            let scene = read_scene(&self.file, &prefix(epoch), self.origin.builder)?;
+            let scene = read_scene(&self.file, &prefix(epoch), self.origin.builder, true)?;
             let mut is_valid = are_arrays_valid(&scene);
             if self.has_tiles(epoch) {
                 let tiles = self.tiles(&scene, epoch)?;
                 for tile in 0..tiles.len() {
-                    is_valid &= are_arrays_valid(&tiles.read_tile(tile)?);
+                    is_valid &= are_arrays_valid(&tiles.read_tile(tile, true)?);
                 }
             }
             if !is_valid {

@@ -2,10 +2,11 @@
 
 use super::*;
 use crate::fixture::Fixture;
+use crate::texture::tests::png_of;
 use crate::{LoadOptions, MotionPlan, Scene, SceneFrame, Sharing, load_epoch};
 use vlscan_geom::DVec3;
 use vlscan_survey::{Loader, Motion, MotionKind, MotionSequence, Swap, VoxelLoader, VoxelMode};
-use vlscan_survey::{MaterialChoice, SceneRecipe};
+use vlscan_survey::{MaterialChoice, SceneRecipe, XyzLoader};
 use vlscan_trace::{BuildOptions, Builder};
 
 const MESH: &str = "mtllib m.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\n";
@@ -75,6 +76,67 @@ fn a_packed_scene_is_the_scene() {
         let (ours, theirs) = (again.tree(&options), scene.tree(&options));
         assert_eq!(ours.statistics(), theirs.statistics(), "{builder:?}");
     }
+}
+
+/// The colours of all primitives of a scene, of triangles at their centroids.
+fn colours(scene: &Scene) -> Vec<[u8; 3]> {
+    let colour = |i: u32| {
+        let corners = scene.triangle(i);
+        let at = corners.map_or(DVec3::ZERO, |[a, b, c]| (a + b + c) / 3.0);
+        scene.colour_at(i, corners, at)
+    };
+    (0..scene.primitives() as u32).map(colour).collect()
+}
+
+#[test]
+fn colours_are_packed_and_read_only_if_they_are_requested() {
+    let mut f = Fixture::new();
+    f.options.colours = true;
+    f.options.sharing = Sharing::Always;
+    f.file("t.png", png_of(2, 1, &[200, 10, 20, 30, 220, 40]));
+    f.file("m.mtl", "newmtl m\nKd 1 1 1\nmap_Kd t.png\nhelios_reflectance 0.5\n");
+    let square = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 0.4 0\nvt 0.6 1\nvt 1 1\n\
+                  usemtl m\nf 1/1 2/2 4/1\nf 2/3 3/4 4/4\n";
+    f.obj("a.obj", square);
+    let tinted = "mtllib m.mtl\nv 5 0 0 1 0 0\nv 6 0 0 0 1 0\nv 5 1 0 0 0 1\nusemtl m\nf 1 2 3\n";
+    for x in 0..3 {
+        f.obj("b.obj", tinted).transform.offset = DVec3::X * f64::from(x);
+    }
+    let cloud = f.file("c.xyz", "20 0 0 250 240 230\n21 0 0 0 100 0\n");
+    f.part(Loader::Xyz(Box::new(XyzLoader {
+        files: vec![cloud],
+        separator: " ".to_owned(),
+        voxel_size: 1.0,
+        max_color_value: 255.0,
+        default_normal: None,
+        rgb_columns: Some([3, 4, 5]),
+        normal_columns: None,
+        snap_neighbor_normal: false,
+        estimate_normals: 0,
+        material: MaterialChoice::default(),
+    })));
+    let scene = f.load().unwrap().0;
+    let expected = colours(&scene);
+    assert!(expected.contains(&[200, 10, 20]) && expected.contains(&[30, 220, 40]), "{expected:?}");
+    assert!(expected.contains(&[250, 240, 230]), "{expected:?}");
+    assert!(scene.instances.is_some());
+    let path = packed(&f, &f.recipe());
+    let pack = Pack::open(&path).unwrap();
+    pack.verify().unwrap();
+    let again = pack.scene(&f.options, 0).unwrap();
+    assert_eq!(colours(&again), expected);
+    let plain = LoadOptions { colours: false, ..f.options.clone() };
+    let without = pack.scene(&plain, 0).unwrap();
+    assert!(without.colours.is_none() && pack.has_colours(0));
+    assert_eq!(seen(&without), seen(&again));
+    // A pack without colours: points are black, with a warning.
+    let recipe = f.recipe();
+    let bare = f.path().join("bare.vlscene");
+    super::pack(&recipe, &plain, &BuildOptions::default(), &bare, &|_| Ok(())).unwrap();
+    let recipe = SceneRecipe { packed: Some(bare), ..recipe };
+    let (scene, warnings) = load_epoch(&recipe, &f.options, 0, None).unwrap();
+    assert!(colours(&scene).iter().all(|colour| *colour == [0; 3]));
+    assert!(warnings.text().contains("packed without colours"), "{}", warnings.text());
 }
 
 #[test]

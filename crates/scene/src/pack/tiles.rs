@@ -139,12 +139,12 @@ impl PackedTiles {
         self.facts.iter().map(|tile| tile.bytes).fold(0, u64::saturating_add)
     }
 
-    /// Reads a tile with its tree.
+    /// Reads a tile with its tree, and with `colours` if they are requested.
     ///
     /// # Errors
     /// As for [`ArrayFile::array`].
-    pub fn read_tile(&self, tile: usize) -> Result<Scene> {
-        let scene = read_scene(&self.file, &prefix_of(&self.prefix, tile), self.builder)?;
+    pub fn read_tile(&self, tile: usize, colours: bool) -> Result<Scene> {
+        let scene = read_scene(&self.file, &prefix_of(&self.prefix, tile), self.builder, colours)?;
         let (g, facts) = (&scene.geometry, &self.facts[tile]);
         let numbers = [g.triangle_count(), g.cube_count(), scene.materials.len(), scene.parts.len()];
         let expected = [facts.triangles as usize, facts.cubes as usize, facts.materials.len(), 1];
@@ -160,13 +160,13 @@ impl PackedTiles {
     /// # Errors
     /// [`vlscan_base::Error::Input`] if their primitives cannot be numbered.
     pub fn finish(self, options: &LoadOptions, own: usize) -> Result<Tiles> {
-        let (jobs, trees) = (options.jobs, BuildOptions::of(self.builder));
+        let (jobs, colours, trees) = (options.jobs, options.colours, BuildOptions::of(self.builder));
         let kept = || TileOptions { memory: u64::MAX, trees };
         let TileOptions { memory, trees } = options.tiles.clone().unwrap_or_else(kept);
         let (facts, bytes) = (self.facts.clone(), self.facts.iter().map(|tile| tile.bytes));
         let items = Residency::new(memory).add(bytes.collect::<Vec<_>>(), move |tile| {
             let load = || {
-                let mut scene = self.read_tile(tile)?;
+                let mut scene = self.read_tile(tile, colours)?;
                 let tree = scene.tree(&trees);
                 scene.packed_tree = None;
                 Ok(Tile { scene, tree: Arc::unwrap_or_clone(tree) })

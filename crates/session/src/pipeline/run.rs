@@ -176,7 +176,7 @@ impl Session {
         context: &OutputContext,
     ) -> Result<(Arc<OutputPlan>, Epochs)> {
         let options = self.settings().physics_for(&outputs);
-        if options.record_colours && !self.may_have_colours() {
+        if options.record_colours && !self.has_colours() {
             let help = "set `colours` of the settings for loading it";
             return Err(Error::input_with_help("the scene was loaded without colours", help));
         }

@@ -120,15 +120,15 @@ impl LoadedScene {
             Ok(()) if BuildOptions { jobs, geometry_jobs, ..self.trees.clone() } != settings.tree => {
                 differs("it has another --tree")
             }
-            Ok(()) if settings.load.colours && !self.may_have_colours() => differs("it has no colours"),
+            Ok(()) if settings.load.colours && !self.has_colours() => differs("it has no colours"),
             Ok(()) if self.epoch > 0 => differs("it is the scene of a later epoch"),
             Ok(()) => Ok(()),
         }
     }
 
-    /// True if the colours of its surfaces were loaded, or it is packed, so that there are none.
-    pub(super) fn may_have_colours(&self) -> bool {
-        self.scene.colours.is_some() || self.scene.packed_sizes.is_some()
+    /// True if the colours of its surfaces were loaded, as far as it has any.
+    pub(super) fn has_colours(&self) -> bool {
+        self.scene.colours.is_some()
     }
 
     /// Loads the scene of another epoch in the frame of the first one. This one is freed before, unless

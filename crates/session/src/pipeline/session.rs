@@ -201,9 +201,9 @@ impl Session {
         self.settings.physics = self.settings.physics_for(outputs);
     }
 
-    /// See [`LoadedScene::may_have_colours`].
-    pub(super) fn may_have_colours(&self) -> bool {
-        self.scene.may_have_colours()
+    /// See [`LoadedScene::has_colours`].
+    pub(super) fn has_colours(&self) -> bool {
+        self.scene.has_colours()
     }
 
     /// Frees the tree, which is built again when it is needed.

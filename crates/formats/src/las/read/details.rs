@@ -37,9 +37,6 @@ impl DetailFields {
     /// Names of the attributes of the points that are not read.
     pub fn unread(header: &Header, extra: &[(String, ExtraDimension)]) -> Vec<String> {
         let mut names = Vec::new();
-        if matches!(header.format, 2 | 3 | 5 | 7 | 8 | 10) {
-            names.push("colour".to_owned());
-        }
         if matches!(header.format, 8 | 10) {
             names.push("near infrared".to_owned());
         }
@@ -64,6 +61,7 @@ impl DetailFields {
                     false => PointFlags::of_format_1(record[14], record[15]),
                 },
                 user_data: record[17],
+                colour: None,
             },
             amplitude: value(self.amplitude),
             echo_width: value(self.echo_width),

@@ -114,6 +114,32 @@ fn facing_mirrors_end_at_the_maximum_order() {
 }
 
 #[test]
+fn the_greatest_order_ends_lossless_mirrors_without_a_maximum_range() {
+    let mut scene = scene_of(mirror(), 2, &[wall(-20.0, 20.0, 10.0), wall(-20.0, 20.0, -5.0)]);
+    scene.materials[1].reflectance = 0.1;
+    let (survey, options) = one_ray();
+    assert!(survey.scanner.devices[0].detector.range_max > 1e300);
+    for (max_order, expected) in [(PhysicsOptions::GREATEST_ORDER, 65), (u8::MAX, 256)] {
+        let batch = simulate(&scene, &survey, PhysicsOptions { max_order, ..options });
+        assert_eq!(batch.echoes.len(), expected);
+        assert_eq!(batch.truths.last().map(|truth| truth.path.order), Some(max_order));
+    }
+}
+
+#[test]
+fn many_panes_of_dense_glass_end_where_no_light_is_left() {
+    // Light splits in two at each of them: without an end there would be 2⁶⁴ ways.
+    let dense = OpticsKind::Pane { index: 5.0, thickness: 0.004, absorption: 0.0, sheets: 2 };
+    let mut all: Vec<_> = (0..40).map(|i| wall(-20.0, 20.0, f64::from(5 + i))).collect();
+    all.push(wall(-20.0, 20.0, -5.0));
+    let scene = scene_of(dense, 40, &all);
+    let (survey, options) = one_ray();
+    let options = PhysicsOptions { max_order: PhysicsOptions::GREATEST_ORDER, ..options };
+    let batch = simulate(&scene, &survey, options);
+    assert!(batch.echoes.iter().all(|echo| echo.range.is_finite() && echo.intensity.is_finite()));
+}
+
+#[test]
 fn nested_panes_end_at_the_maximum_order_or_show_what_is_behind() {
     let panes = |count: i32| {
         let mut all: Vec<_> = (0..count).map(|i| wall(-20.0, 20.0, f64::from(5 + i))).collect();

@@ -160,6 +160,16 @@ fn water_without_a_bottom_has_a_column() {
 }
 
 #[test]
+fn water_that_takes_no_light_returns_none_but_that_of_its_bottom() {
+    let clear = Water { backscatter: Water::BACKSCATTER, attenuation: 0.0, beam_attenuation: 0.0, ..WATER };
+    let mut scene = lake(clear, 100.0, 5.0);
+    let kinds = |scene: &Scene| light_by_kind(scene, &tls(), &pulses(1)).map(|light| light > 0.0);
+    assert_eq!(kinds(&scene), [false, false, false, false, false, true]);
+    scene.materials[0].reflectance = 0.0;
+    assert_eq!(kinds(&scene), [false; 6]);
+}
+
+#[test]
 fn pulses_beside_water_do_not_change() {
     let walls = [wall(-20.0, 0.0, 10.0), wall(5.0, 20.0, 12.0)];
     let plain = rectangles(half_white(), &walls);
@@ -221,6 +231,8 @@ fn depths_of_the_vq_840_g_follow_from_its_pulse_rates() {
             }
         }
         assert!((shallow - sheet).abs() < 0.1, "{pulse_freq} Hz, {mean_of} pulses: {shallow}");
+        let formula = 2.0 + libm::log(50_000.0 / f64::from(pulse_freq) * mean_of.sqrt()) / (2.0 * 2.3);
+        assert!((formula - exact).abs() < 5.1e-5, "{formula}");
         // The formula leaves out that light spreads with the depth.
         assert!((shallow - exact).abs() < 0.02, "{pulse_freq} Hz, {mean_of} pulses: {shallow}");
     }

@@ -213,7 +213,10 @@ pub(super) fn complete_colours(raw: &mut RawMesh) {
     }
 }
 
-/// The transform of texture coordinates of the extension `KHR_texture_transform`: scale, rotation, offset.
+/// The transform of texture coordinates of the extension `KHR_texture_transform`: scale, then rotation, then
+/// offset. A positive rotation turns from u towards smaller v, which counts downwards: anticlockwise in the
+/// image. The text and the examples of the extension mean that, and other programs compute it. The matrix in
+/// its listing has the opposite sign (KhronosGroup/glTF#1563).
 fn transform(json: &Value) -> ([[f64; 2]; 2], [f64; 2]) {
     let pair = |key: &str, default: f64| {
         [0, 1].map(|i| json.get(key).and_then(|all| all.get(i)?.as_f64()).unwrap_or(default))
@@ -222,4 +225,40 @@ fn transform(json: &Value) -> ([[f64; 2]; 2], [f64; 2]) {
     let angle = json.get("rotation").and_then(Value::as_f64).unwrap_or(0.0);
     let (s, c) = (libm::sin(angle), libm::cos(angle));
     ([[c * su, s * sv], [-s * su, c * sv]], offset)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Texture coordinates after a transform.
+    fn moved(json: &str, [u, v]: [f64; 2]) -> [f64; 2] {
+        let (linear, offset) = transform(&serde_json::from_str(json).unwrap());
+        [0, 1].map(|i| linear[i][0] * u + linear[i][1] * v + offset[i])
+    }
+
+    #[test]
+    fn texture_coordinates_are_scaled_turned_and_moved() {
+        // The example of the extension: the lower left quadrant of the image, turned clockwise by 90°.
+        let quadrant = r#"{"offset":[0,1],"rotation":1.57079632679,"scale":[0.5,0.5]}"#;
+        // The example that counts the second coordinate from the lower edge.
+        let upward = r#"{"offset":[0,1],"scale":[1,-1]}"#;
+        let all = r#"{"offset":[0.1,0.2],"rotation":0.5235987755982988,"scale":[2,0.5]}"#;
+        for (json, from, to) in [
+            (quadrant, [0.0, 0.0], [0.0, 1.0]),
+            (quadrant, [1.0, 0.0], [0.0, 0.5]),
+            (quadrant, [0.0, 1.0], [0.5, 1.0]),
+            (quadrant, [1.0, 1.0], [0.5, 0.5]),
+            (upward, [0.25, 0.125], [0.25, 0.875]),
+            (r#"{"offset":[0.25,-3]}"#, [0.5, 0.5], [0.75, -2.5]),
+            (r#"{"scale":[4,0.5]}"#, [0.5, 0.5], [2.0, 0.25]),
+            ("{}", [0.3, 0.7], [0.3, 0.7]),
+            // 2·0.3·cos 30° + 0.5·0.4·sin 30° + 0.1 and −2·0.3·sin 30° + 0.5·0.4·cos 30° + 0.2.
+            (all, [0.3, 0.4], [0.719_615_242_270_663, 0.073_205_080_756_888]),
+        ] {
+            let found = moved(json, from);
+            let is_near = found.iter().zip(to).all(|(a, b)| (a - b).abs() < 1e-11);
+            assert!(is_near, "{json} {from:?}: {found:?} is not {to:?}");
+        }
+    }
 }

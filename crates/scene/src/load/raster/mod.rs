@@ -17,6 +17,8 @@
 
 mod ascii_grid;
 mod blocks;
+#[cfg(test)]
+mod colour_tests;
 mod error;
 #[cfg(test)]
 mod field_tests;
@@ -36,6 +38,7 @@ mod validity;
 mod virtual_mosaic;
 
 use crate::builder::{LoadOptions, PartSource, SceneBuilder, memory_of};
+use crate::colours::raster_texel;
 use blocks::Window;
 pub use error::{GridError, RasterError, UnpackError};
 use keys::System;
@@ -50,7 +53,7 @@ use vlscan_base::diag::Place;
 use vlscan_base::error::Result;
 use vlscan_crs as crs;
 use vlscan_geom::DVec3;
-use vlscan_survey::{Loader, PartRecipe, RasterFiles, Replaced, SceneRecipe, Transform};
+use vlscan_survey::{Loader, MeshColours, PartRecipe, RasterFiles, Replaced, SceneRecipe, Transform};
 use vlscan_trace::{HeightField, HeightGrid, Heights};
 
 /// Parts or rows per thread that are read before they are appended; limits the memory held twice.
@@ -163,6 +166,7 @@ pub(crate) fn load(
             let surface = scene.surface(part.index, material);
             scene.geometry.fields.push(field);
             scene.field_surfaces.push(surface);
+            scene.add_field_colour(material, [mosaic.columns, mosaic.rows]);
         }
         return scene.check_counts();
     }
@@ -174,7 +178,18 @@ pub(crate) fn load(
     append_triangles(scene, &mosaic, start.vertices.start);
     let surface = scene.surface(part.index, material);
     scene.triangle_surfaces.resize(scene.geometry.triangles.len(), surface);
-    scene.finish_mesh(&start)
+    let mut colours = MeshColours::default();
+    if scene.has_texture(material) {
+        let texel = |v: u32| {
+            let (column, row) = (v as usize % mosaic.columns, v as usize / mosaic.columns);
+            raster_texel([column, row], [mosaic.columns, mosaic.rows])
+        };
+        let triangles = &scene.geometry.triangles[start.triangles.start..];
+        colours.texels = triangles.iter().map(|corners| corners.map(texel)).collect();
+    }
+    scene.finish_mesh(&start)?;
+    scene.add_colours(start.triangles.start, colours);
+    Ok(())
 }
 
 /// Finds the grid of a raster, and reports values that are read in an unexpected way. `None` if its files

@@ -210,11 +210,13 @@ fn assign_materials(
                 let place = current.1.map(|s| source.place(s.line, s.at.clone()));
                 place.unwrap_or_else(|| source.place(0, 0..0))
             };
-            if current.0 == DEFAULT && reported.insert(current.0.clone()) {
+            let is_replaced = scene.replaces_material(&current.0);
+            if current.0 == DEFAULT && !is_replaced && reported.insert(current.0.clone()) {
                 scene.library.issues.add(ReflectanceIssue::Missing, DEFAULT, place());
             }
             match known {
                 Known::Whole => {}
+                Known::Nowhere if is_replaced => {}
                 _ if !reported.insert(current.0.clone()) => {}
                 Known::FirstWord(other) => {
                     let message = format!(

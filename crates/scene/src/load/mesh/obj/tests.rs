@@ -5,7 +5,7 @@ use crate::{Reflection, Scene};
 use proptest::prelude::*;
 use std::fmt::Write;
 use vlscan_geom::{DVec3, Rotation};
-use vlscan_survey::{Loader, MeshReading, UpAxis};
+use vlscan_survey::{Loader, MaterialChange, MaterialDefinition, MeshReading, Replaced, UpAxis};
 
 fn world_triangles(scene: &Scene) -> Vec<[DVec3; 3]> {
     (0..scene.geometry.triangles.len())
@@ -209,6 +209,30 @@ fn names_with_blanks_are_whole() {
     let first_word = "no material file defines \"Oak\"; \"Oak bark\" is used";
     assert!(d.items()[0].message.contains(first_word), "{}", d.text());
     assert_eq!(d.items()[0].place.as_ref().unwrap().line, 9);
+}
+
+#[test]
+fn materials_that_are_replaced_need_no_definition() {
+    let warnings = |replaced: &[Replaced]| {
+        let mut f = Fixture::new();
+        let material = MaterialDefinition { reflectance: Some(0.3), ..MaterialDefinition::new("x") };
+        let change =
+            |replaced: &Replaced| MaterialChange { replaced: replaced.clone(), material: material.clone() };
+        let faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nv 0 0 5\nv 1 0 5\nv 0 1 5\nusemtl glass\nf 4 5 6\n";
+        let part = f.obj("x.obj", faces);
+        part.changes = replaced.iter().map(change).collect();
+        f.load().unwrap().1.text()
+    };
+    let named = |name: &str| Replaced::Named(name.to_owned());
+    let all = warnings(&[]);
+    assert!(
+        all.contains("material \"default\" has no reflectance") && all.contains("defines \"glass\""),
+        "{all}"
+    );
+    let glass = warnings(&[named("glass")]);
+    assert!(glass.contains("\"default\" has no reflectance") && !glass.contains("glass"), "{glass}");
+    assert_eq!(warnings(&[named("glass"), named("default")]), "");
+    assert_eq!(warnings(&[Replaced::All]), "");
 }
 
 #[test]

@@ -94,22 +94,21 @@ fn a_polygon_and_a_changed_material_keep_the_texture() {
     assert_eq!(colour(&scene, -1.0, -1.0), [0, 100, 0]);
 }
 
-#[test]
-fn glb_files_multiply_linear_light() {
-    let mut f = fixture();
-    let image = png_of(1, 1, &[200, 128, 255]);
+/// A GLB file of a triangle with texture coordinates from 0 to 1, an image, and these properties of the colour
+/// of its material.
+fn textured_glb(image: &[u8], properties: &str) -> Vec<u8> {
     let mut chunk = Vec::new();
     let corners = [[0.0f32, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, -4.0]];
     corners.iter().flatten().for_each(|c| chunk.extend(c.to_le_bytes()));
     [[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]].iter().flatten().for_each(|c| chunk.extend(c.to_le_bytes()));
     let at = chunk.len();
-    chunk.extend(&image);
+    chunk.extend(image);
     chunk.resize(chunk.len().next_multiple_of(4), 0);
     let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
         "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"material":0}}]}}],
         "materials":[{{"name":"m","extras":{{"helios_reflectance":0.3}},"pbrMetallicRoughness":
-        {{"baseColorFactor":[0.5,1,0.25,1],"baseColorTexture":{{"index":0}}}}}}],
+        {{{properties}}}}}],
         "textures":[{{"source":0}}],"images":[{{"bufferView":2,"mimeType":"image/png"}}],
         "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
         {{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}}],
@@ -118,9 +117,43 @@ fn glb_files_multiply_linear_light() {
         image.len(),
         chunk.len()
     );
-    let files = vec![f.file("a.glb", glb(&json, &chunk))];
+    glb(&json, &chunk)
+}
+
+#[test]
+fn glb_files_multiply_linear_light() {
+    let mut f = fixture();
+    let image = png_of(1, 1, &[200, 128, 255]);
+    let properties = r#""baseColorFactor":[0.5,1,0.25,1],"baseColorTexture":{"index":0}"#;
+    let files = vec![f.file("a.glb", textured_glb(&image, properties))];
     f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
     assert_eq!(colour(&f.scene(), 1.0, 1.0), [146, 128, 137]);
+}
+
+#[test]
+fn transforms_of_textures_choose_and_turn_a_part_of_the_image() {
+    let of = |transform: &str, x: f64, y: f64| {
+        let mut f = fixture();
+        let moved = format!(r#""extensions":{{"KHR_texture_transform":{transform}}}"#);
+        let properties = format!(r#""baseColorTexture":{{"index":0,{moved}}}"#);
+        let files = vec![f.file("a.glb", textured_glb(&png_of(2, 2, &TEXELS), &properties))];
+        f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+        colour(&f.scene(), x, y)
+    };
+    let [red, green, blue, grey] = [[200, 0, 0], [0, 100, 0], [0, 0, 50], [128; 3]];
+    // Positions are 4 times the texture coordinates.
+    let corners = [(0.2, 0.2), (3.6, 0.2), (0.2, 3.6)];
+    for (transform, expected) in [
+        ("{}", [red, green, blue]),
+        // The example of the extension: the lower left quadrant.
+        (r#"{"offset":[0,1],"rotation":1.57079632679,"scale":[0.5,0.5]}"#, [blue; 3]),
+        // The whole image, turned likewise: the first corner is the lower left one, the second the upper left.
+        (r#"{"offset":[0,1],"rotation":1.57079632679}"#, [blue, red, grey]),
+        (r#"{"offset":[0.5,0]}"#, [green, red, grey]),
+        (r#"{"offset":[0,1],"scale":[1,-1]}"#, [blue, grey, red]),
+    ] {
+        assert_eq!(corners.map(|(x, y)| of(transform, x, y)), expected, "{transform}");
+    }
 }
 
 #[test]
