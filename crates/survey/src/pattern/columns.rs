@@ -35,19 +35,19 @@ pub(super) const COLUMNS: usize = 11;
 /// A row: a number for each quantity, NaN for those without a column.
 pub(super) type Row = [f64; COLUMNS];
 
-/// Names of quantities in lower case without blanks and punctuation; the first one is that of messages.
-const NAMES: [(Column, &[&str]); COLUMNS] = [
-    (Column::Time, &["time", "timestamp", "t"]),
-    (Column::Index, &["index", "row", "step", "pulse", "number"]),
-    (Column::Azimuth, &["azimuth", "az", "azimuthangle"]),
-    (Column::Elevation, &["elevation", "el", "elevationangle", "altitude"]),
-    (Column::Zenith, &["zenith", "zenithangle"]),
-    (Column::Channel, &["channel", "laserid", "laser", "ring", "line", "beam", "id"]),
-    (Column::OriginX, &["originx", "x"]),
-    (Column::OriginY, &["originy", "y"]),
-    (Column::OriginZ, &["originz", "z"]),
-    (Column::Divergence, &["divergence", "beamdivergence"]),
-    (Column::FiringTime, &["firingtime", "firetime", "firingoffset"]),
+/// Names of quantities in messages, and those in headings: lower case, without blanks and punctuation.
+const NAMES: [(Column, &str, &[&str]); COLUMNS] = [
+    (Column::Time, "time", &["time", "timestamp", "t"]),
+    (Column::Index, "index", &["index", "row", "step", "pulse", "number"]),
+    (Column::Azimuth, "azimuth", &["azimuth", "az", "azimuthangle"]),
+    (Column::Elevation, "elevation", &["elevation", "el", "elevationangle", "altitude"]),
+    (Column::Zenith, "zenith", &["zenith", "zenithangle"]),
+    (Column::Channel, "channel", &["channel", "laserid", "laser", "ring", "line", "beam", "id"]),
+    (Column::OriginX, "origin_x", &["originx", "x"]),
+    (Column::OriginY, "origin_y", &["originy", "y"]),
+    (Column::OriginZ, "origin_z", &["originz", "z"]),
+    (Column::Divergence, "divergence", &["divergence", "beamdivergence"]),
+    (Column::FiringTime, "firing_time", &["firingtime", "firetime", "firingoffset"]),
 ];
 
 /// Headings of columns that are looked for in files whose columns are found by their exact names.
@@ -87,7 +87,7 @@ pub(super) const HEADINGS: [&str; 30] = [
 impl Column {
     /// Its name in messages.
     pub fn name(self) -> &'static str {
-        NAMES[self as usize].1[0]
+        NAMES[self as usize].1
     }
 
     /// Factor of a unit in lower case to the unit of the quantity.
@@ -138,7 +138,7 @@ impl Column {
             .collect();
         let named = |words: &[String]| {
             let joined = words.concat();
-            NAMES.iter().find(|(_, names)| names.contains(&joined.as_str())).map(|(column, _)| *column)
+            NAMES.iter().find(|(.., names)| names.contains(&joined.as_str())).map(|(column, ..)| *column)
         };
         if let Some(column) = named(&words) {
             return match bracketed {
@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn rows_and_names_have_one_order() {
-        assert!(NAMES.iter().enumerate().all(|(i, (column, _))| *column as usize == i));
+        assert!(NAMES.iter().enumerate().all(|(i, (column, ..))| *column as usize == i));
         assert!(HEADINGS.iter().all(|heading| Column::of_heading(heading).is_some()));
     }
 }

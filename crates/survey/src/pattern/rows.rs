@@ -513,7 +513,7 @@ mod tests {
         assert_eq!(begin(&[Azimuth, Azimuth, Elevation]), "two columns `azimuth`");
         assert_eq!(begin(&[Azimuth, Elevation, Zenith]), "give either `elevation` or `zenith`, not both");
         assert_eq!(begin(&[Time, Index, Azimuth, Zenith]), "give either `time` or `index`, not both");
-        assert!(begin(&[Azimuth, Zenith, Column::FiringTime]).contains("`firingtime` has no meaning"));
+        assert!(begin(&[Azimuth, Zenith, Column::FiringTime]).contains("`firing_time` has no meaning"));
     }
 
     #[test]
