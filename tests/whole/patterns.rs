@@ -1,7 +1,7 @@
 //! Scan patterns of files: their directions, times and origins in a run, and the same bytes however it is
 //! computed.
 
-use crate::common::{fixture, folder, judge, python, succeed, text};
+use crate::common::{fixture, folder, judge, python, run, succeed, text};
 use std::fs;
 use std::path::Path;
 
@@ -170,4 +170,35 @@ fn patterns_leave_no_trace_of_threads_chunks_and_shards() {
         fs::remove_dir_all(dir.path().join("shards")).unwrap();
         fs::remove_file(dir.path().join("merged.csv")).unwrap();
     }
+}
+
+#[test]
+fn the_pattern_of_a_sensor_that_stood_still_comes_from_its_points() {
+    let dir = folder();
+    let rows: String = (0..ROWS).map(|k| format!("{:?},{:?}\n", angles(k)[0], angles(k)[1])).collect();
+    fs::write(dir.path().join("rows.csv"), format!("azimuth_deg,elevation_deg\n{rows}")).unwrap();
+    let one_leg = pipeline("pattern = \"rows.csv\"\npulse_freqs_hz = [1000]\nmax_returns = 1");
+    let one_leg = one_leg.split("[[leg]]\nposition_m = [-0.6").next().unwrap().replace("= 1.5\n", "= 0.7\n");
+    fs::write(dir.path().join("still.toml"), &one_leg).unwrap();
+    succeed(dir.path(), &["run", "still.toml", "-q", "-o", "still.csv"]);
+    let fit = ["fit", "still.csv", "--still-at", "0.3,-0.2,1.5", "-o", "p.toml"];
+    let out = succeed(dir.path(), &[&fit[..], &["--json"]].concat());
+    let figures: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let seen = figures["pulses"].as_u64().unwrap() as usize;
+    assert!(seen.abs_diff(ROWS) < 5, "{figures}");
+    let table = fs::read_to_string(dir.path().join("p.pattern.csv")).unwrap();
+    for line in table.lines().skip(1) {
+        let fields: Vec<f64> = line.split(',').map(|field| field.parse().unwrap()).collect();
+        let number = (fields[0] * 1e3).round();
+        let (found, expected) = (direction([fields[1], fields[2]]), direction(angles(number as usize)));
+        let off = (0..3).map(|i| (found[i] - expected[i]).abs()).fold(0.0, f64::max);
+        // Coordinates have a tenth of a millimetre.
+        assert!(off < 5e-4 && (fields[0] - number * 1e-3).abs() < 1e-6, "{line}: off by {off}");
+    }
+    let scene = format!("{}#room", fixture("room/scene.xml").display());
+    succeed(dir.path(), &["run", "p.toml", "--scene", &scene, "-q", "-o", "again.csv"]);
+    let points = |name: &str| fs::read_to_string(dir.path().join(name)).unwrap().lines().count();
+    assert!(points("again.csv").abs_diff(points("still.csv")) < 10);
+    let again = run(dir.path(), &fit);
+    assert!(!again.status.success() && text(&again.stderr).contains("exists"), "{}", text(&again.stderr));
 }

@@ -211,6 +211,8 @@ pub enum Command {
     /// Cones (Palmer scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline
     /// file are written the trajectory, the wander of a cone's mirror and, if the pulse rate is not constant,
     /// the times of the pulses; stdout gets a table of what was estimated, with standard deviations.
+    ///
+    /// With --still-at the cloud is that of a sensor that stood still, and its scan pattern is written.
     Fit(FitArgs),
     /// Compare two point clouds of one place: measured and simulated, or two runs.
     ///
