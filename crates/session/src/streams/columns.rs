@@ -59,8 +59,8 @@ columns! {
     OriginErrorX OriginErrorX, "Reported minus true origin.";
     OriginErrorY OriginErrorY, "Reported minus true origin.";
     OriginErrorZ OriginErrorZ, "Reported minus true origin.";
-    Azimuth BeamAzimuth, "Angle of the beam from +y, clockwise seen from above, in place of a direction; only \
-                          read.";
+    Azimuth BeamAzimuth, "Angle of the beam from +y, clockwise seen from above, in place of a direction; \
+                          only read.";
     Elevation BeamElevation, "Angle of the beam above the horizontal plane; only read.";
 }
 
