@@ -48,11 +48,12 @@ pub(super) fn change_scan_motion(fields: &mut Fields, device: &mut Device) {
     };
 }
 
-/// Refuses the motion of something that turns, which a table of beams is not.
-fn refuse_of_pattern(fields: &mut Fields) {
-    let keys = [K.scan_reverse, K.scan_phase_deg, K.scan_wander];
-    for key in keys.iter().filter(|key| fields.has(**key)) {
-        fields.error(*key, "needs optics that move, not \"pattern\", whose rows have an order");
+/// Refuses the motion and the limits of something that turns, which a table of beams is not.
+fn refuse_of_pattern(fields: &Fields) {
+    let motion = [K.scan_reverse, K.scan_phase_deg, K.scan_wander];
+    let limits = [K.scan_angle_max_deg, K.scan_freq_min_hz, K.scan_freq_max_hz];
+    for key in motion.iter().chain(&limits).filter(|key| fields.has(**key)) {
+        fields.error(*key, "needs optics that move, not \"pattern\", whose rows state all directions");
     }
 }
 

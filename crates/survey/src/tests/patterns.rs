@@ -191,6 +191,7 @@ fn keys_beside_a_pattern_are_checked() {
             "needs optics = \"pattern\"",
         ),
         (format!("{base}scan_reverse = true"), "`scan_reverse` needs optics that move"),
+        (format!("{base}scan_angle_max_deg = 30"), "`scan_angle_max_deg` needs optics that move"),
         (
             format!("{base}pattern_azimuth = \"left\""),
             "`pattern_azimuth` must be clockwise or counterclockwise",
