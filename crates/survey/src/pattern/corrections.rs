@@ -5,7 +5,7 @@
 //! firing times of the channels, µs, relative to each other.
 
 use super::columns::{Column, Row};
-use super::rows::{PatternProblem, RowResult, RowSink, check_columns};
+use super::sink::{PatternProblem, RowResult, RowSink, check_columns};
 use super::table::TableFile;
 use crate::beams::{Beams, beam_pose, channels_of_beams};
 use crate::context::Context;

@@ -3,7 +3,8 @@
 //! | file | what it does |
 //! |---|---|
 //! | `columns` | names and units of columns |
-//! | `rows` | rows, checked one by one, as beams by channel |
+//! | `sink` | readers of rows, and their problems |
+//! | `rows` | rows of a pattern, checked one by one, as beams by channel |
 //! | `npy` | arrays of NumPy |
 //! | `table` | files of rows: text, Parquet, NumPy |
 //! | `corrections` | angles and firing times of channels |
@@ -12,6 +13,7 @@ mod columns;
 mod corrections;
 mod npy;
 mod rows;
+mod sink;
 mod table;
 
 pub(super) use corrections::corrected_channels;

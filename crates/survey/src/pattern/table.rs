@@ -2,7 +2,7 @@
 
 use super::columns::{COLUMNS, Column, HEADINGS, Row};
 use super::npy::{MAGIC, NpyArray};
-use super::rows::{PatternProblem, RowResult, RowSink};
+use super::sink::{PatternProblem, RowResult, RowSink};
 use crate::context::Context;
 use crate::rows::MAX_LONG_FILE_BYTES;
 use crate::text::decode;
