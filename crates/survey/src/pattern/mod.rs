@@ -21,7 +21,7 @@ pub(super) use corrections::corrected_channels;
 use super::fields::Fields;
 use super::keys::InstrumentKeys;
 use super::{Deflector, Device, Mount, PatternTable, PulseTimes, Scanner};
-use rows::{PatternChannel, PatternRows, are_counts, pulse_times};
+use rows::{Pattern, PatternChannel, PatternRows, pulse_times};
 use std::sync::Arc;
 use table::{TableFile, add_listed};
 use vlscan_base::diag::Place;
@@ -47,7 +47,8 @@ pub(super) fn apply_pattern(fields: &mut Fields, scanner: &mut Scanner) -> Optio
     }
     let repeats = fields.flag(K.pattern_repeat, true);
     let senses = [("clockwise", false), ("counterclockwise", true)];
-    let mut rows = PatternRows::new(fields.choice(K.pattern_azimuth, &senses, None));
+    let sense = fields.choice(K.pattern_azimuth, &senses, None);
+    let mut rows = PatternRows::new(sense, fields.has(K.pulse_freqs_hz));
     if !fields.has(K.pattern) {
         fields.missing(K.pattern);
         return None;
@@ -61,7 +62,8 @@ pub(super) fn apply_pattern(fields: &mut Fields, scanner: &mut Scanner) -> Optio
             return None;
         }
     };
-    scanner.pulse_times = when(fields, scanner, pattern.times, repeats)?;
+    let Pattern { channels, times, has_times } = pattern;
+    scanner.pulse_times = when(fields, scanner, (times, has_times), repeats)?;
     let mut base = scanner.devices[0].clone();
     // Directions count from the axes of the scanner. An entry of the catalogue has the pose of its channel,
     // or of the middle of its field.
@@ -73,7 +75,7 @@ pub(super) fn apply_pattern(fields: &mut Fields, scanner: &mut Scanner) -> Optio
         base.firing_offset = 0.0;
     }
     (base.scan_angle_max, base.scan_freq) = (0.0, (0.0, 0.0));
-    scanner.multi_channel = pattern.channels.iter().any(|channel| channel.number.is_some());
+    scanner.multi_channel = channels.iter().any(|channel| channel.number.is_some());
     let device = |channel: PatternChannel| {
         let mut device = base.clone();
         device.id = channel.number.map_or_else(|| scanner.id.clone(), |number| number.to_string());
@@ -81,7 +83,7 @@ pub(super) fn apply_pattern(fields: &mut Fields, scanner: &mut Scanner) -> Optio
         device.deflector = Deflector::Pattern(Arc::new(channel.table));
         device
     };
-    let devices: Vec<Device> = pattern.channels.into_iter().map(device).collect();
+    let devices: Vec<Device> = channels.into_iter().map(device).collect();
     scanner.devices = devices;
     Some(())
 }
@@ -107,20 +109,19 @@ fn read_rows(fields: &mut Fields, place: &Place, rows: &mut PatternRows) -> Opti
 fn when(
     fields: &Fields,
     scanner: &mut Scanner,
-    times: Vec<f64>,
+    (times, has_times): (Vec<f64>, bool),
     repeats: bool,
 ) -> Option<Option<PulseTimes>> {
     let place = fields.place(K.pattern);
-    let is_counted = times.is_empty() || are_counts(&times);
     if fields.has(K.pulse_freqs_hz) {
-        if !is_counted {
+        if has_times {
             let message = "the times of `pattern` have no effect beside `pulse_freqs_hz`: each pulse takes \
                            the next row";
             fields.context.warn_help(place, message, "leave out `pulse_freqs_hz` to fire at these times");
         }
         return Some(None);
     }
-    if is_counted {
+    if !has_times {
         if scanner.pulse_freqs.is_empty() {
             let message = match times.is_empty() {
                 true => "the rows of `pattern` have no times: `pulse_freqs_hz` is needed",

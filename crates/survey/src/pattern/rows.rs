@@ -8,7 +8,7 @@ use vlscan_base::quantity::{DIVERGENCE, MAX_DURATION, PULSE_FREQ, number};
 use vlscan_geom::{DVec3, radians};
 
 /// Maximum number of rows.
-pub(super) const MAX_ROWS: usize = 1 << 24;
+const MAX_ROWS: usize = 1 << 24;
 /// Maximum number of steps of a pattern, and of steps of all its channels that not every step fires.
 const MAX_STEPS: u64 = 1 << 25;
 /// Maximum number of channels.
@@ -43,6 +43,10 @@ pub(super) struct PatternRows {
     order: Order,
     /// True if the azimuths are counterclockwise.
     is_mirrored: Option<bool>,
+    /// True if rows of tables without channels are in the order of the table, whatever their times.
+    ignores_times: bool,
+    /// The time of the last row, where it is ignored, and true if all so far count the rows.
+    ignored: Option<(f64, bool)>,
     has_zenith: bool,
     has_channels: bool,
     channels: BTreeMap<u32, Channel>,
@@ -69,17 +73,21 @@ pub(super) struct PatternChannel {
 #[derive(Debug)]
 pub(super) struct Pattern {
     pub channels: Vec<PatternChannel>,
-    /// Times of the steps since the first one, s; empty if the rows have none.
+    /// Times of the steps since the first one, s; empty if the rows have none, or they are ignored.
     pub times: Vec<f64>,
+    /// True if the rows have times, and not only their numbers as times, as in tables of Livox.
+    pub has_times: bool,
 }
 
 impl PatternRows {
     /// No rows. Azimuths are counterclockwise if `is_mirrored` is set; by default in tables with zenith
-    /// angles only, as those of Livox.
-    pub fn new(is_mirrored: Option<bool>) -> PatternRows {
+    /// angles only, as those of Livox. With `ignores_times`, times only say which channels fire together.
+    pub fn new(is_mirrored: Option<bool>, ignores_times: bool) -> PatternRows {
         PatternRows {
             order: Order::Row,
             is_mirrored,
+            ignores_times,
+            ignored: None,
             has_zenith: false,
             has_channels: false,
             channels: BTreeMap::new(),
@@ -197,12 +205,17 @@ impl PatternRows {
             return Err(PatternProblem::TooMany { max: MAX_STEPS, what: "pulses of all channels together" });
         }
         let has_channels = self.has_channels;
+        let has_times = match self.ignored {
+            Some((_, are_counts)) => !are_counts,
+            None => !self.times.is_empty() && !are_counts(&self.times),
+        };
         let channel = |(number, channel): (u32, Channel)| PatternChannel {
             number: has_channels.then_some(number),
             table: PatternTable::new(&channel.beams, steps, repeats),
             divergence: Some(channel.divergence).filter(|divergence| !divergence.is_nan()),
         };
-        Ok(Pattern { channels: self.channels.into_iter().map(channel).collect(), times: self.times })
+        let channels = self.channels.into_iter().map(channel).collect();
+        Ok(Pattern { channels, times: self.times, has_times })
     }
 }
 
@@ -228,8 +241,9 @@ impl RowSink for PatternRows {
         if has(Column::FiringTime) {
             return Err(PatternProblem::NotHere(Column::FiringTime.name()));
         }
+        let is_ignored = self.ignores_times && !has(Column::Channel);
         self.order = match (has(Column::Time), has(Column::Index)) {
-            (true, _) => Order::Time,
+            (true, _) if !is_ignored => Order::Time,
             (_, true) => Order::Index,
             _ => Order::Row,
         };
@@ -240,6 +254,13 @@ impl RowSink for PatternRows {
     fn add(&mut self, row: &Row) -> RowResult {
         if self.rows == MAX_ROWS {
             return Err((Column::Azimuth, PatternProblem::TooMany { max: MAX_ROWS as u64, what: "rows" }));
+        }
+        let time = row[Column::Time as usize];
+        if self.order == Order::Row && !time.is_nan() {
+            self.ignored = match self.ignored {
+                None => Some((time, true)),
+                Some((last, are_counts)) => Some((time, are_counts && time - last == 1.0)),
+            };
         }
         let (step, is_new) = self.step_of(row)?;
         let channel = self.channel_of(row)?;
@@ -283,7 +304,7 @@ impl RowSink for PatternRows {
 }
 
 /// True if times are the whole numbers that follow each other, as tables of Livox count their rows.
-pub(super) fn are_counts(times: &[f64]) -> bool {
+fn are_counts(times: &[f64]) -> bool {
     times.len() > 1 && times.windows(2).all(|pair| pair[1] - pair[0] == 1.0)
 }
 
@@ -316,7 +337,7 @@ mod tests {
     }
 
     fn read(columns: &[Column], rows: &[&[f64]]) -> Result<PatternRows, (usize, Column, PatternProblem)> {
-        let mut read = PatternRows::new(None);
+        let mut read = PatternRows::new(None, false);
         read.begin(columns).unwrap();
         for (i, values) in rows.iter().enumerate() {
             let values: Vec<(Column, f64)> = columns.iter().copied().zip(values.iter().copied()).collect();
@@ -396,13 +417,28 @@ mod tests {
 
     #[test]
     fn columns_that_are_missing_or_contradict_are_named() {
-        let begin = |columns: &[Column]| PatternRows::new(None).begin(columns).unwrap_err().to_string();
+        let begin =
+            |columns: &[Column]| PatternRows::new(None, false).begin(columns).unwrap_err().to_string();
         assert_eq!(begin(&[Azimuth]), "no column `elevation`");
         assert_eq!(begin(&[Elevation]), "no column `azimuth`");
         assert_eq!(begin(&[Azimuth, Azimuth, Elevation]), "two columns `azimuth`");
         assert_eq!(begin(&[Azimuth, Elevation, Zenith]), "give either `elevation` or `zenith`, not both");
         assert_eq!(begin(&[Time, Index, Azimuth, Zenith]), "give either `time` or `index`, not both");
         assert!(begin(&[Azimuth, Zenith, Column::FiringTime]).contains("`firing_time` has no meaning"));
+    }
+
+    #[test]
+    fn times_beside_a_rate_may_have_any_order() {
+        for (times, is_time) in [([5.0, 5.0, 4.0], true), ([1.0, 2.0, 3.0], false)] {
+            let mut read = PatternRows::new(None, true);
+            read.begin(&[Time, Azimuth, Elevation]).unwrap();
+            for time in times {
+                read.add(&row(&[(Time, time), (Azimuth, 1.0), (Elevation, 2.0)])).unwrap();
+            }
+            let pattern = read.finish(true).unwrap();
+            assert_eq!((pattern.channels[0].table.steps(), pattern.times.len()), (3, 0));
+            assert_eq!(pattern.has_times, is_time);
+        }
     }
 
     #[test]
