@@ -22,7 +22,7 @@ const CHUNK: u32 = 1024;
 const MAX_PULSES: u64 = 1 << 22;
 
 /// Instruments with one deflector each, at 300 kHz.
-const OPTICS: [(&str, &str); 7] = [
+const OPTICS: [(&str, &str); 8] = [
     ("rotating", "optics = \"rotating\"\nscan_angle_max_deg = 30\nscan_freq_max_hz = 500"),
     (
         "rotating, a third of the turn",
@@ -35,6 +35,7 @@ const OPTICS: [(&str, &str); 7] = [
         "prisms",
         "optics = \"risley\"\nprisms = [{ rotor_freq_hz = -121, wedge_deg = 18, index = 1.51 }, { rotor_freq_hz = 77, wedge_deg = -18, index = 1.51 }]",
     ),
+    ("pattern", "optics = \"pattern\"\npattern = [[0, 0], [7, 12], [-20, 3], [12, -30], [-4, -9]]"),
     (
         "two channels",
         "optics = \"rotating\"\nscan_angle_max_deg = 30\nscan_freq_max_hz = 500\n[[scanner.channel]]\nid = \"a\"\n[[scanner.channel]]\nid = \"b\"",

@@ -499,3 +499,20 @@ def test_the_folders_of_helios_are_an_output(room, tmp_path):
         vlscan.run(room, to="a.laz", output=tmp_path)
     with pytest.raises(ValueError, match="output is an option of files"):
         vlscan.pulses(room, output=tmp_path)
+
+
+def test_a_scanner_takes_a_pattern_from_an_array(tmp_path):
+    turn = np.linspace(0, 2 * np.pi, 500, endpoint=False)
+    rows = np.column_stack([20 * np.cos(turn), 20 * np.sin(turn) - 60])
+    np.save(tmp_path / "rows.npy", rows)
+    leg = Leg((0, 0, 5), max_duration_s=0.5)
+
+    def points(pattern):
+        scanner = vlscan.Scanner(optics="pattern", pattern=pattern, pulse_freqs_hz=[1000])
+        return Survey([Part.mesh(*wall(100))], scanner, [leg]).run(seed=1).points
+
+    ring = points(rows)
+    assert abs(len(ring) - 500) < 3
+    elevation = np.degrees(np.arctan2(ring["Z"] - 5, np.hypot(ring["X"], ring["Y"])))
+    np.testing.assert_allclose(elevation, np.resize(rows[:, 1], len(ring)), atol=1e-2)
+    assert (points(tmp_path / "rows.npy")["X"] == ring["X"]).all()

@@ -78,7 +78,8 @@ class ScannerKeys(TypedDict, total=False):
     """Name that outputs report. Default: that of the catalogue entry; channels are numbered from 0."""
 
     optics: str
-    """Beam deflector: ``rotating`` (polygon mirror), ``oscillating``, ``conic``, ``line`` (fibres) or ``risley`` (prisms)."""
+    """Beam deflector: ``rotating`` (polygon mirror), ``oscillating``, ``conic``, ``line`` (fibres), ``risley`` (prisms) or ``pattern``
+    (a table of directions; not in channels)."""
 
     pulse_freqs_hz: Sequence[float] | NDArray[Any]
     """Pulse frequencies in Hz; the first is the default of a leg. Not in channels."""
@@ -140,6 +141,19 @@ class ScannerKeys(TypedDict, total=False):
 
     incident_beam: Sequence[float] | NDArray[Any]
     """Direction of the beam that enters the prisms; ``risley`` only. Default: forward, 0 1 0."""
+
+    pattern: PathLike | Sequence[Sequence[float]] | NDArray[Any]
+    """Table of the directions of a ``pattern``, one row per pulse (.csv, .parquet, .npy): ``azimuth_deg`` and ``elevation_deg`` or
+    ``zenith_deg``, by ``time_s`` or ``index`` if there is one, by ``channel`` if there are several, with ``origin_x_m``,
+    ``origin_y_m``, ``origin_z_m`` and ``divergence_rad`` if they differ; or its rows, ``[[0, 10], [1, 10]]``. Times are those of the
+    pulses unless ``pulse_freqs_hz`` is there. Not in channels."""
+
+    pattern_repeat: bool
+    """The ``pattern`` starts again after its last row. Default: true; else no more pulses leave in the leg."""
+
+    pattern_azimuth: str
+    """Sense of the azimuths of a ``pattern`` seen from above, ``clockwise`` or ``counterclockwise``, from the emitter's y axis. Default:
+    ``clockwise``; ``counterclockwise`` in tables with ``zenith_deg``, as those of Livox."""
 
     head_axis: Sequence[float] | NDArray[Any]
     """Axis of the head's rotation. Default: up, 0 0 1."""
@@ -295,6 +309,13 @@ class ScannerKeys(TypedDict, total=False):
     origin_radii_m: Sequence[float] | NDArray[Any]
     """Distance of the origin of these beams from that of the emitter, towards azimuth 0, m: one number in brackets, or one for each
     channel. Not in channels. Default: 0."""
+
+    corrections: PathLike
+    """File of the angles of these channels, instead of ``elevations_deg``: an angle correction file of Hesai (.csv: channel, elevation,
+    azimuth, perhaps firing time) or the beam intrinsics of an Ouster sensor (.json). Not in channels."""
+
+    firing_times: PathLike
+    """File of the firing times of these channels, as those of Hesai (.csv: channel, fire time in µs). Not in channels."""
 
     channel: Sequence[Mapping[str, object]]
     """Channels that fire at the same time. Default: none, the scanner is one device."""

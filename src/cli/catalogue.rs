@@ -105,13 +105,13 @@ fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
     let mut line = |name: &str, value: String, figures: &[&str]| {
         rows.push(vec![name.to_owned(), value, sources.of_figures(figures)]);
     };
-    line("name", name, &[]);
-    line("optics", optics, &[]);
-    // A single channel, optics without a rate of their own, a head that does not turn and any number of
-    // returns are no figures, unless a source states them.
+    // Optics, a single channel, optics without a rate of their own, a head that does not turn and any number
+    // of returns are no figures, unless a source states them.
     let stated_of = |figures: &'static [&'static str], is_figure: bool| -> &'static [&'static str] {
         if is_figure || figures.iter().all(|figure| sources.has(figure)) { figures } else { &[] }
     };
+    line("name", name, &[]);
+    line("optics", optics, stated_of(&["optics"], false));
     line("channels", channels, stated_of(&["channels"], scanner.devices.len() > 1));
     line("pulse rates", format!("{} kHz", rates.join(", ")), &["pulseFreqs_Hz"]);
     let field = field_in_words(&row.field_of_view_deg, row.head_deg_per_s > 0.0);

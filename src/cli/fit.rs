@@ -1,19 +1,25 @@
-//! `vlscan fit`: a flight and its scanner from a recorded point cloud, a spinning sensor from a revolution.
+//! `vlscan fit`: a flight and its scanner from a recorded point cloud, a spinning sensor from a revolution,
+//! the scan pattern of a sensor that stood still.
 
 use super::args::{FitArgs, FittedHalf};
 use super::watch::during;
 use super::{Console, messages};
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
-use vlscan_base::error::Result;
+use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
 use vlscan_base::quantity::amount;
 use vlscan_fit::flight::{FlightFiles, FlightRequest, fit_flight, json, table};
 use vlscan_fit::spinning::{Half, SpinningFiles, SpinningRequest, fit_spinning};
+use vlscan_fit::still::{StillFiles, StillPattern};
+use vlscan_geom::DVec3;
 
 pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
     if let Some(calibration) = &args.calibration {
         return run_spinning(args, calibration, console);
+    }
+    if let Some(place) = &args.still_at {
+        return run_still(args, DVec3::from(place.0), console);
     }
     FlightFiles::check(&args.out, &args.cloud, args.force)?;
     let mut found = Diagnostics::default();
@@ -66,6 +72,36 @@ fn run_spinning(args: &FitArgs, calibration: &Path, console: &Console) -> Result
         args.out.display(),
         amount(figures.planes as f64),
         others.concat()
+    ));
+    Ok(())
+}
+
+/// Writes the scan pattern of a sensor that stood still.
+fn run_still(args: &FitArgs, place: DVec3, console: &Console) -> Result<()> {
+    let files = StillFiles::new(&args.out);
+    files.check(&args.cloud, args.force)?;
+    let mut found = Diagnostics::default();
+    let pattern =
+        during(console, "reading the pattern", || StillPattern::read(&args.cloud, place, &mut found));
+    console.warnings(&found.finish(false)?)?;
+    let pattern = pattern?;
+    let [x, y, z] = place.to_array();
+    let command = format!("vlscan fit {} --still-at {x},{y},{z}", args.cloud.display());
+    pattern.write(&files, &command, args.force)?;
+    let figures = pattern.figures();
+    match args.json {
+        true => {
+            let text = serde_json::to_string_pretty(&figures).map_err(|e| Error::Internal(e.to_string()))?;
+            write_stdout(&(text + "\n"))?;
+        }
+        false => write_stdout(&figures.table())?,
+    }
+    console.record(|result| result.files.extend(files.all().map(|path| messages::written(path, "fit"))));
+    console.say(format!(
+        "{}: a pattern of {} pulses, {}",
+        files.pipeline.display(),
+        amount(figures.pulses as f64),
+        files.pattern.display()
     ));
     Ok(())
 }

@@ -109,6 +109,14 @@ fn cases() -> BTreeMap<&'static str, Case> {
     times.files.extend(changed("<document>", "<document>").files);
     times.files.insert(0, ("t.txt", Vec::new()));
     times.length = (1 << 31) + 1;
+    let pattern = |rows: String, length: u64| {
+        let mut case = case("rows.csv", rows, &["run", "p.toml", "-o", "out.xyz"]);
+        let pipeline = "survey = \"survey.xml\"\n[scanner]\noptics = \"pattern\"\npattern = \"rows.csv\"\n";
+        case.files.push(("p.toml", pipeline.into()));
+        case.files.extend(changed("<document>", "<document>").files);
+        Case { length, ..case }
+    };
+    let channels: String = (0..1025).map(|i| format!("{i},0,0\n")).collect();
     let samples: String = (0..65_537).map(|i| format!("{i} 1\n")).collect();
     let long = |length: usize| "9".repeat(length);
     let leg = "z=\"5\" movePerSec_m=\"10\"/><scannerSettings";
@@ -130,6 +138,9 @@ fn cases() -> BTreeMap<&'static str, Case> {
     BTreeMap::from([
         ("size of a file of a deflector's wander", wander),
         ("size of a file of pulse times", times),
+        ("size of a scan pattern", pattern(String::new(), (1 << 31) + 1)),
+        ("channels of a scan pattern", pattern(format!("channel,azimuth,elevation\n{channels}"), 0)),
+        ("pulses of a scan pattern", pattern("index,azimuth,elevation\n0,0,0\n40000000,0,0\n".to_owned(), 0)),
         ("document", {
             let comment = format!("<document><!-- {} -->", "x".repeat(3_000_000));
             Case { args: [RUN, &["--max-memory", "2M"]].concat(), ..changed("<document>", &comment) }

@@ -48,6 +48,7 @@ mod mosaics;
 mod mutation;
 mod navigation;
 mod noise;
+mod patterns;
 mod pipes;
 mod plan;
 mod plausibility;

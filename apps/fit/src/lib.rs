@@ -5,9 +5,11 @@
 //! | `flight` | a flight and its scanner from GPS times, positions and scan angles |
 //! | `scene` | a scene from classified points: terrain, roofs, foliage as voxels |
 //! | `spinning` | noise and detection of a spinning sensor from a recorded revolution |
+//! | `still` | the scan pattern of a sensor that stood still |
 
 #![deny(unsafe_code)]
 
 pub mod flight;
 pub mod scene;
 pub mod spinning;
+pub mod still;

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity;
+use vlscan_formats::read_number_columns;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_survey::{
     MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ProjectionGrid, ReadOptions, SceneChoice, Source,
@@ -87,6 +88,7 @@ impl Options {
             trajectory: self.trajectory.stream(),
             is_traced: self.is_traced,
             max_memory: self.schedule.max_memory.map(|bytes| bytes.0),
+            number_columns: Some(read_number_columns),
         }
     }
 }

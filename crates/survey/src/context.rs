@@ -11,6 +11,10 @@ use std::sync::Arc;
 use vlscan_base::diag::{Diagnostic, Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
 
+/// Reads the columns of numbers with these names of a Parquet file, NaN for nulls; `None` for names that it
+/// does not have.
+pub type NumberColumns = fn(&Path, &[&str]) -> Result<Vec<Option<Vec<f64>>>>;
+
 /// A scene that replaces the survey's.
 #[derive(Clone, Debug)]
 pub enum SceneChoice {
@@ -37,6 +41,8 @@ pub struct ReadOptions {
     /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are
     /// refused before they are read.
     pub max_memory: Option<u64>,
+    /// Reader of Parquet files; `None`: they are refused.
+    pub number_columns: Option<NumberColumns>,
 }
 
 /// State of one run of a reader. Problems are collected so that all of them are reported at once.
@@ -47,6 +53,7 @@ pub(super) struct Context {
     pub scene: Option<SceneChoice>,
     strict: bool,
     pub(super) max_memory: Option<u64>,
+    pub(super) number_columns: Option<NumberColumns>,
     pub(super) problems: RefCell<Diagnostics>,
     limits: RefCell<Diagnostics>,
     pub(super) failure: RefCell<Option<Error>>,
@@ -60,6 +67,7 @@ impl Context {
             scene: options.scene.clone(),
             strict: options.strict,
             max_memory: options.max_memory,
+            number_columns: options.number_columns,
             problems: RefCell::default(),
             limits: RefCell::default(),
             failure: RefCell::default(),

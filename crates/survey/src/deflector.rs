@@ -2,6 +2,7 @@
 
 use super::fields::Fields;
 use super::keys::{InstrumentKeys, Key, PrismKeys};
+use super::pattern::unread;
 use super::{Deflector, Device, Prism};
 use vlscan_base::quantity::{COUNT_ABOVE_0, NUMBER, REFRACTIVE_INDEX, ROTOR_FREQ, WEDGE, number};
 use vlscan_geom::{DVec3, radians, unit};
@@ -29,12 +30,13 @@ const PRISM_2: PrismAttributes = prism("rotorFreq2_Hz", "angle2_deg", "refrIndex
 const PRISM_3: PrismAttributes = prism("rotorFreq3_Hz", "angle3_deg", "refrIndex3");
 
 /// Keys that only one kind of optics has.
-const OWN_KEYS: [(&str, &[&[Key]]); 5] = [
+const OWN_KEYS: [(&str, &[&[Key]]); 6] = [
     ("rotating", &[&[K.scan_angle_effective_max_deg, K.facet_tilts_deg]]),
     ("oscillating", &[&[K.scan_product_deg_hz, K.mirror_motion, K.turning_part]]),
     ("conic", &[&[K.scan_angle_along_max_deg]]),
     ("line", &[&[K.fibres]]),
     ("risley", &[&[K.prisms, K.air_index, K.incident_beam], &PRISM_1, &PRISM_2, &PRISM_3]),
+    ("pattern", &[&[K.pattern, K.pattern_repeat, K.pattern_azimuth]]),
 ];
 
 impl Deflector {
@@ -47,6 +49,7 @@ impl Deflector {
             Deflector::Fibres { .. } => "line",
             Deflector::Risley { .. } => "risley",
             Deflector::Custom(_) => "custom",
+            Deflector::Pattern(_) => "pattern",
         }
     }
 }
@@ -91,9 +94,12 @@ fn change_optics(fields: &mut Fields, device: &mut Device, in_channel: bool) -> 
         Deflector::Conic,
         Deflector::Fibres { count: 1 },
         Deflector::Risley { prisms: vec![NO_PRISM; 3], air: 1.0, incident: DVec3::Y },
+        unread(),
     ]
     .map(|kind| (kind.optics(), kind));
-    let chosen = fields.choice(K.optics, &kinds, None);
+    // XML has no patterns, and a channel has that of its scanner.
+    let known = if is_toml && !in_channel { &kinds[..] } else { &kinds[..kinds.len() - 1] };
+    let chosen = fields.choice(K.optics, known, None);
     if chosen.is_none() && (fields.has(K.optics) || !is_toml && !in_channel) {
         fields.ignore(InstrumentKeys::ALL);
         fields.ignore(&[PRISM_1, PRISM_2, PRISM_3].concat());
@@ -161,6 +167,8 @@ fn change_parameters(
         }
         // No file describes one, so that none can be changed here.
         Deflector::Custom(_) => {}
+        // Its table is read once for all channels.
+        Deflector::Pattern(_) => {}
         conic @ (Deflector::Conic | Deflector::EllipticConic { .. }) => {
             let mut along_max =
                 if let Deflector::EllipticConic { along_max } = conic { *along_max } else { 0.0 };
@@ -268,7 +276,12 @@ fn check_half_angles(fields: &Fields, device: &Device) {
     let along = match device.deflector {
         Deflector::EllipticConic { along_max } => along_max,
         Deflector::Conic | Deflector::Oscillating { .. } | Deflector::Fibres { .. } => 0.0,
-        Deflector::Polygon { .. } | Deflector::Risley { .. } | Deflector::Custom(_) => return,
+        Deflector::Polygon { .. }
+        | Deflector::Risley { .. }
+        | Deflector::Custom(_)
+        | Deflector::Pattern(_) => {
+            return;
+        }
     };
     let angles = [(K.scan_angle_max_deg, device.scan_angle_max), (K.scan_angle_along_max_deg, along)];
     for (key, angle) in angles {

@@ -161,7 +161,7 @@ impl LegCheck<'_> {
             let message = format!("of {angle} degrees is more than 180, half a turn to each side");
             self.warn(K.scan_angle_deg, message);
         }
-        if s.scan_freq > 0.0 && (only("line") || only("risley")) {
+        if s.scan_freq > 0.0 && (only("line") || only("risley") || only("pattern")) {
             let reason = if only("risley") { "its prisms turn by themselves" } else { "it has no mirror" };
             self.warn(K.scan_freq_hz, format!("has no effect with this scanner: {reason}"));
         }
@@ -176,6 +176,9 @@ impl LegCheck<'_> {
         }
         if s.scan_angle > 0.0 && only("risley") {
             self.warn(K.scan_angle_deg, "has no effect with this scanner: its prisms deflect the beam");
+        }
+        if s.scan_angle > 0.0 && only("pattern") {
+            self.warn(K.scan_angle_deg, "has no effect with this scanner: its pattern states all directions");
         }
         if !self.devices().iter().any(|d| d.deflector.optics() == "rotating") {
             for (setting, _) in self.vertical_angles() {
@@ -199,7 +202,7 @@ impl LegCheck<'_> {
                     format!("of {freq} Hz is too much for {angle} degrees: the mirror swings with {used} Hz"),
                 );
             }
-            Deflector::Risley { .. } | Deflector::Oscillating { .. } => {}
+            Deflector::Risley { .. } | Deflector::Oscillating { .. } | Deflector::Pattern(_) => {}
             Deflector::Conic | Deflector::EllipticConic { .. } | Deflector::Fibres { .. }
                 if max == 0.0 && angle > 0.0 =>
             {

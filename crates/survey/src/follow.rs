@@ -48,6 +48,7 @@ impl Scanner {
             written: Vec::new(),
             sources: Vec::new(),
             turn: None,
+            pulse_times: None,
         }
     }
 
@@ -62,8 +63,9 @@ impl Scanner {
         }
     }
 
-    /// Default scanner settings of a leg: the first pulse frequency, the first device's divergence and the
-    /// turn of the head that the scanner states; other angles and frequencies 0, no vertical limits.
+    /// Default scanner settings of a leg: the first pulse frequency, the first device's divergence, and the
+    /// pulse times and the turn of the head that the scanner states; other angles and frequencies 0, no
+    /// vertical limits.
     pub fn own_settings(&self) -> ScannerSettings {
         let beam = self.devices.first().map(|d| d.beam.divergence);
         let settings = super::settings::ScannerLayer::of_scanner(
@@ -71,6 +73,10 @@ impl Scanner {
             beam.unwrap_or_default(),
         )
         .resolved();
+        let settings = match &self.pulse_times {
+            Some(times) => ScannerSettings { pulse_times: Some(times.clone()), ..settings },
+            None => settings,
+        };
         match self.turn {
             Some(HeadTurn { rate, start, stop }) => {
                 ScannerSettings { head_rate: rate, head_start: start, head_stop: stop, ..settings }

@@ -1,12 +1,14 @@
 //! Scanners and their channels, from XML and TOML (spec input-formats §6).
 
+use super::beams::channels_of_beams;
 use super::context::Context;
 use super::deflector::{DEFLECTING, check_deflector, leave_out_flat_prisms};
 use super::device::{MULTI_CHANNEL_PULSE_LENGTH, change_device, change_waveform_of};
 use super::documents::find_asset;
 use super::fields::{Fields, warn_of_repeated_keys};
 use super::keys::{AZIMUTHS, FIRING_OFFSETS, InstrumentKeys, ORIGIN_RADII};
-use super::ouster::{beam_pose, is_calibration, read_calibration};
+use super::ouster::{is_calibration, read_beams, read_calibration};
+use super::pattern::{apply_pattern, corrected_channels};
 use super::scene_xml::warn_of_repeated_ids;
 use super::xml::Element;
 use super::{Deflector, Device, FigureSource, Scanner, StatedFigures};
@@ -14,7 +16,6 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use vlscan_base::diag::Place;
 use vlscan_base::quantity::{FIRING_OFFSET_US, PULSE_FREQ, number};
-use vlscan_geom::DVec3;
 
 const K: InstrumentKeys = InstrumentKeys::KEYS;
 
@@ -56,6 +57,7 @@ pub(super) fn read_scanner(context: &Context, element: &Element) -> Option<Scann
         written,
         sources: element.named("source").filter_map(|source| read_source(context, &source)).collect(),
         turn: None,
+        pulse_times: None,
     })
 }
 
@@ -190,27 +192,6 @@ fn channels_of_table(fields: &mut Fields, base: &Device) -> Option<Vec<Device>> 
     Some(channels_of_beams(base, &elevations, &azimuths, &radii, &offsets))
 }
 
-/// Channels like `base` that differ by elevation and azimuth (degrees) of their beams, by the distance of
-/// their origin (m) and by the time of their pulse (µs); lists of one value hold for all.
-fn channels_of_beams(
-    base: &Device,
-    elevations: &[f64],
-    azimuths: &[f64],
-    radii: &[f64],
-    offsets: &[f64],
-) -> Vec<Device> {
-    let of = |list: &[f64], i: usize| list[if list.len() == 1 { 0 } else { i }];
-    let channel = |(i, elevation): (usize, &f64)| {
-        let mut begin = base.beam_origin;
-        if of(radii, i) != 0.0 {
-            begin.offset += begin.rotation.apply(DVec3::new(0.0, of(radii, i), 0.0));
-        }
-        let beam_origin = beam_pose(&begin, *elevation, of(azimuths, i));
-        Device { id: i.to_string(), beam_origin, firing_offset: of(offsets, i) * 1e-6, ..base.clone() }
-    };
-    elevations.iter().enumerate().map(channel).collect()
-}
-
 /// The channels that `elevations_deg` of a pipeline file lists, or `None` where they cannot be read. Outer
 /// `None` without elevations.
 fn listed_channels(fields: &mut Fields, base: &Device) -> Option<Option<Vec<Device>>> {
@@ -293,7 +274,9 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
             Some(scanner)
         }
     };
-    if base.is_none() && !(fields.has(K.optics) && fields.has(K.pulse_freqs_hz)) {
+    // Patterns may have times of their own.
+    let has_pulses = fields.has(K.pulse_freqs_hz) || fields.has(K.pattern);
+    if base.is_none() && !(fields.has(K.optics) && has_pulses) {
         let message = "[scanner] needs `catalogue`, or both `optics` and `pulse_freqs_hz`";
         let help = "`vlscan catalogue` lists the scanners";
         fields.context.error_help(fields.own_place(), message, help);
@@ -310,6 +293,7 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         written: Vec::new(),
         sources: Vec::new(),
         turn: None,
+        pulse_times: None,
     });
     scanner.written.extend(fields.written_keys(None));
     let (id, name) = (fields.text(K.id), fields.text(K.name));
@@ -327,6 +311,18 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         scanner.devices[0].id.clone_from(&scanner.id);
     }
     let mut channels = fields.children(K.channel, &InstrumentKeys::TABLE);
+    apply_pattern(fields, &mut scanner)?;
+    if scanner.pulse_freqs.is_empty() {
+        fields.missing(K.pulse_freqs_hz);
+        return None;
+    }
+    if let Some(corrected) = corrected_channels(fields, &scanner, read_beams) {
+        (scanner.devices, scanner.multi_channel) = (corrected?, true);
+    }
+    let of_files = [K.pattern, K.corrections].into_iter().find(|key| fields.has(*key));
+    if let Some(key) = of_files.filter(|_| !channels.is_empty() && scanner.devices.len() > 1) {
+        fields.error(key, "has channels of its own; leave out the `[[scanner.channel]]` tables");
+    }
     if let Some(listed) = listed_channels(fields, &scanner.devices[0]) {
         if !channels.is_empty() {
             fields.error(
@@ -338,7 +334,7 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         (scanner.devices, scanner.multi_channel) = (listed?, true);
     }
     if channels.is_empty() && DEFLECTING.iter().any(|key| fields.has(*key)) && !fields.has(K.elevations_deg) {
-        check_deflector(fields, &scanner.devices[0], false);
+        check_deflector(fields, &scanner.devices[0], fields.has(K.corrections));
     }
     if !channels.is_empty() {
         let base = scanner.devices[0].clone();
@@ -365,6 +361,11 @@ fn read_channel(fields: &mut Fields, base: &Device, index: usize) -> Option<Devi
         K.elevations_deg,
         K.azimuths_deg,
         K.origin_radii_m,
+        K.pattern,
+        K.pattern_repeat,
+        K.pattern_azimuth,
+        K.corrections,
+        K.firing_times,
     ];
     if let Some(key) = of_scanner.iter().find(|key| fields.has(**key)) {
         let message = format!("a channel has no `{}` of its own", key.key);

@@ -26,8 +26,10 @@
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
 //! | `instrument`, `device`, `deflector`, `scan_motion`, `receiver`, `pulse_file` | instruments of both formats |
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
+//! | `beams` | channels that differ by the directions of their beams |
 //! | `rings` | rows of channels, by elevation |
 //! | `rows` | text files of a few columns of numbers |
+//! | `pattern` | scan patterns of tables, correction files of spinning sensors |
 //! | `ouster` | calibration files of Ouster sensors as instruments |
 //! | `platform_xml` | platforms |
 //! | `scene_xml`, `loaders`, `instances`, `motions` | the parts of a scene |
@@ -37,6 +39,7 @@
 #![deny(unsafe_code)]
 
 mod assets;
+mod beams;
 mod catalogue;
 mod checks;
 mod context;
@@ -55,6 +58,7 @@ mod loaders;
 mod model;
 mod motions;
 mod ouster;
+mod pattern;
 mod platform_xml;
 mod pulse_file;
 mod pulse_times;
@@ -84,7 +88,7 @@ mod xml_limits;
 
 pub use self::toml::{PipelineSurvey, Source, Tables, field_names, read_pipeline_survey};
 pub use catalogue::{Catalogue, catalogue, catalogue_files};
-pub use context::{ReadOptions, SceneChoice};
+pub use context::{NumberColumns, ReadOptions, SceneChoice};
 pub use documents::CATALOGUE;
 pub use formula::{Formula, FormulaError};
 pub use keys::{

@@ -14,6 +14,7 @@
 //!
 //! The file does not describe beam and receiver: they come from the built-in entry of its product line.
 
+use super::beams::{Beams, beam_pose};
 use super::context::Context;
 use super::documents::find_asset;
 use super::instrument::read_scanner;
@@ -24,7 +25,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use vlscan_base::diag::Place;
 use vlscan_base::recognise::{Expected, foreign};
-use vlscan_geom::{DVec3, Rotation, radians};
+use vlscan_geom::DVec3;
 
 /// Maximum size of a file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 22;
@@ -56,6 +57,21 @@ pub(super) fn read_calibration(
     folder: &Path,
     place: Option<Place>,
 ) -> Option<Scanner> {
+    with_calibration(context, name, folder, place, |calibration| calibration.scanner())
+}
+
+/// Reads the beams alone of a calibration file, as [`read_calibration`]; it may lack the mode.
+pub(super) fn read_beams(context: &Context, name: &str, folder: &Path, place: Place) -> Option<Beams> {
+    with_calibration(context, name, folder, Some(place), |calibration| calibration.beams())
+}
+
+fn with_calibration<T>(
+    context: &Context,
+    name: &str,
+    folder: &Path,
+    place: Option<Place>,
+    take: impl FnOnce(&Calibration) -> Option<T>,
+) -> Option<T> {
     let path = context.file(name, folder, place.clone())?;
     let bytes = match context.read(&path, MAX_FILE_BYTES) {
         Ok(bytes) => bytes,
@@ -76,7 +92,7 @@ pub(super) fn read_calibration(
         }
     };
     match serde_json::from_str::<Map<String, Value>>(&text) {
-        Ok(root) => Calibration { context, path: &path, text: &text, root }.scanner(),
+        Ok(root) => take(&Calibration { context, path: &path, text: &text, root }),
         Err(e) => {
             let line = text.lines().nth(e.line().saturating_sub(1)).unwrap_or_default();
             let at = Place::in_line(&path, e.line().max(1), line, 0..line.len());
@@ -100,12 +116,18 @@ struct Frame {
 }
 
 impl Calibration<'_> {
-    fn scanner(&self) -> Option<Scanner> {
+    fn beams(&self) -> Option<Beams> {
         let altitudes = self.angles(&["beam_altitude_angles", "beam_altitude_deg"], 90.0);
         let azimuths = self.angles(&["beam_azimuth_angles", "beam_azimuth_deg"], 360.0);
-        let (origin, frame) = (self.origin(), self.frame());
-        let (altitudes, azimuths, origin, frame) = (altitudes?, azimuths?, origin?, frame?);
+        let origin = self.origin();
+        let (altitudes, azimuths, origin) = (altitudes?, azimuths?, origin?);
         self.check_counts(&altitudes, &azimuths)?;
+        Some(Beams { altitudes, azimuths, origin })
+    }
+
+    fn scanner(&self) -> Option<Scanner> {
+        let (beams, frame) = (self.beams(), self.frame());
+        let (Beams { altitudes, azimuths, origin }, frame) = (beams?, frame?);
         self.warn_of_window(&frame);
         let product = self.product();
         let mut scanner = self.model(&product)?;
@@ -284,15 +306,4 @@ impl Calibration<'_> {
 
 fn numbers(value: &Value) -> Option<Vec<f64>> {
     value.as_array()?.iter().map(Value::as_f64).collect()
-}
-
-/// Pose of an emitter whose beam leaves at an altitude and an azimuth (degrees, clockwise seen from above)
-/// relative to that of `base`, from where that one begins.
-pub(super) fn beam_pose(base: &Mount, altitude: f64, azimuth: f64) -> Mount {
-    let turn = Rotation::about_x(radians(altitude));
-    let turn = match azimuth {
-        0.0 => turn,
-        azimuth => Rotation::about_z(radians(-azimuth)).after(turn),
-    };
-    Mount { rotation: base.rotation.after(turn), ..*base }
 }

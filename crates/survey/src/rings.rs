@@ -38,6 +38,7 @@ fn elevation(device: &Device) -> f64 {
             (Rotation::about_z(-tilt).forward(), axis)
         }
         Deflector::Risley { incident, .. } => (*incident, DVec3::Z),
+        Deflector::Pattern(table) => (table.mean_beam(), DVec3::Z),
         _ => (DVec3::Y, DVec3::Z),
     };
     libm::asin(device.beam_origin.rotation.apply(rest).dot(axis).clamp(-1.0, 1.0))

@@ -3,7 +3,7 @@
 use super::fields::Fields;
 use super::keys::{InstrumentKeys, WanderKeys};
 use super::rows::{MAX_FILE_BYTES, RowProblem, read_rows};
-use super::{AngleTable, Deflector, Device, Swing, Wander};
+use super::{AngleTable, Deflector, Device, ScanMotion, Swing, Wander};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 use vlscan_base::quantity::ANGLE;
@@ -14,6 +14,11 @@ const K: InstrumentKeys = InstrumentKeys::KEYS;
 /// Applies the keys of the deflector's motion, after those of the deflector.
 pub(super) fn change_scan_motion(fields: &mut Fields, device: &mut Device) {
     let motion = &mut device.scan_motion;
+    if matches!(device.deflector, Deflector::Pattern(_)) {
+        refuse_of_pattern(fields);
+        let tilt = std::mem::take(&mut motion.axis_tilt);
+        *motion = ScanMotion { axis_tilt: tilt, ..ScanMotion::default() };
+    }
     motion.is_reversed = fields.flag(K.scan_reverse, motion.is_reversed);
     if let Some(phase) = fields.optional(K.scan_phase_deg) {
         motion.phase = radians(phase.rem_euclid(360.0)) % TAU;
@@ -41,6 +46,15 @@ pub(super) fn change_scan_motion(fields: &mut Fields, device: &mut Device) {
         Deflector::Oscillating { .. } => read_swing(fields, motion.swing),
         _ => Swing::default(),
     };
+}
+
+/// Refuses the motion and the limits of something that turns, which a table of beams is not.
+fn refuse_of_pattern(fields: &Fields) {
+    let motion = [K.scan_reverse, K.scan_phase_deg, K.scan_wander];
+    let limits = [K.scan_angle_max_deg, K.scan_freq_min_hz, K.scan_freq_max_hz];
+    for key in motion.iter().chain(&limits).filter(|key| fields.has(**key)) {
+        fields.error(*key, "needs optics that move, not \"pattern\", whose rows state all directions");
+    }
 }
 
 /// How an oscillating mirror swings, which is as before unless the keys say otherwise.

@@ -101,6 +101,8 @@ quantities! {
     OriginErrorX "x_error" Length, "xerror";
     OriginErrorY "y_error" Length, "yerror";
     OriginErrorZ "z_error" Length, "zerror";
+    BeamAzimuth "beam_azimuth" Angle, "beamazimuth azimuth";
+    BeamElevation "beam_elevation" Angle, "beamelevation elevation";
 }
 
 /// Names, in the form of [`plain`], of columns that tables often have and that most readers here do not use.

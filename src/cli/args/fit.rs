@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use vlscan_options::values::Vector;
 
 /// `vlscan fit`.
 #[derive(Debug, Args)]
@@ -11,7 +12,7 @@ pub struct FitArgs {
     /// reflectivity and, if there is one, signal.
     pub cloud: PathBuf,
     /// The pipeline file to write; the trajectory gets its name with .trajectory.csv, the mirror's wander
-    /// with .wander.txt, pulse times with .pulses.txt.
+    /// with .wander.txt, pulse times with .pulses.txt, a scan pattern with .pattern.csv.
     #[arg(short, long = "output", value_name = "FILE.toml", value_parser = super::files())]
     pub out: PathBuf,
     /// Fit noise and detection of the spinning sensor with this calibration file (Ouster, JSON) instead of a
@@ -37,6 +38,15 @@ pub struct FitArgs {
         conflicts_with = "calibration"
     )]
     pub extend: f64,
+    /// Write the scan pattern of a sensor that stood still at this place while it recorded, instead of a
+    /// flight: the directions of its pulses over time.
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        allow_hyphen_values = true,
+        conflicts_with_all = ["calibration", "flight_line", "extend"]
+    )]
+    pub still_at: Option<Vector>,
     /// Write the table of what was estimated as JSON.
     #[arg(long)]
     pub json: bool,

@@ -185,11 +185,11 @@ pub enum Command {
     /// Read pulses, trace them through a scene and write the echoes.
     ///
     /// The pulses come from `vlscan pulses` or any other program: comma-separated or blank-separated values
-    /// with a header of names, of which x, y, z and dx, dy, dz are needed; without a header the columns are
-    /// time, x, y, z, dx, dy, dz. Units follow the names, as in time[ns] or scan_angle[deg]; without one they
-    /// are s, m and rad. An uncompressed Arrow IPC stream or file with columns of these names, whole or
-    /// floating-point, is recognised by its first bytes; units are in the names or in the columns' metadata
-    /// (key unit).
+    /// with a header of names, of which x, y, z and dx, dy, dz (or azimuth_deg, clockwise from +y, and
+    /// elevation_deg) are needed; without a header the columns are time, x, y, z, dx, dy, dz. Units follow
+    /// the names, as in time[ns] or scan_angle[deg]; without one they are s, m and rad. An uncompressed Arrow
+    /// IPC stream or file with columns of these names, whole or floating-point, is recognised by its first
+    /// bytes; units are in the names or in the columns' metadata (key unit).
     ///
     /// With a survey as --scanner the echoes are those of `vlscan run`, bit for bit; seed, legs and strips
     /// come from it. With a scanner alone they are as well if --seed and the options of the physics match the
@@ -211,6 +211,8 @@ pub enum Command {
     /// Cones (Palmer scanners), polygon mirrors and oscillating mirrors are told apart. Beside the pipeline
     /// file are written the trajectory, the wander of a cone's mirror and, if the pulse rate is not constant,
     /// the times of the pulses; stdout gets a table of what was estimated, with standard deviations.
+    ///
+    /// With --still-at the cloud is that of a sensor that stood still, and its scan pattern is written.
     Fit(FitArgs),
     /// Compare two point clouds of one place: measured and simulated, or two runs.
     ///

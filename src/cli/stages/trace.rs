@@ -14,7 +14,8 @@ use vlscan_session::LegRule;
 use vlscan_session::output::Target;
 use vlscan_session::streams::PulseReader;
 use vlscan_survey::{
-    Device, Mount, Platform, PlatformKind, PlatformNoise, ReadOptions, Scanner, SceneRecipe, Survey,
+    Device, Mount, Platform, PlatformKind, PlatformNoise, PulseTimes, ReadOptions, Scanner, SceneRecipe,
+    Survey,
 };
 
 pub fn run(args: &TraceArgs, console: &Console) -> Result<()> {
@@ -80,7 +81,10 @@ impl Setting {
                 survey.scene = scene;
                 warnings.extend(found);
             }
-            if let Some(leg) = survey.legs.iter().find(|leg| leg.scanner.pulse_times.is_some()) {
+            // The times of a pattern are not written in the file of the survey.
+            let own = &survey.scanner.pulse_times;
+            let has_times = |times: &Option<PulseTimes>| times.is_some() && times != own;
+            if let Some(leg) = survey.legs.iter().find(|leg| has_times(&leg.scanner.pulse_times)) {
                 let message = "`pulse_times` and `pulse_intervals_us` have no effect: pulses leave at the \
                                times in their stream";
                 warnings.warn(leg.place.clone(), message);

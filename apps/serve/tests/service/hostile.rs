@@ -225,6 +225,9 @@ fn names_in_requests_lead_nowhere() {
             ("run", json!({ "scanner": { "catalogue": format!("{name}#a") } })),
             ("run", json!({ "scanner": { "pulse_shape": name } })),
             ("run", json!({ "scanner": { "scan_wander": name } })),
+            ("run", json!({ "scanner": { "pattern": name } })),
+            ("run", json!({ "scanner": { "corrections": name } })),
+            ("run", json!({ "scanner": { "firing_times": name } })),
             ("run", json!({ "scanner": { "channel": [{ "pulse_shape": name }] } })),
             ("run", json!({ "platform": { "catalogue": name } })),
             ("run", json!({ "trajectory": { "path": name } })),
@@ -272,7 +275,7 @@ fn names_in_requests_lead_nowhere() {
             assert_eq!(service.get(&path).status, 404, "{path}");
         }
     }
-    assert_eq!(refused, 5 * 31);
+    assert_eq!(refused, 5 * 34);
     for inputs in [
         json!({ "trajectory": { "path": "-" } }),
         json!({ "output": [{ "path": "-" }] }),

@@ -28,7 +28,7 @@ pub fn field_of_view(scanner: &Scanner) -> Result<Vec<f64>> {
         return Ok(vec![360.0, tenths(elevations(scanner, half))]);
     }
     Ok(match first.deflector {
-        Deflector::Risley { .. } => sampled(scanner)?.map(tenths).to_vec(),
+        Deflector::Risley { .. } | Deflector::Pattern(_) => sampled(scanner)?.map(tenths).to_vec(),
         Deflector::EllipticConic { along_max } => {
             vec![tenths(2.0 * degrees(half)), tenths(2.0 * degrees(along_max))]
         }
@@ -62,7 +62,7 @@ pub fn field_figures(scanner: &Scanner, sources: &Sources) -> Vec<&'static str> 
             vec!["scanAngleEffectiveMax_deg"]
         }
         Deflector::EllipticConic { .. } => vec!["scanAngleMax_deg", "scanAngleAlongMax_deg"],
-        Deflector::Risley { .. } => vec!["field"],
+        Deflector::Risley { .. } | Deflector::Pattern(_) => vec!["field"],
         _ => vec!["scanAngleMax_deg"],
     }
 }

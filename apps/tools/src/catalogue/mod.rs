@@ -85,6 +85,7 @@ impl ScannerFigures {
             Deflector::Fibres { .. } => "line",
             Deflector::Risley { .. } => "risley",
             Deflector::Custom(_) => "custom",
+            Deflector::Pattern(_) => "pattern",
         };
         let beam = &device.beam;
         Ok(ScannerFigures {

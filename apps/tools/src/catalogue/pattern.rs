@@ -115,7 +115,7 @@ impl Pattern {
             n => format!("{n} channels of {} kHz", f64::from(self.settings.pulse_freq) / 1e3),
         }];
         match device.deflector {
-            Deflector::Fibres { count: 1 } | Deflector::Risley { .. } => {}
+            Deflector::Fibres { count: 1 } | Deflector::Risley { .. } | Deflector::Pattern(_) => {}
             Deflector::Fibres { count } => parts.push(format!("{count} beams in turn")),
             _ if self.settings.scan_freq == 0.0 => {}
             _ => parts.push(format!("{} lines/s", self.settings.scan_freq)),

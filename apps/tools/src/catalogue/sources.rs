@@ -94,6 +94,7 @@ mod tests {
             "headRotatePerSecMax_deg",
             "maxNOR",
             "maxRange",
+            "optics",
             "pulseFreqs_Hz",
             "pulseLength_ns",
             "rangeMin_m",

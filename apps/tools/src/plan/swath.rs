@@ -157,12 +157,16 @@ impl SwathModel {
 
     /// True if the instrument sweeps lines, whose spacing along the flight depends on a scan frequency.
     fn sweeps(&self) -> bool {
-        !matches!(self.device().deflector, Deflector::Risley { .. } | Deflector::Fibres { .. })
+        !matches!(
+            self.device().deflector,
+            Deflector::Risley { .. } | Deflector::Fibres { .. } | Deflector::Pattern(_)
+        )
     }
 
     /// True if settings can narrow the field.
     fn can_narrow(&self) -> bool {
-        !self.spins() && !matches!(self.device().deflector, Deflector::Risley { .. })
+        let is_fixed = matches!(self.device().deflector, Deflector::Risley { .. } | Deflector::Pattern(_));
+        !self.spins() && !is_fixed
     }
 
     fn usable_angle(&self) -> f64 {

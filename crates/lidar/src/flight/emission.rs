@@ -53,8 +53,12 @@ impl FlightPlan {
             };
             (attitude, exact)
         };
+        let emitter = match state.deflector.beam_origin(plan) {
+            Some(origin) => plan.beam_origin.offset + plan.beam_origin.rotation.apply(origin),
+            None => plan.beam_origin.offset,
+        };
         let origin_at = |position: DVec3, pointing: Rotation| {
-            let (offset, emitter) = (mount.offset, plan.beam_origin.offset);
+            let offset = mount.offset;
             if self.kinematics.mount_offsets_turn {
                 let pointing = noisy_platform(pointing);
                 let head = pointing.after(mount.rotation).after(state.head.rotation(plan));

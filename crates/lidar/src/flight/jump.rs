@@ -5,9 +5,6 @@ use super::guard::ProgressGuard;
 use super::plan::FlightPlan;
 use super::state::FlightState;
 
-/// Steps after which the phase of a deflector is as good as any other.
-const MAX_DEFLECTOR_STEPS: u64 = 8191;
-
 /// When a leg of a plan fires and samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegClock {
@@ -48,8 +45,8 @@ impl FlightState {
     }
 
     /// Moves on by `steps` steps of the leg, which must not be over before: waypoints are approached at the
-    /// leg's speed, the head turns, mirrors get some phase. Platforms that follow a stream stay where they
-    /// are.
+    /// leg's speed, the head turns, mirrors get some phase, tables of beams go on to their row. Platforms
+    /// that follow a stream stay where they are.
     pub fn jump(&mut self, plan: &FlightPlan, steps: u64) {
         let clock = self.step_clock(plan);
         let far = u32::try_from(steps).unwrap_or(u32::MAX);
@@ -58,7 +55,7 @@ impl FlightState {
         for (device, state) in plan.devices.iter().zip(&mut self.devices) {
             state.head.jump(steps as f64);
             if is_active {
-                state.advance_deflector(device, (steps % MAX_DEFLECTOR_STEPS) as u32);
+                state.jump_deflector(device, steps);
             }
         }
         (self.ticks, self.leg_ticks) = (self.ticks + steps, self.leg_ticks + steps);

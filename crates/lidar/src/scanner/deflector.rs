@@ -54,6 +54,13 @@ pub enum DeflectorState {
         beam: DVec3,
         is_firing: bool,
     },
+    /// Table of beams.
+    Pattern {
+        /// The next step of the table.
+        next: u32,
+        /// Row of the current beam; `None`: the current step has none.
+        row: Option<u32>,
+    },
 }
 
 impl DeflectorState {
@@ -74,6 +81,7 @@ impl DeflectorState {
             Deflector::Custom(_) => {
                 DeflectorState::Custom { steps: -1.0, step: 0.0, beam: DVec3::Y, is_firing: true }
             }
+            Deflector::Pattern(_) => DeflectorState::Pattern { next: 0, row: None },
         }
     }
 
@@ -112,6 +120,7 @@ impl DeflectorState {
             // Prisms are at their phase a step before the first pulse, with any correction.
             (DeflectorState::Risley { step, .. }, _) => *step = plan.sense() * (1.0 / frequency),
             (DeflectorState::Custom { steps, step, .. }, _) => (*steps, *step) = (-1.0, 1.0 / frequency),
+            (DeflectorState::Pattern { next, row }, _) => (*next, *row) = (0, None),
             _ => {}
         }
     }
@@ -131,12 +140,15 @@ impl DeflectorState {
                 *next = if is_on_time { first_fibre(plan, *count) } else { *next };
             }
             DeflectorState::Risley { time, .. } if is_on_time => *time = start_time(plan),
-            DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => {}
+            // Tables of beams begin in each leg.
+            DeflectorState::Risley { .. }
+            | DeflectorState::Custom { .. }
+            | DeflectorState::Pattern { .. } => {}
         }
     }
 
     /// Turns of the deflector's phase per step, signed, and those that have passed at the next step since
-    /// phase 0. `None` for fibres, which are a matter of pulses, not of time.
+    /// phase 0. `None` for fibres and tables of beams, which are a matter of pulses, not of time.
     pub(super) fn turns(&self, plan: &DevicePlan) -> Option<(f64, f64)> {
         match self {
             DeflectorState::Polygon(mirror) => Some(mirror.turns(plan)),
@@ -147,7 +159,7 @@ impl DeflectorState {
                 Some((*step * freq, (*time + *step) * freq))
             }
             DeflectorState::Custom { .. } => Some((0.0, 0.0)),
-            DeflectorState::Fibres { .. } => None,
+            DeflectorState::Fibres { .. } | DeflectorState::Pattern { .. } => None,
         }
     }
 
@@ -166,7 +178,7 @@ impl DeflectorState {
                 *steps = seconds / *step;
                 self.advance_pattern(plan, 0.0);
             }
-            DeflectorState::Fibres { .. } => {}
+            DeflectorState::Fibres { .. } | DeflectorState::Pattern { .. } => {}
         }
     }
 
@@ -207,6 +219,11 @@ impl DeflectorState {
                 remember_beam(plan, *time, last);
             }
             DeflectorState::Custom { .. } => self.advance_pattern(plan, 1.0),
+            DeflectorState::Pattern { next, row } => {
+                if let Deflector::Pattern(table) = &plan.deflector {
+                    (*row, *next) = (table.row(*next), table.step_after(*next, 1));
+                }
+            }
         }
     }
 
@@ -222,7 +239,8 @@ impl DeflectorState {
         }
     }
 
-    /// The deflector `part` of a step later. The light stays in its fibre for a whole step.
+    /// The deflector `part` of a step later. The light stays in its fibre, and a beam of a table in its
+    /// direction, for a whole step.
     pub fn within_step(&self, plan: &DevicePlan, part: f64) -> DeflectorState {
         let mut later = self.clone();
         match &mut later {
@@ -239,7 +257,7 @@ impl DeflectorState {
                 *step *= part;
                 later.step(plan);
             }
-            DeflectorState::Fibres { .. } => {}
+            DeflectorState::Fibres { .. } | DeflectorState::Pattern { .. } => {}
             DeflectorState::Custom { .. } => later.advance_pattern(plan, part),
         }
         later
@@ -256,6 +274,14 @@ impl DeflectorState {
                     u32::from(state.is_firing())
                 };
                 return (0..steps).map(|_| is_firing(self)).sum();
+            }
+            DeflectorState::Pattern { next, row } => {
+                let Deflector::Pattern(table) = &plan.deflector else { return 0 };
+                let Some(last) = steps.checked_sub(1) else { return 0 };
+                let fired = table.beams_within(*next, steps);
+                let current = table.step_after(*next, last);
+                (*row, *next) = (table.row(current), table.step_after(current, 1));
+                return fired;
             }
             DeflectorState::Oscillating(mirror) => mirror.advance(steps),
             DeflectorState::Fibres { next, count, .. } if steps > 0 => {
@@ -282,12 +308,12 @@ impl DeflectorState {
         match self {
             DeflectorState::Polygon(mirror) => mirror.is_firing(),
             DeflectorState::Custom { is_firing, .. } => *is_firing,
+            DeflectorState::Pattern { row, .. } => row.is_some(),
             _ => true,
         }
     }
 
-    /// The angle without errors, of which error formulas are functions; 0 for Risley prisms and patterns of a
-    /// program's own.
+    /// The angle without errors, of which error formulas are functions; 0 for Risley prisms and patterns.
     #[inline]
     pub fn exact_angle(&self) -> f64 {
         match self {
@@ -295,7 +321,9 @@ impl DeflectorState {
             DeflectorState::Oscillating(mirror) => mirror.angle,
             DeflectorState::Conic { turn, .. } => *turn,
             DeflectorState::Fibres { angle, .. } => *angle,
-            DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => 0.0,
+            DeflectorState::Risley { .. }
+            | DeflectorState::Custom { .. }
+            | DeflectorState::Pattern { .. } => 0.0,
         }
     }
 
@@ -303,7 +331,10 @@ impl DeflectorState {
     /// component about x of `deflection`, the exact rotation.
     pub fn scan_angle(&self, deflection: &Rotation) -> f64 {
         match self {
-            DeflectorState::Conic { .. } | DeflectorState::Risley { .. } | DeflectorState::Custom { .. } => {
+            DeflectorState::Conic { .. }
+            | DeflectorState::Risley { .. }
+            | DeflectorState::Custom { .. }
+            | DeflectorState::Pattern { .. } => {
                 let beam = deflection.forward();
                 libm::atan2(beam.z, beam.y)
             }
@@ -311,6 +342,18 @@ impl DeflectorState {
         }
     }
 
+    /// Origin of the current beam in the frame of the emitter, m; `None` unless beams have origins.
+    #[inline]
+    pub fn beam_origin(&self, plan: &DevicePlan) -> Option<DVec3> {
+        match (self, &plan.deflector) {
+            (DeflectorState::Pattern { row, .. }, Deflector::Pattern(table)) if table.has_origins() => {
+                row.map(|row| table.origin(row))
+            }
+            _ => None,
+        }
+    }
+
+    /// True if the beam has an error of its angle.
     pub fn has_error(&self) -> bool {
         matches!(self, DeflectorState::Polygon(mirror) if mirror.angle != mirror.exact)
     }
@@ -349,6 +392,10 @@ impl DeflectorState {
             }
             DeflectorState::Polygon(mirror) => reflected(mirror.exact, mirror.tilt(plan)),
             DeflectorState::Custom { beam, .. } => Rotation::between(DVec3::Y, *beam),
+            DeflectorState::Pattern { row: Some(row), .. } => match &plan.deflector {
+                Deflector::Pattern(table) => table.attitude(*row),
+                _ => Rotation::IDENTITY,
+            },
             _ => Rotation::about_x(self.exact_angle()),
         }
     }

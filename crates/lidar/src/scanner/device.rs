@@ -9,6 +9,9 @@ use vlscan_base::error::Error;
 use vlscan_geom::Rotation;
 use vlscan_survey::{Deflector, ScannerSettings};
 
+/// Steps after which the phase of a deflector is as good as any other.
+const MAX_DEFLECTOR_STEPS: u64 = 8191;
+
 /// State of one device of a scanner between two simulation steps: head, deflector and pulse counter.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct DeviceState {
@@ -155,6 +158,15 @@ impl DeviceState {
             self.step_deflector(plan);
         }
         steps
+    }
+
+    /// Moves the deflector to a phase it may have after `steps` steps; a table of beams to its exact step.
+    pub fn jump_deflector(&mut self, plan: &DevicePlan, steps: u64) {
+        let steps = match self.deflector {
+            DeflectorState::Pattern { .. } => steps.min(u64::from(u32::MAX)),
+            _ => steps % MAX_DEFLECTOR_STEPS,
+        };
+        self.advance_deflector(plan, steps as u32);
     }
 
     /// Turns the head by one simulation step.

@@ -59,6 +59,9 @@ columns! {
     OriginErrorX OriginErrorX, "Reported minus true origin.";
     OriginErrorY OriginErrorY, "Reported minus true origin.";
     OriginErrorZ OriginErrorZ, "Reported minus true origin.";
+    Azimuth BeamAzimuth, "Angle of the beam from +y, clockwise seen from above, in place of a direction; \
+                          only read.";
+    Elevation BeamElevation, "Angle of the beam above the horizontal plane; only read.";
 }
 
 pub const COLUMNS: usize = ENTRIES.len();
@@ -106,12 +109,20 @@ impl ColumnEntry {
 }
 
 /// Parses a heading such as `time[s]`, `X (m)` or `scan_angle[deg]` to the column and the factor that
-/// converts its values to ns, rad or m. Without a unit, times are seconds.
+/// converts its values to ns, rad or m. Without a unit, times are seconds. An `elevation` is a height, unless
+/// its unit is one of angles.
 ///
 /// # Errors
 /// The problem and a hint.
 pub fn parse_pulse_heading(text: &str) -> Result<(PulseColumn, f64), (String, String)> {
-    match parse_heading(text, ENTRIES.iter().map(|entry| entry.quantity)) {
+    let parsed = match parse_heading(text, ENTRIES.iter().map(|entry| entry.quantity)) {
+        Err(HeadingError::WrongUnit(Quantity::Z, found, expected)) => {
+            parse_heading(text, [Quantity::BeamElevation])
+                .map_err(|_| HeadingError::WrongUnit(Quantity::Z, found, expected))
+        }
+        parsed => parsed,
+    };
+    match parsed {
         Ok(ParsedHeading { quantity, factor }) => {
             let Some(entry) = ENTRIES.iter().find(|entry| entry.quantity == quantity) else {
                 return Err((format!("unknown column `{}`", text.trim()), String::new()));
@@ -154,6 +165,11 @@ mod tests {
             assert_eq!(parse_pulse_heading(&format!("t[{unit}]")).unwrap(), (PulseColumn::Time, factor));
         }
         assert_eq!(parse_pulse_heading("divergence (mrad)").unwrap(), (PulseColumn::Divergence, 1e-3));
+        let degree = std::f64::consts::PI / 180.0;
+        assert_eq!(parse_pulse_heading("azimuth_deg").unwrap(), (PulseColumn::Azimuth, degree));
+        assert_eq!(parse_pulse_heading("elevation_deg").unwrap(), (PulseColumn::Elevation, degree));
+        assert_eq!(parse_pulse_heading("elevation").unwrap(), (PulseColumn::Z, 1.0));
+        assert!(parse_pulse_heading("elevation[s]").unwrap_err().0.contains("is in `s`"));
         assert!(parse_pulse_heading("nx").unwrap_err().1.contains("the columns are time, x"));
         assert!(parse_pulse_heading("divergense").unwrap_err().1.contains("did you mean `divergence`"));
         assert_eq!(parse_pulse_heading("x[ft]").unwrap(), (PulseColumn::X, 0.3048));

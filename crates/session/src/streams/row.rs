@@ -54,6 +54,8 @@ impl ColumnSet {
 pub const ORIGIN: [PulseColumn; 3] = [PulseColumn::X, PulseColumn::Y, PulseColumn::Z];
 pub const DIRECTION: [PulseColumn; 3] =
     [PulseColumn::DirectionX, PulseColumn::DirectionY, PulseColumn::DirectionZ];
+/// The columns of the direction as angles.
+pub const ANGLES: [PulseColumn; 2] = [PulseColumn::Azimuth, PulseColumn::Elevation];
 pub const ATTITUDE: [PulseColumn; 4] =
     [PulseColumn::AttitudeW, PulseColumn::AttitudeX, PulseColumn::AttitudeY, PulseColumn::AttitudeZ];
 /// The columns of the attitude without mechanical errors.
@@ -145,6 +147,10 @@ impl PulseRow {
         let attitude = match rotation(ATTITUDE)? {
             Some(attitude) if present.has_all(&DIRECTION) => check_agreement(vector(DIRECTION), attitude)?,
             Some(attitude) => attitude,
+            None if present.has_all(&ANGLES) => {
+                let [azimuth, elevation] = ANGLES.map(value);
+                Rotation::about_z(-azimuth).after(Rotation::about_x(elevation))
+            }
             None => attitude_of_direction(vector(DIRECTION))?,
         };
         let exact_attitude = rotation(EXACT)?.unwrap_or(attitude);
@@ -330,6 +336,15 @@ mod tests {
         assert_eq!((r.pulse.number, r.leg, r.pulse.device, r.divergence), (42, 0, 0, None));
         let e = some(&[&base[..], &[(DirectionZ, 0.0)]].concat()).unwrap_err();
         assert!(e.1.contains("0 0 0 is not a direction"), "{}", e.1);
+    }
+
+    #[test]
+    fn azimuth_and_elevation_are_enough() {
+        use PulseColumn::{Azimuth, Elevation, X, Y, Z};
+        let r = some(&[(X, 1.0), (Y, 2.0), (Z, 3.0), (Azimuth, 0.4), (Elevation, -0.3)]).unwrap();
+        let (level, up) = (0.3f64.cos(), -(0.3f64.sin()));
+        let expected = DVec3::new(level * 0.4f64.sin(), level * 0.4f64.cos(), up);
+        assert!((r.pulse.attitude.forward() - expected).length() < 1e-15);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! alike.
 
 use super::columns::{COLUMNS, PulseColumn, parse_pulse_heading};
-use super::row::{ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, PulseRow, RowFault, Values};
+use super::row::{ANGLES, ATTITUDE, ColumnSet, DIRECTION, EXACT, LOW, ORIGIN, PulseRow, RowFault, Values};
 use std::path::Path;
 use vlscan_base::columns::is_number;
 use vlscan_base::diag::{Diagnostics, Place};
@@ -136,18 +136,24 @@ fn check_complete(present: ColumnSet, place: Place, problems: &mut Diagnostics) 
         missing.extend(columns.iter().filter(|c| !present.has(**c)).map(|c| c.entry().name()));
     };
     need(&ORIGIN);
-    for group in [&ATTITUDE[..], &EXACT[..], &LOW[..]] {
+    for group in [&ATTITUDE[..], &ANGLES[..], &EXACT[..], &LOW[..]] {
         if present.has_any(group) {
             need(group);
         }
     }
-    if !present.has_any(&ATTITUDE) || present.has_any(&DIRECTION) {
+    let has_other = present.has_any(&ATTITUDE) || present.has_any(&ANGLES);
+    if !has_other || present.has_any(&DIRECTION) {
         need(&DIRECTION);
+    }
+    if present.has_any(&ANGLES) && (present.has_any(&ATTITUDE) || present.has_any(&DIRECTION)) {
+        problems
+            .error(Some(place.clone()), "angles of the beam beside its direction or quaternion")
+            .help("leave out the columns azimuth and elevation, or dx, dy, dz and qw, qx, qy, qz");
     }
     if !missing.is_empty() {
         problems
             .error(Some(place), format!("no column for {}", missing.join(", ")))
-            .help("a pulse needs x, y, z and dx, dy, dz (or qw, qx, qy, qz)");
+            .help("a pulse needs x, y, z and dx, dy, dz (or qw, qx, qy, qz, or azimuth_deg, elevation_deg)");
     }
 }
 

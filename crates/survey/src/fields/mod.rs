@@ -204,6 +204,11 @@ impl<'c> Fields<'c> {
         self.entry(key.key).is_some_and(|value| value.get_ref().as_table().is_some())
     }
 
+    /// True if a key of a pipeline file is a list.
+    pub fn has_list(&self, key: Key) -> bool {
+        self.entry(key.key).is_some_and(|value| matches!(value.get_ref(), DeValue::Array(_)))
+    }
+
     /// Marks a kind of child elements as known.
     fn know_child(&mut self, name: &'static str) {
         if !self.known_children.contains(&name) {

@@ -6,6 +6,7 @@ use crate::keys::{Key, KeyTable, PoseKeys};
 use crate::toml::source::{Source, near};
 use crate::toml::words;
 use crate::{Formula, RasterFiles};
+use serde::Deserialize;
 use std::ops::Range;
 use std::path::PathBuf;
 use toml::Spanned;
@@ -247,6 +248,25 @@ impl<'c> Fields<'c> {
             self.refuse(key, expected);
         }
         numbers.filter(|numbers| is_usable(numbers))
+    }
+
+    /// Lists of numbers within a list of a pipeline file.
+    pub fn rows(&mut self, key: Key, expected: &str) -> Option<Vec<Vec<f64>>> {
+        self.known.push(key.key);
+        let number =
+            |value: &Spanned<DeValue<'c>>| f64::deserialize(ValueDeserializer::from(value.clone())).ok();
+        let list = |row: &Spanned<DeValue<'c>>| match row.get_ref() {
+            DeValue::Array(items) => items.iter().map(number).collect::<Option<Vec<f64>>>(),
+            _ => None,
+        };
+        let read: Option<Vec<Vec<f64>>> = match self.entry(key.key)?.get_ref() {
+            DeValue::Array(rows) => rows.iter().map(list).collect(),
+            _ => None,
+        };
+        if read.is_none() {
+            self.refuse(key, expected);
+        }
+        read
     }
 
     /// Whole numbers within bounds, in a pipeline file in brackets.

@@ -232,8 +232,8 @@ keys! {
         id = "id";
         /// Name for people. Not in channels.
         name = "name";
-        /// Beam deflector: `rotating` (polygon mirror), `oscillating`, `conic`, `line` (fibres) or `risley`
-        /// (prisms).
+        /// Beam deflector: `rotating` (polygon mirror), `oscillating`, `conic`, `line` (fibres), `risley`
+        /// (prisms) or `pattern` (a table of directions; not in channels).
         optics = "optics";
         /// Pulse frequencies in Hz; the first is the default of a leg. Not in channels.
         pulse_freqs_hz = "pulseFreqs_Hz";
@@ -282,6 +282,19 @@ keys! {
         air_index = "refrIndex_air" in REFRACTIVE_INDEX;
         /// Direction of the beam that enters the prisms; `risley` only. Default: forward, 0 1 0.
         incident_beam = "incidentBeam";
+        /// Table of the directions of a `pattern`, one row per pulse (.csv, .parquet, .npy): `azimuth_deg`
+        /// and `elevation_deg` or `zenith_deg`, by `time_s` or `index` if there is one, by `channel` if there
+        /// are several, with `origin_x_m`, `origin_y_m`, `origin_z_m` and `divergence_rad` if they differ; or
+        /// its rows in brackets, `[[0, 10], [1, 10]]`. Times are those of the pulses unless `pulse_freqs_hz`
+        /// is there. Not in channels.
+        pattern;
+        /// The `pattern` starts again after its last row. Default: true; else no more pulses leave in the
+        /// leg.
+        pattern_repeat;
+        /// Sense of the azimuths of a `pattern` seen from above, `clockwise` or `counterclockwise`, from the
+        /// emitter's y axis. Default: `clockwise`; `counterclockwise` in tables with `zenith_deg`, as those
+        /// of Livox.
+        pattern_azimuth;
         /// Axis of the head's rotation. Default: up, 0 0 1.
         head_axis = "headRotateAxis";
         /// Highest speed of the head, degrees per second. Default: 0, the head cannot turn.
@@ -399,6 +412,13 @@ keys! {
         /// Distance of the origin of these beams from that of the emitter, towards azimuth 0, m: one number
         /// in brackets, or one for each channel. Not in channels. Default: 0.
         origin_radii_m in NUMBER;
+        /// File of the angles of these channels, instead of `elevations_deg`: an angle correction file of
+        /// Hesai (.csv: channel, elevation, azimuth, perhaps firing time) or the beam intrinsics of an Ouster
+        /// sensor (.json). Not in channels.
+        corrections;
+        /// File of the firing times of these channels, as those of Hesai (.csv: channel, fire time in µs).
+        /// Not in channels.
+        firing_times;
         /// Channels that fire at the same time. Default: none, the scanner is one device.
         channel = "channels";
     }

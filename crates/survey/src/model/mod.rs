@@ -8,12 +8,14 @@
 //! | `poses` | recorded trajectories |
 //! | `navigation` | errors of navigation |
 //! | `scan_motion` | sense, phase, tilt, wander and swing of deflectors |
+//! | `pattern` | scan patterns of tables |
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 
 mod identity;
 mod mesh;
 mod navigation;
+mod pattern;
 mod poses;
 mod pulse_times;
 mod raster;
@@ -33,6 +35,7 @@ pub use mesh::{
     TextureDefinition, TextureImage, TextureWrap, UnusedOptics, WaterDefinition,
 };
 pub use navigation::{NavigationErrors, NavigationKeyError, NavigationProblem};
+pub use pattern::{PatternBeam, PatternTable};
 pub use poses::*;
 pub use pulse_times::PulseTimes;
 pub use raster::{PixelType, RasterFiles, VirtualRaster, VirtualSource};
@@ -373,6 +376,8 @@ pub struct Scanner {
     pub sources: Vec<FigureSource>,
     /// How the head turns in legs that state nothing of it; `None`: it does not.
     pub turn: Option<HeadTurn>,
+    /// When pulses leave in legs that state nothing of it; `None`: at the first pulse rate.
+    pub pulse_times: Option<PulseTimes>,
 }
 
 /// A turn of a head.
@@ -496,6 +501,8 @@ pub enum Deflector {
     },
     /// A pattern that a program defines. Files cannot describe it.
     Custom(Arc<dyn ScanPattern>),
+    /// `pattern`: the beams of a table, one per step.
+    Pattern(Arc<PatternTable>),
 }
 
 /// User-defined scan pattern: the direction of the beam as a function of time.

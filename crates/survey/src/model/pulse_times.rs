@@ -96,19 +96,30 @@ impl PulseTimes {
     }
 }
 
+/// Maximum number of times of a cycle that are written out.
+const MAX_SHOWN: usize = 1 << 16;
+
+/// FNV-1a over the bits.
+fn checksum(times: &[f64]) -> u64 {
+    let mix = |sum: u64, time: &f64| (sum ^ time.to_bits()).wrapping_mul(0x0100_0000_01b3);
+    times.iter().fold(0xcbf2_9ce4_8422_2325, mix)
+}
+
 /// Count, ends and a checksum of recorded times, which distinguish different times without storing all of
 /// them.
 impl std::fmt::Debug for PulseTimes {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         match self {
             PulseTimes::Recorded(times) => {
-                // FNV-1a over the bits.
-                let mix = |sum: u64, time: &f64| (sum ^ time.to_bits()).wrapping_mul(0x0100_0000_01b3);
-                let sum = times.iter().fold(0xcbf2_9ce4_8422_2325, mix);
-                let (first, last) = (times[0], times[times.len() - 1]);
+                let (first, last, sum) = (times[0], times[times.len() - 1], checksum(times));
                 write!(f, "{} times from {first:?} s to {last:?} s, {sum:016x}", times.len())
             }
-            PulseTimes::Cycle { times, duration } => write!(f, "cycle of {duration:?} s: {times:?}"),
+            PulseTimes::Cycle { times, duration } if times.len() <= MAX_SHOWN => {
+                write!(f, "cycle of {duration:?} s: {times:?}")
+            }
+            PulseTimes::Cycle { times, duration } => {
+                write!(f, "cycle of {duration:?} s: {} times, {:016x}", times.len(), checksum(times))
+            }
         }
     }
 }

@@ -76,6 +76,7 @@ pub fn survey(devices: Vec<Device>) -> Survey {
             multi_channel: devices.len() > 1,
             sources: Vec::new(),
             turn: None,
+            pulse_times: None,
             devices,
             written: Vec::new(),
         },

@@ -12,6 +12,7 @@ mod hostile;
 mod instruments;
 mod limits;
 mod ouster;
+mod patterns;
 mod pulse_times;
 mod receivers;
 mod scan_motion;

@@ -264,7 +264,10 @@ fn set_legs(
         let message = "a pipeline needs [trajectory], [[leg]] tables or a `survey`";
         context.error_help(fields.own_place(), message, "path = \"-\" in [trajectory] is standard input");
     }
+    let times = survey.scanner.pulse_times.clone();
     for (i, leg) in survey.legs.iter_mut().enumerate() {
+        // Legs of a survey in XML know nothing of the times of a pattern.
+        leg.scanner.pulse_times = leg.scanner.pulse_times.take().or_else(|| times.clone());
         let mut layer = ScannerLayer::of_leg(&leg.scanner);
         if let Some(common) = common.as_deref_mut() {
             leg.place.get_or_insert_with(|| common.own_place());

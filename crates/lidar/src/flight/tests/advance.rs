@@ -5,6 +5,7 @@ use crate::flight::testing::*;
 use crate::flight::{FlightOptions, FlightPlan, FlightState, Step};
 use crate::platform::Pose;
 use proptest::prelude::*;
+use std::sync::Arc;
 use vlscan_base::corrections::Corrections;
 use vlscan_geom::{DVec3, Rotation, radians};
 use vlscan_survey::*;
@@ -58,7 +59,19 @@ fn streamed_flights_advance_as_in_single_steps() {
     }
 }
 
-fn deflectors() -> [Deflector; 6] {
+/// A table of five beams in seven steps.
+fn table() -> Deflector {
+    let beam = |step: u32| PatternBeam {
+        step,
+        azimuth: 0.1 * f64::from(step),
+        elevation: -0.05 * f64::from(step),
+        origin: DVec3::ZERO,
+    };
+    let beams: Vec<PatternBeam> = [0, 1, 3, 4, 6].map(beam).to_vec();
+    Deflector::Pattern(Arc::new(PatternTable::new(&beams, 7, true)))
+}
+
+fn deflectors() -> [Deflector; 7] {
     let prism = |rotor_freq: f64, degrees: f64| Prism { rotor_freq, angle: radians(degrees), index: 1.5 };
     let risley = |steep: f64| Deflector::Risley {
         prisms: vec![prism(-10.0, steep), prism(7.0, -18.0)],
@@ -72,6 +85,7 @@ fn deflectors() -> [Deflector; 6] {
         Deflector::Fibres { count: 7 },
         risley(18.0),
         risley(-44.0),
+        table(),
     ]
 }
 
@@ -90,10 +104,10 @@ fn along(
             change(l);
         })
     });
-    let mut s = survey(kind, Mount::IDENTITY, deflectors()[deflector % 6].clone(), legs.collect());
+    let mut s = survey(kind, Mount::IDENTITY, deflectors()[deflector % 7].clone(), legs.collect());
     s.scanner.pulse_freqs = vec![frequency];
     let mut second = s.scanner.devices[0].clone();
-    second.deflector = deflectors()[(deflector + 1) % 6].clone();
+    second.deflector = deflectors()[(deflector + 1) % 7].clone();
     s.scanner.devices.push(second);
     s
 }
@@ -115,7 +129,7 @@ fn oblique_legs_of_many_steps_are_those_of_single_steps() {
 
 #[test]
 fn every_deflector_advances_as_in_single_steps() {
-    for deflector in 0..6 {
+    for deflector in 0..7 {
         for kinematics in [Corrections::NONE, Corrections::MOTION] {
             let s = along(PlatformKind::LinearPath, &[[0.0; 3], [3.0, 4.0, 0.0]], 3000, deflector, |l| {
                 l.scanner.warmup = 0.01;
@@ -176,7 +190,7 @@ fn make_timed(s: &mut Survey, kind: usize, rate: f64) {
 #[test]
 fn functions_of_time_advance_as_in_single_steps() {
     for kind in 0..3 {
-        for deflector in 0..6 {
+        for deflector in 0..7 {
             for kinematics in [Corrections::NONE, Corrections::MOTION] {
                 let mut flown = along(
                     PlatformKind::LinearPath,
@@ -231,7 +245,7 @@ proptest! {
         round in any::<bool>(),
         speed in 5.0..300.0f64,
         frequency in 200..6000u32,
-        deflector in 0..6usize,
+        deflector in 0..7usize,
         corrected in any::<bool>(),
         limits in prop::collection::vec(1..4000u32, 1..6),
     ) {

@@ -35,7 +35,7 @@ pub fn of_leg(survey: &Survey, number: u32, strata: &[Stratum]) -> Spacing {
             2.0 * settings.scan_freq
         }
         Deflector::Fibres { count } => f64::from(settings.pulse_freq) / f64::from(count.max(1)),
-        Deflector::Risley { .. } | Deflector::Custom(_) => 0.0,
+        Deflector::Risley { .. } | Deflector::Custom(_) | Deflector::Pattern(_) => 0.0,
     };
     let speed = match &survey.platform.kind {
         PlatformKind::Static => 0.0,

@@ -1,0 +1,46 @@
+//! Channels that differ by the directions of their beams.
+
+use super::{Device, Mount};
+use vlscan_geom::{DVec3, Rotation, radians};
+
+/// Beams of the channels of a sensor.
+pub(super) struct Beams {
+    /// Degrees.
+    pub altitudes: Vec<f64>,
+    /// Degrees, clockwise seen from above.
+    pub azimuths: Vec<f64>,
+    /// Origin of all beams in the frame of the emitter, m.
+    pub origin: DVec3,
+}
+
+/// Channels like `base` that differ by elevation and azimuth (degrees) of their beams, by the distance of
+/// their origin (m) and by the time of their pulse (µs); lists of one value hold for all.
+pub(super) fn channels_of_beams(
+    base: &Device,
+    elevations: &[f64],
+    azimuths: &[f64],
+    radii: &[f64],
+    offsets: &[f64],
+) -> Vec<Device> {
+    let of = |list: &[f64], i: usize| list[if list.len() == 1 { 0 } else { i }];
+    let channel = |(i, elevation): (usize, &f64)| {
+        let mut begin = base.beam_origin;
+        if of(radii, i) != 0.0 {
+            begin.offset += begin.rotation.apply(DVec3::new(0.0, of(radii, i), 0.0));
+        }
+        let beam_origin = beam_pose(&begin, *elevation, of(azimuths, i));
+        Device { id: i.to_string(), beam_origin, firing_offset: of(offsets, i) * 1e-6, ..base.clone() }
+    };
+    elevations.iter().enumerate().map(channel).collect()
+}
+
+/// Pose of an emitter whose beam leaves at an altitude and an azimuth (degrees, clockwise seen from above)
+/// relative to that of `base`, from where that one begins.
+pub(super) fn beam_pose(base: &Mount, altitude: f64, azimuth: f64) -> Mount {
+    let turn = Rotation::about_x(radians(altitude));
+    let turn = match azimuth {
+        0.0 => turn,
+        azimuth => Rotation::about_z(radians(-azimuth)).after(turn),
+    };
+    Mount { rotation: base.rotation.after(turn), ..*base }
+}

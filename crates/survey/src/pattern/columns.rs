@@ -1,0 +1,186 @@
+//! Names and units of the columns of scan patterns and correction files.
+
+use vlscan_tables::split_unit;
+
+/// Quantities of columns, in the order of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Column {
+    /// s.
+    Time,
+    /// Number of the pulse.
+    Index,
+    /// Degrees.
+    Azimuth,
+    /// Degrees above the horizontal plane.
+    Elevation,
+    /// Degrees from straight up.
+    Zenith,
+    /// A whole number.
+    Channel,
+    /// m.
+    OriginX,
+    /// m.
+    OriginY,
+    /// m.
+    OriginZ,
+    /// rad.
+    Divergence,
+    /// µs.
+    FiringTime,
+}
+
+/// Number of quantities.
+pub(super) const COLUMNS: usize = 11;
+
+/// A row: a number for each quantity, NaN for those without a column.
+pub(super) type Row = [f64; COLUMNS];
+
+/// Names of quantities in messages, and those in headings: lower case, without blanks and punctuation.
+const NAMES: [(Column, &str, &[&str]); COLUMNS] = [
+    (Column::Time, "time", &["time", "timestamp", "t"]),
+    (Column::Index, "index", &["index", "row", "step", "pulse", "number"]),
+    (Column::Azimuth, "azimuth", &["azimuth", "az", "azimuthangle"]),
+    (Column::Elevation, "elevation", &["elevation", "el", "elevationangle", "altitude"]),
+    (Column::Zenith, "zenith", &["zenith", "zenithangle"]),
+    (Column::Channel, "channel", &["channel", "laserid", "laser", "ring", "line", "beam", "id"]),
+    (Column::OriginX, "origin_x", &["originx", "x"]),
+    (Column::OriginY, "origin_y", &["originy", "y"]),
+    (Column::OriginZ, "origin_z", &["originz", "z"]),
+    (Column::Divergence, "divergence", &["divergence", "beamdivergence"]),
+    (Column::FiringTime, "firing_time", &["firingtime", "firetime", "firingoffset"]),
+];
+
+/// Headings of columns that are looked for in files whose columns are found by their exact names.
+pub(super) const HEADINGS: [&str; 30] = [
+    "time_s",
+    "time",
+    "Time/s",
+    "time_us",
+    "time_ns",
+    "index",
+    "azimuth_deg",
+    "azimuth",
+    "azimuth_rad",
+    "Azimuth/deg",
+    "Azimuth",
+    "elevation_deg",
+    "elevation",
+    "elevation_rad",
+    "Elevation",
+    "zenith_deg",
+    "zenith",
+    "zenith_rad",
+    "Zenith/deg",
+    "channel",
+    "Channel",
+    "origin_x_m",
+    "origin_x",
+    "origin_y_m",
+    "origin_y",
+    "origin_z_m",
+    "origin_z",
+    "divergence_rad",
+    "divergence",
+    "firing_time_us",
+];
+
+impl Column {
+    /// Its name in messages.
+    pub fn name(self) -> &'static str {
+        NAMES[self as usize].1
+    }
+
+    /// Factor of a unit in lower case to the unit of the quantity.
+    fn factor(self, unit: &str) -> Option<f64> {
+        let seconds = match unit {
+            "s" | "sec" | "second" | "seconds" => Some(1.0),
+            "ms" => Some(1e-3),
+            "us" | "µs" | "μs" => Some(1e-6),
+            "ns" => Some(1e-9),
+            _ => None,
+        };
+        let degrees = match unit {
+            "deg" | "degree" | "degrees" | "°" => Some(1.0),
+            "rad" | "radian" | "radians" => Some(180.0 / std::f64::consts::PI),
+            "mrad" => Some(0.18 / std::f64::consts::PI),
+            _ => None,
+        };
+        let metres = match unit {
+            "m" => Some(1.0),
+            "cm" => Some(1e-2),
+            "mm" => Some(1e-3),
+            _ => None,
+        };
+        match self {
+            Column::Time => seconds,
+            // Divided, so that a microsecond is exactly 1.
+            Column::FiringTime => seconds.map(|factor| factor / 1e-6),
+            Column::Azimuth | Column::Elevation | Column::Zenith => degrees,
+            Column::Divergence => match unit {
+                "rad" => Some(1.0),
+                "mrad" => Some(1e-3),
+                _ => degrees.map(|factor| factor * (std::f64::consts::PI / 180.0)),
+            },
+            Column::OriginX | Column::OriginY | Column::OriginZ => metres,
+            Column::Index | Column::Channel => None,
+        }
+    }
+
+    /// The quantity of a heading and the factor of its unit, such as `Azimuth/deg`, `time_us`, `origin x
+    /// [mm]`.
+    pub fn of_heading(heading: &str) -> Option<(Column, f64)> {
+        let (name, bracketed) = split_unit(heading.trim().trim_matches(['"', '\'']));
+        let is_part = |c: char| c.is_alphanumeric() || c == '°';
+        let words: Vec<String> = name
+            .split(|c: char| !is_part(c))
+            .filter(|word| !word.is_empty())
+            .map(str::to_lowercase)
+            .collect();
+        let named = |words: &[String]| {
+            let joined = words.concat();
+            NAMES.iter().find(|(.., names)| names.contains(&joined.as_str())).map(|(column, ..)| *column)
+        };
+        if let Some(column) = named(&words) {
+            return match bracketed {
+                Some(unit) => Some((column, column.factor(&unit.to_lowercase())?)),
+                None => Some((column, 1.0)),
+            };
+        }
+        let (unit, name) = words.split_last()?;
+        let column = named(name).filter(|_| bracketed.is_none())?;
+        Some((column, column.factor(unit)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_have_names_and_units() {
+        for (heading, column, factor) in [
+            ("Time/s", Column::Time, 1.0),
+            ("time_us", Column::Time, 1e-6),
+            ("Azimuth/deg", Column::Azimuth, 1.0),
+            ("azimuth [rad]", Column::Azimuth, 180.0 / std::f64::consts::PI),
+            ("Zenith/deg", Column::Zenith, 1.0),
+            ("Laser id", Column::Channel, 1.0),
+            ("fire time(us)", Column::FiringTime, 1.0),
+            ("Origin X", Column::OriginX, 1.0),
+            ("origin_z_mm", Column::OriginZ, 1e-3),
+            ("divergence_mrad", Column::Divergence, 1e-3),
+            ("\"elevation\"", Column::Elevation, 1.0),
+        ] {
+            assert_eq!(Column::of_heading(heading), Some((column, factor)), "{heading}");
+        }
+        for heading in ["", "azimuth_m", "time [deg]", "intensity", "channel_s", "deg"] {
+            assert_eq!(Column::of_heading(heading), None, "{heading}");
+        }
+    }
+
+    #[test]
+    fn rows_and_names_have_one_order() {
+        assert!(NAMES.iter().enumerate().all(|(i, (column, ..))| *column as usize == i));
+        assert!(HEADINGS.iter().all(|heading| Column::of_heading(heading).is_some()));
+    }
+}

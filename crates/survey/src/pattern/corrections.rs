@@ -1,0 +1,206 @@
+//! Angle correction files of spinning sensors as channels: those of Hesai, and beam intrinsics of Ouster.
+//!
+//! A file of Hesai has the columns channel (from 1), elevation and azimuth, degrees, the latter clockwise
+//! seen from above; a line `EEFF,1,1` may stand before them, and a checksum behind. Another file has the
+//! firing times of the channels, µs, relative to each other.
+
+use super::columns::{Column, Row};
+use super::sink::{PatternProblem, RowResult, RowSink, check_columns};
+use super::table::TableFile;
+use crate::beams::{Beams, beam_pose, channels_of_beams};
+use crate::context::Context;
+use crate::fields::Fields;
+use crate::keys::{InstrumentKeys, Key};
+use crate::{Device, Mount, Scanner};
+use std::collections::BTreeMap;
+use std::path::Path;
+use vlscan_base::diag::Place;
+use vlscan_base::quantity::{FIRING_OFFSET_US, number};
+
+const K: InstrumentKeys = InstrumentKeys::KEYS;
+
+/// Reads the beams of a calibration file of Ouster, searched from a folder; the place is that of its name.
+pub(crate) type ReadBeams = fn(&Context, &str, &Path, Place) -> Option<Beams>;
+
+const ANGLES_HELP: &str = "a row is the channel, its elevation and its azimuth in degrees, such as `1, \
+                           14.9, -1.04`; a column `firing_time_us` may follow";
+const TIMES_HELP: &str = "a row is the channel and its firing time in µs, such as `1, 5.6`";
+/// Maximum number of channels.
+const MAX_CHANNELS: usize = 1024;
+/// Largest number of a channel.
+const MAX_CHANNEL: f64 = 65_535.0;
+/// Length of a checksum at least, characters.
+const MIN_CHECKSUM: usize = 16;
+
+/// Rows by channel: of firing times if `TIMES` is set, else of angles.
+struct ByChannel<const TIMES: bool> {
+    columns: Vec<Column>,
+    rows: BTreeMap<u32, Row>,
+}
+
+/// Columns of a table of angles, or of firing times.
+const fn columns_of(is_times: bool) -> &'static [Column] {
+    match is_times {
+        true => &[Column::Channel, Column::FiringTime],
+        false => &[Column::Channel, Column::Elevation, Column::Azimuth],
+    }
+}
+
+impl<const TIMES: bool> RowSink for ByChannel<TIMES> {
+    fn unnamed(count: usize) -> Option<&'static [Column]> {
+        Some(columns_of(TIMES)).filter(|columns| columns.len() == count)
+    }
+
+    fn begin(&mut self, columns: &[Column]) -> Result<(), PatternProblem> {
+        self.columns = columns.to_vec();
+        check_columns(columns, columns_of(TIMES))
+    }
+
+    fn add(&mut self, row: &Row) -> RowResult {
+        let within = |column: Column, low: f64, high: f64| {
+            let value = row[column as usize];
+            match !self.columns.contains(&column) || (low..=high).contains(&value) {
+                true => Ok(()),
+                false => {
+                    let expected = format!("a number from {} to {}", number(low), number(high));
+                    Err((column, PatternProblem::Value(expected)))
+                }
+            }
+        };
+        within(Column::Channel, 0.0, MAX_CHANNEL)?;
+        within(Column::Elevation, -90.0, 90.0)?;
+        within(Column::Azimuth, -360.0, 360.0)?;
+        within(Column::FiringTime, -FIRING_OFFSET_US.high, FIRING_OFFSET_US.high)?;
+        let channel = row[Column::Channel as usize];
+        if channel.fract() != 0.0 {
+            return Err((Column::Channel, PatternProblem::Value("a whole number".to_owned())));
+        }
+        if self.rows.insert(channel as u32, *row).is_some() {
+            return Err((Column::Channel, PatternProblem::Value("each channel once".to_owned())));
+        }
+        match self.rows.len() > MAX_CHANNELS {
+            true => {
+                let problem = PatternProblem::TooMany { max: MAX_CHANNELS as u64, what: "channels" };
+                Err((Column::Channel, problem))
+            }
+            false => Ok(()),
+        }
+    }
+
+    fn skips(first: &str) -> bool {
+        let is_checksum = first.len() >= MIN_CHECKSUM && first.chars().all(|c| c.is_ascii_hexdigit());
+        first.eq_ignore_ascii_case("eeff") || is_checksum
+    }
+}
+
+/// The channels that `corrections` and `firing_times` state, or `None` where they cannot be read. Outer
+/// `None` without them.
+pub(crate) fn corrected_channels(
+    fields: &mut Fields,
+    scanner: &Scanner,
+    ouster: ReadBeams,
+) -> Option<Option<Vec<Device>>> {
+    if !fields.has(K.corrections) && !fields.has(K.firing_times) {
+        return None;
+    }
+    fields.either(K.corrections, K.elevations_deg);
+    Some(channels_of(fields, scanner, ouster))
+}
+
+fn channels_of(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Option<Vec<Device>> {
+    let mut devices = match fields.has(K.corrections) {
+        true => corrected(fields, scanner, ouster)?,
+        false => scanner.devices.clone(),
+    };
+    if fields.has(K.firing_times) {
+        let times = by_channel::<true>(fields, K.firing_times, TIMES_HELP)?;
+        let times: Vec<f64> = times.rows.values().map(|row| row[Column::FiringTime as usize]).collect();
+        if times.len() != devices.len() {
+            let message =
+                format!("must have a row for each of the {} channels, found {}", devices.len(), times.len());
+            fields.error(K.firing_times, &message);
+            return None;
+        }
+        set_times(&mut devices, &times);
+    }
+    Some(devices)
+}
+
+/// Reads a table of `[scanner]`.
+fn by_channel<const TIMES: bool>(
+    fields: &mut Fields,
+    key: Key,
+    help: &'static str,
+) -> Option<ByChannel<TIMES>> {
+    let place = fields.place(key);
+    let name = fields.near_name(key)?;
+    let mut table = ByChannel { columns: Vec::new(), rows: BTreeMap::new() };
+    let file =
+        TableFile { context: fields.context, name: &name, folder: fields.folder(), place: &place, help };
+    file.read(&mut table)?;
+    let known = [Column::Channel, Column::Elevation, Column::Azimuth, Column::FiringTime];
+    let others = table.columns.iter().filter(|column| !known.contains(column));
+    let others: Vec<&str> = others.map(|column| column.name()).collect();
+    if !others.is_empty() {
+        fields.warn(key, &format!("has columns that are not read: {}", others.join(", ")));
+    }
+    if table.rows.is_empty() {
+        fields.context.error_help(place, PatternProblem::Empty.to_string(), help);
+        return None;
+    }
+    Some(table)
+}
+
+/// The channels of the scanner with the angles of a file: its own, if there are as many, or copies of its
+/// only one.
+fn corrected(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Option<Vec<Device>> {
+    let place = fields.place(K.corrections);
+    let name = fields.near_name(K.corrections)?;
+    let is_json = Path::new(&name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
+    let (elevations, azimuths, origin, times) = if is_json {
+        let beams = ouster(fields.context, &name, fields.folder(), place)?;
+        (beams.altitudes, beams.azimuths, Some(beams.origin), Vec::new())
+    } else {
+        let table = by_channel::<false>(fields, K.corrections, ANGLES_HELP)?;
+        let column =
+            |column: Column| -> Vec<f64> { table.rows.values().map(|row| row[column as usize]).collect() };
+        let has_times = table.columns.contains(&Column::FiringTime);
+        let times = if has_times { column(Column::FiringTime) } else { Vec::new() };
+        (column(Column::Elevation), column(Column::Azimuth), None, times)
+    };
+    let mut devices = match scanner.devices.len() {
+        1 => {
+            let base = &scanner.devices[0];
+            channels_of_beams(base, &elevations, &azimuths, &[0.0], &[base.firing_offset * 1e6])
+        }
+        count if count == elevations.len() => {
+            let angles = elevations.iter().zip(&azimuths);
+            let turned = |(device, (elevation, azimuth)): (&Device, (&f64, &f64))| {
+                // The rotation of the entry is that of the nominal angles.
+                let base = Mount { offset: device.beam_origin.offset, ..Mount::IDENTITY };
+                Device { beam_origin: beam_pose(&base, *elevation, *azimuth), ..device.clone() }
+            };
+            scanner.devices.iter().zip(angles).map(turned).collect()
+        }
+        count => {
+            let message = format!("has {} channels, but the scanner has {count}", elevations.len());
+            fields.error(K.corrections, &message);
+            return None;
+        }
+    };
+    if let Some(origin) = origin {
+        devices.iter_mut().for_each(|device| device.beam_origin.offset = origin);
+    }
+    if !times.is_empty() {
+        set_times(&mut devices, &times);
+    }
+    Some(devices)
+}
+
+/// Sets the firing times, µs, from that of the first pulse on.
+fn set_times(devices: &mut [Device], times: &[f64]) {
+    let first = times.iter().copied().fold(f64::INFINITY, f64::min);
+    for (device, time) in devices.iter_mut().zip(times) {
+        device.firing_offset = (time - first) * 1e-6;
+    }
+}

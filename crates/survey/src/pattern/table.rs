@@ -1,0 +1,253 @@
+//! Files of rows: text, Parquet, NumPy.
+
+use super::columns::{COLUMNS, Column, HEADINGS, Row};
+use super::npy::{MAGIC, NpyArray};
+use super::sink::{PatternProblem, RowResult, RowSink};
+use crate::context::Context;
+use crate::rows::MAX_LONG_FILE_BYTES;
+use crate::text::decode;
+use std::path::Path;
+use vlscan_base::diag::Place;
+use vlscan_base::error::Error;
+use vlscan_base::recognise::{Expected, foreign};
+use vlscan_tables::{Line, TextTable};
+
+/// First bytes of a Parquet file.
+const PARQUET: &[u8] = b"PAR1";
+
+/// A file of rows: its name, the folder from which it is searched, the place of its name, and what a row is.
+pub(super) struct TableFile<'a> {
+    pub context: &'a Context,
+    pub name: &'a str,
+    pub folder: &'a Path,
+    pub place: &'a Place,
+    pub help: &'static str,
+}
+
+/// A column that is read: position in a row of the file, quantity and factor to its unit.
+type Used = (usize, Column, f64);
+
+impl TableFile<'_> {
+    /// Passes all rows to `sink`. Problems are recorded with file, line and column.
+    pub fn read(&self, sink: &mut impl RowSink) -> Option<()> {
+        let context = self.context;
+        let path = context.file(self.name, self.folder, self.place.clone())?;
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
+            return self.read_parquet(&path, sink);
+        }
+        let bytes = match context.read(&path, MAX_LONG_FILE_BYTES) {
+            Ok(bytes) => bytes,
+            Err(e) => {
+                context.unread(self.place.clone(), &path, &e);
+                return None;
+            }
+        };
+        if bytes.starts_with(PARQUET) {
+            return self.read_parquet(&path, sink);
+        }
+        if bytes.starts_with(MAGIC) {
+            return self.read_npy(&path, &bytes, sink);
+        }
+        if let Some(found) = foreign(&path, &bytes, &Expected::NUMBERS) {
+            found.report(&path, &mut context.problems.borrow_mut());
+            return None;
+        }
+        match decode(&bytes) {
+            Ok(text) => self.read_text(&path, &text, sink),
+            Err(e) => {
+                context.error(Place::of_file(&path), e.message);
+                None
+            }
+        }
+    }
+
+    /// Records a problem at a place.
+    fn refuse<T>(&self, place: Place, problem: &PatternProblem) -> Option<T> {
+        self.context.error_help(place, problem.to_string(), self.help);
+        None
+    }
+
+    /// The columns of headings that are read. Others are warned of.
+    fn used(&self, place: &Place, headings: &[&str]) -> Vec<Used> {
+        let mut unread = Vec::new();
+        let mut used = Vec::new();
+        for (i, heading) in headings.iter().enumerate() {
+            match Column::of_heading(heading) {
+                Some((column, factor)) => used.push((i, column, factor)),
+                None if heading.trim().is_empty() => {}
+                None => unread.push(format!("`{}`", heading.trim())),
+            }
+        }
+        if !unread.is_empty() {
+            let columns = if unread.len() == 1 { "column" } else { "columns" };
+            let message = format!("{columns} {} not read", unread.join(", "));
+            self.context.warn_help(place.clone(), message, self.help);
+        }
+        used
+    }
+
+    /// The columns of a table of `count` columns without headings.
+    fn unnamed<S: RowSink>(&self, place: &Place, count: usize) -> Option<Vec<Used>> {
+        match S::unnamed(count) {
+            Some(columns) => Some(columns.iter().enumerate().map(|(i, column)| (i, *column, 1.0)).collect()),
+            None => self.refuse(place.clone(), &PatternProblem::Unnamed(count)),
+        }
+    }
+
+    fn read_text<S: RowSink>(&self, path: &Path, text: &str, sink: &mut S) -> Option<()> {
+        let mut table = TextTable::new(path, text);
+        let Some(first) = table.find(|line| !skips::<S>(line)) else {
+            return self.refuse(Place::of_file(path), &PatternProblem::Empty);
+        };
+        let fields: Vec<&str> = first.fields.iter().map(AsRef::as_ref).collect();
+        let place = table.place(&first, None);
+        let has_headings = fields.iter().any(|field| field.parse::<f64>().is_err());
+        let used = match has_headings {
+            true => self.used(&place, &fields),
+            false => self.unnamed::<S>(&place, fields.len())?,
+        };
+        self.begin(place, &used, sink)?;
+        if !has_headings {
+            self.add_line(&table, &first, &used, sink)?;
+        }
+        while let Some(mut line) = table.next() {
+            if skips::<S>(&line) {
+                continue;
+            }
+            if let Err(e) = line.fit(fields.len(), "the first line", table.separator()) {
+                self.context.error_help(table.place(&line, None), e.message, e.help);
+                return None;
+            }
+            self.add_line(&table, &line, &used, sink)?;
+        }
+        Some(())
+    }
+
+    /// Begins a table with these columns.
+    fn begin(&self, place: Place, used: &[Used], sink: &mut impl RowSink) -> Option<()> {
+        let quantities: Vec<Column> = used.iter().map(|(_, column, _)| *column).collect();
+        match sink.begin(&quantities) {
+            Ok(()) => Some(()),
+            Err(problem) => self.refuse(place, &problem),
+        }
+    }
+
+    fn add_line(&self, table: &TextTable, line: &Line, used: &[Used], sink: &mut impl RowSink) -> Option<()> {
+        let field = |at: usize| line.fields.get(at).and_then(|field| field.parse::<f64>().ok());
+        let Err((column, problem)) = add(used, |at| field(at).unwrap_or(f64::NAN), sink) else {
+            return Some(());
+        };
+        let at = used.iter().find(|(_, of, _)| *of == column).map(|(at, ..)| *at);
+        self.refuse(table.place(line, at), &problem)
+    }
+
+    fn read_npy<S: RowSink>(&self, path: &Path, bytes: &[u8], sink: &mut S) -> Option<()> {
+        let place = Place::of_file(path);
+        let array = match NpyArray::parse(bytes) {
+            Ok(array) => array,
+            Err(e) => {
+                self.context.error_help(place, format!("this NumPy array {e}"), self.help);
+                return None;
+            }
+        };
+        let used = match &array.names {
+            Some(names) => self.used(&place, &names.iter().map(String::as_str).collect::<Vec<_>>()),
+            None => self.unnamed::<S>(&place, array.width())?,
+        };
+        self.add_rows(path, &used, array.rows, |row, column| array.number(row, column), sink)
+    }
+
+    fn read_parquet(&self, path: &Path, sink: &mut impl RowSink) -> Option<()> {
+        let place = Place::of_file(path);
+        let Some(read) = self.context.number_columns else {
+            let message = "Parquet files are not read here";
+            self.context.error_help(place, message, "write the table as CSV or as an array of NumPy (.npy)");
+            return None;
+        };
+        let columns = match read(path, &HEADINGS) {
+            Ok(columns) => columns,
+            Err(Error::Input(problems)) => {
+                self.context.problems.borrow_mut().extend(*problems);
+                return None;
+            }
+            Err(e) => {
+                self.context.error(place, e.to_string());
+                return None;
+            }
+        };
+        let found = columns.into_iter().zip(HEADINGS).filter_map(|(column, name)| Some((name, column?)));
+        let (names, columns): (Vec<&str>, Vec<Vec<f64>>) = found.unzip();
+        let used = self.used(&place, &names);
+        let rows = columns.first().map_or(0, Vec::len);
+        let number = |row: usize, column: usize| columns[column].get(row).copied().unwrap_or(f64::NAN);
+        self.add_rows(path, &used, rows, number, sink)
+    }
+
+    /// Adds the rows of a table without lines.
+    fn add_rows(
+        &self,
+        path: &Path,
+        used: &[Used],
+        rows: usize,
+        number: impl Fn(usize, usize) -> f64,
+        sink: &mut impl RowSink,
+    ) -> Option<()> {
+        self.begin(Place::of_file(path), used, sink)?;
+        for row in 0..rows {
+            if let Err(problem) = add_row(row, used, |at| number(row, at), sink) {
+                return self.refuse(Place::of_file(path), &problem);
+            }
+        }
+        Some(())
+    }
+}
+
+/// True if a line has a mark of correction files in place of numbers.
+fn skips<S: RowSink>(line: &Line) -> bool {
+    line.fields.first().is_some_and(|first| S::skips(first))
+}
+
+/// Adds a row of numbers by their places in the file. All of them must be finite.
+fn add(used: &[Used], number: impl Fn(usize) -> f64, sink: &mut impl RowSink) -> RowResult {
+    let mut row: Row = [f64::NAN; COLUMNS];
+    for (at, column, factor) in used {
+        let value = number(*at);
+        if !value.is_finite() {
+            return Err((*column, PatternProblem::Value("a finite number".to_owned())));
+        }
+        row[*column as usize] = if *factor == 1.0 { value } else { value * factor };
+    }
+    sink.add(&row)
+}
+
+/// Adds rows that a pipeline file lists.
+///
+/// # Errors
+/// The first problem.
+pub(super) fn add_listed<S: RowSink>(rows: &[Vec<f64>], sink: &mut S) -> Result<(), PatternProblem> {
+    let expected = rows.first().map_or(0, Vec::len);
+    let columns = S::unnamed(expected).ok_or(PatternProblem::Unnamed(expected))?;
+    sink.begin(columns)?;
+    let used: Vec<Used> = columns.iter().enumerate().map(|(i, column)| (i, *column, 1.0)).collect();
+    for (row, numbers) in rows.iter().enumerate() {
+        if numbers.len() != expected {
+            return Err(PatternProblem::Ragged { row, found: numbers.len(), expected });
+        }
+        add_row(row, &used, |at| numbers[at], sink)?;
+    }
+    Ok(())
+}
+
+/// Adds a row of a table without lines.
+fn add_row(
+    row: usize,
+    used: &[Used],
+    number: impl Fn(usize) -> f64,
+    sink: &mut impl RowSink,
+) -> Result<(), PatternProblem> {
+    add(used, number, sink).map_err(|(column, problem)| PatternProblem::InRow {
+        row,
+        column: column.name(),
+        problem: Box::new(problem),
+    })
+}
