@@ -153,8 +153,9 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     };
     let rate = PulseRate::of(&recording, &solution);
     if !rate.is_plausible() {
-        let reason = format!("{} needs {:.0} pulses a second", solution.model.mirror.name(), rate.mean);
-        return Err(no_flight(path, &recording, &reason));
+        let reason = format!("needs {:.0} pulses a second", rate.mean);
+        let misfit = Misfit { mirror: solution.model.mirror.name().to_string(), reason };
+        return Err(no_flight(path, &recording, FlightError::Unexplained(vec![misfit])));
     }
     let noise = ground::range_noise(&recording, &solution);
     let fit =

@@ -387,7 +387,8 @@ mod tests {
     #[test]
     fn rows_that_cannot_be_are_named() {
         let nan = f64::NAN;
-        let cases: [(&[Column], &[&[f64]], usize, Column, &str); 12] = [
+        type Case<'a> = (&'a [Column], &'a [&'a [f64]], usize, Column, &'a str);
+        let cases: [Case; 12] = [
             (&[Azimuth, Elevation], &[&[0.0, 0.0], &[nan, 0.0]], 1, Azimuth, "from -360 to 360"),
             (&[Azimuth, Elevation], &[&[1e300, 0.0]], 0, Azimuth, "from -360 to 360"),
             (&[Azimuth, Elevation], &[&[0.0, 90.1]], 0, Elevation, "from -90 to 90"),
