@@ -101,7 +101,11 @@ use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place, Problem};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::counted;
+use vlscan_base::store::FileBytes;
 use vlscan_geom::{DVec3, radians};
+
+/// Length of the parts of a file that are released together, bytes.
+const RELEASED_BYTES: usize = if cfg!(test) { 1 << 12 } else { 1 << 24 };
 
 /// A point as stored in its file. Attributes that the file lacks are 0; an intensity that it marks as missing
 /// is NaN.
@@ -242,6 +246,10 @@ struct Reading<'a> {
     found: &'a mut Diagnostics,
     /// Number of threads that decode.
     threads: usize,
+    /// The file, if parts that have been read are released.
+    file: Option<FileBytes>,
+    /// Offset in the file up to which it is released.
+    released: usize,
     /// Number of points with a value that does not fit, by attribute, and the place of the first one.
     misfits: [(u64, Option<Place>); Attribute::COUNT],
     /// The error of the sink, which has ended reading.
@@ -255,12 +263,38 @@ impl<'a> Reading<'a> {
         sink: &'a mut dyn PointSink,
         found: &'a mut Diagnostics,
     ) -> Reading<'a> {
-        Reading { path, selection, sink, found, threads: 1, misfits: Default::default(), failure: None }
+        Reading {
+            path,
+            selection,
+            sink,
+            found,
+            threads: 1,
+            file: None,
+            released: 0,
+            misfits: Default::default(),
+            failure: None,
+        }
     }
 
     /// Decodes on this number of threads where the format has blocks; on one unless it is called.
     fn on(self, threads: usize) -> Reading<'a> {
         Reading { threads, ..self }
+    }
+
+    /// Releases parts of a file that have been read.
+    fn release_from(&mut self, file: &FileBytes) {
+        self.file = Some(file.clone());
+    }
+
+    /// Releases the memory of the file before an offset, up to which it has been read. Small parts are
+    /// released together.
+    fn release_before(&mut self, end: usize) {
+        if let Some(file) = &self.file
+            && end >= self.released.saturating_add(RELEASED_BYTES)
+        {
+            file.release(self.released..end);
+            self.released = end;
+        }
     }
 
     /// Passes the format of the file to the sink, unless its reader passes more.

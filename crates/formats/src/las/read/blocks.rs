@@ -31,7 +31,7 @@ struct Block {
     details: Vec<PointDetails>,
     /// Offset of the chunk that begins with the block.
     start: Option<u64>,
-    /// Offset behind the chunk that ends with the block.
+    /// Offset behind the chunk, or the plain records, that ends with the block.
     end: Option<u64>,
     /// True if the record after these cannot be read.
     is_damaged: bool,
@@ -60,9 +60,11 @@ pub(super) fn read_plain(
 ) -> Passed {
     let length = usize::from(header.record_length).max(1);
     let complete = (records.len() / length).min(usize::try_from(header.count).unwrap_or(usize::MAX));
-    let blocks = records[..complete * length].chunks(BLOCK_RECORDS * length);
-    let make = |records: &[u8], block: &mut Block, emit: &mut Emit<'_, Block>| {
+    let block_bytes = BLOCK_RECORDS * length;
+    let blocks = records[..complete * length].chunks(block_bytes).enumerate();
+    let make = |(index, records): (usize, &[u8]), block: &mut Block, emit: &mut Emit<'_, Block>| {
         block.clear();
+        block.end = Some((header.data_at + index * block_bytes + records.len()) as u64);
         records.chunks_exact(length).for_each(|record| block.push(record, format));
         let _ = emit(block);
     };
@@ -129,6 +131,9 @@ fn take_blocks<I: Send>(
             }
         }
         position = block.end.or(position);
+        if let Some(end) = block.end {
+            reading.release_before(usize::try_from(end).unwrap_or(usize::MAX));
+        }
         if block.is_damaged { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     if let Err(failure) = in_order(threads, items, make, take) {
