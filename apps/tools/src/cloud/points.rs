@@ -1,7 +1,8 @@
-//! A point cloud in memory: 12 or 24 bytes for each position and up to 28 for its attributes, and a bounded
-//! number of points.
+//! A point cloud: 12 or 24 bytes for each position and up to 30 for its attributes, in bounded memory, and a
+//! bounded number of points.
 
-use super::positions::{Positions, halve, retain};
+use super::column::{Column, HeldValues};
+use super::positions::Positions;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -14,7 +15,13 @@ use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 /// Maximum number of points that are kept.
 const MAX_POINTS: usize = 40_000_000;
 
-/// A point cloud. When there are too many points, every second one of those kept is dropped.
+/// Memory of a cloud unless another limit is given, bytes.
+pub(super) const POINTS_BYTES: u64 = 1 << 27;
+/// Fewest points in memory, so that temporary files are few.
+const MIN_HELD_POINTS: u64 = if cfg!(test) { 64 } else { 1 << 16 };
+
+/// A point cloud. When there are too many points, every second one of those kept is dropped. Points beyond
+/// the memory that the cloud may take are in temporary files.
 #[derive(Clone, Debug)]
 pub struct Points {
     attributes: AttributeSet,
@@ -22,24 +29,26 @@ pub struct Points {
     kept: Option<AttributeSet>,
     /// Scale and offset of the positions in a file of LAS.
     steps: Option<(DVec3, DVec3)>,
+    /// Memory that the points may take, bytes; `None` for any.
+    max_bytes: Option<u64>,
     positions: Positions,
-    pub(crate) intensity: Vec<f32>,
-    pub(crate) class: Vec<u8>,
-    pub(crate) return_number: Vec<u8>,
-    pub(crate) number_of_returns: Vec<u8>,
+    pub(crate) intensity: Column<f32>,
+    pub(crate) class: Column<u8>,
+    pub(crate) return_number: Column<u8>,
+    pub(crate) number_of_returns: Column<u8>,
     /// Degrees.
-    pub(crate) scan_angle: Vec<f32>,
-    pub(crate) object: Vec<u16>,
+    pub(crate) scan_angle: Column<f32>,
+    pub(crate) object: Column<u16>,
     pub(crate) objects: Vec<String>,
-    pub(crate) leg: Vec<u16>,
+    pub(crate) leg: Column<u16>,
     /// Numbers above 255 are 255.
-    pub(crate) channel: Vec<u8>,
+    pub(crate) channel: Column<u8>,
     /// Red, green and blue as the file has them; empty without colours.
-    colour: Vec<[u16; 3]>,
+    colour: Column<[u16; 3]>,
     /// The greatest component of colours.
     max_colour: u16,
     /// Seconds after the first point.
-    pub(crate) time: Vec<f64>,
+    pub(crate) time: Column<f64>,
     first_time: Option<f64>,
     /// System of the coordinates as WKT.
     crs: Option<String>,
@@ -71,23 +80,30 @@ impl Default for Points {
 impl Points {
     /// An empty cloud whose points have `attributes`; the others take no memory.
     pub fn new(attributes: AttributeSet) -> Points {
+        Points::within(attributes, None)
+    }
+
+    /// An empty cloud whose points have `attributes` and take at most this memory, bytes.
+    pub(crate) fn within(attributes: AttributeSet, max_bytes: Option<u64>) -> Points {
+        let held = max_bytes.map_or(HeldValues::ALL, |bytes| held_points(attributes, bytes));
         Points {
             attributes,
             kept: None,
             steps: None,
-            positions: Positions::default(),
-            intensity: Vec::new(),
-            class: Vec::new(),
-            return_number: Vec::new(),
-            number_of_returns: Vec::new(),
-            scan_angle: Vec::new(),
-            object: Vec::new(),
+            max_bytes,
+            positions: Positions::in_metres(held),
+            intensity: Column::new(held),
+            class: Column::new(held),
+            return_number: Column::new(held),
+            number_of_returns: Column::new(held),
+            scan_angle: Column::new(held),
+            object: Column::new(held),
             objects: Vec::new(),
-            leg: Vec::new(),
-            channel: Vec::new(),
-            colour: Vec::new(),
+            leg: Column::new(held),
+            channel: Column::new(held),
+            colour: Column::new(held),
             max_colour: 0,
-            time: Vec::new(),
+            time: Column::new(held),
             first_time: None,
             crs: None,
             bounds: Aabb::EMPTY,
@@ -105,9 +121,24 @@ impl Points {
         }
     }
 
-    /// An empty cloud that keeps, of the points of a file, only these attributes.
-    pub(super) fn keeping(attributes: AttributeSet) -> Points {
-        Points { kept: Some(attributes), ..Points::default() }
+    /// An empty cloud that keeps, of the points of a file, these attributes, or all, in this memory, bytes.
+    pub(super) fn keeping(attributes: Option<AttributeSet>, max_bytes: u64) -> Points {
+        Points { kept: attributes, max_bytes: Some(max_bytes), ..Points::default() }
+    }
+
+    /// Releases the memory of points in temporary files, which is taken again when they are used.
+    pub(crate) fn release(&self) {
+        self.positions.release();
+        self.intensity.release();
+        self.class.release();
+        self.return_number.release();
+        self.number_of_returns.release();
+        self.scan_angle.release();
+        self.object.release();
+        self.leg.release();
+        self.channel.release();
+        self.colour.release();
+        self.time.release();
     }
 
     /// Adds a point; `object` is the name of its object, if it has one besides its number. A point with a
@@ -163,7 +194,7 @@ impl Points {
         }
         if let Some(colour) = row.colour.filter(|_| self.kept.is_none()) {
             // Points of other scans may have none.
-            self.colour.resize(self.positions.len() - 1, [0; 3]);
+            self.colour.fill(self.positions.len() - 1, [0; 3]);
             self.colour.push(colour);
             self.max_colour = colour.into_iter().fold(self.max_colour, u16::max);
         }
@@ -182,34 +213,35 @@ impl Points {
             return;
         }
         strays.warn(path, "left out", found);
-        let is_kept: Vec<bool> = self.positions.iter().map(|p| !strays.contains(p)).collect();
-        self.positions.retain(&is_kept);
-        retain(&mut self.intensity, &is_kept);
-        retain(&mut self.class, &is_kept);
-        retain(&mut self.return_number, &is_kept);
-        retain(&mut self.number_of_returns, &is_kept);
-        retain(&mut self.scan_angle, &is_kept);
-        retain(&mut self.object, &is_kept);
-        retain(&mut self.leg, &is_kept);
-        retain(&mut self.channel, &is_kept);
-        retain(&mut self.colour, &is_kept);
-        retain(&mut self.time, &is_kept);
+        let marks: Vec<bool> = self.positions.iter().map(|p| !strays.contains(p)).collect();
+        let is_kept = |index: usize| marks.get(index).copied().unwrap_or(true);
+        self.positions.retain(is_kept);
+        self.intensity.retain(is_kept);
+        self.class.retain(is_kept);
+        self.return_number.retain(is_kept);
+        self.number_of_returns.retain(is_kept);
+        self.scan_angle.retain(is_kept);
+        self.object.retain(is_kept);
+        self.leg.retain(is_kept);
+        self.channel.retain(is_kept);
+        self.colour.retain(is_kept);
+        self.time.retain(is_kept);
         self.added -= strays.count;
         self.bounds = self.positions.iter().fold(Aabb::EMPTY, Aabb::with);
     }
 
     fn drop_every_second(&mut self) {
         self.positions.halve();
-        halve(&mut self.intensity);
-        halve(&mut self.class);
-        halve(&mut self.return_number);
-        halve(&mut self.number_of_returns);
-        halve(&mut self.scan_angle);
-        halve(&mut self.object);
-        halve(&mut self.leg);
-        halve(&mut self.channel);
-        halve(&mut self.colour);
-        halve(&mut self.time);
+        self.intensity.halve();
+        self.class.halve();
+        self.return_number.halve();
+        self.number_of_returns.halve();
+        self.scan_angle.halve();
+        self.object.halve();
+        self.leg.halve();
+        self.channel.halve();
+        self.colour.halve();
+        self.time.halve();
         self.stride *= 2;
     }
 
@@ -263,27 +295,27 @@ impl Points {
 
     /// Intensity of a point; `None` if the points have none.
     pub fn intensity_of(&self, i: usize) -> Option<f32> {
-        self.intensity.get(i).copied()
+        self.intensity.get(i)
     }
 
     /// Return number of a point; `None` if the points have none.
     pub fn return_number_of(&self, i: usize) -> Option<u8> {
-        self.return_number.get(i).copied()
+        self.return_number.get(i)
     }
 
     /// Number of returns of the pulse of a point; `None` if the points have none.
     pub fn number_of_returns_of(&self, i: usize) -> Option<u8> {
-        self.number_of_returns.get(i).copied()
+        self.number_of_returns.get(i)
     }
 
     /// Class of a point; `None` if the points have none.
     pub fn class_of(&self, i: usize) -> Option<u8> {
-        self.class.get(i).copied()
+        self.class.get(i)
     }
 
     /// Scan angle of a point, degrees; `None` if the points have none.
     pub fn scan_angle_of(&self, i: usize) -> Option<f32> {
-        self.scan_angle.get(i).copied()
+        self.scan_angle.get(i)
     }
 
     /// True if some points have colours other than black.
@@ -304,7 +336,7 @@ impl Points {
 
     /// Leg (point source) and channel, at most 255, of a point; 0 where the points have none.
     pub fn source_of(&self, i: usize) -> (u16, u8) {
-        (self.leg.get(i).copied().unwrap_or(0), self.channel.get(i).copied().unwrap_or(0))
+        (self.leg.get(i).unwrap_or(0), self.channel.get(i).unwrap_or(0))
     }
 
     /// The system of the coordinates as WKT, if the file names one.
@@ -386,11 +418,13 @@ impl PointSink for Points {
     }
 
     fn start(&mut self, attributes: AttributeSet) {
-        let Points { kept, steps, .. } = *self;
+        let Points { kept, steps, max_bytes, .. } = *self;
         let is_kept = |attribute| attributes.has(attribute) && kept.is_none_or(|kept| kept.has(attribute));
-        let in_steps = |(scale, offset)| Positions::in_steps(scale, offset);
-        let positions = steps.map_or_else(Positions::default, in_steps);
-        *self = Points { kept, steps, positions, ..Points::new(AttributeSet::of(is_kept)) };
+        let points = Points::within(AttributeSet::of(is_kept), max_bytes);
+        let held = points.positions.max_held();
+        let in_steps = |(scale, offset)| Positions::in_steps(scale, offset, held);
+        let positions = steps.map_or_else(|| Positions::in_metres(held), in_steps);
+        *self = Points { kept, steps, positions, ..points };
     }
 
     fn file(&mut self, facts: &FileFacts) {
@@ -405,6 +439,24 @@ impl PointSink for Points {
         self.push(row, object);
         Ok(ControlFlow::Continue(()))
     }
+}
+
+/// The number of points with these attributes that take at most this memory.
+fn held_points(attributes: AttributeSet, max_bytes: u64) -> HeldValues {
+    let bytes_of = |attribute: Attribute| -> u64 {
+        match attribute {
+            Attribute::Time => 8,
+            Attribute::Intensity | Attribute::ScanAngle => 4,
+            Attribute::Object | Attribute::Leg => 2,
+            Attribute::Class | Attribute::ReturnNumber | Attribute::NumberOfReturns | Attribute::Channel => 1,
+            _ => 0,
+        }
+    };
+    let of_attributes = Attribute::ALL.into_iter().filter(|a| attributes.has(*a)).map(bytes_of);
+    // Positions in metres, and colours.
+    let bytes = 24 + 6 + of_attributes.sum::<u64>();
+    let points = (max_bytes / bytes).max(MIN_HELD_POINTS);
+    HeldValues::at_most(usize::try_from(points).unwrap_or(usize::MAX))
 }
 
 fn rounded(offset: DVec3) -> [f32; 3] {
@@ -443,8 +495,8 @@ mod tests {
             points.push(&PointRow { position, intensity: i as f32, class, ..PointRow::default() }, Some("a"));
         }
         assert_eq!((points.total(), points.len()), (100, 7));
-        assert_eq!(points.class, [0, 16, 32, 48, 64, 80, 96]);
-        assert_eq!((points.intensity[6], points.position(6).x, points.object.len()), (96.0, 96.0, 7));
+        assert_eq!(points.class.to_vec(), [0, 16, 32, 48, 64, 80, 96]);
+        assert_eq!((points.intensity.at(6), points.position(6).x, points.object.len()), (96.0, 96.0, 7));
         assert_eq!(points.bounds().max.x, 99.0);
     }
 
@@ -454,7 +506,10 @@ mod tests {
         for (leg, channel) in [(0, 3), (255, 256), (300, 0), (70, 1)] {
             points.push(&PointRow { leg, channel, ..PointRow::default() }, None);
         }
-        assert_eq!((&points.leg[..], &points.channel[..]), (&[0, 255, 300, 70][..], &[3, 255, 0, 1][..]));
+        assert_eq!(
+            (points.leg.to_vec(), points.channel.to_vec()),
+            (vec![0, 255, 300, 70], vec![3, 255, 0, 1])
+        );
         assert_eq!(points.beyond_bytes(), (1, 1));
     }
 
@@ -464,7 +519,7 @@ mod tests {
         for object in ["7", "7", "tree", "7", "tree"] {
             points.push(&PointRow::default(), Some(object));
         }
-        assert_eq!(points.object, [0, 0, 1, 0, 1]);
+        assert_eq!(points.object.to_vec(), [0, 0, 1, 0, 1]);
         assert_eq!(points.objects, ["7", "tree"]);
     }
 

@@ -119,7 +119,11 @@ pub fn compare(
     if cuts.iter().any(|cut| cut.len() == 0) {
         return Err(Error::input("one of the clouds has no points in the common box"));
     }
-    let tell = |what: &str| observer.notify(Notice::Detail(format!("compare: {what}")));
+    let tell = |what: &str| {
+        // The next step uses other attributes.
+        cuts.iter().for_each(|cut| cut.points.release());
+        observer.notify(Notice::Detail(format!("compare: {what}")));
+    };
     tell("pulses");
     let (setting, kind, count) = prepared(cuts, (low, high), [grid, wide_grid], first, options, observer)?;
     let Findings { quantities, mut missing } = findings(&setting, &tell);
@@ -197,6 +201,7 @@ fn prepared<'a>(
     let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| cut.offsets()));
     let lowest: Vec<f64> = extremes.into_iter().map(|[low, _]| low).collect();
     let halves = (options.chance && count >= MIN_BLOCKS).then(|| Halves::new(count));
+    let blocks = if halves.is_some() { blocks } else { Vec::new() };
     let most = options.max_distances;
     let setting = Setting { cuts, pulses, blocks, halves, grid, wide_grid, lowest, terrain, most };
     Ok((setting, kind, count))
@@ -206,8 +211,7 @@ fn prepared<'a>(
 fn described(setting: &Setting, index: usize, (name, points): (&str, &Points), area: f64) -> Cloud {
     let cut = setting.cuts[index];
     let count = cut.len() as f64 * cut.weight;
-    let of_pulses =
-        |found: &Pulses| [found.pulses.len(), if found.has_lines { found.lines.len() } else { 0 }];
+    let of_pulses = |found: &Pulses| [found.count(), if found.has_lines { found.lines.len() } else { 0 }];
     Cloud {
         name: name.to_owned(),
         points: points.total(),

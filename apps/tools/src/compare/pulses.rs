@@ -28,9 +28,14 @@ pub(super) struct Pulse {
     pub angle: f64,
 }
 
-/// The pulses of a cloud by source and time, and its scan lines.
-pub(super) struct Pulses {
-    pub pulses: Vec<Pulse>,
+/// The pulses of a cloud by source and time, and its scan lines. Of a pulse only its first echo is kept,
+/// which has its time, source and scan angle.
+pub(super) struct Pulses<'a> {
+    cut: &'a Cut<'a>,
+    /// The first echo of each pulse: number of the point in the cut.
+    first: Vec<u32>,
+    /// Number of returns of each pulse.
+    returns: Vec<u8>,
     /// The line of each pulse.
     pub line_of: Vec<u32>,
     /// Pulses of each line.
@@ -72,55 +77,90 @@ pub(super) struct MissingPulses {
     pub reason: PulsesError,
 }
 
-impl Pulse {
-    /// The pulse of some points by the number of their return, of which there is at least one.
-    fn of(cut: &Cut, points: &[u32]) -> Pulse {
-        let (mut first, mut least, mut stated) = (points[0], u8::MAX, 0);
-        for i in points {
-            let Some((number, count)) = cut.returns(*i as usize) else { continue };
-            stated = stated.max(count);
-            if number < least {
-                (first, least) = (*i, number);
-            }
-        }
-        let (source, time) = key(cut, first);
-        let angle = cut.points.scan_angle_of(cut.index(first as usize));
-        Pulse {
-            source,
-            time,
-            first,
-            returns: if stated > 0 { stated } else { points.len().min(255) as u8 },
-            angle: angle.map_or(0.0, f64::from),
+/// The first echo and the number of returns of a pulse with some points by the number of their return, of
+/// which there is at least one.
+fn first_echo(cut: &Cut, points: &[u32]) -> (u32, u8) {
+    let (mut first, mut least, mut stated) = (points[0], u8::MAX, 0);
+    for i in points {
+        let Some((number, count)) = cut.returns(*i as usize) else { continue };
+        stated = stated.max(count);
+        if number < least {
+            (first, least) = (*i, number);
         }
     }
+    (first, if stated > 0 { stated } else { points.len().min(255) as u8 })
 }
 
-impl Pulses {
+impl<'a> Pulses<'a> {
     /// The pulses of the points of a cut.
     ///
     /// # Errors
     /// Points without times, or with too coarse ones.
-    pub fn of(cut: &Cut) -> Result<Pulses, PulsesError> {
+    pub fn of(cut: &'a Cut<'a>) -> Result<Pulses<'a>, PulsesError> {
         if cut.points.is_thinned() {
             return Err(PulsesError::Thinned);
         }
         let order = order_by_pulse(cut)?;
-        let (mut pulses, mut pulse_of, mut ambiguous) = (Vec::new(), vec![0; cut.len()], 0);
+        let (mut first, mut returns) = (Vec::new(), Vec::new());
+        let (mut pulse_of, mut ambiguous) = (vec![0; cut.len()], 0);
         for points in order.chunk_by(|a, b| key(cut, *a) == key(cut, *b)) {
             let numbers = points.windows(2).map(|pair| (number(cut, pair[0]), number(cut, pair[1])));
             ambiguous += numbers.filter(|(number, next)| number == next && *number > 0).count();
-            points.iter().for_each(|i| pulse_of[*i as usize] = pulses.len() as u32);
-            pulses.push(Pulse::of(cut, points));
+            points.iter().for_each(|i| pulse_of[*i as usize] = first.len() as u32);
+            let (echo, count) = first_echo(cut, points);
+            first.push(echo);
+            returns.push(count);
         }
-        if !PulseGroups::are_distinct(ambiguous, pulses.len()) {
+        drop(order);
+        if !PulseGroups::are_distinct(ambiguous, first.len()) {
             return Err(PulsesError::CoarseTimes(ambiguous));
         }
-        pulses.shrink_to_fit();
-        let has_angles = pulses.iter().any(|pulse| pulse.angle != pulses[0].angle);
-        let mut found =
-            Pulses { pulses, line_of: Vec::new(), lines: Vec::new(), pulse_of, has_lines: false, has_angles };
+        first.shrink_to_fit();
+        returns.shrink_to_fit();
+        let mut found = Pulses {
+            cut,
+            first,
+            returns,
+            line_of: Vec::new(),
+            lines: Vec::new(),
+            pulse_of,
+            has_lines: false,
+            has_angles: false,
+        };
+        let angle = found.iter().next().map_or(0.0, |pulse| pulse.angle);
+        let has_angles = found.iter().any(|pulse| pulse.angle != angle);
+        found.has_angles = has_angles;
         found.find_lines();
+        cut.points.release();
         Ok(found)
+    }
+
+    /// Number of pulses.
+    pub fn count(&self) -> usize {
+        self.first.len()
+    }
+
+    /// A pulse by its number.
+    pub fn pulse(&self, number: usize) -> Pulse {
+        let (first, returns) = (self.first[number], self.returns[number]);
+        let (source, time) = key(self.cut, first);
+        let angle = self.cut.points.scan_angle_of(self.cut.index(first as usize));
+        Pulse { source, time, first, returns, angle: angle.map_or(0.0, f64::from) }
+    }
+
+    /// All pulses in their order.
+    pub fn iter(&self) -> impl Iterator<Item = Pulse> + '_ {
+        (0..self.count()).map(move |number| self.pulse(number))
+    }
+
+    /// The time of a pulse, s.
+    pub fn time(&self, number: usize) -> f64 {
+        key(self.cut, self.first[number]).1
+    }
+
+    /// The leg and channel of a pulse.
+    fn source(&self, number: usize) -> (u16, u8) {
+        key(self.cut, self.first[number]).0
     }
 
     /// The line of each point of the cut. The pulses of points are dropped.
@@ -130,14 +170,13 @@ impl Pulses {
     }
 
     fn find_lines(&mut self) {
-        let mut start = 0;
-        let mut sources = 0;
-        for pulses in self.pulses.chunk_by(|a, b| a.source == b.source) {
-            for line in lines_of(pulses, self.has_angles) {
-                self.lines.push(start + line.start..start + line.end);
-            }
-            start += pulses.len();
-            sources += 1;
+        let (mut start, mut sources) = (0, 0);
+        while start < self.count() {
+            let source = self.source(start);
+            let end = start + (start..self.count()).take_while(|i| self.source(*i) == source).count();
+            let lines = lines_of(start..end, &|i| self.pulse(i), self.has_angles);
+            self.lines.extend(lines);
+            (start, sources) = (end, sources + 1);
         }
         let long = self.lines.iter().filter(|line| line.len() >= MIN_LINE_PULSES).count();
         self.has_lines = long >= MIN_LINES && long > sources;
@@ -148,13 +187,12 @@ impl Pulses {
 
     /// Times between successive pulses of a line, s, with the line.
     pub fn intervals(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
-        self.neighbours().map(|(i, line)| (self.pulses[i + 1].time - self.pulses[i].time, line))
+        self.neighbours().map(move |(i, line)| (self.time(i + 1) - self.time(i), line))
     }
 
     /// Horizontal distances between the first echoes of successive pulses of a line, m, with the line.
-    pub fn spacings<'s>(&'s self, cut: &'s Cut) -> impl Iterator<Item = (f64, u32)> + 's {
-        let place = |i: usize| self.place(cut, i);
-        self.neighbours().map(move |(i, line)| (distance(place(i), place(i + 1)), line))
+    pub fn spacings(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
+        self.neighbours().map(move |(i, line)| (distance(self.place(i), self.place(i + 1)), line))
     }
 
     /// Pulses that are followed by another one of their line, with the line.
@@ -164,8 +202,8 @@ impl Pulses {
     }
 
     /// Horizontal position of the first echo of a pulse, m.
-    pub fn place(&self, cut: &Cut, pulse: usize) -> [f64; 2] {
-        let [x, y, _] = cut.offset(self.pulses[pulse].first as usize);
+    pub fn place(&self, pulse: usize) -> [f64; 2] {
+        let [x, y, _] = self.cut.offset(self.first[pulse] as usize);
         [x, y]
     }
 
@@ -185,22 +223,23 @@ impl Pulses {
     fn line_times(&self, lines: &[usize]) -> Vec<Option<f64>> {
         /// Less than the steps of angles in files, so that no pulse is at the angle itself.
         const BETWEEN_STEPS: f64 = 1e-3;
-        let source = |line: usize| self.pulses[self.lines[line].start].source;
+        let source = |line: usize| self.source(self.lines[line].start);
         let mut times = Vec::with_capacity(lines.len());
         for lines in lines.chunk_by(|a, b| source(*a) == source(*b)) {
-            let pulses_of = |line: &usize| &self.pulses[self.lines[*line].clone()];
+            let pulses_of = |line: &usize| self.lines[*line].clone().map(move |i| self.pulse(i));
             let mut angles: Vec<f64> = lines.iter().flat_map(pulses_of).map(|pulse| pulse.angle).collect();
             let middle = angles.len() / 2;
             let angle = *angles.select_nth_unstable_by(middle, f64::total_cmp).1 + BETWEEN_STEPS;
-            let passes = |pair: &[Pulse]| (pair[0].angle - angle) * (pair[1].angle - angle) < 0.0;
+            let passes = |a: &Pulse, b: &Pulse| (a.angle - angle) * (b.angle - angle) < 0.0;
             let time = |line: &usize| {
-                let pulses = pulses_of(line);
                 if !self.has_angles {
-                    return Some(0.5 * (pulses[0].time + pulses[pulses.len() - 1].time));
+                    let line = &self.lines[*line];
+                    return Some(0.5 * (self.time(line.start) + self.time(line.end - 1)));
                 }
-                let pair = pulses.windows(2).find(|pair| passes(pair))?;
-                let share = (angle - pair[0].angle) / (pair[1].angle - pair[0].angle);
-                Some(pair[0].time + share * (pair[1].time - pair[0].time))
+                let mut pairs = pulses_of(line).zip(pulses_of(line).skip(1));
+                let (a, b) = pairs.find(|(a, b)| passes(a, b))?;
+                let share = (angle - a.angle) / (b.angle - a.angle);
+                Some(a.time + share * (b.time - a.time))
             };
             times.extend(lines.iter().map(time));
         }
@@ -211,7 +250,7 @@ impl Pulses {
     /// [`MAX_LINE_GAP`] times the usual time, in other cases strips end.
     pub fn line_intervals(&self) -> Vec<(f64, u32)> {
         let lines: Vec<usize> = self.long_lines().collect();
-        let source = |line: usize| self.pulses[self.lines[line].start].source;
+        let source = |line: usize| self.source(self.lines[line].start);
         let line_times = self.line_times(&lines);
         let pairs = lines.windows(2).zip(line_times.windows(2));
         let of_source = pairs.filter(|(lines, _)| source(lines[0]) == source(lines[1]));
@@ -227,7 +266,7 @@ impl Pulses {
     /// Horizontal distances from pulses of a line to the nearest of the next three lines of its source, m,
     /// with the line: two arcs of one revolution of a conic scanner lie far apart, and the next but one is
     /// the neighbour. At most 25 pulses of each of at most 2000 lines, evenly chosen.
-    pub fn line_spacings(&self, cut: &Cut) -> Vec<(f64, u32)> {
+    pub fn line_spacings(&self) -> Vec<(f64, u32)> {
         const NEXT: usize = 3;
         const MAX_PULSES: usize = 25;
         const MAX_LINES: usize = 2000;
@@ -244,8 +283,8 @@ impl Pulses {
             let range = self.lines[line].clone();
             let step = range.len().div_ceil(MAX_PULSES).max(1);
             for pulse in range.step_by(step) {
-                let place = self.place(cut, pulse);
-                let to = next.iter().filter_map(|line| self.distance_to_line(cut, place, line));
+                let place = self.place(pulse);
+                let to = next.iter().filter_map(|line| self.distance_to_line(place, line));
                 if let Some(nearest) = to.min_by(f64::total_cmp) {
                     found.push((nearest, line as u32));
                 }
@@ -256,14 +295,14 @@ impl Pulses {
 
     /// The distance of a place from the polyline of a line's first echoes; `None` where the line does not
     /// pass it.
-    fn distance_to_line(&self, cut: &Cut, place: [f64; 2], line: &Range<usize>) -> Option<f64> {
-        let nearest = line.clone().min_by(|a, b| {
-            distance(place, self.place(cut, *a)).total_cmp(&distance(place, self.place(cut, *b)))
-        })?;
+    fn distance_to_line(&self, place: [f64; 2], line: &Range<usize>) -> Option<f64> {
+        let nearest = line
+            .clone()
+            .min_by(|a, b| distance(place, self.place(*a)).total_cmp(&distance(place, self.place(*b))))?;
         if nearest == line.start || nearest + 1 == line.end {
             return None;
         }
-        let to = |i: usize| distance_to_segment(place, [self.place(cut, i), self.place(cut, i + 1)]);
+        let to = |i: usize| distance_to_segment(place, [self.place(i), self.place(i + 1)]);
         Some(to(nearest - 1).min(to(nearest)))
     }
 }
@@ -301,17 +340,17 @@ fn order_by_pulse(cut: &Cut) -> Result<Vec<u32>, PulsesError> {
     Ok(order)
 }
 
-/// The lines of the pulses of one source.
-fn lines_of(pulses: &[Pulse], has_angles: bool) -> Vec<Range<usize>> {
-    let gap = gap_between_lines(pulses);
-    let turn = has_angles.then(|| smallest_turn(pulses)).flatten();
+/// The lines of the pulses of one source, which have these numbers.
+fn lines_of(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse, has_angles: bool) -> Vec<Range<usize>> {
+    let gap = gap_between_lines(numbers.clone(), pulse);
+    let turn = has_angles.then(|| smallest_turn(numbers.clone(), pulse)).flatten();
     let mut lines = Vec::new();
-    let mut start = 0;
-    for end in 1..=pulses.len() {
-        let is_end = end == pulses.len() || pulses[end].time - pulses[end - 1].time > gap;
+    let mut start = numbers.start;
+    for end in numbers.start + 1..=numbers.end {
+        let is_end = end == numbers.end || pulse(end).time - pulse(end - 1).time > gap;
         if is_end {
             match turn {
-                Some(turn) => between_turns(pulses, start..end, turn, &mut lines),
+                Some(turn) => between_turns(pulse, start..end, turn, &mut lines),
                 None => lines.push(start..end),
             }
             start = end;
@@ -324,14 +363,15 @@ fn lines_of(pulses: &[Pulse], has_angles: bool) -> Vec<Range<usize>> {
 /// those of lines. Their limit is the widest step of the ascending intervals on a logarithmic scale, weighted
 /// by the logarithm of the number of intervals beyond, so that a few pauses between strips are no lines.
 /// Infinite without such a step.
-fn gap_between_lines(pulses: &[Pulse]) -> f64 {
+fn gap_between_lines(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse) -> f64 {
     /// Ratio beyond which a wider step says nothing more.
     const CLEAR: f64 = 10.0;
     /// Least ratio of a step.
     const LEAST: f64 = 2.0;
     /// Least ratio of the time between lines and the usual interval.
     const BEYOND: f64 = 10.0;
-    let mut intervals: Vec<f64> = pulses.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
+    let interval = |i: usize| pulse(i).time - pulse(i - 1).time;
+    let mut intervals: Vec<f64> = (numbers.start + 1..numbers.end).map(interval).collect();
     intervals.retain(|interval| *interval > 0.0);
     intervals.sort_unstable_by(f64::total_cmp);
     let Some(usual) = intervals.get(intervals.len() / 2).copied() else { return f64::INFINITY };
@@ -349,8 +389,8 @@ fn gap_between_lines(pulses: &[Pulse]) -> f64 {
 
 /// The smallest change of the scan angle against its sense that is a turn: a twentieth of its range, and more
 /// than one step of the file; `None` if the angle does not vary by more than a few steps.
-fn smallest_turn(pulses: &[Pulse]) -> Option<f64> {
-    let mut angles: Vec<f64> = pulses.iter().map(|pulse| pulse.angle).collect();
+fn smallest_turn(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse) -> Option<f64> {
+    let mut angles: Vec<f64> = numbers.map(|i| pulse(i).angle).collect();
     angles.sort_unstable_by(f64::total_cmp);
     let range = angles[angles.len() - 1] - angles[0];
     let steps = angles.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-5);
@@ -360,23 +400,30 @@ fn smallest_turn(pulses: &[Pulse]) -> Option<f64> {
 
 /// Appends the lines of a range of pulses: they end where the scan angle turns, or jumps back by half its
 /// range.
-fn between_turns(pulses: &[Pulse], range: Range<usize>, turn: f64, lines: &mut Vec<Range<usize>>) {
+fn between_turns(
+    pulse: &dyn Fn(usize) -> Pulse,
+    range: Range<usize>,
+    turn: f64,
+    lines: &mut Vec<Range<usize>>,
+) {
     let jump = 10.0 * turn;
     let mut start = range.start;
     // The farthest pulse in the present sense, from which a turn is measured.
     let mut farthest = start;
     let mut sense = 0.0;
     for i in range.start + 1..range.end {
-        let step = pulses[i].angle - pulses[i - 1].angle;
+        let angle = pulse(i).angle;
+        let step = angle - pulse(i - 1).angle;
         if step.abs() >= jump {
             lines.push(start..i);
             (start, farthest, sense) = (i, i, 0.0);
             continue;
         }
-        let ahead = pulses[i].angle - pulses[farthest].angle;
+        let ahead = angle - pulse(farthest).angle;
         if sense == 0.0 {
-            if (pulses[i].angle - pulses[start].angle).abs() >= turn {
-                (farthest, sense) = (i, (pulses[i].angle - pulses[start].angle).signum());
+            let since_start = angle - pulse(start).angle;
+            if since_start.abs() >= turn {
+                (farthest, sense) = (i, since_start.signum());
             }
         } else if ahead * sense >= 0.0 {
             farthest = i;
@@ -447,17 +494,17 @@ pub(super) mod tests {
             let points = recording(turns, period);
             let cut = cut(&points);
             let found = Pulses::of(&cut).unwrap();
-            assert_eq!((found.pulses.len(), found.lines.len()), (4000, 40), "{turns} {period}");
+            assert_eq!((found.count(), found.lines.len()), (4000, 40), "{turns} {period}");
             assert!(found.has_lines);
-            assert_eq!(found.pulses.iter().filter(|pulse| pulse.returns == 2).count(), 800);
+            assert_eq!(found.iter().filter(|pulse| pulse.returns == 2).count(), 800);
             // The angle of a turn without a pause is that of the pulses before and after.
             assert!(found.lines.iter().all(|line| (99..=101).contains(&line.len())), "{turns} {period}");
             // Times of some 3e8 s have steps of 60 ns.
             assert!(found.intervals().all(|(time, _)| (time - 1e-6).abs() < 7e-8));
             assert!(found.line_intervals().iter().all(|(time, _)| (time - period).abs() < 1.1e-6));
-            let along: Vec<f64> = found.spacings(&cut).map(|(d, _)| d).collect();
+            let along: Vec<f64> = found.spacings().map(|(d, _)| d).collect();
             assert!(along.iter().filter(|d| (**d - 0.5).abs() < 1e-9).count() > 39 * 98, "{turns} {period}");
-            let across = found.line_spacings(&cut);
+            let across = found.line_spacings();
             assert!(across.len() > 800 && across.iter().all(|(d, _)| (d - 2.0).abs() < 1e-9));
         }
     }
@@ -474,7 +521,7 @@ pub(super) mod tests {
                 pulses.push(pulse(f64::from(line) * 5e-3 + f64::from(i) * 2e-6 + pause));
             }
         }
-        assert_eq!(lines_of(&pulses, false).len(), 100);
+        assert_eq!(lines_of(0..pulses.len(), &|i| pulses[i], false).len(), 100);
     }
 
     #[test]
