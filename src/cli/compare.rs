@@ -9,13 +9,14 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, reads, refuse_existing, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_formats::PointFormat;
-use vlscan_tools::cloud::read_attributes;
+use vlscan_tools::cloud::read_within;
 use vlscan_tools::compare::{changed_points, compare, compared_attributes, json, page, table, write_changed};
 
 pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     check(args)?;
     let observer = console.listener();
-    let read = |path: &Path| read_attributes(path, compared_attributes());
+    let max_bytes = args.memory.of_each(2);
+    let read = |path: &Path| read_within(path, Some(compared_attributes()), max_bytes);
     let [first, second] = [&args.first, &args.second].map(|path| read_cloud(path, console, read));
     let (first, second) = (first?, second?);
     let names = [&args.first, &args.second].map(|path| path.display().to_string());

@@ -13,7 +13,7 @@ use vlscan_base::quantity::{amount, amount_of};
 use vlscan_campaign::SurveySketch;
 use vlscan_options::holds_survey;
 use vlscan_session::output::expand;
-use vlscan_tools::cloud::{Points, Wave, read_attributes, read_packet, read_points, read_wave};
+use vlscan_tools::cloud::{Points, Wave, read_packet, read_wave, read_within};
 use vlscan_tools::preview::{Chart, ColourBy, Picture, PreviewOptions, draw, write_octree, write_page};
 
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
@@ -42,13 +42,10 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         return survey(args, &options, console);
     }
     // A page offers all colours.
-    let points = match is_page(&args.out) || options.colour == ColourBy::Rgb {
-        true => read_cloud(&args.points, console, read_points)?,
-        false => {
-            let attributes = options.colour.attributes();
-            read_cloud(&args.points, console, |path| read_attributes(path, attributes))?
-        }
-    };
+    let needs_all = is_page(&args.out) || options.colour == ColourBy::Rgb;
+    let attributes = (!needs_all).then(|| options.colour.attributes());
+    let read = |path: &Path| read_within(path, attributes, args.memory.of_each(1));
+    let points = read_cloud(&args.points, console, read)?;
     console.warnings(&options.colour.doubts(&points, &args.points))?;
     match is_page(&args.out) {
         true => page(args, &points, &options, console),

@@ -20,7 +20,9 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     let crs = args.crs.as_ref().map(vlscan_options::Crs::wkt).transpose()?;
     let kinds: Vec<RasterKind> = requested.iter().map(|(kind, _)| *kind).collect();
     let clouds = CloudSource::files(&args.clouds);
-    let read = || CloudRasters::read(&clouds, &kinds, &args.options, crs, machine::memory());
+    let max_memory = args.max_memory.map(|bytes| bytes.0);
+    let max_bytes = max_memory.or_else(|| machine::memory().map(|bytes| bytes / 2));
+    let read = || CloudRasters::read(&clouds, &kinds, &args.options, crs, max_bytes);
     let (rasters, found) = during(console, "reading points", read)?;
     console.warnings(&found)?;
     let [columns, rows] = rasters.size();

@@ -25,7 +25,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::quantity::counted;
+use vlscan_base::quantity::{bytes, counted};
 use vlscan_crs as crs;
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, Selection, StrayFinder, Strays};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
@@ -80,8 +80,8 @@ struct Sink {
 }
 
 impl Sink {
-    /// No points yet. `memory` is that of the machine, bytes; `left_out` are points that do not count.
-    fn new(cells: Cells, memory: Option<u64>, left_out: Option<Strays>) -> Sink {
+    /// No points yet. The cells may take `max_bytes` of memory; `left_out` are points that do not count.
+    fn new(cells: Cells, max_bytes: Option<u64>, left_out: Option<Strays>) -> Sink {
         Sink {
             cells,
             points: 0,
@@ -90,7 +90,7 @@ impl Sink {
             ground: 0,
             strays: StrayFinder::default(),
             left_out,
-            max_bytes: memory.map(|bytes| bytes / 2),
+            max_bytes,
             attributes: AttributeSet::default(),
             crs: None,
             skipped: 0,
@@ -169,7 +169,7 @@ fn check_points(sink: &Sink, kinds: &[RasterKind], name: &str, input: &str) -> R
 
 impl CloudRasters {
     /// Reads point clouds as one, for rasters of some kinds. `crs` is the system of clouds that name none, as
-    /// WKT; `memory` the memory of the machine, bytes. Returns also what there is to say of the clouds.
+    /// WKT; `max_bytes` the memory that the cells may take. Returns also what there is to say of the clouds.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, clouds in different systems, no
@@ -179,12 +179,12 @@ impl CloudRasters {
         kinds: &[RasterKind],
         options: &RasterOptions,
         crs: Option<String>,
-        memory: Option<u64>,
+        max_bytes: Option<u64>,
     ) -> Result<(CloudRasters, Diagnostics)> {
         options.check()?;
         let needs_ground = kinds.iter().any(|kind| kind.needs_ground());
         let mut all = Diagnostics::default();
-        let new = |within| Sink::new(Cells::new(options.cell, needs_ground), memory, within);
+        let new = |within| Sink::new(Cells::new(options.cell, needs_ground), max_bytes, within);
         let mut sink = new(None);
         let named = read_all(&mut sink, (clouds, options), crs.as_deref(), &mut all)?;
         let names: Vec<String> = clouds.iter().map(|cloud| cloud.name().display().to_string()).collect();
@@ -350,9 +350,10 @@ fn read_into(
     cloud.read(sink, &mut found)?;
     if sink.is_too_large {
         return Err(Error::input(format!(
-            "cells of {} m over so large a place need more than half of the memory; take larger ones \
-             (--cell) or fewer files",
-            options.cell
+            "cells of {} m over so large a place need more than {} of memory; take larger ones (--cell), \
+             fewer files or more memory (--max-memory)",
+            options.cell,
+            bytes(sink.max_bytes.unwrap_or(u64::MAX))
         )));
     }
     if sink.skipped > skipped {
