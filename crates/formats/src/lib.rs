@@ -96,6 +96,7 @@ pub use settings::{CloudSettings, FrameNames};
 pub use strays::{Apart, StrayFinder, Strays};
 pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
 
+use std::any::Any;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place, Problem};
@@ -200,6 +201,19 @@ pub struct FileFacts {
     pub las: Option<LasFacts>,
 }
 
+/// Sums over a block of successive points, made on the thread that decodes them. Blocks end anywhere, so the
+/// sums over all blocks must not depend on where they end.
+pub trait PointPart: Any + Send {
+    /// Adds the next point of the block; its object has no name.
+    fn add(&mut self, row: &PointRow);
+
+    /// Begins another block.
+    fn clear(&mut self);
+}
+
+/// Makes an empty part of a sink.
+pub type NewPart = Box<dyn Fn() -> Box<dyn PointPart> + Send + Sync>;
+
 /// Takes the points of a file.
 pub trait PointSink {
     /// Called once, before the first point, with the attributes that the points have.
@@ -229,6 +243,20 @@ pub trait PointSink {
 
     /// Takes the details of the next point, before the point itself: of LAS.
     fn details(&mut self, _details: &PointDetails) {}
+
+    /// Makes empty parts for blocks of points, if the sink uses these instead of single points where it can:
+    /// of LAS. Called after [`PointSink::start`].
+    fn parts(&self) -> Option<NewPart> {
+        None
+    }
+
+    /// Takes the part of the next block of points in the order of the file. `Break` ends reading.
+    ///
+    /// # Errors
+    /// The errors of the sink, as for [`PointSink::point`].
+    fn add_part(&mut self, _part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {
+        Ok(ControlFlow::Continue(()))
+    }
 
     /// Takes the next point in the order of the file; `object` is the name of its object in files that have
     /// names. `Break` ends reading.
@@ -360,6 +388,26 @@ impl<'a> Reading<'a> {
             }
         }
         match self.sink.point(row, object) {
+            Ok(flow) => flow,
+            Err(failure) => {
+                self.failure = Some(failure);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    /// Passes the part of a block to the sink, with the numbers of its values that do not fit.
+    fn take_part(
+        &mut self,
+        part: &mut (dyn PointPart + 'static),
+        misfits: &[u64; Attribute::COUNT],
+    ) -> ControlFlow<()> {
+        let path = self.path;
+        for ((count, first), more) in self.misfits.iter_mut().zip(misfits).filter(|(_, more)| **more > 0) {
+            *count += more;
+            first.get_or_insert_with(|| Place::of_file(path));
+        }
+        match self.sink.add_part(part) {
             Ok(flow) => flow,
             Err(failure) => {
                 self.failure = Some(failure);

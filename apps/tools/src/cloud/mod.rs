@@ -10,7 +10,8 @@
 //! | `source` | where a cloud comes from |
 //! | `read` | reads files and tables of points |
 //! | `wave`, `read_packets` | waveforms from text and from LAS |
-//! | `facts`, `facts_text` | what a cloud is, in bounded memory; as text and as JSON |
+//! | `facts`, `facts_part` | what a cloud is, in bounded memory; of a block of points |
+//! | `facts_text` | facts as text and as JSON |
 //! | `occupancy` | the area that points cover |
 //! | `classes` | names of point classes |
 //! | `extent` | the error about a cloud that has too many cells |
@@ -19,6 +20,7 @@ mod classes;
 mod column;
 mod extent;
 mod facts;
+mod facts_part;
 mod facts_text;
 mod occupancy;
 mod points;
@@ -33,7 +35,8 @@ mod wave;
 pub(crate) use classes::NOISE;
 pub use classes::class_name;
 pub(crate) use extent::{in_command, too_many_cells};
-pub use facts::{CloudSummary, LineFacts, Span, cloud_facts};
+pub use facts::{CloudSummary, cloud_facts};
+pub use facts_part::{LineFacts, Span};
 pub use points::Points;
 pub use read::{points_of_table, read_attributes, read_points, read_within};
 pub use read_packets::read_packet;

@@ -443,18 +443,22 @@ impl PointSink for Points {
 
 /// The number of points with these attributes that take at most this memory.
 fn held_points(attributes: AttributeSet, max_bytes: u64) -> HeldValues {
-    let bytes_of = |attribute: Attribute| -> u64 {
-        match attribute {
-            Attribute::Time => 8,
-            Attribute::Intensity | Attribute::ScanAngle => 4,
-            Attribute::Object | Attribute::Leg => 2,
-            Attribute::Class | Attribute::ReturnNumber | Attribute::NumberOfReturns | Attribute::Channel => 1,
-            _ => 0,
-        }
-    };
-    let of_attributes = Attribute::ALL.into_iter().filter(|a| attributes.has(*a)).map(bytes_of);
+    use Attribute::{Channel, Class, Intensity, Leg, NumberOfReturns, Object, ReturnNumber, ScanAngle, Time};
+    let sizes = [
+        (Time, 8_u64),
+        (Intensity, 4),
+        (ScanAngle, 4),
+        (Object, 2),
+        (Leg, 2),
+        (Class, 1),
+        (ReturnNumber, 1),
+        (NumberOfReturns, 1),
+        (Channel, 1),
+    ];
+    let of_attributes: u64 =
+        sizes.into_iter().filter(|(attribute, _)| attributes.has(*attribute)).map(|(_, size)| size).sum();
     // Positions in metres, and colours.
-    let bytes = 24 + 6 + of_attributes.sum::<u64>();
+    let bytes = 24 + 6 + of_attributes;
     let points = (max_bytes / bytes).max(MIN_HELD_POINTS);
     HeldValues::at_most(usize::try_from(points).unwrap_or(usize::MAX))
 }
