@@ -212,6 +212,7 @@ pub(super) fn assemble(
         true => PulseGroups::of(&keys)?,
         false => PulseGroups::by_time(&keys),
     };
+    drop(keys);
     let mut all = Recording { bounds: Aabb::EMPTY, ..Recording::default() };
     // Numbers of pulses, including pulses that are left out.
     let mut number = 0;
