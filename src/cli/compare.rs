@@ -24,7 +24,8 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     let comparison = during(console, "comparing the clouds", || compare(clouds, &args.options, &observer))?;
     let (mut group, mut written) = (FileGroup::default(), Vec::new());
     if let Some(path) = &args.page {
-        group.write(path, args.force, page(&comparison, [&first, &second])?.as_bytes())?;
+        let page = during(console, "drawing the page", || page(&comparison, [&first, &second]))?;
+        group.write(path, args.force, page.as_bytes())?;
         written.push((messages::written(path, "page"), format!("{}: open it in a browser", path.display())));
     }
     if let Some(path) = &args.change {
@@ -38,7 +39,8 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
         written.push((messages::written(path, "raster"), text));
     }
     if let Some(path) = &args.changed {
-        let changed = changed_points([&first, &second], args.options.cell)?;
+        let find = || changed_points([&first, &second], args.options.cell);
+        let changed = during(console, "looking for changed points", find)?;
         write_changed(path, args.force, [&first, &second], &changed, &observer, &mut group)?;
         let [new, gone] = [&changed.new, &changed.gone].map(|points| amount(points.len() as f64));
         let text = format!("{}: {new} new and {gone} gone points", path.display());

@@ -49,7 +49,10 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
     console.warnings(&options.colour.doubts(&points, &args.points))?;
     match is_page(&args.out) {
         true => page(args, &points, &options, console),
-        false => picture(args, &points, &draw(&points, &options), console),
+        false => {
+            let drawn = during(console, "drawing the picture", || draw(&points, &options));
+            picture(args, &points, &drawn, console)
+        }
     }
 }
 
@@ -81,7 +84,8 @@ fn picture(args: &PreviewArgs, points: &Points, picture: &Picture, console: &Con
 
 /// Writes a page of points.
 fn page(args: &PreviewArgs, points: &Points, options: &PreviewOptions, console: &Console) -> Result<()> {
-    let page = write(args, |out| write_page(points, options, out))?;
+    let work = || write(args, |out| write_page(points, options, out));
+    let page = during(console, "writing the page", work)?;
     let count = amount_of(points.total() as f64, "point");
     let sampled = if page.shown < page.total {
         format!("{} of {count}, evenly chosen (--max-points)", amount(page.shown as f64))

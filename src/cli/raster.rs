@@ -41,7 +41,8 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     };
     let mut group = FileGroup::default();
     for (kind, path) in requested.iter().filter(|(_, path)| !means_stdout(path)) {
-        group.write(path, args.force, &rasters.geotiff(*kind)?)?;
+        let raster = during(console, "making rasters", || rasters.geotiff(*kind))?;
+        group.write(path, args.force, &raster)?;
     }
     for (kind, _) in requested.iter().filter(|(_, path)| means_stdout(path)) {
         FileWriter::stdout(Patched::Never)?.append(&rasters.geotiff(*kind)?)?;

@@ -119,22 +119,23 @@ pub fn compare(
     if cuts.iter().any(|cut| cut.len() == 0) {
         return Err(Error::input("one of the clouds has no points in the common box"));
     }
-    let tell = |what: &str| {
+    let tell = |what: &str, step: &'static str| {
         // The next step uses other attributes.
         cuts.iter().for_each(|cut| cut.points.release());
+        observer.step(step);
         observer.notify(Notice::Detail(format!("compare: {what}")));
     };
-    tell("pulses");
+    tell("pulses", "grouping points into pulses");
     let (setting, kind, count) = prepared(cuts, (low, high), [grid, wide_grid], first, options, observer)?;
     let Findings { quantities, mut missing } = findings(&setting, &tell);
     if options.chance && setting.halves.is_none() {
         missing.push(format!("--chance: the first cloud has {count} blocks, expected at least {MIN_BLOCKS}"));
     }
-    tell("distances, canopy, voxels");
+    tell("distances, canopy, voxels", "measuring distances");
     let area = occupied_cells(&setting.grid, cuts) as f64 * options.cell * options.cell;
     let agreement = agreement(&setting, cuts, options);
     let agreement_of_halves = agreement_of_halves(&setting, options);
-    tell("change");
+    tell("change", "measuring change");
     let change = change(&setting.grid, cuts, [low.x, low.y], options.registration);
     missing.extend(change.doubts(options.cell));
     if let Some(note) = change.registration_note().filter(|_| options.registration.is_none()) {
@@ -233,21 +234,21 @@ fn agreement_of_halves(setting: &Setting, options: &CompareOptions) -> Option<Ag
 }
 
 /// All quantities; `tell` is told what is measured.
-fn findings(setting: &Setting, tell: &dyn Fn(&str)) -> Findings {
+fn findings(setting: &Setting, tell: &dyn Fn(&str, &'static str)) -> Findings {
     let mut found = Findings::default();
-    type Part = (&'static str, fn(&Setting, &mut Findings));
+    type Part = (&'static str, &'static str, fn(&Setting, &mut Findings));
     let parts: [Part; 8] = [
-        ("density", |setting, found| setting.density(found)),
-        ("heights", |setting, found| setting.heights(found)),
-        ("returns", |setting, found| setting.returns(found)),
-        ("classes", |setting, found| setting.classes(found)),
-        ("intensities", |setting, found| setting.intensity(found)),
-        ("pulses", |setting, found| setting.pulses(found)),
-        ("scan lines", |setting, found| setting.lines(found)),
-        ("residuals", |setting, found| setting.residuals(found)),
+        ("density", "comparing densities", |setting, found| setting.density(found)),
+        ("heights", "comparing heights", |setting, found| setting.heights(found)),
+        ("returns", "comparing returns", |setting, found| setting.returns(found)),
+        ("classes", "comparing classes", |setting, found| setting.classes(found)),
+        ("intensities", "comparing intensities", |setting, found| setting.intensity(found)),
+        ("pulses", "comparing pulses", |setting, found| setting.pulses(found)),
+        ("scan lines", "comparing scan lines", |setting, found| setting.lines(found)),
+        ("residuals", "comparing residuals", |setting, found| setting.residuals(found)),
     ];
-    for (name, measure) in parts {
-        tell(name);
+    for (name, step, measure) in parts {
+        tell(name, step);
         measure(setting, &mut found);
     }
     found
