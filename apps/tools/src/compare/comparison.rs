@@ -126,13 +126,17 @@ pub fn compare(
         observer.notify(Notice::Detail(format!("compare: {what}")));
     };
     tell("pulses", "grouping points into pulses");
-    let (setting, kind, count) = prepared(cuts, (low, high), [grid, wide_grid], first, options, observer)?;
+    let (mut setting, kind, count) =
+        prepared(cuts, (low, high), [grid, wide_grid], first, options, observer)?;
     let Findings { quantities, mut missing } = findings(&setting, &tell);
     if options.chance && setting.halves.is_none() {
         missing.push(format!("--chance: the first cloud has {count} blocks, expected at least {MIN_BLOCKS}"));
     }
     tell("distances, canopy, voxels", "measuring distances");
     let area = occupied_cells(&setting.grid, cuts) as f64 * options.cell * options.cell;
+    let [first_cloud, second_cloud] =
+        [(0, first), (1, second)].map(|(index, cloud)| described(&setting, index, cloud, area));
+    setting.free();
     let agreement = agreement(&setting, cuts, options);
     let agreement_of_halves = agreement_of_halves(&setting, options);
     tell("change", "measuring change");
@@ -142,8 +146,8 @@ pub fn compare(
         observer.notify(Notice::Note(note));
     }
     Ok(Comparison {
-        first: described(&setting, 0, first, area),
-        second: described(&setting, 1, second, area),
+        first: first_cloud,
+        second: second_cloud,
         cell_m: options.cell,
         area_m2: area,
         chance: setting.halves.is_some().then_some(Chance { kind, count, splits: SPLITS }),

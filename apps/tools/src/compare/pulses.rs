@@ -163,6 +163,12 @@ impl<'a> Pulses<'a> {
         key(self.cut, self.first[number]).0
     }
 
+    /// Frees the memory of all pulses and lines.
+    pub fn free(&mut self) {
+        (self.first, self.returns) = (Vec::new(), Vec::new());
+        (self.line_of, self.lines) = (Vec::new(), Vec::new());
+    }
+
     /// The line of each point of the cut. The pulses of points are dropped.
     pub fn take_lines_of_points(&mut self) -> Vec<u32> {
         let pulse_of = std::mem::take(&mut self.pulse_of);

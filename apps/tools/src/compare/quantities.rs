@@ -106,7 +106,9 @@ impl Setting<'_> {
                 None => p[2] - self.lowest[self.wide_grid.cell(&p)],
             }
         };
-        (0..cut.len()).into_par_iter().step_by(self.step_of_heights(cut)).map(height).collect()
+        let heights = (0..cut.len()).into_par_iter().step_by(self.step_of_heights(cut)).map(height).collect();
+        cut.points.release();
+        heights
     }
 
     pub fn returns(&self, found: &mut Findings) {

@@ -124,12 +124,19 @@ impl Setting<'_> {
         V: IntoIterator<Item = (f64, u32)>,
     {
         let second = second.into_iter().map(|(value, _)| value).collect();
+        self.cuts[1].points.release();
         definition.measure(first, second, self.halves_of_lines())
     }
 
     /// The halves of the first cloud, if they consist of scan lines.
     pub fn halves_of_lines(&self) -> Option<&Halves> {
         self.halves.as_ref().filter(|_| self.pulses[0].as_ref().is_ok_and(|pulses| pulses.has_lines))
+    }
+
+    /// Frees the memory of pulses and terrain, when all quantities are measured.
+    pub fn free(&mut self) {
+        self.pulses.iter_mut().flatten().for_each(Pulses::free);
+        self.terrain = None;
     }
 
     /// World height of the lower corner of the common box, m.
