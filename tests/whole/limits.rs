@@ -247,7 +247,15 @@ fn cases() -> BTreeMap<&'static str, Case> {
         ),
         (
             "cells with points of `vlscan raster`",
-            case("cloud.xyz", scattered, &["raster", "cloud.xyz", "--dsm", "a.tif", "--max-memory", "1K"]),
+            case(
+                "cloud.xyz",
+                scattered.clone(),
+                &["raster", "cloud.xyz", "--dsm", "a.tif", "--max-memory", "1K"],
+            ),
+        ),
+        (
+            "points of `vlscan fit` and `vlscan scene reconstruct`",
+            case("cloud.xyz", scattered, &["fit", "cloud.xyz", "-o", "fit.toml", "--max-memory", "1K"]),
         ),
         ("bins of a pulse", changed("pulseLength_ns=\"4\"", "pulseLength_ns=\"1e9\"")),
     ])

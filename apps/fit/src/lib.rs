@@ -3,11 +3,13 @@
 //! | module | what it does |
 //! |---|---|
 //! | `flight` | a flight and its scanner from GPS times, positions and scan angles |
+//! | `limit` | the number of points that a memory limit allows |
 //! | `scene` | a scene from classified points: terrain, roofs, foliage as voxels |
 //! | `spinning` | noise and detection of a spinning sensor from a recorded revolution |
 
 #![deny(unsafe_code)]
 
 pub mod flight;
+mod limit;
 pub mod scene;
 pub mod spinning;

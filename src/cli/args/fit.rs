@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use vlscan_options::Bytes;
 
 /// `vlscan fit`.
 #[derive(Debug, Args)]
@@ -37,6 +38,10 @@ pub struct FitArgs {
         conflicts_with = "calibration"
     )]
     pub extend: f64,
+    /// Reject clouds whose points need more memory than this, e.g. 8G, at about 256 bytes each. [default: no
+    /// limit]
+    #[arg(long, value_name = "SIZE", conflicts_with = "calibration")]
+    pub max_memory: Option<Bytes>,
     /// Write the table of what was estimated as JSON.
     #[arg(long)]
     pub json: bool,

@@ -1,5 +1,6 @@
 //! The pulses of one flight line of a recorded cloud.
 
+use crate::limit::PointLimit;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
@@ -91,6 +92,9 @@ struct Rows {
     wkt: Option<String>,
     rows: Vec<Row>,
     is_las: bool,
+    limit: PointLimit,
+    /// True if there are more points than the limit allows.
+    is_too_large: bool,
 }
 
 impl PointSink for Rows {
@@ -121,8 +125,9 @@ impl PointSink for Rows {
                 class: row.class,
                 channel: row.channel,
             });
+            self.is_too_large = self.limit.is_exceeded(self.rows.len());
         }
-        Ok(ControlFlow::Continue(()))
+        Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 
@@ -131,10 +136,19 @@ impl Recording {
     /// pulses. Warnings, also of lines that are left out, are added to `found`.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, or with too few pulses.
-    pub fn read(path: &Path, source: Option<u16>, found: &mut Diagnostics) -> Result<Recording> {
-        let mut sink = Rows::default();
+    /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, with too few pulses, or
+    /// with more points than `limit` allows.
+    pub(crate) fn read(
+        path: &Path,
+        source: Option<u16>,
+        limit: PointLimit,
+        found: &mut Diagnostics,
+    ) -> Result<Recording> {
+        let mut sink = Rows { limit, ..Rows::default() };
         found.extend(read_points(path, &mut sink)?);
+        if sink.is_too_large {
+            return Err(limit.error(path));
+        }
         let name = path.display();
         for (attribute, what) in [(Attribute::Time, "GPS times"), (Attribute::ScanAngle, "scan angles")] {
             if !sink.attributes.has(attribute) {
