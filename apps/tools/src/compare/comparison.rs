@@ -2,7 +2,7 @@
 
 use super::chance::{BlockKind, Chance, Halves, MIN_BLOCKS, SPLITS};
 use super::change::{Change, change};
-use super::cut::{CellGrid, Cut};
+use super::cut::{CellGrid, Cut, of_both};
 use super::neighbours::{Distances, distances};
 use super::options::{CompareError, CompareOptions};
 use super::pulses::Pulses;
@@ -203,8 +203,8 @@ fn prepared<'a>(
         None => Planes::of(cuts[0], own_lines.as_deref()).map(Terrain::Planes),
     };
     let (kind, count, blocks) = blocks_of(cuts[0], own_lines, (low, high), wide_grid.side, first)?;
-    let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| cut.offsets()));
-    let lowest: Vec<f64> = extremes.into_iter().map(|[low, _]| low).collect();
+    let [lowest, others] = of_both(cuts, |cut| wide_grid.extremes(cut.offsets()));
+    let lowest: Vec<f64> = lowest.iter().zip(&others).map(|([a, _], [b, _])| a.min(*b)).collect();
     let halves = (options.chance && count >= MIN_BLOCKS).then(|| Halves::new(count));
     let blocks = if halves.is_some() { blocks } else { Vec::new() };
     let most = options.max_distances;
@@ -290,12 +290,12 @@ fn blocks_of(
 }
 
 fn occupied_cells(grid: &CellGrid, cuts: [&Cut; 2]) -> usize {
-    let counts = cuts.map(|cut| grid.counts(cut.offsets()));
+    let counts = of_both(cuts, |cut| grid.counts(cut.offsets()));
     counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0).count()
 }
 
 fn agreement(setting: &Setting, cuts: [&Cut; 2], options: &CompareOptions) -> Agreement {
-    let counts = cuts.map(|cut| setting.grid.counts(cut.offsets()));
+    let counts = of_both(cuts, |cut| setting.grid.counts(cut.offsets()));
     let pairs = counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0);
     Agreement {
         density_correlation: correlation(pairs.map(|(a, b)| (*a, *b))),

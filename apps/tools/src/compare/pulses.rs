@@ -379,7 +379,7 @@ fn gap_between_lines(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse) -> f
     let interval = |i: usize| pulse(i).time - pulse(i - 1).time;
     let mut intervals: Vec<f64> = (numbers.start + 1..numbers.end).map(interval).collect();
     intervals.retain(|interval| *interval > 0.0);
-    intervals.sort_unstable_by(f64::total_cmp);
+    intervals.par_sort_unstable_by(f64::total_cmp);
     let Some(usual) = intervals.get(intervals.len() / 2).copied() else { return f64::INFINITY };
     let first = intervals.partition_point(|interval| *interval <= BEYOND * usual).max(1);
     let (mut best, mut gap) = (0.0, f64::INFINITY);
@@ -397,7 +397,7 @@ fn gap_between_lines(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse) -> f
 /// than one step of the file; `None` if the angle does not vary by more than a few steps.
 fn smallest_turn(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse) -> Option<f64> {
     let mut angles: Vec<f64> = numbers.map(|i| pulse(i).angle).collect();
-    angles.sort_unstable_by(f64::total_cmp);
+    angles.par_sort_unstable_by(f64::total_cmp);
     let range = angles[angles.len() - 1] - angles[0];
     let steps = angles.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-5);
     let step = steps.min_by(f64::total_cmp)?;

@@ -1,7 +1,7 @@
 //! The quantities that are compared: heights, returns, classes, intensity, pulses, scan lines.
 
 use super::clock::{Angles, check_clocks};
-use super::cut::Cut;
+use super::cut::{Cut, of_both};
 use super::pulses::{Pulse, Pulses};
 use super::setting::{Findings, Setting};
 use super::statistic::Statistic::{self, Frequency, Mean, Quantile, Share, Spread};
@@ -17,7 +17,7 @@ const QUARTILES: [Statistic; 6] =
 
 impl Setting<'_> {
     pub fn density(&self, found: &mut Findings) {
-        let all = self.cuts.map(|cut| self.grid.counts(cut.offsets()));
+        let all = of_both(self.cuts, |cut| self.grid.counts(cut.offsets()));
         let occupied: Vec<bool> = all[0].iter().zip(&all[1]).map(|(a, b)| a + b > 0.0).collect();
         let area = self.grid.side * self.grid.side;
         let definition = self.define(

@@ -1,7 +1,7 @@
 //! Both clouds, ready to be measured, and what is found.
 
 use super::chance::Halves;
-use super::cut::{CellGrid, Cut};
+use super::cut::{CellGrid, Cut, of_both};
 use super::pulses::{MissingPulses, Pulses, PulsesError};
 use super::quantity::{Definition, Quantity};
 use super::statistic::Statistic;
@@ -87,7 +87,7 @@ impl Setting<'_> {
 
     /// The quantity of a value of each cell, by the points in the cells.
     pub fn of_cells(&self, definition: Definition, values: &CellValues) -> Option<Quantity> {
-        let [first, second] = self.cuts.map(|cut| values(&mut cut.offsets(), cut.weight));
+        let [first, second] = of_both(self.cuts, |cut| values(&mut cut.offsets(), cut.weight));
         let of_split = self.halves.as_ref().map(|halves| {
             move |split: usize| {
                 [0, 1].map(|half| {
