@@ -157,7 +157,7 @@ impl PointSink for FileSink<'_> {
 
     fn parts(&self) -> Option<NewPart> {
         let (attributes, is_las) = (self.facts.of_file, self.facts.is_las);
-        Some(Box::new(move || Box::new(FactsPart::new(attributes, is_las))))
+        Some(Box::new(move || -> Box<dyn PointPart> { Box::new(FactsPart::new(attributes, is_las)) }))
     }
 
     fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {

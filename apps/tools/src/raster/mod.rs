@@ -154,7 +154,7 @@ impl PointSink for Sink {
 
     fn parts(&self) -> Option<NewPart> {
         let (attributes, left_out) = (self.attributes, self.left_out);
-        Some(Box::new(move || Box::new(BlockPart::new(attributes, left_out))))
+        Some(Box::new(move || -> Box<dyn PointPart> { Box::new(BlockPart::new(attributes, left_out)) }))
     }
 
     fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {

@@ -81,7 +81,7 @@ fn read_in_parts(bytes: &[u8], threads: usize) -> (Vec<PointRow>, Diagnostics) {
     impl PointSink for Parts {
         fn start(&mut self, _: AttributeSet) {}
         fn parts(&self) -> Option<NewPart> {
-            Some(Box::new(|| Box::new(Part(Vec::new()))))
+            Some(Box::new(|| -> Box<dyn PointPart> { Box::new(Part(Vec::new())) }))
         }
         fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> vlscan_base::Result<ControlFlow<()>> {
             let part: &mut dyn Any = part;
