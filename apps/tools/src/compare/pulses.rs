@@ -20,10 +20,6 @@ pub(super) struct Pulse {
     pub source: (u16, u8),
     /// Time, s.
     pub time: f64,
-    /// Its first echo: number of the point in the cut.
-    pub first: u32,
-    /// Number of returns, by the file or, where it does not say, of those that are in it.
-    pub returns: u8,
     /// Scan angle, degrees; 0 if unknown.
     pub angle: f64,
 }
@@ -34,7 +30,7 @@ pub(super) struct Pulses<'a> {
     cut: &'a Cut<'a>,
     /// The first echo of each pulse: number of the point in the cut.
     first: Vec<u32>,
-    /// Number of returns of each pulse.
+    /// Number of returns of each pulse, by the file or, if it has none, of those that are in it.
     returns: Vec<u8>,
     /// The line of each pulse.
     pub line_of: Vec<u32>,
@@ -127,8 +123,7 @@ impl<'a> Pulses<'a> {
             has_lines: false,
             has_angles: false,
         };
-        let angle = found.iter().next().map_or(0.0, |pulse| pulse.angle);
-        let has_angles = found.iter().any(|pulse| pulse.angle != angle);
+        let has_angles = (1..found.count()).any(|number| found.angle(number) != found.angle(0));
         found.has_angles = has_angles;
         found.find_lines();
         cut.points.release();
@@ -142,25 +137,43 @@ impl<'a> Pulses<'a> {
 
     /// A pulse by its number.
     pub fn pulse(&self, number: usize) -> Pulse {
-        let (first, returns) = (self.first[number], self.returns[number]);
-        let (source, time) = key(self.cut, first);
-        let angle = self.cut.points.scan_angle_of(self.cut.index(first as usize));
-        Pulse { source, time, first, returns, angle: angle.map_or(0.0, f64::from) }
+        Pulse { source: self.source(number), time: self.time(number), angle: self.angle(number) }
+    }
+
+    /// Number of returns and first echo of each pulse.
+    pub fn echoes(&self) -> impl Iterator<Item = (u8, u32)> + '_ {
+        self.returns.iter().copied().zip(self.first.iter().copied())
+    }
+
+    /// Scan angle of each pulse, degrees, with its line.
+    pub fn angles(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
+        (0..self.count()).map(move |number| (self.angle(number), self.line_of[number]))
     }
 
     /// All pulses in their order.
+    #[cfg(test)]
     pub fn iter(&self) -> impl Iterator<Item = Pulse> + '_ {
         (0..self.count()).map(move |number| self.pulse(number))
     }
 
     /// The time of a pulse, s.
     pub fn time(&self, number: usize) -> f64 {
-        key(self.cut, self.first[number]).1
+        self.cut.points.time_of(self.index(number)).unwrap_or(0.0)
+    }
+
+    /// The scan angle of a pulse, degrees; 0 if unknown.
+    fn angle(&self, number: usize) -> f64 {
+        self.cut.points.scan_angle_of(self.index(number)).map_or(0.0, f64::from)
     }
 
     /// The leg and channel of a pulse.
     fn source(&self, number: usize) -> (u16, u8) {
-        key(self.cut, self.first[number]).0
+        self.cut.points.source_of(self.index(number))
+    }
+
+    /// The index of the first echo of a pulse among the points of the cloud.
+    fn index(&self, number: usize) -> usize {
+        self.cut.index(self.first[number] as usize)
     }
 
     /// Frees the memory of all pulses and lines.
@@ -180,8 +193,15 @@ impl<'a> Pulses<'a> {
         while start < self.count() {
             let source = self.source(start);
             let end = start + (start..self.count()).take_while(|i| self.source(*i) == source).count();
-            let lines = lines_of(start..end, &|i| self.pulse(i), self.has_angles);
-            self.lines.extend(lines);
+            // Copies of a source at a time: they are used often, and columns are slower.
+            let angles = match self.has_angles {
+                true => (start..end).into_par_iter().map(|i| self.angle(i) as f32).collect(),
+                false => Vec::new(),
+            };
+            let times = (start..end).into_par_iter().map(|i| self.time(i)).collect();
+            self.cut.points.release();
+            let lines = lines_of(&Track { times, angles });
+            self.lines.extend(lines.into_iter().map(|line| start + line.start..start + line.end));
             (start, sources) = (end, sources + 1);
         }
         let long = self.lines.iter().filter(|line| line.len() >= MIN_LINE_PULSES).count();
@@ -232,22 +252,22 @@ impl<'a> Pulses<'a> {
         let source = |line: usize| self.source(self.lines[line].start);
         let mut times = Vec::with_capacity(lines.len());
         for lines in lines.chunk_by(|a, b| source(*a) == source(*b)) {
-            let pulses_of = |line: &usize| self.lines[*line].clone().map(move |i| self.pulse(i));
-            let mut angles: Vec<f64> = lines.iter().flat_map(pulses_of).map(|pulse| pulse.angle).collect();
+            let numbers = lines.iter().flat_map(|line| self.lines[*line].clone());
+            let mut angles: Vec<f64> = numbers.map(|i| self.angle(i)).collect();
             let middle = angles.len() / 2;
             let angle = *angles.select_nth_unstable_by(middle, f64::total_cmp).1 + BETWEEN_STEPS;
-            let passes = |a: &Pulse, b: &Pulse| (a.angle - angle) * (b.angle - angle) < 0.0;
             let time = |line: &usize| {
+                let line = self.lines[*line].clone();
                 if !self.has_angles {
-                    let line = &self.lines[*line];
                     return Some(0.5 * (self.time(line.start) + self.time(line.end - 1)));
                 }
-                let mut pairs = pulses_of(line).zip(pulses_of(line).skip(1));
-                let (a, b) = pairs.find(|(a, b)| passes(a, b))?;
+                let passes = |i: &usize| (self.angle(*i) - angle) * (self.angle(i + 1) - angle) < 0.0;
+                let before = (line.start..line.end - 1).find(passes)?;
+                let [a, b] = [before, before + 1].map(|i| self.pulse(i));
                 let share = (angle - a.angle) / (b.angle - a.angle);
                 Some(a.time + share * (b.time - a.time))
             };
-            times.extend(lines.iter().map(time));
+            times.par_extend(lines.par_iter().map(time));
         }
         times
     }
@@ -346,17 +366,26 @@ fn order_by_pulse(cut: &Cut) -> Result<Vec<u32>, PulsesError> {
     Ok(order)
 }
 
-/// The lines of the pulses of one source, which have these numbers.
-fn lines_of(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse, has_angles: bool) -> Vec<Range<usize>> {
-    let gap = gap_between_lines(numbers.clone(), pulse);
-    let turn = has_angles.then(|| smallest_turn(numbers.clone(), pulse)).flatten();
+/// The pulses of one source.
+struct Track {
+    /// s.
+    times: Vec<f64>,
+    /// Scan angles, degrees; empty without any.
+    angles: Vec<f32>,
+}
+
+/// The lines of the pulses of one source.
+fn lines_of(track: &Track) -> Vec<Range<usize>> {
+    let Track { times, angles } = track;
+    let gap = gap_between_lines(times);
+    let turn = if angles.is_empty() { None } else { smallest_turn(angles) };
     let mut lines = Vec::new();
-    let mut start = numbers.start;
-    for end in numbers.start + 1..=numbers.end {
-        let is_end = end == numbers.end || pulse(end).time - pulse(end - 1).time > gap;
+    let mut start = 0;
+    for end in 1..=times.len() {
+        let is_end = end == times.len() || times[end] - times[end - 1] > gap;
         if is_end {
             match turn {
-                Some(turn) => between_turns(pulse, start..end, turn, &mut lines),
+                Some(turn) => between_turns(angles, start..end, turn, &mut lines),
                 None => lines.push(start..end),
             }
             start = end;
@@ -369,15 +398,14 @@ fn lines_of(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse, has_angles: b
 /// those of lines. Their limit is the widest step of the ascending intervals on a logarithmic scale, weighted
 /// by the logarithm of the number of intervals beyond, so that a few pauses between strips are no lines.
 /// Infinite without such a step.
-fn gap_between_lines(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse) -> f64 {
+fn gap_between_lines(times: &[f64]) -> f64 {
     /// Ratio beyond which a wider step says nothing more.
     const CLEAR: f64 = 10.0;
     /// Least ratio of a step.
     const LEAST: f64 = 2.0;
     /// Least ratio of the time between lines and the usual interval.
     const BEYOND: f64 = 10.0;
-    let interval = |i: usize| pulse(i).time - pulse(i - 1).time;
-    let mut intervals: Vec<f64> = (numbers.start + 1..numbers.end).map(interval).collect();
+    let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     intervals.retain(|interval| *interval > 0.0);
     intervals.par_sort_unstable_by(f64::total_cmp);
     let Some(usual) = intervals.get(intervals.len() / 2).copied() else { return f64::INFINITY };
@@ -395,39 +423,36 @@ fn gap_between_lines(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse) -> f
 
 /// The smallest change of the scan angle against its sense that is a turn: a twentieth of its range, and more
 /// than one step of the file; `None` if the angle does not vary by more than a few steps.
-fn smallest_turn(numbers: Range<usize>, pulse: &dyn Fn(usize) -> Pulse) -> Option<f64> {
-    let mut angles: Vec<f64> = numbers.map(|i| pulse(i).angle).collect();
-    angles.par_sort_unstable_by(f64::total_cmp);
-    let range = angles[angles.len() - 1] - angles[0];
-    let steps = angles.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-5);
+fn smallest_turn(angles: &[f32]) -> Option<f64> {
+    let mut angles = angles.to_vec();
+    angles.par_sort_unstable_by(f32::total_cmp);
+    let range = f64::from(angles[angles.len() - 1]) - f64::from(angles[0]);
+    let steps =
+        angles.windows(2).map(|pair| f64::from(pair[1]) - f64::from(pair[0])).filter(|step| *step > 1e-5);
     let step = steps.min_by(f64::total_cmp)?;
     (range >= 4.0 * step).then(|| (0.05 * range).max(1.5 * step))
 }
 
 /// Appends the lines of a range of pulses: they end where the scan angle turns, or jumps back by half its
 /// range.
-fn between_turns(
-    pulse: &dyn Fn(usize) -> Pulse,
-    range: Range<usize>,
-    turn: f64,
-    lines: &mut Vec<Range<usize>>,
-) {
+fn between_turns(angles: &[f32], range: Range<usize>, turn: f64, lines: &mut Vec<Range<usize>>) {
+    let angle_of = |i: usize| f64::from(angles[i]);
     let jump = 10.0 * turn;
     let mut start = range.start;
     // The farthest pulse in the present sense, from which a turn is measured.
     let mut farthest = start;
     let mut sense = 0.0;
     for i in range.start + 1..range.end {
-        let angle = pulse(i).angle;
-        let step = angle - pulse(i - 1).angle;
+        let angle = angle_of(i);
+        let step = angle - angle_of(i - 1);
         if step.abs() >= jump {
             lines.push(start..i);
             (start, farthest, sense) = (i, i, 0.0);
             continue;
         }
-        let ahead = angle - pulse(farthest).angle;
+        let ahead = angle - angle_of(farthest);
         if sense == 0.0 {
-            let since_start = angle - pulse(start).angle;
+            let since_start = angle - angle_of(start);
             if since_start.abs() >= turn {
                 (farthest, sense) = (i, since_start.signum());
             }
@@ -502,7 +527,7 @@ pub(super) mod tests {
             let found = Pulses::of(&cut).unwrap();
             assert_eq!((found.count(), found.lines.len()), (4000, 40), "{turns} {period}");
             assert!(found.has_lines);
-            assert_eq!(found.iter().filter(|pulse| pulse.returns == 2).count(), 800);
+            assert_eq!(found.echoes().filter(|(returns, _)| *returns == 2).count(), 800);
             // The angle of a turn without a pause is that of the pulses before and after.
             assert!(found.lines.iter().all(|line| (99..=101).contains(&line.len())), "{turns} {period}");
             // Times of some 3e8 s have steps of 60 ns.
@@ -517,17 +542,16 @@ pub(super) mod tests {
 
     #[test]
     fn lost_pulses_and_pauses_are_no_lines() {
-        let pulse = |time: f64| Pulse { source: (0, 0), time, first: 0, returns: 1, angle: 0.0 };
         // Lines of 200 pulses of 2 µs every 5 ms, with gaps of up to 50 intervals, and a pause of ten
         // minutes.
-        let mut pulses = Vec::new();
+        let mut times = Vec::new();
         for line in 0..100 {
             for i in (0..200).filter(|i| !(50..50 + line % 50).contains(i)) {
                 let pause = if line < 50 { 0.0 } else { 600.0 };
-                pulses.push(pulse(f64::from(line) * 5e-3 + f64::from(i) * 2e-6 + pause));
+                times.push(f64::from(line) * 5e-3 + f64::from(i) * 2e-6 + pause);
             }
         }
-        assert_eq!(lines_of(0..pulses.len(), &|i| pulses[i], false).len(), 100);
+        assert_eq!(lines_of(&Track { times, angles: Vec::new() }).len(), 100);
     }
 
     #[test]

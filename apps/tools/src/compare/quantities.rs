@@ -2,7 +2,7 @@
 
 use super::clock::{Angles, check_clocks};
 use super::cut::{Cut, of_both};
-use super::pulses::{Pulse, Pulses};
+use super::pulses::Pulses;
 use super::setting::{Findings, Setting};
 use super::statistic::Statistic::{self, Frequency, Mean, Quantile, Share, Spread};
 use rayon::prelude::*;
@@ -126,10 +126,7 @@ impl Setting<'_> {
         );
         definition.is_whole = true;
         let returns = [0, 1].map(|cloud: usize| match &self.pulses[cloud] {
-            Ok(pulses) => {
-                let of_pulse = |pulse: Pulse| (pulse.returns, pulse.first);
-                pulses.iter().map(of_pulse).collect::<Vec<(u8, u32)>>()
-            }
+            Ok(pulses) => pulses.echoes().collect::<Vec<(u8, u32)>>(),
             Err(_) => {
                 let cut = self.cuts[cloud];
                 let of_first =
@@ -225,10 +222,7 @@ impl Setting<'_> {
         if pulses.iter().any(|pulses| !pulses.has_angles) {
             return found.note_missing("scan angles", "a cloud has none, or all are equal");
         }
-        let angles = pulses.map(|pulses| {
-            let of_pulse = |(pulse, line): (Pulse, &u32)| (pulse.angle, *line);
-            pulses.iter().zip(&pulses.line_of).map(of_pulse)
-        });
+        let angles = pulses.map(|pulses| pulses.angles());
         let definition = self.define(
             "Pulses",
             "scan angle",
