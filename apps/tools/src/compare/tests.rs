@@ -209,9 +209,7 @@ fn results_do_not_depend_on_memory_and_threads() {
         copy
     };
     let clouds = [strip(1, 0.0, 5), strip(2, 0.01, 4)];
-    for (chance, cases) in
-        [(false, &[(u64::MAX, 1), (1, 1), (1, 2), (1 << 20, 5)][..]), (true, &[(1, 2)][..])]
-    {
+    for (chance, cases) in [(false, &[(u64::MAX, 1), (1, 2), (1 << 20, 5)][..]), (true, &[(1, 2)][..])] {
         let options = CompareOptions { chance, ..options() };
         let expected = json(&compared(&clouds[0], &clouds[1], &options)).unwrap();
         for (max_bytes, threads) in cases {
