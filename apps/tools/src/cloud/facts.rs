@@ -357,7 +357,7 @@ mod tests {
             channel: (i % 300) as u16,
             time: f64::from(i) * 1e-5,
             object: i64::from(i % 40),
-            is_miss: i % 50 == 0,
+            is_miss: i.is_multiple_of(50),
             ..PointRow::default()
         };
         let rows: Vec<PointRow> = (0..5000).map(row).collect();
