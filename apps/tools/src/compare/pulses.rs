@@ -360,7 +360,8 @@ fn order_by_pulse(cut: &Cut) -> Result<Vec<u32>, PulsesError> {
         by_time.then_with(|| number(cut, *a).cmp(&number(cut, *b)))
     };
     let mut order: Vec<u32> = (0..cut.len() as u32).collect();
-    if !order.is_sorted_by(|a, b| by_pulse(a, b).is_le()) {
+    let is_in_order = |i: u32| by_pulse(&(i - 1), &i).is_le();
+    if !(1..cut.len() as u32).into_par_iter().all(is_in_order) {
         order.par_sort_by(by_pulse);
     }
     Ok(order)

@@ -148,7 +148,7 @@ impl Setting<'_> {
             return found.note_missing("classes", "a cloud has none");
         }
         let classes = self.cuts.map(|cut| -> Vec<f64> {
-            (0..cut.len()).map(|i| cut.class(i).map_or(f64::NAN, f64::from)).collect()
+            (0..cut.len()).into_par_iter().map(|i| cut.class(i).map_or(f64::NAN, f64::from)).collect()
         });
         let counts = [0, 1].map(|cloud: usize| {
             let mut counts = vec![0.0; 256];
@@ -176,12 +176,13 @@ impl Setting<'_> {
             return found.note_missing("intensities", "a cloud has none");
         }
         let scaled = self.cuts.map(|cut| -> Vec<f64> {
-            let mut values: Vec<f64> =
-                cut.map(|points, i| points.intensity_of(i).map_or(f64::NAN, f64::from)).collect();
             let median = cut.median_intensity().unwrap_or(f64::NAN);
             let scale = if median > 0.0 { 1.0 / median } else { f64::NAN };
-            values.iter_mut().for_each(|value| *value *= scale);
-            values
+            let value = |i: usize| {
+                let intensity = cut.points.intensity_of(cut.index(i));
+                intensity.map_or(f64::NAN, f64::from) * scale
+            };
+            (0..cut.len()).into_par_iter().map(value).collect()
         });
         let definition = self.define(
             "Intensity",
