@@ -6,6 +6,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `points`, `positions` | the points; their positions |
+//! | `points_part` | the points of a block |
 //! | `column` | a value of each point, in memory and in temporary files |
 //! | `source` | where a cloud comes from |
 //! | `read` | reads files and tables of points |
@@ -24,6 +25,7 @@ mod facts_part;
 mod facts_text;
 mod occupancy;
 mod points;
+mod points_part;
 mod positions;
 mod read;
 mod read_packets;

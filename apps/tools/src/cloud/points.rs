@@ -2,14 +2,18 @@
 //! bounded number of points.
 
 use super::column::{Column, HeldValues};
+use super::points_part::{KeptValues, PointsPart, is_placed};
 use super::positions::Positions;
+use std::any::Any;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::counted;
-use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, Selection, StrayFinder};
+use vlscan_formats::{
+    Attribute, AttributeSet, FileFacts, NewPart, PointPart, PointRow, PointSink, Selection, StrayFinder,
+};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
 /// Maximum number of points that are kept.
@@ -149,13 +153,26 @@ impl Points {
             self.misses += 1;
             return;
         }
-        // Also false for NaN.
-        if !(row.position.is_finite() && row.position.abs().max_element() <= MAX_COORDINATE) {
+        if !is_placed(row.position) {
             self.skipped += 1;
             return;
         }
         self.bounds = self.bounds.with(row.position);
         self.strays.add(row.position);
+        self.keep(row.position, &KeptValues::of(row), object);
+    }
+
+    /// Adds the points of a block.
+    fn append(&mut self, part: &PointsPart) {
+        self.misses += part.misses;
+        self.skipped += part.skipped;
+        self.bounds = self.bounds.union(Aabb::around(part.positions.iter().copied()));
+        self.strays.add_all(&part.positions);
+        part.positions.iter().zip(&part.values).for_each(|(p, values)| self.keep(*p, values, None));
+    }
+
+    /// Keeps a point, unless only some of the points are kept.
+    fn keep(&mut self, position: DVec3, point: &KeptValues, object: Option<&str>) {
         if self.positions.len() >= self.max_points {
             self.drop_every_second();
         }
@@ -163,44 +180,44 @@ impl Points {
         if !(self.added - 1).is_multiple_of(self.stride) {
             return;
         }
-        self.positions.push(row.position);
+        self.positions.push(position);
         if self.has(Attribute::Intensity) {
-            self.intensity.push(row.intensity);
+            self.intensity.push(point.intensity);
         }
         if self.has(Attribute::Class) {
-            self.class.push(row.class);
+            self.class.push(point.class);
         }
         if self.has(Attribute::ReturnNumber) {
-            self.return_number.push(row.return_number);
+            self.return_number.push(point.return_number);
         }
         if self.has(Attribute::NumberOfReturns) {
-            self.number_of_returns.push(row.number_of_returns);
+            self.number_of_returns.push(point.number_of_returns);
         }
         if self.has(Attribute::ScanAngle) {
-            self.scan_angle.push(row.scan_angle as f32);
+            self.scan_angle.push(point.scan_angle);
         }
         if self.has(Attribute::Object) {
             let mut number = itoa::Buffer::new();
-            let number = self.object_number(object.unwrap_or_else(|| number.format(row.object)));
+            let number = self.object_number(object.unwrap_or_else(|| number.format(point.object)));
             self.object.push(number);
         }
         if self.has(Attribute::Leg) {
-            self.high_legs += u64::from(row.leg > 255);
-            self.leg.push(row.leg);
+            self.high_legs += u64::from(point.leg > 255);
+            self.leg.push(point.leg);
         }
         if self.has(Attribute::Channel) {
-            self.high_channels += u64::from(row.channel > 255);
-            self.channel.push(row.channel.min(255) as u8);
+            self.high_channels += u64::from(point.channel > 255);
+            self.channel.push(point.channel.min(255) as u8);
         }
-        if let Some(colour) = row.colour.filter(|_| self.kept.is_none()) {
+        if let Some(colour) = point.colour.filter(|_| self.kept.is_none()) {
             // Points of other scans may have none.
             self.colour.fill(self.positions.len() - 1, [0; 3]);
             self.colour.push(colour);
             self.max_colour = colour.into_iter().fold(self.max_colour, u16::max);
         }
         if self.has(Attribute::Time) {
-            let first = *self.first_time.get_or_insert(row.time);
-            self.time.push(row.time - first);
+            let first = *self.first_time.get_or_insert(point.time);
+            self.time.push(point.time - first);
         }
     }
 
@@ -435,6 +452,18 @@ impl PointSink for Points {
         self.crs = Some(wkt.to_owned());
     }
 
+    fn parts(&self) -> Option<NewPart> {
+        Some(Box::new(|| -> Box<dyn PointPart> { Box::new(PointsPart::default()) }))
+    }
+
+    fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {
+        let part: &mut dyn Any = part;
+        if let Some(part) = part.downcast_ref::<PointsPart>() {
+            self.append(part);
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
         self.push(row, object);
         Ok(ControlFlow::Continue(()))
@@ -468,72 +497,4 @@ fn rounded(offset: DVec3) -> [f32; 3] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn positions_keep_their_digits_at_utm_coordinates() {
-        let mut points = Points::default();
-        for x in [478_000.123, 478_001.456] {
-            points.push(
-                &PointRow { position: DVec3::new(x, 5_474_500.5, 110.25), ..PointRow::default() },
-                None,
-            );
-        }
-        points.push(&PointRow { position: DVec3::NAN, ..PointRow::default() }, None);
-        assert_eq!((points.len(), points.skipped()), (2, 1));
-        let doubts = points.doubts(Path::new("a.xyz")).text();
-        assert!(doubts.contains("1 point without coordinates") && doubts.contains("a.xyz"), "{doubts}");
-        assert_eq!(points.position(1), DVec3::new(478_001.456, 5_474_500.5, 110.25));
-        assert!((f64::from(points.offset(1)[0]) + points.origin().x - 478_001.456).abs() < 1e-6);
-        assert_eq!(points.bounds().max.x, 478_001.456);
-    }
-
-    #[test]
-    fn a_bounded_number_of_points_is_kept_evenly() {
-        let all = AttributeSet::of(|attribute| attribute != Attribute::Time);
-        let mut points = Points { max_points: 8, ..Points::new(all) };
-        for i in 0..100 {
-            let position = DVec3::X * f64::from(i);
-            let class = i as u8;
-            points.push(&PointRow { position, intensity: i as f32, class, ..PointRow::default() }, Some("a"));
-        }
-        assert_eq!((points.total(), points.len()), (100, 7));
-        assert_eq!(points.class.to_vec(), [0, 16, 32, 48, 64, 80, 96]);
-        assert_eq!((points.intensity.at(6), points.position(6).x, points.object.len()), (96.0, 96.0, 7));
-        assert_eq!(points.bounds().max.x, 99.0);
-    }
-
-    #[test]
-    fn numbers_beyond_those_that_are_kept_are_told() {
-        let mut points = Points::new(AttributeSet::of(|_| true));
-        for (leg, channel) in [(0, 3), (255, 256), (300, 0), (70, 1)] {
-            points.push(&PointRow { leg, channel, ..PointRow::default() }, None);
-        }
-        assert_eq!(
-            (points.leg.to_vec(), points.channel.to_vec()),
-            (vec![0, 255, 300, 70], vec![3, 255, 0, 1])
-        );
-        assert_eq!(points.beyond_bytes(), (1, 1));
-    }
-
-    #[test]
-    fn objects_are_numbered_in_order_of_appearance() {
-        let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Object));
-        for object in ["7", "7", "tree", "7", "tree"] {
-            points.push(&PointRow::default(), Some(object));
-        }
-        assert_eq!(points.object.to_vec(), [0, 0, 1, 0, 1]);
-        assert_eq!(points.objects, ["7", "tree"]);
-    }
-
-    #[test]
-    fn more_objects_than_numbers_share_the_last_one() {
-        let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Object));
-        for i in 0..70_000 {
-            points.push(&PointRow { object: i, ..PointRow::default() }, None);
-        }
-        assert_eq!(points.len(), 70_000);
-        assert_eq!(points.objects.len(), 65_535);
-    }
-}
+mod tests;
