@@ -90,6 +90,16 @@ fn points_of_blocks_are_those_added_one_by_one() {
             block.iter().for_each(|row| part.add(row));
             together.append(&part);
         }
-        assert!(format!("{together:?}") == format!("{single:?}"), "{length}");
+        let facts = |points: &Points| {
+            let counts = (points.len(), points.total(), points.skipped(), points.misses());
+            (counts, points.bounds(), points.beyond_bytes(), points.objects.clone(), points.object.to_vec())
+        };
+        assert_eq!(facts(&together), facts(&single), "{length}");
+        let values = |points: &Points, i: usize| {
+            let numbers = (points.class_of(i), points.return_number_of(i), points.source_of(i));
+            let measured = (points.intensity_of(i), points.scan_angle_of(i), points.time_of(i));
+            (points.position(i), numbers, measured, points.colour_of(i))
+        };
+        assert!((0..single.len()).all(|i| values(&together, i) == values(&single, i)), "{length}");
     }
 }
