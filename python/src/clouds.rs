@@ -207,8 +207,8 @@ pub fn raster<'py>(
             let crs: Crs = text.parse().map_err(|problem| Error::input(format!("crs: {problem}")))?;
             crs.wkt()
         });
-        let (rasters, found) =
-            CloudRasters::read(&clouds, &kinds, &options, crs.transpose()?, machine::memory())?;
+        let max_bytes = machine::memory().map(|bytes| bytes / 2);
+        let (rasters, found) = CloudRasters::read(&clouds, &kinds, &options, crs.transpose()?, max_bytes)?;
         own.add(Notice::Warnings(found));
         let values: Vec<Vec<f64>> = kinds.iter().map(|kind| rasters.values(*kind)).collect();
         let files = kinds.iter().zip(&wanted).filter_map(|(kind, (_, path))| Some((*kind, path.as_ref()?)));

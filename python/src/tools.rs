@@ -309,7 +309,8 @@ pub fn fit_flight(
     let made = interruptible(py, move |interruption| {
         FlightFiles::check(&output, &cloud, force)?;
         let mut found = Diagnostics::default();
-        let fit = flight::fit_flight(&cloud, &FlightRequest { flight_line, extend }, &mut found);
+        let request = FlightRequest { flight_line, extend, ..FlightRequest::default() };
+        let fit = flight::fit_flight(&cloud, &request, &mut found);
         own.add(Notice::Warnings(found.finish(false)?));
         let fit = fit?;
         interruption.begin_writing()?;

@@ -9,13 +9,14 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, reads, refuse_existing, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_formats::PointFormat;
-use vlscan_tools::cloud::read_attributes;
+use vlscan_tools::cloud::read_within;
 use vlscan_tools::compare::{changed_points, compare, compared_attributes, json, page, table, write_changed};
 
 pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     check(args)?;
     let observer = console.listener();
-    let read = |path: &Path| read_attributes(path, compared_attributes());
+    let max_bytes = args.memory.of_each(2);
+    let read = |path: &Path| read_within(path, Some(compared_attributes()), max_bytes);
     let [first, second] = [&args.first, &args.second].map(|path| read_cloud(path, console, read));
     let (first, second) = (first?, second?);
     let names = [&args.first, &args.second].map(|path| path.display().to_string());
@@ -23,7 +24,8 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
     let comparison = during(console, "comparing the clouds", || compare(clouds, &args.options, &observer))?;
     let (mut group, mut written) = (FileGroup::default(), Vec::new());
     if let Some(path) = &args.page {
-        group.write(path, args.force, page(&comparison, [&first, &second])?.as_bytes())?;
+        let page = during(console, "drawing the page", || page(&comparison, [&first, &second]))?;
+        group.write(path, args.force, page.as_bytes())?;
         written.push((messages::written(path, "page"), format!("{}: open it in a browser", path.display())));
     }
     if let Some(path) = &args.change {
@@ -37,7 +39,8 @@ pub fn run(args: &CompareArgs, console: &Console) -> Result<()> {
         written.push((messages::written(path, "raster"), text));
     }
     if let Some(path) = &args.changed {
-        let changed = changed_points([&first, &second], args.options.cell)?;
+        let find = || changed_points([&first, &second], args.options.cell);
+        let changed = during(console, "looking for changed points", find)?;
         write_changed(path, args.force, [&first, &second], &changed, &observer, &mut group)?;
         let [new, gone] = [&changed.new, &changed.gone].map(|points| amount(points.len() as f64));
         let text = format!("{}: {new} new and {gone} gone points", path.display());

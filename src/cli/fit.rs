@@ -23,7 +23,8 @@ pub fn run(args: &FitArgs, console: &Console) -> Result<()> {
     }
     FlightFiles::check(&args.out, &args.cloud, args.force)?;
     let mut found = Diagnostics::default();
-    let request = FlightRequest { flight_line: args.flight_line, extend: args.extend };
+    let max_memory = args.max_memory.map(|bytes| bytes.0);
+    let request = FlightRequest { flight_line: args.flight_line, extend: args.extend, max_memory };
     let fit = during(console, "fitting the instrument", || fit_flight(&args.cloud, &request, &mut found));
     console.warnings(&found.finish(false)?)?;
     let fit = fit?;

@@ -13,7 +13,7 @@ use vlscan_base::quantity::{amount, amount_of};
 use vlscan_campaign::SurveySketch;
 use vlscan_options::holds_survey;
 use vlscan_session::output::expand;
-use vlscan_tools::cloud::{Points, Wave, read_attributes, read_packet, read_points, read_wave};
+use vlscan_tools::cloud::{Points, Wave, read_packet, read_wave, read_within};
 use vlscan_tools::preview::{Chart, ColourBy, Picture, PreviewOptions, draw, write_octree, write_page};
 
 pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
@@ -42,17 +42,17 @@ pub fn run(args: &PreviewArgs, console: &Console) -> Result<()> {
         return survey(args, &options, console);
     }
     // A page offers all colours.
-    let points = match is_page(&args.out) || options.colour == ColourBy::Rgb {
-        true => read_cloud(&args.points, console, read_points)?,
-        false => {
-            let attributes = options.colour.attributes();
-            read_cloud(&args.points, console, |path| read_attributes(path, attributes))?
-        }
-    };
+    let needs_all = is_page(&args.out) || options.colour == ColourBy::Rgb;
+    let attributes = (!needs_all).then(|| options.colour.attributes());
+    let read = |path: &Path| read_within(path, attributes, args.memory.of_each(1));
+    let points = read_cloud(&args.points, console, read)?;
     console.warnings(&options.colour.doubts(&points, &args.points))?;
     match is_page(&args.out) {
         true => page(args, &points, &options, console),
-        false => picture(args, &points, &draw(&points, &options), console),
+        false => {
+            let drawn = during(console, "drawing the picture", || draw(&points, &options));
+            picture(args, &points, &drawn, console)
+        }
     }
 }
 
@@ -84,7 +84,8 @@ fn picture(args: &PreviewArgs, points: &Points, picture: &Picture, console: &Con
 
 /// Writes a page of points.
 fn page(args: &PreviewArgs, points: &Points, options: &PreviewOptions, console: &Console) -> Result<()> {
-    let page = write(args, |out| write_page(points, options, out))?;
+    let work = || write(args, |out| write_page(points, options, out));
+    let page = during(console, "writing the page", work)?;
     let count = amount_of(points.total() as f64, "point");
     let sampled = if page.shown < page.total {
         format!("{} of {count}, evenly chosen (--max-points)", amount(page.shown as f64))

@@ -20,7 +20,9 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     let crs = args.crs.as_ref().map(vlscan_options::Crs::wkt).transpose()?;
     let kinds: Vec<RasterKind> = requested.iter().map(|(kind, _)| *kind).collect();
     let clouds = CloudSource::files(&args.clouds);
-    let read = || CloudRasters::read(&clouds, &kinds, &args.options, crs, machine::memory());
+    let max_memory = args.max_memory.map(|bytes| bytes.0);
+    let max_bytes = max_memory.or_else(|| machine::memory().map(|bytes| bytes / 2));
+    let read = || CloudRasters::read(&clouds, &kinds, &args.options, crs, max_bytes);
     let (rasters, found) = during(console, "reading points", read)?;
     console.warnings(&found)?;
     let [columns, rows] = rasters.size();
@@ -39,7 +41,8 @@ pub fn run(args: &RasterArgs, console: &Console) -> Result<()> {
     };
     let mut group = FileGroup::default();
     for (kind, path) in requested.iter().filter(|(_, path)| !means_stdout(path)) {
-        group.write(path, args.force, &rasters.geotiff(*kind)?)?;
+        let raster = during(console, "making rasters", || rasters.geotiff(*kind))?;
+        group.write(path, args.force, &raster)?;
     }
     for (kind, _) in requested.iter().filter(|(_, path)| means_stdout(path)) {
         FileWriter::stdout(Patched::Never)?.append(&rasters.geotiff(*kind)?)?;

@@ -5,6 +5,33 @@ use std::fs;
 use std::path::Path;
 
 #[test]
+fn points_in_temporary_files_do_not_change_results() {
+    let dir = folder();
+    // More points than are in memory under any limit.
+    let cloud = |lift: f64| -> String {
+        let line = |i: u32| {
+            let (x, y) = (i % 250, i / 250);
+            format!("{x}.5 {y} {:.3}\n", lift + 0.01 * f64::from(x * 7 % 11))
+        };
+        (0..70_000).map(line).collect()
+    };
+    fs::write(dir.path().join("a.xyz"), cloud(0.0)).unwrap();
+    fs::write(dir.path().join("b.xyz"), cloud(0.05)).unwrap();
+    let compared = |more: &[&str]| {
+        succeed(dir.path(), &[&["compare", "a.xyz", "b.xyz", "--json"][..], more].concat()).stdout
+    };
+    assert!(compared(&[]) == compared(&["--max-memory", "1K"]));
+    let drawn = |name: &str, more: &[&str]| {
+        succeed(dir.path(), &[&["preview", "a.xyz", "-o", name, "-q"][..], more].concat());
+        fs::read(dir.path().join(name)).unwrap()
+    };
+    for format in ["png", "html"] {
+        let whole = drawn(&format!("a.{format}"), &[]);
+        assert!(whole == drawn(&format!("b.{format}"), &["--max-memory", "1K"]), "{format}");
+    }
+}
+
+#[test]
 fn runs_are_compared_in_every_format() {
     let dir = folder();
     let survey = fixture("forest/survey.xml");

@@ -87,6 +87,7 @@ fn document(content: &str) -> Case {
 
 /// A case for every limit of the page.
 fn cases() -> BTreeMap<&'static str, Case> {
+    let scattered: String = (0..50).map(|i| format!("{} 0 0\n", 100 * i)).collect();
     let wide: String = (0..251).map(|i| format!(" a{i}=\"1\"")).collect();
     let entity = |length: usize, named: usize| {
         run_of(format!(
@@ -254,6 +255,18 @@ fn cases() -> BTreeMap<&'static str, Case> {
         (
             "rings of subrays (`beamSampleQuality`)",
             changed("<leg>", "<FWFSettings beamSampleQuality=\"513\"/><leg>"),
+        ),
+        (
+            "cells with points of `vlscan raster`",
+            case(
+                "cloud.xyz",
+                scattered.clone(),
+                &["raster", "cloud.xyz", "--dsm", "a.tif", "--max-memory", "1K"],
+            ),
+        ),
+        (
+            "points of `vlscan fit` and `vlscan scene reconstruct`",
+            case("cloud.xyz", scattered, &["fit", "cloud.xyz", "-o", "fit.toml", "--max-memory", "1K"]),
         ),
         ("bins of a pulse", changed("pulseLength_ns=\"4\"", "pulseLength_ns=\"1e9\"")),
     ])

@@ -3,6 +3,7 @@
 //! | module | what it does |
 //! |---|---|
 //! | `flight` | a flight and its scanner from GPS times, positions and scan angles |
+//! | `limit` | the number of points that a memory limit allows |
 //! | `scene` | a scene from classified points: terrain, roofs, foliage as voxels |
 //! | `spinning` | noise and detection of a spinning sensor from a recorded revolution |
 //! | `still` | the scan pattern of a sensor that stood still |
@@ -10,6 +11,7 @@
 #![deny(unsafe_code)]
 
 pub mod flight;
+mod limit;
 pub mod scene;
 pub mod spinning;
 pub mod still;

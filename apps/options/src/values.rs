@@ -135,11 +135,8 @@ impl FromStr for Bytes {
     type Err = ValueError;
 
     fn from_str(text: &str) -> Result<Bytes, ValueError> {
-        let (digits, unit) = quantity::split_unit(text);
-        let unit = unit.to_ascii_uppercase();
-        let prefix = unit.strip_suffix("IB").or(unit.strip_suffix('B')).unwrap_or(&unit);
-        match quantity::scaled(digits, prefix, 1024.0).filter(|bytes| (0.0..1e19).contains(bytes)) {
-            Some(bytes) => Ok(Bytes(bytes as u64)),
+        match quantity::parse_bytes(text) {
+            Some(bytes) => Ok(Bytes(bytes)),
             None => Err(ValueError::form("a number of bytes such as 8000000000 or 8G", text)),
         }
     }

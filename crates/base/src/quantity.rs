@@ -288,6 +288,14 @@ pub fn parse_count(text: &str) -> Option<u64> {
     ((0.0..1e18).contains(&n) && (n - n.round()).abs() <= 1e-9 * n.abs()).then(|| n.round() as u64)
 }
 
+/// A number of bytes with an optional unit: K, M, G and T are powers of 1024, and B or iB may follow.
+pub fn parse_bytes(text: &str) -> Option<u64> {
+    let (digits, unit) = split_unit(text);
+    let unit = unit.to_ascii_uppercase();
+    let prefix = unit.strip_suffix("IB").or(unit.strip_suffix('B')).unwrap_or(&unit);
+    scaled(digits, prefix, 1024.0).filter(|bytes| (0.0..1e19).contains(bytes)).map(|bytes| bytes as u64)
+}
+
 /// The number in `digits` times the power of `base` that a unit prefix stands for.
 pub fn scaled(digits: &str, prefix: &str, base: f64) -> Option<f64> {
     let exponent = match prefix {

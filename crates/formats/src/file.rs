@@ -14,6 +14,10 @@ use vlscan_base::files::reads;
 use vlscan_base::machine;
 use vlscan_base::store::FileBytes;
 
+/// Maximum length of a file that is read into memory before its points are decoded, bytes. Longer files are
+/// mapped, and the parts whose points have been passed on are released.
+const MAX_WHOLE_BYTES: u64 = 128 << 20;
+
 /// Reads all points of a file, or of stdin for `-`. Returns warnings, and notes on how the file was
 /// interpreted.
 ///
@@ -66,12 +70,13 @@ fn read_into(path: &Path, threads: usize, sink: &mut dyn PointSink, found: &mut 
         return reading.end();
     }
     let file = match is_file {
-        true => FileBytes::open(path).map_err(|e| Error::open(path, e))?,
+        true => FileBytes::open_in_parts(path, MAX_WHOLE_BYTES).map_err(|e| Error::open(path, e))?,
         false => {
             source.read_to_end(&mut first).map_err(|e| Error::io("read", &name, e))?;
             FileBytes::from(first)
         }
     };
+    reading.release_from(&file);
     match format {
         #[cfg(feature = "parquet")]
         CloudFormat::Parquet => table::read_parquet(Bytes::from_owner(file.clone()), &mut reading)?,

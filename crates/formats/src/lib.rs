@@ -96,12 +96,17 @@ pub use settings::{CloudSettings, FrameNames};
 pub use strays::{Apart, StrayFinder, Strays};
 pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
 
+use std::any::Any;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place, Problem};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::counted;
+use vlscan_base::store::FileBytes;
 use vlscan_geom::{DVec3, radians};
+
+/// Length of the parts of a file that are released together, bytes.
+const RELEASED_BYTES: usize = if cfg!(test) { 1 << 12 } else { 1 << 24 };
 
 /// A point as stored in its file. Attributes that the file lacks are 0; an intensity that it marks as missing
 /// is NaN.
@@ -196,6 +201,19 @@ pub struct FileFacts {
     pub las: Option<LasFacts>,
 }
 
+/// Sums over a block of successive points, made on the thread that decodes them. Blocks end anywhere, so the
+/// sums over all blocks must not depend on where they end.
+pub trait PointPart: Any + Send {
+    /// Adds the next point of the block; its object has no name.
+    fn add(&mut self, row: &PointRow);
+
+    /// Begins another block.
+    fn clear(&mut self);
+}
+
+/// Makes an empty part of a sink.
+pub type NewPart = Box<dyn Fn() -> Box<dyn PointPart> + Send + Sync>;
+
 /// Takes the points of a file.
 pub trait PointSink {
     /// Called once, before the first point, with the attributes that the points have.
@@ -226,6 +244,20 @@ pub trait PointSink {
     /// Takes the details of the next point, before the point itself: of LAS.
     fn details(&mut self, _details: &PointDetails) {}
 
+    /// Makes empty parts for blocks of points, if the sink uses these instead of single points where it can:
+    /// of LAS. Called after [`PointSink::start`].
+    fn parts(&self) -> Option<NewPart> {
+        None
+    }
+
+    /// Takes the part of the next block of points in the order of the file. `Break` ends reading.
+    ///
+    /// # Errors
+    /// The errors of the sink, as for [`PointSink::point`].
+    fn add_part(&mut self, _part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {
+        Ok(ControlFlow::Continue(()))
+    }
+
     /// Takes the next point in the order of the file; `object` is the name of its object in files that have
     /// names. `Break` ends reading.
     ///
@@ -242,6 +274,10 @@ struct Reading<'a> {
     found: &'a mut Diagnostics,
     /// Number of threads that decode.
     threads: usize,
+    /// The file, if parts that have been read are released.
+    file: Option<FileBytes>,
+    /// Offset in the file up to which it is released.
+    released: usize,
     /// Number of points with a value that does not fit, by attribute, and the place of the first one.
     misfits: [(u64, Option<Place>); Attribute::COUNT],
     /// The error of the sink, which has ended reading.
@@ -255,12 +291,38 @@ impl<'a> Reading<'a> {
         sink: &'a mut dyn PointSink,
         found: &'a mut Diagnostics,
     ) -> Reading<'a> {
-        Reading { path, selection, sink, found, threads: 1, misfits: Default::default(), failure: None }
+        Reading {
+            path,
+            selection,
+            sink,
+            found,
+            threads: 1,
+            file: None,
+            released: 0,
+            misfits: Default::default(),
+            failure: None,
+        }
     }
 
     /// Decodes on this number of threads where the format has blocks; on one unless it is called.
     fn on(self, threads: usize) -> Reading<'a> {
         Reading { threads, ..self }
+    }
+
+    /// Releases parts of a file that have been read.
+    fn release_from(&mut self, file: &FileBytes) {
+        self.file = Some(file.clone());
+    }
+
+    /// Releases the memory of the file before an offset, up to which it has been read. Small parts are
+    /// released together.
+    fn release_before(&mut self, end: usize) {
+        if let Some(file) = &self.file
+            && end >= self.released.saturating_add(RELEASED_BYTES)
+        {
+            file.release(self.released..end);
+            self.released = end;
+        }
     }
 
     /// Passes the format of the file to the sink, unless its reader passes more.
@@ -326,6 +388,26 @@ impl<'a> Reading<'a> {
             }
         }
         match self.sink.point(row, object) {
+            Ok(flow) => flow,
+            Err(failure) => {
+                self.failure = Some(failure);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    /// Passes the part of a block to the sink, with the numbers of its values that do not fit.
+    fn take_part(
+        &mut self,
+        part: &mut (dyn PointPart + 'static),
+        misfits: &[u64; Attribute::COUNT],
+    ) -> ControlFlow<()> {
+        let path = self.path;
+        for ((count, first), more) in self.misfits.iter_mut().zip(misfits).filter(|(_, more)| **more > 0) {
+            *count += more;
+            first.get_or_insert_with(|| Place::of_file(path));
+        }
+        match self.sink.add_part(part) {
             Ok(flow) => flow,
             Err(failure) => {
                 self.failure = Some(failure);

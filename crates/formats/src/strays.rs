@@ -134,22 +134,47 @@ impl StrayFinder {
 
     /// Adds a point, whose coordinates are finite.
     pub fn add(&mut self, p: DVec3) {
-        if self.count & (self.stride - 1) == 0 {
-            if self.sample.len() == MAX_SAMPLE {
-                let mut number = 0;
-                self.sample.retain(|_| {
-                    number += 1;
-                    number % 2 == 1
-                });
-                self.stride *= 2;
-            }
-            if self.count & (self.stride - 1) == 0 {
-                self.sample.push(p);
-            }
-        }
         let count = self.count;
+        self.add_to_sample(count, p);
         self.ends.iter_mut().for_each(|end| end.add(count, p));
         self.count += 1;
+    }
+
+    /// Adds points in their order, as [`StrayFinder::add`] does, faster.
+    pub fn add_all(&mut self, points: &[DVec3]) {
+        let bounds = Aabb::around(points.iter().copied());
+        for end in &mut self.ends {
+            let corner = if end.sign < 0.0 { bounds.min } else { bounds.max };
+            if end.sign * corner[end.axis] > end.threshold {
+                (self.count..).zip(points).for_each(|(number, p)| end.add(number, *p));
+            }
+        }
+        let mut from = self.count;
+        while let Some(number) = from.checked_next_multiple_of(self.stride)
+            && let Some(p) = points.get((number - self.count) as usize)
+        {
+            self.add_to_sample(number, *p);
+            from = number + 1;
+        }
+        self.count += points.len() as u64;
+    }
+
+    /// Adds the point of a number to the sample, if that is one of its numbers.
+    fn add_to_sample(&mut self, number: u64, p: DVec3) {
+        if number & (self.stride - 1) != 0 {
+            return;
+        }
+        if self.sample.len() == MAX_SAMPLE {
+            let mut place = 0;
+            self.sample.retain(|_| {
+                place += 1;
+                place % 2 == 1
+            });
+            self.stride *= 2;
+        }
+        if number & (self.stride - 1) == 0 {
+            self.sample.push(p);
+        }
     }
 
     /// The strays among the points so far.
@@ -385,6 +410,20 @@ mod tests {
         let mut even = StrayFinder::default();
         cloud(1000, size, &[]).into_iter().for_each(|p| even.add(p));
         assert!(even.apart().is_none() && even.described_extent().ends_with(" m"));
+    }
+
+    #[test]
+    fn points_that_are_added_together_are_those_added_one_by_one() {
+        let size = DVec3::new(60.0, 60.0, 10.0);
+        let points = cloud(50_000, size, &[DVec3::X * 1e5, DVec3::Z * -3e4]);
+        let mut single = StrayFinder::default();
+        points.iter().for_each(|p| single.add(*p));
+        for block in [1, 7, 1000, 16_384, 60_000] {
+            let mut together = StrayFinder::default();
+            points.chunks(block).for_each(|block| together.add_all(block));
+            together.add_all(&[]);
+            assert!(format!("{together:?}") == format!("{single:?}"), "{block}");
+        }
     }
 
     #[test]

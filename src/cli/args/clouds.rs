@@ -2,7 +2,7 @@
 
 use clap::Args;
 use std::path::PathBuf;
-use vlscan_options::Crs;
+use vlscan_options::{Bytes, Crs};
 use vlscan_tools::frames::FrameOptions;
 use vlscan_tools::raster::{RasterFiles, RasterOptions};
 
@@ -16,6 +16,22 @@ pub struct CloudInfoArgs {
     /// As JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Memory of commands that hold the points of clouds.
+#[derive(Clone, Debug, Default, Args)]
+pub struct PointMemory {
+    /// Memory for points, e.g. 2G; points beyond it are kept in temporary files (TMPDIR). Does not change the
+    /// result. [default: 128M for each cloud]
+    #[arg(long, value_name = "SIZE")]
+    pub max_memory: Option<Bytes>,
+}
+
+impl PointMemory {
+    /// The memory of each of some clouds, bytes; `None` for the default.
+    pub fn of_each(&self, clouds: u64) -> Option<u64> {
+        self.max_memory.map(|bytes| bytes.0 / clouds.max(1))
+    }
 }
 
 /// `vlscan raster`.
@@ -34,6 +50,9 @@ pub struct RasterArgs {
     /// Coordinate reference system of clouds that name none: EPSG:25832, WKT, or a file with either.
     #[arg(long, value_name = "CRS")]
     pub crs: Option<Crs>,
+    /// Reject cells that need more memory than this, e.g. 2G. [default: half the memory of the machine]
+    #[arg(long, value_name = "SIZE")]
+    pub max_memory: Option<Bytes>,
     /// Replace existing files, and write a raster to a terminal.
     #[arg(long)]
     pub force: bool,

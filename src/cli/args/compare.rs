@@ -1,5 +1,6 @@
 //! The command line of `vlscan compare`.
 
+use super::PointMemory;
 use clap::Args;
 use std::path::PathBuf;
 use vlscan_tools::compare::CompareOptions;
@@ -29,6 +30,9 @@ pub struct CompareArgs {
     /// How the clouds are compared.
     #[command(flatten)]
     pub options: CompareOptions,
+    /// Memory of both clouds.
+    #[command(flatten)]
+    pub memory: PointMemory,
     /// Replace existing files.
     #[arg(long)]
     pub force: bool,

@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use vlscan_options::Bytes;
 use vlscan_options::values::Vector;
 
 /// `vlscan fit`.
@@ -38,13 +39,17 @@ pub struct FitArgs {
         conflicts_with = "calibration"
     )]
     pub extend: f64,
+    /// Reject clouds whose points need more memory than this, e.g. 8G, at about 256 bytes each. [default: no
+    /// limit]
+    #[arg(long, value_name = "SIZE", conflicts_with = "calibration")]
+    pub max_memory: Option<Bytes>,
     /// Write the scan pattern of a sensor that stood still at this place while it recorded, instead of a
     /// flight: the directions of its pulses over time.
     #[arg(
         long,
         value_name = "X,Y,Z",
         allow_hyphen_values = true,
-        conflicts_with_all = ["calibration", "flight_line", "extend"]
+        conflicts_with_all = ["calibration", "flight_line", "extend", "max_memory"]
     )]
     pub still_at: Option<Vector>,
     /// Write the table of what was estimated as JSON.

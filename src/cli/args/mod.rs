@@ -24,7 +24,7 @@ mod simulate;
 mod tools;
 
 pub use campaign::CampaignArgs;
-pub use clouds::{CloudInfoArgs, FramesArgs, RasterArgs};
+pub use clouds::{CloudInfoArgs, FramesArgs, PointMemory, RasterArgs};
 pub use compare::CompareArgs;
 pub use fit::{FitArgs, FittedHalf};
 pub use plan::PlanArgs;

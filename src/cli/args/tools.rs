@@ -1,5 +1,6 @@
 //! The command line of `bench`, `catalogue`, `unzip`, `preview`, `serve`, `completions` and `man`.
 
+use super::PointMemory;
 use clap::{Args, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -151,6 +152,9 @@ pub struct PreviewArgs {
     /// Maximum number of points in a page, evenly sampled; 500k is understood.
     #[arg(long, alias = "most-points", value_name = "N", default_value = "5M")]
     pub max_points: Count<1>,
+    /// Memory of the cloud.
+    #[command(flatten)]
+    pub memory: PointMemory,
     /// Of a survey: folder to look for files in; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub assets: Vec<PathBuf>,

@@ -56,6 +56,7 @@ pub use report::{Figure, json, table};
 pub use solution::Solution;
 pub use write::FlightFiles;
 
+use crate::limit::PointLimit;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
@@ -103,6 +104,8 @@ pub struct FlightRequest {
     pub flight_line: Option<u16>,
     /// Time by which the written flight is extended after the recording, s.
     pub extend: f64,
+    /// Memory that the points may take, bytes; `None` for no limit.
+    pub max_memory: Option<u64>,
 }
 
 /// A flight with its scanner.
@@ -133,7 +136,8 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         let message = format!("--extend {}: expected seconds from 0 to {MAX_EXTENSION}", request.extend);
         return Err(Error::input(message));
     }
-    let mut recording = Recording::read(path, request.flight_line, found)?;
+    let limit = PointLimit::new(request.max_memory);
+    let mut recording = Recording::read(path, request.flight_line, limit, found)?;
     reject_tripod(path, &recording)?;
     if let Some(lines) = sweeps::of_undivided(&recording) {
         recording.lines = lines;

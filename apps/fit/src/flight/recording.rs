@@ -1,6 +1,6 @@
 //! The pulses of one flight line of a recorded cloud.
 
-use std::collections::BTreeMap;
+use crate::limit::PointLimit;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
@@ -92,6 +92,9 @@ struct Rows {
     wkt: Option<String>,
     rows: Vec<Row>,
     is_las: bool,
+    limit: PointLimit,
+    /// True if there are more points than the limit allows.
+    is_too_large: bool,
 }
 
 impl PointSink for Rows {
@@ -122,8 +125,9 @@ impl PointSink for Rows {
                 class: row.class,
                 channel: row.channel,
             });
+            self.is_too_large = self.limit.is_exceeded(self.rows.len());
         }
-        Ok(ControlFlow::Continue(()))
+        Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 
@@ -132,10 +136,19 @@ impl Recording {
     /// pulses. Warnings, also of lines that are left out, are added to `found`.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, or with too few pulses.
-    pub fn read(path: &Path, source: Option<u16>, found: &mut Diagnostics) -> Result<Recording> {
-        let mut sink = Rows::default();
+    /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, with too few pulses, or
+    /// with more points than `limit` allows.
+    pub(crate) fn read(
+        path: &Path,
+        source: Option<u16>,
+        limit: PointLimit,
+        found: &mut Diagnostics,
+    ) -> Result<Recording> {
+        let mut sink = Rows { limit, ..Rows::default() };
         found.extend(read_points(path, &mut sink)?);
+        if sink.is_too_large {
+            return Err(limit.error(path));
+        }
         let name = path.display();
         for (attribute, what) in [(Attribute::Time, "GPS times"), (Attribute::ScanAngle, "scan angles")] {
             if !sink.attributes.has(attribute) {
@@ -148,10 +161,12 @@ impl Recording {
         let strays = StrayFinder::of(sink.rows.iter().map(|row| row.position));
         strays.warn(path, "left out", found);
         sink.rows.retain(|row| !strays.contains(row.position));
-        let mut flights = flight_lines(sink.rows);
+        let mut rows = sink.rows;
+        let mut flights = flight_lines(&mut rows);
+        let source_of = |flight: &Range<usize>| rows[flight.start].source;
         if let Some(source) = source {
-            let sources: Vec<String> = flights.iter().map(|flight| flight[0].source.to_string()).collect();
-            flights.retain(|flight| flight[0].source == source);
+            let sources: Vec<String> = flights.iter().map(|flight| source_of(flight).to_string()).collect();
+            flights.retain(|flight| source_of(flight) == source);
             if flights.is_empty() {
                 let message = format!("--flight-line {source}: {name} has no points of this point source");
                 return Err(Error::input_with_help(message, format!("it has {}", sources.join(", "))));
@@ -160,10 +175,10 @@ impl Recording {
         let Some(longest) = flights.iter().max_by_key(|flight| flight.len()) else {
             return Err(Error::input(format!("{name} has no points with times and scan angles")));
         };
-        let mut recording = Recording::of(longest, path, found)?;
-        recording.wkt = sink.wkt.take();
+        let mut recording = Recording::of(&rows[longest.clone()], path, found)?;
+        recording.wkt = sink.wkt;
         if flights.len() > 1 {
-            let left_out: usize = flights.iter().map(Vec::len).sum::<usize>() - longest.len();
+            let left_out = flights.iter().map(|flight| flight.len()).sum::<usize>() - longest.len();
             let warning = found.warn(
                 Some(Place::of_file(path)),
                 format!(
@@ -410,25 +425,21 @@ fn remove_outliers(pulses: &mut Vec<Pulse>) -> (usize, f64) {
     (removed, limit)
 }
 
-/// The points by flight line, each in the order of time and return number.
-fn flight_lines(rows: Vec<Row>) -> Vec<Vec<Row>> {
-    let mut by_source: BTreeMap<u16, Vec<Row>> = BTreeMap::new();
-    for row in rows {
-        by_source.entry(row.source).or_default().push(row);
+/// Sorts points by source, time and return number, and returns the flight lines.
+fn flight_lines(rows: &mut [Row]) -> Vec<Range<usize>> {
+    let order = |a: &Row, b: &Row| {
+        let by_time = a.source.cmp(&b.source).then(a.time.total_cmp(&b.time));
+        by_time.then(a.number.cmp(&b.number))
+    };
+    // Most recordings are in order, and sorting takes half of their memory again.
+    if !rows.is_sorted_by(|a, b| order(a, b).is_le()) {
+        rows.sort_by(order);
     }
     let mut flights = Vec::new();
-    for mut rows in by_source.into_values() {
-        rows.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.number.cmp(&b.number)));
-        let mut latest = f64::NEG_INFINITY;
-        for row in rows {
-            if row.time - latest > FLIGHT_PAUSE {
-                flights.push(Vec::new());
-            }
-            latest = row.time;
-            if let Some(flight) = flights.last_mut() {
-                flight.push(row);
-            }
-        }
+    let mut start = 0;
+    for part in rows.chunk_by(|a, b| a.source == b.source && b.time - a.time <= FLIGHT_PAUSE) {
+        flights.push(start..start + part.len());
+        start += part.len();
     }
     flights
 }
@@ -436,6 +447,30 @@ fn flight_lines(rows: Vec<Row>) -> Vec<Vec<Row>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn flight_lines_are_divided_by_source_and_pauses() {
+        let row = |(source, time, number): (u16, f64, u8)| Row {
+            time,
+            position: DVec3::ZERO,
+            angle: 0.0,
+            source,
+            number,
+            returns: 2,
+            class: 1,
+            channel: 0,
+        };
+        let values = [(7, 30.0, 1), (3, 5.0, 2), (7, 1.0, 1), (3, 5.0, 1), (7, 9.0, 1), (3, 25.0, 1)];
+        let mut rows: Vec<Row> = values.into_iter().map(row).collect();
+        for _ in 0..2 {
+            assert_eq!(flight_lines(&mut rows), [0..3, 3..5, 5..6]);
+            let sorted: Vec<(u16, f64, u8)> =
+                rows.iter().map(|row| (row.source, row.time, row.number)).collect();
+            let expected = [(3, 5.0, 1), (3, 5.0, 2), (3, 25.0, 1), (7, 1.0, 1), (7, 9.0, 1), (7, 30.0, 1)];
+            assert_eq!(sorted, expected);
+        }
+        assert!(flight_lines(&mut []).is_empty());
+    }
 
     #[test]
     fn several_channels_with_one_scan_angle_each_are_those_of_a_sensor_that_spins() {

@@ -29,13 +29,14 @@ pub use roofs::Roofs;
 pub use sensor::{PathSource, SensorPath};
 pub use terrain::Terrain;
 
+use crate::limit::PointLimit;
 use recording::{Recording, Target};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Notice, Place, listed};
 use vlscan_base::error::Result;
-use vlscan_base::quantity::{amount, counted, duration};
+use vlscan_base::quantity::{amount, counted, duration, parse_bytes};
 use vlscan_geom::DVec3;
 
 /// Edge of voxels over the distance between pulses, and its minimum and maximum, m.
@@ -60,6 +61,10 @@ pub struct ReconstructOptions {
     /// Divergence of the beam that recorded the cloud, full angle at 1/e² of the intensity, rad
     #[arg(long, value_name = "RAD", default_value_t = 0.00025, value_parser = divergence)]
     pub divergence: f64,
+    /// Reject clouds whose points need more memory than this, e.g. 8G, at about 256 bytes each. [default: no
+    /// limit]
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    pub max_memory: Option<u64>,
     /// Replace files that exist.
     #[arg(id = "force", long = "force")]
     pub overwrite: bool,
@@ -81,6 +86,15 @@ impl OutOfBounds {
     }
 }
 
+/// A value of an option that is not a size of memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected a number of bytes such as 8000000000 or 8G")]
+struct NoMemorySize;
+
+fn memory(text: &str) -> Result<u64, NoMemorySize> {
+    parse_bytes(text).ok_or(NoMemorySize)
+}
+
 fn voxel_size(text: &str) -> Result<f64, OutOfBounds> {
     OutOfBounds { unit: "metres", low: 0.05, high: 20.0 }.check(text)
 }
@@ -92,7 +106,7 @@ fn divergence(text: &str) -> Result<f64, OutOfBounds> {
 impl ReconstructOptions {
     /// The defaults for a cloud.
     pub fn new(cloud: PathBuf) -> ReconstructOptions {
-        ReconstructOptions { cloud, voxel: None, divergence: 0.00025, overwrite: false }
+        ReconstructOptions { cloud, voxel: None, divergence: 0.00025, max_memory: None, overwrite: false }
     }
 }
 
@@ -149,7 +163,8 @@ impl Stages<'_> {
 pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
     let mut found = Diagnostics::default();
     let mut stages = Stages { observer, begun: Instant::now() };
-    let recording = stages.read(&options.cloud, &mut found)?;
+    let limit = PointLimit::new(options.max_memory);
+    let recording = stages.read(&options.cloud, limit, &mut found)?;
     let paths = stages.paths(&recording);
     warn_of_nadir_paths(&options.cloud, &paths, &mut found);
     observer.warnings(found)?;
@@ -193,9 +208,9 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
 }
 
 impl Stages<'_> {
-    fn read(&mut self, cloud: &Path, found: &mut Diagnostics) -> Result<Recording> {
+    fn read(&mut self, cloud: &Path, limit: PointLimit, found: &mut Diagnostics) -> Result<Recording> {
         self.observer.step("reading the cloud");
-        let recording = recording::read(cloud, found)?;
+        let recording = recording::read(cloud, limit, found)?;
         let (returns, pulses) =
             (amount(recording.returns.len() as f64), amount(recording.pulses.len() as f64));
         self.done(format!(

@@ -1,5 +1,6 @@
 //! A recorded point cloud as pulses: returns of one time and flight line, in their order.
 
+use crate::limit::PointLimit;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
@@ -94,6 +95,9 @@ struct Sink {
     noise: usize,
     skipped: usize,
     is_las: bool,
+    limit: PointLimit,
+    /// True if there are more points than the limit allows.
+    is_too_large: bool,
 }
 
 impl PointSink for Sink {
@@ -126,21 +130,32 @@ impl PointSink for Sink {
                     channel: row.channel,
                     is_left_out: target.is_none(),
                 });
+                self.is_too_large = self.limit.is_exceeded(self.returns.len());
             }
         }
-        Ok(ControlFlow::Continue(()))
+        Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 
 /// Reads a point cloud; problems that do not prevent reading are added to `found`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, without classes, or without points of
-/// the ground.
-pub(super) fn read(path: &Path, found: &mut Diagnostics) -> Result<Recording> {
-    let attributes = AttributeSet::default();
-    let mut sink = Sink { returns: Vec::new(), attributes, noise: 0, skipped: 0, is_las: false };
+/// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, without classes, without points of the
+/// ground, or with more points than `limit` allows.
+pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> Result<Recording> {
+    let mut sink = Sink {
+        returns: Vec::new(),
+        attributes: AttributeSet::default(),
+        noise: 0,
+        skipped: 0,
+        is_las: false,
+        limit,
+        is_too_large: false,
+    };
     found.extend(read_points(path, &mut sink)?);
+    if sink.is_too_large {
+        return Err(limit.error(path));
+    }
     let strays = StrayFinder::of(sink.returns.iter().filter(|r| !r.is_left_out).map(|r| r.position));
     strays.warn(path, "left out", found);
     sink.returns.iter_mut().for_each(|r| r.is_left_out |= strays.contains(r.position));
@@ -212,6 +227,7 @@ pub(super) fn assemble(
         true => PulseGroups::of(&keys)?,
         false => PulseGroups::by_time(&keys),
     };
+    drop(keys);
     let mut all = Recording { bounds: Aabb::EMPTY, ..Recording::default() };
     // Numbers of pulses, including pulses that are left out.
     let mut number = 0;

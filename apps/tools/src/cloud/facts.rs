@@ -1,60 +1,28 @@
 //! Description of a point cloud: counts, density, extent, system, classes, returns, times, flight lines, in
 //! one pass and in memory that does not grow with the number of points.
 
+use super::facts_part::{ExactSum, FactsPart, LineFacts, Span, WEEK_S};
 use super::facts_text::{ADJUSTED, likely_dates};
 use super::occupancy::Occupancy;
 use super::source::CloudSource;
+use std::any::Any;
 use std::collections::{BTreeMap, HashSet};
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::counted;
 use vlscan_crs as crs;
-use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, StrayFinder};
+use vlscan_formats::{
+    Attribute, AttributeSet, FileFacts, NewPart, PointPart, PointRow, PointSink, StrayFinder,
+};
 use vlscan_geom::{Aabb, MAX_COORDINATE};
 
 /// Most different objects that are counted.
 const MAX_OBJECTS: usize = 1 << 20;
 
-/// Seconds of a week.
-pub(super) const WEEK_S: f64 = 604_800.0;
-
-/// Smallest and largest of some values.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Span {
-    /// The smallest.
-    pub min: f64,
-    /// The largest.
-    pub max: f64,
-}
-
-impl Span {
-    fn with(span: Option<Span>, value: f64) -> Option<Span> {
-        let Some(Span { min, max }) = span else { return Some(Span { min: value, max: value }) };
-        Some(Span { min: min.min(value), max: max.max(value) })
-    }
-
-    fn union(self, other: Span) -> Span {
-        Span { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
-    /// True if times, s, cannot be seconds of the GPS week. Some recordings continue past the end of the
-    /// week.
-    fn is_beyond_week(self) -> bool {
-        self.min < 0.0 || self.max > 2.0 * WEEK_S
-    }
-}
-
-/// The points of a flight line.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LineFacts {
-    /// Number of points.
-    pub points: u64,
-    /// Their times, s.
-    pub time: Option<Span>,
-}
+/// Number of points of a file that are counted together, unless the file has blocks.
+const PART_POINTS: usize = if cfg!(test) { 1 << 5 } else { 1 << 12 };
 
 /// Facts about the points of one file or of several.
 #[derive(Clone, Debug, Default)]
@@ -83,7 +51,7 @@ pub struct CloudSummary {
     pub pulses_by_returns: BTreeMap<u8, u64>,
     /// Intensities.
     pub intensity: Option<Span>,
-    intensities: (u64, f64),
+    intensities: ExactSum,
     /// Scan angles, degrees.
     pub scan_angle: Option<Span>,
     /// Times, s.
@@ -116,7 +84,7 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
         let (named, times_before) = (facts.crs.take(), facts.time.take());
         let mut sink = FileSink::new(&mut facts);
         cloud.read(&mut sink, &mut found)?;
-        sink.finish();
+        sink.add_points();
         if let (Some(first), Some(this)) = (&named, &facts.crs)
             && crs::differ(first, this)
         {
@@ -140,7 +108,7 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
                 found.warn(Some(Place::of_file(path)), message);
             }
         }
-        facts.time = [times_before, facts.time].into_iter().flatten().reduce(Span::union);
+        facts.time = Span::of_both(times_before, facts.time);
         let left_out = facts.skipped - skipped;
         if left_out > 0 {
             let points = counted(left_out, "point");
@@ -162,24 +130,18 @@ pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)
     Ok((facts, all))
 }
 
-/// Counts the points of a file and adds them to the facts. Numbers are counted in tables, which are faster
-/// than maps.
+/// Counts the points of a file and adds them to the facts.
 struct FileSink<'a> {
     facts: &'a mut CloudSummary,
-    by_class: Box<[u64; 256]>,
-    by_return: Box<[u64; 256]>,
-    pulses_by_returns: Box<[u64; 256]>,
-    by_channel: Vec<u64>,
-    /// The flight line of the last points, whose counts are not yet among those of the facts.
-    line: Option<(u16, LineFacts)>,
-    /// The object of the last point.
-    object: Option<u64>,
+    /// Points that are not yet among the facts.
+    part: FactsPart,
 }
 
 impl PointSink for FileSink<'_> {
     fn start(&mut self, attributes: AttributeSet) {
         self.facts.of_file = attributes;
         self.facts.note_attributes();
+        self.part = FactsPart::new(attributes, self.facts.is_las);
     }
 
     fn file(&mut self, facts: &FileFacts) {
@@ -193,135 +155,83 @@ impl PointSink for FileSink<'_> {
         self.facts.crs = Some(wkt.to_owned());
     }
 
+    fn parts(&self) -> Option<NewPart> {
+        let (attributes, is_las) = (self.facts.of_file, self.facts.is_las);
+        Some(Box::new(move || -> Box<dyn PointPart> { Box::new(FactsPart::new(attributes, is_las)) }))
+    }
+
+    fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {
+        self.add_points();
+        let part: &mut dyn Any = part;
+        if let Some(part) = part.downcast_ref::<FactsPart>() {
+            self.facts.append(part);
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
-        self.add(row, object);
+        self.part.add_named(row, object);
+        if self.part.positions.len() >= PART_POINTS {
+            self.add_points();
+        }
         Ok(ControlFlow::Continue(()))
     }
 }
 
 impl FileSink<'_> {
     fn new(facts: &mut CloudSummary) -> FileSink<'_> {
-        let none = || Box::new([0; 256]);
-        FileSink {
-            facts,
-            by_class: none(),
-            by_return: none(),
-            pulses_by_returns: none(),
-            by_channel: vec![0; 1 << 16],
-            line: None,
-            object: None,
-        }
+        FileSink { facts, part: FactsPart::new(AttributeSet::default(), false) }
     }
 
-    fn add(&mut self, row: &PointRow, object: Option<&str>) {
-        let p = row.position;
-        // Also false for NaN.
-        if !(p.is_finite() && p.abs().max_element() <= MAX_COORDINATE) {
-            self.facts.skipped += 1;
+    /// Adds the points so far to the facts.
+    fn add_points(&mut self) {
+        self.facts.append(&self.part);
+        self.part.clear();
+    }
+}
+
+impl CloudSummary {
+    /// Adds some points of the file that is being read.
+    fn append(&mut self, part: &FactsPart) {
+        let FactsPart { positions, cells, skipped, misses, without_number, .. } = part;
+        self.skipped += skipped;
+        self.misses += misses;
+        self.without_number += without_number;
+        if positions.is_empty() {
             return;
         }
-        if row.is_miss {
-            self.facts.misses += 1;
-            return;
-        }
-        self.count(row, object);
-    }
-
-    fn count(&mut self, row: &PointRow, object: Option<&str>) {
-        let p = row.position;
-        let of_file = self.facts.of_file;
-        let has = |attribute| of_file.has(attribute);
-        let facts = &mut *self.facts;
-        facts.points += 1;
-        facts.bounds = Some(facts.bounds.unwrap_or(Aabb::EMPTY).with(p));
-        facts.cover.mark(p.x, p.y);
-        facts.strays.add(p);
-        if has(Attribute::Class) {
-            self.by_class[usize::from(row.class)] += 1;
-        }
-        if has(Attribute::ReturnNumber) {
-            self.by_return[usize::from(row.return_number)] += 1;
-            if row.return_number <= 1 && has(Attribute::NumberOfReturns) {
-                self.pulses_by_returns[usize::from(row.number_of_returns)] += 1;
-                facts.without_number += u64::from(row.return_number == 0 && row.number_of_returns == 0);
-            }
-        }
-        if has(Attribute::Intensity) && !row.intensity.is_nan() {
-            let value = f64::from(row.intensity);
-            facts.intensity = Span::with(facts.intensity, value);
-            facts.intensities = (facts.intensities.0 + 1, facts.intensities.1 + value);
-        }
-        if has(Attribute::ScanAngle) {
-            facts.scan_angle = Span::with(facts.scan_angle, row.scan_angle);
-        }
-        let time = has(Attribute::Time).then_some(row.time);
-        if let Some(time) = time {
-            facts.time = Span::with(facts.time, time);
-        }
-        if has(Attribute::Channel) {
-            self.by_channel[usize::from(row.channel)] += 1;
-        }
-        if has(Attribute::Leg) {
-            self.count_of_line(if self.facts.is_las { row.point_source } else { row.leg }, time);
-        }
-        if has(Attribute::Object) {
-            self.note_object(row, object);
-        }
-    }
-
-    fn count_of_line(&mut self, number: u16, time: Option<f64>) {
-        if self.line.is_none_or(|(current, _)| current != number) {
-            self.end_line();
-        }
-        let (_, line) = self.line.get_or_insert((number, LineFacts::default()));
-        line.points += 1;
-        line.time = time.map_or(line.time, |time| Span::with(line.time, time));
-    }
-
-    /// Adds the counts of the flight line of the last points to the facts.
-    fn end_line(&mut self) {
-        if let Some((number, counted)) = self.line.take() {
-            let line = self.facts.lines.entry(number).or_default();
-            line.points += counted.points;
-            line.time = [line.time, counted.time].into_iter().flatten().reduce(Span::union);
-        }
-    }
-
-    fn note_object(&mut self, row: &PointRow, object: Option<&str>) {
-        let object = match object {
-            Some(name) => {
-                let mut hasher = DefaultHasher::new();
-                name.hash(&mut hasher);
-                hasher.finish()
-            }
-            None => row.object as u64,
-        };
-        if self.object != Some(object) && self.facts.objects.len() < MAX_OBJECTS {
-            self.facts.objects.insert(object);
-            self.object = Some(object);
-        }
-    }
-
-    /// Adds all counts to the facts.
-    fn finish(mut self) {
-        self.end_line();
-        let facts = self.facts;
+        self.points += positions.len() as u64;
+        let bounds = Aabb::around(positions.iter().copied());
+        self.bounds = Some(self.bounds.unwrap_or(Aabb::EMPTY).union(bounds));
+        self.strays.add_all(positions);
+        cells.iter().for_each(|cell| self.cover.mark(*cell));
         for (counts, all) in [
-            (&self.by_class, &mut facts.by_class),
-            (&self.by_return, &mut facts.by_return),
-            (&self.pulses_by_returns, &mut facts.pulses_by_returns),
+            (&part.by_class, &mut self.by_class),
+            (&part.by_return, &mut self.by_return),
+            (&part.pulses_by_returns, &mut self.pulses_by_returns),
         ] {
             for (number, count) in (0..=u8::MAX).zip(counts.iter()).filter(|(_, count)| **count > 0) {
                 *all.entry(number).or_default() += count;
             }
         }
-        for (number, count) in (0..=u16::MAX).zip(&self.by_channel).filter(|(_, count)| **count > 0) {
-            *facts.by_channel.entry(number).or_default() += count;
+        let channels = (0..).zip(part.by_channel.iter()).filter(|(_, count)| **count > 0);
+        for (number, count) in channels.chain(part.by_high_channel.iter().map(|(number, n)| (*number, n))) {
+            *self.by_channel.entry(number).or_default() += count;
+        }
+        self.intensity = Span::of_both(self.intensity, part.intensity);
+        self.intensities.append(&part.intensities);
+        self.scan_angle = Span::of_both(self.scan_angle, part.scan_angle);
+        self.time = Span::of_both(self.time, part.time);
+        for (number, line) in &part.lines {
+            self.lines.entry(*number).or_default().append(line);
+        }
+        for object in &part.objects {
+            if self.objects.len() < MAX_OBJECTS {
+                self.objects.insert(*object);
+            }
         }
     }
-}
 
-impl CloudSummary {
     fn note_attributes(&mut self) {
         for attribute in [
             Attribute::Class,
@@ -347,8 +257,7 @@ impl CloudSummary {
 
     /// Mean of the intensities.
     pub fn mean_intensity(&self) -> Option<f64> {
-        let (count, sum) = self.intensities;
-        (count > 0).then(|| sum / count as f64)
+        self.intensities.mean()
     }
 
     /// Number of pulses with a return: that of first returns; `None` of points without return numbers.
@@ -407,5 +316,57 @@ impl CloudSummary {
     /// True if flight lines are point source ids of LAS; otherwise they are legs.
     pub fn lines_are_sources(&self) -> bool {
         self.files.iter().all(|(_, file)| file.as_ref().is_some_and(|file| file.las.is_some()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_geom::DVec3;
+
+    /// The facts of points that are added one by one, or in blocks of a length.
+    fn facts_of(rows: &[PointRow], block: Option<usize>) -> CloudSummary {
+        let mut facts = CloudSummary::default();
+        let mut sink = FileSink::new(&mut facts);
+        sink.start(AttributeSet::of(|_| true));
+        match block {
+            None => rows.iter().for_each(|row| assert!(sink.point(row, None).unwrap().is_continue())),
+            Some(length) => {
+                let mut part = sink.parts().unwrap()();
+                for block in rows.chunks(length) {
+                    part.clear();
+                    block.iter().for_each(|row| part.add(row));
+                    assert!(sink.add_part(part.as_mut()).unwrap().is_continue());
+                }
+            }
+        }
+        sink.add_points();
+        facts
+    }
+
+    #[test]
+    fn facts_do_not_depend_on_where_blocks_end() {
+        let row = |i: u32| PointRow {
+            position: DVec3::new(f64::from(i % 97) * 0.3, f64::from(i / 97) * 0.2, f64::from(i % 13)),
+            intensity: 0.1 * (i % 101) as f32,
+            class: (i % 5) as u8,
+            return_number: (i % 4) as u8,
+            number_of_returns: 3,
+            scan_angle: f64::from(i % 30) - 15.0,
+            leg: (i / 900) as u16,
+            channel: (i % 300) as u16,
+            time: f64::from(i) * 1e-5,
+            object: i64::from(i % 40),
+            is_miss: i.is_multiple_of(50),
+            ..PointRow::default()
+        };
+        let rows: Vec<PointRow> = (0..5000).map(row).collect();
+        let expected = facts_of(&rows, None);
+        assert_eq!((expected.points, expected.misses, expected.by_channel.len()), (4900, 100, 294));
+        for length in [1, 7, 1000, 5000] {
+            let facts = facts_of(&rows, Some(length));
+            assert_eq!(facts.json(), expected.json(), "{length}");
+            assert_eq!(facts.mean_intensity(), expected.mean_intensity(), "{length}");
+        }
     }
 }

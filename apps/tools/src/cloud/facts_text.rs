@@ -1,7 +1,8 @@
 //! Facts about a cloud as lines of text and as JSON.
 
 use super::classes::{class_name, class_name_in_old_formats};
-use super::facts::{CloudSummary, Span, WEEK_S};
+use super::facts::CloudSummary;
+use super::facts_part::{Span, WEEK_S};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use vlscan_base::quantity::{fixed, number};

@@ -12,10 +12,15 @@ const MAX_BLOCKS: usize = 1 << 17;
 /// are strewn at random, 1 in 22 000 cells is empty.
 const MIN_POINTS_PER_CELL: f64 = 10.0;
 
+/// A cell of the smallest side.
+pub(super) type SmallestCell = [i64; 2];
+
 /// The cells of a place that have points.
 #[derive(Clone, Debug)]
 pub(super) struct Occupancy {
     side: f64,
+    /// How often the smallest side has been doubled.
+    doublings: u32,
     /// The blocks with the keys of their places.
     blocks: Vec<([i64; 2], Box<[u64; BLOCK_CELLS as usize]>)>,
     places: HashMap<[i64; 2], usize>,
@@ -26,20 +31,26 @@ pub(super) struct Occupancy {
 
 impl Default for Occupancy {
     fn default() -> Occupancy {
-        Occupancy::new(MIN_SIDE, MAX_BLOCKS)
+        Occupancy::new(0, MAX_BLOCKS)
     }
 }
 
 impl Occupancy {
-    fn new(side: f64, max_blocks: usize) -> Occupancy {
-        Occupancy { side, blocks: Vec::new(), places: HashMap::new(), latest: 0, max_blocks }
+    fn new(doublings: u32, max_blocks: usize) -> Occupancy {
+        let side = MIN_SIDE * 2f64.powi(doublings as i32);
+        Occupancy { side, doublings, blocks: Vec::new(), places: HashMap::new(), latest: 0, max_blocks }
     }
 
-    /// Marks the cell of a place. The cells that are marked in the end do not depend on the order of places.
-    /// Doubling the side ends: it halves the indices of blocks, which soon are 0 or −1, four blocks at most.
-    pub fn mark(&mut self, x: f64, y: f64) {
-        let cell = [x, y].map(|v| (v / self.side).floor() as i64);
-        self.mark_cell(cell);
+    /// The smallest cell of a place.
+    pub fn smallest_cell(x: f64, y: f64) -> SmallestCell {
+        [x, y].map(|v| (v / MIN_SIDE).floor() as i64)
+    }
+
+    /// Marks the cell that a smallest cell belongs to. The cells that are marked in the end do not depend on
+    /// the order of places. Doubling the side ends: it halves the indices of blocks, which soon are 0 or −1,
+    /// four blocks at most.
+    pub fn mark(&mut self, cell: SmallestCell) {
+        self.mark_cell(cell.map(|c| c >> self.doublings));
         while self.blocks.len() > self.max_blocks {
             *self = self.coarser();
         }
@@ -59,7 +70,7 @@ impl Occupancy {
 
     /// The same with cells of twice the side.
     fn coarser(&self) -> Occupancy {
-        let mut coarse = Occupancy::new(2.0 * self.side, self.max_blocks);
+        let mut coarse = Occupancy::new(self.doublings + 1, self.max_blocks);
         for (block, rows) in &self.blocks {
             for (row, bits) in (0..).zip(rows.iter()) {
                 let mut bits = *bits;
@@ -121,7 +132,7 @@ mod tests {
         // 64 by 32 m around the origin, 25 points per m².
         let places =
             || (0..320 * 160).map(|i| [f64::from(i % 320), f64::from(i / 320)].map(|v| 0.2 * v + 0.1));
-        places().for_each(|[x, y]| cover.mark(x - 32.0, y - 16.0));
+        places().for_each(|[x, y]| cover.mark(Occupancy::smallest_cell(x - 32.0, y - 16.0)));
         assert_eq!(cover.area(320 * 160), Some((64.0 * 32.0, 1.0)));
         // Whatever the order of points, cells that are too many get larger.
         let mut few = [false, true].map(|is_reversed| {
@@ -130,7 +141,7 @@ mod tests {
             if is_reversed {
                 all.reverse();
             }
-            all.iter().for_each(|[x, y]| few.mark(*x, *y));
+            all.iter().for_each(|[x, y]| few.mark(Occupancy::smallest_cell(*x, *y)));
             few
         });
         assert_eq!(few[0].side, few[1].side);
@@ -140,7 +151,7 @@ mod tests {
         assert_eq!(area.map(|(area, _)| area), Some(64.0 * 32.0));
         few[0] = Occupancy::default();
         assert_eq!(few[0].area(0), None);
-        few[0].mark(7.0, -1e7);
+        few[0].mark(Occupancy::smallest_cell(7.0, -1e7));
         assert!(few[0].area(1).is_some());
     }
 
@@ -153,7 +164,7 @@ mod tests {
             &[[1e9, 1e9], [-1e9, -1e9], [0.0, -0.1]],
         ] {
             let mut cover = Occupancy::default();
-            places.iter().for_each(|[x, y]| cover.mark(*x, *y));
+            places.iter().for_each(|[x, y]| cover.mark(Occupancy::smallest_cell(*x, *y)));
             let (area, side) = cover.area(places.len() as u64).unwrap();
             assert!(area >= side * side && area <= 4.0 * side * side, "{places:?}: {area} {side}");
         }

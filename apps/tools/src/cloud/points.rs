@@ -1,20 +1,31 @@
-//! A point cloud in memory: 12 or 24 bytes for each position and up to 28 for its attributes, and a bounded
-//! number of points.
+//! A point cloud: 12 or 24 bytes for each position and up to 30 for its attributes, in bounded memory, and a
+//! bounded number of points.
 
-use super::positions::{Positions, halve, retain};
+use super::column::{Column, HeldValues};
+use super::points_part::{KeptValues, PointsPart, is_placed};
+use super::positions::Positions;
+use std::any::Any;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::Result;
 use vlscan_base::quantity::counted;
-use vlscan_formats::{Attribute, AttributeSet, FileFacts, PointRow, PointSink, Selection, StrayFinder};
+use vlscan_formats::{
+    Attribute, AttributeSet, FileFacts, NewPart, PointPart, PointRow, PointSink, Selection, StrayFinder,
+};
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
 /// Maximum number of points that are kept.
 const MAX_POINTS: usize = 40_000_000;
 
-/// A point cloud. When there are too many points, every second one of those kept is dropped.
+/// Memory of a cloud unless another limit is given, bytes.
+pub(super) const POINTS_BYTES: u64 = 1 << 27;
+/// Fewest points in memory, so that temporary files are few.
+const MIN_HELD_POINTS: u64 = if cfg!(test) { 64 } else { 1 << 16 };
+
+/// A point cloud. When there are too many points, every second one of those kept is dropped. Points beyond
+/// the memory that the cloud may take are in temporary files.
 #[derive(Clone, Debug)]
 pub struct Points {
     attributes: AttributeSet,
@@ -22,24 +33,26 @@ pub struct Points {
     kept: Option<AttributeSet>,
     /// Scale and offset of the positions in a file of LAS.
     steps: Option<(DVec3, DVec3)>,
+    /// Memory that the points may take, bytes; `None` for any.
+    max_bytes: Option<u64>,
     positions: Positions,
-    pub(crate) intensity: Vec<f32>,
-    pub(crate) class: Vec<u8>,
-    pub(crate) return_number: Vec<u8>,
-    pub(crate) number_of_returns: Vec<u8>,
+    pub(crate) intensity: Column<f32>,
+    pub(crate) class: Column<u8>,
+    pub(crate) return_number: Column<u8>,
+    pub(crate) number_of_returns: Column<u8>,
     /// Degrees.
-    pub(crate) scan_angle: Vec<f32>,
-    pub(crate) object: Vec<u16>,
+    pub(crate) scan_angle: Column<f32>,
+    pub(crate) object: Column<u16>,
     pub(crate) objects: Vec<String>,
-    pub(crate) leg: Vec<u16>,
+    pub(crate) leg: Column<u16>,
     /// Numbers above 255 are 255.
-    pub(crate) channel: Vec<u8>,
+    pub(crate) channel: Column<u8>,
     /// Red, green and blue as the file has them; empty without colours.
-    colour: Vec<[u16; 3]>,
+    colour: Column<[u16; 3]>,
     /// The greatest component of colours.
     max_colour: u16,
     /// Seconds after the first point.
-    pub(crate) time: Vec<f64>,
+    pub(crate) time: Column<f64>,
     first_time: Option<f64>,
     /// System of the coordinates as WKT.
     crs: Option<String>,
@@ -71,23 +84,30 @@ impl Default for Points {
 impl Points {
     /// An empty cloud whose points have `attributes`; the others take no memory.
     pub fn new(attributes: AttributeSet) -> Points {
+        Points::within(attributes, None)
+    }
+
+    /// An empty cloud whose points have `attributes` and take at most this memory, bytes.
+    pub(crate) fn within(attributes: AttributeSet, max_bytes: Option<u64>) -> Points {
+        let held = max_bytes.map_or(HeldValues::ALL, |bytes| held_points(attributes, bytes));
         Points {
             attributes,
             kept: None,
             steps: None,
-            positions: Positions::default(),
-            intensity: Vec::new(),
-            class: Vec::new(),
-            return_number: Vec::new(),
-            number_of_returns: Vec::new(),
-            scan_angle: Vec::new(),
-            object: Vec::new(),
+            max_bytes,
+            positions: Positions::in_metres(held),
+            intensity: Column::new(held),
+            class: Column::new(held),
+            return_number: Column::new(held),
+            number_of_returns: Column::new(held),
+            scan_angle: Column::new(held),
+            object: Column::new(held),
             objects: Vec::new(),
-            leg: Vec::new(),
-            channel: Vec::new(),
-            colour: Vec::new(),
+            leg: Column::new(held),
+            channel: Column::new(held),
+            colour: Column::new(held),
             max_colour: 0,
-            time: Vec::new(),
+            time: Column::new(held),
             first_time: None,
             crs: None,
             bounds: Aabb::EMPTY,
@@ -105,9 +125,24 @@ impl Points {
         }
     }
 
-    /// An empty cloud that keeps, of the points of a file, only these attributes.
-    pub(super) fn keeping(attributes: AttributeSet) -> Points {
-        Points { kept: Some(attributes), ..Points::default() }
+    /// An empty cloud that keeps, of the points of a file, these attributes, or all, in this memory, bytes.
+    pub(super) fn keeping(attributes: Option<AttributeSet>, max_bytes: u64) -> Points {
+        Points { kept: attributes, max_bytes: Some(max_bytes), ..Points::default() }
+    }
+
+    /// Releases the memory of points in temporary files, which is taken again when they are used.
+    pub(crate) fn release(&self) {
+        self.positions.release();
+        self.intensity.release();
+        self.class.release();
+        self.return_number.release();
+        self.number_of_returns.release();
+        self.scan_angle.release();
+        self.object.release();
+        self.leg.release();
+        self.channel.release();
+        self.colour.release();
+        self.time.release();
     }
 
     /// Adds a point; `object` is the name of its object, if it has one besides its number. A point with a
@@ -118,13 +153,26 @@ impl Points {
             self.misses += 1;
             return;
         }
-        // Also false for NaN.
-        if !(row.position.is_finite() && row.position.abs().max_element() <= MAX_COORDINATE) {
+        if !is_placed(row.position) {
             self.skipped += 1;
             return;
         }
         self.bounds = self.bounds.with(row.position);
         self.strays.add(row.position);
+        self.keep(row.position, &KeptValues::of(row), object);
+    }
+
+    /// Adds the points of a block.
+    fn append(&mut self, part: &PointsPart) {
+        self.misses += part.misses;
+        self.skipped += part.skipped;
+        self.bounds = self.bounds.union(Aabb::around(part.positions.iter().copied()));
+        self.strays.add_all(&part.positions);
+        part.positions.iter().zip(&part.values).for_each(|(p, values)| self.keep(*p, values, None));
+    }
+
+    /// Keeps a point, unless only some of the points are kept.
+    fn keep(&mut self, position: DVec3, point: &KeptValues, object: Option<&str>) {
         if self.positions.len() >= self.max_points {
             self.drop_every_second();
         }
@@ -132,44 +180,44 @@ impl Points {
         if !(self.added - 1).is_multiple_of(self.stride) {
             return;
         }
-        self.positions.push(row.position);
+        self.positions.push(position);
         if self.has(Attribute::Intensity) {
-            self.intensity.push(row.intensity);
+            self.intensity.push(point.intensity);
         }
         if self.has(Attribute::Class) {
-            self.class.push(row.class);
+            self.class.push(point.class);
         }
         if self.has(Attribute::ReturnNumber) {
-            self.return_number.push(row.return_number);
+            self.return_number.push(point.return_number);
         }
         if self.has(Attribute::NumberOfReturns) {
-            self.number_of_returns.push(row.number_of_returns);
+            self.number_of_returns.push(point.number_of_returns);
         }
         if self.has(Attribute::ScanAngle) {
-            self.scan_angle.push(row.scan_angle as f32);
+            self.scan_angle.push(point.scan_angle);
         }
         if self.has(Attribute::Object) {
             let mut number = itoa::Buffer::new();
-            let number = self.object_number(object.unwrap_or_else(|| number.format(row.object)));
+            let number = self.object_number(object.unwrap_or_else(|| number.format(point.object)));
             self.object.push(number);
         }
         if self.has(Attribute::Leg) {
-            self.high_legs += u64::from(row.leg > 255);
-            self.leg.push(row.leg);
+            self.high_legs += u64::from(point.leg > 255);
+            self.leg.push(point.leg);
         }
         if self.has(Attribute::Channel) {
-            self.high_channels += u64::from(row.channel > 255);
-            self.channel.push(row.channel.min(255) as u8);
+            self.high_channels += u64::from(point.channel > 255);
+            self.channel.push(point.channel.min(255) as u8);
         }
-        if let Some(colour) = row.colour.filter(|_| self.kept.is_none()) {
+        if let Some(colour) = point.colour.filter(|_| self.kept.is_none()) {
             // Points of other scans may have none.
-            self.colour.resize(self.positions.len() - 1, [0; 3]);
+            self.colour.fill(self.positions.len() - 1, [0; 3]);
             self.colour.push(colour);
             self.max_colour = colour.into_iter().fold(self.max_colour, u16::max);
         }
         if self.has(Attribute::Time) {
-            let first = *self.first_time.get_or_insert(row.time);
-            self.time.push(row.time - first);
+            let first = *self.first_time.get_or_insert(point.time);
+            self.time.push(point.time - first);
         }
     }
 
@@ -182,34 +230,35 @@ impl Points {
             return;
         }
         strays.warn(path, "left out", found);
-        let is_kept: Vec<bool> = self.positions.iter().map(|p| !strays.contains(p)).collect();
-        self.positions.retain(&is_kept);
-        retain(&mut self.intensity, &is_kept);
-        retain(&mut self.class, &is_kept);
-        retain(&mut self.return_number, &is_kept);
-        retain(&mut self.number_of_returns, &is_kept);
-        retain(&mut self.scan_angle, &is_kept);
-        retain(&mut self.object, &is_kept);
-        retain(&mut self.leg, &is_kept);
-        retain(&mut self.channel, &is_kept);
-        retain(&mut self.colour, &is_kept);
-        retain(&mut self.time, &is_kept);
+        let marks: Vec<bool> = self.positions.iter().map(|p| !strays.contains(p)).collect();
+        let is_kept = |index: usize| marks.get(index).copied().unwrap_or(true);
+        self.positions.retain(is_kept);
+        self.intensity.retain(is_kept);
+        self.class.retain(is_kept);
+        self.return_number.retain(is_kept);
+        self.number_of_returns.retain(is_kept);
+        self.scan_angle.retain(is_kept);
+        self.object.retain(is_kept);
+        self.leg.retain(is_kept);
+        self.channel.retain(is_kept);
+        self.colour.retain(is_kept);
+        self.time.retain(is_kept);
         self.added -= strays.count;
         self.bounds = self.positions.iter().fold(Aabb::EMPTY, Aabb::with);
     }
 
     fn drop_every_second(&mut self) {
         self.positions.halve();
-        halve(&mut self.intensity);
-        halve(&mut self.class);
-        halve(&mut self.return_number);
-        halve(&mut self.number_of_returns);
-        halve(&mut self.scan_angle);
-        halve(&mut self.object);
-        halve(&mut self.leg);
-        halve(&mut self.channel);
-        halve(&mut self.colour);
-        halve(&mut self.time);
+        self.intensity.halve();
+        self.class.halve();
+        self.return_number.halve();
+        self.number_of_returns.halve();
+        self.scan_angle.halve();
+        self.object.halve();
+        self.leg.halve();
+        self.channel.halve();
+        self.colour.halve();
+        self.time.halve();
         self.stride *= 2;
     }
 
@@ -263,27 +312,27 @@ impl Points {
 
     /// Intensity of a point; `None` if the points have none.
     pub fn intensity_of(&self, i: usize) -> Option<f32> {
-        self.intensity.get(i).copied()
+        self.intensity.get(i)
     }
 
     /// Return number of a point; `None` if the points have none.
     pub fn return_number_of(&self, i: usize) -> Option<u8> {
-        self.return_number.get(i).copied()
+        self.return_number.get(i)
     }
 
     /// Number of returns of the pulse of a point; `None` if the points have none.
     pub fn number_of_returns_of(&self, i: usize) -> Option<u8> {
-        self.number_of_returns.get(i).copied()
+        self.number_of_returns.get(i)
     }
 
     /// Class of a point; `None` if the points have none.
     pub fn class_of(&self, i: usize) -> Option<u8> {
-        self.class.get(i).copied()
+        self.class.get(i)
     }
 
     /// Scan angle of a point, degrees; `None` if the points have none.
     pub fn scan_angle_of(&self, i: usize) -> Option<f32> {
-        self.scan_angle.get(i).copied()
+        self.scan_angle.get(i)
     }
 
     /// True if some points have colours other than black.
@@ -304,7 +353,7 @@ impl Points {
 
     /// Leg (point source) and channel, at most 255, of a point; 0 where the points have none.
     pub fn source_of(&self, i: usize) -> (u16, u8) {
-        (self.leg.get(i).copied().unwrap_or(0), self.channel.get(i).copied().unwrap_or(0))
+        (self.leg.get(i).unwrap_or(0), self.channel.get(i).unwrap_or(0))
     }
 
     /// The system of the coordinates as WKT, if the file names one.
@@ -386,11 +435,13 @@ impl PointSink for Points {
     }
 
     fn start(&mut self, attributes: AttributeSet) {
-        let Points { kept, steps, .. } = *self;
+        let Points { kept, steps, max_bytes, .. } = *self;
         let is_kept = |attribute| attributes.has(attribute) && kept.is_none_or(|kept| kept.has(attribute));
-        let in_steps = |(scale, offset)| Positions::in_steps(scale, offset);
-        let positions = steps.map_or_else(Positions::default, in_steps);
-        *self = Points { kept, steps, positions, ..Points::new(AttributeSet::of(is_kept)) };
+        let points = Points::within(AttributeSet::of(is_kept), max_bytes);
+        let held = points.positions.max_held();
+        let in_steps = |(scale, offset)| Positions::in_steps(scale, offset, held);
+        let positions = steps.map_or_else(|| Positions::in_metres(held), in_steps);
+        *self = Points { kept, steps, positions, ..points };
     }
 
     fn file(&mut self, facts: &FileFacts) {
@@ -401,10 +452,44 @@ impl PointSink for Points {
         self.crs = Some(wkt.to_owned());
     }
 
+    fn parts(&self) -> Option<NewPart> {
+        Some(Box::new(|| -> Box<dyn PointPart> { Box::new(PointsPart::default()) }))
+    }
+
+    fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {
+        let part: &mut dyn Any = part;
+        if let Some(part) = part.downcast_ref::<PointsPart>() {
+            self.append(part);
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
         self.push(row, object);
         Ok(ControlFlow::Continue(()))
     }
+}
+
+/// The number of points with these attributes that take at most this memory.
+fn held_points(attributes: AttributeSet, max_bytes: u64) -> HeldValues {
+    use Attribute::{Channel, Class, Intensity, Leg, NumberOfReturns, Object, ReturnNumber, ScanAngle, Time};
+    let sizes = [
+        (Time, 8_u64),
+        (Intensity, 4),
+        (ScanAngle, 4),
+        (Object, 2),
+        (Leg, 2),
+        (Class, 1),
+        (ReturnNumber, 1),
+        (NumberOfReturns, 1),
+        (Channel, 1),
+    ];
+    let of_attributes: u64 =
+        sizes.into_iter().filter(|(attribute, _)| attributes.has(*attribute)).map(|(_, size)| size).sum();
+    // Positions in metres, and colours.
+    let bytes = 24 + 6 + of_attributes;
+    let points = (max_bytes / bytes).max(MIN_HELD_POINTS);
+    HeldValues::at_most(usize::try_from(points).unwrap_or(usize::MAX))
 }
 
 fn rounded(offset: DVec3) -> [f32; 3] {
@@ -412,69 +497,4 @@ fn rounded(offset: DVec3) -> [f32; 3] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn positions_keep_their_digits_at_utm_coordinates() {
-        let mut points = Points::default();
-        for x in [478_000.123, 478_001.456] {
-            points.push(
-                &PointRow { position: DVec3::new(x, 5_474_500.5, 110.25), ..PointRow::default() },
-                None,
-            );
-        }
-        points.push(&PointRow { position: DVec3::NAN, ..PointRow::default() }, None);
-        assert_eq!((points.len(), points.skipped()), (2, 1));
-        let doubts = points.doubts(Path::new("a.xyz")).text();
-        assert!(doubts.contains("1 point without coordinates") && doubts.contains("a.xyz"), "{doubts}");
-        assert_eq!(points.position(1), DVec3::new(478_001.456, 5_474_500.5, 110.25));
-        assert!((f64::from(points.offset(1)[0]) + points.origin().x - 478_001.456).abs() < 1e-6);
-        assert_eq!(points.bounds().max.x, 478_001.456);
-    }
-
-    #[test]
-    fn a_bounded_number_of_points_is_kept_evenly() {
-        let all = AttributeSet::of(|attribute| attribute != Attribute::Time);
-        let mut points = Points { max_points: 8, ..Points::new(all) };
-        for i in 0..100 {
-            let position = DVec3::X * f64::from(i);
-            let class = i as u8;
-            points.push(&PointRow { position, intensity: i as f32, class, ..PointRow::default() }, Some("a"));
-        }
-        assert_eq!((points.total(), points.len()), (100, 7));
-        assert_eq!(points.class, [0, 16, 32, 48, 64, 80, 96]);
-        assert_eq!((points.intensity[6], points.position(6).x, points.object.len()), (96.0, 96.0, 7));
-        assert_eq!(points.bounds().max.x, 99.0);
-    }
-
-    #[test]
-    fn numbers_beyond_those_that_are_kept_are_told() {
-        let mut points = Points::new(AttributeSet::of(|_| true));
-        for (leg, channel) in [(0, 3), (255, 256), (300, 0), (70, 1)] {
-            points.push(&PointRow { leg, channel, ..PointRow::default() }, None);
-        }
-        assert_eq!((&points.leg[..], &points.channel[..]), (&[0, 255, 300, 70][..], &[3, 255, 0, 1][..]));
-        assert_eq!(points.beyond_bytes(), (1, 1));
-    }
-
-    #[test]
-    fn objects_are_numbered_in_order_of_appearance() {
-        let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Object));
-        for object in ["7", "7", "tree", "7", "tree"] {
-            points.push(&PointRow::default(), Some(object));
-        }
-        assert_eq!(points.object, [0, 0, 1, 0, 1]);
-        assert_eq!(points.objects, ["7", "tree"]);
-    }
-
-    #[test]
-    fn more_objects_than_numbers_share_the_last_one() {
-        let mut points = Points::new(AttributeSet::of(|attribute| attribute == Attribute::Object));
-        for i in 0..70_000 {
-            points.push(&PointRow { object: i, ..PointRow::default() }, None);
-        }
-        assert_eq!(points.len(), 70_000);
-        assert_eq!(points.objects.len(), 65_535);
-    }
-}
+mod tests;

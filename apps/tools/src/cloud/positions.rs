@@ -1,26 +1,26 @@
-//! Positions in memory: 12 bytes each if the file has them in steps, 24 bytes of others.
+//! Positions: 12 bytes each if the file has them in steps, 24 bytes of others.
 
+use super::column::{Column, HeldValues};
 use vlscan_geom::DVec3;
 
 /// Positions, each with the same bits as it was added.
 #[derive(Clone, Debug)]
 pub(super) enum Positions {
     /// Numbers of steps of a scale from an offset, as LAS has them, m.
-    Steps { scale: DVec3, offset: DVec3, steps: Vec<[i32; 3]> },
+    Steps { scale: DVec3, offset: DVec3, steps: Column<[i32; 3]> },
     /// Metres.
-    Metres(Vec<DVec3>),
-}
-
-impl Default for Positions {
-    fn default() -> Positions {
-        Positions::Metres(Vec::new())
-    }
+    Metres(Column<[f64; 3]>),
 }
 
 impl Positions {
+    /// No positions yet.
+    pub fn in_metres(max_held: HeldValues) -> Positions {
+        Positions::Metres(Column::new(max_held))
+    }
+
     /// No positions yet, which will probably be in steps of a scale from an offset.
-    pub fn in_steps(scale: DVec3, offset: DVec3) -> Positions {
-        Positions::Steps { scale, offset, steps: Vec::new() }
+    pub fn in_steps(scale: DVec3, offset: DVec3, max_held: HeldValues) -> Positions {
+        Positions::Steps { scale, offset, steps: Column::new(max_held) }
     }
 
     /// Adds a position. The first one that is in no step ends the storage in steps.
@@ -31,18 +31,28 @@ impl Positions {
             if has_same_bits(position_of(step, *scale, *offset), position) {
                 return steps.push(step);
             }
-            *self = Positions::Metres(self.iter().collect());
+            let mut all = Column::new(steps.max_held());
+            steps.iter().for_each(|step| all.push(position_of(step, *scale, *offset).to_array()));
+            *self = Positions::Metres(all);
         }
         if let Positions::Metres(all) = self {
-            all.push(position);
+            all.push(position.to_array());
         }
     }
 
     /// The position of an index below their number.
     pub fn get(&self, index: usize) -> DVec3 {
         match self {
-            Positions::Steps { scale, offset, steps } => position_of(steps[index], *scale, *offset),
-            Positions::Metres(all) => all[index],
+            Positions::Steps { scale, offset, steps } => position_of(steps.at(index), *scale, *offset),
+            Positions::Metres(all) => all.at(index).into(),
+        }
+    }
+
+    /// Maximum number of positions in memory.
+    pub fn max_held(&self) -> HeldValues {
+        match self {
+            Positions::Steps { steps, .. } => steps.max_held(),
+            Positions::Metres(all) => all.max_held(),
         }
     }
 
@@ -62,16 +72,24 @@ impl Positions {
     /// Keeps every second position.
     pub fn halve(&mut self) {
         match self {
-            Positions::Steps { steps, .. } => halve(steps),
-            Positions::Metres(all) => halve(all),
+            Positions::Steps { steps, .. } => steps.halve(),
+            Positions::Metres(all) => all.halve(),
         }
     }
 
-    /// Keeps the positions that are marked.
-    pub fn retain(&mut self, is_kept: &[bool]) {
+    /// Keeps the positions whose index is chosen.
+    pub fn retain(&mut self, is_kept: impl FnMut(usize) -> bool) {
         match self {
-            Positions::Steps { steps, .. } => retain(steps, is_kept),
-            Positions::Metres(all) => retain(all, is_kept),
+            Positions::Steps { steps, .. } => steps.retain(is_kept),
+            Positions::Metres(all) => all.retain(is_kept),
+        }
+    }
+
+    /// Releases the memory of positions in temporary files.
+    pub fn release(&self) {
+        match self {
+            Positions::Steps { steps, .. } => steps.release(),
+            Positions::Metres(all) => all.release(),
         }
     }
 }
@@ -83,19 +101,6 @@ fn position_of(step: [i32; 3], scale: DVec3, offset: DVec3) -> DVec3 {
 
 fn has_same_bits(a: DVec3, b: DVec3) -> bool {
     a.to_array().map(f64::to_bits) == b.to_array().map(f64::to_bits)
-}
-
-/// Keeps every second value.
-pub(super) fn halve<T: Copy>(values: &mut Vec<T>) {
-    let kept = values.len().div_ceil(2);
-    (0..kept).for_each(|i| values[i] = values[2 * i]);
-    values.truncate(kept);
-}
-
-/// Keeps the values that are marked, and those without a mark.
-pub(super) fn retain<T: Copy>(values: &mut Vec<T>, is_kept: &[bool]) {
-    let mut kept = is_kept.iter();
-    values.retain(|_| kept.next().copied().unwrap_or(true));
 }
 
 #[cfg(test)]
@@ -110,7 +115,7 @@ mod tests {
             .chain([position_of([i32::MAX, i32::MIN, 0], scale, offset)])
             .collect();
         let others = [DVec3::new(431_000.000_5, 0.0, 0.0), DVec3::new(1e9, 1e9, 1e9), DVec3::NAN];
-        let mut positions = Positions::in_steps(scale, offset);
+        let mut positions = Positions::in_steps(scale, offset, HeldValues::at_most(300));
         in_steps.iter().for_each(|p| positions.push(*p));
         assert!(matches!(positions, Positions::Steps { .. }));
         let same = |positions: &Positions, expected: &[DVec3]| {
@@ -127,7 +132,7 @@ mod tests {
         let halves: Vec<DVec3> = in_steps.iter().copied().step_by(2).collect();
         positions.halve();
         assert!(same(&positions, &halves));
-        positions.retain(&(0..halves.len()).map(|i| i == 3).collect::<Vec<bool>>());
+        positions.retain(|i| i == 3);
         assert!(same(&positions, &halves[3..4]));
     }
 }

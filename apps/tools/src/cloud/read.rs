@@ -1,6 +1,6 @@
-//! Reads point clouds into memory.
+//! Reads point clouds into memory and temporary files.
 
-use super::points::Points;
+use super::points::{POINTS_BYTES, Points};
 use ::arrow_array::RecordBatch;
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
@@ -14,7 +14,7 @@ use vlscan_geom::MAX_COORDINATE;
 /// # Errors
 /// [`Error::Input`] when the file is of no format that is read or damaged, with the invalid lines of text.
 pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
-    read_kept(Points::default(), path)
+    read_within(path, None, None)
 }
 
 /// Reads a point cloud as [`read_points`] does, and keeps only the positions and these attributes. The others
@@ -23,10 +23,21 @@ pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
 /// # Errors
 /// The errors of [`read_points`].
 pub fn read_attributes(path: &Path, attributes: AttributeSet) -> Result<(Points, Diagnostics)> {
-    read_kept(Points::keeping(attributes), path)
+    read_within(path, Some(attributes), None)
 }
 
-fn read_kept(mut points: Points, path: &Path) -> Result<(Points, Diagnostics)> {
+/// Reads a point cloud as [`read_points`] does, and keeps only the positions and these attributes, or all.
+/// Points beyond `max_bytes` of memory, by default 128 MiB, are kept in temporary files; the limit does not
+/// change anything else.
+///
+/// # Errors
+/// The errors of [`read_points`].
+pub fn read_within(
+    path: &Path,
+    attributes: Option<AttributeSet>,
+    max_bytes: Option<u64>,
+) -> Result<(Points, Diagnostics)> {
+    let mut points = Points::keeping(attributes, max_bytes.unwrap_or(POINTS_BYTES));
     let found = vlscan_formats::read_points(path, &mut points)?;
     checked(points, path, found)
 }
@@ -87,6 +98,28 @@ mod tests {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         read_points(&path).unwrap().1.text()
+    }
+
+    #[test]
+    fn points_in_temporary_files_are_those_in_memory() {
+        let (_folder, path) = written("a.laz", true);
+        let read = |bytes| read_within(&path, None, bytes).unwrap().0;
+        let (all, few) = (read(None), read(Some(1)));
+        few.release();
+        assert_eq!((few.len(), few.bounds()), (all.len(), all.bounds()));
+        for i in 0..all.len() {
+            assert_eq!(few.position(i), all.position(i), "{i}");
+            assert_eq!((few.time_of(i), few.intensity_of(i)), (all.time_of(i), all.intensity_of(i)), "{i}");
+            assert_eq!(few.return_number_of(i), all.return_number_of(i), "{i}");
+        }
+        assert_eq!(few.object.to_vec(), all.object.to_vec());
+        // Text has positions in metres.
+        let text: String = (0..1000).map(|i| format!("{i}.25 {} 1e-3\n", i % 7)).collect();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.xyz");
+        std::fs::write(&path, text).unwrap();
+        let points = read_within(&path, None, Some(1)).unwrap().0;
+        assert_eq!(points.position(999), DVec3::new(999.25, 5.0, 1e-3));
     }
 
     #[test]
@@ -156,7 +189,7 @@ mod tests {
             assert!(report.contains(part), "{part} is missing from {report}");
         }
         let points = read(text).unwrap();
-        assert_eq!(points.class, [255, 0, 2, 0, 5]);
+        assert_eq!(points.class.to_vec(), [255, 0, 2, 0, 5]);
         // Names of objects are no numbers.
         assert_eq!(said(b"x,y,z,object,class\n1,2,3,oak,5\n1,2,3,2.5,255\n", "a.csv"), "");
         let ply = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
@@ -201,10 +234,10 @@ mod tests {
         .unwrap();
         assert_eq!(points.len(), 2);
         assert_eq!(points.bounds().min, DVec3::new(-2.838, -25.5432, -0.0065));
-        assert_eq!(points.class, [5, 6]);
-        assert_eq!(points.return_number, [1, 2]);
+        assert_eq!(points.class.to_vec(), [5, 6]);
+        assert_eq!(points.return_number.to_vec(), [1, 2]);
         assert_eq!(points.objects, ["17", ""]);
-        assert_eq!(points.intensity, [5.6037, 4.5]);
+        assert_eq!(points.intensity.to_vec(), [5.6037, 4.5]);
     }
 
     #[test]
@@ -228,7 +261,7 @@ mod tests {
             read("GpsTime,Z,X,Y,Note,ReturnNumber,Amplitude\n9,3,1,2,oak,1,0.5\n9,6,4,5,ash,2,0.25\n")
                 .unwrap();
         assert_eq!(points.bounds().max, DVec3::new(4.0, 5.0, 6.0));
-        assert_eq!((&points.return_number[..], &points.intensity[..]), (&[1, 2][..], &[0.5, 0.25][..]));
+        assert_eq!((points.return_number.to_vec(), points.intensity.to_vec()), (vec![1, 2], vec![0.5, 0.25]));
         let Err(Error::Input(report)) = read("Z,X,Y,T,ReturnNumber\n1,2,3,4,5\n1,2,three,4,5\n") else {
             panic!("read")
         };
@@ -306,11 +339,11 @@ mod tests {
             let points = read_points(&path).unwrap().0;
             assert_eq!(points.len(), 1000, "{name}");
             assert!((points.bounds().max.x - 99.9).abs() < 1e-9);
-            assert_eq!(points.class[7], 5);
-            assert_eq!(points.return_number[..4], [1, 2, 3, 1]);
-            assert_eq!(points.number_of_returns[..2], [3, 3]);
-            assert_eq!(points.scan_angle[0], -12.0);
-            assert_eq!(points.intensity[321], 321.0);
+            assert_eq!(points.class.at(7), 5);
+            assert_eq!(points.return_number.to_vec()[..4], [1, 2, 3, 1]);
+            assert_eq!(points.number_of_returns.to_vec()[..2], [3, 3]);
+            assert_eq!(points.scan_angle.at(0), -12.0);
+            assert_eq!(points.intensity.at(321), 321.0);
             assert_eq!(points.objects, ["0", "1"]);
             let time = |i| points.time_of(i).unwrap();
             assert_eq!((time(0), time(999)), (3e8, 3e8 + 333e-6));
@@ -341,7 +374,7 @@ mod tests {
         assert_eq!(points.len(), 2);
         assert_eq!(points.bounds().min, DVec3::new(1.25, 2.0, 3.0));
         assert_eq!(points.bounds().max.x, 5_474_500.125);
-        assert_eq!(points.class, [2, 5]);
+        assert_eq!(points.class.to_vec(), [2, 5]);
         assert_eq!(points.objects, ["7", "-1"]);
         assert!(!points.has(Attribute::Intensity));
     }

@@ -81,7 +81,7 @@ fn write_parquet(path: &Path) {
 fn assert_points(points: &Points) {
     assert_eq!(points.len(), 500);
     assert_eq!(points.bounds().max, DVec3::new(249.5, 499.0, 499.0));
-    assert_eq!(points.class[..8], [0, 1, 2, 3, 4, 5, 6, 0]);
+    assert_eq!(points.class.to_vec()[..8], [0, 1, 2, 3, 4, 5, 6, 0]);
     assert_eq!(points.objects, ["0", "1"]);
     assert!(!points.has(Attribute::Intensity) && !points.has(Attribute::ReturnNumber));
 }

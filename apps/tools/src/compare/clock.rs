@@ -5,7 +5,6 @@
 //! same default time, and times of the GPS week repeat every week. File headers do not distinguish these
 //! cases. Therefore clocks count as one if the clouds are at the same places at the same times.
 
-use super::cut::Cut;
 use super::pulses::{Pulse, Pulses, distance};
 use rayon::prelude::*;
 
@@ -39,25 +38,25 @@ pub(super) enum ClockError {
 ///
 /// # Errors
 /// No common times, or other places.
-pub(super) fn check_clocks([first, second]: [&Pulses; 2], [a, b]: [&Cut; 2]) -> Result<(), ClockError> {
+pub(super) fn check_clocks([first, second]: [&Pulses; 2]) -> Result<(), ClockError> {
     let [by_time, others] = [first, second].map(by_time);
     let parts = match first.has_lines {
         true => first.lines.len() / MIN_LINES,
-        false => first.pulses.len() / MIN_PULSES,
+        false => first.count() / MIN_PULSES,
     };
     let size = by_time.len().div_ceil(parts.clamp(1, MAX_PARTS)).max(1);
     let mut distances: Vec<(f64, f64)> = Vec::new();
     for part in by_time.chunks(size) {
-        let [from, to] = [part[0], part[part.len() - 1]].map(|i| first.pulses[i as usize].time);
-        let time_of = |i: &u32| second.pulses[*i as usize].time;
+        let [from, to] = [part[0], part[part.len() - 1]].map(|i| first.time(i as usize));
+        let time_of = |i: &u32| second.time(*i as usize);
         let begin = others.partition_point(|i| time_of(i) < from);
         let end = others.partition_point(|i| time_of(i) <= to);
         let other = &others[begin..end];
         if other.is_empty() || (other.len() as f64) < MIN_SHARE * part.len() as f64 {
             continue;
         }
-        let (centre, spread) = centre_of(part.iter().map(|i| first.place(a, *i as usize)));
-        let (other_centre, other_spread) = centre_of(other.iter().map(|i| second.place(b, *i as usize)));
+        let (centre, spread) = centre_of(part.iter().map(|i| first.place(*i as usize)));
+        let (other_centre, other_spread) = centre_of(other.iter().map(|i| second.place(*i as usize)));
         distances.push((distance(centre, other_centre), spread.max(other_spread)));
     }
     let ratio = |(distance, spread): &(f64, f64)| distance / spread.max(f64::MIN_POSITIVE);
@@ -80,15 +79,15 @@ fn centre_of(places: impl Iterator<Item = [f64; 2]> + Clone) -> ([f64; 2], f64) 
 
 /// Numbers of pulses by ascending time.
 fn by_time(pulses: &Pulses) -> Vec<u32> {
-    let time = |i: &u32| pulses.pulses[*i as usize].time;
-    let mut order: Vec<u32> = (0..pulses.pulses.len() as u32).collect();
+    let time = |i: &u32| pulses.time(*i as usize);
+    let mut order: Vec<u32> = (0..pulses.count() as u32).collect();
     order.par_sort_by(|a, b| time(a).total_cmp(&time(b)));
     order
 }
 
 /// Scan angles of some pulses minus those of a cloud at the same time.
 pub(super) struct Angles<'p> {
-    pulses: &'p Pulses,
+    pulses: &'p Pulses<'p>,
     by_time: Vec<u32>,
     /// Maximum time between the pulses before and after, s.
     reach: f64,
@@ -96,7 +95,7 @@ pub(super) struct Angles<'p> {
 
 impl<'p> Angles<'p> {
     /// The scan angles of a cloud; `None` without any.
-    pub fn of(pulses: &'p Pulses) -> Option<Angles<'p>> {
+    pub fn of(pulses: &'p Pulses<'p>) -> Option<Angles<'p>> {
         /// Usual intervals between the pulses before and after.
         const REACH: f64 = 3.0;
         let mut intervals: Vec<f64> = pulses.intervals().map(|(time, _)| time).collect();
@@ -108,51 +107,61 @@ impl<'p> Angles<'p> {
         Some(Angles { pulses, by_time: by_time(pulses), reach: REACH * usual })
     }
 
-    /// Scan angles of `others` minus those of the cloud, degrees, with the cloud's scan lines: of the pulse
-    /// of the same time, if possible of the same source, or else interpolated.
-    pub fn differences(&self, others: &[Pulse]) -> Vec<(f64, u32)> {
+    /// Scan angles of `count` other pulses, by their number, minus those of the cloud, degrees, with the
+    /// cloud's scan lines: of the pulse of the same time, if possible of the same source, or else
+    /// interpolated. `keep` chooses what is returned.
+    pub fn differences<T: Send>(
+        &self,
+        count: usize,
+        pulse: &(dyn Fn(usize) -> Pulse + Sync),
+        keep: impl Fn((f64, u32)) -> T + Sync,
+    ) -> Vec<T> {
         let difference = |(pulse, begin): (&Pulse, usize)| {
             let at_time = || {
                 let from_begin = self.by_time[begin..].iter();
-                from_begin.map(|i| *i as usize).take_while(|i| self.pulses.pulses[*i].time == pulse.time)
+                from_begin.map(|i| *i as usize).take_while(|i| self.pulses.time(*i) == pulse.time)
             };
-            let of_source = at_time().find(|i| self.pulses.pulses[*i].source == pulse.source);
+            let of_source = at_time().find(|i| self.pulses.pulse(*i).source == pulse.source);
             match of_source.or_else(|| at_time().next()) {
-                Some(i) => Some((pulse.angle - self.pulses.pulses[i].angle, self.pulses.line_of[i])),
+                Some(i) => Some((pulse.angle - self.pulses.pulse(i).angle, self.pulses.line_of[i])),
                 None => self.interpolated(pulse, begin),
             }
         };
-        self.of_each(others, difference)
+        self.of_each(count, pulse, |pulse| difference(pulse).map(&keep))
     }
 
     /// Scan angles of the cloud's pulses minus those that follow from the pulses before and after, degrees,
     /// with their scan lines.
     pub fn errors(&self) -> Vec<(f64, u32)> {
-        self.of_each(&self.pulses.pulses, |(pulse, begin)| self.interpolated(pulse, begin))
+        let pulse = |i: usize| self.pulses.pulse(i);
+        self.of_each(self.pulses.count(), &pulse, |(pulse, begin)| self.interpolated(pulse, begin))
     }
 
     /// The values of some pulses in their order; `value` gets also the place of the cloud's first pulse that
     /// is not earlier.
-    fn of_each(
+    fn of_each<T: Send>(
         &self,
-        pulses: &[Pulse],
-        value: impl Fn((&Pulse, usize)) -> Option<(f64, u32)> + Sync,
-    ) -> Vec<(f64, u32)> {
-        let of_part = |part: &[Pulse]| -> Vec<(f64, u32)> {
+        count: usize,
+        pulse: &(dyn Fn(usize) -> Pulse + Sync),
+        value: impl Fn((&Pulse, usize)) -> Option<T> + Sync,
+    ) -> Vec<T> {
+        let of_part = |part: usize| -> Vec<T> {
             let mut begin = 0;
-            let of_pulse = |pulse: &Pulse| {
+            let of_pulse = |i: usize| {
+                let pulse = pulse(i);
                 begin = self.first_not_before(pulse.time, begin);
-                value((pulse, begin))
+                value((&pulse, begin))
             };
-            part.iter().filter_map(of_pulse).collect()
+            let end = count.min((part + 1) * PART_PULSES);
+            (part * PART_PULSES..end).filter_map(of_pulse).collect()
         };
-        pulses.par_chunks(PART_PULSES).flat_map_iter(of_part).collect()
+        (0..count.div_ceil(PART_PULSES)).into_par_iter().flat_map_iter(of_part).collect()
     }
 
     /// The place in `by_time` of the first pulse at or after a time, which is probably near the place
     /// `guess`.
     fn first_not_before(&self, time: f64, guess: usize) -> usize {
-        let is_before = |place: usize| self.pulses.pulses[self.by_time[place] as usize].time < time;
+        let is_before = |place: usize| self.pulses.time(self.by_time[place] as usize) < time;
         let count = self.by_time.len();
         let (mut low, mut high, mut step) = (guess.min(count), guess.min(count), 1);
         while low > 0 && !is_before(low - 1) {
@@ -163,17 +172,17 @@ impl<'p> Angles<'p> {
             (low, high, step) = (high, (high + step).min(count), 2 * step);
         }
         let range = &self.by_time[low..high];
-        low + range.partition_point(|i| self.pulses.pulses[*i as usize].time < time)
+        low + range.partition_point(|i| self.pulses.time(*i as usize) < time)
     }
 
     /// The scan angle of a pulse minus that between the cloud's pulses before and after; `begin` is the place
     /// of the first pulse that is not earlier.
     fn interpolated(&self, pulse: &Pulse, begin: usize) -> Option<(f64, u32)> {
-        let is_at_time = |i: &&u32| self.pulses.pulses[**i as usize].time <= pulse.time;
+        let is_at_time = |i: &&u32| self.pulses.time(**i as usize) <= pulse.time;
         let end = begin + self.by_time[begin..].iter().take_while(is_at_time).count();
         let [before, after] = [self.by_time.get(begin.checked_sub(1)?)?, self.by_time.get(end)?];
         let [before, after] = [*before as usize, *after as usize];
-        let [a, b] = [before, after].map(|i| &self.pulses.pulses[i]);
+        let [a, b] = [before, after].map(|i| self.pulses.pulse(i));
         let line = self.pulses.line_of[before];
         let is_near = b.time - a.time <= self.reach && line == self.pulses.line_of[after];
         let share = (pulse.time - a.time) / (b.time - a.time);
@@ -194,14 +203,15 @@ mod tests {
         let cut = cut(&points);
         let found = Pulses::of(&cut).unwrap();
         let angles = Angles::of(&found).unwrap();
-        assert!(angles.differences(&found.pulses).iter().all(|(d, _)| *d == 0.0));
+        let own = angles.differences(found.count(), &|i| found.pulse(i), |(d, _)| d);
+        assert!(own.iter().all(|d| *d == 0.0));
         // Between neighbours the angle is linear, but for the steps of the times.
         let errors = angles.errors();
         assert!(errors.len() == 98 * 40 && errors.iter().all(|(d, _)| d.abs() < 0.02), "{}", errors.len());
         let shifted: Vec<Pulse> =
-            found.pulses.iter().map(|pulse| Pulse { angle: pulse.angle + 0.03, ..*pulse }).collect();
-        let differences = angles.differences(&shifted);
-        assert!(differences.iter().all(|(d, _)| (d - 0.03).abs() < 1e-9), "{:?}", differences[0]);
+            found.iter().map(|pulse| Pulse { angle: pulse.angle + 0.03, ..pulse }).collect();
+        let differences = angles.differences(shifted.len(), &|i| shifted[i], |(d, _)| d);
+        assert!(differences.iter().all(|d| (d - 0.03).abs() < 1e-9), "{:?}", differences[0]);
     }
 
     #[test]
@@ -227,7 +237,7 @@ mod tests {
         let check = |other: &Points| {
             let cuts = [&cut(&points), &cut(other)];
             let pulses = cuts.map(|cut| Pulses::of(cut).unwrap());
-            check_clocks([&pulses[0], &pulses[1]], cuts)
+            check_clocks([&pulses[0], &pulses[1]])
         };
         assert_eq!(check(&points), Ok(()));
         // Another instrument on the same flight: a few metres of 50 m of swath.

@@ -2,7 +2,7 @@
 
 use super::chance::{BlockKind, Chance, Halves, MIN_BLOCKS, SPLITS};
 use super::change::{Change, change};
-use super::cut::{CellGrid, Cut};
+use super::cut::{CellGrid, Cut, of_both};
 use super::neighbours::{Distances, distances};
 use super::options::{CompareError, CompareOptions};
 use super::pulses::Pulses;
@@ -119,26 +119,35 @@ pub fn compare(
     if cuts.iter().any(|cut| cut.len() == 0) {
         return Err(Error::input("one of the clouds has no points in the common box"));
     }
-    let tell = |what: &str| observer.notify(Notice::Detail(format!("compare: {what}")));
-    tell("pulses");
-    let (setting, kind, count) = prepared(cuts, (low, high), [grid, wide_grid], first, options, observer)?;
+    let tell = |what: &str, step: &'static str| {
+        // The next step uses other attributes.
+        cuts.iter().for_each(|cut| cut.points.release());
+        observer.step(step);
+        observer.notify(Notice::Detail(format!("compare: {what}")));
+    };
+    tell("pulses", "grouping points into pulses");
+    let (mut setting, kind, count) =
+        prepared(cuts, (low, high), [grid, wide_grid], first, options, observer)?;
     let Findings { quantities, mut missing } = findings(&setting, &tell);
     if options.chance && setting.halves.is_none() {
         missing.push(format!("--chance: the first cloud has {count} blocks, expected at least {MIN_BLOCKS}"));
     }
-    tell("distances, canopy, voxels");
+    tell("distances, canopy, voxels", "measuring distances");
     let area = occupied_cells(&setting.grid, cuts) as f64 * options.cell * options.cell;
+    let [first_cloud, second_cloud] =
+        [(0, first), (1, second)].map(|(index, cloud)| described(&setting, index, cloud, area));
+    setting.free();
     let agreement = agreement(&setting, cuts, options);
     let agreement_of_halves = agreement_of_halves(&setting, options);
-    tell("change");
+    tell("change", "measuring change");
     let change = change(&setting.grid, cuts, [low.x, low.y], options.registration);
     missing.extend(change.doubts(options.cell));
     if let Some(note) = change.registration_note().filter(|_| options.registration.is_none()) {
         observer.notify(Notice::Note(note));
     }
     Ok(Comparison {
-        first: described(&setting, 0, first, area),
-        second: described(&setting, 1, second, area),
+        first: first_cloud,
+        second: second_cloud,
         cell_m: options.cell,
         area_m2: area,
         chance: setting.halves.is_some().then_some(Chance { kind, count, splits: SPLITS }),
@@ -194,9 +203,10 @@ fn prepared<'a>(
         None => Planes::of(cuts[0], own_lines.as_deref()).map(Terrain::Planes),
     };
     let (kind, count, blocks) = blocks_of(cuts[0], own_lines, (low, high), wide_grid.side, first)?;
-    let extremes = wide_grid.extremes(cuts.iter().flat_map(|cut| cut.offsets()));
-    let lowest: Vec<f64> = extremes.into_iter().map(|[low, _]| low).collect();
+    let [lowest, others] = of_both(cuts, |cut| wide_grid.extremes(cut.offsets()));
+    let lowest: Vec<f64> = lowest.iter().zip(&others).map(|([a, _], [b, _])| a.min(*b)).collect();
     let halves = (options.chance && count >= MIN_BLOCKS).then(|| Halves::new(count));
+    let blocks = if halves.is_some() { blocks } else { Vec::new() };
     let most = options.max_distances;
     let setting = Setting { cuts, pulses, blocks, halves, grid, wide_grid, lowest, terrain, most };
     Ok((setting, kind, count))
@@ -206,8 +216,7 @@ fn prepared<'a>(
 fn described(setting: &Setting, index: usize, (name, points): (&str, &Points), area: f64) -> Cloud {
     let cut = setting.cuts[index];
     let count = cut.len() as f64 * cut.weight;
-    let of_pulses =
-        |found: &Pulses| [found.pulses.len(), if found.has_lines { found.lines.len() } else { 0 }];
+    let of_pulses = |found: &Pulses| [found.count(), if found.has_lines { found.lines.len() } else { 0 }];
     Cloud {
         name: name.to_owned(),
         points: points.total(),
@@ -229,21 +238,21 @@ fn agreement_of_halves(setting: &Setting, options: &CompareOptions) -> Option<Ag
 }
 
 /// All quantities; `tell` is told what is measured.
-fn findings(setting: &Setting, tell: &dyn Fn(&str)) -> Findings {
+fn findings(setting: &Setting, tell: &dyn Fn(&str, &'static str)) -> Findings {
     let mut found = Findings::default();
-    type Part = (&'static str, fn(&Setting, &mut Findings));
+    type Part = (&'static str, &'static str, fn(&Setting, &mut Findings));
     let parts: [Part; 8] = [
-        ("density", |setting, found| setting.density(found)),
-        ("heights", |setting, found| setting.heights(found)),
-        ("returns", |setting, found| setting.returns(found)),
-        ("classes", |setting, found| setting.classes(found)),
-        ("intensities", |setting, found| setting.intensity(found)),
-        ("pulses", |setting, found| setting.pulses(found)),
-        ("scan lines", |setting, found| setting.lines(found)),
-        ("residuals", |setting, found| setting.residuals(found)),
+        ("density", "comparing densities", |setting, found| setting.density(found)),
+        ("heights", "comparing heights", |setting, found| setting.heights(found)),
+        ("returns", "comparing returns", |setting, found| setting.returns(found)),
+        ("classes", "comparing classes", |setting, found| setting.classes(found)),
+        ("intensities", "comparing intensities", |setting, found| setting.intensity(found)),
+        ("pulses", "comparing pulses", |setting, found| setting.pulses(found)),
+        ("scan lines", "comparing scan lines", |setting, found| setting.lines(found)),
+        ("residuals", "comparing residuals", |setting, found| setting.residuals(found)),
     ];
-    for (name, measure) in parts {
-        tell(name);
+    for (name, step, measure) in parts {
+        tell(name, step);
         measure(setting, &mut found);
     }
     found
@@ -281,12 +290,12 @@ fn blocks_of(
 }
 
 fn occupied_cells(grid: &CellGrid, cuts: [&Cut; 2]) -> usize {
-    let counts = cuts.map(|cut| grid.counts(cut.offsets()));
+    let counts = of_both(cuts, |cut| grid.counts(cut.offsets()));
     counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0).count()
 }
 
 fn agreement(setting: &Setting, cuts: [&Cut; 2], options: &CompareOptions) -> Agreement {
-    let counts = cuts.map(|cut| setting.grid.counts(cut.offsets()));
+    let counts = of_both(cuts, |cut| setting.grid.counts(cut.offsets()));
     let pairs = counts[0].iter().zip(&counts[1]).filter(|(a, b)| **a + **b > 0.0);
     Agreement {
         density_correlation: correlation(pairs.map(|(a, b)| (*a, *b))),

@@ -96,6 +96,12 @@ impl<'a> Cut<'a> {
     }
 }
 
+/// A result of each of two clouds, computed at the same time.
+pub(super) fn of_both<T: Send>(cuts: [&Cut; 2], of: impl Fn(&Cut) -> T + Sync) -> [T; 2] {
+    let (first, second) = rayon::join(|| of(cuts[0]), || of(cuts[1]));
+    [first, second]
+}
+
 /// Square cells over the common box.
 #[derive(Clone, Debug)]
 pub(super) struct CellGrid {

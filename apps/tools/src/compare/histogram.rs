@@ -50,7 +50,8 @@ impl Histogram {
             }
             (counts, below, above)
         };
-        let [(a, below_a, above_a), (b, below_b, above_b)] = sorted.map(fractions_of);
+        let (of_first, of_second) = rayon::join(|| fractions_of(sorted[0]), || fractions_of(sorted[1]));
+        let ((a, below_a, above_a), (b, below_b, above_b)) = (of_first, of_second);
         let common = a.iter().zip(&b).map(|(a, b)| a.min(*b)).sum::<f64>();
         let overlap = common + below_a.min(below_b) + above_a.min(above_b);
         Histogram {

@@ -20,17 +20,18 @@ pub(super) struct Pulse {
     pub source: (u16, u8),
     /// Time, s.
     pub time: f64,
-    /// Its first echo: number of the point in the cut.
-    pub first: u32,
-    /// Number of returns, by the file or, where it does not say, of those that are in it.
-    pub returns: u8,
     /// Scan angle, degrees; 0 if unknown.
     pub angle: f64,
 }
 
-/// The pulses of a cloud by source and time, and its scan lines.
-pub(super) struct Pulses {
-    pub pulses: Vec<Pulse>,
+/// The pulses of a cloud by source and time, and its scan lines. Of a pulse only its first echo is kept,
+/// which has its time, source and scan angle.
+pub(super) struct Pulses<'a> {
+    cut: &'a Cut<'a>,
+    /// The first echo of each pulse: number of the point in the cut.
+    first: Vec<u32>,
+    /// Number of returns of each pulse, by the file or, if it has none, of those that are in it.
+    returns: Vec<u8>,
     /// The line of each pulse.
     pub line_of: Vec<u32>,
     /// Pulses of each line.
@@ -72,55 +73,113 @@ pub(super) struct MissingPulses {
     pub reason: PulsesError,
 }
 
-impl Pulse {
-    /// The pulse of some points by the number of their return, of which there is at least one.
-    fn of(cut: &Cut, points: &[u32]) -> Pulse {
-        let (mut first, mut least, mut stated) = (points[0], u8::MAX, 0);
-        for i in points {
-            let Some((number, count)) = cut.returns(*i as usize) else { continue };
-            stated = stated.max(count);
-            if number < least {
-                (first, least) = (*i, number);
-            }
-        }
-        let (source, time) = key(cut, first);
-        let angle = cut.points.scan_angle_of(cut.index(first as usize));
-        Pulse {
-            source,
-            time,
-            first,
-            returns: if stated > 0 { stated } else { points.len().min(255) as u8 },
-            angle: angle.map_or(0.0, f64::from),
+/// The first echo and the number of returns of a pulse with some points by the number of their return, of
+/// which there is at least one.
+fn first_echo(cut: &Cut, points: &[u32]) -> (u32, u8) {
+    let (mut first, mut least, mut stated) = (points[0], u8::MAX, 0);
+    for i in points {
+        let Some((number, count)) = cut.returns(*i as usize) else { continue };
+        stated = stated.max(count);
+        if number < least {
+            (first, least) = (*i, number);
         }
     }
+    (first, if stated > 0 { stated } else { points.len().min(255) as u8 })
 }
 
-impl Pulses {
+impl<'a> Pulses<'a> {
     /// The pulses of the points of a cut.
     ///
     /// # Errors
     /// Points without times, or with too coarse ones.
-    pub fn of(cut: &Cut) -> Result<Pulses, PulsesError> {
+    pub fn of(cut: &'a Cut<'a>) -> Result<Pulses<'a>, PulsesError> {
         if cut.points.is_thinned() {
             return Err(PulsesError::Thinned);
         }
         let order = order_by_pulse(cut)?;
-        let (mut pulses, mut pulse_of, mut ambiguous) = (Vec::new(), vec![0; cut.len()], 0);
+        let (mut first, mut returns) = (Vec::new(), Vec::new());
+        let (mut pulse_of, mut ambiguous) = (vec![0; cut.len()], 0);
         for points in order.chunk_by(|a, b| key(cut, *a) == key(cut, *b)) {
             let numbers = points.windows(2).map(|pair| (number(cut, pair[0]), number(cut, pair[1])));
             ambiguous += numbers.filter(|(number, next)| number == next && *number > 0).count();
-            points.iter().for_each(|i| pulse_of[*i as usize] = pulses.len() as u32);
-            pulses.push(Pulse::of(cut, points));
+            points.iter().for_each(|i| pulse_of[*i as usize] = first.len() as u32);
+            let (echo, count) = first_echo(cut, points);
+            first.push(echo);
+            returns.push(count);
         }
-        if !PulseGroups::are_distinct(ambiguous, pulses.len()) {
+        drop(order);
+        if !PulseGroups::are_distinct(ambiguous, first.len()) {
             return Err(PulsesError::CoarseTimes(ambiguous));
         }
-        pulses.shrink_to_fit();
-        let has_angles = pulses.iter().any(|pulse| pulse.angle != pulses[0].angle);
-        let mut found =
-            Pulses { pulses, line_of: Vec::new(), lines: Vec::new(), pulse_of, has_lines: false, has_angles };
+        first.shrink_to_fit();
+        returns.shrink_to_fit();
+        let mut found = Pulses {
+            cut,
+            first,
+            returns,
+            line_of: Vec::new(),
+            lines: Vec::new(),
+            pulse_of,
+            has_lines: false,
+            has_angles: false,
+        };
+        let has_angles = (1..found.count()).any(|number| found.angle(number) != found.angle(0));
+        found.has_angles = has_angles;
         found.find_lines();
+        cut.points.release();
         Ok(found)
+    }
+
+    /// Number of pulses.
+    pub fn count(&self) -> usize {
+        self.first.len()
+    }
+
+    /// A pulse by its number.
+    pub fn pulse(&self, number: usize) -> Pulse {
+        Pulse { source: self.source(number), time: self.time(number), angle: self.angle(number) }
+    }
+
+    /// Number of returns and first echo of each pulse.
+    pub fn echoes(&self) -> impl Iterator<Item = (u8, u32)> + '_ {
+        self.returns.iter().copied().zip(self.first.iter().copied())
+    }
+
+    /// Scan angle of each pulse, degrees, with its line.
+    pub fn angles(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
+        (0..self.count()).map(move |number| (self.angle(number), self.line_of[number]))
+    }
+
+    /// All pulses in their order.
+    #[cfg(test)]
+    pub fn iter(&self) -> impl Iterator<Item = Pulse> + '_ {
+        (0..self.count()).map(move |number| self.pulse(number))
+    }
+
+    /// The time of a pulse, s.
+    pub fn time(&self, number: usize) -> f64 {
+        self.cut.points.time_of(self.index(number)).unwrap_or(0.0)
+    }
+
+    /// The scan angle of a pulse, degrees; 0 if unknown.
+    fn angle(&self, number: usize) -> f64 {
+        self.cut.points.scan_angle_of(self.index(number)).map_or(0.0, f64::from)
+    }
+
+    /// The leg and channel of a pulse.
+    fn source(&self, number: usize) -> (u16, u8) {
+        self.cut.points.source_of(self.index(number))
+    }
+
+    /// The index of the first echo of a pulse among the points of the cloud.
+    fn index(&self, number: usize) -> usize {
+        self.cut.index(self.first[number] as usize)
+    }
+
+    /// Frees the memory of all pulses and lines.
+    pub fn free(&mut self) {
+        (self.first, self.returns) = (Vec::new(), Vec::new());
+        (self.line_of, self.lines) = (Vec::new(), Vec::new());
     }
 
     /// The line of each point of the cut. The pulses of points are dropped.
@@ -130,14 +189,20 @@ impl Pulses {
     }
 
     fn find_lines(&mut self) {
-        let mut start = 0;
-        let mut sources = 0;
-        for pulses in self.pulses.chunk_by(|a, b| a.source == b.source) {
-            for line in lines_of(pulses, self.has_angles) {
-                self.lines.push(start + line.start..start + line.end);
-            }
-            start += pulses.len();
-            sources += 1;
+        let (mut start, mut sources) = (0, 0);
+        while start < self.count() {
+            let source = self.source(start);
+            let end = start + (start..self.count()).take_while(|i| self.source(*i) == source).count();
+            // Copies of a source at a time: they are used often, and columns are slower.
+            let angles = match self.has_angles {
+                true => (start..end).into_par_iter().map(|i| self.angle(i) as f32).collect(),
+                false => Vec::new(),
+            };
+            let times = (start..end).into_par_iter().map(|i| self.time(i)).collect();
+            self.cut.points.release();
+            let lines = lines_of(&Track { times, angles });
+            self.lines.extend(lines.into_iter().map(|line| start + line.start..start + line.end));
+            (start, sources) = (end, sources + 1);
         }
         let long = self.lines.iter().filter(|line| line.len() >= MIN_LINE_PULSES).count();
         self.has_lines = long >= MIN_LINES && long > sources;
@@ -148,13 +213,12 @@ impl Pulses {
 
     /// Times between successive pulses of a line, s, with the line.
     pub fn intervals(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
-        self.neighbours().map(|(i, line)| (self.pulses[i + 1].time - self.pulses[i].time, line))
+        self.neighbours().map(move |(i, line)| (self.time(i + 1) - self.time(i), line))
     }
 
     /// Horizontal distances between the first echoes of successive pulses of a line, m, with the line.
-    pub fn spacings<'s>(&'s self, cut: &'s Cut) -> impl Iterator<Item = (f64, u32)> + 's {
-        let place = |i: usize| self.place(cut, i);
-        self.neighbours().map(move |(i, line)| (distance(place(i), place(i + 1)), line))
+    pub fn spacings(&self) -> impl Iterator<Item = (f64, u32)> + '_ {
+        self.neighbours().map(move |(i, line)| (distance(self.place(i), self.place(i + 1)), line))
     }
 
     /// Pulses that are followed by another one of their line, with the line.
@@ -164,8 +228,8 @@ impl Pulses {
     }
 
     /// Horizontal position of the first echo of a pulse, m.
-    pub fn place(&self, cut: &Cut, pulse: usize) -> [f64; 2] {
-        let [x, y, _] = cut.offset(self.pulses[pulse].first as usize);
+    pub fn place(&self, pulse: usize) -> [f64; 2] {
+        let [x, y, _] = self.cut.offset(self.first[pulse] as usize);
         [x, y]
     }
 
@@ -185,24 +249,25 @@ impl Pulses {
     fn line_times(&self, lines: &[usize]) -> Vec<Option<f64>> {
         /// Less than the steps of angles in files, so that no pulse is at the angle itself.
         const BETWEEN_STEPS: f64 = 1e-3;
-        let source = |line: usize| self.pulses[self.lines[line].start].source;
+        let source = |line: usize| self.source(self.lines[line].start);
         let mut times = Vec::with_capacity(lines.len());
         for lines in lines.chunk_by(|a, b| source(*a) == source(*b)) {
-            let pulses_of = |line: &usize| &self.pulses[self.lines[*line].clone()];
-            let mut angles: Vec<f64> = lines.iter().flat_map(pulses_of).map(|pulse| pulse.angle).collect();
+            let numbers = lines.iter().flat_map(|line| self.lines[*line].clone());
+            let mut angles: Vec<f64> = numbers.map(|i| self.angle(i)).collect();
             let middle = angles.len() / 2;
             let angle = *angles.select_nth_unstable_by(middle, f64::total_cmp).1 + BETWEEN_STEPS;
-            let passes = |pair: &[Pulse]| (pair[0].angle - angle) * (pair[1].angle - angle) < 0.0;
             let time = |line: &usize| {
-                let pulses = pulses_of(line);
+                let line = self.lines[*line].clone();
                 if !self.has_angles {
-                    return Some(0.5 * (pulses[0].time + pulses[pulses.len() - 1].time));
+                    return Some(0.5 * (self.time(line.start) + self.time(line.end - 1)));
                 }
-                let pair = pulses.windows(2).find(|pair| passes(pair))?;
-                let share = (angle - pair[0].angle) / (pair[1].angle - pair[0].angle);
-                Some(pair[0].time + share * (pair[1].time - pair[0].time))
+                let passes = |i: &usize| (self.angle(*i) - angle) * (self.angle(i + 1) - angle) < 0.0;
+                let before = (line.start..line.end - 1).find(passes)?;
+                let [a, b] = [before, before + 1].map(|i| self.pulse(i));
+                let share = (angle - a.angle) / (b.angle - a.angle);
+                Some(a.time + share * (b.time - a.time))
             };
-            times.extend(lines.iter().map(time));
+            times.par_extend(lines.par_iter().map(time));
         }
         times
     }
@@ -211,7 +276,7 @@ impl Pulses {
     /// [`MAX_LINE_GAP`] times the usual time, in other cases strips end.
     pub fn line_intervals(&self) -> Vec<(f64, u32)> {
         let lines: Vec<usize> = self.long_lines().collect();
-        let source = |line: usize| self.pulses[self.lines[line].start].source;
+        let source = |line: usize| self.source(self.lines[line].start);
         let line_times = self.line_times(&lines);
         let pairs = lines.windows(2).zip(line_times.windows(2));
         let of_source = pairs.filter(|(lines, _)| source(lines[0]) == source(lines[1]));
@@ -227,7 +292,7 @@ impl Pulses {
     /// Horizontal distances from pulses of a line to the nearest of the next three lines of its source, m,
     /// with the line: two arcs of one revolution of a conic scanner lie far apart, and the next but one is
     /// the neighbour. At most 25 pulses of each of at most 2000 lines, evenly chosen.
-    pub fn line_spacings(&self, cut: &Cut) -> Vec<(f64, u32)> {
+    pub fn line_spacings(&self) -> Vec<(f64, u32)> {
         const NEXT: usize = 3;
         const MAX_PULSES: usize = 25;
         const MAX_LINES: usize = 2000;
@@ -244,8 +309,8 @@ impl Pulses {
             let range = self.lines[line].clone();
             let step = range.len().div_ceil(MAX_PULSES).max(1);
             for pulse in range.step_by(step) {
-                let place = self.place(cut, pulse);
-                let to = next.iter().filter_map(|line| self.distance_to_line(cut, place, line));
+                let place = self.place(pulse);
+                let to = next.iter().filter_map(|line| self.distance_to_line(place, line));
                 if let Some(nearest) = to.min_by(f64::total_cmp) {
                     found.push((nearest, line as u32));
                 }
@@ -256,14 +321,14 @@ impl Pulses {
 
     /// The distance of a place from the polyline of a line's first echoes; `None` where the line does not
     /// pass it.
-    fn distance_to_line(&self, cut: &Cut, place: [f64; 2], line: &Range<usize>) -> Option<f64> {
-        let nearest = line.clone().min_by(|a, b| {
-            distance(place, self.place(cut, *a)).total_cmp(&distance(place, self.place(cut, *b)))
-        })?;
+    fn distance_to_line(&self, place: [f64; 2], line: &Range<usize>) -> Option<f64> {
+        let nearest = line
+            .clone()
+            .min_by(|a, b| distance(place, self.place(*a)).total_cmp(&distance(place, self.place(*b))))?;
         if nearest == line.start || nearest + 1 == line.end {
             return None;
         }
-        let to = |i: usize| distance_to_segment(place, [self.place(cut, i), self.place(cut, i + 1)]);
+        let to = |i: usize| distance_to_segment(place, [self.place(i), self.place(i + 1)]);
         Some(to(nearest - 1).min(to(nearest)))
     }
 }
@@ -295,23 +360,33 @@ fn order_by_pulse(cut: &Cut) -> Result<Vec<u32>, PulsesError> {
         by_time.then_with(|| number(cut, *a).cmp(&number(cut, *b)))
     };
     let mut order: Vec<u32> = (0..cut.len() as u32).collect();
-    if !order.is_sorted_by(|a, b| by_pulse(a, b).is_le()) {
+    let is_in_order = |i: u32| by_pulse(&(i - 1), &i).is_le();
+    if !(1..cut.len() as u32).into_par_iter().all(is_in_order) {
         order.par_sort_by(by_pulse);
     }
     Ok(order)
 }
 
+/// The pulses of one source.
+struct Track {
+    /// s.
+    times: Vec<f64>,
+    /// Scan angles, degrees; empty without any.
+    angles: Vec<f32>,
+}
+
 /// The lines of the pulses of one source.
-fn lines_of(pulses: &[Pulse], has_angles: bool) -> Vec<Range<usize>> {
-    let gap = gap_between_lines(pulses);
-    let turn = has_angles.then(|| smallest_turn(pulses)).flatten();
+fn lines_of(track: &Track) -> Vec<Range<usize>> {
+    let Track { times, angles } = track;
+    let gap = gap_between_lines(times);
+    let turn = if angles.is_empty() { None } else { smallest_turn(angles) };
     let mut lines = Vec::new();
     let mut start = 0;
-    for end in 1..=pulses.len() {
-        let is_end = end == pulses.len() || pulses[end].time - pulses[end - 1].time > gap;
+    for end in 1..=times.len() {
+        let is_end = end == times.len() || times[end] - times[end - 1] > gap;
         if is_end {
             match turn {
-                Some(turn) => between_turns(pulses, start..end, turn, &mut lines),
+                Some(turn) => between_turns(angles, start..end, turn, &mut lines),
                 None => lines.push(start..end),
             }
             start = end;
@@ -324,16 +399,16 @@ fn lines_of(pulses: &[Pulse], has_angles: bool) -> Vec<Range<usize>> {
 /// those of lines. Their limit is the widest step of the ascending intervals on a logarithmic scale, weighted
 /// by the logarithm of the number of intervals beyond, so that a few pauses between strips are no lines.
 /// Infinite without such a step.
-fn gap_between_lines(pulses: &[Pulse]) -> f64 {
+fn gap_between_lines(times: &[f64]) -> f64 {
     /// Ratio beyond which a wider step says nothing more.
     const CLEAR: f64 = 10.0;
     /// Least ratio of a step.
     const LEAST: f64 = 2.0;
     /// Least ratio of the time between lines and the usual interval.
     const BEYOND: f64 = 10.0;
-    let mut intervals: Vec<f64> = pulses.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
+    let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     intervals.retain(|interval| *interval > 0.0);
-    intervals.sort_unstable_by(f64::total_cmp);
+    intervals.par_sort_unstable_by(f64::total_cmp);
     let Some(usual) = intervals.get(intervals.len() / 2).copied() else { return f64::INFINITY };
     let first = intervals.partition_point(|interval| *interval <= BEYOND * usual).max(1);
     let (mut best, mut gap) = (0.0, f64::INFINITY);
@@ -349,34 +424,38 @@ fn gap_between_lines(pulses: &[Pulse]) -> f64 {
 
 /// The smallest change of the scan angle against its sense that is a turn: a twentieth of its range, and more
 /// than one step of the file; `None` if the angle does not vary by more than a few steps.
-fn smallest_turn(pulses: &[Pulse]) -> Option<f64> {
-    let mut angles: Vec<f64> = pulses.iter().map(|pulse| pulse.angle).collect();
-    angles.sort_unstable_by(f64::total_cmp);
-    let range = angles[angles.len() - 1] - angles[0];
-    let steps = angles.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-5);
+fn smallest_turn(angles: &[f32]) -> Option<f64> {
+    let mut angles = angles.to_vec();
+    angles.par_sort_unstable_by(f32::total_cmp);
+    let range = f64::from(angles[angles.len() - 1]) - f64::from(angles[0]);
+    let steps =
+        angles.windows(2).map(|pair| f64::from(pair[1]) - f64::from(pair[0])).filter(|step| *step > 1e-5);
     let step = steps.min_by(f64::total_cmp)?;
     (range >= 4.0 * step).then(|| (0.05 * range).max(1.5 * step))
 }
 
 /// Appends the lines of a range of pulses: they end where the scan angle turns, or jumps back by half its
 /// range.
-fn between_turns(pulses: &[Pulse], range: Range<usize>, turn: f64, lines: &mut Vec<Range<usize>>) {
+fn between_turns(angles: &[f32], range: Range<usize>, turn: f64, lines: &mut Vec<Range<usize>>) {
+    let angle_of = |i: usize| f64::from(angles[i]);
     let jump = 10.0 * turn;
     let mut start = range.start;
     // The farthest pulse in the present sense, from which a turn is measured.
     let mut farthest = start;
     let mut sense = 0.0;
     for i in range.start + 1..range.end {
-        let step = pulses[i].angle - pulses[i - 1].angle;
+        let angle = angle_of(i);
+        let step = angle - angle_of(i - 1);
         if step.abs() >= jump {
             lines.push(start..i);
             (start, farthest, sense) = (i, i, 0.0);
             continue;
         }
-        let ahead = pulses[i].angle - pulses[farthest].angle;
+        let ahead = angle - angle_of(farthest);
         if sense == 0.0 {
-            if (pulses[i].angle - pulses[start].angle).abs() >= turn {
-                (farthest, sense) = (i, (pulses[i].angle - pulses[start].angle).signum());
+            let since_start = angle - angle_of(start);
+            if since_start.abs() >= turn {
+                (farthest, sense) = (i, since_start.signum());
             }
         } else if ahead * sense >= 0.0 {
             farthest = i;
@@ -403,97 +482,4 @@ fn distance_to_segment(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-    use crate::cloud::Points;
-    use vlscan_formats::{AttributeSet, PointRow};
-    use vlscan_geom::DVec3;
-
-    /// Lines of 100 pulses of 1 µs, 10 ms apart, 0.5 m along and 2 m across; every fifth pulse has two
-    /// returns. Angles turn or jump.
-    pub fn recording(turns: bool, period: f64) -> Points {
-        let mut points = Points::new(AttributeSet::of(|_| true));
-        for (line, pulse) in (0..40).flat_map(|line| (0..100).map(move |pulse| (line, pulse))) {
-            let is_back = turns && line % 2 == 1;
-            let column = f64::from(if is_back { 99 - pulse } else { pulse });
-            let number_of_returns = if pulse % 5 == 0 { 2 } else { 1 };
-            for return_number in 1..=number_of_returns {
-                let position = DVec3::new(0.5 * column, 2.0 * f64::from(line), 0.0);
-                let time = 3e8 + f64::from(line) * period + f64::from(pulse) * 1e-6;
-                let scan_angle = 0.2 * column - 10.0;
-                let row = PointRow {
-                    position,
-                    time,
-                    scan_angle,
-                    return_number,
-                    number_of_returns,
-                    leg: 706,
-                    ..PointRow::default()
-                };
-                points.push(&row, None);
-            }
-        }
-        points
-    }
-
-    pub fn cut(points: &Points) -> Cut<'_> {
-        Cut::of(points, points.bounds().min, points.bounds().max)
-    }
-
-    #[test]
-    fn pulses_and_lines_are_those_that_were_flown() {
-        // With gaps; without them, where angles turn, and where they jump back.
-        for (turns, period) in [(false, 0.01), (true, 0.01), (true, 1e-4), (false, 1e-4)] {
-            let points = recording(turns, period);
-            let cut = cut(&points);
-            let found = Pulses::of(&cut).unwrap();
-            assert_eq!((found.pulses.len(), found.lines.len()), (4000, 40), "{turns} {period}");
-            assert!(found.has_lines);
-            assert_eq!(found.pulses.iter().filter(|pulse| pulse.returns == 2).count(), 800);
-            // The angle of a turn without a pause is that of the pulses before and after.
-            assert!(found.lines.iter().all(|line| (99..=101).contains(&line.len())), "{turns} {period}");
-            // Times of some 3e8 s have steps of 60 ns.
-            assert!(found.intervals().all(|(time, _)| (time - 1e-6).abs() < 7e-8));
-            assert!(found.line_intervals().iter().all(|(time, _)| (time - period).abs() < 1.1e-6));
-            let along: Vec<f64> = found.spacings(&cut).map(|(d, _)| d).collect();
-            assert!(along.iter().filter(|d| (**d - 0.5).abs() < 1e-9).count() > 39 * 98, "{turns} {period}");
-            let across = found.line_spacings(&cut);
-            assert!(across.len() > 800 && across.iter().all(|(d, _)| (d - 2.0).abs() < 1e-9));
-        }
-    }
-
-    #[test]
-    fn lost_pulses_and_pauses_are_no_lines() {
-        let pulse = |time: f64| Pulse { source: (0, 0), time, first: 0, returns: 1, angle: 0.0 };
-        // Lines of 200 pulses of 2 µs every 5 ms, with gaps of up to 50 intervals, and a pause of ten
-        // minutes.
-        let mut pulses = Vec::new();
-        for line in 0..100 {
-            for i in (0..200).filter(|i| !(50..50 + line % 50).contains(i)) {
-                let pause = if line < 50 { 0.0 } else { 600.0 };
-                pulses.push(pulse(f64::from(line) * 5e-3 + f64::from(i) * 2e-6 + pause));
-            }
-        }
-        assert_eq!(lines_of(&pulses, false).len(), 100);
-    }
-
-    #[test]
-    fn what_has_no_pulses_says_why() {
-        let mut points = Points::new(AttributeSet::of(|a| vlscan_formats::Attribute::POSITION.contains(&a)));
-        points.push(&PointRow::default(), None);
-        assert!(Pulses::of(&cut(&points)).err() == Some(PulsesError::NoTimes));
-        let mut points = Points::new(AttributeSet::of(|_| true));
-        for i in 0..100 {
-            let (return_number, number_of_returns) = (1, 1);
-            let row = PointRow {
-                position: DVec3::X * f64::from(i),
-                time: f64::from(i / 10),
-                return_number,
-                number_of_returns,
-                ..PointRow::default()
-            };
-            points.push(&row, None);
-        }
-        assert!(matches!(Pulses::of(&cut(&points)), Err(PulsesError::CoarseTimes(_))));
-    }
-}
+pub(super) mod tests;

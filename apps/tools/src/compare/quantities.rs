@@ -1,8 +1,8 @@
 //! The quantities that are compared: heights, returns, classes, intensity, pulses, scan lines.
 
 use super::clock::{Angles, check_clocks};
-use super::cut::Cut;
-use super::pulses::{Pulse, Pulses};
+use super::cut::{Cut, of_both};
+use super::pulses::Pulses;
 use super::setting::{Findings, Setting};
 use super::statistic::Statistic::{self, Frequency, Mean, Quantile, Share, Spread};
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ const QUARTILES: [Statistic; 6] =
 
 impl Setting<'_> {
     pub fn density(&self, found: &mut Findings) {
-        let all = self.cuts.map(|cut| self.grid.counts(cut.offsets()));
+        let all = of_both(self.cuts, |cut| self.grid.counts(cut.offsets()));
         let occupied: Vec<bool> = all[0].iter().zip(&all[1]).map(|(a, b)| a + b > 0.0).collect();
         let area = self.grid.side * self.grid.side;
         let definition = self.define(
@@ -106,7 +106,9 @@ impl Setting<'_> {
                 None => p[2] - self.lowest[self.wide_grid.cell(&p)],
             }
         };
-        (0..cut.len()).into_par_iter().step_by(self.step_of_heights(cut)).map(height).collect()
+        let heights = (0..cut.len()).into_par_iter().step_by(self.step_of_heights(cut)).map(height).collect();
+        cut.points.release();
+        heights
     }
 
     pub fn returns(&self, found: &mut Findings) {
@@ -124,21 +126,17 @@ impl Setting<'_> {
         );
         definition.is_whole = true;
         let returns = [0, 1].map(|cloud: usize| match &self.pulses[cloud] {
-            Ok(pulses) => {
-                let of_pulse = |pulse: &Pulse| (f64::from(pulse.returns), pulse.first);
-                pulses.pulses.iter().map(of_pulse).collect::<Vec<(f64, u32)>>()
-            }
+            Ok(pulses) => pulses.echoes().collect::<Vec<(u8, u32)>>(),
             Err(_) => {
                 let cut = self.cuts[cloud];
-                let of_first = |i: usize| {
-                    cut.returns(i).filter(|(number, _)| *number == 1).map(|(_, n)| (f64::from(n), i as u32))
-                };
+                let of_first =
+                    |i: usize| cut.returns(i).filter(|(number, _)| *number == 1).map(|(_, n)| (n, i as u32));
                 (0..cut.len()).filter_map(of_first).collect()
             }
         });
         let [first, second] = returns;
-        let first = first.into_iter().map(|(count, point)| (count, self.block(point))).collect();
-        let second = second.into_iter().map(|(count, _)| count).collect();
+        let first = first.into_iter().map(|(count, point)| (f64::from(count), self.block(point)));
+        let second = second.into_iter().map(|(count, _)| f64::from(count)).collect();
         match definition.measure(first, second, self.halves.as_ref()) {
             Some(quantity) => found.quantities.push(quantity),
             None => found.note_missing(NAME, "a cloud has neither GPS times nor numbers of returns"),
@@ -150,7 +148,7 @@ impl Setting<'_> {
             return found.note_missing("classes", "a cloud has none");
         }
         let classes = self.cuts.map(|cut| -> Vec<f64> {
-            (0..cut.len()).map(|i| cut.class(i).map_or(f64::NAN, f64::from)).collect()
+            (0..cut.len()).into_par_iter().map(|i| cut.class(i).map_or(f64::NAN, f64::from)).collect()
         });
         let counts = [0, 1].map(|cloud: usize| {
             let mut counts = vec![0.0; 256];
@@ -178,12 +176,13 @@ impl Setting<'_> {
             return found.note_missing("intensities", "a cloud has none");
         }
         let scaled = self.cuts.map(|cut| -> Vec<f64> {
-            let mut values: Vec<f64> =
-                cut.map(|points, i| points.intensity_of(i).map_or(f64::NAN, f64::from)).collect();
             let median = cut.median_intensity().unwrap_or(f64::NAN);
             let scale = if median > 0.0 { 1.0 / median } else { f64::NAN };
-            values.iter_mut().for_each(|value| *value *= scale);
-            values
+            let value = |i: usize| {
+                let intensity = cut.points.intensity_of(cut.index(i));
+                intensity.map_or(f64::NAN, f64::from) * scale
+            };
+            (0..cut.len()).into_par_iter().map(value).collect()
         });
         let definition = self.define(
             "Intensity",
@@ -203,7 +202,7 @@ impl Setting<'_> {
             Ok(pulses) => pulses,
             Err(why) => return found.note_missing("pulses, scan angles and scan lines", &why.to_string()),
         };
-        let intervals = pulses.map(|pulses| pulses.intervals().map(|(t, line)| (1e6 * t, line)).collect());
+        let intervals = pulses.map(|pulses| pulses.intervals().map(|(t, line)| (1e6 * t, line)));
         let definition = self.define(
             "Pulses",
             "time between pulses",
@@ -224,10 +223,7 @@ impl Setting<'_> {
         if pulses.iter().any(|pulses| !pulses.has_angles) {
             return found.note_missing("scan angles", "a cloud has none, or all are equal");
         }
-        let angles = pulses.map(|pulses| {
-            let of_pulse = |(pulse, line): (&Pulse, &u32)| (pulse.angle, *line);
-            pulses.pulses.iter().zip(&pulses.line_of).map(of_pulse).collect()
-        });
+        let angles = pulses.map(|pulses| pulses.angles());
         let definition = self.define(
             "Pulses",
             "scan angle",
@@ -242,7 +238,7 @@ impl Setting<'_> {
     /// Measures scan angles of pulses at the same time.
     fn angles_at_same_time(&self, pulses: [&Pulses; 2], found: &mut Findings) {
         const AT_TIME: &str = "scan angle at the same time";
-        if let Err(why) = check_clocks(pulses, self.cuts) {
+        if let Err(why) = check_clocks(pulses) {
             return found.note_missing(AT_TIME, &why.to_string());
         }
         let [first, second] = pulses;
@@ -258,8 +254,19 @@ impl Setting<'_> {
              first cloud differ from those between the pulses before and after",
         );
         definition.errors = self.halves.is_some().then(|| angles.errors());
-        let differences = [&first.pulses, &second.pulses].map(|pulses| angles.differences(pulses));
-        match self.of_lines(definition, differences) {
+        let differences = angles.differences(second.count(), &|i| second.pulse(i), |(value, _)| value);
+        let own = |i: usize| first.pulse(i);
+        let quantity = match self.halves {
+            Some(_) => {
+                let with_lines = angles.differences(first.count(), &own, |value| value);
+                definition.measure(with_lines, differences, self.halves_of_lines())
+            }
+            None => {
+                let values = angles.differences(first.count(), &own, |(value, _)| value);
+                definition.compare(values, differences, None, None)
+            }
+        };
+        match quantity {
             Some(quantity) => found.quantities.push(quantity),
             None => found.note_missing(AT_TIME, "the clouds share no GPS times"),
         }
@@ -279,7 +286,7 @@ impl Setting<'_> {
             self.define("Scan lines", name, of, statistics, meaning)
         };
         let milliseconds =
-            |pulses: &Pulses| pulses.line_intervals().into_iter().map(|(t, line)| (1e3 * t, line)).collect();
+            |pulses: &Pulses| pulses.line_intervals().into_iter().map(|(t, line)| (1e3 * t, line));
         let definition = define(
             "time between scan lines",
             ("ms", "line"),
@@ -294,11 +301,8 @@ impl Setting<'_> {
             &[Mean, Quantile(0.05), Quantile(0.5), Quantile(0.95)],
             "pulses with an echo of each scan line",
         );
-        found.add(
-            "pulses per scan line",
-            self.of_lines(definition, pulses.map(|p| p.line_lengths().collect())),
-        );
-        let spacings = [0, 1].map(|i: usize| pulses[i].spacings(self.cuts[i]).collect());
+        found.add("pulses per scan line", self.of_lines(definition, pulses.map(|p| p.line_lengths())));
+        let spacings = pulses.map(|pulses| pulses.spacings());
         let definition = define(
             "spacing along scan lines",
             ("m", "pulse"),
@@ -306,7 +310,7 @@ impl Setting<'_> {
             "horizontal distance between the first echoes of successive pulses of a line",
         );
         found.add("spacing along scan lines", self.of_lines(definition, spacings));
-        let across = [0, 1].map(|i: usize| pulses[i].line_spacings(self.cuts[i]));
+        let across = pulses.map(Pulses::line_spacings);
         let definition = define(
             "spacing across scan lines",
             ("m", "pulse"),

@@ -84,20 +84,22 @@ impl Definition {
     /// either has none.
     pub fn measure(
         mut self,
-        mut first: Vec<(f64, u32)>,
+        first: impl IntoIterator<Item = (f64, u32)>,
         second: Vec<f64>,
         halves: Option<&Halves>,
     ) -> Option<Quantity> {
         let mut errors = self.errors.take();
-        let values = |of: Vec<(f64, u32)>| of.into_iter().map(|(value, _)| value).collect::<Vec<f64>>();
         let Some(halves) = halves else {
             let errors = errors.map(|errors| {
-                let mut errors = values(errors);
+                let mut errors: Vec<f64> = errors.into_iter().map(|(value, _)| value).collect();
                 errors.par_sort_unstable_by(f64::total_cmp);
                 errors
             });
-            return self.compare(values(first), second, errors, None);
+            // Without blocks, which would take as much memory as the values.
+            let first = first.into_iter().map(|(value, _)| value).collect();
+            return self.compare(first, second, errors, None);
         };
+        let mut first: Vec<(f64, u32)> = first.into_iter().collect();
         for values in [Some(&mut first), errors.as_mut()].into_iter().flatten() {
             values.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         }

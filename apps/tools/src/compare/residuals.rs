@@ -70,7 +70,7 @@ impl Residuals<'_, '_> {
         if first.len().min(second.len()) < least {
             return;
         }
-        let first = first.into_iter().map(|(mm, point)| (mm, self.setting.block(point))).collect();
+        let first = first.into_iter().map(|(mm, point)| (mm, self.setting.block(point)));
         let second = second.into_iter().map(|(mm, _)| mm).collect();
         let definition = self.setting.define("Terrain", name, ("mm", "point"), statistics, &self.meaning);
         found.add(name, definition.measure(first, second, self.setting.halves.as_ref()));

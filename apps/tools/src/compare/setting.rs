@@ -1,7 +1,7 @@
 //! Both clouds, ready to be measured, and what is found.
 
 use super::chance::Halves;
-use super::cut::{CellGrid, Cut};
+use super::cut::{CellGrid, Cut, of_both};
 use super::pulses::{MissingPulses, Pulses, PulsesError};
 use super::quantity::{Definition, Quantity};
 use super::statistic::Statistic;
@@ -13,8 +13,8 @@ pub(super) type CellValues<'v> = dyn Fn(&mut dyn Iterator<Item = [f64; 3]>, f64)
 /// Both clouds, ready to be measured.
 pub(super) struct Setting<'a> {
     pub cuts: [&'a Cut<'a>; 2],
-    pub pulses: [Result<Pulses, PulsesError>; 2],
-    /// The block of each point of the first cloud, and its halves.
+    pub pulses: [Result<Pulses<'a>, PulsesError>; 2],
+    /// The block of each point of the first cloud, and its halves; without halves no blocks.
     pub blocks: Vec<u32>,
     pub halves: Option<Halves>,
     pub grid: CellGrid,
@@ -81,13 +81,13 @@ impl Setting<'_> {
             return definition.compare(first, second, None, None);
         }
         let blocks = self.blocks.iter().copied().step_by(step);
-        let first = first.into_iter().zip(blocks).filter(|(value, _)| !value.is_nan()).collect();
+        let first = first.into_iter().zip(blocks).filter(|(value, _)| !value.is_nan());
         definition.measure(first, second, self.halves.as_ref())
     }
 
     /// The quantity of a value of each cell, by the points in the cells.
     pub fn of_cells(&self, definition: Definition, values: &CellValues) -> Option<Quantity> {
-        let [first, second] = self.cuts.map(|cut| values(&mut cut.offsets(), cut.weight));
+        let [first, second] = of_both(self.cuts, |cut| values(&mut cut.offsets(), cut.weight));
         let of_split = self.halves.as_ref().map(|halves| {
             move |split: usize| {
                 [0, 1].map(|half| {
@@ -110,7 +110,7 @@ impl Setting<'_> {
     }
 
     /// The pulses of both clouds, unless one has none.
-    pub fn both_pulses(&self) -> Result<[&Pulses; 2], MissingPulses> {
+    pub fn both_pulses(&self) -> Result<[&Pulses<'_>; 2], MissingPulses> {
         match &self.pulses {
             [Ok(first), Ok(second)] => Ok([first, second]),
             [Err(reason), _] => Err(MissingPulses { cloud: "first", reason: *reason }),
@@ -119,11 +119,24 @@ impl Setting<'_> {
     }
 
     /// Measures values with their lines.
-    pub fn of_lines(&self, definition: Definition, values: [Vec<(f64, u32)>; 2]) -> Option<Quantity> {
-        let [first, second] = values;
-        let halves =
-            self.halves.as_ref().filter(|_| self.pulses[0].as_ref().is_ok_and(|pulses| pulses.has_lines));
-        definition.measure(first, second.into_iter().map(|(value, _)| value).collect(), halves)
+    pub fn of_lines<V>(&self, definition: Definition, [first, second]: [V; 2]) -> Option<Quantity>
+    where
+        V: IntoIterator<Item = (f64, u32)>,
+    {
+        let second = second.into_iter().map(|(value, _)| value).collect();
+        self.cuts[1].points.release();
+        definition.measure(first, second, self.halves_of_lines())
+    }
+
+    /// The halves of the first cloud, if they consist of scan lines.
+    pub fn halves_of_lines(&self) -> Option<&Halves> {
+        self.halves.as_ref().filter(|_| self.pulses[0].as_ref().is_ok_and(|pulses| pulses.has_lines))
+    }
+
+    /// Frees the memory of pulses and terrain, when all quantities are measured.
+    pub fn free(&mut self) {
+        self.pulses.iter_mut().flatten().for_each(Pulses::free);
+        self.terrain = None;
     }
 
     /// World height of the lower corner of the common box, m.

@@ -1,6 +1,6 @@
 //! Properties that cells and voxels of both clouds share: highest and lowest points, occupied voxels.
 
-use super::cut::{CellGrid, Cut};
+use super::cut::{CellGrid, Cut, of_both};
 use serde::Serialize;
 use std::collections::HashSet;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -36,7 +36,7 @@ pub struct Voxels {
 /// The highest points of both clouds in the cells of `grid`, above the lowest ones in the cells of
 /// `wide_grid`.
 pub(super) fn canopy(grid: &CellGrid, wide_grid: &CellGrid, lowest: &[f64], cuts: [&Cut; 2]) -> Canopy {
-    let tops = cuts.map(|cut| {
+    let tops = of_both(cuts, |cut| {
         let extremes = grid.extremes(cut.offsets());
         let top = |(cell, [_, high]): (usize, [f64; 2])| {
             let [x, y] = grid.centre(cell);
@@ -61,7 +61,7 @@ pub(super) fn canopy(grid: &CellGrid, wide_grid: &CellGrid, lowest: &[f64], cuts
 
 /// The voxels of a side that points of one cloud or the other occupy.
 pub(super) fn voxels(cuts: [&Cut; 2], side: f64) -> Voxels {
-    let (a, b) = rayon::join(|| occupied(cuts[0], side), || occupied(cuts[1], side));
+    let [a, b] = of_both(cuts, |cut| occupied(cut, side));
     let both = a.intersection(&b).count();
     let all = a.len() + b.len() - both;
     Voxels {

@@ -4,6 +4,7 @@ use super::*;
 use crate::cloud::Points;
 use vlscan_base::Observer;
 use vlscan_base::error::Error;
+use vlscan_base::machine::with_pool;
 use vlscan_base::rng::{Purpose, Stream};
 use vlscan_formats::{AttributeSet, PointRow};
 use vlscan_geom::DVec3;
@@ -186,6 +187,37 @@ fn strip(seed: u64, bias: f64, nth: u64) -> Points {
         }
     }
     points
+}
+
+#[test]
+fn results_do_not_depend_on_memory_and_threads() {
+    let copied = |points: &Points, max_bytes: u64| {
+        let mut copy = Points::within(AttributeSet::of(|_| true), Some(max_bytes));
+        for i in 0..points.len() {
+            let row = PointRow {
+                position: points.position(i),
+                class: points.class_of(i).unwrap(),
+                intensity: points.intensity_of(i).unwrap(),
+                return_number: points.return_number_of(i).unwrap(),
+                number_of_returns: points.number_of_returns_of(i).unwrap(),
+                scan_angle: f64::from(points.scan_angle_of(i).unwrap()),
+                time: points.time_of(i).unwrap(),
+                ..PointRow::default()
+            };
+            copy.push(&row, None);
+        }
+        copy
+    };
+    let clouds = [strip(1, 0.0, 5), strip(2, 0.01, 4)];
+    for (chance, cases) in [(false, &[(u64::MAX, 1), (1, 2), (1 << 20, 5)][..]), (true, &[(1, 2)][..])] {
+        let options = CompareOptions { chance, ..options() };
+        let expected = json(&compared(&clouds[0], &clouds[1], &options)).unwrap();
+        for (max_bytes, threads) in cases {
+            let [a, b] = [&clouds[0], &clouds[1]].map(|points| copied(points, *max_bytes));
+            let c = with_pool(*threads, || compared(&a, &b, &options)).unwrap();
+            assert!(json(&c).unwrap() == expected, "{max_bytes} bytes, {threads} threads, chance {chance}");
+        }
+    }
 }
 
 #[test]

@@ -167,10 +167,10 @@ impl Colouring {
             ColourBy::Height => Colouring::of_heights(points, heights),
             ColourBy::Rgb => Colouring::Own,
             ColourBy::Intensity => {
-                Colouring::Ranks { quantiles: quantiles(&points.intensity), table: &STRENGTHS }
+                Colouring::Ranks { quantiles: quantiles(points.intensity.iter()), table: &STRENGTHS }
             }
             ColourBy::Time => {
-                let (low, high) = inner_range(points.time.iter().map(|t| *t as f32));
+                let (low, high) = inner_range(points.time.iter().map(|t| t as f32));
                 Colouring::Ramp { value: wanted, low, high, table: &HEIGHTS }
             }
             ColourBy::Leg => {
@@ -221,10 +221,10 @@ impl Colouring {
     pub(super) fn fraction(&self, points: &Points, i: usize) -> f32 {
         match self {
             Colouring::Ramp { value: ColourBy::Time, low, high, .. } => {
-                (points.time[i] as f32 - low) / (high - low)
+                (points.time.at(i) as f32 - low) / (high - low)
             }
             Colouring::Ramp { low, high, .. } => (points.offset(i)[2] - low) / (high - low),
-            Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity[i]),
+            Colouring::Ranks { quantiles, .. } => rank(quantiles, points.intensity.at(i)),
             Colouring::Values { values, high, .. } => values.get(i).map_or(0.0, |value| value / high),
             Colouring::Own | Colouring::Table { .. } => 0.0,
         }
@@ -313,11 +313,11 @@ fn name(points: &Points, value: ColourBy, n: usize) -> String {
 
 fn number(points: &Points, value: ColourBy, i: usize) -> usize {
     match value {
-        ColourBy::Class => usize::from(points.class[i]),
-        ColourBy::Return => usize::from(points.return_number[i]),
-        ColourBy::Leg => usize::from(points.leg[i].min(255)),
-        ColourBy::Channel => usize::from(points.channel[i]),
-        _ => usize::from(points.object[i]),
+        ColourBy::Class => usize::from(points.class.at(i)),
+        ColourBy::Return => usize::from(points.return_number.at(i)),
+        ColourBy::Leg => usize::from(points.leg.at(i).min(255)),
+        ColourBy::Channel => usize::from(points.channel.at(i)),
+        _ => usize::from(points.object.at(i)),
     }
 }
 

@@ -219,8 +219,8 @@ mod tests {
             (0..points.len())
                 .map(|i| {
                     let p = points.position(i) * 1000.0;
-                    let object = points.objects[usize::from(points.object[i])].parse::<i64>().unwrap();
-                    let values = [points.intensity[i] as i64, i64::from(points.class[i]), object];
+                    let object = points.objects[usize::from(points.object.at(i))].parse::<i64>().unwrap();
+                    let values = [points.intensity.at(i) as i64, i64::from(points.class.at(i)), object];
                     [
                         p.x.round() as i64,
                         p.y.round() as i64,

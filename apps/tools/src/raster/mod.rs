@@ -9,33 +9,39 @@
 //! | `cells` | sums of points in cells |
 //! | `hull` | the convex hull of cells |
 //! | `options` | which rasters are made, and how |
+//! | `part` | the points of a block that count |
 
 mod cells;
 mod hull;
 mod options;
+mod part;
 
 pub use options::{RasterFiles, RasterKind, RasterOptions};
 
-use crate::cloud::{CloudSource, NOISE, in_command, too_many_cells};
+use crate::cloud::{CloudSource, in_command, too_many_cells};
 use crate::geotiff::{Raster, geotiff};
 use crate::neighbours::{Neighbours, plane_at};
 use cells::Cells;
+use part::BlockPart;
 use rayon::prelude::*;
+use std::any::Any;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::quantity::counted;
+use vlscan_base::quantity::{bytes, counted};
 use vlscan_crs as crs;
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, Selection, StrayFinder, Strays};
+use vlscan_formats::{
+    Attribute, AttributeSet, NewPart, PointPart, PointRow, PointSink, Selection, StrayFinder, Strays,
+};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
 /// Ground samples through which the plane of a cell goes.
 const SAMPLES_OF_PLANE: usize = 12;
 /// Largest distance of these samples from a cell, in those at which there is terrain.
 const MAX_REACH: f64 = 4.0;
-/// Class of ground points in LAS.
-const GROUND: u8 = 2;
+/// Number of points of a file that are summed together, unless the file has blocks.
+const PART_POINTS: usize = 1 << 12;
 /// Most cells of a raster.
 const MAX_CELLS: f64 = 1e8;
 
@@ -63,6 +69,8 @@ pub struct CloudRasters {
 /// Points that are summed.
 struct Sink {
     cells: Cells,
+    /// Points that are not summed yet.
+    part: BlockPart,
     points: u64,
     noise: u64,
     misses: u64,
@@ -80,17 +88,18 @@ struct Sink {
 }
 
 impl Sink {
-    /// No points yet. `memory` is that of the machine, bytes; `left_out` are points that do not count.
-    fn new(cells: Cells, memory: Option<u64>, left_out: Option<Strays>) -> Sink {
+    /// No points yet. The cells may take `max_bytes` of memory; `left_out` are points that do not count.
+    fn new(cells: Cells, max_bytes: Option<u64>, left_out: Option<Strays>) -> Sink {
         Sink {
             cells,
+            part: BlockPart::default(),
             points: 0,
             noise: 0,
             misses: 0,
             ground: 0,
             strays: StrayFinder::default(),
             left_out,
-            max_bytes: memory.map(|bytes| bytes / 2),
+            max_bytes,
             attributes: AttributeSet::default(),
             crs: None,
             skipped: 0,
@@ -98,12 +107,40 @@ impl Sink {
             is_too_large: false,
         }
     }
+
+    /// Adds the points of a block.
+    fn sum(&mut self, part: &BlockPart) -> ControlFlow<()> {
+        self.skipped += part.skipped;
+        self.misses += part.misses;
+        self.noise += part.noise;
+        self.points += part.positions.len() as u64;
+        self.strays.add_all(&part.positions);
+        for (p, kind) in part.positions.iter().zip(&part.kinds) {
+            self.ground += u64::from(kind.is_ground);
+            let has_grown = self.cells.add(*p, kind.is_first_return, kind.is_ground);
+            self.is_too_large = has_grown && self.max_bytes.is_some_and(|max| self.cells.memory() > max);
+            if self.is_too_large {
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Adds the points that are not summed yet.
+    fn sum_rest(&mut self) -> ControlFlow<()> {
+        let mut part = std::mem::take(&mut self.part);
+        let flow = self.sum(&part);
+        part.clear();
+        self.part = part;
+        flow
+    }
 }
 
 impl PointSink for Sink {
     fn start(&mut self, attributes: AttributeSet) {
         self.attributes = attributes;
         self.has_returns |= attributes.has(Attribute::ReturnNumber);
+        self.part = BlockPart::new(attributes, self.left_out);
     }
 
     fn selection(&self) -> Selection {
@@ -115,32 +152,26 @@ impl PointSink for Sink {
         self.crs = Some(wkt.to_owned());
     }
 
+    fn parts(&self) -> Option<NewPart> {
+        let (attributes, left_out) = (self.attributes, self.left_out);
+        Some(Box::new(move || -> Box<dyn PointPart> { Box::new(BlockPart::new(attributes, left_out)) }))
+    }
+
+    fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {
+        let part: &mut dyn Any = part;
+        let flow = self.sum_rest();
+        Ok(match part.downcast_ref::<BlockPart>() {
+            Some(part) if flow.is_continue() => self.sum(part),
+            _ => flow,
+        })
+    }
+
     fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
-        let p = row.position;
-        // Also false for NaN.
-        if !(p.is_finite() && p.abs().max_element() <= MAX_COORDINATE) {
-            self.skipped += 1;
-            return Ok(ControlFlow::Continue(()));
-        }
-        if row.is_miss {
-            self.misses += 1;
-            return Ok(ControlFlow::Continue(()));
-        }
-        if NOISE.contains(&row.class) {
-            self.noise += 1;
-            return Ok(ControlFlow::Continue(()));
-        }
-        if self.left_out.is_some_and(|strays| strays.contains(p)) {
-            return Ok(ControlFlow::Continue(()));
-        }
-        let is_first = !self.attributes.has(Attribute::ReturnNumber) || row.return_number <= 1;
-        let is_ground = row.class == GROUND;
-        self.points += 1;
-        self.ground += u64::from(is_ground);
-        self.strays.add(p);
-        let has_grown = self.cells.add(p, is_first, is_ground);
-        self.is_too_large = has_grown && self.max_bytes.is_some_and(|max| self.cells.memory() > max);
-        Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        self.part.add(row);
+        Ok(match self.part.positions.len() >= PART_POINTS {
+            true => self.sum_rest(),
+            false => ControlFlow::Continue(()),
+        })
     }
 }
 
@@ -169,7 +200,7 @@ fn check_points(sink: &Sink, kinds: &[RasterKind], name: &str, input: &str) -> R
 
 impl CloudRasters {
     /// Reads point clouds as one, for rasters of some kinds. `crs` is the system of clouds that name none, as
-    /// WKT; `memory` the memory of the machine, bytes. Returns also what there is to say of the clouds.
+    /// WKT; `max_bytes` the memory that the cells may take. Returns also what there is to say of the clouds.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, clouds in different systems, no
@@ -179,12 +210,12 @@ impl CloudRasters {
         kinds: &[RasterKind],
         options: &RasterOptions,
         crs: Option<String>,
-        memory: Option<u64>,
+        max_bytes: Option<u64>,
     ) -> Result<(CloudRasters, Diagnostics)> {
         options.check()?;
         let needs_ground = kinds.iter().any(|kind| kind.needs_ground());
         let mut all = Diagnostics::default();
-        let new = |within| Sink::new(Cells::new(options.cell, needs_ground), memory, within);
+        let new = |within| Sink::new(Cells::new(options.cell, needs_ground), max_bytes, within);
         let mut sink = new(None);
         let named = read_all(&mut sink, (clouds, options), crs.as_deref(), &mut all)?;
         let names: Vec<String> = clouds.iter().map(|cloud| cloud.name().display().to_string()).collect();
@@ -348,11 +379,12 @@ fn read_into(
 ) -> Result<Option<String>> {
     let (skipped, mut found) = (sink.skipped, Diagnostics::default());
     cloud.read(sink, &mut found)?;
-    if sink.is_too_large {
+    if sink.is_too_large || sink.sum_rest().is_break() {
         return Err(Error::input(format!(
-            "cells of {} m over so large a place need more than half of the memory; take larger ones \
-             (--cell) or fewer files",
-            options.cell
+            "cells of {} m over so large a place need more than {} of memory; take larger ones (--cell), \
+             fewer files or more memory (--max-memory)",
+            options.cell,
+            bytes(sink.max_bytes.unwrap_or(u64::MAX))
         )));
     }
     if sink.skipped > skipped {

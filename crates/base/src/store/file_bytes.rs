@@ -6,11 +6,11 @@
 //! truncated meanwhile raises `SIGBUS`, which ends the process. [`FileBytes::check_unchanged`] finds the
 //! first of both; nothing but leaving the file alone prevents the second.
 
-use crate::files::reads;
+use crate::files::{fault, reads};
 use crate::machine;
 use memmap2::Mmap;
 use std::fs::{File, Metadata};
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::ops::{Deref, Range};
 use std::path::Path;
 use std::sync::Arc;
@@ -29,7 +29,13 @@ pub struct FileBytes(Arc<Content>);
 #[derive(Debug)]
 enum Content {
     Read(Vec<u8>),
-    Mapped { map: Mmap, file: File, version: Version },
+    Mapped {
+        map: Mmap,
+        file: File,
+        version: Version,
+    },
+    /// An unnamed temporary file.
+    Scratch(Mmap),
 }
 
 /// Facts that distinguish versions of a file.
@@ -59,21 +65,36 @@ impl FileBytes {
     /// # Errors
     /// As for [`FileBytes::open`].
     pub fn open_within(path: &Path, max_memory: Option<u64>) -> io::Result<FileBytes> {
+        FileBytes::open_or_map(path, || {
+            max_memory.or_else(machine::memory).unwrap_or(u64::MAX) / MAX_READ_FRACTION
+        })
+    }
+
+    /// As [`FileBytes::open`], and maps also files of more than `max_read` bytes, for readers that
+    /// [release](FileBytes::release) the parts that they have read.
+    ///
+    /// # Errors
+    /// As for [`FileBytes::open`].
+    pub fn open_in_parts(path: &Path, max_read: u64) -> io::Result<FileBytes> {
+        FileBytes::open_or_map(path, || {
+            max_read.min(machine::memory().unwrap_or(u64::MAX) / MAX_READ_FRACTION)
+        })
+    }
+
+    /// Reads a file of at most this number of bytes, or at most [`MAX_SMALL_BYTES`], or maps it.
+    fn open_or_map(path: &Path, max_read: impl FnOnce() -> u64) -> io::Result<FileBytes> {
         let mut file = reads::open(path)?;
         let metadata = file.metadata()?;
         let version = Version::of(&metadata);
-        let is_large = || {
-            let memory = max_memory.or_else(machine::memory).unwrap_or(u64::MAX);
-            version.length > MAX_SMALL_BYTES.max(memory / MAX_READ_FRACTION)
-        };
-        if metadata.is_file() && version.length > MAX_SMALL_BYTES && is_large() {
+        let is_file = metadata.is_file();
+        if is_file && version.length > MAX_SMALL_BYTES && version.length > max_read() {
             return map(file, version);
         }
         let mut bytes = Vec::new();
-        let room = if metadata.is_file() { usize::try_from(version.length).unwrap_or(0) } else { 0 };
+        let room = if is_file { usize::try_from(version.length).unwrap_or(0) } else { 0 };
         bytes.try_reserve_exact(room).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
         file.read_to_end(&mut bytes)?;
-        if metadata.is_file() {
+        if is_file {
             // A file of the proc file system states no length.
             let is_read = version.length == 0 || bytes.len() as u64 == version.length;
             check(&file, &version, is_read)?;
@@ -81,10 +102,33 @@ impl FileBytes {
         Ok(FileBytes::from(bytes))
     }
 
+    /// Maps an unnamed temporary file of the bytes that `write` writes. No other program has it.
+    ///
+    /// # Errors
+    /// When the file cannot be written or mapped.
+    pub fn scratch(write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<FileBytes> {
+        let mut file = fault::point().and_then(|()| tempfile::tempfile())?;
+        write(&mut file)?;
+        let version = Version::of(&file.metadata()?);
+        if version.length == 0 {
+            return Ok(FileBytes::from(Vec::new()));
+        }
+        map(file, version).map(FileBytes::unnamed)
+    }
+
+    /// The bytes of a file that nothing else changes: it need not stay open.
+    fn unnamed(self) -> FileBytes {
+        match Arc::try_unwrap(self.0) {
+            Ok(Content::Mapped { map, .. }) => FileBytes(Arc::new(Content::Scratch(map))),
+            Ok(content) => FileBytes(Arc::new(content)),
+            Err(shared) => FileBytes(shared),
+        }
+    }
+
     /// Releases the memory of a part of a mapped file; its bytes are read from the file again when they are
     /// used again.
     pub fn release(&self, part: Range<usize>) {
-        if let Content::Mapped { map, .. } = &*self.0 {
+        if let Content::Mapped { map, .. } | Content::Scratch(map) = &*self.0 {
             let part = part.start.min(map.len())..part.end.min(map.len());
             release(map, part);
         }
@@ -97,7 +141,7 @@ impl FileBytes {
     /// [`io::ErrorKind::InvalidData`].
     pub fn check_unchanged(&self) -> io::Result<()> {
         match &*self.0 {
-            Content::Read(_) => Ok(()),
+            Content::Read(_) | Content::Scratch(_) => Ok(()),
             Content::Mapped { file, version, .. } => check(file, version, true),
         }
     }
@@ -150,7 +194,7 @@ impl Deref for FileBytes {
     fn deref(&self) -> &[u8] {
         match &*self.0 {
             Content::Read(bytes) => bytes,
-            Content::Mapped { map, .. } => map,
+            Content::Mapped { map, .. } | Content::Scratch(map) => map,
         }
     }
 }
@@ -159,7 +203,6 @@ impl Deref for FileBytes {
 mod tests {
     use super::*;
     use std::fs;
-    use std::io::Write;
 
     #[test]
     fn bytes_that_were_read_stay_and_mapped_ones_are_checked() {
@@ -172,6 +215,13 @@ mod tests {
         assert!(matches!(*read.0, Content::Read(_)) && matches!(*mapped.0, Content::Mapped { .. }));
         assert!(*read == long && *mapped == long);
         mapped.check_unchanged().unwrap();
+        // Released parts are read again.
+        let in_parts = FileBytes::open_in_parts(&path, 0).unwrap();
+        assert!(matches!(*in_parts.0, Content::Mapped { .. }));
+        in_parts.release(1..long.len() - 1);
+        in_parts.release(long.len()..usize::MAX);
+        assert!(*in_parts == long);
+        in_parts.check_unchanged().unwrap();
         fs::File::options().append(true).open(&path).unwrap().write_all(b"more").unwrap();
         assert!(mapped.check_unchanged().unwrap_err().to_string().contains("another program changed it"));
         fs::write(&path, "short").unwrap();
@@ -179,5 +229,17 @@ mod tests {
         read.check_unchanged().unwrap();
         let short = FileBytes::open_within(&path, Some(0)).unwrap();
         assert!(matches!(*short.0, Content::Read(_)));
+    }
+
+    #[test]
+    fn scratch_files_are_mapped_and_keep_their_bytes() {
+        let bytes: Vec<u8> = (0..100_000_u32).map(|i| (i % 251) as u8).collect();
+        let scratch = FileBytes::scratch(|out| out.write_all(&bytes)).unwrap();
+        assert!(matches!(*scratch.0, Content::Scratch(_)));
+        scratch.release(0..scratch.len());
+        assert!(*scratch == bytes);
+        scratch.check_unchanged().unwrap();
+        assert!(FileBytes::scratch(|_| Ok(())).unwrap().is_empty());
+        assert!(FileBytes::scratch(|_| Err(io::ErrorKind::StorageFull.into())).is_err());
     }
 }

@@ -238,7 +238,8 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PcdError> 
         Encoding::Binary => {
             let length = header.record_bytes();
             let held = data.len() / length.max(1);
-            for record in data.chunks_exact(length.max(1)).take(header.points) {
+            for (index, record) in data.chunks_exact(length.max(1)).take(header.points).enumerate() {
+                reading.release_before(header.data + index * length);
                 let value =
                     |column: usize| header.fields[column].value(&record[header.fields[column].offset..]);
                 if push(&header, value, reading).is_break() {

@@ -20,6 +20,11 @@ impl<'b> PlyNumbers<'b> {
         self.0.trim_ascii_start().is_empty()
     }
 
+    /// Number of bytes that are not read yet.
+    pub(crate) fn unread(&self) -> usize {
+        self.0.len()
+    }
+
     /// Reads the next number.
     ///
     /// # Errors

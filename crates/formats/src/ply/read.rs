@@ -20,6 +20,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PlyError> 
         if reading.take(&row).is_break() {
             return Ok(());
         }
+        reading.release_before(bytes.len() - file.values.unread());
     }
     let is_at_end = match &file.values {
         Values::Text(numbers) => numbers.is_at_end(),
@@ -55,6 +56,16 @@ const SLOTS: usize = ALPHA + 4;
 enum Values<'a> {
     Text(PlyNumbers<'a>),
     Binary(Parser<Vertex>, Encoding, &'a [u8]),
+}
+
+impl Values<'_> {
+    /// Number of bytes that are not read yet.
+    fn unread(&self) -> usize {
+        match self {
+            Values::Text(numbers) => numbers.unread(),
+            Values::Binary(_, _, rest) => rest.len(),
+        }
+    }
 }
 
 impl<'a> PlyReader<'a> {

@@ -26,6 +26,8 @@ const READ_ROWS: usize = if cfg!(test) { 1 << 8 } else { 1 << 14 };
 #[derive(Default)]
 struct Block {
     rows: Vec<PointRow>,
+    /// Offset behind the row group that ends with the rows.
+    end: Option<u64>,
     /// The error behind the rows.
     failure: Option<Error>,
 }
@@ -48,13 +50,16 @@ pub(crate) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
         block.rows.clear();
         if let Err(failure) = without_panic(path, || groups.read(group, block, emit)) {
             block.rows.clear();
-            block.failure = Some(failure);
+            (block.end, block.failure) = (None, Some(failure));
             let _ = emit(block);
         }
     };
     let mut failure = None;
     in_order(threads, 0..reader.num_row_groups(), make, |block: &mut Block| {
         block.rows.iter().try_for_each(|row| reading.take(row))?;
+        if let Some(end) = block.end.take() {
+            reading.release_before(usize::try_from(end).unwrap_or(usize::MAX));
+        }
         failure = block.failure.take();
         if failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
@@ -74,10 +79,12 @@ impl Groups<'_> {
         let failed = |e: ParquetError| unreadable(path, &e);
         let leaves = self.reader.metadata().file_metadata().schema_descr().columns();
         let group = self.reader.get_row_group(group).map_err(failed)?;
-        let mut open = Vec::new();
+        let (mut open, mut end) = (Vec::new(), 0);
         let columns = self.columns.used().map(|(_, column)| column);
         for column in columns.chain(self.columns.colours().into_iter().flatten()) {
             check_compression(group.metadata(), column, path)?;
+            let (start, length) = group.metadata().column(column).byte_range();
+            end = start.saturating_add(length).max(end);
             open.push((column, group.get_column_reader(column).map_err(failed)?));
         }
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); leaves.len()];
@@ -92,6 +99,7 @@ impl Groups<'_> {
                 return Err(failed(ParquetError::EOF("a column ends before the others".into())));
             }
             block.rows.extend((0..rows).map(|row| self.columns.row(|column| values[column][row])));
+            block.end = (rows == left).then_some(end);
             let flow = emit(block);
             block.rows.clear();
             if flow.is_break() {

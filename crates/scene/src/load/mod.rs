@@ -48,6 +48,9 @@ use vlscan_geom::{Aabb, Rotation};
 use vlscan_survey::{Loader, MaterialChoice, PartRecipe, Replaced, SceneRecipe, Transform, VoxelMode};
 use vlscan_trace::{Similarity, VoxelGrid};
 
+/// Memory limit of the text of a mesh, bytes: files of more than an eighth of it are mapped.
+const MESH_FILE_MEMORY: u64 = 1 << 30;
+
 /// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected
 /// before an error is returned. The result does not depend on the number of threads. Moving parts are in
 /// their initial pose.
@@ -470,9 +473,13 @@ fn choose(
 
 /// Opens a file of a part; `None` after an error in its name.
 fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
-    // Voxels take less memory than their files, so large files are mapped and released while they are read.
+    // Voxels take less memory than their files, and triangles hardly more, so large files are mapped and
+    // released while they are read.
     let memory = match &part.loader {
         Loader::DetailedVoxels(_) | Loader::Xyz(_) => Some(0),
+        Loader::MeshFiles { .. } => {
+            Some(scene.options.max_memory.map_or(MESH_FILE_MEMORY, |limit| limit.min(MESH_FILE_MEMORY)))
+        }
         _ => scene.options.max_memory,
     };
     match fault::point().and_then(|()| Source::open_within(file, memory)) {

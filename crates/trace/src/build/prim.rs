@@ -16,13 +16,17 @@ pub(crate) struct Prim {
 /// Collects the stored primitives that `keep` accepts and a ray can hit, which excludes those with a NaN or
 /// infinite coordinate, and for each grid of voxels its box, under the number of its first voxel.
 pub(crate) fn collect(geometry: &Geometry, frame: &Frame, keep: impl Fn(u32) -> bool + Sync) -> Vec<Prim> {
-    stored(geometry)
-        .filter(|&i| is_solid(geometry, i) && keep(i as u32))
-        .map(|i| {
-            let (lo, hi) = frame.local_box(&geometry.outer_bounds_of(i));
-            Prim { lo, id: i as u32, hi }
-        })
-        .collect()
+    let is_kept = |i: &usize| is_solid(geometry, *i) && keep(*i as u32);
+    let prim = |i: usize| {
+        let (lo, hi) = frame.local_box(&geometry.outer_bounds_of(i));
+        Prim { lo, id: i as u32, hi }
+    };
+    // A filtered sequence has no known length: it is collected in parts, which are then copied, so that all
+    // primitives are in memory twice.
+    match stored(geometry).all(|i| is_kept(&i)) {
+        true => stored(geometry).map(prim).collect(),
+        false => stored(geometry).filter(is_kept).map(prim).collect(),
+    }
 }
 
 /// The numbers of all primitives that are part of neither a height field nor a grid of voxels, and of the

@@ -157,17 +157,17 @@ fn planes(points: &Points, block: &[(u64, u32)], grid: &Grid, scales: &Scales) -
         plane(&|i| shade(scales.intensity, points, i));
     }
     for values in [&points.class, &points.return_number].into_iter().filter(|values| !values.is_empty()) {
-        plane(&|i| values[i]);
+        plane(&|i| values.at(i));
     }
     if points.has(Attribute::Object) {
-        plane(&|i| points.object[i] as u8);
-        plane(&|i| (points.object[i] >> 8) as u8);
+        plane(&|i| points.object.at(i) as u8);
+        plane(&|i| (points.object.at(i) >> 8) as u8);
     }
     if points.has(Attribute::Leg) {
-        plane(&|i| points.leg[i].min(255) as u8);
+        plane(&|i| points.leg.at(i).min(255) as u8);
     }
     if points.has(Attribute::Channel) {
-        plane(&|i| points.channel[i]);
+        plane(&|i| points.channel.at(i));
     }
     if points.has(Attribute::Time) {
         plane(&|i| shade(scales.time, points, i));
@@ -245,8 +245,8 @@ mod tests {
                 let at = DVec3::new(x, y, z) + points.origin() - low;
                 (
                     at.to_array().map(|v| (v / 0.001).round() as i64),
-                    u32::from(points.class[i]),
-                    u32::from(points.object[i]),
+                    u32::from(points.class.at(i)),
+                    u32::from(points.object.at(i)),
                 )
             })
             .collect();

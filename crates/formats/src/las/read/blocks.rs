@@ -8,7 +8,7 @@ use super::compressed::{Chunk, Compressed, without_panic};
 use super::header::Header;
 use super::rows::RowFormat;
 use crate::blocks::{Emit, in_order};
-use crate::{PointDetails, PointRow, Reading};
+use crate::{Attribute, NewPart, PointDetails, PointPart, PointRow, Reading};
 use std::ops::ControlFlow;
 
 /// Number of records of a block.
@@ -26,28 +26,50 @@ pub(super) struct Passed {
 /// Points of a file.
 #[derive(Default)]
 struct Block {
+    /// The points, unless the sink uses parts.
     rows: Vec<PointRow>,
+    /// The part of the sink, if it uses parts.
+    part: Option<Box<dyn PointPart>>,
+    /// Number of points.
+    points: usize,
+    /// Number of points of the part with a value that does not fit, by attribute.
+    misfits: [u64; Attribute::COUNT],
     /// The details of the points, if these are read.
     details: Vec<PointDetails>,
     /// Offset of the chunk that begins with the block.
     start: Option<u64>,
-    /// Offset behind the chunk that ends with the block.
+    /// Offset behind the chunk, or the plain records, that ends with the block.
     end: Option<u64>,
     /// True if the record after these cannot be read.
     is_damaged: bool,
 }
 
 impl Block {
-    fn clear(&mut self) {
-        let Block { rows, details, start, end, is_damaged } = self;
+    /// Begins another block, with a part if there are any.
+    fn clear(&mut self, parts: Option<&NewPart>) {
+        let Block { rows, part, points, misfits, details, start, end, is_damaged } = self;
         rows.clear();
+        match (part.as_mut(), parts) {
+            (Some(part), _) => part.clear(),
+            (None, Some(new)) => *part = Some(new()),
+            (None, None) => {}
+        }
         details.clear();
+        (*points, *misfits) = (0, [0; Attribute::COUNT]);
         (*start, *end, *is_damaged) = (None, None, false);
     }
 
     fn push(&mut self, record: &[u8], format: &RowFormat) {
         self.details.extend(format.details(record));
-        self.rows.push(format.row(record));
+        let row = format.row(record);
+        self.points += 1;
+        let Some(part) = &mut self.part else { return self.rows.push(row) };
+        if !row.misfits.is_empty() {
+            for attribute in Attribute::ALL.into_iter().filter(|attribute| row.misfits.has(*attribute)) {
+                self.misfits[attribute as usize] += 1;
+            }
+        }
+        part.add(&row);
     }
 }
 
@@ -60,9 +82,12 @@ pub(super) fn read_plain(
 ) -> Passed {
     let length = usize::from(header.record_length).max(1);
     let complete = (records.len() / length).min(usize::try_from(header.count).unwrap_or(usize::MAX));
-    let blocks = records[..complete * length].chunks(BLOCK_RECORDS * length);
-    let make = |records: &[u8], block: &mut Block, emit: &mut Emit<'_, Block>| {
-        block.clear();
+    let block_bytes = BLOCK_RECORDS * length;
+    let parts = reading.sink.parts();
+    let blocks = records[..complete * length].chunks(block_bytes).enumerate();
+    let make = |(index, records): (usize, &[u8]), block: &mut Block, emit: &mut Emit<'_, Block>| {
+        block.clear(parts.as_ref());
+        block.end = Some((header.data_at + index * block_bytes + records.len()) as u64);
         records.chunks_exact(length).for_each(|record| block.push(record, format));
         let _ = emit(block);
     };
@@ -77,17 +102,18 @@ pub(super) fn read_compressed(
     reading: &mut Reading,
 ) -> Passed {
     let Some(chunks) = compressed.chunks(header) else { return Passed::default() };
+    let parts = reading.sink.parts();
     let make = |chunk: Chunk, block: &mut Block, emit: &mut Emit<'_, Block>| {
-        block.clear();
+        block.clear(parts.as_ref());
         block.start = Some(chunk.start);
         let read = without_panic(|| {
             chunks.read(chunk, |record| {
                 block.push(record, format);
-                if block.rows.len() < BLOCK_RECORDS {
+                if block.points < BLOCK_RECORDS {
                     return ControlFlow::Continue(());
                 }
                 let flow = emit(block);
-                block.clear();
+                block.clear(parts.as_ref());
                 flow
             })
         });
@@ -117,6 +143,13 @@ fn take_blocks<I: Send>(
         {
             return ControlFlow::Break(());
         }
+        if let Some(part) = block.part.as_mut() {
+            passed.points += block.points as u64;
+            if reading.take_part(part.as_mut(), &block.misfits).is_break() {
+                passed.is_ended = true;
+                return ControlFlow::Break(());
+            }
+        }
         let mut details = block.details.iter();
         for row in &block.rows {
             if let Some(details) = details.next() {
@@ -129,6 +162,9 @@ fn take_blocks<I: Send>(
             }
         }
         position = block.end.or(position);
+        if let Some(end) = block.end {
+            reading.release_before(usize::try_from(end).unwrap_or(usize::MAX));
+        }
         if block.is_damaged { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     if let Err(failure) = in_order(threads, items, make, take) {

@@ -1,9 +1,10 @@
 //! Tests of files that no writer at hand makes.
 
 use super::*;
-use crate::{AttributeSet, PointFile, PointRow, PointSink};
+use crate::{AttributeSet, NewPart, PointFile, PointPart, PointRow, PointSink};
 use laz::record::{RecordCompressor, SequentialPointRecordCompressor};
 use laz::{LasZipCompressor, LazItemRecordBuilder, LazItemType, LazVlr, LazVlrBuilder};
+use std::any::Any;
 use std::io::Cursor;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, ProblemKind};
@@ -63,6 +64,39 @@ fn read_with_causes(bytes: &[u8]) -> (Vec<PointRow>, Diagnostics) {
 /// Reads a file on some threads.
 fn read_on(bytes: &[u8], threads: usize) -> (Vec<PointRow>, Diagnostics) {
     read_selected(bytes, threads, Selection::All)
+}
+
+/// Reads a file on some threads into a sink that uses parts of blocks.
+fn read_in_parts(bytes: &[u8], threads: usize) -> (Vec<PointRow>, Diagnostics) {
+    struct Part(Vec<PointRow>);
+    impl PointPart for Part {
+        fn add(&mut self, row: &PointRow) {
+            self.0.push(*row);
+        }
+        fn clear(&mut self) {
+            self.0.clear();
+        }
+    }
+    struct Parts(Vec<PointRow>);
+    impl PointSink for Parts {
+        fn start(&mut self, _: AttributeSet) {}
+        fn parts(&self) -> Option<NewPart> {
+            Some(Box::new(|| -> Box<dyn PointPart> { Box::new(Part(Vec::new())) }))
+        }
+        fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> vlscan_base::Result<ControlFlow<()>> {
+            let part: &mut dyn Any = part;
+            self.0.append(&mut part.downcast_mut::<Part>().unwrap().0);
+            Ok(ControlFlow::Continue(()))
+        }
+        fn point(&mut self, row: &PointRow, _: Option<&str>) -> vlscan_base::Result<ControlFlow<()>> {
+            self.0.push(*row);
+            Ok(ControlFlow::Continue(()))
+        }
+    }
+    let (mut rows, mut found) = (Parts(Vec::new()), Diagnostics::default());
+    let file = PointFile::new(Path::new("a.las"), bytes, &mut found).unwrap().on_threads(threads);
+    file.read(Selection::All, &mut rows, &mut found).unwrap();
+    (rows.0, found)
 }
 
 /// Reads the selected attributes of a file on some threads.
@@ -344,13 +378,15 @@ fn irregular(count: u32, length: usize) -> Vec<Vec<u8>> {
     (0..count).map(record).collect()
 }
 
-/// Checks that the points and what is said of a file do not depend on the number of threads; returns both.
+/// Checks that the points and what is said of a file do not depend on the number of threads, nor on parts of
+/// blocks; returns both.
 fn same_on_threads(bytes: &[u8], what: &str) -> (Vec<PointRow>, String) {
     let (rows, found) = read_on(bytes, 1);
     for threads in [2, 5] {
-        let (others, said) = read_on(bytes, threads);
-        assert!(rows == others, "{what}, {threads} threads: {} and {} points", rows.len(), others.len());
-        assert_eq!(said.text(), found.text(), "{what}, {threads} threads");
+        for (others, said) in [read_on(bytes, threads), read_in_parts(bytes, threads)] {
+            assert!(rows == others, "{what}, {threads} threads: {} and {} points", rows.len(), others.len());
+            assert_eq!(said.text(), found.text(), "{what}, {threads} threads");
+        }
     }
     (rows, found.text())
 }

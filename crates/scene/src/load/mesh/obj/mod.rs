@@ -150,6 +150,9 @@ fn read_pieces(scene: &mut SceneBuilder, source: &Source, reading: Reading) -> R
         for (slice, piece) in read.into_iter().zip(wave) {
             append(scene, &mut mesh, &mut problems, slice, piece.clone());
         }
+        if let (Some(first), Some(last)) = (wave.first(), wave.last()) {
+            source.release(first.start..last.end);
+        }
     }
     Ok((mesh, problems))
 }
