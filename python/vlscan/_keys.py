@@ -66,6 +66,10 @@ class LegSettings(TypedDict, total=False):
     warmup_s: float
     """The optics move that long before the first pulse, s. Default: 0."""
 
+    weather: Mapping[str, object]
+    """Fog, rain, snow and dust between the instrument and the surfaces: ``{ mor_m = 100, rain_mm_h = 10 }``; a table of a leg
+    changes the keys that it names; refined physics. Default: none of them."""
+
 
 class ScannerKeys(TypedDict, total=False):
     """Keys of an instrument: ``[scanner]`` of pipeline files, without ``name``, which :class:`vlscan.Scanner` uses for the catalogue."""

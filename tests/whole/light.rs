@@ -1,5 +1,5 @@
-//! Mirrors, panes and water in complete runs: the image of a mirror, surfaces behind a pane or below water,
-//! labels, hostile materials.
+//! Mirrors, panes, water and weather in complete runs: the image of a mirror, surfaces behind a pane, below
+//! water or in fog, labels, hostile materials.
 
 use crate::common::{folder, run, succeed, text};
 use arrow_array::RecordBatch;
@@ -323,5 +323,45 @@ fn impossible_water_is_refused_with_a_message() {
         let done = run(dir.path(), &["run", "p.toml", "-o", "a.csv"]);
         assert!(!done.status.success(), "{bad}");
         assert!(text(&done.stderr).contains(expected), "{bad}: {}", text(&done.stderr));
+    }
+}
+
+#[test]
+fn weather_dims_the_ground_and_is_labelled() {
+    let dir = folder();
+    write(dir.path(), GROUND, &[("ground", 0.0)]);
+    let dry = flown(dir.path(), &[]);
+    let pipeline = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+    let weather = "[settings]\nweather = { mor_m = 1000, rain_mm_h = 20 }\n";
+    fs::write(dir.path().join("p.toml"), pipeline.replace("[settings]\n", weather)).unwrap();
+    let wet = flown(dir.path(), &[]);
+    let of = |path: f64| wet.iter().filter(move |row| row[5] == path);
+    assert_eq!(of(0.0).count(), dry.len());
+    assert!(of(6.0).count() >= dry.len() && of(7.0).count() > 100, "{} {}", of(6.0).count(), of(7.0).count());
+    let slope = 4.1 * 20f64.powf(-0.21);
+    let extinction = 20f64.ln() / 1000.0 + std::f64::consts::PI * 8e-3 / slope.powi(3);
+    for (wet, dry) in of(0.0).zip(&dry) {
+        let expected = (-2.0 * extinction * dry[2]).exp();
+        assert!((wet[3] / dry[3] / expected - 1.0).abs() < 0.01, "{wet:?} {dry:?}");
+    }
+    let bytes = |more: &[&str]| {
+        flown(dir.path(), more);
+        fs::read(dir.path().join("a.csv")).unwrap()
+    };
+    assert!(bytes(&["-j", "1"]) == bytes(&["-j", "4", "--chunk-size", "7"]));
+    let with = |keys: &str| {
+        let foul = pipeline.replace("[settings]\n", &format!("[settings]\nweather = {{ {keys} }}\n"));
+        fs::write(dir.path().join("p.toml"), foul).unwrap();
+        let done = run(dir.path(), &["run", "p.toml", "-q", "--force", "-o", "a.csv"]);
+        assert_eq!(done.status.code(), Some(2), "{keys}");
+        text(&done.stderr)
+    };
+    for (keys, message) in [
+        ("mor_m = 100, visibility_km = 5", "give either `mor_m` or `visibility_km`, not both"),
+        ("rain_mm_h = -1", "`rain_mm_h` must be a rate of 0 to 1000 mm/h, found `-1`"),
+        ("dust = nan", "`dust` must be an extinction of 0 to 100 per metre, found `nan`"),
+    ] {
+        let found = with(keys);
+        assert!(found.contains(message), "{keys}: {found}");
     }
 }

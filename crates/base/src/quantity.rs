@@ -235,6 +235,20 @@ pub const WATER_BACKSCATTER: Bounds = Bounds::new(0.0, 10.0, "a backscatter of 0
 pub const WIND_SPEED: Bounds = Bounds::new(0.0, 50.0, "a wind speed of 0 to 50 m/s");
 /// Direction of the wind, degrees.
 pub const WIND_DIRECTION: Bounds = Bounds::new(-360.0, 360.0, "a direction of -360 to 360 degrees");
+/// Meteorological optical range of fog, m.
+pub const OPTICAL_RANGE: Bounds =
+    Bounds::new(0.1, 1e9, "metres from 0.1 to 1e9").usually(5.0, 1e6, "m").mistaken_for("km", 1e3);
+/// Rainfall, mm/h.
+pub const RAIN_RATE: Bounds = Bounds::new(0.0, 1000.0, "a rate of 0 to 1000 mm/h");
+/// Snowfall, mm/h of melted water.
+pub const SNOW_RATE: Bounds = Bounds::new(0.0, 200.0, "a rate of 0 to 200 mm/h of melted water");
+/// Extinction by dust, 1/m.
+pub const DUST: Bounds = Bounds::new(0.0, 100.0, "an extinction of 0 to 100 per metre");
+/// Extinction over light that is scattered straight back, sr.
+pub const LIDAR_RATIO: Bounds =
+    Bounds::new(0.1, 1e6, "a lidar ratio of 0.1 to 1e6 sr").usually(1.0, 1e3, "sr");
+/// Factor on the light that drops return.
+pub const DROP_FACTOR: Bounds = Bounds::new(0.0, 1000.0, "a factor of 0 to 1000");
 /// Height of the surface of water, m.
 pub const WATER_LEVEL: Bounds = Bounds::new(-1e5, 1e5, "a height of -1e5 to 1e5 m");
 /// Field of view of a receiver, full angle, rad.

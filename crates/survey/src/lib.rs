@@ -26,6 +26,7 @@
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
 //! | `instrument`, `device`, `deflector`, `scan_motion`, `receiver`, `pulse_file` | instruments of both formats |
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
+//! | `weather` | fog, rain, snow and dust along the beam |
 //! | `rings` | rows of channels, by elevation |
 //! | `rows` | text files of a few columns of numbers |
 //! | `ouster` | calibration files of Ouster sensors as instruments |
@@ -79,6 +80,7 @@ mod text;
 mod toml;
 mod trajectories;
 mod vrt;
+mod weather;
 mod xml;
 mod xml_limits;
 

@@ -58,6 +58,8 @@ pub enum Purpose {
     LargePhotonCount = 21,
     /// Slopes of the facets of rough mirrors.
     FacetSlope = 22,
+    /// Raindrops and snowflakes in the beam.
+    WeatherDrop = 23,
     /// Navigation errors: position, attitude, boresight and lever arm.
     Navigation = 32,
 }

@@ -17,6 +17,7 @@ use super::shape::{self, PulseShape, sample_count};
 use super::single_bin::SingleBinDetector;
 use super::subray::Subrays;
 use super::waveform::Waveform;
+use super::weather_drops::WeatherModel;
 use libm::sqrt;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -26,7 +27,7 @@ use vlscan_base::quantity::number;
 use vlscan_base::{Error, Result};
 use vlscan_geom::LIGHT_SPEED;
 use vlscan_survey::{
-    Beam, Device, Formula, RangeNoise, Ranging, Receiver, ReferenceTarget, ScannerSettings, Survey,
+    Beam, Device, Formula, RangeNoise, Ranging, Receiver, ReferenceTarget, ScannerSettings, Survey, Weather,
 };
 use vlscan_trace::simd::portable::Portable;
 
@@ -69,6 +70,8 @@ pub(super) struct Instrument {
     pub field_of_view: Option<f64>,
     /// True if points below water are corrected for its refraction and speed of light.
     pub corrects_refraction: bool,
+    /// The weather of the leg, unless it is clear.
+    pub weather: Option<WeatherModel>,
     /// The receiver, if it is not ideal.
     pub receiver: Option<ReceiverModel>,
     /// The receiver, if it counts photons.
@@ -76,7 +79,12 @@ pub(super) struct Instrument {
 }
 
 impl Instrument {
-    fn new(device: &Device, divergence: Divergence, frequency: f64, context: &Context) -> Result<Instrument> {
+    fn new(
+        device: &Device,
+        divergence: Divergence,
+        (frequency, weather): (f64, &Weather),
+        context: &Context,
+    ) -> Result<Instrument> {
         let (o, c) = (context.options, context.options.corrections);
         let ideal = Receiver::default();
         let receiver = if c.receiver { &device.receiver } else { &ideal };
@@ -144,6 +152,12 @@ impl Instrument {
             && device.waveform.max_range <= 0.0;
         let single_bin = has_fast_path && !c.fractional_bins && !c.clip_dead_zone;
         let clusters = has_fast_path && c.fractional_bins && c.clip_dead_zone;
+        let footprint = footprint(device, half_angles);
+        // Only the lidar equation has weather; figures of data sheets hold in the air of the scanner.
+        let clear = Weather::CLEAR;
+        let weather = if c.radiometry { weather } else { &clear };
+        let in_weather = Beam { visibility: weather.haze_visibility(beam.visibility), ..beam };
+        let state = BeamState { beam: &in_weather, ..state };
         Ok(Instrument {
             energy: Energy::new(state, subrays.len(), context.multi_channel, o),
             subrays,
@@ -170,6 +184,7 @@ impl Instrument {
             waveform_noise,
             field_of_view: receiver.field_of_view,
             corrects_refraction: receiver.corrects_refraction,
+            weather: WeatherModel::new(weather, beam.wavelength, footprint, beam.overlap.is_some()),
             receiver: model,
             counter,
         })
@@ -216,11 +231,15 @@ fn pulse_shape(device: &Device, corrections: &Corrections) -> PulseShape {
 fn subrays(device: &Device, half_angles: [f64; 2], c: &Corrections) -> Subrays {
     let rings = device.waveform.quality;
     if c.equal_energy {
-        let exit_radius = device.beam.aperture * 0.5;
-        Subrays::of_equal_energy(&Footprint { profile: device.beam.profile, half_angles, exit_radius }, rings)
+        Subrays::of_equal_energy(&footprint(device, half_angles), rings)
     } else {
         Subrays::new(half_angles[0], rings)
     }
+}
+
+/// The distribution of a beam's energy across its axis.
+fn footprint(device: &Device, half_angles: [f64; 2]) -> Footprint {
+    Footprint { profile: device.beam.profile, half_angles, exit_radius: device.beam.aperture * 0.5 }
 }
 
 fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
@@ -318,17 +337,24 @@ impl InstrumentTable {
             first_frequency: survey.scanner.pulse_freqs.first().map_or(1.0, |f| f64::from(*f)),
         };
         let (mut instruments, mut indices) = (Vec::new(), Vec::new());
-        let mut known: HashMap<(usize, u64, u32), u32> = HashMap::new();
+        let mut known: HashMap<(usize, u64, u32, usize), u32> = HashMap::new();
+        // Weathers by number.
+        let mut weathers: Vec<&Weather> = Vec::new();
         for leg in &survey.legs {
+            let own = &leg.scanner.weather;
+            let weather = weathers.iter().position(|known| *known == own).unwrap_or_else(|| {
+                weathers.push(own);
+                weathers.len() - 1
+            });
             for (i, device) in devices.iter().enumerate() {
                 let divergence = divergence(survey, &leg.scanner, i, device, options);
                 // Only the lidar equation depends on the pulse rate.
                 let rate = if options.corrections.radiometry { leg.scanner.pulse_freq } else { 0 };
-                let index = match known.entry((i, divergence.leg.to_bits(), rate)) {
+                let index = match known.entry((i, divergence.leg.to_bits(), rate, weather)) {
                     Entry::Occupied(known) => *known.get(),
                     Entry::Vacant(new) => {
                         let frequency = f64::from(leg.scanner.pulse_freq.max(1));
-                        instruments.push(Instrument::new(device, divergence, frequency, &context)?);
+                        instruments.push(Instrument::new(device, divergence, (frequency, own), &context)?);
                         *new.insert(instruments.len() as u32 - 1)
                     }
                 };

@@ -14,6 +14,7 @@
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
 //! | `paths`, `pane` | light over mirrors and through panes; the formulas of panes |
 //! | `water`, `water_column` | the surface of water; light that water scatters back |
+//! | `weather`, `weather_drops`, `weather_light` | fog, rain, snow and dust; single drops; returned light |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
@@ -75,6 +76,9 @@ mod view;
 mod water;
 mod water_column;
 mod waveform;
+mod weather;
+mod weather_drops;
+mod weather_light;
 
 pub use batch::{Batch, WeakPulses};
 pub use echo::{Echo, EchoPath, EchoTruth, PathKind, PulseRecord, WaveformRecord};

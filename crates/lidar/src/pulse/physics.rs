@@ -26,6 +26,7 @@ pub struct Physics<'a> {
     pub(super) free_paths: Stream,
     pub(super) pattern_turns: Stream,
     pub(super) facet_slopes: Stream,
+    pub(super) weather_drops: Stream,
 }
 
 impl<'a> Physics<'a> {
@@ -57,6 +58,7 @@ impl<'a> Physics<'a> {
             free_paths: Stream::new(o.seed, Purpose::FreePath),
             pattern_turns: Stream::new(o.seed, Purpose::PatternTurn),
             facet_slopes: Stream::new(o.seed, Purpose::FacetSlope),
+            weather_drops: Stream::new(o.seed, Purpose::WeatherDrop),
         })
     }
 

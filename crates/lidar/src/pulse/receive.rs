@@ -20,9 +20,11 @@ use super::traced::{SubrayGains, TracedPulse};
 use super::view::SceneView;
 use super::water::WaterPlane;
 use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
+use super::weather_light::WeatherLight;
 use crate::flight::Pulse;
 use vlscan_base::{Error, Result};
 use vlscan_geom::{DVec3, Rotation};
+use vlscan_trace::Hits;
 use vlscan_trace::simd::Simd;
 
 /// Scratch memory of everything after the traversal.
@@ -31,6 +33,7 @@ pub(super) struct Detection {
     pub scratch: ReflectScratch,
     reflections: Reflections,
     light_paths: LightPaths,
+    weather_light: WeatherLight,
     profile: ReturnProfile,
     slopes: SlopeMerger,
     sources: ReflectionSources,
@@ -77,11 +80,21 @@ fn class_of(end: Option<&PathEnd>, classification: i32) -> i32 {
     end.map_or(classification, |end| end.path.kind.classification(classification))
 }
 
+/// Part and class of a primitive; the air has no part.
+fn part_and_class(view: &SceneView, primitive: u32) -> (u32, i32) {
+    if primitive == Hits::MISS { (u32::MAX, 0) } else { view.part_and_class(primitive) }
+}
+
+/// Number of a primitive in outputs; [`u32::MAX`] for the air.
+fn number_of(view: &SceneView, primitive: u32) -> u32 {
+    if primitive == Hits::MISS { u32::MAX } else { view.number_when_stored(primitive) }
+}
+
 /// The reflection to which a return is attributed.
 #[inline(always)]
 fn source_near(reflections: &Reflections, range: f64, detector: &DetectorSettings) -> usize {
     let half_pulse = 0.5 * detector.light_speed * detector.shape.duration;
-    reflections.source_in_water(attribute(reflections, range), range, half_pulse)
+    reflections.source_in_medium(attribute(reflections, range), range, half_pulse)
 }
 
 impl Detection {
@@ -107,11 +120,16 @@ impl Detection {
             let hits = &mut self.scratch.hits;
             self.light_paths.follow(view, instrument, (traced, gains), rules, hits, &mut self.reflections);
         }
+        let weather = instrument.weather.as_ref().and_then(|model| Some((model, model.air(pulse.time_ns)?)));
+        if let Some((_, air)) = &weather {
+            let hits = self.scratch.hits.iter_mut();
+            hits.chain([&mut self.reflections]).for_each(|all| all.dim(air.extinction));
+        }
         let model = instrument.receiver.as_ref();
         let counter = instrument.counter.as_ref();
         let is_idle = !model.is_some_and(ReceiverModel::has_false_alarms)
             && !counter.is_some_and(PhotonCounter::has_background);
-        if self.reflections.is_empty() && is_idle {
+        if self.reflections.is_empty() && is_idle && weather.is_none() {
             return Ok(());
         }
         self.profile.sort_by_range(simd, &self.reflections, corrections.sum_equal_ranges);
@@ -130,6 +148,21 @@ impl Detection {
                 triangles,
                 &mut self.profile,
             );
+        }
+        if let Some((model, air)) = &weather {
+            let hits = &mut self.scratch.hits;
+            self.weather_light.add(
+                (view, instrument),
+                (*model, air),
+                (&traced, &gains),
+                (pulse, &physics.weather_drops),
+                hits,
+                &mut self.reflections,
+            );
+            if self.reflections.is_empty() && is_idle {
+                return Ok(());
+            }
+            self.profile.add(&self.weather_light.light);
         }
         if options.record_waveforms || !self.detect_without_waveform(instrument, is_kept) {
             if !self.waveform.receive(&self.profile, detector) {
@@ -184,10 +217,11 @@ impl Detection {
     #[inline(never)]
     fn count_weak(&self, detector: &DetectorSettings, pulse: &Pulse, batch: &mut Batch) {
         let is_measured = |range: &&f64| !is_too_near(**range + pulse.range_error, detector);
-        let light = self.reflections.intensities().iter().sum::<f64>() * detector.shape.top;
+        let count = self.reflections.count_without_air();
+        let light = self.reflections.intensities()[..count].iter().sum::<f64>() * detector.shape.top;
         let threshold = detector.rule.threshold;
         let strongest = light.min(threshold);
-        if self.reflections.ranges().iter().any(|range| is_measured(&range)) {
+        if self.reflections.ranges()[..count].iter().any(|range| is_measured(&range)) {
             batch.weak.add(&WeakPulses { count: 1, strongest, threshold });
         }
     }
@@ -243,11 +277,15 @@ impl Detection {
             if is_too_near(range, &instrument.detector) {
                 continue;
             }
-            let (part, classification) = match self.scratch.triangles.look_up(view, primitive) {
-                Some(triangle) => (triangle.part, triangle.classification),
-                None => view.part_and_class(primitive),
-            };
             let end = self.reflections.end_of(source);
+            let triangle = match primitive {
+                Hits::MISS => None,
+                primitive => self.scratch.triangles.look_up(view, primitive),
+            };
+            let (part, classification) = match triangle {
+                Some(triangle) => (triangle.part, triangle.classification),
+                None => part_and_class(view, primitive),
+            };
             if let Some(plane) = end.and_then(|end| end.plane).filter(|_| instrument.corrects_refraction) {
                 self.refracted.push((batch.echoes.len(), plane));
             }
@@ -281,7 +319,7 @@ impl Detection {
                 pulse_number: pulse.number,
                 device: pulse.device,
                 part,
-                primitive: view.number_when_stored(primitive),
+                primitive: number_of(view, primitive),
                 classification,
                 incidence_cosine: self.reflections.cosines()[source],
                 scan_angle: pulse.scan_angle,
@@ -312,7 +350,7 @@ impl Detection {
             let found = (hits, &mut self.scratch.triangles);
             let truth = self.sources.of_reflection(i, view, (traced, [origin, direction]), found);
             let primitive = hits.primitives()[i];
-            let (part, classification) = view.part_and_class(primitive);
+            let (part, classification) = part_and_class(view, primitive);
             let classification = class_of(hits.end_of(i), classification);
             let range = hits.ranges()[i];
             batch.echoes.push(Echo {
@@ -326,7 +364,7 @@ impl Detection {
                 return_number: self.sources.return_of(i),
                 number_of_returns: self.returns.len().max(1) as u32,
                 part,
-                primitive: view.number_when_stored(primitive),
+                primitive: number_of(view, primitive),
                 classification,
                 incidence_cosine: hits.cosines()[i],
                 truth_index: batch.truths.len() as u32,

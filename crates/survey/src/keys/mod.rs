@@ -95,7 +95,7 @@ macro_rules! key_table {
 }
 
 /// Documentation of all tables of a pipeline file that describe the survey.
-pub const SURVEY_TABLES: [KeyTable; 17] = [
+pub const SURVEY_TABLES: [KeyTable; 18] = [
     SurveyKeys::TABLE,
     PartKeys::TABLE,
     MaterialKeys::TABLE,
@@ -108,6 +108,7 @@ pub const SURVEY_TABLES: [KeyTable; 17] = [
     RangeNoiseKeys::TABLE,
     OverlapKeys::TABLE,
     SettingsKeys::TABLE,
+    WeatherKeys::TABLE,
     LegKeys::TABLE,
     WaveformKeys::TABLE,
     DetectorKeys::TABLE,

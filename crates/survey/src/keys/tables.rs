@@ -522,6 +522,35 @@ keys! {
         max_duration_s = "maxDuration_s";
         /// The optics move that long before the first pulse, s. Default: 0.
         warmup_s = "opticsWarmupPhase_s" in WARMUP;
+        /// Fog, rain, snow and dust between the instrument and the surfaces: `{ mor_m = 100, rain_mm_h = 10
+        /// }`; a table of a leg changes the keys that it names; refined physics. Default: none of them.
+        weather;
+    }
+}
+
+keys! {
+    /// Weather along the beam.
+    WeatherKeys = "weather" {
+        /// Meteorological optical range of fog, m: contrast falls to 5 % there. Replaces the haze of the
+        /// scanner's `visibility_km`. Default: no fog.
+        mor_m in OPTICAL_RANGE;
+        /// Visibility in haze by Kruse's formula, km, instead of that of the scanner. Haze extinguishes
+        /// light and returns none.
+        visibility_km in VISIBILITY;
+        /// Rainfall, mm/h. Default: 0.
+        rain_mm_h in RAIN_RATE;
+        /// Snowfall, mm/h of melted water. Default: 0.
+        snow_mm_h in SNOW_RATE;
+        /// Extinction by dust, per metre. Default: 0.
+        dust in DUST;
+        /// Extinction over backscatter of fog, snow and dust, sr. Default: 18.5, fog at 905 nm.
+        lidar_ratio_sr in LIDAR_RATIO;
+        /// Factor on the light that raindrops return. Default: 1, reflections at the front and the rear of
+        /// the drop.
+        drop_factor in DROP_FACTOR;
+        /// File of the weather over time, instead of constant numbers: lines of GPS time (as points have it),
+        /// s, `mor_m` (0: no fog), `rain_mm_h`, `snow_mm_h` and `dust`, linear in between.
+        over_time;
     }
 }
 

@@ -12,6 +12,7 @@ mod scene_box;
 mod slabs;
 mod truth;
 mod water;
+mod weather;
 
 use super::testkit::*;
 use super::{Corrections, Physics, PhysicsOptions, PulseSimulator};
