@@ -95,7 +95,7 @@ pub(super) struct Air {
     pub extinction: f64,
     /// Light that all particles scatter straight back, 1/(m·sr).
     pub scattered: f64,
-    /// The same without the drops and flakes that can be drawn one by one.
+    /// [`Air::scattered`] without the drops and flakes that can be drawn one by one.
     pub scattered_by_small: f64,
     /// Drops of rain and flakes of snow.
     pub drops: [Option<Drops>; 2],

@@ -47,8 +47,9 @@ struct Cell {
 /// The light of a pulse that the air scatters back.
 #[derive(Clone, Debug, Default)]
 pub(super) struct WeatherLight {
-    /// Ranges at which subrays end, m, and the same in ascending order.
+    /// Ranges at which subrays end, m.
     ends: Vec<f64>,
+    /// These ranges in ascending order.
     sorted: Vec<f64>,
     drops: Vec<SingleDrop>,
     cells: Vec<Cell>,

@@ -45,7 +45,7 @@ pub struct Weather {
     pub visibility: Option<f64>,
     /// Fog, rain, snow and dust, constant over time.
     pub air: AirState,
-    /// The same by ascending GPS time of week, s, instead of `air`: linear between two times and constant
+    /// States by ascending GPS time of week, s, instead of `air`: linear between two times and constant
     /// before the first and after the last one. Not empty.
     pub over_time: Option<Arc<[(f64, AirState)]>>,
     /// Extinction over backscatter of fog, snow and dust, sr.
