@@ -365,3 +365,37 @@ fn weather_dims_the_ground_and_is_labelled() {
         assert!(found.contains(message), "{keys}: {found}");
     }
 }
+
+#[test]
+fn columns_of_radial_velocity_are_in_tables_and_point_files() {
+    let dir = folder();
+    write(dir.path(), GROUND, &[("ground", 0.0)]);
+    let base = ["run", "p.toml", "-q", "--force", "-o"];
+    let columns = ["--columns", "BeamDirectionX,Doppler,DopplerWidth"];
+    let table = |name: &str, more: &[&str]| {
+        succeed(dir.path(), &[&base[..], &[name], &columns, more].concat());
+        fs::read(dir.path().join(name)).unwrap()
+    };
+    let csv = table("a.csv", &["-j", "1"]);
+    assert!(csv == table("b.csv", &["-j", "3", "--chunk-size", "5"]));
+    let rows = text(&csv);
+    let rows: Vec<&str> = rows.lines().collect();
+    // The flight goes towards +x at 50 m/s; its first and last pulses leave where it starts and ends.
+    for row in &rows[3..rows.len() - 2] {
+        let numbers: Vec<f64> = row.split(',').map(|word| word.parse().unwrap()).collect();
+        let [along, doppler, width] = numbers[..] else { panic!("{row}") };
+        assert!((doppler + 50.0 * along).abs() < 1e-7 && width == 0.0, "{row}");
+    }
+    let has = |name: &str, field: &str, more: &[&str]| {
+        let bytes = table(name, more);
+        assert!(bytes.windows(field.len()).any(|found| found == field.as_bytes()), "{name} has no {field}");
+    };
+    has("a.las", "Doppler", &[]);
+    has("a.pcd", "doppler", &[]);
+    has("a.mcap", "doppler", &["--frame-s", "0.1"]);
+    has("a.arrow", "DopplerWidth", &[]);
+    let plain = ["run", "p.toml", "-q", "--force", "-o", "plain.las"];
+    succeed(dir.path(), &plain);
+    let bytes = fs::read(dir.path().join("plain.las")).unwrap();
+    assert!(!bytes.windows(7).any(|found| found == b"Doppler"));
+}

@@ -70,6 +70,20 @@ pub struct EchoTruth {
     pub colour: [u8; 3],
 }
 
+/// Radial velocity of an echo, positive away from the instrument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EchoVelocity {
+    /// Mean over the light of the echo, m/s; NaN if it is not recorded.
+    pub radial: f64,
+    /// Standard deviation over the light of the echo, m/s; NaN if it is not recorded.
+    pub spread: f64,
+}
+
+impl EchoVelocity {
+    /// Not recorded, or of an echo that noise caused.
+    pub const UNKNOWN: EchoVelocity = EchoVelocity { radial: f64::NAN, spread: f64::NAN };
+}
+
 /// Way of the light of an echo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EchoPath {
@@ -218,6 +232,11 @@ impl Echo {
     pub fn truth(&self, truths: &[EchoTruth]) -> EchoTruth {
         let recorded = truths.get(self.truth_index as usize).copied();
         recorded.unwrap_or_else(|| EchoTruth::unknown([self.origin, self.direction]))
+    }
+
+    /// Radial velocity, [`EchoVelocity::UNKNOWN`] if it is not recorded; `velocities` belong to its batch.
+    pub fn velocity(&self, velocities: &[EchoVelocity]) -> EchoVelocity {
+        velocities.get(self.truth_index as usize).copied().unwrap_or(EchoVelocity::UNKNOWN)
     }
 
     /// Position relative to the origin of the beam in the scanner's axes, m: the origin itself for a missed

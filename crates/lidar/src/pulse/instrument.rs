@@ -70,6 +70,8 @@ pub(super) struct Instrument {
     pub field_of_view: Option<f64>,
     /// True if points below water are corrected for its refraction and speed of light.
     pub corrects_refraction: bool,
+    /// Simulation steps per second: the pulse rate.
+    pub step_rate: f64,
     /// The weather of the leg, unless it is clear.
     pub weather: Option<WeatherModel>,
     /// The receiver, if it is not ideal.
@@ -184,6 +186,7 @@ impl Instrument {
             waveform_noise,
             field_of_view: receiver.field_of_view,
             corrects_refraction: receiver.corrects_refraction,
+            step_rate: frequency,
             weather: WeatherModel::new(weather, beam.wavelength, footprint, beam.overlap.is_some()),
             receiver: model,
             counter,

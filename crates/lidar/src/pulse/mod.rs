@@ -22,7 +22,7 @@
 //! | `photon_counter` | receivers that count single photons |
 //! | `maximum` | time and height of an echo between its samples |
 //! | `detector_settings`, `peak_detection`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
-//! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
+//! | `sources`, `velocity`, `range_noise` | true causes of echoes; their radial velocities; noise of ranges |
 //! | `echo`, `batch` | the records |
 
 mod batch;
@@ -72,6 +72,7 @@ mod tests;
 mod tiles;
 mod traced;
 mod triangle_cache;
+mod velocity;
 mod view;
 mod water;
 mod water_column;
@@ -81,7 +82,7 @@ mod weather_drops;
 mod weather_light;
 
 pub use batch::{Batch, WeakPulses};
-pub use echo::{Echo, EchoPath, EchoTruth, PathKind, PulseRecord, WaveformRecord};
+pub use echo::{Echo, EchoPath, EchoTruth, EchoVelocity, PathKind, PulseRecord, WaveformRecord};
 pub use instrument::{InstrumentTable, count_echoes_of_one_pulse};
 pub use options::{PhysicsOptions, PhysicsProfile};
 pub use physics::Physics;

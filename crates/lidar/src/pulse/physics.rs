@@ -62,6 +62,11 @@ impl<'a> Physics<'a> {
         })
     }
 
+    /// True if pulses need the velocity of their origin.
+    pub fn records_velocities(&self) -> bool {
+        self.options.record_velocities
+    }
+
     /// Maximum number of rays per pulse of a device.
     pub fn max_rays(&self) -> usize {
         self.instruments.max_rays()

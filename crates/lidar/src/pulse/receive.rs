@@ -17,6 +17,7 @@ use super::return_profile::ReturnProfile;
 use super::slope::SlopeMerger;
 use super::sources::ReflectionSources;
 use super::traced::{SubrayGains, TracedPulse};
+use super::velocity;
 use super::view::SceneView;
 use super::water::WaterPlane;
 use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
@@ -303,6 +304,11 @@ impl Detection {
                     let found = (hits, &mut self.scratch.triangles);
                     self.sources.of_return(number, nearest, view, (traced, beam), found)
                 }));
+                if let Some((origin, traced)) = pulse.velocity.zip(traced) {
+                    let of_pulse = (traced, origin, instrument.step_rate);
+                    let found = (&self.sources, hits);
+                    batch.push_velocity(velocity::of_return(number, nearest, view, of_pulse, found));
+                }
             }
             batch.echoes.push(Echo {
                 // Set together with the range noise.

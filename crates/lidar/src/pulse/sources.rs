@@ -102,6 +102,11 @@ impl ReflectionSources {
         }
     }
 
+    /// The reflections that are part of return `number`, from 1.
+    pub fn of_number(&self, number: u32) -> impl Iterator<Item = usize> {
+        (0..self.returns.len()).filter(move |i| self.returns[*i] == number)
+    }
+
     pub fn subray_of(&self, reflection: usize) -> u32 {
         self.subrays.get(reflection).copied().unwrap_or(0)
     }

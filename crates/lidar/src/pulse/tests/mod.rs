@@ -11,6 +11,7 @@ mod robustness;
 mod scene_box;
 mod slabs;
 mod truth;
+mod velocity;
 mod water;
 mod weather;
 
