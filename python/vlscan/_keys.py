@@ -281,6 +281,23 @@ class ScannerKeys(TypedDict, total=False):
     """Points below water are where the light was, bent and slowed down by the water's mean surface, instead of on the axis of the beam;
     refined physics. Default: false."""
 
+    fmcw: Mapping[str, object]
+    """Frequency-modulated continuous wave: ``{ bandwidth_hz = 1e9, chirp_s = 1e-5 }``; the range resolution is c over twice the
+    bandwidth, velocities fold and strengths have speckle; refined physics. Default: pulses."""
+
+    pixels: int
+    """Pixels that share the light, each with a dead time; ``detector = "photons"``, refined physics. Default: 1."""
+
+    photon_jitter_ns: float
+    """Standard deviation of the times of photons, ns; ``detector = "photons"``, refined physics. Default: 0."""
+
+    dark_counts_hz: float
+    """Photoelectrons of a pixel per second without light; ``detector = "photons"``, refined physics. Default: 0."""
+
+    afterpulse: Mapping[str, object]
+    """Photoelectrons that earlier ones cause: ``{ probability = 0.01, delay_ns = 10 }``; ``detector = "photons"``, refined physics.
+    Default: none."""
+
     range_error_m: str
     """Metres added to each range, a formula of the deflection angle THETA in radians. Default: none."""
 

@@ -3,17 +3,16 @@
 use super::cluster::ClusterRule;
 use super::detector_settings::{DetectorSettings, PeakRule};
 use super::echo::Echo;
+use super::emission::{check, footprint, pulse_shape, subrays};
 use super::energy::{BeamState, Energy, NANO, half_angle};
-use super::footprint::Footprint;
+use super::fmcw::Chirps;
 use super::noise::{ReceiverNoise, signal_to_noise};
 use super::options::PhysicsOptions;
 use super::peaks::Peaks;
 use super::photon_counter::PhotonCounter;
 use super::receiver::{FalseAlarms, ReceiverModel, receiver_noise};
 use super::receiver_error::ReceiverError;
-use super::sampled;
 use super::selection::ReturnSelection;
-use super::shape::{self, PulseShape, sample_count};
 use super::single_bin::SingleBinDetector;
 use super::subray::Subrays;
 use super::waveform::Waveform;
@@ -23,7 +22,6 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 use vlscan_base::corrections::Corrections;
-use vlscan_base::quantity::number;
 use vlscan_base::{Error, Result};
 use vlscan_geom::LIGHT_SPEED;
 use vlscan_survey::{
@@ -31,8 +29,6 @@ use vlscan_survey::{
 };
 use vlscan_trace::simd::portable::Portable;
 
-/// Maximum number of rings of subrays: 512 rings are 822,000 rays per pulse.
-const MAX_RINGS: u32 = 512;
 /// Threshold of instruments that state none, nW. As 1e-4 W it would hide every echo, so it counts as not
 /// given and is in nanowatts with and without the correction of the unit.
 const DEFAULT_THRESHOLD: f64 = 1e-4;
@@ -40,7 +36,6 @@ const DEFAULT_THRESHOLD: f64 = 1e-4;
 const MIN_INCIDENCE_COSINE: f64 = 0.1;
 /// Longest travel time of photons that count, 150,000 km.
 const MAX_WINDOW_NS: f64 = 1e9;
-const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
 /// A device with one divergence.
 #[derive(Clone, Debug)]
@@ -72,6 +67,8 @@ pub(super) struct Instrument {
     pub corrects_refraction: bool,
     /// Simulation steps per second: the pulse rate.
     pub step_rate: f64,
+    /// Chirps, if the device has no pulses.
+    pub chirps: Option<Chirps>,
     /// The weather of the leg, unless it is clear.
     pub weather: Option<WeatherModel>,
     /// The receiver, if it is not ideal.
@@ -187,6 +184,7 @@ impl Instrument {
             field_of_view: receiver.field_of_view,
             corrects_refraction: receiver.corrects_refraction,
             step_rate: frequency,
+            chirps: receiver.fmcw.map(|wave| Chirps::new(&wave, device.beam.wavelength)),
             weather: WeatherModel::new(weather, beam.wavelength, footprint, beam.overlap.is_some()),
             receiver: model,
             counter,
@@ -215,34 +213,6 @@ impl Instrument {
     pub fn moves_ranges(&self) -> bool {
         self.range_accuracy != 0.0 || self.range_noise.is_some() || self.range_step > 0.0
     }
-}
-
-/// The pulse that a device emits, in its bins.
-fn pulse_shape(device: &Device, corrections: &Corrections) -> PulseShape {
-    match &device.receiver.pulse_shape {
-        Some(pulse) if corrections.receiver => PulseShape::measured(pulse, device.waveform.bin),
-        _ => {
-            let length = device.beam.length(corrections.stated_pulse_widths);
-            match corrections.symmetric_pulse {
-                true => PulseShape::raised_cosine(length, device.waveform.bin),
-                false => PulseShape::new(length, corrections.whole_pulse, &device.waveform),
-            }
-        }
-    }
-}
-
-fn subrays(device: &Device, half_angles: [f64; 2], c: &Corrections) -> Subrays {
-    let rings = device.waveform.quality;
-    if c.equal_energy {
-        Subrays::of_equal_energy(&footprint(device, half_angles), rings)
-    } else {
-        Subrays::new(half_angles[0], rings)
-    }
-}
-
-/// The distribution of a beam's energy across its axis.
-fn footprint(device: &Device, half_angles: [f64; 2]) -> Footprint {
-    Footprint { profile: device.beam.profile, half_angles, exit_radius: device.beam.aperture * 0.5 }
 }
 
 fn peak_rule(device: &Device, c: &Corrections) -> PeakRule {
@@ -371,6 +341,11 @@ impl InstrumentTable {
         })
     }
 
+    /// True if a device has chirps, whose ranges depend on velocities.
+    pub(super) fn has_chirps(&self) -> bool {
+        self.instruments.iter().any(|instrument| instrument.chirps.is_some())
+    }
+
     /// The false alarms of the instrument that has the most per pulse; `None` if no receiver has noise.
     pub fn false_alarms(&self) -> Option<FalseAlarms> {
         let receivers = self.instruments.iter().filter_map(|instrument| instrument.receiver.as_ref());
@@ -432,29 +407,6 @@ pub fn count_echoes_of_one_pulse(device: &Device, corrections: &Corrections) -> 
     let samples: Vec<f64> = shape.samples.iter().copied().chain([0.0]).collect();
     let waveform = Waveform::of_samples(&samples);
     Some(Peaks::of(Portable, &waveform, rule).count())
-}
-
-fn check(device: &Device, corrections: &Corrections) -> Result<()> {
-    let w = &device.waveform;
-    let duration = match &device.receiver.pulse_shape {
-        Some(pulse) if corrections.receiver => sampled::duration(pulse),
-        _ => shape::duration_of(device.beam.length(corrections.stated_pulse_widths), corrections),
-    };
-    let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
-        format!("binSize_ns is {}, expected a positive number", w.bin)
-    } else if !(duration.is_finite() && duration / w.bin <= MAX_PULSE_BINS) {
-        format!(
-            "a pulse of {} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
-            number(duration),
-            number(w.bin)
-        )
-    } else if w.quality > MAX_RINGS {
-        format!("beamSampleQuality is {}, expected at most {MAX_RINGS}", w.quality)
-    } else {
-        debug_assert!(sample_count(duration, w.bin) <= MAX_PULSE_BINS as usize);
-        return Ok(());
-    };
-    Err(Error::input(format!("device {}: {problem}", device.id)))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `options`, `instrument`, `physics` | options and corrections; constants of each device; data of all workers |
+//! | `options`, `instrument`, `emission`, `physics` | options and corrections; constants of each device, its pulse and beam; data of all workers |
 //! | `simulator`, `ray_batch` | the three phases of many pulses; rays that are traced together |
 //! | `subray`, `footprint` | directions of subrays: rings, and patterns of equal energy |
 //! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, in blocks of subrays |
@@ -19,6 +19,7 @@
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
 //! | `receiver`, `receiver_error`, `noise`, `ranging`, `selection` | receivers that are not ideal: noise, ranging, photon statistics, dead time |
+//! | `fmcw` | ranges and velocities by chirps |
 //! | `photon_counter` | receivers that count single photons |
 //! | `maximum` | time and height of an echo between its samples |
 //! | `detector_settings`, `peak_detection`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
@@ -30,8 +31,10 @@ mod cluster;
 mod continuum;
 mod detector_settings;
 mod echo;
+mod emission;
 mod energy;
 mod fit;
+mod fmcw;
 mod foliage;
 mod footprint;
 mod instrument;

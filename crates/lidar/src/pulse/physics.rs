@@ -64,7 +64,7 @@ impl<'a> Physics<'a> {
 
     /// True if pulses need the velocity of their origin.
     pub fn records_velocities(&self) -> bool {
-        self.options.record_velocities
+        self.options.record_velocities || self.instruments.has_chirps()
     }
 
     /// Maximum number of rays per pulse of a device.

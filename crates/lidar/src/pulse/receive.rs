@@ -3,7 +3,7 @@
 use super::batch::{Batch, WeakPulses};
 use super::cluster::ClusterDetector;
 use super::detector_settings::{DetectorSettings, Return};
-use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
+use super::echo::{Echo, EchoTruth, EchoVelocity, PulseRecord, WaveformRecord};
 use super::foliage::FreePaths;
 use super::instrument::Instrument;
 use super::paths::LightPaths;
@@ -113,7 +113,8 @@ impl Detection {
         let corrections = &detector.corrections;
         let mut paths =
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
-        self.scratch.records_hits = options.record_truth || options.record_subrays;
+        self.scratch.records_hits =
+            options.record_truth || options.record_subrays || instrument.chirps.is_some();
         view.reflect(instrument, (traced, gains), &mut paths, &mut self.scratch, &mut self.reflections);
         if view.has_optics {
             let draws = (&physics.facet_slopes, &mut paths);
@@ -205,8 +206,8 @@ impl Detection {
             return Ok(());
         }
         let scanner = if options.record_scanner_axes { pulse.scanner_attitude } else { Echo::NO_ATTITUDE };
-        let recorded = (options.record_truth.then_some(&traced), scanner);
-        self.emit_echoes(view, instrument, recorded, pulse, batch);
+        let recorded = (options.record_truth, scanner);
+        self.emit_echoes(view, instrument, (&traced, recorded), pulse, batch);
         if options.record_waveforms && self.waveform.bins > 0 {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
@@ -246,17 +247,20 @@ impl Detection {
     }
 
     /// Appends an echo for each return: its range error and the surface it is attributed to (spec
-    /// pulse-physics §4.7–4.9). `traced` is given if the truth of the echoes is recorded, `scanner` is the
-    /// attitude of the scanner where it is recorded.
+    /// pulse-physics §4.7–4.9). `records_truth` is true if the truth of the echoes is recorded, `scanner` is
+    /// the attitude of the scanner where it is recorded.
     #[inline(always)]
     fn emit_echoes(
         &mut self,
         view: &SceneView,
         instrument: &Instrument,
-        (traced, scanner): (Option<&TracedPulse>, Rotation),
+        (traced, (records_truth, scanner)): (&TracedPulse, (bool, Rotation)),
         pulse: &Pulse,
         batch: &mut Batch,
     ) {
+        let is_of_chirps = instrument.chirps.is_some();
+        let all_traced = traced;
+        let traced = records_truth.then_some(traced);
         let direction = pulse.reported_attitude.forward();
         let origin = pulse.origin + pulse.origin_error;
         let has_navigation_error =
@@ -274,7 +278,12 @@ impl Detection {
                 continue;
             };
             let primitive = self.reflections.primitives()[source];
-            let range = r.range + pulse.range_error;
+            let mut range = r.range + pulse.range_error;
+            let mut velocity = None;
+            if is_of_chirps || (records_truth && pulse.velocity.is_some()) {
+                (range, velocity) =
+                    self.measure_velocity(number, source, view, (all_traced, pulse), instrument, range);
+            }
             if is_too_near(range, &instrument.detector) {
                 continue;
             }
@@ -304,10 +313,8 @@ impl Detection {
                     let found = (hits, &mut self.scratch.triangles);
                     self.sources.of_return(number, nearest, view, (traced, beam), found)
                 }));
-                if let Some((origin, traced)) = pulse.velocity.zip(traced) {
-                    let of_pulse = (traced, origin, instrument.step_rate);
-                    let found = (&self.sources, hits);
-                    batch.push_velocity(velocity::of_return(number, nearest, view, of_pulse, found));
+                if let Some(velocity) = velocity.filter(|_| traced.is_some() && pulse.velocity.is_some()) {
+                    batch.push_velocity(velocity);
                 }
             }
             batch.echoes.push(Echo {
@@ -333,6 +340,32 @@ impl Detection {
                 truth_index,
             });
         }
+    }
+
+    /// Range of return `number`, attributed to the reflection `source`, as chirps measure it, and its radial
+    /// velocity.
+    #[inline(never)]
+    fn measure_velocity(
+        &self,
+        number: u32,
+        source: usize,
+        view: &SceneView,
+        (traced, pulse): (&TracedPulse, &Pulse),
+        instrument: &Instrument,
+        range: f64,
+    ) -> (f64, Option<EchoVelocity>) {
+        let (hits, nearest) = match &self.scratch.hits {
+            Some(hits) => (hits, source_near(hits, range, &instrument.detector)),
+            None => (&self.reflections, source),
+        };
+        if hits.is_empty() {
+            return (range, None);
+        }
+        let of_pulse = (traced, pulse.velocity.unwrap_or(DVec3::ZERO), instrument.step_rate);
+        let velocity = velocity::of_return(number, nearest, view, of_pulse, (&self.sources, hits));
+        let measured = instrument.chirps.as_ref().map(|chirps| chirps.measured(range, velocity));
+        let (range, velocity) = measured.unwrap_or((range, velocity));
+        (range, Some(velocity))
     }
 
     /// Index of the reflection to which a return is attributed; `None` if it is farther from all reflections

@@ -384,6 +384,22 @@ keys! {
         /// Points below water are where the light was, bent and slowed down by the water's mean surface,
         /// instead of on the axis of the beam; refined physics. Default: false.
         refraction_corrected = "refractionCorrected", With("receiver");
+        /// Frequency-modulated continuous wave: `{ bandwidth_hz = 1e9, chirp_s = 1e-5 }`; the range
+        /// resolution is c over twice the bandwidth, velocities fold and strengths have speckle; refined
+        /// physics. Default: pulses.
+        fmcw, With("receiver");
+        /// Pixels that share the light, each with a dead time; `detector = "photons"`, refined physics.
+        /// Default: 1.
+        pixels in PIXELS, With("receiver");
+        /// Standard deviation of the times of photons, ns; `detector = "photons"`, refined physics. Default:
+        /// 0.
+        photon_jitter_ns in DEAD_TIME_NS, With("receiver");
+        /// Photoelectrons of a pixel per second without light; `detector = "photons"`, refined physics.
+        /// Default: 0.
+        dark_counts_hz in DARK_COUNTS, With("receiver");
+        /// Photoelectrons that earlier ones cause: `{ probability = 0.01, delay_ns = 10 }`; `detector =
+        /// "photons"`, refined physics. Default: none.
+        afterpulse, With("receiver");
         /// Metres added to each range, a formula of the deflection angle THETA in radians. Default: none.
         range_error_m = "rangeError";
         /// Radians added to the deflection angle, a formula of THETA; `rotating` only. Default: none.
@@ -440,6 +456,34 @@ keys! {
         /// Range at which the receiver is focused and its axis meets that of the transmitter, m. Default: far
         /// away.
         focus_m = "focus_m" in POSITIVE;
+    }
+}
+
+keys! {
+    /// Frequency-modulated continuous wave.
+    FmcwKeys = "fmcw" {
+        /// Bandwidth of a chirp, Hz.
+        bandwidth_hz in BANDWIDTH;
+        /// Duration of a chirp, up or down, s.
+        chirp_s in CHIRP_S;
+        /// Sampling rate of the beat, Hz: higher frequencies fold. Default: all are measured.
+        sample_rate_hz in BANDWIDTH;
+        /// The receiver has both quadratures and measures the sign of frequencies. Default: false, a real
+        /// receiver, which confuses range and velocity of fast targets at short range.
+        quadrature;
+        /// Probability of a false alarm that the threshold has; strengths have the statistics of a single
+        /// speckle. Default: strengths do not vary.
+        false_alarm in FALSE_ALARM;
+    }
+}
+
+keys! {
+    /// Afterpulses of a photon counter.
+    AfterpulseKeys = "afterpulse" {
+        /// Probability that a photoelectron causes another one.
+        probability in AFTERPULSE;
+        /// Mean delay after the dead time, ns.
+        delay_ns in POSITIVE;
     }
 }
 

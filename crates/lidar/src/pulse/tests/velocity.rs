@@ -3,7 +3,7 @@
 use super::*;
 use crate::pulse::EchoVelocity;
 use vlscan_scene::{DynamicScene, MotionPlan, MovingPart, ObjectUpdate, Twist};
-use vlscan_survey::MotionTiming;
+use vlscan_survey::{Fmcw, MotionTiming};
 use vlscan_trace::{BuildOptions, Tree};
 
 fn recorded() -> PhysicsOptions {
@@ -91,4 +91,28 @@ fn fog_is_at_rest() {
     let scene = rectangles(half_white(), &[wall(-60.0, 60.0, 500.0)]);
     let batch = simulate_pulses(&scene, &survey, recorded(), 0, &from(Rotation::IDENTITY, DVec3::Y * 5.0));
     assert!((batch.echoes[0].velocity(&batch.velocities).radial + 5.0).abs() < 1e-9);
+}
+
+#[test]
+fn chirps_confuse_range_and_velocity_of_fast_targets_near_by() {
+    let survey = tls_with(|device| {
+        (device.waveform.quality, device.beam.wavelength) = (1, 1550.0);
+        let wave =
+            Fmcw { bandwidth: 1e9, chirp: 1e-5, sample_rate: None, has_quadrature: false, false_alarm: None };
+        device.receiver.fmcw = Some(wave);
+    });
+    let seen = |range: f64| {
+        let scene = rectangles(half_white(), &[wall(-60.0, 60.0, range)]);
+        // The instrument moves away at 50 m/s.
+        let pulses = from(Rotation::IDENTITY, DVec3::Y * -50.0);
+        let batch = simulate_pulses(&scene, &survey, recorded(), 0, &pulses);
+        (batch.echoes[0].range, only(&batch))
+    };
+    let (range, velocity) = seen(100.0);
+    assert!((range - 100.0).abs() < 1e-3 && (velocity.radial - 50.0).abs() < 1e-9, "{range} {velocity:?}");
+    // The line of a resting target: λ/(2T) at half maximum.
+    assert!((velocity.spread - 0.0775 / 2.354820045).abs() < 1e-9, "{velocity:?}");
+    let (range, velocity) = seen(90.0);
+    assert!((range - 96.707245).abs() < 1e-3, "{range}");
+    assert!((velocity.radial - 50.0 * 90.0 / 96.707245).abs() < 1e-3, "{velocity:?}");
 }
