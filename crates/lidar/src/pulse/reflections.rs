@@ -125,7 +125,8 @@ impl Reflections {
     /// Dims all reflections by an extinction of the air, 1/m.
     pub fn dim(&mut self, extinction: f64) {
         for i in 0..self.count {
-            self.intensity[i] *= libm::exp(-2.0 * extinction * self.air_length(i));
+            let passed = libm::exp(-2.0 * extinction * self.air_length(i));
+            self.intensity[i] *= passed;
         }
     }
 
