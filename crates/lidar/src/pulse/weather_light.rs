@@ -28,8 +28,6 @@ const MAX_CELLS: usize = 1 << 14;
 const MIN_SHARE: f64 = 1e-4;
 /// Cells per full width of the pulse at half maximum near the instrument.
 const CELLS_PER_WIDTH: f64 = 16.0;
-/// Largest factor by which cells are longer far away: pulses half of their width apart have an even sum.
-const MAX_GROWTH: f64 = 8.0;
 /// Steps of the integral within cells, and cells that are longer far away, are at most this share of their
 /// range long.
 const MAX_STEP: f64 = 1.0 / 64.0;
@@ -91,7 +89,7 @@ impl WeatherLight {
             let end = PathEnd { surface, direction, path: EchoPath { kind, order: 0 }, plane: None };
             let source = (subray, instrument.subrays.ring[subray as usize]);
             out.push_end(source, end, cell.range, (Hits::MISS, 1.0), cell.intensity);
-            if let Some(hits) = hits {
+            if let Some(hits) = hits.as_mut() {
                 hits.push_end(source, end, cell.range, (Hits::MISS, 1.0), cell.intensity);
             }
             self.light.push((cell.range, cell.intensity));
@@ -152,8 +150,7 @@ fn scatter(
     let mut from = model.nearest().max(detector.range_min);
     let mut before = 0.0;
     while from < last && out.len() < MAX_CELLS {
-        let growth = (from * MAX_STEP / least).clamp(1.0, MAX_GROWTH);
-        let to = (from + least * growth.floor()).min(last);
+        let to = (from + least * growth_at(from, least)).min(last);
         if to <= from {
             return;
         }
@@ -167,6 +164,16 @@ fn scatter(
             return;
         }
         (from, before) = (to, density);
+    }
+}
+
+/// Factor by which cells at a range are longer than the least. Pulses that are a whole fraction of their
+/// width apart have an even sum; others have ripples, which look like returns.
+fn growth_at(range: f64, least: f64) -> f64 {
+    match range * MAX_STEP / least {
+        ratio if ratio >= 4.0 => 4.0,
+        ratio if ratio >= 2.0 => 2.0,
+        _ => 1.0,
     }
 }
 

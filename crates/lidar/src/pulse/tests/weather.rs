@@ -122,10 +122,12 @@ fn raindrops_are_labelled_and_each_pulse_meets_others() {
 
 #[test]
 fn pulses_into_the_sky_meet_fog() {
-    let survey = survey_in(fog(0.03), |_| ());
     let away = [pulse(Rotation::about_z(radians(180.0)))];
-    let found = echoes(50.0, &survey, &away);
-    assert!(matches!(found[..], [(_, PathKind::Air)]), "{found:?}");
+    for width in [1.0, 4.0, 20.0] {
+        let survey = survey_in(fog(0.03), |device| device.beam.pulse_length = pulse_length_of_width(width));
+        let found = echoes(50.0, &survey, &away);
+        assert!(matches!(found[..], [(_, PathKind::Air)]), "{found:?}");
+    }
     assert!(echoes(50.0, &survey_in(Weather::CLEAR, |_| ()), &away).is_empty());
 }
 
