@@ -141,7 +141,7 @@ impl PhotonCounter {
         if self.pixels.count > 1 || self.pixels.jitter > 0.0 {
             events.sort_by(|a, b| a.time.total_cmp(&b.time));
         }
-        events.truncate(self.max_returns - returns.len());
+        events.truncate(self.max_returns.saturating_sub(returns.len()));
         returns.extend(events.iter().map(|event| Return {
             range: detector.light_speed * event.time,
             amplitude: self.amplitude,
