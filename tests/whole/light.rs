@@ -340,10 +340,14 @@ fn weather_dims_the_ground_and_is_labelled() {
     assert!(of(6.0).count() >= dry.len() && of(7.0).count() > 100, "{} {}", of(6.0).count(), of(7.0).count());
     let slope = 4.1 * 20f64.powf(-0.21);
     let extinction = 20f64.ln() / 1000.0 + std::f64::consts::PI * 8e-3 / slope.powi(3);
+    let mut sum = 0.0;
     for (wet, dry) in of(0.0).zip(&dry) {
-        let expected = (-2.0 * extinction * dry[2]).exp();
-        assert!((wet[3] / dry[3] / expected - 1.0).abs() < 0.01, "{wet:?} {dry:?}");
+        let share = wet[3] / dry[3] / (-2.0 * extinction * dry[2]).exp();
+        // A large drop just above the ground adds a little.
+        assert!((share - 1.0).abs() < 0.05, "{wet:?} {dry:?}");
+        sum += share;
     }
+    assert!((sum / dry.len() as f64 - 1.0).abs() < 0.005, "{sum}");
     let bytes = |more: &[&str]| {
         flown(dir.path(), more);
         fs::read(dir.path().join("a.csv")).unwrap()
