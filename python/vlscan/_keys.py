@@ -66,6 +66,10 @@ class LegSettings(TypedDict, total=False):
     warmup_s: float
     """The optics move that long before the first pulse, s. Default: 0."""
 
+    weather: Mapping[str, object]
+    """Fog, rain, snow and dust between the instrument and the surfaces: ``{ mor_m = 100, rain_mm_h = 10 }``; a table of a leg
+    changes the keys that it names; refined physics. Default: none of them."""
+
 
 class ScannerKeys(TypedDict, total=False):
     """Keys of an instrument: ``[scanner]`` of pipeline files, without ``name``, which :class:`vlscan.Scanner` uses for the catalogue."""
@@ -290,6 +294,23 @@ class ScannerKeys(TypedDict, total=False):
     refraction_corrected: bool
     """Points below water are where the light was, bent and slowed down by the water's mean surface, instead of on the axis of the beam;
     refined physics. Default: false."""
+
+    fmcw: Mapping[str, object]
+    """Frequency-modulated continuous wave: ``{ bandwidth_hz = 1e9, chirp_s = 1e-5 }``; the range resolution is c over twice the
+    bandwidth, velocities fold and strengths have speckle; refined physics. Default: pulses."""
+
+    pixels: int
+    """Pixels that share the light, each with a dead time; ``detector = "photons"``, refined physics. Default: 1."""
+
+    photon_jitter_ns: float
+    """Standard deviation of the times of photons, ns; ``detector = "photons"``, refined physics. Default: 0."""
+
+    dark_counts_hz: float
+    """Photoelectrons of a pixel per second without light; ``detector = "photons"``, refined physics. Default: 0."""
+
+    afterpulse: Mapping[str, object]
+    """Photoelectrons that earlier ones cause: ``{ probability = 0.01, delay_ns = 10 }``; ``detector = "photons"``, refined physics.
+    Default: none."""
 
     range_error_m: str
     """Metres added to each range, a formula of the deflection angle THETA in radians. Default: none."""

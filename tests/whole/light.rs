@@ -1,5 +1,5 @@
-//! Mirrors, panes and water in complete runs: the image of a mirror, surfaces behind a pane or below water,
-//! labels, hostile materials.
+//! Mirrors, panes, water and weather in complete runs: the image of a mirror, surfaces behind a pane, below
+//! water or in fog, labels, hostile materials.
 
 use crate::common::{folder, run, succeed, text};
 use arrow_array::RecordBatch;
@@ -372,4 +372,82 @@ fn impossible_water_is_refused_with_a_message() {
         assert!(!done.status.success(), "{bad}");
         assert!(text(&done.stderr).contains(expected), "{bad}: {}", text(&done.stderr));
     }
+}
+
+#[test]
+fn weather_dims_the_ground_and_is_labelled() {
+    let dir = folder();
+    write(dir.path(), GROUND, &[("ground", 0.0)]);
+    let dry = flown(dir.path(), &[]);
+    let pipeline = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+    let weather = "[settings]\nweather = { mor_m = 1000, rain_mm_h = 20 }\n";
+    fs::write(dir.path().join("p.toml"), pipeline.replace("[settings]\n", weather)).unwrap();
+    let wet = flown(dir.path(), &[]);
+    let of = |path: f64| wet.iter().filter(move |row| row[5] == path);
+    assert_eq!(of(0.0).count(), dry.len());
+    assert!(of(6.0).count() >= dry.len() && of(7.0).count() > 100, "{} {}", of(6.0).count(), of(7.0).count());
+    let slope = 4.1 * 20f64.powf(-0.21);
+    let extinction = 20f64.ln() / 1000.0 + std::f64::consts::PI * 8e-3 / slope.powi(3);
+    let mut sum = 0.0;
+    for (wet, dry) in of(0.0).zip(&dry) {
+        let share = wet[3] / dry[3] / (-2.0 * extinction * dry[2]).exp();
+        // A large drop just above the ground adds a little.
+        assert!((share - 1.0).abs() < 0.05, "{wet:?} {dry:?}");
+        sum += share;
+    }
+    assert!((sum / dry.len() as f64 - 1.0).abs() < 0.005, "{sum}");
+    let bytes = |more: &[&str]| {
+        flown(dir.path(), more);
+        fs::read(dir.path().join("a.csv")).unwrap()
+    };
+    assert!(bytes(&["-j", "1"]) == bytes(&["-j", "4", "--chunk-size", "7"]));
+    let with = |keys: &str| {
+        let foul = pipeline.replace("[settings]\n", &format!("[settings]\nweather = {{ {keys} }}\n"));
+        fs::write(dir.path().join("p.toml"), foul).unwrap();
+        let done = run(dir.path(), &["run", "p.toml", "-q", "--force", "-o", "a.csv"]);
+        assert_eq!(done.status.code(), Some(2), "{keys}");
+        text(&done.stderr)
+    };
+    for (keys, message) in [
+        ("mor_m = 100, visibility_km = 5", "give either `mor_m` or `visibility_km`, not both"),
+        ("rain_mm_h = -1", "`rain_mm_h` must be a rate of 0 to 1000 mm/h, found `-1`"),
+        ("dust = nan", "`dust` must be an extinction of 0 to 100 per metre, found `nan`"),
+    ] {
+        let found = with(keys);
+        assert!(found.contains(message), "{keys}: {found}");
+    }
+}
+
+#[test]
+fn columns_of_radial_velocity_are_in_tables_and_point_files() {
+    let dir = folder();
+    write(dir.path(), GROUND, &[("ground", 0.0)]);
+    let base = ["run", "p.toml", "-q", "--force", "-o"];
+    let columns = ["--columns", "BeamDirectionX,Doppler,DopplerWidth"];
+    let table = |name: &str, more: &[&str]| {
+        succeed(dir.path(), &[&base[..], &[name], &columns, more].concat());
+        fs::read(dir.path().join(name)).unwrap()
+    };
+    let csv = table("a.csv", &["-j", "1"]);
+    assert!(csv == table("b.csv", &["-j", "3", "--chunk-size", "5"]));
+    let rows = text(&csv);
+    let rows: Vec<&str> = rows.lines().collect();
+    // The flight goes towards +x at 50 m/s; its first and last pulses leave where it starts and ends.
+    for row in &rows[3..rows.len() - 2] {
+        let numbers: Vec<f64> = row.split(',').map(|word| word.parse().unwrap()).collect();
+        let [along, doppler, width] = numbers[..] else { panic!("{row}") };
+        assert!((doppler + 50.0 * along).abs() < 1e-7 && width == 0.0, "{row}");
+    }
+    let has = |name: &str, field: &str, more: &[&str]| {
+        let bytes = table(name, more);
+        assert!(bytes.windows(field.len()).any(|found| found == field.as_bytes()), "{name} has no {field}");
+    };
+    has("a.las", "Doppler", &[]);
+    has("a.pcd", "doppler", &[]);
+    has("a.mcap", "doppler", &["--frame-s", "0.1"]);
+    has("a.arrow", "DopplerWidth", &[]);
+    let plain = ["run", "p.toml", "-q", "--force", "-o", "plain.las"];
+    succeed(dir.path(), &plain);
+    let bytes = fs::read(dir.path().join("plain.las")).unwrap();
+    assert!(!bytes.windows(7).any(|found| found == b"Doppler"));
 }

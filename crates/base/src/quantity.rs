@@ -235,6 +235,31 @@ pub const WATER_BACKSCATTER: Bounds = Bounds::new(0.0, 10.0, "a backscatter of 0
 pub const WIND_SPEED: Bounds = Bounds::new(0.0, 50.0, "a wind speed of 0 to 50 m/s");
 /// Direction of the wind, degrees.
 pub const WIND_DIRECTION: Bounds = Bounds::new(-360.0, 360.0, "a direction of -360 to 360 degrees");
+/// Duration of a chirp, s.
+pub const CHIRP_S: Bounds =
+    Bounds::new(1e-9, 10.0, "seconds from 1e-9 to 10").usually(1e-7, 0.1, "s").mistaken_for("µs", 1e-6);
+/// Probability of a false alarm.
+pub const FALSE_ALARM: Bounds = Bounds::new(1e-15, 0.5, "a probability of 1e-15 to 0.5");
+/// Number of pixels of a receiver.
+pub const PIXELS: Bounds = Bounds::new(1.0, 4096.0, "a whole number from 1 to 4096");
+/// Dark counts of a pixel, 1/s.
+pub const DARK_COUNTS: Bounds = Bounds::new(0.0, 1e12, "a rate of 0 to 1e12 per second");
+/// Probability of an afterpulse.
+pub const AFTERPULSE: Bounds = Bounds::new(0.0, 0.9, "a probability of 0 to 0.9");
+/// Meteorological optical range of fog, m.
+pub const OPTICAL_RANGE: Bounds =
+    Bounds::new(0.1, 1e9, "metres from 0.1 to 1e9").usually(5.0, 1e6, "m").mistaken_for("km", 1e3);
+/// Rainfall, mm/h.
+pub const RAIN_RATE: Bounds = Bounds::new(0.0, 1000.0, "a rate of 0 to 1000 mm/h");
+/// Snowfall, mm/h of melted water.
+pub const SNOW_RATE: Bounds = Bounds::new(0.0, 200.0, "a rate of 0 to 200 mm/h of melted water");
+/// Extinction by dust, 1/m.
+pub const DUST: Bounds = Bounds::new(0.0, 100.0, "an extinction of 0 to 100 per metre");
+/// Extinction over light that is scattered straight back, sr.
+pub const LIDAR_RATIO: Bounds =
+    Bounds::new(0.1, 1e6, "a lidar ratio of 0.1 to 1e6 sr").usually(1.0, 1e3, "sr");
+/// Factor on the light that drops return.
+pub const DROP_FACTOR: Bounds = Bounds::new(0.0, 1000.0, "a factor of 0 to 1000");
 /// Height of the surface of water, m.
 pub const WATER_LEVEL: Bounds = Bounds::new(-1e5, 1e5, "a height of -1e5 to 1e5 m");
 /// Field of view of a receiver, full angle, rad.

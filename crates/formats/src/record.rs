@@ -154,12 +154,15 @@ pub struct Cause {
     /// Number of the strongest subray within the beam, from 0; `u32::MAX` without a surface.
     pub subray: u32,
     /// Way of the light: 0 straight, 1 through panes, 2 over mirrors, 3 to the surface of water, 4 into
-    /// water, 5 through water.
+    /// water, 5 through water, 6 into fog, rain, snow or dust, 7 to a single drop or flake.
     pub path: u8,
     /// Number of mirrors, panes and surfaces of water on the way.
     pub order: u8,
     /// Red, green and blue of the surface, of sRGB with 8 bits; black without a colour.
     pub colour: [u8; 3],
+    /// Radial velocity, positive away from the instrument, and its standard deviation over the light of the
+    /// echo, m/s; NaN if they are not known.
+    pub velocity: [f64; 2],
 }
 
 impl Cause {
@@ -172,6 +175,7 @@ impl Cause {
         path: 0,
         order: 0,
         colour: [0; 3],
+        velocity: [f64::NAN; 2],
     };
 }
 
@@ -301,10 +305,12 @@ pub(crate) fn round_half_even(x: f64) -> f64 {
 /// others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// [`PointRecord::cause`] without the colour.
+    /// [`PointRecord::cause`] without colour and velocity.
     pub cause: bool,
     /// [`Cause::colour`].
     pub colour: bool,
+    /// [`Cause::velocity`].
+    pub velocity: bool,
     /// [`PointRecord::in_scanner`] and [`PointRecord::scanner`].
     pub in_scanner: bool,
     /// [`PointRecord::true_position`].
@@ -320,6 +326,7 @@ impl Needs {
         Needs {
             cause: self.cause || other.cause,
             colour: self.colour || other.colour,
+            velocity: self.velocity || other.velocity,
             in_scanner: self.in_scanner || other.in_scanner,
             true_position: self.true_position || other.true_position,
             height: self.height || other.height,

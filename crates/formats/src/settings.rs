@@ -144,6 +144,11 @@ impl CloudSettings {
         self.columns.iter().flatten().any(|column| column.needs().colour)
     }
 
+    /// True if files have the radial velocities of points: a column of theirs is chosen.
+    pub fn has_velocities(&self) -> bool {
+        self.columns.iter().flatten().any(|column| column.needs().velocity)
+    }
+
     /// The rows of devices.
     pub(crate) fn rows(&self) -> Rings {
         Rings(self.rings.as_slice().into())

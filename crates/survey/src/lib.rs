@@ -27,6 +27,7 @@
 //! | `instrument`, `device`, `deflector`, `scan_motion`, `receiver`, `pulse_file` | instruments of both formats |
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
 //! | `beams` | channels that differ by the directions of their beams |
+//! | `weather` | fog, rain, snow and dust along the beam |
 //! | `rings` | rows of channels, by elevation |
 //! | `rows` | text files of a few columns of numbers |
 //! | `pattern` | scan patterns of tables, correction files of spinning sensors |
@@ -83,6 +84,7 @@ mod text;
 mod toml;
 mod trajectories;
 mod vrt;
+mod weather;
 mod xml;
 mod xml_limits;
 

@@ -1,11 +1,13 @@
 //! Beam and receiver of a device in more detail than HELIOS++, which ignores these attributes.
 
 use super::fields::Fields;
-use super::keys::{InstrumentKeys, OverlapKeys, RangeNoiseKeys, RatioKeys, TargetKeys};
+use super::keys::{
+    AfterpulseKeys, FmcwKeys, InstrumentKeys, OverlapKeys, RangeNoiseKeys, RatioKeys, TargetKeys,
+};
 use super::pulse_file::read_pulse_file;
 use super::{
-    AmplifierNoise, Beam, BeamProfile, Overlap, RangeNoise, Ranging, Receiver, ReferenceTarget, ShotNoise,
-    pulse_length_of_width,
+    AmplifierNoise, Beam, BeamProfile, Fmcw, Overlap, RangeNoise, Ranging, Receiver, ReferenceTarget,
+    ShotNoise, pulse_length_of_width,
 };
 
 const K: InstrumentKeys = InstrumentKeys::KEYS;
@@ -82,7 +84,53 @@ pub(super) fn change_receiver(fields: &mut Fields, receiver: &mut Receiver) {
     fields.set(K.range_step_m, &mut receiver.range_step);
     receiver.field_of_view = fields.optional(K.receiver_fov_rad).or(receiver.field_of_view);
     receiver.corrects_refraction = fields.flag(K.refraction_corrected, receiver.corrects_refraction);
+    change_fmcw(fields, receiver);
+    change_pixels(fields, receiver);
     check_counter(fields, receiver);
+}
+
+/// Applies chirps, which have no pulse and no photons.
+fn change_fmcw(fields: &mut Fields, receiver: &mut Receiver) {
+    for other in [K.pulse_length_ns, K.pulse_fwhm_ns, K.pulse_shape, K.threshold_photons] {
+        fields.either(K.fmcw, other);
+    }
+    let Some(mut table) = fields.child(K.fmcw, &FmcwKeys::TABLE) else { return };
+    let keys = FmcwKeys::KEYS;
+    let (bandwidth, chirp) = (table.exact_number(keys.bandwidth_hz), table.exact_number(keys.chirp_s));
+    let sample_rate = table.optional(keys.sample_rate_hz);
+    let has_quadrature = table.flag(keys.quadrature, false);
+    let false_alarm = table.optional(keys.false_alarm);
+    table.done(&[]);
+    if receiver.ranging == Ranging::Photons {
+        let detector = fields.name(K.detector);
+        fields.error(K.fmcw, &format!("is not for `{detector}` \"photons\""));
+    }
+    if let Some((bandwidth, chirp)) = bandwidth.zip(chirp) {
+        receiver.fmcw = Some(Fmcw { bandwidth, chirp, sample_rate, has_quadrature, false_alarm });
+    }
+}
+
+/// Applies the pixels of a photon counter and their imperfections.
+fn change_pixels(fields: &mut Fields, receiver: &mut Receiver) {
+    let pixels = &mut receiver.pixels;
+    pixels.count = fields.count(K.pixels, pixels.count);
+    fields.set(K.photon_jitter_ns, &mut pixels.jitter);
+    fields.set(K.dark_counts_hz, &mut pixels.dark_counts);
+    if let Some(mut table) = fields.child(K.afterpulse, &AfterpulseKeys::TABLE) {
+        let keys = AfterpulseKeys::KEYS;
+        let probability = table.exact_number(keys.probability);
+        let delay = table.exact_number(keys.delay_ns);
+        table.done(&[]);
+        pixels.afterpulse = probability.zip(delay).or(pixels.afterpulse);
+    }
+    if receiver.ranging != Ranging::Photons {
+        for key in [K.pixels, K.photon_jitter_ns, K.dark_counts_hz, K.afterpulse] {
+            if fields.has(key) {
+                let detector = fields.name(K.detector);
+                fields.warn_of_effect(key, &format!("without `{detector}` \"photons\""));
+            }
+        }
+    }
 }
 
 /// Checks the needs of a receiver that counts photons, and warns of keys that it does not have.

@@ -33,6 +33,9 @@ pub(super) enum RowProblem {
     /// An angle out of range.
     #[error("{0}")]
     Angle(&'static str),
+    /// Weather out of range.
+    #[error("{0}")]
+    Weather(&'static str),
     /// Too many samples.
     #[error("at most {max} samples")]
     TooMany {

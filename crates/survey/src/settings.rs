@@ -6,8 +6,11 @@ use super::fields::Fields;
 use super::keys::{Key, LegKeys, SettingsKeys};
 use super::pulse_times::change_pulse_times;
 use super::trajectories::TrajectoryLayer;
+use super::weather::change_weather;
 use super::xml::Element;
-use super::{Deflector, Device, LegTrajectory, PlatformSettings, PulseTimes, Scanner, ScannerSettings};
+use super::{
+    Deflector, Device, LegTrajectory, PlatformSettings, PulseTimes, Scanner, ScannerSettings, Weather,
+};
 use vlscan_base::diag::Place;
 use vlscan_base::quantity::{ANGLE, Bounds, NUMBER, POSITIVE, number};
 use vlscan_geom::{DVec3, degrees, radians};
@@ -39,6 +42,8 @@ macro_rules! settings {
             own_divergence: f64,
             /// When pulses leave, in place of a constant rate; only pipeline files say so.
             pulse_times: Option<PulseTimes>,
+            /// Fog, rain, snow and dust; only pipeline files say so.
+            weather: Weather,
             /// Place and name of a scan angle of 0, which counts as not given.
             zero_angle: Option<(Place, &'static str)>,
         }
@@ -51,6 +56,7 @@ macro_rules! settings {
                 $($field: $default,)*
                 own_divergence: f64::NAN,
                 pulse_times: None,
+                weather: Weather::CLEAR,
                 zero_angle: None,
             };
             const ROWS: &'static [Row] = &[$((K.$key, Kind::$kind, |layer| &mut layer.$field)),*];
@@ -104,6 +110,7 @@ impl ScannerLayer {
             beam_divergence: settings.beam_divergence,
             own_divergence: settings.written_divergence.unwrap_or(settings.beam_divergence),
             pulse_times: settings.pulse_times.clone(),
+            weather: settings.weather.clone(),
             trajectory_interval: settings.trajectory_interval,
             max_duration: settings.max_duration.unwrap_or(NO_LIMIT),
             warmup: settings.warmup,
@@ -140,6 +147,7 @@ impl ScannerLayer {
         }
         if fields.is_toml() {
             change_pulse_times(fields, &mut self.pulse_times);
+            change_weather(fields, &mut self.weather);
         }
         if fields.has(K.scan_angle_deg) {
             let written = || (fields.place(K.scan_angle_deg), fields.name(K.scan_angle_deg));
@@ -312,6 +320,7 @@ impl ScannerLayer {
             trajectory_interval: self.trajectory_interval,
             max_duration: (self.max_duration > 0.0).then_some(self.max_duration),
             warmup: self.warmup,
+            weather: self.weather.clone(),
         }
     }
 }

@@ -108,7 +108,7 @@ quantities! {
 /// Names, in the form of [`plain`], of columns that tables often have and that most readers here do not use.
 const UNUSED: &str = "a acceleration alpha azimuthangle b beamdirectionx beamdirectiony beamdirectionz beamoriginx \
     beamoriginy beamoriginz blue classflags cog comment course curvature date day distance echowidth edgeofflightline fid fix \
-    footprintfraction frame frameid flightline fullwaveindex g gdop gpsweek green hdop headerframeid headerseq headerstamp \
+    doppler dopplerwidth footprintfraction frame frameid flightline fullwaveindex g gdop gpsweek green hdop headerframeid headerseq headerstamp \
     heightaboveground hour id incidenceangle index infrared keypoint minute mode month nir nsats numsats overlap path pathorder \
     pdop point pointid primitive pulsenumber q quality r range record red reflectance rgb rgba sat satellites sats scandirectionflag scannerx \
     scannery scannerz second seq sequence sog status subray surfacex surfacey surfacez synthetic truerange truex truey truez \

@@ -58,6 +58,12 @@ pub enum Purpose {
     LargePhotonCount = 21,
     /// Slopes of the facets of rough mirrors.
     FacetSlope = 22,
+    /// Raindrops and snowflakes in the beam.
+    WeatherDrop = 23,
+    /// Afterpulses of a photon counter.
+    Afterpulse = 24,
+    /// Jitter of the times of photons.
+    PhotonJitter = 25,
     /// Navigation errors: position, attitude, boresight and lever arm.
     Navigation = 32,
 }

@@ -228,6 +228,8 @@ columns! {
     Red u16 0 "" |p, _| p.colour_u16()[0], "Red of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";
     Green u16 0 "" |p, _| p.colour_u16()[1], "Green of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";
     Blue u16 0 "" |p, _| p.colour_u16()[2], "Blue of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";
+    Doppler f64 9 "m/s" |p, _| p.cause.velocity[0], "Radial velocity, positive away from the instrument; NaN where it is not known.";
+    DopplerWidth f64 9 "m/s" |p, _| p.cause.velocity[1], "Standard deviation of the radial velocity over the light of the echo; NaN where it is not known.";
     ExactScanAngle f64 9 "rad" |p, _| p.scan_angle, "ScanAngle with all its digits.";
     RestX f32 9 "m" |p, o| rest(p.position.x, o.x), "What X, relative to the origin of the scene, has lost in the world frame.";
     RestY f32 9 "m" |p, o| rest(p.position.y, o.y), "What Y, relative to the origin of the scene, has lost in the world frame.";
@@ -263,6 +265,7 @@ impl Column {
                 Needs { cause: true, ..Needs::default() }
             }
             Column::Red | Column::Green | Column::Blue => Needs { colour: true, ..Needs::default() },
+            Column::Doppler | Column::DopplerWidth => Needs { velocity: true, ..Needs::default() },
             Column::ScannerX | Column::ScannerY | Column::ScannerZ => {
                 Needs { in_scanner: true, ..Needs::default() }
             }

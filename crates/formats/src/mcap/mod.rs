@@ -39,9 +39,19 @@ const HEAD_BYTES: usize = 16 + POSE_BYTES;
 /// Bytes of a point in a message.
 const POINT_BYTES: usize = 32;
 
-/// Bytes of a point in a message, with or without a colour.
-fn point_bytes(colours: bool) -> usize {
-    POINT_BYTES + if colours { COLOUR_BYTES } else { 0 }
+/// Optional fields of points.
+#[derive(Clone, Copy, Debug)]
+struct Optional {
+    /// The colour of the surface.
+    colours: bool,
+    /// The radial velocity.
+    velocities: bool,
+}
+
+/// Bytes of a point in a message, with its optional fields.
+fn point_bytes(optional: Optional) -> usize {
+    let of = |is_there: bool| if is_there { OPTIONAL_BYTES } else { 0 };
+    POINT_BYTES + of(optional.colours) + of(optional.velocities)
 }
 
 /// Place of the time after the start of the frame in a point.
@@ -61,9 +71,11 @@ const FIELDS: [(&str, u32, u8); 10] = [
     ("instance", 28, INT32),
 ];
 /// Red, green and blue in the bits of a number, blue in the lowest eight; as a float, which programs expect.
-const COLOUR: (&str, u32, u8) = ("rgb", POINT_BYTES as u32, FLOAT32);
-/// Bytes of the colour.
-const COLOUR_BYTES: usize = 4;
+const COLOUR: &str = "rgb";
+/// Radial velocity, m/s, positive away from the sensor.
+const VELOCITY: &str = "doppler";
+/// Bytes of an optional field.
+const OPTIONAL_BYTES: usize = 4;
 const UINT8: u8 = 2;
 const UINT16: u8 = 4;
 const INT32: u8 = 5;
@@ -91,14 +103,14 @@ struct Mcap {
     origin: DVec3,
     names: FrameNames,
     rings: Rings,
-    /// True if points have the colour of the surface.
-    colours: bool,
+    optional: Optional,
 }
 
 /// MCAP files.
 pub(crate) fn mcap(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let (names, rings) = (settings.frame_names.clone(), settings.rows());
-    Ok(Arc::new(Mcap { origin: settings.origin, names, rings, colours: settings.has_colours() }))
+    let optional = Optional { colours: settings.has_colours(), velocities: settings.has_velocities() };
+    Ok(Arc::new(Mcap { origin: settings.origin, names, rings, optional }))
 }
 
 impl PointEncoder for Mcap {
@@ -121,9 +133,12 @@ impl PointEncoder for Mcap {
             out.extend(point.returns());
             out.extend(point.class.to_le_bytes());
             out.extend(point.object.to_le_bytes());
-            if self.colours {
+            if self.optional.colours {
                 let [red, green, blue] = point.cause.colour;
                 out.extend([blue, green, red, 0]);
+            }
+            if self.optional.velocities {
+                out.extend((point.cause.velocity[0] as f32).to_le_bytes());
             }
             Some(point.position + self.origin)
         });
@@ -131,8 +146,8 @@ impl PointEncoder for Mcap {
 
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
         let container = Container::begin(SOFTWARE, &CHANNELS, out)?;
-        let (names, track, colours) = (self.names.clone(), PoseTrack::default(), self.colours);
-        Ok(Box::new(McapBody { container, names, colours, track, begin: 0, points: Vec::new() }))
+        let (names, track, optional) = (self.names.clone(), PoseTrack::default(), self.optional);
+        Ok(Box::new(McapBody { container, names, optional, track, begin: 0, points: Vec::new() }))
     }
 }
 
@@ -143,7 +158,7 @@ const UNKNOWN: Rotation = Rotation { w: 0.0, u: DVec3::ZERO };
 struct McapBody {
     container: Container,
     names: FrameNames,
-    colours: bool,
+    optional: Optional,
     track: PoseTrack,
     /// Start of the frame, ns.
     begin: u64,
@@ -153,7 +168,7 @@ struct McapBody {
 impl FileBody for McapBody {
     /// Appends collected points, in order of emission.
     fn append(&mut self, collected: Vec<u8>, out: &mut OutputStream, _: &dyn Offload) -> Result<()> {
-        let length = point_bytes(self.colours);
+        let length = point_bytes(self.optional);
         for record in collected.chunks_exact(HEAD_BYTES + length) {
             let (head, point) = record.split_at(HEAD_BYTES);
             let begin = u64::from_le_bytes(std::array::from_fn(|i| head[i]));
@@ -193,8 +208,8 @@ impl McapBody {
         if let Some(pose) = self.track.end_frame() {
             self.publish_pose(pose, out)?;
         }
-        let count = (self.points.len() / point_bytes(self.colours)) as u32;
-        let head = cloud_head(self.begin, &self.names.sensor, count, self.colours);
+        let count = (self.points.len() / point_bytes(self.optional)) as u32;
+        let head = cloud_head(self.begin, &self.names.sensor, count, self.optional);
         // The last byte marks all points as finite.
         self.container.message(POINTS, self.begin, &[&head, &self.points, &[1]], out)?;
         self.points.clear();
@@ -216,13 +231,16 @@ impl McapBody {
 }
 
 /// Returns a message with this many points up to their bytes.
-fn cloud_head(stamp_ns: u64, frame: &str, points: u32, colours: bool) -> Vec<u8> {
-    let fields = FIELDS.into_iter().chain(colours.then_some(COLOUR));
+fn cloud_head(stamp_ns: u64, frame: &str, points: u32, optional: Optional) -> Vec<u8> {
+    let more = [optional.colours.then_some(COLOUR), optional.velocities.then_some(VELOCITY)];
+    let at = |i: usize| (POINT_BYTES + i * OPTIONAL_BYTES) as u32;
+    let more = more.into_iter().flatten().enumerate().map(|(i, name)| (name, at(i), FLOAT32));
+    let fields: Vec<(&str, u32, u8)> = FIELDS.into_iter().chain(more).collect();
     let mut cdr = CdrWriter::new();
     cdr.header(stamp_ns, frame);
     cdr.word(1);
     cdr.word(points);
-    cdr.word(FIELDS.len() as u32 + u32::from(colours));
+    cdr.word(fields.len() as u32);
     for (name, at, datatype) in fields {
         cdr.string(name);
         cdr.word(at);
@@ -231,7 +249,7 @@ fn cloud_head(stamp_ns: u64, frame: &str, points: u32, colours: bool) -> Vec<u8>
     }
     // Not big-endian.
     cdr.byte(0);
-    let length = point_bytes(colours) as u32;
+    let length = point_bytes(optional) as u32;
     cdr.word(length);
     let bytes = points * length;
     cdr.word(bytes);
@@ -259,7 +277,7 @@ mod tests {
 
     #[test]
     fn values_of_messages_are_aligned() {
-        let head = cloud_head(3_000_000_007, "lidar", 5, false);
+        let head = cloud_head(3_000_000_007, "lidar", 5, Optional { colours: false, velocities: false });
         let word = |at: usize| u32::from_le_bytes(head[at..at + 4].try_into().unwrap());
         assert_eq!((word(4), word(8), word(12), &head[16..22]), (3, 7, 6, &b"lidar\0"[..]));
         // Height and width follow the text, aligned.

@@ -31,6 +31,8 @@ const FIELDS: [(&str, u8, char); 9] = [
 ];
 /// Red, green and blue in the bits of a number, blue in the lowest eight.
 const COLOUR: (&str, u8, char) = ("rgb", 4, 'U');
+/// Radial velocity, m/s, positive away from the sensor.
+const VELOCITY: (&str, u8, char) = ("doppler", 4, 'F');
 
 /// The point that coordinates are relative to, for a scene with this box in the world.
 fn offset(world: &Aabb) -> DVec3 {
@@ -59,10 +61,16 @@ fn viewpoint(origins: &Aabb) -> Option<DVec3> {
 /// Returns the header of a file with `count` points, whose length does not depend on the count. `viewpoint`
 /// is where the scanner stands; `Some(None)` stands for one that moves after all, and `None` leaves no room
 /// for such a place.
-fn head(offset: DVec3, count: u64, state: &str, viewpoint: Option<Option<DVec3>>, colours: bool) -> Vec<u8> {
+fn head(
+    offset: DVec3,
+    count: u64,
+    state: &str,
+    viewpoint: Option<Option<DVec3>>,
+    (colours, velocities): (bool, bool),
+) -> Vec<u8> {
     let list = |text: &dyn Fn(&(&str, u8, char)) -> String| {
-        let colour = colours.then_some(&COLOUR);
-        FIELDS.iter().chain(colour).map(text).collect::<Vec<_>>().join(" ")
+        let more = [colours.then_some(&COLOUR), velocities.then_some(&VELOCITY)];
+        FIELDS.iter().chain(more.into_iter().flatten()).map(text).collect::<Vec<_>>().join(" ")
     };
     let count = count.to_string();
     let DVec3 { x, y, z } = viewpoint.flatten().unwrap_or(DVec3::ZERO);
@@ -96,6 +104,8 @@ struct Pcd {
     stands: bool,
     /// True if points have the colour of the surface.
     colours: bool,
+    /// True if points have their radial velocity.
+    velocities: bool,
 }
 
 /// PCD files.
@@ -103,7 +113,8 @@ pub(crate) fn pcd(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<d
     let offset = offset(&settings.world_bounds());
     let origin = settings.origin - offset;
     let (rings, stands, colours) = (settings.rows(), settings.stands, settings.has_colours());
-    Ok(Arc::new(Pcd { offset, origin, rings, stands, colours }))
+    let velocities = settings.has_velocities();
+    Ok(Arc::new(Pcd { offset, origin, rings, stands, colours, velocities }))
 }
 
 impl PointEncoder for Pcd {
@@ -124,6 +135,9 @@ impl PointEncoder for Pcd {
                 let [red, green, blue] = point.cause.colour;
                 out.extend([blue, green, red, 0]);
             }
+            if self.velocities {
+                out.extend((point.cause.velocity[0] as f32).to_le_bytes());
+            }
             Some(position)
         });
     }
@@ -135,7 +149,7 @@ impl PointEncoder for Pcd {
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
         let header = move |tally: &Tally, state: &str| {
             let place = || viewpoint(&tally.origins).map(|place| place + self.origin);
-            head(self.offset, tally.records, state, self.stands.then(place), self.colours)
+            head(self.offset, tally.records, state, self.stands.then(place), (self.colours, self.velocities))
         };
         Counted::begin(header, out)
     }
@@ -156,10 +170,10 @@ mod tests {
         assert_eq!(offset(&far), DVec3::new(477_000.0, 5_430_000.0, 0.0));
         assert_eq!(offset(&Aabb::EMPTY), DVec3::ZERO);
         let west = Aabb { min: DVec3::splat(-9000.0), max: DVec3::splat(8900.0) };
-        let text = String::from_utf8(head(offset(&west), 0, "complete", None, false)).unwrap();
+        let text = String::from_utf8(head(offset(&west), 0, "complete", None, (false, false))).unwrap();
         assert!(text.contains("# add 0 0 0 to x y z"), "{text}");
-        let length = head(offset(&far), 0, "complete", None, false).len();
-        assert_eq!(head(offset(&far), u64::MAX, "partial", None, false).len(), length);
+        let length = head(offset(&far), 0, "complete", None, (false, false)).len();
+        assert_eq!(head(offset(&far), u64::MAX, "partial", None, (false, false)).len(), length);
         let sizes: usize = FIELDS.iter().map(|f| usize::from(f.1)).sum();
         assert_eq!(sizes, POINT_BYTES);
     }
@@ -172,7 +186,7 @@ mod tests {
         assert_eq!(viewpoint(&around(at(3.0), at(5.0))), None);
         assert_eq!(viewpoint(&around(DVec3::NEG_INFINITY, DVec3::INFINITY)), None);
         assert_eq!(viewpoint(&Aabb::EMPTY), None);
-        let of = |place| String::from_utf8(head(DVec3::ZERO, 7, "complete", place, false)).unwrap();
+        let of = |place| String::from_utf8(head(DVec3::ZERO, 7, "complete", place, (false, false))).unwrap();
         let (blank, found) = (of(Some(None)), of(Some(Some(DVec3::new(3.1, -1_234.567_891, 0.25)))));
         assert!(found.contains("\nVIEWPOINT 3.1 -1234.567891 0.25 1 0 0 0\n"), "{found}");
         assert!(blank.contains("\nVIEWPOINT 0 0 0 1 0 0 0\n") && blank.len() == found.len(), "{blank}");

@@ -7,7 +7,10 @@ use super::pulse::Pulse;
 use crate::platform::PlatformState;
 use crate::scanner::{DevicePlan, DeviceState};
 use vlscan_base::error::Error;
-use vlscan_geom::{DVec3, Rotation};
+use vlscan_geom::{DVec3, Rotation, unit};
+
+/// Time over which the turn of a platform is taken, s.
+const TURN_S: f64 = 1e-5;
 
 impl FlightPlan {
     /// The pulse that device `index` emits in a step, at `time_ns` and `since_start` seconds after the start
@@ -101,7 +104,42 @@ impl FlightPlan {
                 false => state.deflector.scan_angle(&exact_deflection),
             },
             range_error: plan.errors.range.as_ref().map_or(0.0, |e| e.eval(state.deflector.exact_angle())),
+            velocity: None,
         }
+    }
+
+    /// Velocity of the origin of a pulse of device `index`, m/s, without noise: that of the platform, and of
+    /// mount and emitter as platform and head turn.
+    #[inline(never)]
+    pub(super) fn velocity(
+        &self,
+        platform: &PlatformState,
+        leg: &PlannedLeg,
+        index: usize,
+        state: &DeviceState,
+    ) -> DVec3 {
+        let plan = &self.devices[index];
+        let part = leg.part_of_step(plan);
+        let later = (part > 0.0).then(|| state.within_step(plan, part));
+        let state = later.as_ref().unwrap_or(state);
+        let mount = leg.mount.as_ref().unwrap_or(&self.mount);
+        let velocity = platform.velocity(&self.platform, leg.frequency);
+        if !self.kinematics.mount_offsets_turn {
+            return velocity;
+        }
+        let offset = if part > 0.0 { plan.firing_offset } else { 0.0 };
+        let pose_after = |seconds: f64| {
+            let steps = seconds * leg.frequency;
+            platform.pose_within_step(&self.platform, offset + seconds, part + steps).1
+        };
+        let (pointing, soon) = (pose_after(0.0), pose_after(TURN_S));
+        let base = pointing.after(mount.rotation);
+        let emitter = base.after(state.head.rotation(plan)).apply(plan.beam_origin.offset);
+        // The vector part of a small rotation is half of its angle.
+        let turn = soon.after(pointing.inverse());
+        let turn_rate = turn.u * (2.0 * turn.w.signum() / TURN_S);
+        let head_rate = base.apply(unit(plan.head_axis)) * state.head.rate();
+        velocity + turn_rate.cross(pointing.apply(mount.offset) + emitter) + head_rate.cross(emitter)
     }
 
     /// The error of a formula that has no value at a pulse of device `index`.

@@ -34,6 +34,9 @@ pub struct Pulse {
     pub scan_angle: f64,
     /// Error that is added to every range of this pulse, m.
     pub range_error: f64,
+    /// Velocity of the origin by the motions of platform and head, m/s; `None` unless it is recorded
+    /// ([`FlightSink::records_velocities`]).
+    pub velocity: Option<DVec3>,
 }
 
 impl Pulse {
@@ -77,6 +80,11 @@ impl PoseSample {
 pub trait FlightSink {
     /// A pulse is emitted.
     fn pulse(&mut self, pulse: impl FnOnce() -> Pulse);
+    /// True if pulses need the velocity of their origin.
+    fn records_velocities(&self) -> bool {
+        false
+    }
+
     /// The trajectory is sampled.
     fn pose(&mut self, pose: impl FnOnce() -> PoseSample);
 }

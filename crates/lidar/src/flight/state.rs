@@ -280,8 +280,12 @@ impl FlightState {
             }
             state.pulses += 1;
             let mut is_valid = true;
+            let has_velocity = sink.records_velocities();
             sink.pulse(|| {
-                let pulse = plan.pulse(platform, leg, index, state, *time_ns, since_start);
+                let mut pulse = plan.pulse(platform, leg, index, state, *time_ns, since_start);
+                if has_velocity {
+                    pulse.velocity = Some(plan.velocity(platform, leg, index, state));
+                }
                 is_valid = !device.errors.any() || pulse.is_valid();
                 pulse
             });

@@ -237,6 +237,15 @@ impl PlatformState {
         Some(horizontal(way)).filter(is_direction).or_else(|| Some(horizontal(nose())).filter(is_direction))
     }
 
+    /// Velocity, m/s, with `frequency` steps per second.
+    pub fn velocity(&self, plan: &PlatformPlan, frequency: f64) -> DVec3 {
+        match (self, &plan.motion) {
+            (PlatformState::Interpolated(s), Motion::Interpolated(table)) => s.velocity(table),
+            (PlatformState::Stream(s), _) => s.velocity(),
+            _ => self.course().map_or(DVec3::ZERO, |course| course.velocity * frequency),
+        }
+    }
+
     /// Position, m, scene frame, and attitude that carries the mount, `seconds` after the last step, which
     /// are `part` of a step. Vehicles and multicopters keep the attitude of the step.
     pub fn pose_within_step(&self, plan: &PlatformPlan, seconds: f64, part: f64) -> (DVec3, Rotation) {

@@ -1,6 +1,6 @@
 //! The records of one chunk of pulses.
 
-use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
+use super::echo::{Echo, EchoTruth, EchoVelocity, PulseRecord, WaveformRecord};
 use crate::flight::PoseSample;
 
 /// Everything that a chunk measured, in the order of emission.
@@ -21,6 +21,9 @@ pub struct Batch {
     /// True causes of echoes, if they are recorded or differ from the reported values; see
     /// [`Echo::truth_index`].
     pub truths: Vec<EchoTruth>,
+    /// Radial velocities of echoes, if they are recorded, by [`Echo::truth_index`]; the last ones may be
+    /// missing.
+    pub velocities: Vec<EchoVelocity>,
     /// Waveforms, when they are recorded.
     pub waveforms: Vec<WaveformRecord>,
     /// Samples of all waveforms.
@@ -81,9 +84,16 @@ impl Batch {
         self.weak = mark.weak;
         self.echoes.truncate(mark.echoes);
         self.truths.truncate(mark.truths);
+        self.velocities.truncate(mark.truths);
         self.waveforms.truncate(mark.waveforms);
         self.samples.truncate(mark.samples);
         self.pulses.truncate(mark.pulses);
+    }
+
+    /// Sets the radial velocity of the echo with the last truth.
+    pub(super) fn push_velocity(&mut self, velocity: EchoVelocity) {
+        self.velocities.resize(self.truths.len().saturating_sub(1), EchoVelocity::UNKNOWN);
+        self.velocities.push(velocity);
     }
 
     /// Empties the batch for the next chunk; memory is kept.
@@ -94,6 +104,7 @@ impl Batch {
         self.weak = WeakPulses::default();
         self.echoes.clear();
         self.truths.clear();
+        self.velocities.clear();
         self.waveforms.clear();
         self.samples.clear();
         self.pulses.clear();

@@ -70,6 +70,20 @@ pub struct EchoTruth {
     pub colour: [u8; 3],
 }
 
+/// Radial velocity of an echo, positive away from the instrument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EchoVelocity {
+    /// Mean over the light of the echo, m/s; NaN if it is not recorded.
+    pub radial: f64,
+    /// Standard deviation over the light of the echo, m/s; NaN if it is not recorded.
+    pub spread: f64,
+}
+
+impl EchoVelocity {
+    /// Not recorded, or of an echo that noise caused.
+    pub const UNKNOWN: EchoVelocity = EchoVelocity { radial: f64::NAN, spread: f64::NAN };
+}
+
 /// Way of the light of an echo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EchoPath {
@@ -94,25 +108,45 @@ pub enum PathKind {
     WaterColumn = 4,
     /// Through water.
     WaterBottom = 5,
+    /// Into fog, rain, snow or dust, which scatters it back.
+    Air = 6,
+    /// To a single raindrop or snowflake.
+    Drop = 7,
 }
 
 /// Class of the bottom of water in the domain profile of LAS for bathymetry.
 const BOTTOM_CLASS: i32 = 40;
 /// Class of the surface of water there.
 const WATER_SURFACE_CLASS: i32 = 41;
+/// Class of high noise in LAS 1.4, for echoes of the air.
+const HIGH_NOISE_CLASS: i32 = 18;
 
 impl PathKind {
+    /// Number of kinds.
+    pub(super) const COUNT: usize = 8;
+
+    /// True for echoes of fog, rain, snow and dust, which have no surface.
+    pub fn is_air(self) -> bool {
+        matches!(self, PathKind::Air | PathKind::Drop)
+    }
+
+    /// True for echoes that may be spread over a way, and those that compete with them.
+    pub(super) fn is_of_medium(self) -> bool {
+        self.is_water() || self.is_air()
+    }
+
     /// True for echoes of water and its bottom.
     pub fn is_water(self) -> bool {
         matches!(self, PathKind::WaterSurface | PathKind::WaterColumn | PathKind::WaterBottom)
     }
 
     /// Class of an echo of a surface whose material has the class `of_material`. Water without a class, and
-    /// its bottom without another class than ground, have those of bathymetry.
+    /// its bottom without another class than ground, have those of bathymetry; echoes of the air are noise.
     pub fn classification(self, of_material: i32) -> i32 {
         match (self, of_material) {
             (PathKind::WaterSurface, 0) => WATER_SURFACE_CLASS,
             (PathKind::WaterBottom, 0..=2) => BOTTOM_CLASS,
+            (PathKind::Air | PathKind::Drop, _) => HIGH_NOISE_CLASS,
             _ => of_material,
         }
     }
@@ -136,6 +170,8 @@ impl EchoPath {
             3 => PathKind::WaterSurface,
             4 => PathKind::WaterColumn,
             5 => PathKind::WaterBottom,
+            6 => PathKind::Air,
+            7 => PathKind::Drop,
             _ => PathKind::Direct,
         };
         EchoPath { kind, order }
@@ -196,6 +232,11 @@ impl Echo {
     pub fn truth(&self, truths: &[EchoTruth]) -> EchoTruth {
         let recorded = truths.get(self.truth_index as usize).copied();
         recorded.unwrap_or_else(|| EchoTruth::unknown([self.origin, self.direction]))
+    }
+
+    /// Radial velocity, [`EchoVelocity::UNKNOWN`] if it is not recorded; `velocities` belong to its batch.
+    pub fn velocity(&self, velocities: &[EchoVelocity]) -> EchoVelocity {
+        velocities.get(self.truth_index as usize).copied().unwrap_or(EchoVelocity::UNKNOWN)
     }
 
     /// Position relative to the origin of the beam in the scanner's axes, m: the origin itself for a missed

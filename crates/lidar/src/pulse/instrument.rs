@@ -3,36 +3,34 @@
 use super::cluster::ClusterRule;
 use super::detector_settings::{DetectorSettings, PeakRule};
 use super::echo::Echo;
+use super::emission::{check, footprint, pulse_shape, subrays};
 use super::energy::{BeamState, Energy, half_angle};
-use super::footprint::Footprint;
+use super::fmcw::Chirps;
 use super::noise::signal_to_noise;
 use super::options::PhysicsOptions;
 use super::peaks::Peaks;
 use super::photon_counter::PhotonCounter;
 use super::receiver::{FalseAlarms, ReceiverModel};
 use super::reception::{Reception, peak_rule};
-use super::sampled;
 use super::selection::ReturnSelection;
-use super::shape::{self, PulseShape, sample_count};
 use super::single_bin::SingleBinDetector;
 use super::subray::Subrays;
 use super::waveform::Waveform;
+use super::weather_drops::WeatherModel;
 use libm::sqrt;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 use vlscan_base::corrections::Corrections;
-use vlscan_base::quantity::number;
 use vlscan_base::{Error, Result};
 use vlscan_geom::LIGHT_SPEED;
-use vlscan_survey::{Beam, Device, Formula, RangeNoise, Receiver, ReferenceTarget, ScannerSettings, Survey};
+use vlscan_survey::{
+    Beam, Device, Formula, RangeNoise, Receiver, ReferenceTarget, ScannerSettings, Survey, Weather,
+};
 use vlscan_trace::simd::portable::Portable;
 
-/// Maximum number of rings of subrays: 512 rings are 822,000 rays per pulse.
-const MAX_RINGS: u32 = 512;
 /// Cosine of the angle of incidence below which the depth of a footprint no longer grows: 84°.
 const MIN_INCIDENCE_COSINE: f64 = 0.1;
-const MAX_PULSE_BINS: f64 = (1u32 << 20) as f64;
 
 /// A device with one divergence.
 #[derive(Clone, Debug)]
@@ -62,6 +60,12 @@ pub(super) struct Instrument {
     pub field_of_view: Option<f64>,
     /// True if points below water are corrected for its refraction and speed of light.
     pub corrects_refraction: bool,
+    /// Simulation steps per second: the pulse rate.
+    pub step_rate: f64,
+    /// Chirps, if the device has no pulses.
+    pub chirps: Option<Chirps>,
+    /// The weather of the leg, unless it is clear.
+    pub weather: Option<WeatherModel>,
     /// The receiver, if it is not ideal.
     pub receiver: Option<ReceiverModel>,
     /// The receiver, if it counts photons.
@@ -69,7 +73,12 @@ pub(super) struct Instrument {
 }
 
 impl Instrument {
-    fn new(device: &Device, divergence: Divergence, frequency: f64, context: &Context) -> Result<Instrument> {
+    fn new(
+        device: &Device,
+        divergence: Divergence,
+        (frequency, weather): (f64, &Weather),
+        context: &Context,
+    ) -> Result<Instrument> {
         let (o, c) = (context.options, context.options.corrections);
         let ideal = Receiver::default();
         let receiver = if c.receiver { &device.receiver } else { &ideal };
@@ -107,6 +116,12 @@ impl Instrument {
             && device.waveform.max_range <= 0.0;
         let single_bin = has_fast_path && !c.fractional_bins && !c.clip_dead_zone;
         let clusters = has_fast_path && c.fractional_bins && c.clip_dead_zone;
+        let footprint = footprint(device, half_angles);
+        // Only the lidar equation has weather; figures of data sheets hold in the air of the scanner.
+        let clear = Weather::CLEAR;
+        let weather = if c.radiometry { weather } else { &clear };
+        let in_weather = Beam { visibility: weather.haze_visibility(beam.visibility), ..beam };
+        let state = BeamState { beam: &in_weather, ..state };
         Ok(Instrument {
             energy: Energy::new(state, subrays.len(), context.multi_channel, o),
             subrays,
@@ -133,6 +148,9 @@ impl Instrument {
             waveform_noise,
             field_of_view: receiver.field_of_view,
             corrects_refraction: receiver.corrects_refraction,
+            step_rate: frequency,
+            chirps: receiver.fmcw.map(|wave| Chirps::new(&wave, device.beam.wavelength)),
+            weather: WeatherModel::new(weather, beam.wavelength, footprint, beam.overlap.is_some()),
             receiver: model,
             counter,
         })
@@ -159,30 +177,6 @@ impl Instrument {
     /// True if noise or the step of ranges moves echoes.
     pub fn moves_ranges(&self) -> bool {
         self.range_accuracy != 0.0 || self.range_noise.is_some() || self.range_step > 0.0
-    }
-}
-
-/// The pulse that a device emits, in its bins.
-fn pulse_shape(device: &Device, corrections: &Corrections) -> PulseShape {
-    match &device.receiver.pulse_shape {
-        Some(pulse) if corrections.receiver => PulseShape::measured(pulse, device.waveform.bin),
-        _ => {
-            let length = device.beam.length(corrections.stated_pulse_widths);
-            match corrections.symmetric_pulse {
-                true => PulseShape::raised_cosine(length, device.waveform.bin),
-                false => PulseShape::new(length, corrections.whole_pulse, &device.waveform),
-            }
-        }
-    }
-}
-
-fn subrays(device: &Device, half_angles: [f64; 2], c: &Corrections) -> Subrays {
-    let rings = device.waveform.quality;
-    if c.equal_energy {
-        let exit_radius = device.beam.aperture * 0.5;
-        Subrays::of_equal_energy(&Footprint { profile: device.beam.profile, half_angles, exit_radius }, rings)
-    } else {
-        Subrays::new(half_angles[0], rings)
     }
 }
 
@@ -260,17 +254,24 @@ impl InstrumentTable {
             first_frequency: survey.scanner.pulse_freqs.first().map_or(1.0, |f| f64::from(*f)),
         };
         let (mut instruments, mut indices) = (Vec::new(), Vec::new());
-        let mut known: HashMap<(usize, u64, u32), u32> = HashMap::new();
+        let mut known: HashMap<(usize, u64, u32, usize), u32> = HashMap::new();
+        // Weathers by number.
+        let mut weathers: Vec<&Weather> = Vec::new();
         for leg in &survey.legs {
+            let own = &leg.scanner.weather;
+            let weather = weathers.iter().position(|known| *known == own).unwrap_or_else(|| {
+                weathers.push(own);
+                weathers.len() - 1
+            });
             for (i, device) in devices.iter().enumerate() {
                 let divergence = divergence(survey, &leg.scanner, i, device, options);
                 // Only the lidar equation depends on the pulse rate.
                 let rate = if options.corrections.radiometry { leg.scanner.pulse_freq } else { 0 };
-                let index = match known.entry((i, divergence.leg.to_bits(), rate)) {
+                let index = match known.entry((i, divergence.leg.to_bits(), rate, weather)) {
                     Entry::Occupied(known) => *known.get(),
                     Entry::Vacant(new) => {
                         let frequency = f64::from(leg.scanner.pulse_freq.max(1));
-                        instruments.push(Instrument::new(device, divergence, frequency, &context)?);
+                        instruments.push(Instrument::new(device, divergence, (frequency, own), &context)?);
                         *new.insert(instruments.len() as u32 - 1)
                     }
                 };
@@ -282,6 +283,11 @@ impl InstrumentTable {
             devices: devices.len(),
             indices: indices.into(),
         })
+    }
+
+    /// True if a device has chirps, whose ranges depend on velocities.
+    pub(super) fn has_chirps(&self) -> bool {
+        self.instruments.iter().any(|instrument| instrument.chirps.is_some())
     }
 
     /// The false alarms of the instrument that has the most per pulse; `None` if no receiver has noise.
@@ -345,29 +351,6 @@ pub fn count_echoes_of_one_pulse(device: &Device, corrections: &Corrections) -> 
     let samples: Vec<f64> = shape.samples.iter().copied().chain([0.0]).collect();
     let waveform = Waveform::of_samples(&samples);
     Some(Peaks::of(Portable, &waveform, rule).count())
-}
-
-fn check(device: &Device, corrections: &Corrections) -> Result<()> {
-    let w = &device.waveform;
-    let duration = match &device.receiver.pulse_shape {
-        Some(pulse) if corrections.receiver => sampled::duration(pulse),
-        _ => shape::duration_of(device.beam.length(corrections.stated_pulse_widths), corrections),
-    };
-    let problem = if !(w.bin > 0.0 && w.bin.is_finite()) {
-        format!("binSize_ns is {}, expected a positive number", w.bin)
-    } else if !(duration.is_finite() && duration / w.bin <= MAX_PULSE_BINS) {
-        format!(
-            "a pulse of {} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
-            number(duration),
-            number(w.bin)
-        )
-    } else if w.quality > MAX_RINGS {
-        format!("beamSampleQuality is {}, expected at most {MAX_RINGS}", w.quality)
-    } else {
-        debug_assert!(sample_count(duration, w.bin) <= MAX_PULSE_BINS as usize);
-        return Ok(());
-    };
-    Err(Error::input(format!("device {}: {problem}", device.id)))
 }
 
 #[cfg(test)]

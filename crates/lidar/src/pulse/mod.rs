@@ -4,7 +4,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `options`, `instrument`, `physics` | options and corrections; constants of each device; data of all workers |
+//! | `options`, `instrument`, `emission`, `physics` | options and corrections; constants of each device, its pulse and beam; data of all workers |
 //! | `simulator`, `ray_batch` | the three phases of many pulses; rays that are traced together |
 //! | `subray`, `footprint` | directions of subrays: rings, and patterns of equal energy |
 //! | `traced`, `energy`, `lanes` | ranges of the hits and the energy received from there, in blocks of subrays |
@@ -14,14 +14,16 @@
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
 //! | `paths`, `pane` | light over mirrors and through panes; the formulas of panes |
 //! | `water`, `water_column` | the surface of water; light that water scatters back |
+//! | `weather`, `weather_drops`, `weather_light` | fog, rain, snow and dust; single drops; returned light |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
 //! | `reception`, `receiver`, `receiver_error`, `noise`, `ranging`, `selection` | detection of each device; receivers that are not ideal: noise, ranging, photon statistics, dead time |
+//! | `fmcw` | ranges and velocities by chirps |
 //! | `photon_counter` | receivers that count single photons |
 //! | `maximum` | time and height of an echo between its samples |
 //! | `detector_settings`, `peak_detection`, `peaks`, `fit`, `recorded` | detection settings; returns of simulated, recorded waveforms |
-//! | `sources`, `range_noise` | true causes of echoes; noise of ranges |
+//! | `sources`, `velocity`, `range_noise` | true causes of echoes; their radial velocities; noise of ranges |
 //! | `echo`, `batch` | the records |
 
 mod batch;
@@ -29,8 +31,10 @@ mod cluster;
 mod continuum;
 mod detector_settings;
 mod echo;
+mod emission;
 mod energy;
 mod fit;
+mod fmcw;
 mod foliage;
 mod footprint;
 mod instrument;
@@ -72,13 +76,17 @@ mod tests;
 mod tiles;
 mod traced;
 mod triangle_cache;
+mod velocity;
 mod view;
 mod water;
 mod water_column;
 mod waveform;
+mod weather;
+mod weather_drops;
+mod weather_light;
 
 pub use batch::{Batch, WeakPulses};
-pub use echo::{Echo, EchoPath, EchoTruth, PathKind, PulseRecord, WaveformRecord};
+pub use echo::{Echo, EchoPath, EchoTruth, EchoVelocity, PathKind, PulseRecord, WaveformRecord};
 pub use instrument::{InstrumentTable, count_echoes_of_one_pulse};
 pub use options::{PhysicsOptions, PhysicsProfile};
 pub use physics::Physics;

@@ -1,5 +1,6 @@
 //! Options of the pulse physics.
 
+use std::fmt;
 use vlscan_base::corrections::Corrections;
 
 vlscan_choice::choices! {
@@ -30,7 +31,7 @@ impl PhysicsProfile {
 }
 
 /// Options of the pulse physics. [`PhysicsOptions::helios`] reproduces the reference's numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub struct PhysicsOptions {
     /// Seed of every random draw.
     pub seed: u64,
@@ -52,6 +53,9 @@ pub struct PhysicsOptions {
     /// Record the colours of surfaces with their true causes ([`super::EchoTruth::colour`]), if the scene has
     /// colours.
     pub record_colours: bool,
+    /// Record the radial velocities of echoes with their true causes ([`super::Batch::velocities`]), if
+    /// pulses have the velocity of their origin.
+    pub record_velocities: bool,
     /// Give every echo the attitude of the scanner ([`super::Echo::scanner`]).
     pub record_scanner_axes: bool,
     /// Append the reflections of all subrays to the batch instead of echoes.
@@ -81,6 +85,7 @@ impl PhysicsOptions {
             record_pulses: false,
             record_truth: false,
             record_colours: false,
+            record_velocities: false,
             record_scanner_axes: false,
             record_subrays: false,
             max_order: PhysicsOptions::MAX_ORDER,
@@ -91,6 +96,31 @@ impl PhysicsOptions {
     /// The corrected physics: [`Corrections::REFINED`], otherwise as [`PhysicsOptions::helios`].
     pub fn refined() -> PhysicsOptions {
         PhysicsOptions { corrections: Corrections::REFINED, ..PhysicsOptions::helios() }
+    }
+}
+
+impl fmt::Debug for PhysicsOptions {
+    /// Checksums of shards include this text, so runs without radial velocities have none of them in it.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let mut fields = f.debug_struct("PhysicsOptions");
+        fields
+            .field("seed", &self.seed)
+            .field("legacy_energy", &self.legacy_energy)
+            .field("fixed_incidence", &self.fixed_incidence)
+            .field("echo_width", &self.echo_width)
+            .field("waveform_noise", &self.waveform_noise)
+            .field("record_waveforms", &self.record_waveforms)
+            .field("record_pulses", &self.record_pulses)
+            .field("record_truth", &self.record_truth)
+            .field("record_colours", &self.record_colours)
+            .field("record_scanner_axes", &self.record_scanner_axes)
+            .field("record_subrays", &self.record_subrays)
+            .field("max_order", &self.max_order)
+            .field("corrections", &self.corrections);
+        if self.record_velocities {
+            fields.field("record_velocities", &self.record_velocities);
+        }
+        fields.finish()
     }
 }
 

@@ -4,8 +4,11 @@
 //! with a constant rate of background light under it (Goodman 2015, *Statistical Optics*, §9). After an event
 //! the receiver is blind for its dead time, whatever arrives meanwhile (non-paralysable). The process has no
 //! memory, so that events are drawn one after the other: the mean number of photoelectrons between an event,
-//! or the end of its dead time, and the next one has the exponential distribution of mean 1. Pixels that
-//! share the light are channels of the scanner.
+//! or the end of its dead time, and the next one has the exponential distribution of mean 1.
+//!
+//! Pixels share the light of a pulse evenly, and each has a dead time. An event may cause an afterpulse,
+//! which follows the dead time by an exponential delay unless a photon comes first. Jitter moves the times of
+//! events, after all of this.
 
 use super::detector_settings::{DetectorSettings, Return};
 use super::receiver_error::ReceiverError;
@@ -13,7 +16,7 @@ use super::shape::PulseShape;
 use super::waveform::Waveform;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::rng::{self, Purpose, Stream};
-use vlscan_survey::{Ranging, Receiver};
+use vlscan_survey::{PixelSettings, Ranging, Receiver};
 
 /// Elementary charge, C.
 const ELECTRON: f64 = 1.602_176_634e-19;
@@ -35,8 +38,22 @@ pub(super) struct PhotonCounter {
     /// Travel times between which photons count, ns.
     gate: (f64, f64),
     dead_time: f64,
+    pixels: PixelSettings,
     max_returns: usize,
     stream: Stream,
+    afterpulses: Stream,
+    jitter: Stream,
+}
+
+/// Draws of a pixel begin at a multiple of it.
+const DRAWS_PER_PIXEL: u32 = 1 << 14;
+
+/// An event of a pixel.
+#[derive(Clone, Copy, Debug)]
+struct Event {
+    /// ns.
+    time: f64,
+    is_noise: bool,
 }
 
 /// A time from which on light comes at a constant rate.
@@ -72,7 +89,9 @@ impl PhotonCounter {
         }
         // The light of an echo whose peak is at the threshold.
         let light = threshold * shape.samples.iter().sum::<f64>() * shape.bin / shape.top;
-        let background = receiver.shot.map_or(0.0, |s| s.background * s.responsivity / ELECTRON * 1e-9);
+        let pixels = receiver.pixels;
+        let of_light = receiver.shot.map_or(0.0, |s| s.background * s.responsivity / ELECTRON * 1e-9);
+        let background = of_light + f64::from(pixels.count) * pixels.dark_counts * 1e-9;
         let expected = background * (gate.1 - gate.0);
         if expected > MAX_BACKGROUND {
             return Err(ReceiverError::Background {
@@ -87,8 +106,11 @@ impl PhotonCounter {
             amplitude: threshold / photons,
             gate,
             dead_time: receiver.dead_time,
+            pixels,
             max_returns: if max_returns > 0 { max_returns as usize } else { usize::MAX },
             stream: Stream::new(seed, Purpose::PhotonCount),
+            afterpulses: Stream::new(seed, Purpose::Afterpulse),
+            jitter: Stream::new(seed, Purpose::PhotonJitter),
         }))
     }
 
@@ -110,36 +132,81 @@ impl PhotonCounter {
         returns: &mut Vec<Return>,
     ) -> Result<()> {
         let (pieces, total) = self.pieces(waveform, detector.shape.bin);
-        let mut reached = 0.0;
-        for event in 0.. {
-            let draw = self.stream.bits(device, pulse, event);
-            reached -= libm::log(rng::open_unit(draw[0], draw[1]));
-            if reached >= total || returns.len() == self.max_returns {
-                break;
-            }
-            if event == MAX_EVENTS {
-                return Err(Error::input_with_help(
-                    format!(
-                        "pulse {pulse} of device {device} has more than {MAX_EVENTS} photons, about \
-                         {total:.0} without dead time"
-                    ),
-                    "no receiver counts so many: state the receiver's `dead_time_ns`, or limit the returns \
-                     with `max_returns`",
-                ));
-            }
+        let mut events = Vec::new();
+        for pixel in 0..self.pixels.count {
+            let is_in_time = |time: f64| is_kept(detector.light_speed * time);
+            self.count_pixel(pixel, (&pieces, total), (device, pulse), &is_in_time, &mut events)?;
+        }
+        // Events of one pixel are in order.
+        if self.pixels.count > 1 || self.pixels.jitter > 0.0 {
+            events.sort_by(|a, b| a.time.total_cmp(&b.time));
+        }
+        events.truncate(self.max_returns.saturating_sub(returns.len()));
+        returns.extend(events.iter().map(|event| Return {
+            range: detector.light_speed * event.time,
+            amplitude: self.amplitude,
+            width: 0.0,
+            is_noise: event.is_noise,
+        }));
+        Ok(())
+    }
+
+    /// Appends the events of a pixel, whose times `is_kept` accepts, by time before jitter.
+    fn count_pixel(
+        &self,
+        pixel: u32,
+        (pieces, total): (&[Piece], f64),
+        (device, pulse): (u32, u64),
+        is_kept: &impl Fn(f64) -> bool,
+        events: &mut Vec<Event>,
+    ) -> Result<()> {
+        let (first, share) = (pixel * DRAWS_PER_PIXEL, 1.0 / f64::from(self.pixels.count));
+        let (mut reached, mut kept) = (0.0, 0);
+        let mut afterpulse: Option<f64> = None;
+        for number in 0.. {
+            let draw = self.stream.bits(device, pulse, first + number);
+            reached -= libm::log(rng::open_unit(draw[0], draw[1])) / share;
             let piece = pieces[pieces.partition_point(|piece| piece.before <= reached).saturating_sub(1)];
             let rate = piece.light + self.background;
-            let time = piece.from + (reached - piece.before) / rate;
-            let is_noise = rng::open_unit(draw[2], draw[3]) * rate > piece.light;
-            let range = detector.light_speed * time;
-            if is_kept(range) {
-                returns.push(Return { range, amplitude: self.amplitude, width: 0.0, is_noise });
+            let photon =
+                if reached >= total { f64::INFINITY } else { piece.from + (reached - piece.before) / rate };
+            let delayed = afterpulse.take().filter(|time| *time < photon.min(self.gate.1));
+            if (delayed.is_none() && reached >= total) || kept == self.max_returns {
+                break;
             }
-            if self.dead_time > 0.0 {
-                reached = reached.max(self.mean_before(&pieces, time + self.dead_time));
+            if number == MAX_EVENTS {
+                return Err(too_many(device, pulse, total));
             }
+            let time = delayed.unwrap_or(photon);
+            let is_noise = delayed.is_some() || rng::open_unit(draw[2], draw[3]) * rate > piece.light;
+            let moved = self.with_jitter(time, (device, pulse), first + number);
+            if is_kept(moved) {
+                events.push(Event { time: moved, is_noise });
+                kept += 1;
+            }
+            let blind = time + self.dead_time;
+            if delayed.is_some() || self.dead_time > 0.0 {
+                let next = self.mean_before(pieces, blind);
+                // An afterpulse comes before the photon that was drawn.
+                reached = if delayed.is_some() { next } else { reached.max(next) };
+            }
+            afterpulse = self.afterpulse(blind, (device, pulse), first + number);
         }
         Ok(())
+    }
+
+    /// Time of the afterpulse of event number `number` that ends the dead time at `blind` ns.
+    fn afterpulse(&self, blind: f64, (device, pulse): (u32, u64), number: u32) -> Option<f64> {
+        let (probability, delay) = self.pixels.afterpulse?;
+        let draw = self.afterpulses.bits(device, pulse, number);
+        let occurs = rng::open_unit(draw[0], draw[1]) <= probability;
+        occurs.then(|| blind - delay * libm::log(rng::open_unit(draw[2], draw[3])))
+    }
+
+    /// Time of event number `number` with its jitter, ns.
+    fn with_jitter(&self, time: f64, (device, pulse): (u32, u64), number: u32) -> f64 {
+        let sigma = self.pixels.jitter;
+        if sigma > 0.0 { time + sigma * self.jitter.normal(device, pulse, number) } else { time }
     }
 
     /// The rate of photoelectrons within the gate, in pieces, and their mean number.
@@ -168,6 +235,18 @@ impl PhotonCounter {
         let piece = pieces[pieces.partition_point(|piece| piece.from <= time).saturating_sub(1)];
         piece.before + (time - piece.from).max(0.0) * (piece.light + self.background)
     }
+}
+
+#[cold]
+fn too_many(device: u32, pulse: u64, total: f64) -> Error {
+    Error::input_with_help(
+        format!(
+            "pulse {pulse} of device {device} has more than {MAX_EVENTS} photons, about {total:.0} without \
+             dead time"
+        ),
+        "no receiver counts so many: state the receiver's `dead_time_ns`, or limit the returns with \
+         `max_returns`",
+    )
 }
 
 #[cfg(test)]
@@ -260,6 +339,66 @@ mod tests {
         };
         assert_eq!(near(3.0), 0);
         assert!(near(0.0) > 1000);
+    }
+
+    #[test]
+    fn pixels_share_the_light_and_count_it_once_each() {
+        // The dead time is longer than the pulse: K·(1 − e^(−N/K)).
+        for (pixels, mean, expected) in
+            [(1, 0.5, 0.393469), (1, 1.0, 0.632121), (4, 4.22, 2.607230), (16, 4.22, 3.709351)]
+        {
+            let pixels = PixelSettings { count: pixels, ..PixelSettings::default() };
+            let found = photons(&Receiver { pixels, dead_time: 20.0, ..Receiver::default() }, mean, 20_000);
+            let average = found.iter().map(Vec::len).sum::<usize>() as f64 / 20_000.0;
+            assert!((average - expected).abs() < 0.03, "{pixels:?}: {average} is not {expected}");
+            assert!(found.iter().all(|f| f.is_sorted_by(|a, b| a.range <= b.range)));
+        }
+    }
+
+    #[test]
+    fn jitter_widens_the_times_of_photons() {
+        let spread = |jitter: f64| {
+            let pixels = PixelSettings { jitter, ..PixelSettings::default() };
+            let found = photons(&Receiver { pixels, ..Receiver::default() }, 1.0, 20_000);
+            let squares: Vec<f64> = found.iter().flatten().map(|r| (r.range - 30.0).powi(2)).collect();
+            squares.iter().sum::<f64>() / squares.len() as f64
+        };
+        let (sharp, wide) = (spread(0.0), spread(2.0));
+        let expected = sharp + (2.0 * LIGHT).powi(2);
+        assert!((wide / expected - 1.0).abs() < 0.05, "{wide} is not {expected}");
+    }
+
+    #[test]
+    fn afterpulses_follow_the_dead_time() {
+        let of = |afterpulse: Option<(f64, f64)>| {
+            let pixels = PixelSettings { afterpulse, ..PixelSettings::default() };
+            photons(&Receiver { pixels, dead_time: 5.0, ..Receiver::default() }, 0.2, 30_000)
+        };
+        let count = |found: &[Vec<Return>]| found.iter().map(Vec::len).sum::<usize>() as f64;
+        let (without, with) = (of(None), of(Some((0.3, 4.0))));
+        // Each event has 0.3 afterpulses, which have afterpulses themselves.
+        let ratio = count(&with) / count(&without);
+        assert!((ratio * 0.7 - 1.0).abs() < 0.06, "{ratio}");
+        let noise = with.iter().flatten().filter(|r| r.is_noise).count() as f64;
+        assert!((noise / count(&with) - 0.3).abs() < 0.03, "{noise}");
+        let gaps = with.iter().flat_map(|f| f.windows(2)).map(|pair| pair[1].range - pair[0].range);
+        assert!(gaps.fold(f64::INFINITY, f64::min) >= 5.0 * LIGHT * (1.0 - 1e-12));
+    }
+
+    #[test]
+    fn dark_counts_are_those_of_all_pixels() {
+        // 0.1 per ns and pixel, a dead time of 10 ns: half of them in 1000 ns.
+        let detector = refined();
+        let pixels = PixelSettings { count: 2, dark_counts: 1e8, ..PixelSettings::default() };
+        let receiver = Receiver { pixels, dead_time: 10.0, ..Receiver::default() };
+        let counter = counter(&receiver, &detector.shape, (100.0, 1100.0));
+        let (dark, mut sum) = (received(&[], &detector), 0.0);
+        for pulse in 0..300 {
+            let mut found = Vec::new();
+            counter.count(&dark, &detector, (0, pulse), |_| true, &mut found).unwrap();
+            sum += found.len() as f64 / 300.0;
+        }
+        assert!(counter.has_background() && (sum / 100.0 - 1.0).abs() < 0.02, "{sum}");
     }
 
     #[test]

@@ -26,6 +26,7 @@ pub struct Physics<'a> {
     pub(super) free_paths: Stream,
     pub(super) pattern_turns: Stream,
     pub(super) facet_slopes: Stream,
+    pub(super) weather_drops: Stream,
 }
 
 impl<'a> Physics<'a> {
@@ -57,7 +58,13 @@ impl<'a> Physics<'a> {
             free_paths: Stream::new(o.seed, Purpose::FreePath),
             pattern_turns: Stream::new(o.seed, Purpose::PatternTurn),
             facet_slopes: Stream::new(o.seed, Purpose::FacetSlope),
+            weather_drops: Stream::new(o.seed, Purpose::WeatherDrop),
         })
+    }
+
+    /// True if pulses need the velocity of their origin.
+    pub fn records_velocities(&self) -> bool {
+        self.options.record_velocities || self.instruments.has_chirps()
     }
 
     /// Maximum number of rays per pulse of a device.

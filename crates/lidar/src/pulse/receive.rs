@@ -3,7 +3,7 @@
 use super::batch::{Batch, WeakPulses};
 use super::cluster::ClusterDetector;
 use super::detector_settings::{DetectorSettings, Return};
-use super::echo::{Echo, EchoTruth, PulseRecord, WaveformRecord};
+use super::echo::{Echo, EchoTruth, EchoVelocity, PulseRecord, WaveformRecord};
 use super::foliage::FreePaths;
 use super::instrument::Instrument;
 use super::options::PhysicsOptions;
@@ -18,12 +18,15 @@ use super::return_profile::ReturnProfile;
 use super::slope::SlopeMerger;
 use super::sources::ReflectionSources;
 use super::traced::{SubrayGains, TracedPulse};
+use super::velocity;
 use super::view::SceneView;
 use super::water::WaterPlane;
 use super::waveform::{MAX_RECORD_SAMPLES, Waveform};
+use super::weather_light::WeatherLight;
 use crate::flight::Pulse;
 use vlscan_base::{Error, Result};
 use vlscan_geom::{DVec3, Rotation};
+use vlscan_trace::Hits;
 use vlscan_trace::simd::Simd;
 
 /// Scratch memory of everything after the traversal.
@@ -32,6 +35,7 @@ pub(super) struct Detection {
     pub scratch: ReflectScratch,
     reflections: Reflections,
     light_paths: LightPaths,
+    weather_light: WeatherLight,
     profile: ReturnProfile,
     slopes: SlopeMerger,
     sources: ReflectionSources,
@@ -78,11 +82,21 @@ fn class_of(end: Option<&PathEnd>, classification: i32) -> i32 {
     end.map_or(classification, |end| end.path.kind.classification(classification))
 }
 
+/// Part and class of a primitive; the air has no part.
+fn part_and_class(view: &SceneView, primitive: u32) -> (u32, i32) {
+    if primitive == Hits::MISS { (u32::MAX, 0) } else { view.part_and_class(primitive) }
+}
+
+/// Number of a primitive in outputs; [`u32::MAX`] for the air.
+fn number_of(view: &SceneView, primitive: u32) -> u32 {
+    if primitive == Hits::MISS { u32::MAX } else { view.number_when_stored(primitive) }
+}
+
 /// The reflection to which a return is attributed.
 #[inline(always)]
 fn source_near(reflections: &Reflections, range: f64, detector: &DetectorSettings) -> usize {
     let half_pulse = 0.5 * detector.light_speed * detector.shape.duration;
-    reflections.source_in_water(attribute(reflections, range), range, half_pulse)
+    reflections.source_in_medium(attribute(reflections, range), range, half_pulse)
 }
 
 impl Detection {
@@ -99,11 +113,16 @@ impl Detection {
         let (options, detector) = (&physics.options, &instrument.detector);
         let corrections = &detector.corrections;
         self.reflect(physics, view, (instrument, pulse), (traced, gains));
+        let weather = instrument.weather.as_ref().and_then(|model| Some((model, model.air(pulse.time_ns)?)));
+        if let Some((_, air)) = &weather {
+            let hits = self.scratch.hits.iter_mut();
+            hits.chain([&mut self.reflections]).for_each(|all| all.dim(air.extinction));
+        }
         let model = instrument.receiver.as_ref();
         let counter = instrument.counter.as_ref();
         let is_idle = !model.is_some_and(ReceiverModel::has_false_alarms)
             && !counter.is_some_and(PhotonCounter::has_background);
-        if self.reflections.is_empty() && is_idle {
+        if self.reflections.is_empty() && is_idle && weather.is_none() {
             return Ok(());
         }
         self.profile.sort_by_range(simd, &self.reflections, corrections.sum_equal_ranges);
@@ -122,6 +141,21 @@ impl Detection {
                 triangles,
                 &mut self.profile,
             );
+        }
+        if let Some((model, air)) = &weather {
+            let hits = &mut self.scratch.hits;
+            self.weather_light.add(
+                (view, instrument),
+                (*model, air),
+                (&traced, &gains),
+                (pulse, &physics.weather_drops),
+                hits,
+                &mut self.reflections,
+            );
+            if self.reflections.is_empty() && is_idle {
+                return Ok(());
+            }
+            self.profile.add(&self.weather_light.light);
         }
         if options.record_waveforms || !self.detect_without_waveform(instrument, is_kept) {
             let has_light = self.detect_in_waveform(simd, options, (instrument, pulse), is_kept)?;
@@ -145,8 +179,8 @@ impl Detection {
             return Ok(());
         }
         let scanner = if options.record_scanner_axes { pulse.scanner_attitude } else { Echo::NO_ATTITUDE };
-        let recorded = (options.record_truth.then_some(&traced), scanner);
-        self.emit_echoes(view, instrument, recorded, pulse, batch);
+        let recorded = (options.record_truth, scanner);
+        self.emit_echoes(view, instrument, (&traced, recorded), pulse, batch);
         if options.record_waveforms && self.waveform.bins > 0 {
             self.emit_waveform(physics, instrument, pulse, batch)?;
         }
@@ -165,7 +199,8 @@ impl Detection {
         let options = &physics.options;
         let mut paths =
             FreePaths { stream: physics.free_paths, device: pulse.device, pulse: pulse.number, drawn: 0 };
-        self.scratch.records_hits = options.record_truth || options.record_subrays;
+        self.scratch.records_hits =
+            options.record_truth || options.record_subrays || instrument.chirps.is_some();
         view.reflect(instrument, (traced, gains), &mut paths, &mut self.scratch, &mut self.reflections);
         if view.has_optics {
             let draws = (&physics.facet_slopes, &mut paths);
@@ -215,10 +250,11 @@ impl Detection {
     #[inline(never)]
     fn count_weak(&self, detector: &DetectorSettings, pulse: &Pulse, batch: &mut Batch) {
         let is_measured = |range: &&f64| !is_too_near(**range + pulse.range_error, detector);
-        let light = self.reflections.intensities().iter().sum::<f64>() * detector.shape.top;
+        let count = self.reflections.count_without_air();
+        let light = self.reflections.intensities()[..count].iter().sum::<f64>() * detector.shape.top;
         let threshold = detector.rule.threshold;
         let strongest = light.min(threshold);
-        if self.reflections.ranges().iter().any(|range| is_measured(&range)) {
+        if self.reflections.ranges()[..count].iter().any(|range| is_measured(&range)) {
             batch.weak.add(&WeakPulses { count: 1, strongest, threshold });
         }
     }
@@ -242,17 +278,20 @@ impl Detection {
     }
 
     /// Appends an echo for each return: its range error and the surface it is attributed to (spec
-    /// pulse-physics §4.7–4.9). `traced` is given if the truth of the echoes is recorded, `scanner` is the
-    /// attitude of the scanner where it is recorded.
+    /// pulse-physics §4.7–4.9). `records_truth` is true if the truth of the echoes is recorded, `scanner` is
+    /// the attitude of the scanner where it is recorded.
     #[inline(always)]
     fn emit_echoes(
         &mut self,
         view: &SceneView,
         instrument: &Instrument,
-        (traced, scanner): (Option<&TracedPulse>, Rotation),
+        (traced, (records_truth, scanner)): (&TracedPulse, (bool, Rotation)),
         pulse: &Pulse,
         batch: &mut Batch,
     ) {
+        let is_of_chirps = instrument.chirps.is_some();
+        let all_traced = traced;
+        let traced = records_truth.then_some(traced);
         let direction = pulse.reported_attitude.forward();
         let origin = pulse.origin + pulse.origin_error;
         let has_navigation_error =
@@ -270,15 +309,24 @@ impl Detection {
                 continue;
             };
             let primitive = self.reflections.primitives()[source];
-            let range = r.range + pulse.range_error;
+            let mut range = r.range + pulse.range_error;
+            let mut velocity = None;
+            if is_of_chirps || (records_truth && pulse.velocity.is_some()) {
+                (range, velocity) =
+                    self.measure_velocity(number, source, view, (all_traced, pulse), instrument, range);
+            }
             if is_too_near(range, &instrument.detector) {
                 continue;
             }
-            let (part, classification) = match self.scratch.triangles.look_up(view, primitive) {
-                Some(triangle) => (triangle.part, triangle.classification),
-                None => view.part_and_class(primitive),
-            };
             let end = self.reflections.end_of(source);
+            let triangle = match primitive {
+                Hits::MISS => None,
+                primitive => self.scratch.triangles.look_up(view, primitive),
+            };
+            let (part, classification) = match triangle {
+                Some(triangle) => (triangle.part, triangle.classification),
+                None => part_and_class(view, primitive),
+            };
             if let Some(plane) = end.and_then(|end| end.plane).filter(|_| instrument.corrects_refraction) {
                 self.refracted.push((batch.echoes.len(), plane));
             }
@@ -296,6 +344,9 @@ impl Detection {
                     let found = (hits, &mut self.scratch.triangles);
                     self.sources.of_return(number, nearest, view, (traced, beam), found)
                 }));
+                if let Some(velocity) = velocity.filter(|_| traced.is_some() && pulse.velocity.is_some()) {
+                    batch.push_velocity(velocity);
+                }
             }
             batch.echoes.push(Echo {
                 // Set together with the range noise.
@@ -312,7 +363,7 @@ impl Detection {
                 pulse_number: pulse.number,
                 device: pulse.device,
                 part,
-                primitive: view.number_when_stored(primitive),
+                primitive: number_of(view, primitive),
                 classification,
                 incidence_cosine: self.reflections.cosines()[source],
                 scan_angle: pulse.scan_angle,
@@ -320,6 +371,32 @@ impl Detection {
                 truth_index,
             });
         }
+    }
+
+    /// Range of return `number`, attributed to the reflection `source`, as chirps measure it, and its radial
+    /// velocity.
+    #[inline(never)]
+    fn measure_velocity(
+        &self,
+        number: u32,
+        source: usize,
+        view: &SceneView,
+        (traced, pulse): (&TracedPulse, &Pulse),
+        instrument: &Instrument,
+        range: f64,
+    ) -> (f64, Option<EchoVelocity>) {
+        let (hits, nearest) = match &self.scratch.hits {
+            Some(hits) => (hits, source_near(hits, range, &instrument.detector)),
+            None => (&self.reflections, source),
+        };
+        if hits.is_empty() {
+            return (range, None);
+        }
+        let of_pulse = (traced, pulse.velocity.unwrap_or(DVec3::ZERO), instrument.step_rate);
+        let velocity = velocity::of_return(number, nearest, view, of_pulse, (&self.sources, hits));
+        let measured = instrument.chirps.as_ref().map(|chirps| chirps.measured(range, velocity));
+        let (range, velocity) = measured.unwrap_or((range, velocity));
+        (range, Some(velocity))
     }
 
     /// Index of the reflection to which a return is attributed; `None` if it is farther from all reflections
@@ -343,7 +420,7 @@ impl Detection {
             let found = (hits, &mut self.scratch.triangles);
             let truth = self.sources.of_reflection(i, view, (traced, [origin, direction]), found);
             let primitive = hits.primitives()[i];
-            let (part, classification) = view.part_and_class(primitive);
+            let (part, classification) = part_and_class(view, primitive);
             let classification = class_of(hits.end_of(i), classification);
             let range = hits.ranges()[i];
             batch.echoes.push(Echo {
@@ -357,7 +434,7 @@ impl Detection {
                 return_number: self.sources.return_of(i),
                 number_of_returns: self.returns.len().max(1) as u32,
                 part,
-                primitive: view.number_when_stored(primitive),
+                primitive: number_of(view, primitive),
                 classification,
                 incidence_cosine: hits.cosines()[i],
                 truth_index: batch.truths.len() as u32,

@@ -22,7 +22,8 @@ pub(super) struct Reflections {
     primitive: Vec<u32>,
     ring: Vec<u32>,
     subray: Vec<u32>,
-    /// Ends of the paths of the last reflections, if they went over mirrors or through panes.
+    /// Ends of the paths of the last reflections, if they went over mirrors or through panes, or ended in the
+    /// air.
     ends: Vec<PathEnd>,
 }
 
@@ -111,15 +112,38 @@ impl Reflections {
         self.ends.get(i.checked_sub(self.count - self.ends.len())?)
     }
 
+    /// Length in air of the way to reflection `i`, m.
+    fn air_length(&self, i: usize) -> f64 {
+        let end = self.end_of(i);
+        let in_water = end.and_then(|end| {
+            let plane = end.plane?;
+            Some(plane.water.group_index * (end.surface - plane.point).length())
+        });
+        self.range[i] - in_water.unwrap_or(0.0)
+    }
+
+    /// Dims all reflections by an extinction of the air, 1/m.
+    pub fn dim(&mut self, extinction: f64) {
+        for i in 0..self.count {
+            let passed = libm::exp(-2.0 * extinction * self.air_length(i));
+            self.intensity[i] *= passed;
+        }
+    }
+
+    /// Number of reflections before those of the air, which come last.
+    pub fn count_without_air(&self) -> usize {
+        self.count - self.ends.iter().rev().take_while(|end| end.path.kind.is_air()).count()
+    }
+
     /// The reflection to which a return at `range` is attributed: `nearest`, the nearest one, but in pulses
-    /// that meet water the nearest one of the kind that has the most light within `depth` m.
-    pub fn source_in_water(&self, nearest: usize, range: f64, depth: f64) -> usize {
-        if !self.ends.iter().any(|end| end.path.kind.is_water()) {
+    /// that meet water, fog or rain the nearest one of the kind that has the most light within `depth` m.
+    pub fn source_in_medium(&self, nearest: usize, range: f64, depth: f64) -> usize {
+        if !self.ends.iter().any(|end| end.path.kind.is_of_medium()) {
             return nearest;
         }
         let kind_of = |i: usize| self.end_of(i).map_or(PathKind::Direct, |end| end.path.kind) as usize;
         let off = |i: usize| (self.entry[i] - range).abs();
-        let mut light = [0.0; PathKind::WaterBottom as usize + 1];
+        let mut light = [0.0; PathKind::COUNT];
         for i in (0..self.count).filter(|i| off(*i) <= depth) {
             light[kind_of(i)] += self.intensity[i];
         }
@@ -362,10 +386,34 @@ mod tests {
             let end = PathEnd { surface: DVec3::X, direction: DVec3::Y, path, plane: None };
             all.push_end((0, 0), end, range, (0, 1.0), intensity);
         }
-        assert_eq!(all.source_in_water(2, 10.06, 0.2), 0);
-        assert_eq!(all.source_in_water(2, 10.2, 0.15), 2);
-        assert_eq!(all.source_in_water(3, 12.01, 0.2), 3);
-        assert_eq!(all.source_in_water(3, 20.0, 0.2), 3, "nothing is near");
+        assert_eq!(all.source_in_medium(2, 10.06, 0.2), 0);
+        assert_eq!(all.source_in_medium(2, 10.2, 0.15), 2);
+        assert_eq!(all.source_in_medium(3, 12.01, 0.2), 3);
+        assert_eq!(all.source_in_medium(3, 20.0, 0.2), 3, "nothing is near");
+    }
+
+    #[test]
+    fn the_air_dims_the_ways_through_it_and_comes_last() {
+        let mut all = Reflections::default();
+        all.clear(8);
+        all.push((0, 0), (100.0, 100.0), 0, 1.0, 1.0);
+        let water = crate::pulse::water::tests::water();
+        let plane = Some(WaterPlane { point: DVec3::Y * 100.0, normal: DVec3::NEG_Y, water });
+        for (kind, plane, y) in
+            [(PathKind::WaterBottom, plane, 110.0), (PathKind::Air, None, 50.0), (PathKind::Drop, None, 60.0)]
+        {
+            let path = EchoPath { kind, order: 0 };
+            let end = PathEnd { surface: DVec3::Y * y, direction: DVec3::Y, path, plane };
+            let range = if plane.is_some() { 100.0 + 1.365 * 10.0 } else { y };
+            all.push_end((0, 0), end, range, (0, 1.0), 1.0);
+        }
+        assert_eq!((all.count(), all.count_without_air()), (4, 2));
+        all.dim(0.01);
+        let lengths: Vec<f64> = all.intensities().iter().map(|i| -50.0 * libm::log(*i)).collect();
+        for (found, expected) in lengths.iter().zip([100.0, 100.0, 50.0, 60.0]) {
+            assert!((found - expected).abs() < 1e-9, "{lengths:?}");
+        }
+        assert_eq!(all.source_in_medium(3, 59.9, 1.0), 3);
     }
 
     #[test]

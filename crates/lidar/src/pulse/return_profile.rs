@@ -114,6 +114,23 @@ impl ReturnProfile {
         }
     }
 
+    /// Adds light by (range, intensity) pairs, ascending.
+    #[inline(never)]
+    pub fn add(&mut self, others: &[(f64, f64)]) {
+        let own = self.ranges().iter().copied().zip(self.intensities().iter().copied());
+        let mut all: Vec<(f64, f64)> = own.chain(others.iter().copied()).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Ranges ascend strictly.
+        all.dedup_by(|next, kept| {
+            let is_equal = next.0 == kept.0;
+            if is_equal {
+                kept.1 += next.1;
+            }
+            is_equal
+        });
+        self.set(&all);
+    }
+
     /// The profile of (range, intensity) pairs, ascending.
     #[cfg(test)]
     pub fn of(pairs: &[(f64, f64)]) -> ReturnProfile {
@@ -143,6 +160,15 @@ mod tests {
         let slow = pairs(&profile);
         dispatch!(Level::best(), simd => profile.sort_by_range(simd, &reflections, sum));
         [slow, pairs(&profile)]
+    }
+
+    #[test]
+    fn added_light_is_sorted_into_the_profile() {
+        let mut profile = ReturnProfile::of(&[(1.0, 7.0), (3.0, 1.0)]);
+        profile.add(&[(0.5, 2.0), (3.0, 10.0), (3.0, 100.0), (4.0, 1.0)]);
+        let pairs: Vec<(f64, f64)> =
+            profile.ranges().iter().copied().zip(profile.intensities().iter().copied()).collect();
+        assert_eq!(pairs, [(0.5, 2.0), (1.0, 7.0), (3.0, 111.0), (4.0, 1.0)]);
     }
 
     #[test]

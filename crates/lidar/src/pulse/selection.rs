@@ -8,7 +8,8 @@
 //! 1973, "Dead-time problems").
 
 use super::detector_settings::Return;
-use libm::{exp, floor, sqrt};
+use super::fmcw::threshold_over_noise;
+use libm::{exp, floor, log, sqrt};
 use vlscan_base::rng::{self, Purpose, Stream};
 use vlscan_survey::Receiver;
 
@@ -16,6 +17,10 @@ use vlscan_survey::Receiver;
 const MAX_POISSON_MEAN: f64 = 128.0;
 /// Probability of a detection below which an echo is not looked for.
 const MIN_DETECTION: f64 = 1e-6;
+/// Probability of a detection by speckle below which an echo is not looked for.
+const MIN_SPECKLE_DETECTION: f64 = 1e-4;
+/// Least share of the threshold at which an echo with speckle is looked for.
+const MIN_SPECKLE_SHARE: f64 = 0.01;
 /// Standard deviations of the number of photons below the threshold at which an echo is not looked for, where
 /// it is normal.
 const MAX_DEVIATIONS: f64 = 4.8;
@@ -24,6 +29,7 @@ const MAX_DEVIATIONS: f64 = 4.8;
 #[derive(Clone, Debug)]
 pub(super) struct ReturnSelection {
     photons: Option<PhotonStatistics>,
+    speckle: Option<Speckle>,
     /// Share of echoes that are lost.
     dropout_rate: f64,
     stream: Stream,
@@ -43,6 +49,27 @@ struct PhotonStatistics {
     per_amplitude: f64,
 }
 
+/// Strengths of a single speckle: the power of light and noise has an exponential distribution (Swerling 1).
+#[derive(Clone, Debug)]
+struct Speckle {
+    threshold: f64,
+    /// Threshold over the mean power of the noise.
+    over_noise: f64,
+}
+
+impl Speckle {
+    /// Strength of an echo of that mean amplitude, by a uniform number in (0, 1].
+    fn draw(&self, amplitude: f64, uniform: f64) -> f64 {
+        -log(uniform) * (amplitude + self.threshold / self.over_noise)
+    }
+
+    /// Share of the threshold from which on echoes have a chance to be detected.
+    fn lowest_share(&self) -> f64 {
+        let share = (self.over_noise / -log(MIN_SPECKLE_DETECTION) - 1.0) / self.over_noise;
+        share.clamp(MIN_SPECKLE_SHARE, 1.0)
+    }
+}
+
 impl ReturnSelection {
     /// The selection of a receiver with the detection threshold `threshold`; `None` if it reports all
     /// returns. 0 `max_returns` are any number.
@@ -51,20 +78,30 @@ impl ReturnSelection {
             threshold: f64::from(count),
             per_amplitude: f64::from(count) / threshold,
         });
+        let false_alarm = receiver.fmcw.and_then(|wave| wave.false_alarm);
+        let speckle = false_alarm
+            .filter(|_| threshold > 0.0)
+            .map(|probability| Speckle { threshold, over_noise: threshold_over_noise(probability) });
         let dead_range = receiver.dead_time * vlscan_geom::LIGHT_SPEED * 0.5;
         let dropout_rate = receiver.dropout_rate;
-        (photons.is_some() || dead_range > 0.0 || dropout_rate > 0.0).then_some(ReturnSelection {
-            photons,
-            dropout_rate,
-            stream: Stream::new(seed, Purpose::PhotonCount),
-            normals: Stream::new(seed, Purpose::LargePhotonCount),
-            dead_range,
-            max_returns: if max_returns > 0 { max_returns as usize } else { usize::MAX },
-        })
+        (photons.is_some() || speckle.is_some() || dead_range > 0.0 || dropout_rate > 0.0).then_some(
+            ReturnSelection {
+                photons,
+                speckle,
+                dropout_rate,
+                stream: Stream::new(seed, Purpose::PhotonCount),
+                normals: Stream::new(seed, Purpose::LargePhotonCount),
+                dead_range,
+                max_returns: if max_returns > 0 { max_returns as usize } else { usize::MAX },
+            },
+        )
     }
 
     /// Share of the threshold from which on echoes have a chance to be detected.
     pub fn lowest_share(&self) -> f64 {
+        if let Some(speckle) = &self.speckle {
+            return speckle.lowest_share();
+        }
         let Some(PhotonStatistics { threshold, .. }) = self.photons else { return 1.0 };
         if threshold > MAX_POISSON_MEAN {
             let root = 0.5 * (sqrt(MAX_DEVIATIONS * MAX_DEVIATIONS + 4.0 * threshold) - MAX_DEVIATIONS);
@@ -97,6 +134,14 @@ impl ReturnSelection {
                     return false;
                 }
                 found.amplitude = count / statistics.per_amplitude;
+            }
+            if let Some(speckle) = &self.speckle
+                && !found.is_noise
+            {
+                found.amplitude = speckle.draw(found.amplitude, rng::open_unit(draw[0], draw[1]));
+                if found.amplitude < speckle.threshold {
+                    return false;
+                }
             }
             if found.range - last < self.dead_range || kept == self.max_returns {
                 return false;
@@ -147,6 +192,7 @@ fn poisson_quantile(probability: f64, mean: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_survey::Fmcw;
 
     fn selection(receiver: &Receiver, max_returns: u32) -> ReturnSelection {
         ReturnSelection::new(receiver, 2.0, max_returns, 3).expect("a selection")
@@ -178,6 +224,30 @@ mod tests {
             assert!((seen / n as f64 - expected).abs() < 4.0 * sigma + 0.002, "{threshold} {share}: {seen}");
             assert!(sum / seen >= 2.0, "what is detected is above the threshold");
         }
+    }
+
+    #[test]
+    fn a_single_speckle_is_detected_by_the_law_of_swerling() {
+        let wave = Fmcw {
+            bandwidth: 1e9,
+            chirp: 1e-5,
+            sample_rate: None,
+            has_quadrature: false,
+            false_alarm: Some(1e-6),
+        };
+        let selection = selection(&Receiver { fmcw: Some(wave), ..Receiver::default() }, 0);
+        // The threshold is 13.8 times the noise; the signal is 10 times.
+        let amplitude = 2.0 * 10.0 / threshold_over_noise(1e-6);
+        let n = 40_000;
+        let seen = |pulse: u64| {
+            let mut found = returns(&[(10.0, amplitude)]);
+            selection.select((0, pulse), &mut found);
+            found.len() as f64
+        };
+        let share = (0..n).map(seen).sum::<f64>() / n as f64;
+        assert!((share - 0.284804).abs() < 0.009, "{share}");
+        let chance = exp(-threshold_over_noise(1e-6) / (1.0 + selection.lowest_share() * 13.815510557964274));
+        assert!((chance / 1e-4 - 1.0).abs() < 1e-9, "{chance}");
     }
 
     #[test]

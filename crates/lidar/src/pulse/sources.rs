@@ -59,15 +59,15 @@ impl ReflectionSources {
         (reflections, triangles): (&Reflections, &mut TriangleCache),
     ) -> EchoTruth {
         let kind_of = |i: usize| reflections.end_of(i).map(|end| end.path.kind);
-        let water = kind_of(source).filter(|kind| kind.is_water());
-        let is_alike = |i: &usize| water.is_none() || kind_of(*i) == water;
+        let medium = kind_of(source).filter(|kind| kind.is_of_medium());
+        let is_alike = |i: &usize| medium.is_none() || kind_of(*i) == medium;
         let own = || (0..self.returns.len()).filter(|i| self.returns[*i] == number).filter(is_alike);
         let intensities = reflections.intensities();
         let strongest = own().max_by(|a, b| intensities[*a].total_cmp(&intensities[*b])).unwrap_or(source);
         let of_subray = self.of_reflection(strongest, view, (traced, beam), (reflections, triangles));
         let fraction = own().count() as f64 / traced.primitives.len().max(1) as f64;
-        // The light of a column of water is not that of single subrays.
-        EchoTruth { fraction: if water.is_some() { fraction.min(1.0) } else { fraction }, ..of_subray }
+        // The light of a column of water or fog is not that of single subrays.
+        EchoTruth { fraction: if medium.is_some() { fraction.min(1.0) } else { fraction }, ..of_subray }
     }
 
     pub fn of_reflection(
@@ -79,7 +79,10 @@ impl ReflectionSources {
     ) -> EchoTruth {
         let subray = self.subray_of(i);
         let (start, direction) = (traced.start(subray as usize), traced.direction(subray as usize));
-        let normal = triangles.look_up(view, reflections.primitives()[i]).map_or(DVec3::ZERO, |t| t.normal);
+        let primitive = reflections.primitives()[i];
+        let is_air = primitive == Hits::MISS;
+        let triangle = if is_air { None } else { triangles.look_up(view, primitive) };
+        let normal = triangle.map_or(DVec3::ZERO, |t| t.normal);
         let PathEnd { surface, direction, path, .. } = match reflections.end_of(i) {
             Some(end) => *end,
             None => {
@@ -87,8 +90,7 @@ impl ReflectionSources {
                 PathEnd { surface, direction, path: EchoPath::DIRECT, plane: None }
             }
         };
-        let primitive = reflections.primitives()[i];
-        let colour = if view.has_colours { view.colour_at(primitive, surface) } else { [0; 3] };
+        let colour = if view.has_colours && !is_air { view.colour_at(primitive, surface) } else { [0; 3] };
         EchoTruth {
             beam,
             surface,
@@ -98,6 +100,11 @@ impl ReflectionSources {
             path,
             colour,
         }
+    }
+
+    /// The reflections that are part of return `number`, from 1.
+    pub fn of_number(&self, number: u32) -> impl Iterator<Item = usize> {
+        (0..self.returns.len()).filter(move |i| self.returns[*i] == number)
     }
 
     pub fn subray_of(&self, reflection: usize) -> u32 {

@@ -100,6 +100,7 @@ pub fn pulse(attitude: Rotation) -> Pulse {
         device: 0,
         scan_angle: 0.0,
         range_error: 0.0,
+        velocity: None,
     }
 }
 

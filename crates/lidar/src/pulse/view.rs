@@ -128,6 +128,12 @@ impl<'a> SceneView<'a> {
         self.moving.iter().find_map(|o| Some((&o.scene, o.to_object_index(i)?)))
     }
 
+    /// Velocity of primitive `i` at a point, m per simulation step.
+    pub fn velocity(&self, i: u32, at: DVec3) -> DVec3 {
+        let object = self.moving.iter().find(|object| object.to_object_index(i).is_some());
+        object.map_or(DVec3::ZERO, |object| object.twist.at(at))
+    }
+
     pub fn is_moving(&self, i: u32) -> bool {
         self.moving.iter().any(|o| o.to_object_index(i).is_some())
     }

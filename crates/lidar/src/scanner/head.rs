@@ -42,6 +42,11 @@ impl HeadState {
         }
     }
 
+    /// Speed, rad/s.
+    pub fn rate(&self) -> f64 {
+        self.rate
+    }
+
     #[inline]
     pub(super) fn step(&mut self, plan: &DevicePlan, deflection: f64) {
         if self.rate != 0.0 {

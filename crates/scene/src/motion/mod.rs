@@ -17,7 +17,9 @@ mod plan;
 mod state;
 #[cfg(test)]
 mod tests;
+mod twist;
 
 pub use object::{DynamicObject, DynamicScene, ObjectUpdate};
 pub use plan::{MotionPlan, check_time_step};
 pub use state::MotionState;
+pub use twist::Twist;

@@ -2,6 +2,7 @@
 
 use super::plan::{MotionPlan, PlannedPart};
 use super::state::MotionState;
+use super::twist::Twist;
 use crate::Scene;
 use std::ops::Range;
 use vlscan_geom::Affine;
@@ -14,8 +15,9 @@ pub struct DynamicScene<'a> {
     plan: &'a MotionPlan,
     options: BuildOptions,
     objects: Vec<DynamicObject>,
-    /// For each object the transform to be applied by the next [`DynamicScene::rebuild_moved`].
-    pending: Vec<Option<Affine>>,
+    /// For each object the transform and the velocity to be applied by the next
+    /// [`DynamicScene::rebuild_moved`].
+    pending: Vec<Option<(Affine, Twist)>>,
 }
 
 /// A moving part in its current pose: a separate scene with its tree.
@@ -25,6 +27,8 @@ pub struct DynamicObject {
     pub scene: Scene,
     /// The tree over the primitives of `scene` for ray tracing.
     pub tree: Tree,
+    /// Velocity, per simulation step.
+    pub twist: Twist,
     transform: Affine,
     /// Indices of its triangles in the complete scene.
     triangles: Range<usize>,
@@ -41,6 +45,8 @@ pub struct ObjectUpdate {
     pub object: usize,
     /// From the initial pose to the new one.
     pub transform: Affine,
+    /// Velocity in the new pose, per simulation step.
+    pub twist: Twist,
 }
 
 impl<'a> DynamicScene<'a> {
@@ -50,6 +56,7 @@ impl<'a> DynamicScene<'a> {
         let object = |part: &PlannedPart| DynamicObject {
             tree: Tree::build(&part.rest.geometry, &options),
             scene: part.rest.clone(),
+            twist: Twist::ZERO,
             transform: Affine::IDENTITY,
             triangles: part.triangles.clone(),
             cubes: plan.triangles + part.cubes.start..plan.triangles + part.cubes.end,
@@ -60,23 +67,23 @@ impl<'a> DynamicScene<'a> {
 
     /// Adopts the refreshed poses of `state`.
     pub fn set_state(&mut self, state: &MotionState) {
-        for (pending, seen) in self.pending.iter_mut().zip(state.seen()) {
-            *pending = Some(*seen);
+        for (i, (pending, seen)) in self.pending.iter_mut().zip(state.seen()).enumerate() {
+            *pending = Some((*seen, state.twist(self.plan, i)));
         }
     }
 
     /// Adopts the pose of one object.
     pub fn apply(&mut self, update: &ObjectUpdate) {
-        self.pending[update.object] = Some(update.transform);
+        self.pending[update.object] = Some((update.transform, update.twist));
     }
 
     /// Rebuilds the objects whose pose has changed since the last call; returns all objects.
     pub fn rebuild_moved(&mut self) -> &[DynamicObject] {
         for ((object, part), pending) in self.objects.iter_mut().zip(&self.plan.parts).zip(&mut self.pending)
         {
-            if let Some(transform) = pending.take()
-                && transform != object.transform
-            {
+            let Some((transform, twist)) = pending.take() else { continue };
+            object.twist = twist;
+            if transform != object.transform {
                 object.transform_from(&part.rest, transform);
                 object.tree = Tree::build(&object.scene.geometry, &self.options);
             }

@@ -1,6 +1,7 @@
 //! The poses of the moving parts at a simulation step.
 
-use super::plan::{MotionPlan, PlannedPart};
+use super::plan::{MotionPlan, Move, PlannedPart};
+use super::twist::Twist;
 use vlscan_geom::Affine;
 
 /// Poses of all moving parts at a simulation step. Cheap to clone; stepping a clone results in the same bits.
@@ -78,6 +79,20 @@ impl MotionState {
         }
     }
 
+    /// Velocity of a part, per simulation step: its next moves, spread evenly over the steps up to them.
+    pub fn twist(&self, plan: &MotionPlan, object: usize) -> Twist {
+        let (part, state) = (&plan.parts[object], &self.parts[object]);
+        let steps = plan.update_interval.saturating_mul(part.move_interval);
+        match state.sequence {
+            Some((number, _)) if steps > 0 => {
+                let moves = part.sequences[number].moves.iter();
+                let all = moves.map(|step| Twist::of(&state.map_of(part, step)));
+                all.fold(Twist::ZERO, Twist::with).scaled(1.0 / steps as f64)
+            }
+            _ => Twist::ZERO,
+        }
+    }
+
     /// The transforms from the initial poses to the poses that rays hit.
     pub(super) fn seen(&self) -> impl Iterator<Item = &Affine> {
         self.parts.iter().map(|p| &p.seen)
@@ -85,14 +100,17 @@ impl MotionState {
 }
 
 impl PartState {
+    /// The map of a motion in the current pose.
+    fn map_of(&self, part: &PlannedPart, step: &Move) -> Affine {
+        if step.about_self { step.map.about(self.current.apply(part.centre)) } else { step.map }
+    }
+
     /// Applies the current sequence once; `false` if the part has stopped.
     fn move_once(&mut self, part: &PlannedPart) -> bool {
         let Some((number, completed)) = self.sequence else { return false };
         let sequence = &part.sequences[number];
         for step in &sequence.moves {
-            let map =
-                if step.about_self { step.map.about(self.current.apply(part.centre)) } else { step.map };
-            self.current = map.after(&self.current);
+            self.current = self.map_of(part, step).after(&self.current);
         }
         // Endless sequences need no count.
         let completed = if sequence.loops == 0 { 0 } else { completed + 1 };

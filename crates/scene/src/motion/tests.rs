@@ -45,7 +45,7 @@ fn corners(recipe: &SceneRecipe, scene: &Scene, steps: usize) -> Vec<DVec3> {
     let mut seen = vec![corner(&mut dynamic)];
     for _ in 0..steps {
         state.step(&plan, |object, transform| {
-            dynamic.apply(&ObjectUpdate { first_pulse: 0, object, transform: *transform })
+            dynamic.apply(&ObjectUpdate { first_pulse: 0, object, transform: *transform, twist: Twist::ZERO })
         });
         seen.push(corner(&mut dynamic));
     }
@@ -181,6 +181,27 @@ fn primitives_keep_the_numbers_that_they_have_in_the_whole_scene() {
     assert_eq!([0, 1, 2].map(|i| scene.is_still(i)), [true, false, false]);
     assert_eq!(object.scene.geometry.triangle(0), scene.geometry.triangle(1));
     assert!(MotionPlan::new(&moving(Vec::new()).1, 1.0).is_none());
+}
+
+#[test]
+fn parts_have_the_velocity_of_their_next_moves() {
+    let turn = MotionKind::Rotation { axis: DVec3::Z, angle: 0.1, centre: None };
+    let wheel = [Motion { about_self: true, ..motion(turn) }, shift(DVec3::X * 3.0)];
+    let (recipe, scene) = moving(vec![sequence(2, None, &wheel)]);
+    let mut scene = scene.clone();
+    (scene.dyn_step, scene.moving_parts[0].timing) = (5, recipe.parts[1].timing);
+    scene.moving_parts[0].timing.dyn_step = 2;
+    let plan = MotionPlan::new(&scene, 1000.0).unwrap();
+    let mut state = MotionState::start(&plan);
+    // Ten steps for each move; the centre of the box moves along.
+    for centre in [2.0, 5.0] {
+        let twist = state.twist(&plan, 0);
+        let at = |y: f64| twist.at(DVec3::new(centre, 2.0 + y, 0.0));
+        assert!((at(0.0) - DVec3::X * 0.3).length() < 1e-14, "{}", at(0.0));
+        assert!((at(1.0) - DVec3::X * 0.29).length() < 1e-14, "{}", at(1.0));
+        (0..10).for_each(|_| state.step(&plan, |_, _| ()));
+    }
+    assert_eq!(state.twist(&plan, 0), Twist::ZERO, "the part has stopped");
 }
 
 #[test]

@@ -232,12 +232,14 @@ impl OutputPlan {
             let below = source.ground.and_then(|ground| ground.height(echo.position.x, echo.position.y));
             record.height = below.map_or(f32::NAN, |z| (echo.position.z - z) as f32);
         }
-        if self.needs.cause || self.needs.colour {
+        if self.needs.cause || self.needs.colour || self.needs.velocity {
             let truth = echo.truth(truths);
             let (surface, normal) = (truth.surface, truth.normal);
             let [path, order] = truth.path.code().to_le_bytes();
             let (fraction, subray, colour) = (truth.fraction, truth.subray, truth.colour);
-            record.cause = Cause { surface, normal, fraction, subray, path, order, colour };
+            let velocity = echo.velocity(&source.batch.velocities);
+            let velocity = [velocity.radial, velocity.spread];
+            record.cause = Cause { surface, normal, fraction, subray, path, order, colour, velocity };
         }
     }
 

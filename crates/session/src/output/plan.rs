@@ -299,7 +299,9 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     let has_columns = has_table || request.sinks.iter().any(|(_, format)| format.has_columns());
     let has_colours =
         request.cloud.has_colours() && request.sinks.iter().any(|(_, format)| format.has_colours());
-    if request.cloud.columns.is_some() && !has_columns && !has_colours {
+    let has_velocities =
+        request.cloud.has_velocities() && request.sinks.iter().any(|(_, format)| format.has_velocities());
+    if request.cloud.columns.is_some() && !has_columns && !has_colours && !has_velocities {
         problems
             .error(
                 None,

@@ -171,12 +171,12 @@ impl<'t> PointTable<'t> {
     pub fn record(&self, row: usize) -> PointRecord {
         use Column::{
             Amplitude, AttitudeW, AttitudeX, AttitudeY, AttitudeZ, BeamDirectionX, BeamDirectionY,
-            BeamDirectionZ, BeamOriginX, BeamOriginY, BeamOriginZ, Blue, Classification, Device, EchoWidth,
-            ExactEchoWidth, ExactScanAngle, FootprintFraction, Green, HeightAboveGround, IncidenceAngle,
-            NormalX, NormalY, NormalZ, NumberOfReturns, ObjectId, Part, Path, PathOrder, Primitive,
-            PulseNumber, Range, Red, RestX, RestY, RestZ, ReturnNumber, ScanAngle, ScannerX, ScannerY,
-            ScannerZ, Subray, SurfaceClass, SurfaceX, SurfaceY, SurfaceZ, TrueRange, TrueX, TrueY, TrueZ, X,
-            Y, Z,
+            BeamDirectionZ, BeamOriginX, BeamOriginY, BeamOriginZ, Blue, Classification, Device, Doppler,
+            DopplerWidth, EchoWidth, ExactEchoWidth, ExactScanAngle, FootprintFraction, Green,
+            HeightAboveGround, IncidenceAngle, NormalX, NormalY, NormalZ, NumberOfReturns, ObjectId, Part,
+            Path, PathOrder, Primitive, PulseNumber, Range, Red, RestX, RestY, RestZ, ReturnNumber,
+            ScanAngle, ScannerX, ScannerY, ScannerZ, Subray, SurfaceClass, SurfaceX, SurfaceY, SurfaceZ,
+            TrueRange, TrueX, TrueY, TrueZ, X, Y, Z,
         };
         let world = self.vector([X, Y, Z], row, f64::NAN);
         let rest = match self.frame {
@@ -207,6 +207,7 @@ impl<'t> PointTable<'t> {
                 path: self.whole(Path, row, 0),
                 order: self.whole(PathOrder, row, 0),
                 colour: [Red, Green, Blue].map(|column| (self.whole(column, row, 0_u16) >> 8) as u8),
+                velocity: [Doppler, DopplerWidth].map(|column| self.number(column, row, f64::NAN)),
             },
             range: self.number(Range, row, 0.0),
             true_range: self.number(TrueRange, row, 0.0),

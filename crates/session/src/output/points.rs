@@ -244,6 +244,12 @@ fn check_columns(
     if format.has_colours() && settings.columns.is_none() && colours.iter().all(|column| rows.has(*column)) {
         settings.columns = Some(colours.to_vec());
     }
+    if format.has_velocities()
+        && rows.has(Column::Doppler)
+        && settings.columns.as_ref().is_none_or(|columns| *columns == colours)
+    {
+        settings.columns.get_or_insert_default().push(Column::Doppler);
+    }
     let chosen = if format.has_columns() { settings.columns.as_deref().unwrap_or_default() } else { &[] };
     let missing = |columns: &[Column]| {
         let names: Vec<&str> = columns.iter().filter(|c| !rows.has(**c)).map(|c| c.name()).collect();

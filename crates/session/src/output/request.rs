@@ -208,9 +208,10 @@ impl OutputRequest {
             ..Records::default()
         };
         let needs = self.needs();
-        // Colours are a part of the causes.
-        let truth = needs.cause || needs.colour;
-        Records { truth, colours: needs.colour, scanner_axes: needs.in_scanner, ..own }
+        // Colours and velocities are a part of the causes.
+        let truth = needs.cause || needs.colour || needs.velocity;
+        let (colours, velocities) = (needs.colour, needs.velocity);
+        Records { truth, colours, velocities, scanner_axes: needs.in_scanner, ..own }
     }
 
     /// Needs of formats and columns.

@@ -172,6 +172,7 @@ mod tests {
                     device: device as u32,
                     scan_angle: 0.0,
                     range_error: 0.0,
+                    velocity: None,
                 }
             };
             let pulses: Vec<Pulse> = (0..200 * 1024).map(pulse).collect();

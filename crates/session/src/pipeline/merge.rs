@@ -287,7 +287,12 @@ pub(super) fn check_records(shards: &ShardSet, outputs: &OutputRequest) -> Resul
         (needed.waveforms && !held.waveforms, "waveforms", "--waveforms"),
         (outputs.cloud.misses && !held.pulses, "pulses without echoes", "--misses"),
         (needed.pulses && !outputs.cloud.misses && !held.pulses, "pulses", "--pulses"),
-        (needed.truth && !held.truth && !needed.colours, "true causes of echoes", "--columns"),
+        (
+            needed.truth && !held.truth && !needed.colours && !needed.velocities,
+            "true causes of echoes",
+            "--columns",
+        ),
+        (needed.velocities && !held.velocities, "radial velocities", "--columns Doppler"),
         (needed.colours && !held.colours, "colours of surfaces", "--columns Red,Green,Blue"),
         (
             needed.scanner_axes && !held.scanner_axes,

@@ -1,6 +1,6 @@
 //! A worker's copy of the moving parts of a scene.
 
-use vlscan_scene::{DynamicScene, MotionPlan, MotionState, ObjectUpdate};
+use vlscan_scene::{DynamicScene, MotionPlan, MotionState, ObjectUpdate, Twist};
 use vlscan_trace::BuildOptions;
 
 /// Moving parts in the positions at which a worker's pulses are traced.
@@ -27,9 +27,16 @@ impl<'a> MovingParts<'a> {
     /// Advances `state` by a step, after the first `pulses` pulses of the batch.
     pub fn step(&mut self, state: &mut MotionState, pulses: usize) {
         let changes = &mut self.changes;
+        let first = changes.len();
         state.step(self.plan, |object, transform| {
-            changes.push(ObjectUpdate { first_pulse: pulses, object, transform: *transform })
+            changes.push(ObjectUpdate {
+                first_pulse: pulses,
+                object,
+                transform: *transform,
+                twist: Twist::ZERO,
+            })
         });
+        changes[first..].iter_mut().for_each(|change| change.twist = state.twist(self.plan, change.object));
     }
 
     pub fn start(&self) -> MotionState {

@@ -118,11 +118,16 @@ pub(super) struct FlightWorker<'a> {
 struct Replay<'w> {
     pulses: &'w mut Vec<Pulse>,
     poses: &'w mut Vec<PoseSample>,
+    has_velocities: bool,
 }
 
 impl FlightSink for Replay<'_> {
     fn pulse(&mut self, pulse: impl FnOnce() -> Pulse) {
         self.pulses.push(pulse());
+    }
+
+    fn records_velocities(&self) -> bool {
+        self.has_velocities
     }
 
     fn pose(&mut self, pose: impl FnOnce() -> PoseSample) {
@@ -162,8 +167,9 @@ impl<'a> FlightWorker<'a> {
     /// Replays the chunk's steps, with the motions of the scene between them.
     fn replay(&mut self, chunk: Chunk) -> Result<()> {
         let Chunk { start: mut state, motion, steps, .. } = chunk;
-        let Worker { moving, pulses, batch, .. } = &mut self.worker;
-        let mut replay = Replay { pulses, poses: &mut batch.poses };
+        let Worker { pass, moving, pulses, batch, .. } = &mut self.worker;
+        let has_velocities = pass.physics.records_velocities();
+        let mut replay = Replay { pulses, poses: &mut batch.poses, has_velocities };
         let (Some(moving), Some(mut motion)) = (moving, motion) else {
             return (0..steps).try_for_each(|_| state.step(self.flight, &mut replay).map(drop));
         };

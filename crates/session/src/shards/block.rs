@@ -5,14 +5,15 @@
 //! 8    words of the head, u64 each: leg, epoch, number of the leg in records, pulses emitted, numbers of
 //!      echoes, truths, waveforms, samples, pulse records and poses, length of the columns, checksum of the
 //!      bytes before it and of the columns
-//! 104  columns of echoes, truths, waveforms, samples, pulse records, poses
+//! 104  columns of echoes, truths, waveforms, samples, pulse records, poses; if they are recorded, of the
+//!      velocities of all truths
 //! ```
 
 use super::column::{Words, get_records, put_records, words};
 use serde::{Deserialize, Serialize};
 use vlscan_geom::DVec3;
 use vlscan_lidar::flight::PoseSample;
-use vlscan_lidar::pulse::{Batch, Echo, EchoPath, EchoTruth, PulseRecord, WaveformRecord};
+use vlscan_lidar::pulse::{Batch, Echo, EchoPath, EchoTruth, EchoVelocity, PulseRecord, WaveformRecord};
 use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a block's head.
@@ -31,6 +32,7 @@ words! {
     WaveformRecord {
         pulse_number, device, origin, direction, start_ns, end_ns, time_ns, first_sample, samples,
     }
+    EchoVelocity { radial, spread }
     PulseRecord { origin, direction, time_ns, number, device, scan_angle }
     PoseSample { time_ns, position, roll, pitch, yaw, attitude, flown }
     BlockHead {
@@ -138,6 +140,11 @@ pub fn encode(batch: &Batch, out: &mut Vec<u8>) {
     put_records(out, &batch.samples);
     put_records(out, &batch.pulses);
     put_records(out, &batch.poses);
+    if !batch.velocities.is_empty() {
+        let mut all = batch.velocities.clone();
+        all.resize(batch.truths.len(), EchoVelocity::UNKNOWN);
+        put_records(out, &all);
+    }
     let columns = start + HEAD_BYTES;
     let mut head = BlockHead {
         leg: batch.leg,
@@ -173,6 +180,8 @@ pub(super) fn decode(head: &BlockHead, block: &[u8], batch: &mut Batch) -> Optio
     let columns = get_records(columns, &mut batch.samples, head.samples)?;
     let columns = get_records(columns, &mut batch.pulses, head.pulse_records as usize)?;
     let columns = get_records(columns, &mut batch.poses, head.poses as usize)?;
+    let velocities = if columns.is_empty() { 0 } else { head.truths as usize };
+    let columns = get_records(columns, &mut batch.velocities, velocities)?;
     columns.is_empty().then_some(())
 }
 
@@ -212,6 +221,9 @@ pub(super) mod tests {
                 colour: [i as u8, 255, 7],
                 ..EchoTruth::unknown([DVec3::ZERO; 2])
             });
+            if leg == 3 {
+                batch.velocities.push(EchoVelocity { radial: x - 7.5, spread: f64::NAN });
+            }
             batch.waveforms.push(WaveformRecord {
                 pulse_number: 0,
                 device: 0,

@@ -62,6 +62,8 @@ pub struct Records {
     pub scanner_axes: bool,
     /// True if the echoes are the reflections of subrays.
     pub subrays: bool,
+    /// Radial velocities of echoes, with the true causes.
+    pub velocities: bool,
 }
 
 impl Records {
@@ -74,6 +76,7 @@ impl Records {
             colours: physics.record_colours,
             scanner_axes: physics.record_scanner_axes,
             subrays: physics.record_subrays,
+            velocities: physics.record_velocities,
         }
     }
 
@@ -86,6 +89,7 @@ impl Records {
             record_colours: self.colours,
             record_scanner_axes: self.scanner_axes,
             record_subrays: self.subrays,
+            record_velocities: self.velocities,
             ..physics
         }
     }
@@ -99,6 +103,7 @@ impl Records {
             colours: self.colours | other.colours,
             scanner_axes: self.scanner_axes | other.scanner_axes,
             subrays: self.subrays | other.subrays,
+            velocities: self.velocities | other.velocities,
         }
     }
 }

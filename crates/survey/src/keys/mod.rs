@@ -95,7 +95,7 @@ macro_rules! key_table {
 }
 
 /// Documentation of all tables of a pipeline file that describe the survey.
-pub const SURVEY_TABLES: [KeyTable; 17] = [
+pub const SURVEY_TABLES: [KeyTable; 20] = [
     SurveyKeys::TABLE,
     PartKeys::TABLE,
     MaterialKeys::TABLE,
@@ -107,7 +107,10 @@ pub const SURVEY_TABLES: [KeyTable; 17] = [
     WanderKeys::TABLE,
     RangeNoiseKeys::TABLE,
     OverlapKeys::TABLE,
+    FmcwKeys::TABLE,
+    AfterpulseKeys::TABLE,
     SettingsKeys::TABLE,
+    WeatherKeys::TABLE,
     LegKeys::TABLE,
     WaveformKeys::TABLE,
     DetectorKeys::TABLE,

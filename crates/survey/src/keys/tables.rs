@@ -397,6 +397,22 @@ keys! {
         /// Points below water are where the light was, bent and slowed down by the water's mean surface,
         /// instead of on the axis of the beam; refined physics. Default: false.
         refraction_corrected = "refractionCorrected", With("receiver");
+        /// Frequency-modulated continuous wave: `{ bandwidth_hz = 1e9, chirp_s = 1e-5 }`; the range
+        /// resolution is c over twice the bandwidth, velocities fold and strengths have speckle; refined
+        /// physics. Default: pulses.
+        fmcw, With("receiver");
+        /// Pixels that share the light, each with a dead time; `detector = "photons"`, refined physics.
+        /// Default: 1.
+        pixels in PIXELS, With("receiver");
+        /// Standard deviation of the times of photons, ns; `detector = "photons"`, refined physics. Default:
+        /// 0.
+        photon_jitter_ns in DEAD_TIME_NS, With("receiver");
+        /// Photoelectrons of a pixel per second without light; `detector = "photons"`, refined physics.
+        /// Default: 0.
+        dark_counts_hz in DARK_COUNTS, With("receiver");
+        /// Photoelectrons that earlier ones cause: `{ probability = 0.01, delay_ns = 10 }`; `detector =
+        /// "photons"`, refined physics. Default: none.
+        afterpulse, With("receiver");
         /// Metres added to each range, a formula of the deflection angle THETA in radians. Default: none.
         range_error_m = "rangeError";
         /// Radians added to the deflection angle, a formula of THETA; `rotating` only. Default: none.
@@ -460,6 +476,34 @@ keys! {
         /// Range at which the receiver is focused and its axis meets that of the transmitter, m. Default: far
         /// away.
         focus_m = "focus_m" in POSITIVE;
+    }
+}
+
+keys! {
+    /// Frequency-modulated continuous wave.
+    FmcwKeys = "fmcw" {
+        /// Bandwidth of a chirp, Hz.
+        bandwidth_hz in BANDWIDTH;
+        /// Duration of a chirp, up or down, s.
+        chirp_s in CHIRP_S;
+        /// Sampling rate of the beat, Hz: higher frequencies fold. Default: all are measured.
+        sample_rate_hz in BANDWIDTH;
+        /// The receiver has both quadratures and measures the sign of frequencies. Default: false, a real
+        /// receiver, which confuses range and velocity of fast targets at short range.
+        quadrature;
+        /// Probability of a false alarm that the threshold has; strengths have the statistics of a single
+        /// speckle. Default: strengths do not vary.
+        false_alarm in FALSE_ALARM;
+    }
+}
+
+keys! {
+    /// Afterpulses of a photon counter.
+    AfterpulseKeys = "afterpulse" {
+        /// Probability that a photoelectron causes another one.
+        probability in AFTERPULSE;
+        /// Mean delay after the dead time, ns.
+        delay_ns in POSITIVE;
     }
 }
 
@@ -542,6 +586,35 @@ keys! {
         max_duration_s = "maxDuration_s";
         /// The optics move that long before the first pulse, s. Default: 0.
         warmup_s = "opticsWarmupPhase_s" in WARMUP;
+        /// Fog, rain, snow and dust between the instrument and the surfaces: `{ mor_m = 100, rain_mm_h = 10
+        /// }`; a table of a leg changes the keys that it names; refined physics. Default: none of them.
+        weather;
+    }
+}
+
+keys! {
+    /// Weather along the beam.
+    WeatherKeys = "weather" {
+        /// Meteorological optical range of fog, m: contrast falls to 5 % there. Replaces the haze of the
+        /// scanner's `visibility_km`. Default: no fog.
+        mor_m in OPTICAL_RANGE;
+        /// Visibility in haze by Kruse's formula, km, instead of that of the scanner. Haze extinguishes
+        /// light and returns none.
+        visibility_km in VISIBILITY;
+        /// Rainfall, mm/h. Default: 0.
+        rain_mm_h in RAIN_RATE;
+        /// Snowfall, mm/h of melted water. Default: 0.
+        snow_mm_h in SNOW_RATE;
+        /// Extinction by dust, per metre. Default: 0.
+        dust in DUST;
+        /// Extinction over backscatter of fog, snow and dust, sr. Default: 18.5, fog at 905 nm.
+        lidar_ratio_sr in LIDAR_RATIO;
+        /// Factor on the light that raindrops return. Default: 1, reflections at the front and the rear of
+        /// the drop.
+        drop_factor in DROP_FACTOR;
+        /// File of the weather over time, instead of constant numbers: lines of GPS time (as points have it),
+        /// s, `mor_m` (0: no fog), `rain_mm_h`, `snow_mm_h` and `dust`, linear in between.
+        over_time;
     }
 }
 

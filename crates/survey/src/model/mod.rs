@@ -11,6 +11,7 @@
 //! | `pattern` | scan patterns of tables |
 //! | `pulse_times` | when pulses leave, where that is no constant rate |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
+//! | `weather` | fog, rain, snow and dust along the beam |
 
 mod identity;
 mod mesh;
@@ -22,6 +23,7 @@ mod raster;
 mod receiver;
 mod scan_motion;
 mod scene;
+mod weather;
 
 use super::{Formula, WrittenKey};
 use std::path::PathBuf;
@@ -42,6 +44,7 @@ pub use raster::{PixelType, RasterFiles, VirtualRaster, VirtualSource};
 pub use receiver::*;
 pub use scan_motion::{AngleTable, ScanMotion, Swing, Wander};
 pub use scene::*;
+pub use weather::{AirState, Weather};
 
 /// A complete survey: scanner, platform, legs and scene.
 #[derive(Clone, Debug)]
@@ -300,7 +303,7 @@ pub struct LegTrajectory {
 
 /// Resolved scanner settings of a leg (spec input-formats §2.5–2.6): templates, the scanner's default values
 /// and the resolution settings have been applied.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct ScannerSettings {
     /// True if the scanner fires; inactive legs emit no pulses.
     pub active: bool,
@@ -332,6 +335,8 @@ pub struct ScannerSettings {
     pub max_duration: Option<f64>,
     /// Time for which head and deflector move before the first pulse, s.
     pub warmup: f64,
+    /// Fog, rain, snow and dust along the beam.
+    pub weather: Weather,
 }
 
 impl ScannerSettings {

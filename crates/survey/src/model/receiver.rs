@@ -57,11 +57,52 @@ pub struct Receiver {
     pub field_of_view: Option<f64>,
     /// True if points below water are corrected for its refraction and speed of light.
     pub corrects_refraction: bool,
+    /// Frequency-modulated continuous wave; `None` = pulses.
+    pub fmcw: Option<Fmcw>,
+    /// Pixels and imperfections of [`Ranging::Photons`].
+    pub pixels: PixelSettings,
+}
+
+/// A frequency-modulated continuous wave: chirps whose frequency rises, then falls evenly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fmcw {
+    /// Bandwidth of a chirp, Hz.
+    pub bandwidth: f64,
+    /// Duration of a chirp, up or down, s.
+    pub chirp: f64,
+    /// Sampling rate of the beat, Hz; `None` = all frequencies are measured.
+    pub sample_rate: Option<f64>,
+    /// True if the receiver measures the sign of frequencies.
+    pub has_quadrature: bool,
+    /// Probability of a false alarm at the threshold; strengths have the statistics of a single speckle.
+    /// `None` = strengths do not vary.
+    pub false_alarm: Option<f64>,
+}
+
+/// Pixels of a receiver that counts photons, and events without light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelSettings {
+    /// Number of pixels, which share the light evenly.
+    pub count: u32,
+    /// Standard deviation of the times of photons, ns.
+    pub jitter: f64,
+    /// Photoelectrons of a pixel without light, 1/s.
+    pub dark_counts: f64,
+    /// Probability that a photoelectron causes another one, and its mean delay after the dead time, ns;
+    /// `None` = none.
+    pub afterpulse: Option<(f64, f64)>,
+}
+
+impl Default for PixelSettings {
+    /// A single pixel without imperfections.
+    fn default() -> PixelSettings {
+        PixelSettings { count: 1, jitter: 0.0, dark_counts: 0.0, afterpulse: None }
+    }
 }
 
 impl fmt::Debug for Receiver {
-    /// Checksums of surveys include this text, so receivers without settings for water have none of them in
-    /// it.
+    /// Checksums of surveys include this text, so receivers without settings for water, chirps and pixels
+    /// have none of them in it.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let mut fields = f.debug_struct("Receiver");
         fields
@@ -84,6 +125,12 @@ impl fmt::Debug for Receiver {
         }
         if self.corrects_refraction {
             fields.field("corrects_refraction", &self.corrects_refraction);
+        }
+        if self.fmcw.is_some() {
+            fields.field("fmcw", &self.fmcw);
+        }
+        if self.pixels != PixelSettings::default() {
+            fields.field("pixels", &self.pixels);
         }
         fields.finish()
     }

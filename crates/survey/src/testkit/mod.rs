@@ -43,6 +43,7 @@ pub fn scanner_settings(pulse_freq: u32) -> ScannerSettings {
         trajectory_interval: 0.0,
         max_duration: None,
         warmup: 0.0,
+        weather: Weather::CLEAR,
     }
 }
 

@@ -19,6 +19,7 @@ mod scan_motion;
 mod scenes;
 mod surveys;
 mod values;
+mod weather;
 
 /// Reads a survey whose document has the default assets.
 fn survey_of(extra: &str, attributes: &str, content: &str) -> vlscan_base::Result<(Survey, Diagnostics)> {

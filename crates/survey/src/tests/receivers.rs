@@ -283,7 +283,9 @@ fn example(key: &str) -> &'static str {
         "snr" => "{ range_m = 100, reflectance = 0.2, value = 20 }",
         "range_noise" => "{ constant_m = 0.002 }",
         "overlap" => "{ field_of_view_rad = 0.002 }",
-        "threshold_photons" => "8",
+        "fmcw" => "{ bandwidth_hz = 1e9, chirp_s = 1e-5 }",
+        "afterpulse" => "{ probability = 0.01, delay_ns = 10 }",
+        "threshold_photons" | "pixels" => "8",
         "digitiser_clock" | "refraction_corrected" => "true",
         "detector" => "\"gaussian\"",
         "background_w" => "1e-9\nresponsivity_a_per_w = 0.6",
@@ -429,6 +431,46 @@ fn noise_by_strength_photons_dead_time_and_steps() {
         let error = report(&of_toml(keys).unwrap_err());
         assert!(error.contains(said), "{said} is missing from\n{error}");
     }
+}
+
+#[test]
+fn chirps_and_pixels_are_read() {
+    let keys = "fmcw = { bandwidth_hz = 1e9, chirp_s = 1e-5, sample_rate_hz = 1e9, quadrature = true, false_alarm = 1e-6 }\n";
+    let expected = Fmcw {
+        bandwidth: 1e9,
+        chirp: 1e-5,
+        sample_rate: Some(1e9),
+        has_quadrature: true,
+        false_alarm: Some(1e-6),
+    };
+    assert_eq!(fine(of_toml(keys))[0].receiver.fmcw, Some(expected));
+    let photons = "detector = \"photons\"\nthreshold_photons = 1\n";
+    let keys = format!(
+        "{photons}pixels = 4\nphoton_jitter_ns = 0.3\ndark_counts_hz = 1e5\nafterpulse = {{ probability = 0.02, delay_ns = 10 }}\n"
+    );
+    let expected = PixelSettings { count: 4, jitter: 0.3, dark_counts: 1e5, afterpulse: Some((0.02, 10.0)) };
+    assert_eq!(fine(of_toml(&keys))[0].receiver.pixels, expected);
+    assert!(!format!("{:?}", Receiver::default()).contains("pixels"));
+    let chirps = "fmcw = { bandwidth_hz = 1e9, chirp_s = 1e-5 }\n";
+    for (keys, said) in [
+        (format!("{photons}{chirps}"), "give either `fmcw` or `threshold_photons`"),
+        (format!("pulse_fwhm_ns = 3\n{chirps}"), "give either `fmcw` or `pulse_fwhm_ns`"),
+        ("fmcw = { bandwidth_hz = 1e9 }\n".to_owned(), "`chirp_s`"),
+        ("fmcw = { bandwidth_hz = nan, chirp_s = 1e-5 }\n".to_owned(), "`bandwidth_hz`"),
+        ("fmcw = { bandwidth_hz = 1e9, chirp_s = -1 }\n".to_owned(), "`chirp_s`"),
+        ("fmcw = { bandwidth_hz = 1e9, chirp_s = 1e-5, false_alarm = 0 }\n".to_owned(), "`false_alarm`"),
+        (format!("{photons}pixels = 0\n"), "`pixels` must be a whole number from 1 to 4096"),
+        (format!("{photons}pixels = 2.5\n"), "pixels"),
+        (format!("{photons}photon_jitter_ns = -1\n"), "`photon_jitter_ns`"),
+        (format!("{photons}dark_counts_hz = nan\n"), "`dark_counts_hz`"),
+        (format!("{photons}afterpulse = {{ probability = 1, delay_ns = 9 }}\n"), "`probability`"),
+        (format!("{photons}afterpulse = {{ probability = 0.1, delay_ns = 0 }}\n"), "`delay_ns`"),
+    ] {
+        let error = report(&of_toml(&keys).unwrap_err());
+        assert!(error.contains(said), "{said} is missing from\n{error}");
+    }
+    let (_, warnings) = of_toml("pixels = 4\n").unwrap();
+    contains(&warnings.render(false), &["`pixels` has no effect without `detector` \"photons\""]);
 }
 
 #[test]

@@ -48,6 +48,7 @@ impl LasFormat {
             directions: cloud.misses,
             true_positions: cloud.true_positions,
             heights: cloud.heights,
+            velocities: cloud.has_velocities(),
         };
         let highest = cloud.highest_class;
         if settings.version == LasVersion::V10 && highest > MAX_CLASS_1 {

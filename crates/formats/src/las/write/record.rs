@@ -13,7 +13,7 @@ const WITHHELD_1: u8 = 1 << 7;
 const ADJUSTMENT_S: f64 = 1e9;
 
 /// Bytes of a record with all extra bytes.
-pub(super) const MAX_RECORD_BYTES: usize = 124;
+pub(super) const MAX_RECORD_BYTES: usize = 132;
 impl LasFormat {
     /// Appends the record of a point, without the fields of waveform packets. Returns its coordinates as
     /// stored, or `None`, with nothing appended, if they do not fit into 32 bits.
@@ -141,6 +141,10 @@ impl LasFormat {
         if groups.heights {
             // HeightAboveGround
             record.put(point.height.to_le_bytes());
+        }
+        if groups.velocities {
+            // Doppler, DopplerWidth
+            point.cause.velocity.into_iter().for_each(|v| record.put((v as f32).to_le_bytes()));
         }
     }
 }

@@ -45,6 +45,9 @@ const TRUE_POSITIONS: [(u8, u16, &str, &str); 3] = [
 
 const HEIGHTS: [(u8, u16, &str, &str); 1] = [(F32, 4, "HeightAboveGround", "height above the ground, m")];
 
+const VELOCITIES: [(u8, u16, &str, &str); 2] =
+    [(F32, 4, "Doppler", "radial velocity, m/s"), (F32, 4, "DopplerWidth", "spread of Doppler, m/s")];
+
 /// Optional groups of extra dimensions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Groups {
@@ -56,6 +59,8 @@ pub struct Groups {
     pub true_positions: bool,
     /// Height above the ground.
     pub heights: bool,
+    /// Radial velocity.
+    pub velocities: bool,
 }
 
 fn dimensions(
@@ -72,7 +77,9 @@ fn dimensions(
     let labels = of(groups.labels, &LABELS);
     let directions = of(groups.directions, &DIRECTIONS);
     let positions = of(groups.true_positions, &TRUE_POSITIONS);
-    base.iter().chain(labels).chain(directions).chain(positions).chain(of(groups.heights, &HEIGHTS))
+    let heights = of(groups.heights, &HEIGHTS);
+    let velocities = of(groups.velocities, &VELOCITIES);
+    base.iter().chain(labels).chain(directions).chain(positions).chain(heights).chain(velocities)
 }
 
 /// Total extra bytes of a point.

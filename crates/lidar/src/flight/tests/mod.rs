@@ -9,3 +9,4 @@ mod replay;
 mod reported;
 mod scan_angles;
 mod times;
+mod velocity;

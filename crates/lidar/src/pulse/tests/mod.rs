@@ -11,7 +11,9 @@ mod robustness;
 mod scene_box;
 mod slabs;
 mod truth;
+mod velocity;
 mod water;
+mod weather;
 
 use super::testkit::*;
 use super::{Corrections, Physics, PhysicsOptions, PulseSimulator};

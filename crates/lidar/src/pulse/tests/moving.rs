@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::pulse::{Physics, PulseSimulator};
-use vlscan_scene::{DynamicScene, MotionPlan, MotionState, MovingPart, ObjectUpdate};
+use vlscan_scene::{DynamicScene, MotionPlan, MotionState, MovingPart, ObjectUpdate, Twist};
 use vlscan_survey::*;
 use vlscan_trace::{BuildOptions, Tree};
 
@@ -29,7 +29,12 @@ fn echoes(by: f64, options: PhysicsOptions) -> Vec<(f64, u32)> {
     let (mut state, mut changes) = (MotionState::start(&plan), Vec::new());
     for before in 1..=pulses.len() {
         state.step(&plan, |object, transform| {
-            changes.push(ObjectUpdate { first_pulse: before, object, transform: *transform })
+            changes.push(ObjectUpdate {
+                first_pulse: before,
+                object,
+                transform: *transform,
+                twist: Twist::ZERO,
+            })
         });
     }
     let mut dynamic = DynamicScene::new(&plan, BuildOptions::default());

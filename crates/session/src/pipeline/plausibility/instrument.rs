@@ -4,7 +4,7 @@ use super::survey_place;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::number;
 use vlscan_lidar::pulse::{Corrections, InstrumentTable, PhysicsOptions, count_echoes_of_one_pulse};
-use vlscan_survey::{Device, Survey, WaveformPlace, WrittenKey, warn_of_unused_keys};
+use vlscan_survey::{Device, Leg, Survey, WaveformPlace, Weather, WrittenKey, warn_of_unused_keys};
 
 /// Quotients of window and bin that are less than this below two count as two: rounding.
 const WINDOW_TOLERANCE: f64 = 1e-9;
@@ -131,6 +131,11 @@ fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagn
                        receives nothing; the waist of the beam is placed at the exit";
         found.warn(survey_place(survey), message).help(help);
     }
+    let is_foul = |leg: &&Leg| leg.scanner.weather != Weather::CLEAR;
+    if let Some(leg) = survey.legs.iter().find(is_foul) {
+        let message = "`weather` has no effect without the correction radiometry of the physics";
+        found.warn(leg.place.clone().or_else(|| survey_place(survey)), message).help(help);
+    }
     let of_scanner = devices.iter().any(|device| device.beam.divergence == 0.0);
     let leg = survey.legs.iter().find(|leg| leg.scanner.active && leg.scanner.beam_divergence == 0.0);
     if of_scanner || leg.is_some() {
@@ -185,6 +190,14 @@ mod tests {
         assert_eq!(report(Corrections::REFINED, 6.0), "");
         assert!(report(Corrections::NONE, 6.0).contains("too wide for pulses of 5 ns"));
         assert!(report(Corrections::REFINED, 30.0).contains("too wide for pulses of 10.3"));
+    }
+
+    #[test]
+    fn weather_needs_the_lidar_equation() {
+        let mut foul = survey(vec![tls_device(4.0)]);
+        foul.legs[0].scanner.weather.air.rain = 10.0;
+        assert!(check_instrument(&foul, &Corrections::NONE).text().contains("`weather` has no effect"));
+        assert_eq!(check_instrument(&foul, &Corrections::REFINED).text(), "");
     }
 
     #[test]
