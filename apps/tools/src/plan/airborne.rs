@@ -36,7 +36,8 @@ const MOUNT_RANGE: f64 = 4.0;
 const ROUNDS: u32 = 3;
 
 /// Requirements of an airborne survey. Of speed, overlap and density at least one is given besides those with
-/// defaults; density with overlap yields the speed, density with speed the distance of the lines.
+/// defaults; density with overlap yields the speed, density with speed the distance of the lines, all three
+/// the pulse rate.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct AirborneOptions {
     /// Height above the ground, m.
@@ -304,14 +305,56 @@ fn choose(
     carrier: &Carrier,
     options: &AirborneOptions,
 ) -> Result<Choice, PlanError> {
-    if options.density.is_some() && options.speed.is_some() && options.overlap.is_some() {
+    match (options.density, options.speed, options.overlap) {
+        (Some(density), Some(_), Some(_)) => choose_rate(area, frame, instrument, carrier, options, density),
+        (None, None, _) => Err(PlanError::NoSpeed),
+        _ => choose_at(area, frame, instrument, carrier, options, instrument.pulse_rate()?),
+    }
+}
+
+/// The flight at the lowest pulse rate of the instrument with which the requested speed and overlap give the
+/// requested density.
+fn choose_rate(
+    area: &Area,
+    frame: &Frame,
+    instrument: &SwathModel,
+    carrier: &Carrier,
+    options: &AirborneOptions,
+    density: f64,
+) -> Result<Choice, PlanError> {
+    let mut rates: Vec<u32> = instrument.pulse_rates().iter().copied().filter(|rate| *rate > 0).collect();
+    rates.sort_unstable();
+    if instrument.wanted_rate.is_some() || rates.len() < 2 {
         return Err(PlanError::Overdetermined);
     }
-    if options.density.is_none() && options.speed.is_none() {
-        return Err(PlanError::NoSpeed);
+    // Speed and overlap determine the lines.
+    let given = AirborneOptions { density: None, ..options.clone() };
+    let (mut densest, mut refused) = (None, None);
+    for rate in rates {
+        match choose_at(area, frame, instrument, carrier, &given, rate) {
+            Ok(choice) if choice.density >= density * (1.0 - 1e-9) => return Ok(choice),
+            Ok(choice) => densest = Some((rate, choice.density)),
+            // Pulses of a higher rate are weaker, but scan frequencies may be in reach.
+            Err(problem) => refused = refused.or(Some(problem)),
+        }
     }
+    Err(match (densest, refused) {
+        (Some((rate, found)), _) => PlanError::PulseRates { rate, found, density },
+        (None, Some(problem)) => problem,
+        (None, None) => PlanError::Overdetermined,
+    })
+}
+
+/// Chooses the flight at a pulse rate, Hz.
+fn choose_at(
+    area: &Area,
+    frame: &Frame,
+    instrument: &SwathModel,
+    carrier: &Carrier,
+    options: &AirborneOptions,
+    pulse_rate: u32,
+) -> Result<Choice, PlanError> {
     let half_angle = instrument.half_angle(options.scan_angle)?;
-    let pulse_rate = instrument.pulse_rate()?;
     // The first guess of the lines is that of a flight at 30 m/s.
     let mut lines = (30.0 * f64::from(pulse_rate) / options.height).sqrt();
     let mut choice: Option<Choice> = None;

@@ -146,6 +146,21 @@ pub enum PlanError {
     /// Density, speed and overlap together.
     #[error("--density, --speed and --overlap determine each other: leave one out")]
     Overdetermined,
+    /// Density, speed and overlap together, with which no pulse rate of the instrument is high enough.
+    #[error(
+        "at this speed and overlap the highest usable pulse rate, {rate} kHz, gives {found:.2} pulses/m² \
+         instead of {density}; leave out --speed or --overlap",
+        rate = number(f64::from(*.rate) / 1e3),
+        density = number(*.density)
+    )]
+    PulseRates {
+        /// The pulse rate, Hz.
+        rate: u32,
+        /// Density with it, pulses/m².
+        found: f64,
+        /// The requested density, pulses/m².
+        density: f64,
+    },
     /// Neither density nor speed.
     #[error("give --speed, or --density to derive the speed from it")]
     NoSpeed,

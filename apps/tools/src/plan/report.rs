@@ -80,7 +80,7 @@ impl PlanReport<'_> {
                 amount(*fired_rate)
             ),
         ];
-        lines.extend(self.default_rate());
+        lines.extend(self.rate(options));
         if let Some(Turned { turns, .. }) = &self.choice.turned {
             lines.push(format!(
                 "mount      turned by {}, because the platform's mount does not point the scanner at the \
@@ -91,14 +91,27 @@ impl PlanReport<'_> {
         lines
     }
 
+    /// True if the pulse rate follows from the options.
+    fn derives_rate(options: &AirborneOptions) -> bool {
+        options.density.is_some() && options.speed.is_some() && options.overlap.is_some()
+    }
+
     /// The pulse rate of an instrument with several, where the plan chose it.
-    fn default_rate(&self) -> Option<String> {
+    fn rate(&self, options: &AirborneOptions) -> Option<String> {
         let rates = self.instrument.pulse_rates();
         if self.instrument.wanted_rate.is_some() || rates.len() < 2 {
             return None;
         }
         let kilohertz = |rate: u32| number(f64::from(rate) / 1e3);
         let all: Vec<String> = rates.iter().map(|rate| kilohertz(*rate)).collect();
+        if PlanReport::derives_rate(options) {
+            let rate = kilohertz(self.choice.scan.pulse_rate);
+            return Some(format!(
+                "rate       {rate} kHz, the lowest of {} kHz that gives the density at this speed and \
+                 overlap",
+                all.join(", ")
+            ));
+        }
         Some(format!(
             "rate       {} kHz by default, the first of {} kHz; a higher --pulse-rate flies faster for the \
              same density",
@@ -169,7 +182,7 @@ impl PlanReport<'_> {
         let Choice { field, fired_rate, speed, density, .. } = self.choice;
         let mut warnings = Vec::new();
         let mut warn = |text: String| warnings.push(text);
-        if let Some(asked) = options.density
+        if let Some(asked) = options.density.filter(|_| !PlanReport::derives_rate(options))
             && (density / asked - 1.0).abs() > MAX_DENSITY_ERROR
         {
             warn(format!(

@@ -124,3 +124,29 @@ fn cross_lines_are_perpendicular() {
     x.sort_by(f64::total_cmp);
     assert!(x.len() == 2 && (x[0] - 750.0).abs() < 1e-6 && (x[1] - 2250.0).abs() < 1e-6, "{x:?}");
 }
+
+#[test]
+fn density_with_speed_and_overlap_yields_the_pulse_rate() {
+    let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
+    let rate = |density: f64| {
+        let options = AirborneOptions { density: Some(density), overlap: Some(30.0), ..options() };
+        plan_airborne(&area, &instrument(), &CARRIER, &options, &FLAT)
+    };
+    // Two thirds of the pulses of 100, 200, 300 and 400 kHz are fired, over a spacing of 404.15 m at 60 m/s.
+    for (density, kilohertz) in [(2.0, 100.0), (4.0, 200.0), (7.0, 300.0), (10.0, 400.0)] {
+        let plan = rate(density).unwrap();
+        assert_eq!(plan.settings[0], ("pulse_freq_hz", 1e3 * kilohertz), "{density}");
+        assert!(plan.promise.unwrap().density >= density);
+        let told = plan.comments.iter().find(|line| line.starts_with("rate")).unwrap();
+        assert!(told.contains(&format!("{kilohertz} kHz, the lowest of 100, 200, 300, 400 kHz")), "{told}");
+        assert!(plan.warnings.iter().all(|text| !text.contains("lines is whole")));
+    }
+    let refused = rate(40.0).unwrap_err().to_string();
+    assert!(refused.contains("400 kHz, gives 1") && refused.contains("instead of 40"), "{refused}");
+    // A rate that is given leaves nothing to choose.
+    let mut fixed = instrument();
+    fixed.wanted_rate = Some(200_000);
+    let options = AirborneOptions { density: Some(4.0), overlap: Some(30.0), ..options() };
+    let refused = plan_airborne(&area, &fixed, &CARRIER, &options, &FLAT).unwrap_err().to_string();
+    assert!(refused.contains("determine each other"), "{refused}");
+}
