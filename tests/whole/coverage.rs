@@ -235,3 +235,38 @@ fn a_long_flight_is_covered_as_by_its_points() {
     succeed(dir.path(), &[&["raster", "a.laz", "--cell", "10", "-q"][..], &rasters].concat());
     compare(&python, dir.path(), [0.01, 0.03]);
 }
+
+#[test]
+fn plans_have_their_density_in_the_cells() {
+    let dir = folder();
+    let ground = rectangle("ground", [-500.0; 2], [500.0; 2], 0.0);
+    fs::write(dir.path().join("g.obj"), ground).unwrap();
+    fs::write(dir.path().join("m.mtl"), MATERIALS).unwrap();
+    let area = "POLYGON ((-100 -60, 100 -60, 100 60, -100 60))";
+    let plan = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--scene", "g.obj", "--area", area];
+    let flight = ["--height", "60", "--overlap", "10", "-o", "p.toml", "-q"];
+    let least = ["--min-density", "8", "--min-share", "98"];
+    succeed(dir.path(), &[&plan[..], &flight, &least].concat());
+    let text_of_plan = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+    assert!(text_of_plan.contains("% of the cells of 10 m have at least 8 pulses/m²"), "{text_of_plan}");
+    let points = text(&succeed(dir.path(), &["run", "p.toml", "-o", "-", "--format", "xyz", "-q"]).stdout);
+    let mut counts = [[0u32; 20]; 12];
+    for line in points.lines() {
+        let place: Vec<f64> = line.split(' ').take(2).map(|word| word.parse().unwrap()).collect();
+        if place[0].abs() < 100.0 && place[1].abs() < 60.0 {
+            counts[((place[1] + 60.0) / 10.0) as usize][((place[0] + 100.0) / 10.0) as usize] += 1;
+        }
+    }
+    // Cells of 10 m have some lines more or fewer than their neighbours.
+    let dense = counts.iter().flatten().filter(|count| f64::from(**count) >= 0.96 * 800.0).count();
+    assert!(dense as f64 >= 0.97 * 240.0, "{dense} of 240");
+    for (more, expected) in [
+        (["--density", "5"], "cannot be used with"),
+        (["--min-cell", "400"], "no cell of 400 m lies within the area"),
+        (["--min-share", "101"], "percent from 0 to 100"),
+    ] {
+        let out = run(dir.path(), &[&plan[..], &flight, &least[..2], &more, &["--force"]].concat());
+        let said = text(&out.stderr);
+        assert!(out.status.code() == Some(2) && said.contains(expected), "{more:?}: {said}");
+    }
+}

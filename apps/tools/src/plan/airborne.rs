@@ -49,6 +49,16 @@ pub struct AirborneOptions {
     /// Mean pulses per m².
     #[arg(long, value_name = "N", value_parser = args::positive)]
     pub density: Option<f64>,
+    /// Pulses with a return per m² that --min-share of the cells of the area have at least: the plan is made
+    /// denser until a sample of the flight over the scene has them.
+    #[arg(long, value_name = "N", value_parser = args::positive, conflicts_with = "density")]
+    pub min_density: Option<f64>,
+    /// Share of the cells within the area that have --min-density, percent. [default: 95]
+    #[arg(long, value_name = "PERCENT", value_parser = args::share, requires = "min_density")]
+    pub min_share: Option<f64>,
+    /// Side of these cells, m. [default: 10]
+    #[arg(long, value_name = "M", value_parser = args::positive, requires = "min_density")]
+    pub min_cell: Option<f64>,
     /// Overlap of neighbouring strips, percent of the swath. [default: 30]
     #[arg(long, value_name = "PERCENT", value_parser = args::overlap)]
     pub overlap: Option<f64>,
@@ -204,6 +214,9 @@ fn plan(
         ("height", Some(height), POSITIVE),
         ("speed", options.speed, POSITIVE),
         ("density", options.density, POSITIVE),
+        ("min-density", options.min_density, POSITIVE),
+        ("min-share", options.min_share, args::SHARE),
+        ("min-cell", options.min_cell, POSITIVE),
         ("overlap", options.overlap, args::OVERLAP),
         ("scan-angle", options.scan_angle, POSITIVE),
         ("scan-freq", options.scan_freq, POSITIVE),
