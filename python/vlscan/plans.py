@@ -202,6 +202,7 @@ def plan_airborne(
     *,
     area: Area | None = None,
     buffer: float | None = None,
+    follow_line: bool = False,
     speed: float | None = None,
     density: float | None = None,
     min_density: float | None = None,
@@ -235,6 +236,8 @@ def plan_airborne(
         Corners of a polygon; a polygon of shapely or GeoPandas; a file, or well-known text. The scene by default.
     buffer : float, optional
         Make the area a corridor: everything within this distance of the line, m.
+    follow_line : bool
+        Whether flight lines follow the bends of the corridor's line instead of being straight.
     speed, density : float, optional
         Speed, m/s, and mean pulses per m²; one of them or ``min_density`` is needed.
     min_density : float, optional

@@ -270,3 +270,51 @@ fn plans_have_their_density_in_the_cells() {
         assert!(out.status.code() == Some(2) && said.contains(expected), "{more:?}: {said}");
     }
 }
+
+#[test]
+fn corridors_are_covered_round_their_bends() {
+    let dir = folder();
+    let ground = rectangle("ground", [-500.0; 2], [1000.0; 2], 0.0);
+    fs::write(dir.path().join("g.obj"), ground).unwrap();
+    fs::write(dir.path().join("m.mtl"), MATERIALS).unwrap();
+    let corridor = ["--area", "LINESTRING (0 0, 300 0, 500 150)", "--buffer", "40", "--follow-line"];
+    let plan = ["plan", "airborne", "--scanner", "riegl_vux-1uav", "--scene", "g.obj", "--height", "60"];
+    let flight = ["--density", "10", "--overlap", "30", "-o", "p.toml", "-q"];
+    succeed(dir.path(), &[&plan[..], &corridor, &flight].concat());
+    let points = text(&succeed(dir.path(), &["run", "p.toml", "-o", "-", "--format", "xyz", "-q"]).stdout);
+    // The distance of a place from the line.
+    let off = |[x, y]: [f64; 2]| {
+        let piece = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2]| {
+            let (wx, wy) = (bx - ax, by - ay);
+            let t = (((x - ax) * wx + (y - ay) * wy) / (wx * wx + wy * wy)).clamp(0.0, 1.0);
+            (x - ax - t * wx).hypot(y - ay - t * wy)
+        };
+        piece([0.0, 0.0], [300.0, 0.0]).min(piece([300.0, 0.0], [500.0, 150.0]))
+    };
+    let mut cells = std::collections::HashMap::new();
+    let mut inside = 0.0;
+    for line in points.lines() {
+        let place: Vec<f64> = line.split(' ').take(2).map(|word| word.parse().unwrap()).collect();
+        if off([place[0], place[1]]) <= 40.0 {
+            inside += 1.0;
+            *cells.entry([place[0], place[1]].map(|c| (c / 10.0).floor() as i32)).or_insert(0) += 1;
+        }
+    }
+    // 550 m of line with two half circles; at the corner the sides overlap a little.
+    let density = inside / (2.0 * 40.0 * 550.0 + std::f64::consts::PI * 1600.0 - 18.0);
+    assert!((density / 10.0 - 1.0).abs() < 0.06, "{density}");
+    for (x, y) in (-4..54).flat_map(|x| (-4..19).map(move |y| (x, y))) {
+        let corners =
+            [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, k)| [x + i, y + k].map(|c| 10.0 * f64::from(c)));
+        if corners.into_iter().all(|corner| off(corner) <= 40.0) {
+            let count = cells.get(&[x, y]).copied().unwrap_or(0);
+            assert!(count > 350, "{count} points at {x}, {y}");
+        }
+    }
+    let straight = ["--follow-line", "--heading", "20"];
+    let out = run(dir.path(), &[&plan[..], &corridor[..4], &straight, &flight, &["--force"]].concat());
+    assert!(out.status.code() == Some(2) && text(&out.stderr).contains("cannot be used with"));
+    let out =
+        run(dir.path(), &[&plan[..], &corridor[..2], &["--follow-line"], &flight, &["--force"]].concat());
+    assert!(out.status.code() == Some(2) && text(&out.stderr).contains("--buffer"));
+}

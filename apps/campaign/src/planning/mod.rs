@@ -51,6 +51,7 @@ const AIRBORNE_SCANNERS: &str = "scanners_als.xml";
 /// let request = PlanRequest::Airborne(Box::new(AirborneRequest {
 ///     area: Some(AreaSource::Given(Area::rectangle([0.0, 0.0], [400.0, 300.0]).unwrap())),
 ///     buffer: None,
+///     follow_line: false,
 ///     common: PlanSetup { scanner: "riegl_vux-1uav".into(), ..PlanSetup::default() },
 ///     options: AirborneOptions { height: 60.0, density: Some(50.0), ..AirborneOptions::default() },
 /// }));
@@ -175,9 +176,16 @@ impl Planner<'_> {
         let height = |x: f64, y: f64| model.map_or(Some(level), |ground| ground.height(x, y));
         let ground = PlanGround { heights: &height, level };
         let carrier = Carrier { mount: platform.mount, may_turn: self.setup.platform.is_none() };
+        let line = self.followed_line(request)?;
         let plan = |options: &AirborneOptions| -> Result<PlannedSurvey> {
-            let plan = plan::plan_airborne(&area, &self.instrument, &carrier, options, &ground)?;
-            Ok(PlannedSurvey { platform: reference.clone(), ..plan })
+            let instrument = &self.instrument;
+            let plan = match &line {
+                None => plan::plan_airborne(&area, instrument, &carrier, options, &ground),
+                Some((line, buffer)) => {
+                    plan::plan_corridor(line, *buffer, &area, instrument, &carrier, options, &ground)
+                }
+            };
+            Ok(PlannedSurvey { platform: reference.clone(), ..plan? })
         };
         let survey = match Guarantee::of(options) {
             None => plan(options)?,
@@ -190,6 +198,24 @@ impl Planner<'_> {
             }
         };
         Ok((survey, Some(area), reported))
+    }
+
+    /// The line that the lines of a flight follow, and the distance to both sides of it that they cover, m.
+    /// What there is to say about the line is said when the area is read.
+    fn followed_line(&self, request: &AirborneRequest) -> Result<Option<(Vec<[f64; 2]>, f64)>> {
+        if !request.follow_line {
+            return Ok(None);
+        }
+        if request.options.heading.is_some() || request.options.cross_lines > 0 {
+            return Err(Error::input("--follow-line: --heading and --cross-lines are for straight lines"));
+        }
+        match (&request.area, request.buffer) {
+            (Some(AreaSource::Named(name)), Some(buffer)) => {
+                let (line, _) = plan::read_line(name, self.crs())?;
+                Ok(Some((line, buffer)))
+            }
+            _ => Err(Error::input("--follow-line: give the line with --area, and --buffer")),
+        }
     }
 
     /// Coverage of a flight in cells of `side` m. What there is to say about it is said when the plan is

@@ -1,9 +1,10 @@
 //! Report of a planned flight as comments, with hints for the user.
 
-use super::airborne::{AirborneOptions, Choice};
 use super::area::Area;
+use super::choice::Choice;
 use super::document::{PlannedSurvey, Turned};
 use super::height::GroundLevel;
+use super::requirements::AirborneOptions;
 use super::swath::SwathModel;
 use vlscan_base::quantity::{amount, duration, number};
 use vlscan_geom::degrees;
@@ -31,8 +32,8 @@ pub(super) struct PlanReport<'f> {
     pub choice: &'f Choice,
     /// Height above the ground, m.
     pub height: f64,
-    /// Direction of the lines, rad clockwise from +y.
-    pub heading: f64,
+    /// Direction of the lines, rad clockwise from +y; `None` if they follow a line.
+    pub heading: Option<f64>,
     /// How far before the area lines begin and behind it they end, m.
     pub margins: [f64; 2],
     /// Number of parallel lines.
@@ -56,6 +57,10 @@ impl PlanReport<'_> {
             1 => String::new(),
             _ => format!(", {spacing:.2} m apart"),
         };
+        let direction = match self.heading {
+            Some(heading) => format!("at heading {:.1}°", degrees(heading)),
+            None => "along the line".to_owned(),
+        };
         let seconds = flown / speed;
         let exact = if seconds < 60.0 { String::new() } else { format!(" ({seconds:.1} s)") };
         let hectares = self.area.square_metres() / 1e4;
@@ -66,9 +71,8 @@ impl PlanReport<'_> {
                 number(self.height)
             ),
             format!(
-                "lines      {} at heading {:.1}°{apart}, {} across; {:.2} km of {:.2} km flown measure",
+                "lines      {} {direction}{apart}, {} across; {:.2} km of {:.2} km flown measure",
                 self.parallel,
-                degrees(self.heading),
                 options.cross_lines,
                 self.active / 1e3,
                 flown / 1e3

@@ -137,6 +137,10 @@ pub struct AirborneRequest {
     /// Make the area a corridor: everything within this distance of the line, m.
     #[arg(long, value_name = "M", requires = "area", value_parser = args::positive)]
     pub buffer: Option<f64>,
+    /// Fly lines that follow the bends of the corridor's line, with corners as arcs, instead of straight
+    /// lines over all of it.
+    #[arg(long, requires = "buffer", conflicts_with_all = ["heading", "cross_lines"])]
+    pub follow_line: bool,
     /// Instrument, scene and output.
     #[command(flatten)]
     pub common: PlanSetup,
