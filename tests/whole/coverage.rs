@@ -196,7 +196,9 @@ with rasterio.open("c.tif") as c:
             full = run.read(1).astype(float)
             rows, columns = full.shape
             found = c.read(band)[int(north):int(north) + rows, int(west):int(west) + columns]
+            # Cells at the edge of the scene are not whole.
             inner = full > 0.5 * np.median(full)
+            inner[[0, -1]] = inner[:, [0, -1]] = False
             off = np.abs(found[inner] / full[inner] - 1)
             assert inner.sum() > 20 and abs(found.sum() / full.sum() - 1) < 0.01
             assert np.median(off) <= {} and np.quantile(off, 0.95) <= {}, (name, np.quantile(off, [0.5, 0.95]))

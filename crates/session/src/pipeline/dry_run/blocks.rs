@@ -22,14 +22,14 @@ const STEPS_PER_LOOK: u64 = 1 << 16;
 const MIN_SPIN: f64 = 2.0 * TAU;
 /// Duration of a block of a pattern that does not repeat, s.
 const UNEVEN_S: f64 = 0.05;
-/// Most periods that a block stands for because the platform is slow.
-const MAX_STRIDE: f64 = 64.0;
 
 /// A chunk of a block.
 pub struct BlockChunk {
     pub chunk: Chunk,
-    /// Pulses that each of its pulses stands for.
+    /// Pulses that each of its measured pulses stands for.
     pub repeats: Repeats,
+    /// Remainder of the numbers of its measured pulses, divided by the pulses for which one is measured.
+    pub phase: u64,
 }
 
 impl Tasks for BlockChunk {
@@ -38,24 +38,13 @@ impl Tasks for BlockChunk {
     }
 }
 
-/// Distances from block to block.
+/// Shares of the periods and pulses that are measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stride {
-    /// Least number of periods; 1 if all pulses can be measured.
-    pub min_periods: u64,
-    /// Way of the platform if more periods are not needed, m.
-    pub way: f64,
-}
-
-impl Stride {
-    /// Number of periods from a block to the next one where the platform moves by `drift` m in a period.
-    fn periods(&self, drift: f64) -> u64 {
-        if self.min_periods <= 1 {
-            return 1;
-        }
-        let by_way = if drift > 0.0 { (self.way / drift).clamp(1.0, MAX_STRIDE) } else { 1.0 };
-        self.min_periods.max(by_way as u64)
-    }
+    /// Number of periods of which one is measured.
+    pub periods: u64,
+    /// Number of pulses of a period of which one is measured.
+    pub pulses: u32,
 }
 
 /// A flight that is divided into blocks.
@@ -96,7 +85,8 @@ impl Course<'_> {
         put: &mut dyn FnMut(BlockChunk) -> Result<()>,
     ) -> Result<Step> {
         let mut waiting = Block::default();
-        let mut periods = stride.min_periods.max(1);
+        let mut phase = 0;
+        let gap = u64::from(period).saturating_mul(stride.periods.saturating_sub(1));
         let mut before = 0;
         loop {
             let from = self.state.position();
@@ -105,18 +95,17 @@ impl Course<'_> {
                 // A part of a period stands for itself only.
                 waiting.around[1] += std::mem::take(&mut before);
             }
-            waiting.put(put)?;
+            waiting.put(stride.pulses, put)?;
             let drift = measured.drift(from);
-            waiting = Block { chunks, steps: measured.steps, around: [before, 0], drift };
-            periods = if drift == DVec3::ZERO { periods } else { stride.periods(drift.x.hypot(drift.y)) };
-            let gap = u64::from(period).saturating_mul(periods - 1);
+            waiting = Block { chunks, steps: measured.steps, around: [before, 0], drift, phase };
+            phase += 1;
             let passed = match measured.last {
                 Step::Advanced => self.pass(gap, is_stopped)?,
                 last => Passed { last, ..Passed::NOTHING },
             };
             if passed.last != Step::Advanced || is_stopped() {
                 waiting.around[1] = passed.steps;
-                waiting.put(put)?;
+                waiting.put(stride.pulses, put)?;
                 return Ok(passed.last);
             }
             waiting.around[1] = gap / 2;
@@ -198,15 +187,18 @@ struct Block {
     around: [u64; 2],
     /// Way of the platform, m.
     drift: DVec3,
+    /// Its number on the leg, which changes the pulses that are measured.
+    phase: u64,
 }
 
 impl Block {
-    /// Passes the chunks to `put` and leaves an empty block.
-    fn put(&mut self, put: &mut dyn FnMut(BlockChunk) -> Result<()>) -> Result<()> {
-        let Block { chunks, steps, around, drift } = std::mem::take(self);
+    /// Passes the chunks to `put`, one in `pulses` pulses of which is measured, and leaves an empty block.
+    fn put(&mut self, pulses: u32, put: &mut dyn FnMut(BlockChunk) -> Result<()>) -> Result<()> {
+        let Block { chunks, steps, around, drift, phase } = std::mem::take(self);
         let around = around.map(|passed| passed as f64 / (steps as f64).max(1.0));
-        let repeats = Repeats { around, drift: [drift.x, drift.y] };
-        chunks.into_iter().try_for_each(|chunk| put(BlockChunk { chunk, repeats }))
+        let repeats = Repeats { around, drift: [drift.x, drift.y], pulses };
+        let phase = phase % u64::from(pulses.max(1));
+        chunks.into_iter().try_for_each(|chunk| put(BlockChunk { chunk, repeats, phase }))
     }
 }
 
@@ -273,10 +265,10 @@ mod tests {
     #[test]
     fn blocks_stand_for_all_steps_of_the_legs_that_fire() {
         let survey = survey();
-        for (min_periods, way) in [(1, 5.0), (7, 0.1), (2, 10.0), (1000, 1.0)] {
-            let found = blocks(&survey, Stride { min_periods, way });
+        for periods in [1, 2, 7, 1000] {
+            let found = blocks(&survey, Stride { periods, pulses: 1 });
             let steps: f64 = found.iter().map(|(steps, repeats)| f64::from(*steps) * repeats.periods()).sum();
-            assert!((steps - 10_000.0).abs() < 20.0, "{min_periods}: {steps}");
+            assert!((steps - 10_000.0).abs() < 20.0, "{periods}: {steps}");
             // 256 steps are less than three periods of 100.
             assert_eq!(found[0].0, 300);
             let (_, first) = found[0];
@@ -284,15 +276,15 @@ mod tests {
             assert_eq!(first.around[0], 0.0);
         }
         // One period in seven: three before it and three behind it.
-        let found = blocks(&survey, Stride { min_periods: 7, way: 0.1 });
+        let found = blocks(&survey, Stride { periods: 7, pulses: 1 });
         assert!(found[..4].iter().all(|(_, repeats)| repeats.around[1] == 3.0), "{found:?}");
         assert!(found[1..4].iter().all(|(_, repeats)| repeats.around[0] == 3.0), "{found:?}");
-        // The platform moves 3 m in a period: one in three is measured.
-        let found = blocks(&survey, Stride { min_periods: 2, way: 10.0 });
-        assert!(found[1..4].iter().all(|(_, repeats)| repeats.around == [1.0; 2]), "{found:?}");
         // All of them.
-        let found = blocks(&survey, Stride { min_periods: 1, way: 10.0 });
-        assert!(found.iter().all(|(_, repeats)| repeats.periods() == 1.0), "{found:?}");
+        let found = blocks(&survey, Stride { periods: 1, pulses: 4 });
+        assert!(
+            found.iter().all(|(_, repeats)| repeats.periods() == 1.0 && repeats.pulses == 4),
+            "{found:?}"
+        );
     }
 
     #[test]

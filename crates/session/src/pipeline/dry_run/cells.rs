@@ -1,8 +1,8 @@
 //! Returns of a flight, summed in square cells.
 //!
-//! A measured pulse stands for the pulses of the same phase in the scan periods around it. Within these the
-//! platform moves evenly, so its returns are spread along that way. Sums are whole numbers, which do not
-//! depend on the order in which threads add to them.
+//! A measured pulse stands for those that are fired before and behind it, and for the pulses of the same
+//! phase in the scan periods around it. Within these beam and platform move evenly, so its returns are spread
+//! over that way. Sums are whole numbers, which do not depend on the order in which threads add to them.
 
 use std::collections::HashMap;
 use vlscan_geom::{DVec3, HeightModel, degrees};
@@ -26,6 +26,10 @@ const MIN_DESCENT: f64 = 0.02;
 const MAX_APPROACHES: u32 = 12;
 /// Parts of cells that the way of a return may cross.
 const MAX_CROSSINGS: u32 = 100_000;
+/// Change of direction beyond which the next beam is that of another scan line.
+const MAX_SWING: f64 = 0.05;
+/// How much longer the way of a beam over level ground may be than across the beam.
+const MAX_STRETCH: f64 = 5.0;
 
 /// The pulses that a measured pulse stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +38,8 @@ pub struct Repeats {
     pub around: [f64; 2],
     /// Horizontal way of the platform in a period, m.
     pub drift: [f64; 2],
+    /// Number of pulses of its own period, itself among them.
+    pub pulses: u32,
 }
 
 impl Repeats {
@@ -148,7 +154,8 @@ impl Cells {
                 let angle = degrees(libm::acos(echo.incidence_cosine.abs().clamp(0.0, 1.0)));
                 let angle = (angle * DEGREE).round() as u64;
                 let is_first = echo.return_number == 1;
-                self.spread(echo.position, repeats, |cell, part, units| {
+                let step = step(echo, echo.position, swing);
+                self.spread(echo.position, step, repeats, |cell, part, units| {
                     cell.points += units;
                     if is_first {
                         cell.pulses += units;
@@ -159,8 +166,9 @@ impl Cells {
                 });
             }
             let last = pulse.iter().max_by_key(|echo| echo.return_number);
-            if let Some((place, is_seen)) = last.zip(ground).and_then(|(last, ground)| below(last, ground)) {
-                self.spread(place, repeats, |cell, _, units| {
+            let Some((last, ground)) = last.zip(ground) else { continue };
+            if let Some((place, is_seen)) = below(last, ground) {
+                self.spread(place, step(last, place, swing), repeats, |cell, _, units| {
                     cell.aimed += units;
                     cell.blocked += if is_seen { 0 } else { units };
                 });
@@ -176,20 +184,30 @@ impl Cells {
     }
 
     /// Spreads a return over the parts of cells that it and its repeats meet: the bit of the part in its
-    /// cell, and the units of a pulse there.
-    fn spread(&mut self, at: DVec3, repeats: &Repeats, mut add: impl FnMut(&mut CellSum, u16, u64)) {
+    /// cell, and the units of a pulse there. `step` is the horizontal way from it to that of the next pulse,
+    /// m.
+    fn spread(
+        &mut self,
+        at: DVec3,
+        step: [f64; 2],
+        repeats: &Repeats,
+        mut add: impl FnMut(&mut CellSum, u16, u64),
+    ) {
         let part = self.side / PARTS as f64;
-        let Repeats { around: [before, behind], drift } = *repeats;
+        let Repeats { around: [before, behind], drift, pulses } = *repeats;
         let periods = repeats.periods();
-        let place = [at.x + self.shift.x, at.y + self.shift.y];
         // A period stands for the way from half a period before it to half a period behind it.
         let (first, last) = if periods > 1.0 { (-0.5 - before, 0.5 + behind) } else { (0.0, 0.0) };
-        let end = |after: f64| [0, 1].map(|axis| (place[axis] + after * drift[axis]) / part);
-        cross(end(first), end(last), |place, share| {
-            let [column, row] = place.map(|c| c.rem_euclid(PARTS));
-            let cell = self.cell(place.map(|c| c.div_euclid(PARTS)));
-            add(cell, 1u16 << (row * PARTS + column), (share * periods * PULSE).round() as u64);
-        });
+        for pulse in 0..pulses.max(1) {
+            let off = f64::from(pulse) - 0.5 * f64::from(pulses.max(1) - 1);
+            let place = [at.x + self.shift.x + off * step[0], at.y + self.shift.y + off * step[1]];
+            let end = |after: f64| [0, 1].map(|axis| (place[axis] + after * drift[axis]) / part);
+            cross(end(first), end(last), |place, share| {
+                let [column, row] = place.map(|c| c.rem_euclid(PARTS));
+                let cell = self.cell(place.map(|c| c.div_euclid(PARTS)));
+                add(cell, 1u16 << (row * PARTS + column), (share * periods * PULSE).round() as u64);
+            });
+        }
     }
 
     fn cell(&mut self, place: [i64; 2]) -> &mut CellSum {
@@ -207,6 +225,27 @@ impl Cells {
         };
         &mut self.sums[index]
     }
+}
+
+/// The horizontal way from a place on the beam of an echo to that of the next beam, m: on a level plane, or
+/// across the beam where this is nearly level. `swing` is the change of direction.
+fn step(echo: &Echo, place: DVec3, swing: DVec3) -> [f64; 2] {
+    if swing == DVec3::ZERO {
+        return [0.0; 2];
+    }
+    let (way, next) = (echo.direction, echo.direction + swing);
+    let range = (place - echo.origin).dot(way);
+    let across = swing * range;
+    let on_plane = next * (range * way.z / next.z) - way * range;
+    let is_steep = next.z < -MIN_DESCENT && on_plane.length() <= MAX_STRETCH * across.length();
+    let step = if is_steep { on_plane } else { across };
+    [step.x, step.y]
+}
+
+/// The change of direction to the next beam; 0 if it belongs to another scan line.
+pub fn swing(direction: DVec3, next: DVec3) -> DVec3 {
+    let swing = next - direction;
+    if swing.length() <= MAX_SWING { swing } else { DVec3::ZERO }
 }
 
 /// The place where the beam of a pulse's last echo meets the ground, scene frame, and true if the echo is
@@ -262,7 +301,7 @@ fn cross(from: [f64; 2], to: [f64; 2], mut visit: impl FnMut([i64; 2], f64)) {
 mod tests {
     use super::*;
 
-    const ONCE: Repeats = Repeats { around: [0.0; 2], drift: [0.0; 2] };
+    const ONCE: Repeats = Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 1 };
 
     fn echo(position: DVec3, pulse_number: u64, return_number: u32) -> Echo {
         Echo {
@@ -286,6 +325,11 @@ mod tests {
             time_ns: 0.0,
             truth_index: Echo::NO_TRUTH,
         }
+    }
+
+    /// A beam that does not move.
+    fn still(_: &Echo) -> DVec3 {
+        DVec3::ZERO
     }
 
     fn cell(cells: &Cells, place: [i64; 2]) -> CellSum {
@@ -315,8 +359,8 @@ mod tests {
     fn a_return_counts_in_every_cell_that_its_repeats_meet() {
         let mut cells = Cells::new(10.0, DVec3::new(1000.0, 0.0, 0.0));
         // 8 periods of 5 m from 12.5 m before (15, 5) on: 7.5, 10, 10, 10 and 2.5 m of the way in five cells.
-        let repeats = Repeats { around: [2.0, 5.0], drift: [5.0, 0.0] };
-        cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, None);
+        let repeats = Repeats { around: [2.0, 5.0], drift: [5.0, 0.0], pulses: 1 };
+        cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut still, None);
         let pulses: Vec<f64> = (100..105).map(|column| cell(&cells, [column, 0]).pulses()).collect();
         assert_eq!(pulses, [1.5, 2.0, 2.0, 2.0, 0.5]);
         assert_eq!((cells.count(), cell(&cells, [101, 0]).strips()), (5, 1));
@@ -326,16 +370,39 @@ mod tests {
     }
 
     #[test]
+    fn a_return_counts_for_the_pulses_beside_it() {
+        // Straight down from 100 m, then 1 m farther north: five pulses from y = 3 to 7.
+        let repeats = Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 5 };
+        let mut north = |_: &Echo| DVec3::new(0.0, 0.01, 0.0);
+        let mut cells = Cells::new(5.0, DVec3::ZERO);
+        cells.add(&[echo(DVec3::new(2.5, 5.0, 0.0), 1, 1)], 0, &repeats, &mut north, None);
+        assert_eq!((cell(&cells, [0, 0]).pulses(), cell(&cells, [0, 1]).pulses()), (2.0, 3.0));
+        let slanted = Echo {
+            direction: DVec3::new(0.0, 0.6, -0.8),
+            origin: DVec3::new(0.0, -60.0, 80.0),
+            ..echo(DVec3::ZERO, 1, 1)
+        };
+        let found = step(&slanted, DVec3::ZERO, DVec3::new(0.0, 0.008, 0.006));
+        // Across the beam 1 m, on the plane 1 / 0.8 m and a little more.
+        assert!(found[0] == 0.0 && (found[1] - 1.25).abs() < 0.02, "{found:?}");
+        // A level beam moves across, a jump to the next line does not count.
+        let level = Echo { direction: DVec3::Y, origin: DVec3::new(0.0, -100.0, 0.0), ..slanted };
+        assert_eq!(step(&level, DVec3::ZERO, DVec3::new(0.01, 0.0, 0.0)), [1.0, 0.0]);
+        assert_eq!(swing(DVec3::Y, DVec3::NEG_Z), DVec3::ZERO);
+        assert_eq!(swing(DVec3::ZERO, DVec3::X * 0.01), DVec3::X * 0.01);
+    }
+
+    #[test]
     fn sums_do_not_depend_on_the_order() {
         let echoes: Vec<Echo> = (0..200u32)
             .map(|i| echo(DVec3::new(f64::from(i) * 0.37, f64::from(i % 17), 0.0), u64::from(i), 1))
             .collect();
-        let repeats = Repeats { around: [1.0, 1.3], drift: [0.7, -1.9] };
+        let repeats = Repeats { around: [1.0, 1.3], drift: [0.7, -1.9], pulses: 1 };
         let sum = |parts: &[&[Echo]]| {
             let mut all = Cells::new(5.0, DVec3::ZERO);
             for part in parts {
                 let mut cells = Cells::new(5.0, DVec3::ZERO);
-                cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, None);
+                cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, &mut still, None);
                 all.join(&cells);
             }
             let mut found: Vec<_> =
@@ -354,26 +421,26 @@ mod tests {
             |position, number| Echo { direction: DVec3::new(0.6, 0.0, -0.8), ..echo(position, number, 1) };
         let mut cells = Cells::new(10.0, DVec3::ZERO);
         // A beam that ends 10 m above x = 14 would meet the ground 10 / (4/3 + 0.1) = 7 m farther on.
-        cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, Some(&ground));
+        cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &mut still, Some(&ground));
         assert_eq!(cell(&cells, [1, 0]).pulses(), 1.0);
         assert!(cell(&cells, [1, 0]).occlusion().is_nan());
         assert_eq!(cell(&cells, [2, 0]).occlusion(), 1.0);
         // One that reaches the ground in the cell.
         let mut cells = Cells::new(10.0, DVec3::ZERO);
-        cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, Some(&ground));
+        cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &mut still, Some(&ground));
         assert_eq!(cell(&cells, [0, 0]).occlusion(), 0.0);
         // Two pulses, of which one has a second echo from the ground.
         let mut cells = Cells::new(10.0, DVec3::ZERO);
         let at = |z| DVec3::new(5.0, 5.0, z);
         let both = [echo(at(8.0), 1, 1), echo(at(0.5), 1, 2), echo(at(8.0), 2, 1)];
-        cells.add(&both, 0, &ONCE, Some(&ground));
+        cells.add(&both, 0, &ONCE, &mut still, Some(&ground));
         let found = cell(&cells, [0, 0]);
         assert_eq!((found.occlusion(), found.pulses(), found.points()), (0.5, 2.0, 3.0));
         // Without ground, and for beams that rise, nothing is hidden.
         let mut cells = Cells::new(10.0, DVec3::ZERO);
-        cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, Some(&ground));
+        cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &mut still, Some(&ground));
         let up = Echo { direction: DVec3::Z, ..echo(at(9.0), 1, 1) };
-        cells.add(&[up], 0, &ONCE, Some(&ground));
+        cells.add(&[up], 0, &ONCE, &mut still, Some(&ground));
         assert!(cells.iter().all(|(_, sum)| sum.occlusion().is_nan()));
     }
 }

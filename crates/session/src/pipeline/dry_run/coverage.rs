@@ -8,7 +8,7 @@ use super::super::run::Epochs;
 use super::super::session::Session;
 use super::super::worker::{FlightWorker, Pieces};
 use super::blocks::{BlockChunk, Course, Stride};
-use super::cells::{CellSum, Cells};
+use super::cells::{CellSum, Cells, swing};
 use super::timeline::Timeline;
 use crate::output::{OutputPlan, OutputRequest};
 use std::collections::HashMap;
@@ -16,16 +16,18 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::{DVec3, HeightModel};
-use vlscan_lidar::flight::{FlightPlan, FlightState};
+use vlscan_lidar::flight::{FlightPlan, FlightState, Pulse};
+use vlscan_lidar::pulse::Echo;
 use vlscan_scene::{Fallback, MotionState};
 use vlscan_survey::{PlatformKind, Survey};
 
 /// Rays that are traced in any case, if there are as many.
 const MIN_RAYS: f64 = 3_000_000.0;
 /// Part of the rays of the run that are traced, if these are more.
-const SHARE_OF_RAYS: f64 = 0.02;
-/// Way of the platform from one measured period to the next, if enough rays are left, in sides of a cell.
-const SIDES_PER_STRIDE: f64 = 0.25;
+const SHARE_OF_RAYS: f64 = 0.012;
+/// Most pulses of a scan line of which one is measured: lines near each other show more than all of their
+/// pulses.
+const MAX_THINNING: u32 = 8;
 /// Limits of the side of a cell, m.
 const SIDES: [f64; 2] = [0.01, 100_000.0];
 /// Most cells with returns, and most cells of the map.
@@ -149,9 +151,9 @@ impl Session {
     /// Measures a sample of the survey over the scene of the first epoch and estimates its coverage in square
     /// cells of `side` m.
     ///
-    /// Of each leg, periods of the scan pattern are measured at equal distances: all of them if they have few
-    /// rays, otherwise about two per cent. The returns of a period are spread over the way of the platform
-    /// half way to the periods before and behind it.
+    /// Of short flights all pulses are measured, otherwise about one per cent: of each leg periods of the
+    /// scan pattern at equal distances, and of these one in a few pulses. Returns are spread half way to
+    /// those of the pulses beside them and of the other periods.
     ///
     /// # Errors
     /// As for [`Session::run`]; [`Error::Input`] for cells that are too small or too large, and for a live
@@ -241,17 +243,24 @@ impl Area<'_> {
             let mut worker = FlightWorker::new(pass, flight);
             move |work: BlockChunk| -> Result<Pieces> {
                 let leg = work.chunk.leg;
-                let pieces = worker.measure_in_any_order(work.chunk)?;
+                let (every, phase) = (work.repeats.pulses, work.phase);
+                let mut beams = Vec::new();
+                let pieces = worker.measure_some(work.chunk, |pulses| beams = thin(pulses, every, phase))?;
                 let strip = self.strips.get(leg as usize).copied().unwrap_or(leg);
                 let mut found = Cells::new(self.side, self.shift);
-                found.add(worker.measured().1, strip, &work.repeats, ground);
+                let mut left = beams.iter();
+                let mut swing = |echo: &Echo| {
+                    let is_it = |beam: &&Beam| (beam.device, beam.number) == (echo.device, echo.pulse_number);
+                    left.find(is_it).map_or(DVec3::ZERO, |beam| beam.swing)
+                };
+                found.add(worker.measured().1, strip, &work.repeats, &mut swing, ground);
                 self.add(&found)?;
                 Ok(pieces)
             }
         };
         let end =
             PassEnd { check: None, is_last: true, keeps_partial: false, open_outputs: pass.open_outputs };
-        let stride = stride(pass, timeline, self.side);
+        let stride = stride(pass, timeline);
         run_stages(pass.schedule, pass.control, &pass.output, None, end, make_worker, |feed| {
             let run = feed.state();
             let motion = pass.motion.map(|motion| (motion, MotionState::after_steps(motion, 0)));
@@ -277,11 +286,50 @@ fn too_many_cells(side: f64) -> Error {
     )
 }
 
-/// The distances of blocks that are measured with the rays of a sample.
-fn stride(pass: &Pass<'_>, timeline: &Timeline, side: f64) -> Stride {
+/// The pulses that are measured with the rays of a sample.
+fn stride(pass: &Pass<'_>, timeline: &Timeline) -> Stride {
     let rays = timeline.pulses() * pass.physics.max_rays() as f64;
-    let available = MIN_RAYS.max(SHARE_OF_RAYS * rays);
-    Stride { min_periods: (rays / available).ceil().max(1.0) as u64, way: SIDES_PER_STRIDE * side }
+    let ratio = (rays / MIN_RAYS.max(SHARE_OF_RAYS * rays)).max(1.0);
+    // Moving parts refer to pulses by their place in a chunk.
+    let pulses = if pass.motion.is_some() { 1.0 } else { ratio.ceil().min(f64::from(MAX_THINNING)) };
+    Stride { periods: (ratio / pulses).ceil() as u64, pulses: pulses as u32 }
+}
+
+/// A beam that is measured.
+struct Beam {
+    device: u32,
+    number: u64,
+    /// Change of direction to the next beam of its device.
+    swing: DVec3,
+}
+
+/// Leaves one in `every` pulses, those whose number has the remainder `phase`, but at least one. Returns
+/// their beams, in their order; none if all pulses are left.
+fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<Beam> {
+    if every <= 1 || pulses.is_empty() {
+        return Vec::new();
+    }
+    let every = u64::from(every);
+    let is_kept = |pulse: &Pulse| pulse.number % every == phase;
+    let is_any_kept = pulses.iter().any(is_kept);
+    let mut beams = Vec::new();
+    let mut at = 0;
+    let selected: Vec<bool> = pulses
+        .iter()
+        .enumerate()
+        .map(|(i, pulse)| if is_any_kept { is_kept(pulse) } else { i == 0 })
+        .collect();
+    for (i, pulse) in pulses.iter().enumerate().filter(|(i, _)| selected[*i]) {
+        let next = pulses[i + 1..].iter().find(|next| next.device == pulse.device);
+        let direction = pulse.attitude.forward();
+        let swing = next.map_or(DVec3::ZERO, |next| swing(direction, next.attitude.forward()));
+        beams.push(Beam { device: pulse.device, number: pulse.number, swing });
+    }
+    pulses.retain(|_| {
+        at += 1;
+        selected[at - 1]
+    });
+    beams
 }
 
 /// Number of the strip of each leg: legs of one strip have that of the first.
@@ -293,4 +341,82 @@ fn strips_of(survey: &Survey) -> Vec<u32> {
         None => leg.number,
     })
     .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_geom::Rotation;
+
+    /// Pulses 1 to `count` of two devices, whose beams turn by 0.01 rad from one to the next.
+    fn pulses(count: u64) -> Vec<Pulse> {
+        let pulse = |i: u64| {
+            let attitude = Rotation::about_z(0.01 * i as f64);
+            Pulse {
+                origin: DVec3::ZERO,
+                attitude,
+                exact_attitude: attitude,
+                reported_attitude: attitude,
+                scanner_attitude: attitude,
+                origin_error: DVec3::ZERO,
+                time_ns: i as f64,
+                number: i,
+                device: 0,
+                scan_angle: 0.0,
+                range_error: 0.0,
+            }
+        };
+        (1..=count).flat_map(|i| [0, 1].map(|device| Pulse { device, ..pulse(i) })).collect()
+    }
+
+    #[test]
+    fn one_in_a_few_pulses_is_left_with_the_swing_to_the_next() {
+        let mut some = pulses(10);
+        let beams = thin(&mut some, 4, 2);
+        let left: Vec<(u64, u32)> = some.iter().map(|pulse| (pulse.number, pulse.device)).collect();
+        assert_eq!(left, [(2, 0), (2, 1), (6, 0), (6, 1), (10, 0), (10, 1)]);
+        assert_eq!(beams.iter().map(|beam| (beam.number, beam.device)).collect::<Vec<_>>(), left);
+        assert!(beams[..4].iter().all(|beam| (beam.swing.length() - 0.01).abs() < 1e-6));
+        assert!(beams[4..].iter().all(|beam| beam.swing == DVec3::ZERO));
+        // All of them, at least one, and none.
+        let mut all = pulses(10);
+        assert!(thin(&mut all, 1, 0).is_empty() && all.len() == 20);
+        let mut few = pulses(1);
+        assert_eq!((thin(&mut few, 8, 5).len(), few.len()), (1, 1));
+        assert!(thin(&mut Vec::new(), 8, 0).is_empty());
+    }
+
+    #[test]
+    fn maps_begin_at_the_south_western_cell() {
+        let mut cells = Cells::new(10.0, DVec3::new(500_000.0, 0.0, 0.0));
+        assert_eq!(CoverageMap::of(&cells, 10.0, None, 0).unwrap().columns, 0);
+        let far = CoverageMap::of(&two_cells(&mut cells, 25.0), 10.0, None, 2).unwrap();
+        assert_eq!((far.columns, far.rows, far.corner), (3, 1, [500_000.0, 0.0]));
+        assert_eq!(far.values(CoverageBand::PulseDensity), [0.01, 0.0, 0.01]);
+        assert_eq!(far.values(CoverageBand::Strips), [1.0, 0.0, 1.0]);
+        assert!(far.values(CoverageBand::Incidence)[1].is_nan());
+        assert_eq!(far.centre(2), [500_025.0, 5.0]);
+        let mut cells = Cells::new(10.0, DVec3::ZERO);
+        let refused = CoverageMap::of(&two_cells(&mut cells, 1e9), 10.0, None, 2).unwrap_err().to_string();
+        assert!(refused.contains("too many cells of 10 m"), "{refused}");
+    }
+
+    /// Returns in the first cell and `x` m from its side.
+    fn two_cells(cells: &mut Cells, x: f64) -> Cells {
+        let miss = vlscan_lidar::pulse::PulseRecord {
+            origin: DVec3::ZERO,
+            direction: DVec3::NEG_Z,
+            time_ns: 0.0,
+            number: 1,
+            device: 0,
+            scan_angle: 0.0,
+        };
+        let repeats = super::super::cells::Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 1 };
+        for x in [5.0, x] {
+            let position = DVec3::new(x, 5.0, 0.0);
+            let echo = Echo { position, return_number: 1, number_of_returns: 1, ..Echo::miss(&miss) };
+            cells.add(&[echo], 0, &repeats, &mut |_: &Echo| DVec3::ZERO, None);
+        }
+        cells.clone()
+    }
 }
