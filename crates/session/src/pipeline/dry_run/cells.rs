@@ -146,10 +146,19 @@ impl Cells {
         self.places.iter().map(|(place, index)| (*place, &self.sums[*index]))
     }
 
-    /// Adds the echoes of consecutive pulses of a strip, each of which stands for the same repeats. Without
-    /// `ground`, in the scene frame, pulses are not followed to the ground.
-    pub fn add(&mut self, echoes: &[Echo], strip: u32, repeats: &Repeats, ground: Option<&dyn HeightModel>) {
+    /// Adds the echoes of pulses of a strip, each of which stands for the same repeats. `swing` is the change
+    /// of direction from the beam of an echo to the next one. Without `ground`, in the scene frame, pulses
+    /// are not followed to the ground.
+    pub fn add(
+        &mut self,
+        echoes: &[Echo],
+        strip: u32,
+        repeats: &Repeats,
+        swing: &mut dyn FnMut(&Echo) -> DVec3,
+        ground: Option<&dyn HeightModel>,
+    ) {
         for pulse in echoes.chunk_by(|a, b| (a.device, a.pulse_number) == (b.device, b.pulse_number)) {
+            let swing = if repeats.pulses > 1 { swing(&pulse[0]) } else { DVec3::ZERO };
             for echo in pulse {
                 let angle = degrees(libm::acos(echo.incidence_cosine.abs().clamp(0.0, 1.0)));
                 let angle = (angle * DEGREE).round() as u64;
@@ -279,7 +288,7 @@ fn cross(from: [f64; 2], to: [f64; 2], mut visit: impl FnMut([i64; 2], f64)) {
     for _ in 0..MAX_CROSSINGS {
         // The share of the way after which it leaves the square along each axis.
         let leaves = [0, 1].map(|axis| match way[axis] {
-            w if w > 0.0 => ((place[axis] + 1) as f64 - from[axis]) / w,
+            w if w > 0.0 => (place[axis].saturating_add(1) as f64 - from[axis]) / w,
             w if w < 0.0 => (place[axis] as f64 - from[axis]) / w,
             _ => f64::INFINITY,
         });
@@ -292,7 +301,7 @@ fn cross(from: [f64; 2], to: [f64; 2], mut visit: impl FnMut([i64; 2], f64)) {
         if done >= 1.0 {
             return;
         }
-        place[axis] += if way[axis] > 0.0 { 1 } else { -1 };
+        place[axis] = place[axis].saturating_add(if way[axis] > 0.0 { 1 } else { -1 });
     }
     visit(place, 1.0 - done);
 }
