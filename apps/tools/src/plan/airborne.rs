@@ -35,7 +35,7 @@ pub fn plan_airborne(
     options: &AirborneOptions,
     ground: &PlanGround,
 ) -> Result<PlannedSurvey> {
-    let flight = Flight { area, instrument, carrier, options, ground };
+    let flight = Inputs { area, instrument, carrier, options, ground };
     flight.checked().and_then(|level| flight.complete(flight.straight()?, level)).map_err(Error::from)
 }
 
@@ -53,12 +53,12 @@ pub fn plan_corridor(
     options: &AirborneOptions,
     ground: &PlanGround,
 ) -> Result<PlannedSurvey> {
-    let flight = Flight { area, instrument, carrier, options, ground };
+    let flight = Inputs { area, instrument, carrier, options, ground };
     flight.checked().and_then(|level| flight.complete(flight.bent(line, buffer)?, level)).map_err(Error::from)
 }
 
 /// Inputs of the plan of a flight.
-struct Flight<'f> {
+struct Inputs<'f> {
     area: &'f Area,
     instrument: &'f SwathModel,
     carrier: &'f Carrier,
@@ -79,10 +79,10 @@ struct Layout {
     parallel: usize,
 }
 
-impl Flight<'_> {
+impl Inputs<'_> {
     /// Checks the options. Returns the level of the ground.
     fn checked(&self) -> Result<GroundLevel, PlanError> {
-        let Flight { area, instrument, options, ground, .. } = *self;
+        let Inputs { area, instrument, options, ground, .. } = *self;
         args::check([
             ("height", Some(options.height), POSITIVE),
             ("speed", options.speed, POSITIVE),
@@ -107,7 +107,7 @@ impl Flight<'_> {
 
     /// Straight lines over the area.
     fn straight(&self) -> Result<Layout, PlanError> {
-        let Flight { area, instrument, carrier, options, .. } = *self;
+        let Inputs { area, instrument, carrier, options, .. } = *self;
         let heading = options.heading.map_or_else(|| best_heading(area), radians);
         let frame = Frame::new(heading, area.corners()[0]);
         let choice = choose(area, &frame, instrument, carrier, options)?;
@@ -124,7 +124,7 @@ impl Flight<'_> {
 
     /// Lines beside a line, laid out beside a straight one of its length.
     fn bent(&self, line: &[[f64; 2]], buffer: f64) -> Result<Layout, PlanError> {
-        let Flight { instrument, carrier, options, .. } = *self;
+        let Inputs { instrument, carrier, options, .. } = *self;
         let mut line = line.to_vec();
         line.dedup();
         if line.len() < 2 {
@@ -154,7 +154,7 @@ impl Flight<'_> {
             if round == BEND_ROUNDS || course.departure == 0.0 {
                 let parallel = lines.len();
                 turn_every_second(&mut lines, margins);
-                let paths = lines.iter().map(|line| course.beside(line.from, line.to)).collect();
+                let paths = lines.iter().map(|line| course.parallel(line.from, line.to)).collect();
                 // The density is that of the corridor alone.
                 let corridor = Area::rectangle([0.0, -buffer], [length, buffer])?;
                 let share = mean_share(&corridor, &frame, &places, &choice.field);
@@ -169,7 +169,7 @@ impl Flight<'_> {
 
     /// The plan of lines.
     fn complete(&self, layout: Layout, level: GroundLevel) -> Result<PlannedSurvey, PlanError> {
-        let Flight { area, instrument, options, ground, .. } = *self;
+        let Inputs { area, instrument, options, ground, .. } = *self;
         let Layout { choice, margins, heading, paths, parallel } = layout;
         let height = options.height;
         let climb = options.follow_terrain.then(|| radians(options.climb.unwrap_or(DEFAULT_CLIMB)));

@@ -91,7 +91,7 @@ impl Course {
 
     /// The line between two places, each given by its distance along the course, which goes on straight
     /// beyond its ends, and to the left of it, m; both have the same distance to the left.
-    pub fn beside(&self, from: [f64; 2], to: [f64; 2]) -> Vec<[f64; 2]> {
+    pub fn parallel(&self, from: [f64; 2], to: [f64; 2]) -> Vec<[f64; 2]> {
         let last = self.points.len() - 1;
         if last == 0 {
             return vec![from, to];
@@ -140,7 +140,7 @@ mod tests {
         assert!((course.length() - (1400.0 + 100.0 * PI)).abs() < 0.1, "{}", course.length());
         assert!((course.departure - 200.0 * (2f64.sqrt() - 1.0)).abs() < 1e-9);
         for (off, radius) in [(50.0, 150.0), (-50.0, 250.0), (0.0, 200.0)] {
-            let found = course.beside([-100.0, off], [course.length() + 100.0, off]);
+            let found = course.parallel([-100.0, off], [course.length() + 100.0, off]);
             let expected = 1600.0 + 0.5 * PI * radius;
             assert!((length(&found) - expected).abs() < 0.2, "{off}: {}", length(&found));
             assert!(distance(found[0], [-100.0, off]) < 1e-9, "{found:?}");
@@ -151,7 +151,7 @@ mod tests {
             for place in bend {
                 assert!((distance(*place, [800.0, 200.0]) - radius).abs() < 0.1, "{off}: {place:?}");
             }
-            let mut back = course.beside([course.length() + 100.0, off], [-100.0, off]);
+            let mut back = course.parallel([course.length() + 100.0, off], [-100.0, off]);
             back.reverse();
             assert_eq!(back, found);
         }
@@ -175,7 +175,7 @@ mod tests {
         let course = Course::new(&[[5.0, 5.0], [5.0, 55.0], [5.0, 105.0]], 50.0, 10.0).unwrap();
         assert_eq!((course.length(), course.departure), (100.0, 0.0));
         // To the left of a line to the north is the west.
-        let found = course.beside([-10.0, 20.0], [30.0, 20.0]);
+        let found = course.parallel([-10.0, 20.0], [30.0, 20.0]);
         assert_eq!(found, [[-15.0, -5.0], [-15.0, 35.0]]);
     }
 }

@@ -48,7 +48,7 @@ pub struct Stride {
 }
 
 /// A flight that is divided into blocks.
-pub struct Course<'a> {
+pub struct Blocks<'a> {
     pub survey: &'a Survey,
     pub flight: &'a FlightPlan,
     pub state: FlightState,
@@ -56,7 +56,7 @@ pub struct Course<'a> {
     pub motion: Option<(&'a MotionPlan, MotionState)>,
 }
 
-impl Course<'_> {
+impl Blocks<'_> {
     /// Flies to the end and passes the chunks of all blocks to `put`, unless `is_stopped`.
     pub fn divide(
         &mut self,
@@ -252,13 +252,13 @@ mod tests {
         let plan = FlightPlan::new(survey, DVec3::ZERO, &|_, _| None, &FlightOptions::default());
         let (flight, _) = plan.unwrap();
         let state = FlightState::start(&flight);
-        let mut course = Course { survey, flight: &flight, state, motion: None };
+        let mut flown = Blocks { survey, flight: &flight, state, motion: None };
         let mut found = Vec::new();
         let mut put = |block: BlockChunk| -> Result<()> {
             found.push((block.chunk.steps, block.repeats));
             Ok(())
         };
-        course.divide(stride, &|| false, &mut put).unwrap();
+        flown.divide(stride, &|| false, &mut put).unwrap();
         found
     }
 

@@ -118,7 +118,7 @@ impl CellSum {
 
 /// Sums in cells, whose corners are at multiples of their side in the world.
 #[derive(Clone, Debug)]
-pub struct Cells {
+pub struct CoverageCells {
     /// Side of a cell, m.
     side: f64,
     /// Origin of the scene frame in the world, m.
@@ -130,10 +130,10 @@ pub struct Cells {
     last: Option<([i64; 2], usize)>,
 }
 
-impl Cells {
+impl CoverageCells {
     /// Cells without returns.
-    pub fn new(side: f64, shift: DVec3) -> Cells {
-        Cells { side, shift, places: HashMap::new(), sums: Vec::new(), last: None }
+    pub fn new(side: f64, shift: DVec3) -> CoverageCells {
+        CoverageCells { side, shift, places: HashMap::new(), sums: Vec::new(), last: None }
     }
 
     /// Number of cells with returns, or ground that pulses are aimed at.
@@ -186,7 +186,7 @@ impl Cells {
     }
 
     /// Adds all sums of `other`, which has the same cells.
-    pub fn join(&mut self, other: &Cells) {
+    pub fn join(&mut self, other: &CoverageCells) {
         for (place, sum) in other.iter() {
             self.cell(place).join(sum);
         }
@@ -341,7 +341,7 @@ mod tests {
         DVec3::ZERO
     }
 
-    fn cell(cells: &Cells, place: [i64; 2]) -> CellSum {
+    fn cell(cells: &CoverageCells, place: [i64; 2]) -> CellSum {
         cells.iter().find(|(at, _)| *at == place).map(|(_, sum)| sum.clone()).unwrap_or_default()
     }
 
@@ -366,7 +366,7 @@ mod tests {
 
     #[test]
     fn a_return_counts_in_every_cell_that_its_repeats_meet() {
-        let mut cells = Cells::new(10.0, DVec3::new(1000.0, 0.0, 0.0));
+        let mut cells = CoverageCells::new(10.0, DVec3::new(1000.0, 0.0, 0.0));
         // 8 periods of 5 m from 12.5 m before (15, 5) on: 7.5, 10, 10, 10 and 2.5 m of the way in five cells.
         let repeats = Repeats { around: [2.0, 5.0], drift: [5.0, 0.0], pulses: 1 };
         cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut still, None);
@@ -383,7 +383,7 @@ mod tests {
         // Straight down from 100 m, then 1 m farther north: five pulses from y = 3 to 7.
         let repeats = Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 5 };
         let mut north = |_: &Echo| DVec3::new(0.0, 0.01, 0.0);
-        let mut cells = Cells::new(5.0, DVec3::ZERO);
+        let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
         cells.add(&[echo(DVec3::new(2.5, 5.0, 0.0), 1, 1)], 0, &repeats, &mut north, None);
         assert_eq!((cell(&cells, [0, 0]).pulses(), cell(&cells, [0, 1]).pulses()), (2.0, 3.0));
         let slanted = Echo {
@@ -408,9 +408,9 @@ mod tests {
             .collect();
         let repeats = Repeats { around: [1.0, 1.3], drift: [0.7, -1.9], pulses: 1 };
         let sum = |parts: &[&[Echo]]| {
-            let mut all = Cells::new(5.0, DVec3::ZERO);
+            let mut all = CoverageCells::new(5.0, DVec3::ZERO);
             for part in parts {
-                let mut cells = Cells::new(5.0, DVec3::ZERO);
+                let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
                 cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, &mut still, None);
                 all.join(&cells);
             }
@@ -428,25 +428,25 @@ mod tests {
         let ground = |x: f64, _: f64| (x >= 0.0).then_some(0.1 * x);
         let slanted =
             |position, number| Echo { direction: DVec3::new(0.6, 0.0, -0.8), ..echo(position, number, 1) };
-        let mut cells = Cells::new(10.0, DVec3::ZERO);
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         // A beam that ends 10 m above x = 14 would meet the ground 10 / (4/3 + 0.1) = 7 m farther on.
         cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &mut still, Some(&ground));
         assert_eq!(cell(&cells, [1, 0]).pulses(), 1.0);
         assert!(cell(&cells, [1, 0]).occlusion().is_nan());
         assert_eq!(cell(&cells, [2, 0]).occlusion(), 1.0);
         // One that reaches the ground in the cell.
-        let mut cells = Cells::new(10.0, DVec3::ZERO);
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &mut still, Some(&ground));
         assert_eq!(cell(&cells, [0, 0]).occlusion(), 0.0);
         // Two pulses, of which one has a second echo from the ground.
-        let mut cells = Cells::new(10.0, DVec3::ZERO);
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         let at = |z| DVec3::new(5.0, 5.0, z);
         let both = [echo(at(8.0), 1, 1), echo(at(0.5), 1, 2), echo(at(8.0), 2, 1)];
         cells.add(&both, 0, &ONCE, &mut still, Some(&ground));
         let found = cell(&cells, [0, 0]);
         assert_eq!((found.occlusion(), found.pulses(), found.points()), (0.5, 2.0, 3.0));
         // Without ground, and for beams that rise, nothing is hidden.
-        let mut cells = Cells::new(10.0, DVec3::ZERO);
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &mut still, Some(&ground));
         let up = Echo { direction: DVec3::Z, ..echo(at(9.0), 1, 1) };
         cells.add(&[up], 0, &ONCE, &mut still, Some(&ground));

@@ -7,8 +7,8 @@ use super::super::progress::Progress;
 use super::super::run::Epochs;
 use super::super::session::Session;
 use super::super::worker::{FlightWorker, Pieces};
-use super::blocks::{BlockChunk, Course, Stride};
-use super::cells::{CellSum, Cells, swing};
+use super::blocks::{BlockChunk, Blocks, Stride};
+use super::cells::{CellSum, CoverageCells, swing};
 use super::timeline::Timeline;
 use crate::output::{OutputPlan, OutputRequest};
 use std::collections::HashMap;
@@ -120,7 +120,12 @@ impl CoverageMap {
     }
 
     /// The map of sums; an empty one without returns.
-    fn of(cells: &Cells, side_m: f64, crs: Option<String>, sampled_pulses: u64) -> Result<CoverageMap> {
+    fn of(
+        cells: &CoverageCells,
+        side_m: f64,
+        crs: Option<String>,
+        sampled_pulses: u64,
+    ) -> Result<CoverageMap> {
         let (mut low, mut high) = ([i64::MAX; 2], [i64::MIN; 2]);
         for (place, _) in cells.iter() {
             low = [low[0].min(place[0]), low[1].min(place[1])];
@@ -202,11 +207,11 @@ impl Session {
         let progress = Progress::default();
         let control = RunContext { progress: &progress, ..control };
         let shift = self.scene().shift;
-        let cells = Mutex::new(Cells::new(side, shift));
+        let cells = Mutex::new(CoverageCells::new(side, shift));
         let report =
             self.run_epochs(output, epochs, control, &AtomicBool::new(true), |session, pass, _, _| {
-                let area = Area { side, shift, cells: &cells, strips: strips_of(session.survey()) };
-                area.measure(session, pass, flight, timeline)
+                let sampler = Sampler { side, shift, cells: &cells, strips: strips_of(session.survey()) };
+                sampler.measure(session, pass, flight, timeline)
             })?;
         if report.interrupted {
             return Err(Error::Interrupted);
@@ -216,18 +221,18 @@ impl Session {
     }
 }
 
-/// Cells that are measured.
-struct Area<'a> {
+/// Measurement of a sample of a flight in cells.
+struct Sampler<'a> {
     /// Side of a cell, m.
     side: f64,
     /// Origin of the scene frame in the world, m.
     shift: DVec3,
-    cells: &'a Mutex<Cells>,
+    cells: &'a Mutex<CoverageCells>,
     /// Strip of each leg of the survey.
     strips: Vec<u32>,
 }
 
-impl Area<'_> {
+impl Sampler<'_> {
     /// Measures blocks of a flight.
     fn measure(
         &self,
@@ -247,10 +252,11 @@ impl Area<'_> {
                 let mut beams = Vec::new();
                 let pieces = worker.measure_some(work.chunk, |pulses| beams = thin(pulses, every, phase))?;
                 let strip = self.strips.get(leg as usize).copied().unwrap_or(leg);
-                let mut found = Cells::new(self.side, self.shift);
+                let mut found = CoverageCells::new(self.side, self.shift);
                 let mut left = beams.iter();
                 let mut swing = |echo: &Echo| {
-                    let is_it = |beam: &&Beam| (beam.device, beam.number) == (echo.device, echo.pulse_number);
+                    let is_it =
+                        |beam: &&KeptPulse| (beam.device, beam.number) == (echo.device, echo.pulse_number);
                     left.find(is_it).map_or(DVec3::ZERO, |beam| beam.swing)
                 };
                 found.add(worker.measured().1, strip, &work.repeats, &mut swing, ground);
@@ -265,14 +271,14 @@ impl Area<'_> {
             let run = feed.state();
             let motion = pass.motion.map(|motion| (motion, MotionState::after_steps(motion, 0)));
             let state = FlightState::start(flight);
-            let mut course = Course { survey: session.survey(), flight, state, motion };
-            course.divide(stride, &|| run.is_stopped(), &mut |block| feed.put(block))?;
+            let mut blocks = Blocks { survey: session.survey(), flight, state, motion };
+            blocks.divide(stride, &|| run.is_stopped(), &mut |block| feed.put(block))?;
             feed.end_leg()
         })
     }
 
     /// Adds the returns of a chunk.
-    fn add(&self, found: &Cells) -> Result<()> {
+    fn add(&self, found: &CoverageCells) -> Result<()> {
         let mut all = self.cells.lock().map_err(|_| Error::Internal("a worker has panicked".to_owned()))?;
         all.join(found);
         if all.count() > MAX_CELLS { Err(too_many_cells(self.side)) } else { Ok(()) }
@@ -296,7 +302,7 @@ fn stride(pass: &Pass<'_>, timeline: &Timeline) -> Stride {
 }
 
 /// A beam that is measured.
-struct Beam {
+struct KeptPulse {
     device: u32,
     number: u64,
     /// Change of direction to the next beam of its device.
@@ -305,7 +311,7 @@ struct Beam {
 
 /// Leaves one in `every` pulses, those whose number has the remainder `phase`, but at least one. Returns
 /// their beams, in their order; none if all pulses are left.
-fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<Beam> {
+fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<KeptPulse> {
     if every <= 1 || pulses.is_empty() {
         return Vec::new();
     }
@@ -323,7 +329,7 @@ fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<Beam> {
         let next = pulses[i + 1..].iter().find(|next| next.device == pulse.device);
         let direction = pulse.attitude.forward();
         let swing = next.map_or(DVec3::ZERO, |next| swing(direction, next.attitude.forward()));
-        beams.push(Beam { device: pulse.device, number: pulse.number, swing });
+        beams.push(KeptPulse { device: pulse.device, number: pulse.number, swing });
     }
     pulses.retain(|_| {
         at += 1;
@@ -388,7 +394,7 @@ mod tests {
 
     #[test]
     fn maps_begin_at_the_south_western_cell() {
-        let mut cells = Cells::new(10.0, DVec3::new(500_000.0, 0.0, 0.0));
+        let mut cells = CoverageCells::new(10.0, DVec3::new(500_000.0, 0.0, 0.0));
         assert_eq!(CoverageMap::of(&cells, 10.0, None, 0).unwrap().columns, 0);
         let far = CoverageMap::of(&two_cells(&mut cells, 25.0), 10.0, None, 2).unwrap();
         assert_eq!((far.columns, far.rows, far.corner), (3, 1, [500_000.0, 0.0]));
@@ -396,13 +402,13 @@ mod tests {
         assert_eq!(far.values(CoverageBand::Strips), [1.0, 0.0, 1.0]);
         assert!(far.values(CoverageBand::Incidence)[1].is_nan());
         assert_eq!(far.centre(2), [500_025.0, 5.0]);
-        let mut cells = Cells::new(10.0, DVec3::ZERO);
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         let refused = CoverageMap::of(&two_cells(&mut cells, 1e9), 10.0, None, 2).unwrap_err().to_string();
         assert!(refused.contains("too many cells of 10 m"), "{refused}");
     }
 
     /// Returns in the first cell and `x` m from its side.
-    fn two_cells(cells: &mut Cells, x: f64) -> Cells {
+    fn two_cells(cells: &mut CoverageCells, x: f64) -> CoverageCells {
         let miss = vlscan_lidar::pulse::PulseRecord {
             origin: DVec3::ZERO,
             direction: DVec3::NEG_Z,
