@@ -2,7 +2,7 @@
 
 use super::area::Area;
 use super::bends::{Course, SharpBend};
-use super::choice::{Choice, Frame, check_clearance, choose, line_places, mean_share, planned_width};
+use super::choice::{Choice, Frame, check_clearance, choose, line_places, planned_width, shares};
 use super::document::{PlannedSurvey, Promise, Waypoint};
 use super::error::PlanError;
 use super::height::{GroundLevel, Heights, PlanGround, mean_ground};
@@ -157,8 +157,8 @@ impl Inputs<'_> {
                 let paths = lines.iter().map(|line| course.parallel(line.from, line.to)).collect();
                 // The density is that of the corridor alone.
                 let corridor = Area::rectangle([0.0, -buffer], [length, buffer])?;
-                let share = mean_share(&corridor, &frame, &places, &choice.field);
-                let choice = choice.with_density(share, options);
+                let [pulses, square] = shares(&corridor, &frame, &places, &choice.field);
+                let choice = choice.with_density(pulses / square, options);
                 return Ok(Layout { choice, margins, heading: None, paths, parallel });
             }
             // Arcs are shorter than their corners, and leave them at a distance.

@@ -345,13 +345,14 @@ impl Strip<'_> {
     /// of what the strips have there and of how long the area is there.
     fn density(&self, spacing: f64) -> Result<f64, PlanError> {
         let places = line_places(self.area, self.frame, self.width, spacing)?;
-        Ok(self.fired_rate * mean_share(self.area, self.frame, &places, self.field))
+        let [pulses, square] = shares(self.area, self.frame, &places, self.field);
+        Ok(self.fired_rate * pulses / square)
     }
 }
 
-/// Mean over an area of the share of the fired pulses per metre of flight that lines at distances across have
-/// per metre of width.
-pub(super) fn mean_share(area: &Area, frame: &Frame, places: &[f64], field: &Field) -> f64 {
+/// Integral over an area of the share of the fired pulses per metre of flight that lines at distances across
+/// have per metre of width, m, and the size of the area, m².
+pub(super) fn shares(area: &Area, frame: &Frame, places: &[f64], field: &Field) -> [f64; 2] {
     const STEPS: u32 = 4000;
     let [low, high] = frame.width(area);
     let step = (high - low) / f64::from(STEPS);
@@ -366,7 +367,7 @@ pub(super) fn mean_share(area: &Area, frame: &Frame, places: &[f64], field: &Fie
         pulses += per_metre * (to - from);
         square += to - from;
     }
-    pulses / square
+    [pulses, square]
 }
 
 /// Distances across of lines `spacing` apart. The outermost line lies so that the next one, which is not
