@@ -152,9 +152,10 @@ pub use vlscan_session::output::{
 pub use vlscan_session::shards::{Records, ShardSet, shard_path};
 pub use vlscan_session::streams::{PulseReader, RowBlock};
 pub use vlscan_session::{
-    Batches, DryRunReport, Emission, Emitted, Estimate, FileEstimate, FlightCoverage, FlightRows,
-    LegEstimate, LegRule, LoadedScene, Missed, Progress, RayHit, Report, ResumeOptions, RunContext, Scan,
-    SceneFacts, Session, Settings, Snapshot, TimeEstimate, emit, flight_table, merge, merge_warnings,
+    Batches, CoverageBand, CoverageMap, DryRunReport, Emission, Emitted, Estimate, FileEstimate,
+    FlightCoverage, FlightRows, LegEstimate, LegRule, LoadedScene, Missed, Progress, RayHit, Report,
+    ResumeOptions, RunContext, Scan, SceneFacts, Session, Settings, Snapshot, TimeEstimate, emit,
+    flight_table, merge, merge_warnings,
 };
 pub use vlscan_survey::{
     Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey,

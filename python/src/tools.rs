@@ -68,6 +68,9 @@ fn request(kind: &str, fields: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
                     height,
                     speed,
                     density,
+                    min_density,
+                    min_share,
+                    min_cell,
                     overlap,
                     scan_angle,
                     scan_freq,
@@ -80,7 +83,9 @@ fn request(kind: &str, fields: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
                 ]
             );
             let (area, buffer) = (area(fields)?, get(fields, "buffer")?);
-            PlanRequest::Airborne(Box::new(AirborneRequest { area, buffer, common, options }))
+            let follow_line = get(fields, "follow_line")?;
+            let request = AirborneRequest { area, buffer, follow_line, common, options };
+            PlanRequest::Airborne(Box::new(request))
         }
         "terrestrial" => {
             let options = of_fields!(

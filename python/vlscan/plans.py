@@ -202,8 +202,12 @@ def plan_airborne(
     *,
     area: Area | None = None,
     buffer: float | None = None,
+    follow_line: bool = False,
     speed: float | None = None,
     density: float | None = None,
+    min_density: float | None = None,
+    min_share: float | None = None,
+    min_cell: float | None = None,
     overlap: float | None = None,
     scan_angle: float | None = None,
     scan_freq: float | None = None,
@@ -232,8 +236,14 @@ def plan_airborne(
         Corners of a polygon; a polygon of shapely or GeoPandas; a file, or well-known text. The scene by default.
     buffer : float, optional
         Make the area a corridor: everything within this distance of the line, m.
+    follow_line : bool
+        Whether flight lines follow the bends of the corridor's line instead of being straight.
     speed, density : float, optional
-        Speed, m/s, and mean pulses per m²; one of them is needed.
+        Speed, m/s, and mean pulses per m²; one of them or ``min_density`` is needed.
+    min_density : float, optional
+        Pulses with a return per m² that ``min_share`` of the cells of the area have at least; in place of ``density``.
+    min_share, min_cell : float, optional
+        Share of the cells that have ``min_density``, percent (95 by default), and the side of a cell, m (10 by default).
     overlap : float, optional
         Overlap of neighbouring strips, percent of the swath.
     scan_angle, scan_freq : float, optional

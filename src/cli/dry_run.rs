@@ -2,6 +2,7 @@
 
 use super::args::RunArgs;
 use super::companions::{open, resolve};
+use super::coverage;
 use super::watch::during;
 use super::{Console, interrupt};
 use std::fmt::Write as _;
@@ -24,7 +25,16 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let mut session = open(settings, console)?;
     let progress = Progress::default();
     let context = RunContext::new(&progress, &interrupt::STOP);
-    let forecast = during(console, "trying the survey", || session.dry_run(&output, started, context))?;
+    coverage::check(&args.dry, &session, &args.file, output.force)?;
+    let forecast = match coverage::side(&args.dry) {
+        None => during(console, "trying the survey", || session.dry_run(&output, started, context))?,
+        Some(side) => {
+            let measure = || session.dry_run_with_coverage(&output, side, started, context);
+            let (forecast, map) = during(console, "trying the survey", measure)?;
+            coverage::write(&args.dry, &map, output.force, console)?;
+            forecast
+        }
+    };
     let text = match args.dry.json {
         true => serde_json::to_string_pretty(&forecast).map_err(|e| Error::Internal(e.to_string()))? + "\n",
         false => text(&forecast),

@@ -7,7 +7,7 @@
 //! | `args` | the command line of every subcommand |
 //! | `helios` | command lines of HELIOS++ |
 //! | `run` | `vlscan run`; conversion of arguments and files to a session's settings |
-//! | `dry_run` | `vlscan run --dry-run` |
+//! | `dry_run`, `coverage` | `vlscan run --dry-run`, and its `--coverage` |
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
 //! | `companions` | what surrounds the work of a command: warnings, progress, files beside the points |
 //! | `shards` | `vlscan run --shard`, `vlscan index-shards`, `vlscan merge` |
@@ -30,6 +30,7 @@ mod cloud_info;
 mod companions;
 mod compare;
 mod console;
+mod coverage;
 mod dry_run;
 mod fit;
 mod frames;

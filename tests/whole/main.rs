@@ -16,6 +16,7 @@ mod clouds;
 mod colours;
 mod compare;
 mod conformance;
+mod coverage;
 mod crs;
 mod damage;
 mod dependencies;

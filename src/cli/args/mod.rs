@@ -32,8 +32,8 @@ pub use scenes::{
     InfoArgs, MakeArgs, MapArgs, PackArgs, ReconstructArgs, SceneArgs, SceneCommand, StandArgs,
 };
 pub use simulate::{
-    EmitArgs, EmitFormat, IndexShardsArgs, InstrumentArgs, MergeArgs, PulsesArgs, RunArgs, SurveyArgs,
-    TraceArgs, TrajectoryArgs,
+    DryRunArgs, EmitArgs, EmitFormat, IndexShardsArgs, InstrumentArgs, MergeArgs, PulsesArgs, RunArgs,
+    SurveyArgs, TraceArgs, TrajectoryArgs,
 };
 pub use tools::{
     BenchArgs, CatalogueArgs, CatalogueCommand, CompletionsArgs, ManArgs, PreviewArgs, ServeArgs, ShowArgs,

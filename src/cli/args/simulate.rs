@@ -74,6 +74,17 @@ pub struct DryRunArgs {
     /// Print the forecast as JSON.
     #[arg(long, requires = "dry_run")]
     pub json: bool,
+    /// Also write the coverage of the survey, as a GeoTIFF of six bands (.tif) or as a picture of them
+    /// (.png); may be given more than once.
+    ///
+    /// The bands are pulses with a return per m², returns per m², the number of strips, the share of the cell
+    /// without returns, the mean angle of incidence in degrees, and the share of the pulses aimed at the
+    /// ground that have no echo from it.
+    #[arg(long, value_name = "FILE", requires = "dry_run")]
+    pub coverage: Vec<PathBuf>,
+    /// Side of a cell of the coverage in metres. [default: 10]
+    #[arg(long, value_name = "METRES", requires = "coverage")]
+    pub coverage_cell: Option<Positive>,
 }
 
 /// Shards of a run.

@@ -14,7 +14,7 @@ use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_options::{InputOptions, Options, ProfileOptions, ResolvedRun};
 use vlscan_session::output::OutputRequest;
-use vlscan_session::{DryRunReport, LoadedScene, Progress, RunContext, Session, Settings};
+use vlscan_session::{CoverageMap, DryRunReport, LoadedScene, Progress, RunContext, Session, Settings};
 use vlscan_survey::{MaterialDefinition, Mesh, PlatformKind, SceneRecipe};
 use vlscan_tools::plan::{Area, PlanSetup, PlannedSurvey, Promise, fly_sample};
 use vlscan_warehouse::Stop;
@@ -84,6 +84,19 @@ impl Check<'_> {
         };
         warnings.extend(self.check_around(&mut session, around)?);
         Ok(warnings)
+    }
+
+    /// Coverage of the flight over the scene or, without one, over flat ground, in cells of `side` m.
+    ///
+    /// # Errors
+    /// As for [`Session::coverage`].
+    pub fn coverage(&self, side: f64) -> Result<CoverageMap> {
+        let settings = self.settings()?;
+        let mut session = match self.scene {
+            Some((recipe, loaded)) => self.over_scene(settings, recipe, loaded)?,
+            None => over_flat_ground(settings)?,
+        };
+        session.coverage(side, RunContext::new(&Progress::default(), self.stop))
     }
 
     /// The plan as `vlscan run` reads it, over flat ground.

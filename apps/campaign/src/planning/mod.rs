@@ -3,10 +3,13 @@
 //! | file | what it does |
 //! |---|---|
 //! | `check` | the check of a plan before it is written |
+//! | `guarantee` | densities that a share of the cells of an area has |
 
 mod check;
+mod guarantee;
 
 use crate::named_scene::NamedScene;
+use guarantee::Guarantee;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -18,13 +21,13 @@ use vlscan_geom::DVec3;
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_options::{Crs, holds_survey};
 use vlscan_scene::{Fallback, GroundModel, LoadOptions};
-use vlscan_session::LoadedScene;
+use vlscan_session::{CoverageMap, LoadedScene};
 use vlscan_survey::{
     CATALOGUE, Device, Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner,
 };
 use vlscan_tools::plan::{
-    self, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanGround, PlanRequest,
-    PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
+    self, AirborneOptions, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanGround,
+    PlanRequest, PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
 };
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::Stop;
@@ -48,6 +51,7 @@ const AIRBORNE_SCANNERS: &str = "scanners_als.xml";
 /// let request = PlanRequest::Airborne(Box::new(AirborneRequest {
 ///     area: Some(AreaSource::Given(Area::rectangle([0.0, 0.0], [400.0, 300.0]).unwrap())),
 ///     buffer: None,
+///     follow_line: false,
 ///     common: PlanSetup { scanner: "riegl_vux-1uav".into(), ..PlanSetup::default() },
 ///     options: AirborneOptions { height: 60.0, density: Some(50.0), ..AirborneOptions::default() },
 /// }));
@@ -68,7 +72,7 @@ pub fn plan_survey(
 ) -> Result<PlannedSurvey> {
     let planner = Planner::new(request, observer)?;
     let (plan, area, reported) = match request {
-        PlanRequest::Airborne(request) => planner.airborne(request),
+        PlanRequest::Airborne(request) => planner.airborne(request, stop),
         PlanRequest::Terrestrial(request) => planner.terrestrial(request),
         PlanRequest::Mobile(request) => planner.mobile(request),
     }?;
@@ -161,7 +165,7 @@ impl Planner<'_> {
         Ok(Planner { setup, observer, instrument, site, crs, reported })
     }
 
-    fn airborne(&self, request: &AirborneRequest) -> Result<Planned> {
+    fn airborne(&self, request: &AirborneRequest, stop: &Stop) -> Result<Planned> {
         let area = self.area(request.area.as_ref(), request.buffer)?;
         self.check_area(&area)?;
         let options = &request.options;
@@ -172,8 +176,62 @@ impl Planner<'_> {
         let height = |x: f64, y: f64| model.map_or(Some(level), |ground| ground.height(x, y));
         let ground = PlanGround { heights: &height, level };
         let carrier = Carrier { mount: platform.mount, may_turn: self.setup.platform.is_none() };
-        let plan = plan::plan_airborne(&area, &self.instrument, &carrier, options, &ground);
-        Ok((PlannedSurvey { platform: reference, ..plan? }, Some(area), reported))
+        let line = self.followed_line(request)?;
+        let plan = |options: &AirborneOptions| -> Result<PlannedSurvey> {
+            let instrument = &self.instrument;
+            let plan = match &line {
+                None => plan::plan_airborne(&area, instrument, &carrier, options, &ground),
+                Some((line, buffer)) => {
+                    plan::plan_corridor(line, *buffer, &area, instrument, &carrier, options, &ground)
+                }
+            };
+            Ok(PlannedSurvey { platform: reference.clone(), ..plan? })
+        };
+        let survey = match Guarantee::of(options) {
+            None => plan(options)?,
+            Some(guarantee) => {
+                let of_density =
+                    |density| plan(&AirborneOptions { density: Some(density), ..options.clone() });
+                let measure =
+                    |survey: &PlannedSurvey| self.coverage(survey, &area, &reported, guarantee.side, stop);
+                guarantee.reach(&area, &of_density, &measure)?
+            }
+        };
+        Ok((survey, Some(area), reported))
+    }
+
+    /// The line that the lines of a flight follow, and the distance to both sides of it that they cover, m.
+    /// What there is to say about the line is said when the area is read.
+    fn followed_line(&self, request: &AirborneRequest) -> Result<Option<(Vec<[f64; 2]>, f64)>> {
+        if !request.follow_line {
+            return Ok(None);
+        }
+        if request.options.heading.is_some() || request.options.cross_lines > 0 {
+            return Err(Error::input("--follow-line: --heading and --cross-lines are for straight lines"));
+        }
+        match (&request.area, request.buffer) {
+            (Some(AreaSource::Named(name)), Some(buffer)) => {
+                let (line, _) = plan::read_line(name, self.crs())?;
+                Ok(Some((line, buffer)))
+            }
+            _ => Err(Error::input("--follow-line: give the line with --area, and --buffer")),
+        }
+    }
+
+    /// Coverage of a flight in cells of `side` m. What there is to say about it is said when the plan is
+    /// checked.
+    fn coverage(
+        &self,
+        plan: &PlannedSurvey,
+        area: &Area,
+        reported: &Diagnostics,
+        side: f64,
+        stop: &Stop,
+    ) -> Result<CoverageMap> {
+        let quiet = Observer::default();
+        let (setup, observer) = (self.setup, &quiet);
+        let scene = self.site.as_ref().map(|site| (&site.recipe, &site.loaded));
+        check::Check { plan, area: Some(area), setup, scene, reported, observer, stop }.coverage(side)
     }
 
     fn terrestrial(&self, request: &TerrestrialRequest) -> Result<Planned> {

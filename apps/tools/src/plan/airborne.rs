@@ -1,180 +1,27 @@
 //! Airborne surveys: parallel lines over an area.
 
 use super::area::Area;
-use super::beams::{Beams, Field, best_mount};
-use super::document::{PlannedSurvey, Promise, Turned, Waypoint};
+use super::bends::{Course, SharpBend};
+use super::choice::{Choice, Frame, check_clearance, choose, line_places, planned_width, shares};
+use super::document::{PlannedSurvey, Promise, Waypoint};
 use super::error::PlanError;
-use super::height::{Heights, PlanGround, mean_ground};
+use super::height::{GroundLevel, Heights, PlanGround, mean_ground};
 use super::line::{Line, turn};
-use super::reach::GROUND_REFLECTANCE;
 use super::report::PlanReport;
-use super::swath::{Scan, SwathModel};
+use super::requirements::{AirborneOptions, Carrier};
+use super::swath::SwathModel;
 use crate::args;
 use std::f64::consts::PI;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::POSITIVE;
-use vlscan_geom::{DVec3, MAX_COORDINATE, radians};
-use vlscan_survey::Mount;
+use vlscan_geom::{DVec3, radians};
 
-/// Most flight lines of a plan.
-const MAX_LINES: f64 = 10_000.0;
-/// Overlap of neighbouring strips if none is requested, percent.
-const DEFAULT_OVERLAP: f64 = 30.0;
 /// Steepest climb of lines that follow the ground if none is requested, degrees.
 const DEFAULT_CLIMB: f64 = 10.0;
-/// Share of the pulses that point down which the instrument's ranges may cut off where its field can be
-/// narrowed.
-const MAX_CUT: f64 = 0.01;
-/// Part of the least range by which the ground must be farther away.
-const MIN_CLEARANCE: f64 = 0.01;
-/// Reach of a swath, per height, beyond which the ground counts as at the horizon: 89.4° from the vertical.
-const HORIZON: f64 = 100.0;
-/// Range, per height, up to which mounts are compared for an instrument that detects no ground at that
-/// height.
-const MOUNT_RANGE: f64 = 4.0;
-/// Rounds of choosing speed and scan frequency, on which the strips of oscillating mirrors depend.
-const ROUNDS: u32 = 3;
-
-/// Requirements of an airborne survey. Of speed, overlap and density at least one is given besides those with
-/// defaults; density with overlap yields the speed, density with speed the distance of the lines.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub struct AirborneOptions {
-    /// Height above the ground, m.
-    #[arg(long, value_name = "M", value_parser = args::positive)]
-    pub height: f64,
-    /// Speed, m/s.
-    #[arg(long, value_name = "M/S", value_parser = args::positive)]
-    pub speed: Option<f64>,
-    /// Mean pulses per m².
-    #[arg(long, value_name = "N", value_parser = args::positive)]
-    pub density: Option<f64>,
-    /// Overlap of neighbouring strips, percent of the swath. [default: 30]
-    #[arg(long, value_name = "PERCENT", value_parser = args::overlap)]
-    pub overlap: Option<f64>,
-    /// Half opening angle, degrees; not for spinning heads and wedge prisms. [default: 30, or the scanner's
-    /// maximum]
-    #[arg(long, value_name = "DEG", value_parser = args::positive)]
-    pub scan_angle: Option<f64>,
-    /// Scan frequency in Hz; for spinning scanners revolutions per second. [default: equal spacing along and
-    /// across; 10]
-    #[arg(long, value_name = "HZ", value_parser = args::positive)]
-    pub scan_freq: Option<f64>,
-    /// Direction of the lines, degrees clockwise from +y. [default: the one with the fewest lines]
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = args::heading)]
-    pub heading: Option<f64>,
-    /// Cross lines, perpendicular to the others and evenly spread.
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 0,
-        value_parser = clap::value_parser!(u32).range(..=10_000),
-    )]
-    pub cross_lines: u32,
-    /// Length by which lines begin before the area and end after it, m. [default: as far as the scanner looks
-    /// ahead and behind, plus a scan line]
-    #[arg(long, value_name = "M", value_parser = args::positive)]
-    pub run_in: Option<f64>,
-    /// Fly turns of this radius between lines, m. [default: straight to the next line]
-    #[arg(long, value_name = "M", value_parser = args::positive)]
-    pub turn_radius: Option<f64>,
-    /// Keep the height above the scene's ground instead of above its mean.
-    #[arg(long, requires = "scene")]
-    pub follow_terrain: bool,
-    /// Steepest climb with --follow-terrain, degrees. [default: 10]
-    #[arg(
-        long,
-        value_name = "DEG",
-        requires = "follow_terrain",
-        allow_negative_numbers = true,
-        value_parser = args::climb,
-    )]
-    pub climb: Option<f64>,
-}
-
-/// How a platform carries the instrument.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Carrier {
-    /// Mount of the scanner on the platform.
-    pub mount: Mount,
-    /// True if the plan may turn the scanner where that mount does not point it at the ground.
-    pub may_turn: bool,
-}
-
-/// A frame in the direction of the lines.
-#[derive(Clone, Copy)]
-struct Frame {
-    /// Unit vectors.
-    along: [f64; 2],
-    across: [f64; 2],
-    /// An origin near the area, so that no digits are lost.
-    origin: [f64; 2],
-}
-
-impl Frame {
-    /// `heading` is rad clockwise from +y.
-    fn new(heading: f64, origin: [f64; 2]) -> Frame {
-        let (s, c) = libm::sincos(heading);
-        Frame { along: [s, c], across: [c, -s], origin }
-    }
-
-    fn project(&self, axis: [f64; 2], p: [f64; 2]) -> f64 {
-        (p[0] - self.origin[0]) * axis[0] + (p[1] - self.origin[1]) * axis[1]
-    }
-
-    fn point(&self, along: f64, across: f64) -> [f64; 2] {
-        [0, 1].map(|i| self.origin[i] + along * self.along[i] + across * self.across[i])
-    }
-
-    /// The extent of the area along where its distance across is within `limits`.
-    fn extent(&self, area: &Area, limits: [f64; 2]) -> Option<[f64; 2]> {
-        area.extent(|p| self.project(self.along, p), |p| self.project(self.across, p), limits)
-    }
-
-    /// The extent of the area across.
-    fn width(&self, area: &Area) -> [f64; 2] {
-        let distances = area.corners().iter().map(|p| self.project(self.across, *p));
-        distances.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], d| [low.min(d), high.max(d)])
-    }
-}
-
-/// Speed, distance of the lines and scan of a plan.
-pub(super) struct Choice {
-    pub scan: Scan,
-    /// Part of the ground that the scan covers.
-    pub field: Field,
-    /// Pulses per second that leave the instrument, all devices.
-    pub fired_rate: f64,
-    /// m/s.
-    pub speed: f64,
-    /// Distance of the lines, m.
-    pub spacing: f64,
-    /// Mean over the area of the parallel lines, pulses/m².
-    pub density: f64,
-    /// The turned mount, if the platform's does not serve.
-    pub turned: Option<Turned>,
-}
-
-impl Choice {
-    /// Pulses per second that reach the ground within the instrument's ranges.
-    pub fn ground_rate(&self) -> f64 {
-        self.fired_rate * self.field.measured
-    }
-
-    /// Spacing of scan lines along the flight, m; 0 for patterns without lines.
-    fn line_spacing(&self) -> f64 {
-        if self.scan.line_rate > 0.0 { self.speed / self.scan.line_rate } else { 0.0 }
-    }
-
-    /// How far before the area lines begin and behind it they end, m, so that all beams of the strip sweep it
-    /// from end to end.
-    fn margins(&self, run_in: Option<f64>) -> [f64; 2] {
-        let [behind, ahead] = self.field.along;
-        match run_in {
-            Some(length) => [length + self.field.ahead(), length - self.field.ahead()],
-            None => [ahead + self.line_spacing(), self.line_spacing() - behind],
-        }
-    }
-}
+/// Rounds of laying out lines beside a line with bends, on whose radius the width of the corridor depends.
+const BEND_ROUNDS: u32 = 3;
+/// Radius of the innermost line in a bend, m.
+const MIN_RADIUS: f64 = 1.0;
 
 /// Plans parallel lines over an area, flown in alternating directions, so that every point of it is covered
 /// as often as by an endless row of such lines; then the cross lines.
@@ -188,70 +35,184 @@ pub fn plan_airborne(
     options: &AirborneOptions,
     ground: &PlanGround,
 ) -> Result<PlannedSurvey> {
-    plan(area, instrument, carrier, options, ground).map_err(Error::from)
+    let flight = Inputs { area, instrument, carrier, options, ground };
+    flight.checked().and_then(|level| flight.complete(flight.straight()?, level)).map_err(Error::from)
 }
 
-fn plan(
+/// Plans lines that follow the bends of a line, for the corridor of everything within `buffer` m of it, which
+/// is `area`. Corners are flown as arcs. Headings and cross lines of the options do not apply.
+///
+/// # Errors
+/// As for [`plan_airborne`], and for corners that are too sharp for the outermost line.
+pub fn plan_corridor(
+    line: &[[f64; 2]],
+    buffer: f64,
     area: &Area,
     instrument: &SwathModel,
     carrier: &Carrier,
     options: &AirborneOptions,
     ground: &PlanGround,
-) -> Result<PlannedSurvey, PlanError> {
-    let height = options.height;
-    args::check([
-        ("height", Some(height), POSITIVE),
-        ("speed", options.speed, POSITIVE),
-        ("density", options.density, POSITIVE),
-        ("overlap", options.overlap, args::OVERLAP),
-        ("scan-angle", options.scan_angle, POSITIVE),
-        ("scan-freq", options.scan_freq, POSITIVE),
-        ("heading", options.heading, args::HEADING),
-        ("run-in", options.run_in, POSITIVE),
-        ("turn-radius", options.turn_radius, POSITIVE),
-        ("climb", options.climb, args::CLIMB),
-    ])?;
-    let climb = options.follow_terrain.then(|| radians(options.climb.unwrap_or(DEFAULT_CLIMB)));
-    let level = mean_ground(area, ground);
-    let heading = options.heading.map_or_else(|| best_heading(area), radians);
-    let frame = Frame::new(heading, area.corners()[0]);
-    // A level line is above the mean ground.
-    let relief = if climb.is_some() { 0.0 } else { level.high - level.mean };
-    check_clearance(instrument, options, relief)?;
-    let choice = choose(area, &frame, instrument, carrier, options)?;
-    let margins = choice.margins(options.run_in);
-    let width = planned_width(&choice.field, instrument, options);
-    let places = line_places(area, &frame, width, choice.spacing)?;
-    let mut lines = lines_at(area, &frame, places, width / 2.0, margins);
-    let parallel = lines.len();
-    lines.extend(cross_lines(area, heading + PI / 2.0, options.cross_lines, margins));
-    turn_every_second(&mut lines, margins);
-    let heights = Heights { ground, level: level.mean, above: height, climb };
-    let mut document = PlannedSurvey { turned: choice.turned, ..PlannedSurvey::default() };
-    let active = add_waypoints(&mut document, &lines, parallel, choice.speed, &heights, options.turn_radius)?;
-    document.scanner.clone_from(&instrument.reference);
-    document.settings = choice.scan.settings();
-    document.promise = Some(Promise { density: choice.density, width: choice.field.width(), height });
-    document.reaches = instrument.reaches(choice.scan.pulse_rate);
-    let report =
-        PlanReport { area, instrument, choice: &choice, height, heading, margins, parallel, active, level };
-    report.describe(&mut document, options);
-    Ok(document)
+) -> Result<PlannedSurvey> {
+    let flight = Inputs { area, instrument, carrier, options, ground };
+    flight.checked().and_then(|level| flight.complete(flight.bent(line, buffer)?, level)).map_err(Error::from)
+}
+
+/// Inputs of the plan of a flight.
+struct Inputs<'f> {
+    area: &'f Area,
+    instrument: &'f SwathModel,
+    carrier: &'f Carrier,
+    options: &'f AirborneOptions,
+    ground: &'f PlanGround<'f>,
+}
+
+/// The lines of a flight.
+struct Layout {
+    choice: Choice,
+    /// How far before the area lines begin and behind it they end, m.
+    margins: [f64; 2],
+    /// Direction of the lines, rad; `None` if they follow a line.
+    heading: Option<f64>,
+    /// Lines in the order of the flight, from corner to corner.
+    paths: Vec<Vec<[f64; 2]>>,
+    /// Number of parallel lines, which are the first ones.
+    parallel: usize,
+}
+
+impl Inputs<'_> {
+    /// Checks the options. Returns the level of the ground.
+    fn checked(&self) -> Result<GroundLevel, PlanError> {
+        let Inputs { area, instrument, options, ground, .. } = *self;
+        args::check([
+            ("height", Some(options.height), POSITIVE),
+            ("speed", options.speed, POSITIVE),
+            ("density", options.density, POSITIVE),
+            ("min-density", options.min_density, POSITIVE),
+            ("min-share", options.min_share, args::SHARE),
+            ("min-cell", options.min_cell, POSITIVE),
+            ("overlap", options.overlap, args::OVERLAP),
+            ("scan-angle", options.scan_angle, POSITIVE),
+            ("scan-freq", options.scan_freq, POSITIVE),
+            ("heading", options.heading, args::HEADING),
+            ("run-in", options.run_in, POSITIVE),
+            ("turn-radius", options.turn_radius, POSITIVE),
+            ("climb", options.climb, args::CLIMB),
+        ])?;
+        let level = mean_ground(area, ground);
+        // A level line is above the mean ground.
+        let relief = if options.follow_terrain { 0.0 } else { level.high - level.mean };
+        check_clearance(instrument, options, relief)?;
+        Ok(level)
+    }
+
+    /// Straight lines over the area.
+    fn straight(&self) -> Result<Layout, PlanError> {
+        let Inputs { area, instrument, carrier, options, .. } = *self;
+        let heading = options.heading.map_or_else(|| best_heading(area), radians);
+        let frame = Frame::new(heading, area.corners()[0]);
+        let choice = choose(area, &frame, instrument, carrier, options)?;
+        let margins = choice.margins(options.run_in);
+        let width = planned_width(&choice.field, instrument, options);
+        let places = line_places(area, &frame, width, choice.spacing)?;
+        let mut lines = lines_at(area, &frame, places, width / 2.0, margins);
+        let parallel = lines.len();
+        lines.extend(cross_lines(area, heading + PI / 2.0, options.cross_lines, margins));
+        turn_every_second(&mut lines, margins);
+        let paths = lines.iter().map(|line| vec![line.from, line.to]).collect();
+        Ok(Layout { choice, margins, heading: Some(heading), paths, parallel })
+    }
+
+    /// Lines beside a line, laid out beside a straight one of its length.
+    fn bent(&self, line: &[[f64; 2]], buffer: f64) -> Result<Layout, PlanError> {
+        let Inputs { instrument, carrier, options, .. } = *self;
+        let mut line = line.to_vec();
+        line.dedup();
+        if line.len() < 2 {
+            return Err(PlanError::NoLine);
+        }
+        let pieces = line.windows(2).map(|pair| Line { from: pair[0], to: pair[1] });
+        let mut length: f64 = pieces.map(|piece| piece.length()).sum();
+        let mut half = buffer;
+        let mut round = 1;
+        loop {
+            // x is along the line, y to the left of it.
+            let straight = Area::rectangle([-buffer, -half], [length + buffer, half])?;
+            let frame = Frame::new(PI / 2.0, straight.corners()[0]);
+            let choice = choose(&straight, &frame, instrument, carrier, options)?;
+            let margins = choice.margins(options.run_in);
+            let width = planned_width(&choice.field, instrument, options);
+            let places = line_places(&straight, &frame, width, choice.spacing)?;
+            let mut lines = lines_at(&straight, &frame, places.iter().copied(), width / 2.0, margins);
+            let outermost = lines.iter().map(|line| line.from[1].abs()).fold(0.0, f64::max);
+            // On the inner side of a bend strips do not turn back.
+            let course = Course::new(&line, outermost + 0.5 * width, outermost + MIN_RADIUS);
+            let course = course.map_err(|SharpBend { place, radius }| PlanError::SharpBend {
+                place,
+                radius,
+                needed: outermost + MIN_RADIUS,
+            })?;
+            if round == BEND_ROUNDS || course.departure == 0.0 {
+                let parallel = lines.len();
+                turn_every_second(&mut lines, margins);
+                let paths = lines.iter().map(|line| course.parallel(line.from, line.to)).collect();
+                // The density is that of the corridor alone.
+                let corridor = Area::rectangle([0.0, -buffer], [length, buffer])?;
+                let [pulses, square] = shares(&corridor, &frame, &places, &choice.field);
+                let choice = choice.with_density(pulses / square, options);
+                return Ok(Layout { choice, margins, heading: None, paths, parallel });
+            }
+            // Arcs are shorter than their corners, and leave them at a distance.
+            (length, half) = (course.length(), buffer + course.departure);
+            round += 1;
+        }
+    }
+
+    /// The plan of lines.
+    fn complete(&self, layout: Layout, level: GroundLevel) -> Result<PlannedSurvey, PlanError> {
+        let Inputs { area, instrument, options, ground, .. } = *self;
+        let Layout { choice, margins, heading, paths, parallel } = layout;
+        let height = options.height;
+        let climb = options.follow_terrain.then(|| radians(options.climb.unwrap_or(DEFAULT_CLIMB)));
+        let heights = Heights { ground, level: level.mean, above: height, climb };
+        let mut document = PlannedSurvey { turned: choice.turned, ..PlannedSurvey::default() };
+        let turn_radius = options.turn_radius;
+        let active = add_waypoints(&mut document, &paths, parallel, choice.speed, &heights, turn_radius)?;
+        document.scanner.clone_from(&instrument.reference);
+        document.settings = choice.scan.settings();
+        document.promise = Some(Promise { density: choice.density, width: choice.field.width(), height });
+        document.reaches = instrument.reaches(choice.scan.pulse_rate);
+        let report = PlanReport {
+            area,
+            instrument,
+            choice: &choice,
+            height,
+            heading,
+            margins,
+            parallel,
+            active,
+            level,
+        };
+        report.describe(&mut document, options);
+        Ok(document)
+    }
 }
 
 /// Adds the waypoints of all lines, the first `parallel` of which are parallel ones. Returns their length, m.
 fn add_waypoints(
     document: &mut PlannedSurvey,
-    lines: &[Line],
+    paths: &[Vec<[f64; 2]>],
     parallel: usize,
     speed: f64,
     heights: &Heights,
     turn_radius: Option<f64>,
 ) -> Result<f64, PlanError> {
     let mut active = 0.0;
-    for (i, line) in lines.iter().enumerate() {
+    for (i, path) in paths.iter().enumerate() {
         let strip = format!("{}{:03}", if i < parallel { "line" } else { "cross" }, i + 1);
-        let points = heights.follow(line)?;
+        let points = match path[..] {
+            [from, to] => heights.follow(&Line { from, to })?,
+            _ => heights.follow_path(path)?,
+        };
         active += length(&points);
         let last = points.len() - 1;
         for (k, position) in points.iter().enumerate() {
@@ -263,9 +224,12 @@ fn add_waypoints(
                 strip: (k < last).then(|| strip.clone()),
             });
         }
-        if let (Some(radius), Some(next)) = (turn_radius, lines.get(i + 1)) {
+        let end = path.last_chunk::<2>().map(|[from, to]| Line { from: *from, to: *to });
+        let next = paths.get(i + 1).and_then(|next| next.first_chunk::<2>());
+        let next = next.map(|[from, to]| Line { from: *from, to: *to });
+        if let (Some(radius), Some(end), Some(next)) = (turn_radius, end, next) {
             let z = points[last].z;
-            document.waypoints.extend(turn(line, next, radius).into_iter().map(|[x, y]| Waypoint {
+            document.waypoints.extend(turn(&end, &next, radius).into_iter().map(|[x, y]| Waypoint {
                 position: DVec3::new(x, y, z),
                 speed: Some(speed),
                 ..Waypoint::default()
@@ -273,210 +237,6 @@ fn add_waypoints(
         }
     }
     Ok(active)
-}
-
-/// Refuses ground that is nearer than the instrument measures.
-fn check_clearance(instrument: &SwathModel, options: &AirborneOptions, relief: f64) -> Result<(), PlanError> {
-    let [near, _] = instrument.ranges();
-    let lowest = options.height - relief;
-    if lowest > near * (1.0 + MIN_CLEARANCE) {
-        return Ok(());
-    }
-    let (instrument, distance) = (instrument.name().to_owned(), lowest);
-    let height = (near * (1.0 + MIN_CLEARANCE) + relief).ceil();
-    Err(match relief > 0.01 * options.height {
-        true => PlanError::LowAtTop { distance, relief, instrument, near, height },
-        false => PlanError::Low { distance, instrument, near, height },
-    })
-}
-
-/// The width that lines are laid out for, m: that of the strip, but no more than 45° to either side of
-/// instruments whose field cannot be narrowed and whose strips grow thin towards the horizon.
-fn planned_width(field: &Field, instrument: &SwathModel, options: &AirborneOptions) -> f64 {
-    let is_open = instrument.half_angle(None).is_ok_and(|angle| angle.is_none());
-    if is_open { field.width().min(2.0 * options.height) } else { field.width() }
-}
-
-fn choose(
-    area: &Area,
-    frame: &Frame,
-    instrument: &SwathModel,
-    carrier: &Carrier,
-    options: &AirborneOptions,
-) -> Result<Choice, PlanError> {
-    if options.density.is_some() && options.speed.is_some() && options.overlap.is_some() {
-        return Err(PlanError::Overdetermined);
-    }
-    if options.density.is_none() && options.speed.is_none() {
-        return Err(PlanError::NoSpeed);
-    }
-    let half_angle = instrument.half_angle(options.scan_angle)?;
-    let pulse_rate = instrument.pulse_rate()?;
-    // The first guess of the lines is that of a flight at 30 m/s.
-    let mut lines = (30.0 * f64::from(pulse_rate) / options.height).sqrt();
-    let mut choice: Option<Choice> = None;
-    for _ in 0..ROUNDS {
-        let scan = instrument.scan(half_angle, pulse_rate, options.scan_freq, lines)?;
-        if choice.as_ref().is_some_and(|choice| choice.scan == scan) {
-            break;
-        }
-        let beams = instrument.beams(&scan)?;
-        let (mount, turned) = match &choice {
-            Some(Choice { turned: Some(turned), .. }) => {
-                (Mount { rotation: turned.turns.rotation(), ..carrier.mount }, Some(*turned))
-            }
-            Some(_) => (carrier.mount, None),
-            None => mount(instrument, &beams, carrier, options)?,
-        };
-        let field = beams.over_ground(&mount, options.height);
-        check_ranges(instrument, options, &field)?;
-        let fired_rate = f64::from(pulse_rate) * beams.fired * instrument.devices();
-        let strip = Strip {
-            area,
-            frame,
-            field: &field,
-            fired_rate,
-            width: planned_width(&field, instrument, options),
-        };
-        let (speed, spacing) = strip.speed_and_spacing(options)?;
-        let density = strip.density(spacing)? / speed;
-        // v / f = W·f / N with f lines per second.
-        lines = (speed * fired_rate * field.measured / field.width()).sqrt();
-        choice = Some(Choice { scan, field, fired_rate, speed, spacing, density, turned });
-    }
-    choice.ok_or(PlanError::NoScan)
-}
-
-/// The mount of the scanner: that of the platform if it serves, else one that the plan turns, if it may.
-fn mount(
-    instrument: &SwathModel,
-    beams: &Beams,
-    carrier: &Carrier,
-    options: &AirborneOptions,
-) -> Result<(Mount, Option<Turned>), PlanError> {
-    let [_, far] = instrument.ranges();
-    let name = || instrument.name().to_owned();
-    if options.height >= far {
-        return Err(PlanError::High { height: options.height, instrument: name(), far });
-    }
-    let Some((turns, serves)) = best_mount(beams, &carrier.mount, options.height) else {
-        // Where a mount would point the beams at the ground the ranges tell why it is not measured.
-        let near = beams.up_to(MOUNT_RANGE * options.height);
-        if let Some((turns, _)) = best_mount(&near, &carrier.mount, options.height) {
-            let down = Mount { rotation: turns.rotation(), ..carrier.mount };
-            check_ranges(instrument, options, &beams.over_ground(&down, options.height))?;
-        }
-        return Err(PlanError::NoMount { instrument: name() });
-    };
-    if serves {
-        return Ok((carrier.mount, None));
-    }
-    if !carrier.may_turn {
-        return Err(PlanError::Mount { instrument: name(), turns: turns.text() });
-    }
-    let turned = Turned { offset: carrier.mount.offset, turns };
-    Ok((Mount { rotation: turns.rotation(), ..carrier.mount }, Some(turned)))
-}
-
-/// Refuses strips that the instrument's reach cuts off.
-fn check_ranges(instrument: &SwathModel, options: &AirborneOptions, field: &Field) -> Result<(), PlanError> {
-    let name = || instrument.name().to_owned();
-    let [near, far] = instrument.ranges();
-    let is_open = instrument.half_angle(None)?.is_none();
-    let height = options.height;
-    let percent = (100.0 * GROUND_REFLECTANCE).round();
-    if field.lost.too_near > MAX_CUT {
-        return Err(PlanError::TooNear { height, instrument: name(), near });
-    }
-    if field.measured <= 0.0 && field.lost.too_weak > 0.0 {
-        return Err(PlanError::TooWeak { height, instrument: name(), percent });
-    }
-    if field.measured <= 0.0 {
-        return Err(PlanError::OutOfReach { height, instrument: name() });
-    }
-    if is_open && far > MAX_COORDINATE && field.reach() > HORIZON * height {
-        return Err(PlanError::Horizon { height, instrument: name() });
-    }
-    if !is_open && field.lost.too_far > MAX_CUT {
-        return Err(PlanError::EdgeTooFar { instrument: name(), far });
-    }
-    if !is_open && field.lost.too_weak > MAX_CUT {
-        return Err(PlanError::EdgeTooWeak { instrument: name(), percent });
-    }
-    Ok(())
-}
-
-/// The strips of a plan.
-struct Strip<'s> {
-    area: &'s Area,
-    frame: &'s Frame,
-    field: &'s Field,
-    /// Pulses per second that leave the instrument.
-    fired_rate: f64,
-    /// The width that lines are laid out for, m.
-    width: f64,
-}
-
-impl Strip<'_> {
-    fn speed_and_spacing(&self, options: &AirborneOptions) -> Result<(f64, f64), PlanError> {
-        let spacing_of = |overlap: Option<f64>| match overlap {
-            Some(overlap) => self.field.width() * (1.0 - overlap / 100.0),
-            None => self.width * (1.0 - DEFAULT_OVERLAP / 100.0),
-        };
-        let (speed, spacing) = match (options.density, options.speed) {
-            (Some(density), Some(speed)) => (speed, self.spacing_for(density, speed)?),
-            (Some(density), None) => {
-                let spacing = spacing_of(options.overlap);
-                (self.density(spacing)? / density, spacing)
-            }
-            (None, speed) => (speed.unwrap_or_default(), spacing_of(options.overlap)),
-        };
-        if !(speed > 1e-3 && speed < 1000.0) {
-            return Err(PlanError::Speed(speed));
-        }
-        Ok((speed, spacing))
-    }
-
-    /// The distance of lines that gives the density over the area at that speed.
-    fn spacing_for(&self, density: f64, speed: f64) -> Result<f64, PlanError> {
-        let mut spacing = self.fired_rate * self.field.measured / (density * speed);
-        // Edges and the number of lines change the density over the area a little.
-        // Where it jumps there may be no such spacing: the nearest one counts.
-        let mut best = (f64::INFINITY, spacing);
-        for _ in 0..12 {
-            let found = self.density(spacing)? / speed;
-            let off = (found / density - 1.0).abs();
-            best = if off < best.0 { (off, spacing) } else { best };
-            spacing *= (found / density).clamp(0.5, 2.0);
-        }
-        let spacing = best.1;
-        if spacing > self.field.width() * 1.001 {
-            let found = self.fired_rate * self.field.measured / (speed * self.field.width());
-            return Err(PlanError::Dense { speed, found, density });
-        }
-        Ok(spacing)
-    }
-
-    /// Mean density over the area of strips `spacing` m apart, flown at 1 m/s, pulses/m²: the integral across
-    /// of what the strips have there and of how long the area is there.
-    fn density(&self, spacing: f64) -> Result<f64, PlanError> {
-        const STEPS: u32 = 4000;
-        let places = line_places(self.area, self.frame, self.width, spacing)?;
-        let [low, high] = self.frame.width(self.area);
-        let step = (high - low) / f64::from(STEPS);
-        let reach = self.field.reach();
-        let first = |x: f64| places.partition_point(|place| *place < x - reach);
-        let (mut pulses, mut square) = (0.0, 0.0);
-        for i in 0..STEPS {
-            let x = low + (f64::from(i) + 0.5) * step;
-            let Some([from, to]) = self.frame.extent(self.area, [x; 2]) else { continue };
-            let near = places[first(x)..].iter().take_while(|place| **place <= x + reach);
-            let per_metre: f64 = near.map(|place| self.field.profile(x - place)).sum();
-            pulses += per_metre * (to - from);
-            square += to - from;
-        }
-        Ok(self.fired_rate * pulses / square)
-    }
 }
 
 /// The heading, rad, of the side of the area along which lines are fewest: the one across which it is
@@ -491,19 +251,6 @@ fn best_heading(area: &Area) -> f64 {
     // Of the two directions of a line the one between north and south-east.
     let best = best.rem_euclid(PI);
     if PI - best < 1e-9 { 0.0 } else { best }
-}
-
-/// Distances across of lines `spacing` apart. The outermost line lies so that the next one, which is not
-/// flown, would not reach the area.
-fn line_places(area: &Area, frame: &Frame, width: f64, spacing: f64) -> Result<Vec<f64>, PlanError> {
-    let [low, high] = frame.width(area);
-    let needed = (high - low) + width - 2.0 * spacing;
-    let count = if needed > 1e-9 { (needed / spacing - 1e-9).ceil() + 1.0 } else { 1.0 };
-    if count > MAX_LINES {
-        return Err(PlanError::FlightLines { count, max: MAX_LINES });
-    }
-    let first = 0.5 * (low + high) - 0.5 * (count - 1.0) * spacing;
-    Ok((0..count as u32).map(|i| first + f64::from(i) * spacing).collect())
 }
 
 /// The lines at distances across over what is at most `half` from them, with margins before the area and

@@ -1,5 +1,6 @@
 //! Problems of plans.
 
+use super::area::AreaError;
 use crate::args::OptionError;
 use vlscan_base::error::Error;
 use vlscan_base::quantity::{metres, number};
@@ -146,6 +147,43 @@ pub enum PlanError {
     /// Density, speed and overlap together.
     #[error("--density, --speed and --overlap determine each other: leave one out")]
     Overdetermined,
+    /// A line of fewer than two positions.
+    #[error("a line of one position, expected at least 2")]
+    NoLine,
+    /// A corridor without an area.
+    #[error(transparent)]
+    Area(#[from] AreaError),
+    /// A bend of a corridor that is too sharp for its lines.
+    #[error(
+        "--follow-line: the line turns too sharply at x {:.1} y {:.1}, where a bend of {radius:.0} m fits \
+         and the lines need {needed:.0} m; leave out its short pieces, divide it there into two plans, or \
+         leave out --follow-line",
+        .place[0],
+        .place[1]
+    )]
+    SharpBend {
+        /// The corner, m.
+        place: [f64; 2],
+        /// The largest radius that fits, m.
+        radius: f64,
+        /// Radius that the outermost line needs, m.
+        needed: f64,
+    },
+    /// Density, speed and overlap together, with which no pulse rate of the instrument is high enough.
+    #[error(
+        "at this speed and overlap the highest usable pulse rate, {rate} kHz, gives {found:.2} pulses/m² \
+         instead of {density}; leave out --speed or --overlap",
+        rate = number(f64::from(*.rate) / 1e3),
+        density = number(*.density)
+    )]
+    PulseRates {
+        /// The pulse rate, Hz.
+        rate: u32,
+        /// Density with it, pulses/m².
+        found: f64,
+        /// The requested density, pulses/m².
+        density: f64,
+    },
     /// Neither density nor speed.
     #[error("give --speed, or --density to derive the speed from it")]
     NoSpeed,

@@ -97,6 +97,45 @@ impl Heights<'_> {
     }
 }
 
+impl Heights<'_> {
+    /// The waypoints of a line with corners, which are kept: those of [`follow`](Self::follow) on each of its
+    /// pieces, with climbs that are limited over all of them.
+    pub fn follow_path(&self, path: &[[f64; 2]]) -> Result<Vec<DVec3>, PlanError> {
+        let place = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
+        let Some(climb) = self.climb else {
+            return Ok(path.iter().map(|p| place(*p, self.level + self.above)).collect());
+        };
+        let pieces = || path.windows(2).map(|pair| Line { from: pair[0], to: pair[1] });
+        let steps = |line: &Line| (line.length() / (self.above / 4.0)).ceil().max(1.0);
+        let count: f64 = pieces().map(|line| steps(&line)).sum();
+        if count > MAX_STEPS {
+            return Err(PlanError::LineWaypoints { count, max: MAX_STEPS });
+        }
+        let height = |[x, y]: [f64; 2]| {
+            place([x, y], self.ground.heights.height(x, y).unwrap_or(self.level) + self.above)
+        };
+        let mut points: Vec<DVec3> = path.first().map(|p| height(*p)).into_iter().collect();
+        let mut corners = vec![0];
+        for line in pieces() {
+            let steps = steps(&line);
+            points.extend((1..=steps as usize).map(|i| height(line.at(i as f64 / steps))));
+            corners.push(points.len() - 1);
+        }
+        let rise = |a: DVec3, b: DVec3| climb.tan() * libm::hypot(b.x - a.x, b.y - a.y);
+        for i in 1..points.len() {
+            points[i].z = points[i].z.max(points[i - 1].z - rise(points[i - 1], points[i]));
+        }
+        for i in (1..points.len()).rev() {
+            points[i - 1].z = points[i - 1].z.max(points[i].z - rise(points[i - 1], points[i]));
+        }
+        let mut kept: Vec<DVec3> = points.first().copied().into_iter().collect();
+        for pair in corners.windows(2) {
+            kept.extend(&simplified(&points[pair[0]..=pair[1]], MAX_DEVIATION * self.above)[1..]);
+        }
+        Ok(kept)
+    }
+}
+
 /// Leaves out points whose height differs from the line between those that are kept by at most `tolerance`
 /// (Ramer 1972, Douglas and Peucker 1973).
 fn simplified(points: &[DVec3], tolerance: f64) -> Vec<DVec3> {
@@ -128,6 +167,31 @@ mod tests {
         let slope = |x: f64, _: f64| Some(x);
         let level = mean_ground(&area, &PlanGround { heights: &slope, level: -5.0 });
         assert_eq!((level.low, level.high, level.known), (0.0, 1000.0, 1.0));
+    }
+
+    #[test]
+    fn paths_keep_their_corners_and_climb_as_allowed() {
+        // A step of 30 m at x = 100, on the first of two pieces.
+        let ground = PlanGround { heights: &|x, _| Some(if x < 100.0 { 0.0 } else { 30.0 }), level: 0.0 };
+        let path = [[0.0, 0.0], [200.0, 0.0], [200.0, 50.0]];
+        let level = Heights { ground: &ground, level: 10.0, above: 40.0, climb: None };
+        let found = level.follow_path(&path).unwrap();
+        assert_eq!(found, path.map(|[x, y]| DVec3::new(x, y, 50.0)));
+        let follows = Heights { climb: Some(45f64.to_radians()), ..level };
+        let found = follows.follow_path(&path).unwrap();
+        for [x, y] in path {
+            assert!(found.iter().any(|p| (p.x, p.y) == (x, y)), "{found:?}");
+        }
+        assert!(found.iter().all(|p| p.z >= 39.5 && p.z <= 70.0), "{found:?}");
+        for pair in found.windows(2) {
+            let way = libm::hypot(pair[1].x - pair[0].x, pair[1].y - pair[0].y);
+            assert!((pair[1].z - pair[0].z).abs() <= way * 1.05, "{found:?}");
+        }
+        // On one piece it is the line.
+        let line = Line { from: path[0], to: path[1] };
+        let (found, line) = (follows.follow_path(&path[..2]).unwrap(), follows.follow(&line).unwrap());
+        assert!(found.iter().zip(&line).all(|(a, b)| a.distance(*b) < 1e-9), "{found:?}, {line:?}");
+        assert_eq!(found.len(), line.len());
     }
 
     #[test]

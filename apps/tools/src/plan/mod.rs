@@ -12,9 +12,10 @@
 //! | `swath` | scans within the limits of an instrument |
 //! | `beams` | where the beams of a scan meet flat ground; mounts that point them there |
 //! | `reach` | how far a device measures ground |
-//! | `line` | flight lines and the turns between them |
+//! | `line`, `bends` | flight lines and the turns between them; lines that follow bends |
 //! | `height` | the ground below a flight, heights that follow it |
-//! | `airborne`, `report` | parallel flight lines, cross lines; what such a plan promises |
+//! | `airborne`, `requirements` | parallel flight lines, cross lines, lines beside a line; what is required of them |
+//! | `choice`, `report` | their speed, distance, scan and pulse rate; what such a plan promises |
 //! | `flown` | a sample of a planned flight against its promise |
 //! | `terrestrial` | positions of a tripod on a grid or around a plot |
 //! | `mobile` | a vehicle along a line |
@@ -31,6 +32,8 @@ mod airborne;
 mod area;
 mod area_file;
 mod beams;
+mod bends;
+mod choice;
 mod corridor;
 mod document;
 mod error;
@@ -43,13 +46,14 @@ mod mobile;
 mod reach;
 mod report;
 mod request;
+mod requirements;
 mod swath;
 mod terrestrial;
 #[cfg(test)]
 mod testing;
 mod vector;
 
-pub use airborne::{AirborneOptions, Carrier, plan_airborne};
+pub use airborne::{plan_airborne, plan_corridor};
 pub use area::{Area, AreaError};
 pub use area_file::{read_area, read_line};
 pub use beams::QuarterTurns;
@@ -61,5 +65,6 @@ pub use lines::{LineFormat, PlanLine, lines_of, plan_lines};
 pub use mobile::{MobileOptions, plan_mobile};
 pub use reach::{Reach, Seen};
 pub use request::{AirborneRequest, AreaSource, MobileRequest, PlanRequest, PlanSetup, TerrestrialRequest};
+pub use requirements::{AirborneOptions, Carrier};
 pub use swath::{Scan, SwathModel};
 pub use terrestrial::{TerrestrialOptions, check_terrestrial, plan_terrestrial};

@@ -1,9 +1,10 @@
 //! Report of a planned flight as comments, with hints for the user.
 
-use super::airborne::{AirborneOptions, Choice};
 use super::area::Area;
+use super::choice::Choice;
 use super::document::{PlannedSurvey, Turned};
 use super::height::GroundLevel;
+use super::requirements::AirborneOptions;
 use super::swath::SwathModel;
 use vlscan_base::quantity::{amount, duration, number};
 use vlscan_geom::degrees;
@@ -31,8 +32,8 @@ pub(super) struct PlanReport<'f> {
     pub choice: &'f Choice,
     /// Height above the ground, m.
     pub height: f64,
-    /// Direction of the lines, rad clockwise from +y.
-    pub heading: f64,
+    /// Direction of the lines, rad clockwise from +y; `None` if they follow a line.
+    pub heading: Option<f64>,
     /// How far before the area lines begin and behind it they end, m.
     pub margins: [f64; 2],
     /// Number of parallel lines.
@@ -56,6 +57,10 @@ impl PlanReport<'_> {
             1 => String::new(),
             _ => format!(", {spacing:.2} m apart"),
         };
+        let direction = match self.heading {
+            Some(heading) => format!("at heading {:.1}°", degrees(heading)),
+            None => "along the line".to_owned(),
+        };
         let seconds = flown / speed;
         let exact = if seconds < 60.0 { String::new() } else { format!(" ({seconds:.1} s)") };
         let hectares = self.area.square_metres() / 1e4;
@@ -66,9 +71,8 @@ impl PlanReport<'_> {
                 number(self.height)
             ),
             format!(
-                "lines      {} at heading {:.1}°{apart}, {} across; {:.2} km of {:.2} km flown measure",
+                "lines      {} {direction}{apart}, {} across; {:.2} km of {:.2} km flown measure",
                 self.parallel,
-                degrees(self.heading),
                 options.cross_lines,
                 self.active / 1e3,
                 flown / 1e3
@@ -80,7 +84,7 @@ impl PlanReport<'_> {
                 amount(*fired_rate)
             ),
         ];
-        lines.extend(self.default_rate());
+        lines.extend(self.rate(options));
         if let Some(Turned { turns, .. }) = &self.choice.turned {
             lines.push(format!(
                 "mount      turned by {}, because the platform's mount does not point the scanner at the \
@@ -91,14 +95,27 @@ impl PlanReport<'_> {
         lines
     }
 
+    /// True if the pulse rate follows from the options.
+    fn derives_rate(options: &AirborneOptions) -> bool {
+        options.density.is_some() && options.speed.is_some() && options.overlap.is_some()
+    }
+
     /// The pulse rate of an instrument with several, where the plan chose it.
-    fn default_rate(&self) -> Option<String> {
+    fn rate(&self, options: &AirborneOptions) -> Option<String> {
         let rates = self.instrument.pulse_rates();
         if self.instrument.wanted_rate.is_some() || rates.len() < 2 {
             return None;
         }
         let kilohertz = |rate: u32| number(f64::from(rate) / 1e3);
         let all: Vec<String> = rates.iter().map(|rate| kilohertz(*rate)).collect();
+        if PlanReport::derives_rate(options) {
+            let rate = kilohertz(self.choice.scan.pulse_rate);
+            return Some(format!(
+                "rate       {rate} kHz, the lowest of {} kHz that gives the density at this speed and \
+                 overlap",
+                all.join(", ")
+            ));
+        }
         Some(format!(
             "rate       {} kHz by default, the first of {} kHz; a higher --pulse-rate flies faster for the \
              same density",
@@ -169,7 +186,7 @@ impl PlanReport<'_> {
         let Choice { field, fired_rate, speed, density, .. } = self.choice;
         let mut warnings = Vec::new();
         let mut warn = |text: String| warnings.push(text);
-        if let Some(asked) = options.density
+        if let Some(asked) = options.density.filter(|_| !PlanReport::derives_rate(options))
             && (density / asked - 1.0).abs() > MAX_DENSITY_ERROR
         {
             warn(format!(

@@ -12,10 +12,11 @@ pub enum PlanRequest {
     /// The swath W at that height above ground and the N pulses per second that reach it are sampled from the
     /// instrument's optics. With the speed v, f scan lines per second and the line distance S: overlap 1 −
     /// S/W, density N/(v·S), spacing v/f along and W·f/N across. Density is the mean number of pulses per m²
-    /// of flat ground; it determines the speed or, with --speed, the distance of the lines. Coverage is
-    /// uniform up to the edges of the area. If the mount of the default platform does not point the scanner
-    /// at the ground, the plan rotates it. Before the plan is written, a sample of the flight is flown over
-    /// flat ground and over the scene; plans that the instrument cannot fly are rejected.
+    /// of flat ground; it determines the speed or, with --speed, the distance of the lines, or, with --speed
+    /// and --overlap, the pulse rate. Coverage is uniform up to the edges of the area. If the mount of the
+    /// default platform does not point the scanner at the ground, the plan rotates it. Before the plan is
+    /// written, a sample of the flight is flown over flat ground and over the scene; plans that the
+    /// instrument cannot fly are rejected.
     Airborne(Box<AirborneRequest>),
     /// Tripod positions on a grid over an area, or around a plot.
     ///
@@ -136,6 +137,10 @@ pub struct AirborneRequest {
     /// Make the area a corridor: everything within this distance of the line, m.
     #[arg(long, value_name = "M", requires = "area", value_parser = args::positive)]
     pub buffer: Option<f64>,
+    /// Fly lines that follow the bends of the corridor's line, with corners as arcs, instead of straight
+    /// lines over all of it.
+    #[arg(long, requires = "buffer", conflicts_with_all = ["heading", "cross_lines"])]
+    pub follow_line: bool,
     /// Instrument, scene and output.
     #[command(flatten)]
     pub common: PlanSetup,

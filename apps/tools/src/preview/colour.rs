@@ -91,7 +91,7 @@ impl ColourBy {
 
 /// From low to high: dark to light and blue to yellow, readable in greyscale and with colour vision
 /// deficiency.
-const HEIGHTS: [Rgb; 8] = [
+pub(super) const HEIGHTS: [Rgb; 8] = [
     [62, 54, 130],
     [54, 92, 168],
     [36, 130, 160],

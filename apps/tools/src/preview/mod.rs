@@ -12,11 +12,13 @@
 //! | `axes`, `style` | captions, ticks in the coordinates of the scene; colours of all but the points |
 //! | `flight` | planned flights over their scene |
 //! | `map` | pictures from above whose pixels have known coordinates |
+//! | `bands` | maps of the bands of a raster |
 //! | `page` | pages for a browser |
 //! | `octree` | clouds for viewers that read ranges |
 //! | `chart` | charts of waveforms |
 
 mod axes;
+mod bands;
 mod chart;
 mod colour;
 mod flight;
@@ -32,6 +34,7 @@ mod style;
 
 pub use crate::chart::{Picture, Rgb};
 use crate::cloud::Points;
+pub use bands::{BandMap, draw_bands};
 pub use chart::Chart;
 pub use colour::ColourBy;
 use colour::Colouring;

@@ -72,6 +72,20 @@ impl Chunk {
         }
     }
 
+    /// Takes up to `steps` steps of one leg from a flight, and the outcome of the last one.
+    pub fn take_steps(
+        plan: &FlightPlan,
+        state: &mut FlightState,
+        motion: Option<&MotionState>,
+        steps: u32,
+    ) -> Result<(Chunk, Step)> {
+        let mut chunk = Chunk::begin(plan, state, motion);
+        let skipped = state.skip(plan, u32::MAX, steps.min(MAX_STEPS))?;
+        (chunk.steps, chunk.pulses, chunk.poses) = (skipped.steps, skipped.pulses, skipped.poses);
+        chunk.done = done(plan, state);
+        Ok((chunk, skipped.last))
+    }
+
     fn has_content(&self) -> bool {
         self.pulses > 0 || self.poses > 0
     }

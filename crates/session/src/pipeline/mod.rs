@@ -15,7 +15,7 @@
 //! | `settings` | everything that is chosen before the start |
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
 //! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches during the run |
-//! | `dry_run` | forecast of a run's time and points, from a measured sample |
+//! | `dry_run` | forecast of a run's time, points and coverage, from a measured sample |
 //! | `fly`, `pass` | the stages of a pass over one epoch, and their inputs |
 //! | `load` | scene and tree of an epoch, within the memory limit |
 //! | `prefetch` | loading of tiles of the scene ahead of the flight |
@@ -62,7 +62,10 @@ mod stream;
 mod worker;
 
 pub use batches::Batches;
-pub use dry_run::{DryRunReport, Estimate, FileEstimate, FlightCoverage, LegEstimate, Missed, TimeEstimate};
+pub use dry_run::{
+    CoverageBand, CoverageMap, DryRunReport, Estimate, FileEstimate, FlightCoverage, LegEstimate, Missed,
+    TimeEstimate,
+};
 pub use emit::{Emission, Emitted, emit};
 pub use flight_rows::Flight;
 pub use flight_rows::{FlightRows, flight_table};

@@ -151,11 +151,18 @@ impl<'a> FlightWorker<'a> {
 
     /// Measures a chunk in any order of the legs, for outputs with one file for all legs.
     pub fn measure_in_any_order(&mut self, chunk: Chunk) -> Result<Pieces> {
+        self.measure_some(chunk, |_| ())
+    }
+
+    /// Measures those pulses of a chunk that `select` leaves, in any order of the legs. In scenes with moving
+    /// parts it has to leave all of them.
+    pub fn measure_some(&mut self, chunk: Chunk, select: impl FnOnce(&mut Vec<Pulse>)) -> Result<Pieces> {
         let (leg, done) = (chunk.leg, chunk.done);
         self.worker.pulses.clear();
         self.worker.batch.clear(0);
         self.worker.batch.leg_number = Some(leg);
         self.replay(chunk)?;
+        select(&mut self.worker.pulses);
         Ok(Pieces(vec![self.worker.measure(leg, leg, done)]))
     }
 

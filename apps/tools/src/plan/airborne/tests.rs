@@ -3,6 +3,7 @@
 use super::*;
 use crate::plan::report::MAX_DENSITY_ERROR;
 use crate::plan::testing;
+use vlscan_survey::Mount;
 
 fn instrument() -> SwathModel {
     testing::instrument("riegl_lms-q780")
@@ -123,4 +124,82 @@ fn cross_lines_are_perpendicular() {
     let mut x: Vec<f64> = crossing.iter().map(|w| w.position.x).collect();
     x.sort_by(f64::total_cmp);
     assert!(x.len() == 2 && (x[0] - 750.0).abs() < 1e-6 && (x[1] - 2250.0).abs() < 1e-6, "{x:?}");
+}
+
+#[test]
+fn density_with_speed_and_overlap_yields_the_pulse_rate() {
+    let area = Area::rectangle([0.0, 0.0], [3000.0, 1000.0]).unwrap();
+    let rate = |density: f64| {
+        let options = AirborneOptions { density: Some(density), overlap: Some(30.0), ..options() };
+        plan_airborne(&area, &instrument(), &CARRIER, &options, &FLAT)
+    };
+    // Two thirds of the pulses of 100, 200, 300 and 400 kHz are fired, over a spacing of 404.15 m at 60 m/s.
+    for (density, kilohertz) in [(2.0, 100.0), (4.0, 200.0), (7.0, 300.0), (10.0, 400.0)] {
+        let plan = rate(density).unwrap();
+        assert_eq!(plan.settings[0], ("pulse_freq_hz", 1e3 * kilohertz), "{density}");
+        assert!(plan.promise.unwrap().density >= density);
+        let told = plan.comments.iter().find(|line| line.starts_with("rate")).unwrap();
+        assert!(told.contains(&format!("{kilohertz} kHz, the lowest of 100, 200, 300, 400 kHz")), "{told}");
+        assert!(plan.warnings.iter().all(|text| !text.contains("lines is whole")));
+    }
+    let refused = rate(40.0).unwrap_err().to_string();
+    assert!(refused.contains("400 kHz, gives 1") && refused.contains("instead of 40"), "{refused}");
+    // A rate that is given leaves nothing to choose.
+    let mut fixed = instrument();
+    fixed.wanted_rate = Some(200_000);
+    let options = AirborneOptions { density: Some(4.0), overlap: Some(30.0), ..options() };
+    let refused = plan_airborne(&area, &fixed, &CARRIER, &options, &FLAT).unwrap_err().to_string();
+    assert!(refused.contains("determine each other"), "{refused}");
+}
+
+#[test]
+fn lines_follow_the_bends_of_a_corridor() {
+    // East, then to the north-east: a bend of 36.87 degrees.
+    let line = [[0.0, 0.0], [4000.0, 0.0], [8000.0, 3000.0]];
+    let area =
+        Area::new(vec![[0.0, -200.0], [4100.0, -200.0], [8100.0, 2800.0], [8000.0, 3000.0], [0.0, 200.0]]);
+    let area = area.unwrap();
+    let options = AirborneOptions { height: 500.0, density: Some(4.0), ..AirborneOptions::default() };
+    let plan = |line: &[[f64; 2]], options: &AirborneOptions| {
+        plan_corridor(line, 200.0, &area, &instrument(), &CARRIER, options, &FLAT)
+    };
+    let found = plan(&line, &options).unwrap();
+    assert!((found.promise.unwrap().density - 4.0).abs() < 1e-9);
+    assert!(found.comments.iter().any(|text| text.contains("along the line, 40")), "{found:?}");
+    // Swath 578 m, spacing 405 m, 227 m to both sides: two lines, or three.
+    let strips: Vec<Vec<&Waypoint>> = (1..=3)
+        .map(|i| {
+            let name = format!("line{i:03}");
+            found.waypoints.iter().filter(|w| w.strip.as_deref() == Some(&name)).collect()
+        })
+        .collect();
+    assert!(strips[0].len() > 10 && strips[1].len() > 10);
+    for strip in strips.iter().filter(|strip| !strip.is_empty()) {
+        let positions: Vec<[f64; 2]> = strip.iter().map(|w| [w.position.x, w.position.y]).collect();
+        for corner in positions.windows(3) {
+            let heading = |a: [f64; 2], b: [f64; 2]| libm::atan2(b[1] - a[1], b[0] - a[0]).to_degrees();
+            let turn = heading(corner[1], corner[2]) - heading(corner[0], corner[1]);
+            assert!(turn.abs() < 3.1, "{corner:?}");
+        }
+    }
+    // To and fro.
+    let first = |strip: &[&Waypoint]| strip[0].position.x;
+    assert!(first(&strips[0]) < 0.0 && first(&strips[1]) > 7000.0);
+    // Straight lines are the same by either way.
+    let straight = plan(&line[..2], &options).unwrap();
+    assert!(straight.waypoints.iter().all(|w| w.position.x < 4300.0 && w.position.y.abs() < 600.0));
+    // Corners without room, and a line without length.
+    let sharp = [[0.0, 0.0], [4000.0, 0.0], [4000.0, 100.0], [8000.0, 100.0]];
+    let refused = plan(&sharp, &options).unwrap_err().to_string();
+    assert!(refused.contains("turns too sharply at x 4000.0 y 0.0, where a bend of 50 m fits"), "{refused}");
+    let refused = plan(&[[0.0, 0.0], [0.0, 0.0]], &options).unwrap_err().to_string();
+    assert!(refused.contains("at least 2"), "{refused}");
+    // Waypoints of lines that follow the ground keep the corners.
+    let hill = PlanGround { heights: &|x, _| Some(0.02 * x.max(0.0)), level: 0.0 };
+    let follow = AirborneOptions { follow_terrain: true, ..options.clone() };
+    let found = plan_corridor(&line, 200.0, &area, &instrument(), &CARRIER, &follow, &hill).unwrap();
+    for waypoint in found.waypoints.iter().filter(|w| w.active) {
+        let expected = 500.0 + 0.02 * waypoint.position.x.max(0.0);
+        assert!((waypoint.position.z - expected).abs() < 6.0, "{waypoint:?}");
+    }
 }

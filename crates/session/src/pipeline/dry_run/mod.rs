@@ -6,14 +6,21 @@
 //! | `sample` | a few chunks of each stratum, measured and written as the run would |
 //! | `area` | the ground that is covered |
 //! | `spacing` | footprint, distance of points along and across |
+//! | `coverage` | densities, strips, gaps, incidence and occlusion in cells |
+//! | `blocks`, `cells` | the periods of the scan pattern that are measured for it; their returns in cells |
 //!
 //! Points, sizes and time are those of the sample in proportion to the pulses, with twice the standard error
 //! of the mean over the strata as uncertainty.
 
 mod area;
+mod blocks;
+mod cells;
+mod coverage;
 mod sample;
 mod spacing;
 mod timeline;
+
+pub use coverage::{CoverageBand, CoverageMap};
 
 use super::pass::RunContext;
 use super::run::Epochs;
@@ -172,15 +179,45 @@ impl Session {
         started: Instant,
         control: RunContext<'_>,
     ) -> Result<DryRunReport> {
+        self.try_flight(outputs, None, started, control).map(|(report, _)| report)
+    }
+
+    /// Flies the sample of [`Session::dry_run`], and another one for the coverage in square cells of `side`
+    /// m, as [`Session::coverage`] does.
+    ///
+    /// # Errors
+    /// As for [`Session::dry_run`] and [`Session::coverage`].
+    pub fn dry_run_with_coverage(
+        &mut self,
+        outputs: &OutputRequest,
+        side: f64,
+        started: Instant,
+        control: RunContext<'_>,
+    ) -> Result<(DryRunReport, CoverageMap)> {
+        let (report, map) = self.try_flight(outputs, Some(side), started, control)?;
+        Ok((report, map.unwrap_or_default()))
+    }
+
+    /// Flies a sample of the survey, and another one for the coverage in cells of a side, m, if one is given.
+    fn try_flight(
+        &mut self,
+        outputs: &OutputRequest,
+        side: Option<f64>,
+        started: Instant,
+        control: RunContext<'_>,
+    ) -> Result<(DryRunReport, Option<CoverageMap>)> {
+        side.map_or(Ok(()), |side| self.check_cells(side))?;
         let (flight, _) = self.plan_checked_flight(control.stop)?;
         let outputs = &self.complete(outputs.clone());
         let context = self.output_context();
         self.check_outputs(outputs, &context)?;
         let loading_s = started.elapsed().as_secs_f64();
         let (timeline, sample, summary) = self.sample_flight(&flight, outputs, &context, control)?;
+        let measure = |side| self.measure_coverage(&flight, &timeline, side, control);
+        let map = side.map(measure).transpose()?;
         let seen =
             Observations { session: self, flight: &flight, timeline: &timeline, sample: &sample, outputs };
-        Ok(seen.forecast(&summary, loading_s, control))
+        Ok((seen.forecast(&summary, loading_s, control), map))
     }
 
     /// Checks the outputs of the run. Files that exist are noted and not refused, since a dry run does not

@@ -1,0 +1,455 @@
+//! Returns of a flight, summed in square cells.
+//!
+//! A measured pulse stands for those that are fired before and behind it, and for the pulses of the same
+//! phase in the scan periods around it. Within these beam and platform move evenly, so its returns are spread
+//! over that way. Sums are whole numbers, which do not depend on the order in which threads add to them.
+
+use std::collections::HashMap;
+use vlscan_geom::{DVec3, HeightModel, degrees};
+use vlscan_lidar::pulse::Echo;
+
+/// Units of a pulse in sums.
+const PULSE: f64 = 4096.0;
+/// Units of a degree in sums of angles.
+const DEGREE: f64 = 1000.0;
+/// Parts along the side of a cell, in which gaps are counted.
+const PARTS: i64 = 4;
+/// Parts of a cell.
+const PARTS_OF_CELL: u32 = (PARTS * PARTS) as u32;
+/// Height above the ground up to which an echo is from the ground, m.
+const GROUND_TOLERANCE: f64 = 0.5;
+/// Height above the ground at which a beam counts as arrived, m.
+const ARRIVAL: f64 = 0.1;
+/// Descent per metre below which a beam is not followed to the ground.
+const MIN_DESCENT: f64 = 0.02;
+/// Steps in which a beam approaches the ground, at most.
+const MAX_APPROACHES: u32 = 12;
+/// Parts of cells that the way of a return may cross.
+const MAX_CROSSINGS: u32 = 100_000;
+/// Change of direction beyond which the next beam is that of another scan line.
+const MAX_SWING: f64 = 0.05;
+/// How much longer the way of a beam over level ground may be than across the beam.
+const MAX_STRETCH: f64 = 5.0;
+
+/// The pulses that a measured pulse stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repeats {
+    /// Number of scan periods before its own and behind it.
+    pub around: [f64; 2],
+    /// Horizontal way of the platform in a period, m.
+    pub drift: [f64; 2],
+    /// Number of pulses of its own period, itself among them.
+    pub pulses: u32,
+}
+
+impl Repeats {
+    /// Number of scan periods with its own one.
+    pub fn periods(&self) -> f64 {
+        1.0 + self.around[0] + self.around[1]
+    }
+}
+
+/// The returns of a cell.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CellSum {
+    /// First returns.
+    pulses: u64,
+    /// All returns.
+    points: u64,
+    /// Angles of incidence of first returns.
+    angles: u64,
+    /// Pulses whose beams meet the ground here, or would if nothing stood above it.
+    aimed: u64,
+    /// Pulses among these that have no echo from the ground.
+    blocked: u64,
+    /// A bit for each part with a first return.
+    parts: u16,
+    /// Strips with first returns.
+    strips: Vec<u32>,
+}
+
+impl CellSum {
+    /// Number of pulses with returns.
+    pub fn pulses(&self) -> f64 {
+        self.pulses as f64 / PULSE
+    }
+
+    /// Number of returns.
+    pub fn points(&self) -> f64 {
+        self.points as f64 / PULSE
+    }
+
+    /// Number of strips with returns.
+    pub fn strips(&self) -> usize {
+        self.strips.len()
+    }
+
+    /// Share of the cell's parts without a first return.
+    pub fn gaps(&self) -> f64 {
+        1.0 - f64::from(self.parts.count_ones()) / f64::from(PARTS_OF_CELL)
+    }
+
+    /// Mean angle of incidence of first returns, degrees; NaN without returns.
+    pub fn incidence_deg(&self) -> f64 {
+        if self.pulses == 0 { f64::NAN } else { self.angles as f64 / (self.pulses as f64 * DEGREE) }
+    }
+
+    /// Share of the pulses aimed at the ground here that have no echo from it; NaN without such pulses.
+    pub fn occlusion(&self) -> f64 {
+        if self.aimed == 0 { f64::NAN } else { self.blocked as f64 / self.aimed as f64 }
+    }
+
+    fn see(&mut self, strip: u32) {
+        if !self.strips.contains(&strip) {
+            self.strips.push(strip);
+        }
+    }
+
+    fn join(&mut self, other: &CellSum) {
+        self.pulses += other.pulses;
+        self.points += other.points;
+        self.angles += other.angles;
+        self.aimed += other.aimed;
+        self.blocked += other.blocked;
+        self.parts |= other.parts;
+        other.strips.iter().for_each(|strip| self.see(*strip));
+    }
+}
+
+/// Sums in cells, whose corners are at multiples of their side in the world.
+#[derive(Clone, Debug)]
+pub struct CoverageCells {
+    /// Side of a cell, m.
+    side: f64,
+    /// Origin of the scene frame in the world, m.
+    shift: DVec3,
+    /// Index of the sums of a cell by its column and row.
+    places: HashMap<[i64; 2], usize>,
+    sums: Vec<CellSum>,
+    /// The last cell.
+    last: Option<([i64; 2], usize)>,
+}
+
+impl CoverageCells {
+    /// Cells without returns.
+    pub fn new(side: f64, shift: DVec3) -> CoverageCells {
+        CoverageCells { side, shift, places: HashMap::new(), sums: Vec::new(), last: None }
+    }
+
+    /// Number of cells with returns, or ground that pulses are aimed at.
+    pub fn count(&self) -> usize {
+        self.sums.len()
+    }
+
+    /// Columns and rows of the cells with their sums.
+    pub fn iter(&self) -> impl Iterator<Item = ([i64; 2], &CellSum)> {
+        self.places.iter().map(|(place, index)| (*place, &self.sums[*index]))
+    }
+
+    /// Adds the echoes of pulses of a strip, each of which stands for the same repeats. `swing` is the change
+    /// of direction from the beam of an echo to the next one. Without `ground`, in the scene frame, pulses
+    /// are not followed to the ground.
+    pub fn add(
+        &mut self,
+        echoes: &[Echo],
+        strip: u32,
+        repeats: &Repeats,
+        swing: &mut dyn FnMut(&Echo) -> DVec3,
+        ground: Option<&dyn HeightModel>,
+    ) {
+        for pulse in echoes.chunk_by(|a, b| (a.device, a.pulse_number) == (b.device, b.pulse_number)) {
+            let swing = if repeats.pulses > 1 { swing(&pulse[0]) } else { DVec3::ZERO };
+            for echo in pulse {
+                let angle = degrees(libm::acos(echo.incidence_cosine.abs().clamp(0.0, 1.0)));
+                let angle = (angle * DEGREE).round() as u64;
+                let is_first = echo.return_number == 1;
+                let step = step(echo, echo.position, swing);
+                self.spread(echo.position, step, repeats, |cell, part, units| {
+                    cell.points += units;
+                    if is_first {
+                        cell.pulses += units;
+                        cell.angles += units * angle;
+                        cell.parts |= part;
+                        cell.see(strip);
+                    }
+                });
+            }
+            let last = pulse.iter().max_by_key(|echo| echo.return_number);
+            let Some((last, ground)) = last.zip(ground) else { continue };
+            if let Some((place, is_seen)) = below(last, ground) {
+                self.spread(place, step(last, place, swing), repeats, |cell, _, units| {
+                    cell.aimed += units;
+                    cell.blocked += if is_seen { 0 } else { units };
+                });
+            }
+        }
+    }
+
+    /// Adds all sums of `other`, which has the same cells.
+    pub fn join(&mut self, other: &CoverageCells) {
+        for (place, sum) in other.iter() {
+            self.cell(place).join(sum);
+        }
+    }
+
+    /// Spreads a return over the parts of cells that it and its repeats meet: the bit of the part in its
+    /// cell, and the units of a pulse there. `step` is the horizontal way from it to that of the next pulse,
+    /// m.
+    fn spread(
+        &mut self,
+        at: DVec3,
+        step: [f64; 2],
+        repeats: &Repeats,
+        mut add: impl FnMut(&mut CellSum, u16, u64),
+    ) {
+        let part = self.side / PARTS as f64;
+        let Repeats { around: [before, behind], drift, pulses } = *repeats;
+        let periods = repeats.periods();
+        // A period stands for the way from half a period before it to half a period behind it.
+        let (first, last) = if periods > 1.0 { (-0.5 - before, 0.5 + behind) } else { (0.0, 0.0) };
+        for pulse in 0..pulses.max(1) {
+            let off = f64::from(pulse) - 0.5 * f64::from(pulses.max(1) - 1);
+            let place = [at.x + self.shift.x + off * step[0], at.y + self.shift.y + off * step[1]];
+            let end = |after: f64| [0, 1].map(|axis| (place[axis] + after * drift[axis]) / part);
+            cross(end(first), end(last), |place, share| {
+                let [column, row] = place.map(|c| c.rem_euclid(PARTS));
+                let cell = self.cell(place.map(|c| c.div_euclid(PARTS)));
+                add(cell, 1u16 << (row * PARTS + column), (share * periods * PULSE).round() as u64);
+            });
+        }
+    }
+
+    fn cell(&mut self, place: [i64; 2]) -> &mut CellSum {
+        let index = match self.last {
+            Some((last, index)) if last == place => index,
+            _ => {
+                let next = self.sums.len();
+                let index = *self.places.entry(place).or_insert(next);
+                if index == next {
+                    self.sums.push(CellSum::default());
+                }
+                self.last = Some((place, index));
+                index
+            }
+        };
+        &mut self.sums[index]
+    }
+}
+
+/// The horizontal way from a place on the beam of an echo to that of the next beam, m: on a level plane, or
+/// across the beam where this is nearly level. `swing` is the change of direction.
+fn step(echo: &Echo, place: DVec3, swing: DVec3) -> [f64; 2] {
+    if swing == DVec3::ZERO {
+        return [0.0; 2];
+    }
+    let (way, next) = (echo.direction, echo.direction + swing);
+    let range = (place - echo.origin).dot(way);
+    let across = swing * range;
+    let on_plane = next * (range * way.z / next.z) - way * range;
+    let is_steep = next.z < -MIN_DESCENT && on_plane.length() <= MAX_STRETCH * across.length();
+    let step = if is_steep { on_plane } else { across };
+    [step.x, step.y]
+}
+
+/// The change of direction to the next beam; 0 if it belongs to another scan line.
+pub fn swing(direction: DVec3, next: DVec3) -> DVec3 {
+    let swing = next - direction;
+    if swing.length() <= MAX_SWING { swing } else { DVec3::ZERO }
+}
+
+/// The place where the beam of a pulse's last echo meets the ground, scene frame, and true if the echo is
+/// from there; `None` for beams that are level or rise, and where there is no ground.
+fn below(echo: &Echo, ground: &dyn HeightModel) -> Option<(DVec3, bool)> {
+    let mut at = echo.position;
+    let mut above = at.z - ground.height(at.x, at.y)?;
+    if above <= GROUND_TOLERANCE {
+        return Some((at, true));
+    }
+    let way = echo.direction;
+    if way.z > -MIN_DESCENT {
+        return None;
+    }
+    for _ in 0..MAX_APPROACHES {
+        at += way * (above / -way.z);
+        above = at.z - ground.height(at.x, at.y)?;
+        if above.abs() <= ARRIVAL {
+            break;
+        }
+    }
+    Some((at, false))
+}
+
+/// Calls `visit` for all unit squares on the straight way between two places, with their column and row and
+/// the share of the way within them. Shares add up to 1.
+fn cross(from: [f64; 2], to: [f64; 2], mut visit: impl FnMut([i64; 2], f64)) {
+    let way = [to[0] - from[0], to[1] - from[1]];
+    let mut place = from.map(|c| c.floor() as i64);
+    let mut done = 0.0;
+    for _ in 0..MAX_CROSSINGS {
+        // The share of the way after which it leaves the square along each axis.
+        let leaves = [0, 1].map(|axis| match way[axis] {
+            w if w > 0.0 => (place[axis].saturating_add(1) as f64 - from[axis]) / w,
+            w if w < 0.0 => (place[axis] as f64 - from[axis]) / w,
+            _ => f64::INFINITY,
+        });
+        let axis = usize::from(leaves[1] < leaves[0]);
+        let next = leaves[axis].min(1.0).max(done);
+        if next > done || next >= 1.0 {
+            visit(place, next - done);
+        }
+        done = next;
+        if done >= 1.0 {
+            return;
+        }
+        place[axis] = place[axis].saturating_add(if way[axis] > 0.0 { 1 } else { -1 });
+    }
+    visit(place, 1.0 - done);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONCE: Repeats = Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 1 };
+
+    fn echo(position: DVec3, pulse_number: u64, return_number: u32) -> Echo {
+        Echo {
+            position,
+            origin: position + DVec3::Z * 100.0,
+            direction: -DVec3::Z,
+            scanner: Echo::NO_ATTITUDE,
+            range: 100.0,
+            true_range: 100.0,
+            intensity: 1.0,
+            echo_width: 0.0,
+            return_number,
+            number_of_returns: return_number,
+            pulse_number,
+            device: 0,
+            part: 0,
+            primitive: 0,
+            classification: 0,
+            incidence_cosine: 0.5,
+            scan_angle: 0.0,
+            time_ns: 0.0,
+            truth_index: Echo::NO_TRUTH,
+        }
+    }
+
+    /// A beam that does not move.
+    fn still(_: &Echo) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    fn cell(cells: &CoverageCells, place: [i64; 2]) -> CellSum {
+        cells.iter().find(|(at, _)| *at == place).map(|(_, sum)| sum.clone()).unwrap_or_default()
+    }
+
+    #[test]
+    fn ways_are_divided_where_they_cross_lines() {
+        let crossed = |from, to| {
+            let mut found = Vec::new();
+            cross(from, to, |place, share| found.push((place, (share * 1e6_f64).round())));
+            found
+        };
+        assert_eq!(crossed([0.5, 0.5], [0.5, 0.5]), [([0, 0], 1e6)]);
+        assert_eq!(crossed([0.5, 0.5], [2.5, 0.5]), [([0, 0], 25e4), ([1, 0], 5e5), ([2, 0], 25e4)]);
+        assert_eq!(crossed([0.5, 0.25], [-0.5, 0.25]), [([0, 0], 5e5), ([-1, 0], 5e5)]);
+        // From (0, 0) to (2, 1), which crosses x = 1 half way.
+        assert_eq!(crossed([0.0, 0.0], [2.0, 1.0]), [([0, 0], 5e5), ([1, 0], 5e5)]);
+        for to in [[1e9, 1.0], [f64::NAN, 0.0], [f64::INFINITY, 1.0]] {
+            let mut sum = 0.0;
+            cross([0.0; 2], to, |_, share| sum += share);
+            assert!(sum.is_nan() || (sum - 1.0).abs() < 1e-9, "{to:?}: {sum}");
+        }
+    }
+
+    #[test]
+    fn a_return_counts_in_every_cell_that_its_repeats_meet() {
+        let mut cells = CoverageCells::new(10.0, DVec3::new(1000.0, 0.0, 0.0));
+        // 8 periods of 5 m from 12.5 m before (15, 5) on: 7.5, 10, 10, 10 and 2.5 m of the way in five cells.
+        let repeats = Repeats { around: [2.0, 5.0], drift: [5.0, 0.0], pulses: 1 };
+        cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut still, None);
+        let pulses: Vec<f64> = (100..105).map(|column| cell(&cells, [column, 0]).pulses()).collect();
+        assert_eq!(pulses, [1.5, 2.0, 2.0, 2.0, 0.5]);
+        assert_eq!((cells.count(), cell(&cells, [101, 0]).strips()), (5, 1));
+        // One row of four parts.
+        assert_eq!(cell(&cells, [101, 0]).gaps(), 0.75);
+        assert!((cell(&cells, [101, 0]).incidence_deg() - 60.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_return_counts_for_the_pulses_beside_it() {
+        // Straight down from 100 m, then 1 m farther north: five pulses from y = 3 to 7.
+        let repeats = Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 5 };
+        let mut north = |_: &Echo| DVec3::new(0.0, 0.01, 0.0);
+        let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
+        cells.add(&[echo(DVec3::new(2.5, 5.0, 0.0), 1, 1)], 0, &repeats, &mut north, None);
+        assert_eq!((cell(&cells, [0, 0]).pulses(), cell(&cells, [0, 1]).pulses()), (2.0, 3.0));
+        let slanted = Echo {
+            direction: DVec3::new(0.0, 0.6, -0.8),
+            origin: DVec3::new(0.0, -60.0, 80.0),
+            ..echo(DVec3::ZERO, 1, 1)
+        };
+        let found = step(&slanted, DVec3::ZERO, DVec3::new(0.0, 0.008, 0.006));
+        // Across the beam 1 m, on the plane 1 / 0.8 m and a little more.
+        assert!(found[0] == 0.0 && (found[1] - 1.25).abs() < 0.02, "{found:?}");
+        // A level beam moves across, a jump to the next line does not count.
+        let level = Echo { direction: DVec3::Y, origin: DVec3::new(0.0, -100.0, 0.0), ..slanted };
+        assert_eq!(step(&level, DVec3::ZERO, DVec3::new(0.01, 0.0, 0.0)), [1.0, 0.0]);
+        assert_eq!(swing(DVec3::Y, DVec3::NEG_Z), DVec3::ZERO);
+        assert_eq!(swing(DVec3::ZERO, DVec3::X * 0.01), DVec3::X * 0.01);
+    }
+
+    #[test]
+    fn sums_do_not_depend_on_the_order() {
+        let echoes: Vec<Echo> = (0..200u32)
+            .map(|i| echo(DVec3::new(f64::from(i) * 0.37, f64::from(i % 17), 0.0), u64::from(i), 1))
+            .collect();
+        let repeats = Repeats { around: [1.0, 1.3], drift: [0.7, -1.9], pulses: 1 };
+        let sum = |parts: &[&[Echo]]| {
+            let mut all = CoverageCells::new(5.0, DVec3::ZERO);
+            for part in parts {
+                let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
+                cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, &mut still, None);
+                all.join(&cells);
+            }
+            let mut found: Vec<_> =
+                all.iter().map(|(place, sum)| (place, sum.pulses, sum.strips())).collect();
+            found.sort_unstable();
+            found
+        };
+        let (one, two) = echoes.split_at(100);
+        assert_eq!(sum(&[one, two]), sum(&[two, one]));
+    }
+
+    #[test]
+    fn what_stands_above_the_ground_hides_it() {
+        let ground = |x: f64, _: f64| (x >= 0.0).then_some(0.1 * x);
+        let slanted =
+            |position, number| Echo { direction: DVec3::new(0.6, 0.0, -0.8), ..echo(position, number, 1) };
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
+        // A beam that ends 10 m above x = 14 would meet the ground 10 / (4/3 + 0.1) = 7 m farther on.
+        cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &mut still, Some(&ground));
+        assert_eq!(cell(&cells, [1, 0]).pulses(), 1.0);
+        assert!(cell(&cells, [1, 0]).occlusion().is_nan());
+        assert_eq!(cell(&cells, [2, 0]).occlusion(), 1.0);
+        // One that reaches the ground in the cell.
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
+        cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &mut still, Some(&ground));
+        assert_eq!(cell(&cells, [0, 0]).occlusion(), 0.0);
+        // Two pulses, of which one has a second echo from the ground.
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
+        let at = |z| DVec3::new(5.0, 5.0, z);
+        let both = [echo(at(8.0), 1, 1), echo(at(0.5), 1, 2), echo(at(8.0), 2, 1)];
+        cells.add(&both, 0, &ONCE, &mut still, Some(&ground));
+        let found = cell(&cells, [0, 0]);
+        assert_eq!((found.occlusion(), found.pulses(), found.points()), (0.5, 2.0, 3.0));
+        // Without ground, and for beams that rise, nothing is hidden.
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
+        cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &mut still, Some(&ground));
+        let up = Echo { direction: DVec3::Z, ..echo(at(9.0), 1, 1) };
+        cells.add(&[up], 0, &ONCE, &mut still, Some(&ground));
+        assert!(cells.iter().all(|(_, sum)| sum.occlusion().is_nan()));
+    }
+}
