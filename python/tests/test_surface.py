@@ -86,11 +86,24 @@ def test_an_array_of_points_is_structured(points):
         points[3]
 
 
-def test_pandas_is_told_how_to_take_points(points):
+def test_a_frame_of_pandas_has_the_columns(points):
     pandas = pytest.importorskip("pandas")
-    with pytest.raises(TypeError, match="to_pandas"):
-        pandas.DataFrame(points)
-    assert pandas.DataFrame(dict(points)).shape == points.to_pandas().shape == (len(points), len(points.columns))
+    frame = pandas.DataFrame(points)
+    assert frame.equals(points.to_pandas()) and list(frame.columns) == points.columns
+    frame["X"] = 0.0
+    assert (points["X"] != 0).any(), "a frame is a copy"
+    some = pandas.DataFrame(points, columns=["Z", "X"], index=range(1, len(points) + 1))
+    assert list(some.columns) == ["Z", "X"] and some["X"][1] == points["X"][0]
+    assert pandas.DataFrame(points[:0]).shape == (0, len(points.columns))
+    assert not isinstance(points, dict) and isinstance(points, Points) and points.__class__ is Points
+    with pytest.raises(TypeError, match="pandas.DataFrame"):
+        pandas.Series(points)
+
+
+def test_columns_are_listed_as_those_of_mappings(points):
+    assert [name for name, _ in points.items()] == points.keys() == points.columns
+    assert all(column is points[name] for name, column in points.items())
+    assert all(column is points[name] for name, column in zip(points, points.values(), strict=True))
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars", "arrow", "laspy", "xarray", "geopandas"])
@@ -99,19 +112,6 @@ def test_points_are_made_of_what_they_become(points, library):
     back = Points.of(getattr(points, f"to_{library}")())
     assert len(back) == len(points) and abs(back.xyz - points.xyz).max() < 1e-3
     assert (back["ReturnNumber"] == points["ReturnNumber"]).all()
-
-
-def test_points_are_made_of_a_cloud_of_open3d(points):
-    class Cloud:
-        def __init__(self, normals):
-            self.points, self.normals = points.xyz, normals
-
-        def has_normals(self):
-            return len(self.normals) > 0
-
-    assert Points.of(Cloud(np.empty((0, 3)))).columns == ["X", "Y", "Z"]
-    back = Points.of(Cloud(np.tile([0.0, 0.0, 1.0], (len(points), 1))))
-    assert (back.xyz == points.xyz).all() and (back["NormalZ"] == 1).all()
 
 
 def test_batches_are_joined(points):

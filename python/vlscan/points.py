@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _vlscan
 from ._columns import columns_of
+from ._conversions import colours_of, crs_of_library, normals_of
 from ._libraries import needed, refuse_existing, save
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, TableLike, Vector
@@ -63,7 +64,7 @@ class Points(Table):
         table : mapping, Arrow table, structured array, array of n by 3, or object of laspy, xarray, GeoPandas or Open3D
             The table, with columns named as those of :func:`vlscan.columns`: X, Y, Z and others.
         crs : str, optional
-            Coordinate reference system as WKT; by default that in the metadata of the table.
+            Coordinate reference system: a code such as ``EPSG:25832``, or WKT; by default that of the table.
 
         Returns
         -------
@@ -73,18 +74,15 @@ class Points(Table):
         Raises
         ------
         ValueError
-            The table has no X, Y or Z.
+            The table has no X, Y or Z, or the coordinate reference system is unknown.
 
         Examples
         --------
         >>> vlscan.Points.of({"X": [0.0, 1.0], "Y": [0.0, 0.0], "Z": [2.0, 2.0]}).bounds[1].tolist()
         [1.0, 0.0, 2.0]
         """
-        known = getattr(table, "crs", None) if crs is None else None
-        if known is not None and hasattr(known, "to_wkt"):
-            # Of GeoPandas.
-            crs = str(known.to_wkt("WKT1_GDAL"))
         given: Any = table
+        crs = crs_of_library(given) if crs is None else crs
         points = Points(_vlscan.Table.of_columns(columns_of(given, ("X", "Y", "Z"), keep_types=True), crs))
         missing = [name for name in "XYZ" if name not in points]
         if missing:
@@ -320,7 +318,7 @@ class Points(Table):
         return read
 
     def to_open3d(self) -> open3d.geometry.PointCloud:
-        """Return the points for Open3D, with normals if there are the columns NormalX, NormalY and NormalZ.
+        """Return the points for Open3D, with normals and colours if there are the columns NormalX and so on, and Red, Green and Blue.
 
         Returns
         -------
@@ -333,10 +331,13 @@ class Points(Table):
             Open3D is not installed.
         """
         library = needed("open3d", "to_open3d()")
-        cloud: open3d.geometry.PointCloud = library.geometry.PointCloud(library.utility.Vector3dVector(self.xyz))
-        normals = ["NormalX", "NormalY", "NormalZ"]
-        if all(name in self for name in normals):
-            cloud.normals = library.utility.Vector3dVector(self.to_numpy(normals, dtype=np.float64))
+        vectors = library.utility.Vector3dVector
+        cloud: open3d.geometry.PointCloud = library.geometry.PointCloud()
+        cloud.points = vectors(self.xyz)
+        if (normals := normals_of(self)) is not None:
+            cloud.normals = vectors(normals)
+        if (colours := colours_of(self)) is not None:
+            cloud.colors = vectors(colours)
         return cloud
 
     def to_geopandas(self) -> geopandas.GeoDataFrame:
