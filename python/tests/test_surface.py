@@ -221,6 +221,8 @@ def test_points_of_an_array_become_voxels():
     assert Scene(twin.translate(1, 0)).primitives == 3
     with pytest.raises(ValueError, match=r"shape \(3,\), expected n by 3 or more"):
         Part.points([1, 2, 3], voxel_size=0.5)
+    with pytest.raises(ValueError, match=r"points\[1\] is at \[0.0, nan, 1.0\]"):
+        Part.points([[0, 0, 0], [0, np.nan, 1]], voxel_size=0.5)
 
 
 def test_parts_are_equal_if_they_are_made_alike():
@@ -266,3 +268,37 @@ def test_legs_that_cannot_be_told_whole_are_not_changed():
 def test_pictures_of_cells_are_small():
     points = vlscan.run(FIXTURES / "forest/survey.xml", seed=1).points
     assert 5_000 < len(points._repr_html_()) < 60_000 and 2_000 < len(Scene(ground())._repr_html_()) < 60_000
+
+
+def test_messages_do_not_name_temporary_files(points, tmp_path):
+    log = io.BytesIO()
+    vlscan.run(FIXTURES / "room/survey.xml", columns=vlscan.columns()).points.write(log, format="mcap")
+    log.seek(0)
+    with pytest.raises(vlscan.InputError, match="^error: <points> is an MCAP log"):
+        Points.read(log)
+    places = Points.of(points.xyz)
+    with pytest.warns(vlscan.VlscanWarning, match="^<points>: the points have no") as caught:
+        places.write(io.BytesIO(), format="laz")
+    assert [(warning.filename, warning.message.problem.file) for warning in caught] == [(__file__, "<points>")]
+    with (
+        pytest.warns(vlscan.VlscanWarning, match="^<points>: ") as caught,
+        pytest.raises(vlscan.InputError, match="^error: <points> has 0 points of class 2") as error,
+    ):
+        vlscan.reconstruct(places, tmp_path / "scene")
+    assert caught[0].filename == __file__ and error.value.problems[0].message.startswith("<points> has")
+    trees = {"x": [1.0], "y": [2.0], "height": [-3.0], "species": ["beech"]}
+    with pytest.raises(vlscan.InputError, match="--> <inventory>:2:1") as error:
+        vlscan.make_stand(trees, FIXTURES / "forest", tmp_path / "stand")
+    assert error.value.problems[0].file == "<inventory>"
+    with pytest.raises(vlscan.InputError, match="scene= <scene>: none of its materials is ground"):
+        vlscan.plan_terrestrial("riegl_vz400", spacing=20, scene=ground())
+
+
+def test_rows_of_arrays_are_named_by_their_index():
+    down = [[0, 0, -1], [0, 0, -1], [0, 0, 0]]
+    with pytest.raises(vlscan.InputError, match="error: index 2: 0 0 0 is not a direction\n--> <pulses>"):
+        vlscan.trace(ground(), [[0, 0, 1]] * 3, down)
+    poses = np.array([[0, 0, 0, 9, 0, 0, 0], [1, 0, 0, np.nan, 0, 0, 0]])
+    settings = {"scan_angle_deg": 20, "scan_freq_hz": 50, "pulse_freq_hz": 83_000}
+    with pytest.raises(vlscan.InputError, match="error: index 1: expected a number for z"):
+        Survey(ground(), "leica_als50", platform="sr22", trajectory=poses, settings=settings).run()

@@ -461,7 +461,7 @@ class Part:
         Raises
         ------
         ValueError
-            An array of another shape.
+            An array of another shape, or with coordinates that are not finite.
 
         Examples
         --------

@@ -6,7 +6,6 @@ import html
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Iterable
 from typing import IO, TYPE_CHECKING, Any
 
@@ -20,7 +19,7 @@ from ._libraries import needed, refuse_existing, save
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, TableLike, Vector
 from ._values import values_of
-from .errors import warn
+from .errors import temporary_folder, warn
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -155,7 +154,7 @@ class Points(Table):
         """
         if isinstance(path, (str, os.PathLike)):
             return Points(_vlscan.read_points(os.fspath(path)))
-        with tempfile.TemporaryDirectory() as folder:
+        with temporary_folder() as folder:
             # Text is known by its extension.
             name = os.path.join(folder, "points" + os.path.splitext(str(getattr(path, "name", "")))[1])
             with open(name, "wb") as copy:
@@ -239,7 +238,7 @@ class Points(Table):
             return
         if format is None:
             raise ValueError('a file object has no extension; give its format, for example format="laz"')
-        with tempfile.TemporaryDirectory() as folder:
+        with temporary_folder() as folder:
             name = os.path.join(folder, f"points.{_EXTENSIONS.get(format, format)}")
             self._table.write({**values_of(options), "out": [name]})
             with open(name, "rb") as written:
@@ -311,7 +310,7 @@ class Points(Table):
         (6, True)
         """
         library = needed("laspy", "to_laspy()")
-        with tempfile.TemporaryDirectory() as folder:
+        with temporary_folder() as folder:
             path = os.path.join(folder, "points.las")
             self.write(path)
             read: laspy.LasData = library.read(path)
