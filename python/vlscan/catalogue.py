@@ -51,6 +51,39 @@ class Column(NamedTuple):
     description: str
 
 
+class Spectrum(NamedTuple):
+    """What a surface reflects and transmits by wavelength.
+
+    Parameters
+    ----------
+    wavelengths_nm : list of float
+        Wavelengths, nm, ascending.
+    reflectances, transmittances : list of float
+        Shares of the light at these wavelengths, 0 to 1. Echoes do not depend on the transmittance of single leaves.
+    """
+
+    wavelengths_nm: list[float]
+    reflectances: list[float]
+    transmittances: list[float]
+
+
+def spectra() -> dict[str, Spectrum]:
+    """List the built-in spectra of common surfaces (docs/light.md names their sources).
+
+    Returns
+    -------
+    dict of str to Spectrum
+        Spectra by the name that materials use: ``vlscan.Material("leaf", spectrum="broadleaf")``.
+
+    Examples
+    --------
+    >>> leaf = vlscan.spectra()["broadleaf"]
+    >>> dict(zip(leaf.wavelengths_nm, leaf.reflectances))[1550.0]
+    0.247
+    """
+    return {name: Spectrum(*map(list, zip(*values, strict=True))) for name, values in _vlscan.spectra()}
+
+
 def files() -> dict[str, str]:
     """Return the files of the catalogue that ships.
 

@@ -19,7 +19,7 @@ from vlscan.scene import Scene
 
 from .materials import Material, MaterialDict, read_materials
 from .settings import ForceOnGroundStrategy
-from .utils import classonlymethod, detect_separator, own_directories
+from .utils import classonlymethod, detect_separator, engine_directories
 from .validation import AnyAngle, AssetPath, Model, MultiAssetPath, Quaternion, R3Vector, existing_files
 
 _ARBITRARY = ConfigDict(arbitrary_types_allowed=True)
@@ -699,9 +699,9 @@ class ScenePart(Model):
     @property
     def bbox(self) -> BoundingBox:
         """The box around the part where it stands now."""
-        state = (self.state(), own_directories())
+        state = (self.state(), engine_directories())
         if self._measured is None or self._measured[0] != state:
-            self._measured = (state, Scene([self.engine()], own_directories()).bounds)
+            self._measured = (state, Scene([self.engine()], engine_directories()).bounds)
         return BoundingBox.of_bounds(self._measured[1])
 
     @property
