@@ -439,7 +439,9 @@ class Points(Table):
         """
         return show_page(self.html(colour, title, max_points))
 
-    def save_preview(self, path: PathLike, colour: str = "height", title: str = "", *, force: bool = False) -> None:
+    def save_preview(
+        self, path: PathLike, colour: str = "height", title: str = "", *, width: int = 1600, height: int = 1200, force: bool = False
+    ) -> None:
         """Write a picture or a page.
 
         Parameters
@@ -450,26 +452,28 @@ class Points(Table):
             ``height``, ``class``, ``intensity``, ``object`` or ``return``.
         title : str
             A title.
+        width, height : int
+            Size of a picture, pixels.
         force : bool
             Whether a file that exists is replaced.
 
         Raises
         ------
         ValueError
-            Another extension or colour.
+            Another extension or colour, or another size than that of :meth:`png`.
         InputError
             The file exists.
 
         Examples
         --------
-        >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity")
+        >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity", width=800, height=600)
         """
         name = os.fspath(path)
         refuse_existing(name, force)
         if name.lower().endswith((".html", ".htm")):
             content = self.html(colour, title).encode()
         elif name.lower().endswith(".png"):
-            content = self.png(colour, title)
+            content = self.png(colour, title, width, height)
         else:
             raise ValueError(f"{name}: expected a name that ends in .png or .html")
         save(name, content, force)

@@ -254,7 +254,7 @@ class Survey(Checked):
 
         Examples
         --------
-        >>> plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=3, resolution=0.25, scene="ground.obj")
+        >>> plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=1, resolution=0.25, scene="ground.obj")
         >>> vlscan.Survey.from_document(plan.text).run(seed=1).point_count > 1000
         True
         """
