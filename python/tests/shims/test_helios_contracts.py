@@ -173,6 +173,14 @@ def test_the_files_of_the_catalogue_are_files(tmp_path):
     assert helios.Scanner.from_xml(last / "scanners_tls.xml", "riegl_vz400").name == "riegl_vz400"
 
 
+def test_another_separator_than_that_of_the_cloud_is_an_error(tmp_path):
+    cloud = tmp_path / "a.xyz"
+    cloud.write_text("0;0;0\n1;1;1\n")
+    with pytest.raises(ValueError, match="no three columns between ','; its separator is ';'"):
+        helios.ScenePart.from_xyz(cloud, 0.5, separator=",")
+    assert helios.ScenePart.from_xyz(cloud, 0.5, separator=";").bbox.bounds[1][0] == 1
+
+
 def test_files_of_the_package_are_found_by_their_names():
     assert helios.utils.find_file("scanners_tls.xml").is_file()
     assert helios.Platform.from_xml("platforms.xml", "tripod").reference == "data/platforms.xml#tripod"

@@ -305,6 +305,8 @@ class ScenePart(Model):
         if separator is None:
             separator = "" if xyz_file.suffix.lower() in _BINARY_CLOUDS else detect_separator(xyz_file)
         count = 9 if separator == "" else _column_count(xyz_file, separator)
+        if count < 3 and xyz_file.suffix.lower() not in _BINARY_CLOUDS:
+            raise ValueError(f"{xyz_file} has no three columns between {separator!r}; its separator is {detect_separator(xyz_file)!r}")
         normals = _columns("normals_file_columns", normals_file_columns, normals_file_columns is _NORMALS, count)
         colours = _columns("rgb_file_columns", rgb_file_columns, rgb_file_columns is _COLOURS, count)
         settings = (max_color_value, default_normal, estimate_normals, snap_neighbor_normal)
