@@ -294,6 +294,25 @@ def test_messages_do_not_name_temporary_files(points, tmp_path):
         vlscan.plan_terrestrial("riegl_vz400", spacing=20, scene=ground())
 
 
+def test_tables_and_times_are_checked():
+    with pytest.raises(TypeError, match="expected a table with the columns X, Y, Z, or an array of n by 3, found Survey"):
+        Points.of(survey())
+    with pytest.raises(TypeError, match="expected a table of columns, found str"):
+        vlscan.trace(ground(), pulses="pulses.csv")
+    with pytest.raises(ValueError, match=r"time has the shape \(2,\), expected one number or 3"):
+        vlscan.trace(ground(), [[0, 0, 1]] * 3, (0, 0, -1), time=[0, 1])
+    with pytest.raises(TypeError, match="legs are a list of Leg, found Leg"):
+        Survey(ground(), "riegl_vz400", Leg())
+
+
+def test_batches_print_what_they_are():
+    batches = survey().run_batches(1000, seed=1)
+    assert repr(batches) == "<Batches: not begun>"
+    next(batches)
+    assert repr(batches) == "<Batches: begun>"
+    assert len(list(batches)) > 1 and repr(batches).startswith("<Batches of <Result: ")
+
+
 def test_rows_of_arrays_are_named_by_their_index():
     down = [[0, 0, -1], [0, 0, -1], [0, 0, 0]]
     with pytest.raises(vlscan.InputError, match="error: index 2: 0 0 0 is not a direction\n--> <pulses>"):

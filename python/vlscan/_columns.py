@@ -34,6 +34,8 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
 
     Raises
     ------
+    TypeError
+        No table.
     ValueError
         An array of another shape.
     """
@@ -44,6 +46,8 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
         columns = {str(name): np.asarray(values) for name, values in table.items()}
     else:
         array = np.asarray(table)
+        if array.dtype.kind in "OSU":
+            raise TypeError(f"expected a table{_shape_of(names)}, found {type(table).__name__}")
         if array.dtype.names:
             columns = {name: array[name] for name in array.dtype.names}
         elif names and array.ndim == 2 and array.shape[1] == len(names):
@@ -53,6 +57,10 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
     if keep_types:
         return {name: _typed(np.asarray(values)) for name, values in columns.items()}
     return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
+
+
+def _shape_of(names: tuple[str, ...]) -> str:
+    return f" with the columns {', '.join(names)}, or an array of n by {len(names)}" if names else " of columns"
 
 
 def _typed(values: NDArray[Any]) -> tuple[str, bytes]:

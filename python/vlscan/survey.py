@@ -207,7 +207,7 @@ class Survey(Checked):
     ) -> None:
         self.scene = scene if scene is None or isinstance(scene, Scene) else Scene(scene)
         self.scanner = None if scanner is None else Scanner.of(scanner)
-        self.legs = list(legs)
+        self.legs = _legs(legs)
         self.platform = None if platform is None else Platform.of(platform)
         self.trajectory = trajectory
         self.settings = dict(settings or {})
@@ -802,7 +802,7 @@ def trace(
     TypeError
         Neither pulses nor origins and directions are given.
     ValueError
-        Origins or directions have another shape.
+        Origins, directions or times have another shape.
 
     Examples
     --------
@@ -820,7 +820,10 @@ def trace(
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
-            columns["time"] = np.broadcast_to(np.asarray(time, float), len(ends))
+            times = np.asarray(time, float)
+            if times.shape not in ((), (1,), (len(ends),)):
+                raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")
+            columns["time"] = np.broadcast_to(times, len(ends))
         pulses = columns
     values, tables = recorded(to, waveforms, None, options)
     with shown_progress(progress) as tell:
