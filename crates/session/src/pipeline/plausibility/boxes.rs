@@ -134,8 +134,8 @@ pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
     if UNDULATION.contains(&depth) {
         return format!(
             "the heights differ as those above the ellipsoid (GNSS, SBET) and those above a geoid do, by \
-             {:.0} m or more; --height-offset adds metres to those of a trajectory, on_ground (in XML onGround) \
-             puts a leg on the ground",
+             {:.0} m or more; --height-offset adds metres to those of a trajectory, on_ground (in XML \
+             onGround) puts a leg on the ground",
             depth.ceil()
         );
     }
