@@ -321,3 +321,18 @@ def test_rows_of_arrays_are_named_by_their_index():
     settings = {"scan_angle_deg": 20, "scan_freq_hz": 50, "pulse_freq_hz": 83_000}
     with pytest.raises(vlscan.InputError, match="error: index 1: expected a number for z"):
         Survey(ground(), "leica_als50", platform="sr22", trajectory=poses, settings=settings).run()
+
+
+def test_a_packed_scene_is_replaced_with_force_alone(tmp_path):
+    scene = Scene(ground())
+    scene.pack(tmp_path / "a.vlscene")
+    with pytest.raises(vlscan.InputError, match="exists already; replace it with force=True"):
+        scene.pack(tmp_path / "a.vlscene")
+    scene.pack(tmp_path / "a.vlscene", force=True)
+    assert Scene(tmp_path / "a.vlscene").primitives == 2
+
+
+def test_messages_about_lines_name_the_method(tmp_path):
+    plan = vlscan.plan_airborne("riegl_vux-1uav", 50, density=2, scene=ground())
+    with pytest.raises(vlscan.InputError, match=r"^error: write_lines\(\): GeoJSON and KML"):
+        plan.write_lines(tmp_path / "a.kml")

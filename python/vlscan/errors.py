@@ -19,6 +19,9 @@ from typing import Any
 
 from ._options import RunOptions
 
+# Methods that do what an option of another name does.
+_METHODS = {"lines": "write_lines()"}
+
 # Text in double quotes, or an option of the command line with the word after it.
 _OPTION = re.compile(r'"[^"\n]*"|(?<![\w-])--([a-z][a-z0-9-]*)(?![\w-])(?: (-?\w(?:[\w.:#+-]*\w)?)(?![\w/]))?')
 _PLACEHOLDER = re.compile(r"[A-Z][A-Z0-9_]*(?:\.[a-z]+)?(?:#[A-Z]+)?")
@@ -41,7 +44,7 @@ def _keyword(option: re.Match[str]) -> str:
     name = option[1] and option[1].replace("-", "_")
     kind = name and _keywords().get(name)
     if not kind:
-        return option[0]
+        return _METHODS.get(name or "", option[0])
     word = option[2] or ""
     rest = word and f" {word}"
     if kind in ("bool", "bool | None"):

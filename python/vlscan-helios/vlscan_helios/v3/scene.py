@@ -127,7 +127,7 @@ class StaticScene(Model):
             Without effect: packed scenes are mapped into memory as they are.
         """
         if binary_file.suffix == _PACKED:
-            self.engine().pack(binary_file, physics="helios")
+            self.engine().pack(binary_file, physics="helios", force=True)
             return
         with tempfile.TemporaryDirectory(prefix=".vlscan-", dir=binary_file.parent) as folder:
             packed = Path(folder) / f"scene{_PACKED}"
