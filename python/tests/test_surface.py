@@ -4,6 +4,7 @@ import io
 import logging
 import pickle
 import typing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -210,7 +211,7 @@ def test_objects_print_what_they_are():
     part = Part.obj("tree.obj").scale(2).translate(1, 2, 3).named("7")
     assert repr(part) == "<Part: mesh file, 'tree.obj', id '7', scale 2, at 1, 2, 3>"
     assert repr(ground()) == "<Part: mesh, 1 faces>"
-    assert "legs" not in repr(Survey.open(FIXTURES / "room/survey.xml")) and repr(survey()).endswith("1 legs)")
+    assert "legs" not in repr(Survey.open(FIXTURES / "room/survey.xml")) and repr(survey()).endswith("1 leg)")
 
 
 def test_points_of_an_array_become_voxels():
@@ -303,6 +304,21 @@ def test_tables_and_times_are_checked():
         vlscan.trace(ground(), [[0, 0, 1]] * 3, (0, 0, -1), time=[0, 1])
     with pytest.raises(TypeError, match="legs are a list of Leg, found Leg"):
         Survey(ground(), "riegl_vz400", Leg())
+
+
+def test_values_that_were_ignored_or_failed_late_are_errors(points, tmp_path, monkeypatch):
+    with pytest.raises(TypeError, match="progress is a function, True or False, found 'x'"):
+        survey().run(progress="x")
+    with pytest.raises(ValueError, match="different lengths: {'X': 1, 'Y': 1, 'Z': 2}"):
+        Points.of({"X": [1.0], "Y": [2.0], "Z": [1.0, 2.0]})
+    with pytest.raises(TypeError, match="binary file objects"):
+        Points.read(io.StringIO("1 2 3"))
+    with pytest.raises(TypeError, match="binary file objects"):
+        points.write(io.StringIO(), format="csv")
+    monkeypatch.chdir(tmp_path)
+    assert survey().run(to=b"a.laz", seed=1).files == ["a.laz"]
+    assert {Path(folder).parent.name for folder in survey().run(output="out", seed=1).directories} == {"survey"}
+    assert repr(Leg((1, 2, 3), active=False, scan_freq_hz=50)) == "Leg((1.0, 2.0, 3.0), active=False, scan_freq_hz=50)"
 
 
 def test_batches_print_what_they_are():

@@ -54,6 +54,9 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
             columns = {name: array[:, index] for index, name in enumerate(names)}
         else:
             raise ValueError(f"an array has the shape {array.shape}, expected n by {len(names)}: {', '.join(names)}")
+    lengths = {name: len(np.atleast_1d(values)) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns of a table have different lengths: {lengths}")
     if keep_types:
         return {name: _typed(np.asarray(values)) for name, values in columns.items()}
     return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import io
 import json
 import os
 import shutil
@@ -154,6 +155,9 @@ class Points(Table):
         """
         if isinstance(path, (str, os.PathLike)):
             return Points(_vlscan.read_points(os.fspath(path)))
+        source: object = path
+        if isinstance(source, io.TextIOBase):
+            raise TypeError('points are read from binary file objects, such as open(name, "rb")')
         with temporary_folder() as folder:
             # Text is known by its extension.
             name = os.path.join(folder, "points" + os.path.splitext(str(getattr(path, "name", "")))[1])
@@ -236,6 +240,9 @@ class Points(Table):
         if isinstance(path, (str, os.PathLike)):
             self._table.write({**values_of(options), "out": [os.fspath(path)]})
             return
+        target: object = path
+        if isinstance(target, io.TextIOBase):
+            raise TypeError('points are written to binary file objects, such as open(name, "wb")')
         if format is None:
             raise ValueError('a file object has no extension; give its format, for example format="laz"')
         with temporary_folder() as folder:
