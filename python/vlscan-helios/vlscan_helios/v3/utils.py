@@ -207,14 +207,16 @@ def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | No
     return named_file(filename, fatal) if shipped is None else shipped
 
 
-def named_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | None:
-    """Return a file of :func:`find_file` by the name that surveys use: one of the catalogue keeps its name."""
+def named_file(filename: str | os.PathLike[str], fatal: bool = True, *, by_bare_name: bool = True) -> Path | None:
+    """Return a file of :func:`find_file` by the name that surveys use: one of the catalogue keeps its name.
+
+    ``by_bare_name`` is whether the folders of the package are searched, too, so that ``platforms.xml`` is ``data/platforms.xml``.
+    """
     path = Path(filename)
     for folder in search_folders():
         if (folder / path).exists():
             return folder / path
-    # The folders of the package are searched, too.
-    for shipped in (path, "assets" / path, "data" / path):
+    for shipped in (path, "data" / path) if by_bare_name else (path,):
         if shipped.as_posix() in _shipped_files():
             return shipped
     if not fatal:
