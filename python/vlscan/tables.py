@@ -57,7 +57,7 @@ class Table:
 
         @property
         def __class__(self):
-            """The type; for the constructor of pandas' DataFrame that of a dictionary, the only tables whose columns it takes."""
+            """Type of the table; ``dict`` for the constructor of pandas.DataFrame, which takes columns of dictionaries only."""
             return dict if sys._getframe(1).f_globals.get("__name__") == "pandas.core.frame" else type(self)
 
     def __len__(self) -> int:
