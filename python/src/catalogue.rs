@@ -3,6 +3,7 @@
 use crate::errors::exception;
 use pyo3::prelude::*;
 use vlscan::Options;
+use vlscan::scene::SURFACE_SPECTRA;
 use vlscan::survey::{KeyTable, SURVEY_TABLES, catalogue as shipped, catalogue_files as files};
 
 /// References and names.
@@ -41,6 +42,15 @@ pub fn keys() -> Vec<(&'static str, Vec<&'static str>)> {
     let names =
         |table: &KeyTable| -> Vec<&'static str> { table.keys.iter().map(|(name, _)| *name).collect() };
     SURVEY_TABLES.iter().map(|table| (table.name, names(table))).collect()
+}
+
+/// Wavelength, nm, reflectance and transmittance.
+type SpectrumValues = Vec<(f64, f64, f64)>;
+
+/// The built-in spectra of surfaces: names and values.
+#[pyfunction]
+pub fn spectra() -> Vec<(&'static str, SpectrumValues)> {
+    SURFACE_SPECTRA.iter().map(|surface| (surface.name, surface.values.to_vec())).collect()
 }
 
 /// The files of the catalogue that ships: the path by which surveys refer to each, and its text.

@@ -2,7 +2,7 @@
 
 use crate::errors::{Notices, exception};
 use crate::preview::one;
-use crate::table::{Table, batches, wrong};
+use crate::table::{Table, batches, wkt, wrong};
 use crate::tools::{Named, get};
 use crate::watch::interruptible;
 use arrow_array::{Array, ArrayRef, Float32Array, Float64Array, RecordBatch, UInt8Array, UInt16Array};
@@ -18,7 +18,6 @@ use std::sync::Arc;
 use vlscan::base::files::{FileGroup, reads, refuse_existing};
 use vlscan::base::machine;
 use vlscan::formats::{Attribute, AttributeSet, MISSES_KEY, PointRecord, PointRow, PointSink};
-use vlscan::options::Crs;
 use vlscan::tools::cloud::{CloudSource, cloud_facts};
 use vlscan::tools::frames::{ForwardAxis, FrameLayout, FrameOptions};
 use vlscan::tools::raster::{CloudRasters, RasterKind, RasterOptions};
@@ -203,12 +202,9 @@ pub fn raster<'py>(
             refuse_existing(path, force)?;
             reads::refuse_input_of(path, &files)?;
         }
-        let crs = crs.map(|text| -> vlscan::Result<String> {
-            let crs: Crs = text.parse().map_err(|problem| Error::input(format!("crs: {problem}")))?;
-            crs.wkt()
-        });
+        let crs = crs.as_deref().map(wkt).transpose()?;
         let max_bytes = machine::memory().map(|bytes| bytes / 2);
-        let (rasters, found) = CloudRasters::read(&clouds, &kinds, &options, crs.transpose()?, max_bytes)?;
+        let (rasters, found) = CloudRasters::read(&clouds, &kinds, &options, crs, max_bytes)?;
         own.add(Notice::Warnings(found));
         let values: Vec<Vec<f64>> = kinds.iter().map(|kind| rasters.values(*kind)).collect();
         let files = kinds.iter().zip(&wanted).filter_map(|(kind, (_, path))| Some((*kind, path.as_ref()?)));

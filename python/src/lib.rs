@@ -45,7 +45,7 @@ mod _vlscan {
     #[pymodule_export]
     use super::batches::BatchIterator;
     #[pymodule_export]
-    use super::catalogue::{catalogue, catalogue_files, columns, keys, options};
+    use super::catalogue::{catalogue, catalogue_files, columns, keys, options, spectra};
     #[pymodule_export]
     use super::changes::Changes;
     #[pymodule_export]

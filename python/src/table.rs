@@ -18,8 +18,9 @@ use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCapsule, PyDict};
 use std::sync::Arc;
+use vlscan::options::Crs;
 use vlscan::tables::input::arrow::encode_stream;
-use vlscan::{CloudFacts, Column as PointColumn};
+use vlscan::{CloudFacts, Column as PointColumn, Error};
 
 /// Columns of numbers in memory; of points also what files of them need beside their columns.
 #[pyclass(frozen, module = "vlscan")]
@@ -128,15 +129,15 @@ impl Table {
         Ok(Table { batch: decode_stream(columns)?, exact, facts })
     }
 
-    /// A table of the columns of another one; `crs` is the coordinate reference system as WKT, if it is not
-    /// in the metadata.
+    /// A table of the columns of another one; `crs` is the coordinate reference system, if it is not in the
+    /// metadata.
     #[staticmethod]
-    fn of_columns(table: &Bound<'_, PyAny>, crs: Option<String>) -> PyResult<Table> {
+    fn of_columns(py: Python<'_>, table: &Bound<'_, PyAny>, crs: Option<&str>) -> PyResult<Table> {
         let (schema, batches) = batches(table)?;
         let batch = concat_batches(&schema, &batches).map_err(wrong)?;
         let Some(crs) = crs else { return Ok(Table::new(batch)) };
         let mut metadata = schema.metadata().clone();
-        metadata.insert("crs".to_owned(), crs);
+        metadata.insert("crs".to_owned(), wkt(crs).map_err(|error| exception(py, error))?);
         let schema = Arc::new(Schema::new_with_metadata(schema.fields().clone(), metadata));
         Ok(Table::new(RecordBatch::try_new(schema, batch.columns().to_vec()).map_err(wrong)?))
     }
@@ -388,6 +389,12 @@ pub fn decode_stream(bytes: &[u8]) -> PyResult<RecordBatch> {
     let schema = reader.schema();
     let batches: Result<Vec<RecordBatch>, _> = reader.collect();
     concat_batches(&schema, &batches.map_err(wrong)?).map_err(wrong)
+}
+
+/// Well-known text of a coordinate reference system: of a code, or of a text or a file that contains it.
+pub fn wkt(system: &str) -> vlscan::Result<String> {
+    let crs: Crs = system.parse().map_err(|problem| Error::input(format!("crs: {problem}")))?;
+    crs.wkt()
 }
 
 pub fn wrong(error: arrow_schema::ArrowError) -> PyErr {

@@ -217,7 +217,7 @@ def test_pictures_are_those_of_the_command(room, command, tmp_path):
     result = vlscan.run(room, to=tmp_path / "w.xyz", seed=1, waveforms=True)
     waves = next(file for file in result.files if "fullwave" in file)
     number = int(open(waves, encoding="utf-8").readline().split()[0])
-    vlscan.preview(waves, tmp_path / "wave.png", pulse=number)
+    vlscan.preview(waves, tmp_path / "wave.png", pulse=number, width=400, height=300)
     assert (tmp_path / "wave.png").read_bytes()[1:4] == b"PNG"
     survey = Survey(flat(), "vlp16", [vlscan.Leg((0, 0, 5), head_rate_deg_per_s=3600, head_stop_deg=360)])
     vlscan.preview(survey, tmp_path / "memory.png", width=400, height=300)

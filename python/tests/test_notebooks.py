@@ -26,6 +26,8 @@ def run_cell(source, names):
 def test_notebooks_run(path, monkeypatch):
     monkeypatch.chdir(path.parent)
     monkeypatch.setattr("webbrowser.open", lambda address: True)
+    # Pictures of cells are drawn, but small: test_surface has their sizes.
+    monkeypatch.setattr("vlscan._notebook._WIDTHS", (320,))
     notebook = json.loads(path.read_text(encoding="utf-8"))
     names = {"__name__": "__main__"}
     with warnings.catch_warnings():

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import vlscan
-from conftest import ROOT
-from vlscan import Leg, Survey, _toml
+from conftest import FIXTURES, ROOT
+from vlscan import Leg, Part, Scanner, Survey, _toml
 
 
 def test_the_command_is_the_program(command, room, tmp_path):
@@ -30,6 +30,40 @@ def test_a_closed_pipe_ends_the_command(room):
 def test_importing_the_package_imports_no_numpy():
     text = "import sys, vlscan, vlscan.__main__; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0
+
+
+def test_spectra_are_those_of_materials():
+    spectra = vlscan.spectra()
+    assert {"broadleaf", "needle", "bark", "soil", "water"} <= set(spectra)
+    for name, spectrum in spectra.items():
+        assert len(spectrum.wavelengths_nm) == len(spectrum.reflectances) == len(spectrum.transmittances) >= 2, name
+        assert spectrum.wavelengths_nm == sorted(spectrum.wavelengths_nm) and all(0 < share < 1 for share in spectrum.reflectances), name
+    leaf = spectra["broadleaf"]
+    reflectance = leaf.reflectances[leaf.wavelengths_nm.index(1064)]
+
+    scanner = Scanner("riegl_vz400", wavelength_nm=1064)
+
+    def amplitudes(**material):
+        wall = Part.mesh([[-9, 3, -9], [9, 3, -9], [9, 3, 9], [-9, 3, 9]], [[0, 1, 2, 3]], vlscan.Material("m", **material))
+        return vlscan.trace(wall, (0, 0, 0), (0.1, 1, 0), scanner=scanner, seed=1).points["Amplitude"].tolist()
+
+    assert amplitudes(spectrum="broadleaf") == pytest.approx(amplitudes(reflectance=reflectance)) != []
+
+
+def test_an_id_of_several_scanners_is_an_error_with_their_references():
+    both = ["data/scanners_als.xml#livox_mid-70", "data/scanners_tls.xml#livox_mid-70"]
+    for call in (
+        Scanner,
+        vlscan.scanner_figures,
+        lambda name: vlscan.trace(FIXTURES / "room/scene.xml", (0, 0, 2), (0, 0, -1), scanner=name),
+    ):
+        with pytest.raises(vlscan.InputError, match="2 scanners of the catalogue have the id 'livox_mid-70'") as error:
+            call("livox_mid-70")
+        assert error.value.problems[0].help == f"write one of them in full: {' or '.join(both)}"
+    assert [name for name in vlscan.scanners() if "mid-70" in name] == both
+    assert [Scanner(name).keys["catalogue"] for name in both] == both
+    with pytest.raises(vlscan.InputError, match="did you mean 'livox_mid-70'"):
+        Scanner("livox_mid70")
 
 
 def test_lists():

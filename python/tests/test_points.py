@@ -224,20 +224,78 @@ def test_points_become_those_of_geopandas():
     assert vlscan.run(FIXTURES / "room/survey.xml", seed=1).points[:5].to_geopandas().crs is None
 
 
-def test_points_become_those_of_open3d(points, monkeypatch):
+class Vectors(np.ndarray):
+    """Stand-in for Vector3dVector of Open3D, which takes rows of three doubles."""
+
+    def __new__(cls, rows):
+        assert rows.dtype == np.float64 and rows.ndim == 2 and rows.shape[1] == 3
+        return np.array(rows).view(cls)
+
+
+class Cloud:
+    """Stand-in for PointCloud of Open3D, all of whose attributes are vectors."""
+
+    def __init__(self):
+        self.points = self.normals = self.colors = Vectors(np.empty((0, 3)))
+
+    def __setattr__(self, name, value):
+        assert name in ("points", "normals", "colors") and isinstance(value, Vectors)
+        super().__setattr__(name, value)
+
+    def has_normals(self):
+        return 0 < len(self.points) == len(self.normals)
+
+    def has_colors(self):
+        return 0 < len(self.points) == len(self.colors)
+
+
+def test_points_become_those_of_open3d_and_back(points, monkeypatch):
     """With a stand-in for Open3D, which has no wheels for every version of Python and is large."""
+    geometry, utility = types.SimpleNamespace(PointCloud=Cloud), types.SimpleNamespace(Vector3dVector=Vectors)
+    monkeypatch.setitem(sys.modules, "open3d", types.SimpleNamespace(geometry=geometry, utility=utility))
+    cloud = points.to_open3d()
+    assert (cloud.points == points.xyz).all() and not cloud.has_normals() and not cloud.has_colors()
+    assert Points.of(cloud).columns == ["X", "Y", "Z"] and len(points[:0].to_open3d().points) == 0
+    columns = ["X", "Y", "Z", "NormalX", "NormalY", "NormalZ", "Red", "Green", "Blue"]
+    surfaces = vlscan.run(FIXTURES / "room/survey.xml", columns=columns).points
+    cloud = surfaces.to_open3d()
+    assert abs(np.linalg.norm(cloud.normals, axis=1) - 1).max() < 1e-6
+    assert cloud.colors.min() >= 0 and 0.5 < cloud.colors.max() <= 1
+    for made in (cloud, types.SimpleNamespace(point={}, to_legacy=lambda: cloud)):
+        back = Points.of(made)
+        assert back.columns == columns and all((back[name] == surfaces[name]).all() for name in columns)
 
-    class PointCloud:
-        def __init__(self, vertices):
-            self.points = vertices
 
-    library = types.SimpleNamespace(
-        geometry=types.SimpleNamespace(PointCloud=PointCloud), utility=types.SimpleNamespace(Vector3dVector=np.array)
-    )
-    monkeypatch.setitem(sys.modules, "open3d", library)
-    assert (points.to_open3d().points == points.xyz).all() and not hasattr(points.to_open3d(), "normals")
-    with_normals = vlscan.run(FIXTURES / "room/survey.xml", columns=["X", "Y", "Z", "NormalX", "NormalY", "NormalZ"]).points
-    assert abs(np.linalg.norm(with_normals.to_open3d().normals, axis=1) - 1).max() < 1e-6
+def test_points_of_laspy_and_xarray_keep_columns_and_system(points):
+    pytest.importorskip("laspy")
+    pytest.importorskip("xarray")
+    with pytest.warns(vlscan.VlscanWarning, match="does not fit"):
+        points = vlscan.run(FIXTURES / "room/survey.xml", seed=1, crs="EPSG:25832").points
+    assert Points.of(points.to_xarray()).crs == points.crs
+    back = Points.of(points.to_laspy())
+    assert back.crs == points.crs and set(points.columns) - set(back.columns) == {"TrueRange", "Part", "Primitive"}
+    for name in back.columns:
+        limit = {"X": 1e-3, "Y": 1e-3, "Z": 1e-3, "ScanAngle": 3.1e-3, "Range": 1e-5}.get(name, 0)
+        assert back[name].dtype == points[name].dtype and abs(back[name] - points[name].astype(float)).max() <= limit, name
+
+
+def test_a_system_is_a_code_or_well_known_text():
+    columns = {"X": [4e5], "Y": [5.4e6], "Z": [0.0]}
+    made = Points.of(columns, crs="EPSG:25832")
+    assert made.crs.startswith("PROJCS[") and Points.of(columns, crs=made.crs).crs == made.crs
+    with pytest.raises(vlscan.InputError, match="crs: expected a coordinate reference system"):
+        Points.of(columns, crs="UTM 32")
+
+
+def test_dimensions_of_laspy_have_their_own_names():
+    laspy = pytest.importorskip("laspy")
+    las = laspy.create(point_format=3, file_version="1.2")
+    las.add_extra_dim(laspy.ExtraBytesParams("range", np.uint16))
+    las.x, las.y, las.z = [1.0, 2.0], [3.0, 4.0], [5.0, 6.0]
+    las.scan_angle_rank, las["range"], las.red = [-7, 8], [9, 10], [256, 512]
+    read = Points.of(las)
+    assert read["ScanAngle"].tolist() == [-7, 8] and read["range"].tolist() == [9, 10] and read["Red"].tolist() == [256, 512]
+    assert "Range" not in read and read.crs is None
 
 
 @pytest.mark.parametrize(

@@ -155,17 +155,17 @@ def test_parts_drop_to_the_ground():
 
 
 def test_copies_share_their_mesh():
-    grid = np.stack(np.meshgrid(np.arange(100.0), np.arange(100.0)), -1).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(np.arange(50.0), np.arange(50.0)), -1).reshape(-1, 2)
     vertices = np.column_stack([grid, np.sin(grid[:, 0])])
-    corner = (np.arange(99)[:, None] * 100 + np.arange(99)).reshape(-1)
-    faces = np.column_stack([corner, corner + 1, corner + 101, corner + 100])
+    corner = (np.arange(49)[:, None] * 50 + np.arange(49)).reshape(-1)
+    faces = np.column_stack([corner, corner + 1, corner + 51, corner + 50])
     part = Part.mesh(vertices, faces)
-    parts = [part.translate(100 * i, 0, 0) for i in range(100)]
+    parts = [part.translate(50 * i, 0, 0) for i in range(100)]
     stored = Scene(parts).load(instances="never")
     shared = Scene(parts).load(instances="always")
-    assert shared.primitives == stored.primitives == 100 * 2 * 99 * 99
+    assert shared.primitives == stored.primitives == 100 * 2 * 49 * 49
     assert shared.memory < stored.memory / 20
-    origins = np.random.default_rng(1).uniform((0, 0, 10), (9000, 99, 20), (2000, 3))
+    origins = np.random.default_rng(1).uniform((0, 0, 10), (4500, 49, 20), (2000, 3))
     a, b = (heights(scene, origins, instances=how) for scene, how in [(stored, "never"), (shared, "always")])
     assert len(a) > 1000 and np.allclose(a.xyz, b.xyz, atol=1e-9)
 
@@ -245,7 +245,7 @@ def test_pictures_and_pages(tmp_path):
     points = scene.sample(5000)
     assert points.png(width=400, height=300)[:4] == b"\x89PNG" and "<canvas" in points.html("class")
     assert "<img" in points._repr_html_() and "primitives" in scene._repr_html_()
-    points.save_preview(tmp_path / "a.png")
+    points.save_preview(tmp_path / "a.png", width=400, height=300)
     points.save_preview(tmp_path / "a.html", "class")
     assert (tmp_path / "a.png").stat().st_size > 1000 and (tmp_path / "a.html").stat().st_size > 10_000
     with pytest.raises(ValueError, match="png or .html"):

@@ -4,6 +4,7 @@ import io
 import logging
 import pickle
 import typing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -86,11 +87,24 @@ def test_an_array_of_points_is_structured(points):
         points[3]
 
 
-def test_pandas_is_told_how_to_take_points(points):
+def test_a_frame_of_pandas_has_the_columns(points):
     pandas = pytest.importorskip("pandas")
-    with pytest.raises(TypeError, match="to_pandas"):
-        pandas.DataFrame(points)
-    assert pandas.DataFrame(dict(points)).shape == points.to_pandas().shape == (len(points), len(points.columns))
+    frame = pandas.DataFrame(points)
+    assert frame.equals(points.to_pandas()) and list(frame.columns) == points.columns
+    frame["X"] = 0.0
+    assert (points["X"] != 0).any(), "a frame is a copy"
+    some = pandas.DataFrame(points, columns=["Z", "X"], index=range(1, len(points) + 1))
+    assert list(some.columns) == ["Z", "X"] and some["X"][1] == points["X"][0]
+    assert pandas.DataFrame(points[:0]).shape == (0, len(points.columns))
+    assert not isinstance(points, dict) and isinstance(points, Points) and points.__class__ is Points
+    with pytest.raises(TypeError, match="pandas.DataFrame"):
+        pandas.Series(points)
+
+
+def test_columns_are_listed_as_those_of_mappings(points):
+    assert [name for name, _ in points.items()] == points.keys() == points.columns
+    assert all(column is points[name] for name, column in points.items())
+    assert all(column is points[name] for name, column in zip(points, points.values(), strict=True))
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars", "arrow", "laspy", "xarray", "geopandas"])
@@ -99,19 +113,6 @@ def test_points_are_made_of_what_they_become(points, library):
     back = Points.of(getattr(points, f"to_{library}")())
     assert len(back) == len(points) and abs(back.xyz - points.xyz).max() < 1e-3
     assert (back["ReturnNumber"] == points["ReturnNumber"]).all()
-
-
-def test_points_are_made_of_a_cloud_of_open3d(points):
-    class Cloud:
-        def __init__(self, normals):
-            self.points, self.normals = points.xyz, normals
-
-        def has_normals(self):
-            return len(self.normals) > 0
-
-    assert Points.of(Cloud(np.empty((0, 3)))).columns == ["X", "Y", "Z"]
-    back = Points.of(Cloud(np.tile([0.0, 0.0, 1.0], (len(points), 1))))
-    assert (back.xyz == points.xyz).all() and (back["NormalZ"] == 1).all()
 
 
 def test_batches_are_joined(points):
@@ -210,7 +211,7 @@ def test_objects_print_what_they_are():
     part = Part.obj("tree.obj").scale(2).translate(1, 2, 3).named("7")
     assert repr(part) == "<Part: mesh file, 'tree.obj', id '7', scale 2, at 1, 2, 3>"
     assert repr(ground()) == "<Part: mesh, 1 faces>"
-    assert "legs" not in repr(Survey.open(FIXTURES / "room/survey.xml")) and repr(survey()).endswith("1 legs)")
+    assert "legs" not in repr(Survey.open(FIXTURES / "room/survey.xml")) and repr(survey()).endswith("1 leg)")
 
 
 def test_points_of_an_array_become_voxels():
@@ -221,6 +222,8 @@ def test_points_of_an_array_become_voxels():
     assert Scene(twin.translate(1, 0)).primitives == 3
     with pytest.raises(ValueError, match=r"shape \(3,\), expected n by 3 or more"):
         Part.points([1, 2, 3], voxel_size=0.5)
+    with pytest.raises(ValueError, match=r"points\[1\] is at \[0.0, nan, 1.0\]"):
+        Part.points([[0, 0, 0], [0, np.nan, 1]], voxel_size=0.5)
 
 
 def test_parts_are_equal_if_they_are_made_alike():
@@ -266,3 +269,86 @@ def test_legs_that_cannot_be_told_whole_are_not_changed():
 def test_pictures_of_cells_are_small():
     points = vlscan.run(FIXTURES / "forest/survey.xml", seed=1).points
     assert 5_000 < len(points._repr_html_()) < 60_000 and 2_000 < len(Scene(ground())._repr_html_()) < 60_000
+
+
+def test_messages_do_not_name_temporary_files(points, tmp_path):
+    log = io.BytesIO()
+    vlscan.run(FIXTURES / "room/survey.xml", columns=vlscan.columns()).points.write(log, format="mcap")
+    log.seek(0)
+    with pytest.raises(vlscan.InputError, match="^error: <points> is an MCAP log"):
+        Points.read(log)
+    places = Points.of(points.xyz)
+    with pytest.warns(vlscan.VlscanWarning, match="^<points>: the points have no") as caught:
+        places.write(io.BytesIO(), format="laz")
+    assert [(warning.filename, warning.message.problem.file) for warning in caught] == [(__file__, "<points>")]
+    with (
+        pytest.warns(vlscan.VlscanWarning, match="^<points>: ") as caught,
+        pytest.raises(vlscan.InputError, match="^error: <points> has 0 points of class 2") as error,
+    ):
+        vlscan.reconstruct(places, tmp_path / "scene")
+    assert caught[0].filename == __file__ and error.value.problems[0].message.startswith("<points> has")
+    trees = {"x": [1.0], "y": [2.0], "height": [-3.0], "species": ["beech"]}
+    with pytest.raises(vlscan.InputError, match="--> <inventory>:2:1") as error:
+        vlscan.make_stand(trees, FIXTURES / "forest", tmp_path / "stand")
+    assert error.value.problems[0].file == "<inventory>"
+    with pytest.raises(vlscan.InputError, match="scene= <scene>: none of its materials is ground"):
+        vlscan.plan_terrestrial("riegl_vz400", spacing=20, scene=ground())
+
+
+def test_tables_and_times_are_checked():
+    with pytest.raises(TypeError, match="expected a table with the columns X, Y, Z, or an array of n by 3, found Survey"):
+        Points.of(survey())
+    with pytest.raises(TypeError, match="expected a table of columns, found str"):
+        vlscan.trace(ground(), pulses="pulses.csv")
+    with pytest.raises(ValueError, match=r"time has the shape \(2,\), expected one number or 3"):
+        vlscan.trace(ground(), [[0, 0, 1]] * 3, (0, 0, -1), time=[0, 1])
+    with pytest.raises(TypeError, match="legs are a list of Leg, found Leg"):
+        Survey(ground(), "riegl_vz400", Leg())
+
+
+def test_values_that_were_ignored_or_failed_late_are_errors(points, tmp_path, monkeypatch):
+    with pytest.raises(TypeError, match="progress is a function, True or False, found 'x'"):
+        survey().run(progress="x")
+    with pytest.raises(ValueError, match="different lengths: {'X': 1, 'Y': 1, 'Z': 2}"):
+        Points.of({"X": [1.0], "Y": [2.0], "Z": [1.0, 2.0]})
+    with pytest.raises(TypeError, match="binary file objects"):
+        Points.read(io.StringIO("1 2 3"))
+    with pytest.raises(TypeError, match="binary file objects"):
+        points.write(io.StringIO(), format="csv")
+    monkeypatch.chdir(tmp_path)
+    assert survey().run(to=b"a.laz", seed=1).files == ["a.laz"]
+    assert {Path(folder).parent.name for folder in survey().run(output="out", seed=1).directories} == {"survey"}
+    assert repr(Leg((1, 2, 3), active=False, scan_freq_hz=50)) == "Leg((1.0, 2.0, 3.0), active=False, scan_freq_hz=50)"
+
+
+def test_batches_print_what_they_are():
+    batches = survey().run_batches(1000, seed=1)
+    assert repr(batches) == "<Batches: not begun>"
+    next(batches)
+    assert repr(batches) == "<Batches: begun>"
+    assert len(list(batches)) > 1 and repr(batches).startswith("<Batches of <Result: ")
+
+
+def test_rows_of_arrays_are_named_by_their_index():
+    down = [[0, 0, -1], [0, 0, -1], [0, 0, 0]]
+    with pytest.raises(vlscan.InputError, match="error: index 2: 0 0 0 is not a direction\n--> <pulses>"):
+        vlscan.trace(ground(), [[0, 0, 1]] * 3, down)
+    poses = np.array([[0, 0, 0, 9, 0, 0, 0], [1, 0, 0, np.nan, 0, 0, 0]])
+    settings = {"scan_angle_deg": 20, "scan_freq_hz": 50, "pulse_freq_hz": 83_000}
+    with pytest.raises(vlscan.InputError, match="error: index 1: expected a number for z"):
+        Survey(ground(), "leica_als50", platform="sr22", trajectory=poses, settings=settings).run()
+
+
+def test_a_packed_scene_is_replaced_with_force_alone(tmp_path):
+    scene = Scene(ground())
+    scene.pack(tmp_path / "a.vlscene")
+    with pytest.raises(vlscan.InputError, match="exists already; replace it with force=True"):
+        scene.pack(tmp_path / "a.vlscene")
+    scene.pack(tmp_path / "a.vlscene", force=True)
+    assert Scene(tmp_path / "a.vlscene").primitives == 2
+
+
+def test_messages_about_lines_name_the_method(tmp_path):
+    plan = vlscan.plan_airborne("riegl_vux-1uav", 50, density=2, scene=ground())
+    with pytest.raises(vlscan.InputError, match=r"^error: write_lines\(\): GeoJSON and KML"):
+        plan.write_lines(tmp_path / "a.kml")

@@ -82,7 +82,7 @@ plan = "airborne --scanner riegl_vux-1uav --height 50 --density 5"
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_flight_is_fitted_and_a_scene_reconstructed(tmp_path):
-    plan = vlscan.plan_airborne("riegl_vux-1uav", height=60, density=8, scene=FIXTURES / "forest" / "ground.obj")
+    plan = vlscan.plan_airborne("riegl_vux-1uav", height=60, density=4, scene=FIXTURES / "forest" / "ground.obj")
     plan.save(tmp_path / "plan.toml")
     vlscan.run(tmp_path / "plan.toml", to=tmp_path / "line.laz", seed=1)
     found = vlscan.fit_flight(tmp_path / "line.laz", tmp_path / "fit.toml", extend=2.0)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ._options import RunOptions
     from .campaigns import CampaignReport, campaign_cells, run_campaign
-    from .catalogue import ScannerFigures, all_scanner_figures, columns, options, platforms, scanner_figures, scanners
+    from .catalogue import ScannerFigures, Spectrum, all_scanner_figures, columns, options, platforms, scanner_figures, scanners, spectra
     from .clouds import CloudInfo, FrameCounts, Rasters, cloud_info, raster, write_frames
     from .comparisons import ChangeMap, Comparison, compare
     from .errors import Error, FileError, InputError, Problem, VlscanWarning
@@ -49,7 +49,10 @@ if TYPE_CHECKING:
 _MODULES = {
     "_options": ["RunOptions"],
     "campaigns": ["CampaignReport", "campaign_cells", "run_campaign"],
-    "catalogue": ["ScannerFigures", "all_scanner_figures", "columns", "options", "platforms", "scanner_figures", "scanners"],
+    "catalogue": [
+        *("ScannerFigures", "Spectrum", "all_scanner_figures", "columns", "options", "platforms", "scanner_figures", "scanners"),
+        "spectra",
+    ],
     "clouds": ["CloudInfo", "FrameCounts", "Rasters", "cloud_info", "raster", "write_frames"],
     "comparisons": ["ChangeMap", "Comparison", "compare"],
     "errors": ["Error", "FileError", "InputError", "Problem", "VlscanWarning"],
@@ -98,6 +101,7 @@ __all__ = [
     "Scanner",
     "ScannerFigures",
     "Scene",
+    "Spectrum",
     "Stand",
     "Survey",
     "Table",
@@ -131,6 +135,7 @@ __all__ = [
     "run_shard",
     "scanner_figures",
     "scanners",
+    "spectra",
     "trace",
     "trajectory",
     "unzip",

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._conversions import columns_of_library
 from ._typing import ArrowStream, TableLike
 
 #: A table as the engine takes it: of Arrow, or columns as bytes of doubles, or with their types.
@@ -33,63 +34,36 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
 
     Raises
     ------
+    TypeError
+        No table.
     ValueError
         An array of another shape.
     """
-    table = _of_library(table)
+    table = columns_of_library(table)
     if isinstance(table, ArrowStream):
         return table
     if isinstance(table, Mapping):
         columns = {str(name): np.asarray(values) for name, values in table.items()}
     else:
         array = np.asarray(table)
+        if array.dtype.kind in "OSU":
+            raise TypeError(f"expected a table{_shape_of(names)}, found {type(table).__name__}")
         if array.dtype.names:
             columns = {name: array[name] for name in array.dtype.names}
         elif names and array.ndim == 2 and array.shape[1] == len(names):
             columns = {name: array[:, index] for index, name in enumerate(names)}
         else:
             raise ValueError(f"an array has the shape {array.shape}, expected n by {len(names)}: {', '.join(names)}")
+    lengths = {name: len(np.atleast_1d(values)) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns of a table have different lengths: {lengths}")
     if keep_types:
         return {name: _typed(np.asarray(values)) for name, values in columns.items()}
     return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
 
 
-# Dimensions of laspy and the columns that they are.
-_LAS = {
-    "intensity": "Intensity",
-    "return_number": "ReturnNumber",
-    "number_of_returns": "NumberOfReturns",
-    "classification": "Classification",
-    "scan_angle": "ScanAngle",
-    "point_source_id": "PointSourceId",
-    "gps_time": "GpsTime",
-}
-
-
-def _of_library(table: Any) -> Any:
-    """Return an object of laspy, xarray, GeoPandas or Open3D as columns; all else as it is."""
-    if hasattr(table, "point_format") and hasattr(table, "header"):
-        known = set(table.point_format.dimension_names)
-        columns = {axis.upper(): np.asarray(getattr(table, axis)) for axis in "xyz"}
-        columns |= {name: np.asarray(table[key]) for key, name in _LAS.items() if key in known}
-        if "ScanAngle" in columns:
-            # In steps of 0.006 degrees.
-            columns["ScanAngle"] = columns["ScanAngle"] * 0.006
-        return columns
-    if hasattr(table, "data_vars") and hasattr(table, "coords"):
-        return {
-            str(name): values.to_numpy() for part in (table.coords, table.data_vars) for name, values in part.items() if values.ndim == 1
-        }
-    if hasattr(table, "geometry") and hasattr(table, "to_crs"):
-        places = table.geometry.get_coordinates(include_z=True)
-        columns = {axis.upper(): places[axis].to_numpy() for axis in "xyz"}
-        others = {str(name): table[name].to_numpy() for name in getattr(table, "columns", ()) if name != table.geometry.name}
-        return columns | {name: values for name, values in others.items() if values.dtype.kind in "biuf"}
-    if hasattr(table, "points") and hasattr(table, "has_normals"):
-        columns = dict(zip("XYZ", np.asarray(table.points, float).reshape(-1, 3).T, strict=True))
-        normals = np.asarray(table.normals, float) if table.has_normals() else np.empty((0, 3))
-        return columns | (dict(zip(("NormalX", "NormalY", "NormalZ"), normals.T, strict=True)) if len(normals) else {})
-    return table
+def _shape_of(names: tuple[str, ...]) -> str:
+    return f" with the columns {', '.join(names)}, or an array of n by {len(names)}" if names else " of columns"
 
 
 def _typed(values: NDArray[Any]) -> tuple[str, bytes]:

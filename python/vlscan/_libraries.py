@@ -134,6 +134,8 @@ def shown_progress(progress: Progress | bool | None) -> Iterator[Progress | None
     if callable(progress):
         yield progress
         return
+    if not (progress is None or isinstance(progress, bool)):
+        raise TypeError(f"progress is a function, True or False, found {progress!r}")
     tqdm = _bar_maker(progress)
     if tqdm is None:
         yield None

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -15,8 +17,9 @@ class PointFile:
     """Points as text in a folder of its own, which lives as long as the parts that read it and is pickled with them."""
 
     def __init__(self, content: bytes) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="vlscan-")
-        self._path = os.path.join(self._folder.name, "points.xyz")
+        folder = tempfile.mkdtemp(prefix="vlscan-")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self._path = os.path.join(folder, "points.xyz")
         with open(self._path, "wb") as file:
             file.write(content)
 
@@ -26,6 +29,9 @@ class PointFile:
         rows: NDArray[np.float64] = np.asarray(points, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
+        wrong = np.flatnonzero(~np.isfinite(rows[:, :3]).all(axis=1))
+        if len(wrong):
+            raise ValueError(f"points[{wrong[0]}] is at {rows[wrong[0], :3].tolist()}, expected finite numbers")
         lines = (" ".join(map(repr, row)) for row in rows.tolist())
         return PointFile(("\n".join(lines) + "\n").encode())
 

@@ -46,6 +46,7 @@ __all__ = [
     "run_campaign",
     "run_shard",
     "scanner_figures",
+    "spectra",
     "unzip",
     "version",
     "write_frames",
@@ -72,6 +73,9 @@ def options() -> list[tuple[str, str, bool, bool, bool]]:
 
 def catalogue_files() -> list[tuple[str, str]]:
     """Return the files of the catalogue that ships: the path by which surveys refer to each, and its text."""
+
+def spectra() -> list[tuple[str, list[tuple[float, float, float]]]]:
+    """Return the built-in spectra of surfaces: name; wavelength (nm), reflectance and transmittance."""
 
 def keys() -> list[tuple[str, list[str]]]:
     """Return the tables of pipeline files with their keys."""

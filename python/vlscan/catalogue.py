@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -50,6 +51,39 @@ class Column(NamedTuple):
     description: str
 
 
+class Spectrum(NamedTuple):
+    """What a surface reflects and transmits by wavelength.
+
+    Parameters
+    ----------
+    wavelengths_nm : list of float
+        Wavelengths, nm, ascending.
+    reflectances, transmittances : list of float
+        Shares of the light at these wavelengths, 0 to 1. Echoes do not depend on the transmittance of single leaves.
+    """
+
+    wavelengths_nm: list[float]
+    reflectances: list[float]
+    transmittances: list[float]
+
+
+def spectra() -> dict[str, Spectrum]:
+    """List the built-in spectra of common surfaces (docs/light.md names their sources).
+
+    Returns
+    -------
+    dict of str to Spectrum
+        Spectra by the name that materials use: ``vlscan.Material("leaf", spectrum="broadleaf")``.
+
+    Examples
+    --------
+    >>> leaf = vlscan.spectra()["broadleaf"]
+    >>> dict(zip(leaf.wavelengths_nm, leaf.reflectances))[1550.0]
+    0.247
+    """
+    return {name: Spectrum(*map(list, zip(*values, strict=True))) for name, values in _vlscan.spectra()}
+
+
 def files() -> dict[str, str]:
     """Return the files of the catalogue that ships.
 
@@ -68,10 +102,17 @@ def files() -> dict[str, str]:
 
 @cache
 def _instruments() -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
-    """Names of the scanners, references of the scanners and of the platforms, by id."""
+    """Names and references of the scanners, and references of the platforms, by what :func:`scanners` and :func:`platforms` list."""
     scanner_rows, platform_rows = _vlscan.catalogue()
-    names = {_id(reference): name for reference, name in scanner_rows}
-    return names, {_id(reference): reference for reference, _ in scanner_rows}, {_id(row): row for row in platform_rows}
+    names = dict(scanner_rows)
+    scanners = _by_id(names)
+    return {key: names[reference] for key, reference in scanners.items()}, scanners, _by_id(platform_rows)
+
+
+def _by_id(references: Iterable[str]) -> dict[str, str]:
+    """Return references by id; those that share their id by themselves, because the id alone does not select one."""
+    counts = Counter(map(_id, references))
+    return {_id(reference) if counts[_id(reference)] == 1 else reference: reference for reference in references}
 
 
 def _id(reference: str) -> str:
@@ -84,7 +125,7 @@ def scanners() -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Names by id.
+        Names by id; scanners with the same id by reference, ``file.xml#id``.
 
     Examples
     --------
@@ -288,7 +329,7 @@ def scanner_reference(name: str) -> str:
     Raises
     ------
     InputError
-        No scanner that ships has the id.
+        No scanner that ships has the id, or several have it.
     """
     return _reference(name, _instruments()[1], "scanner", "vlscan.scanners()")
 
@@ -319,8 +360,14 @@ def _reference(name: str, known: Mapping[str, str], kind: str, listing: str) -> 
         return name
     if name in known:
         return known[name]
-    close = get_close_matches(name, known, 1)
-    hint = f"did you mean {close[0]!r}?" if close else f"{listing} lists those that ship; one of your own is file.xml#id"
-    message = f"no {kind} that ships has the id {name!r}"
+    ids = [_id(reference) for reference in known.values()]
+    several = [reference for reference in known.values() if _id(reference) == name]
+    close = get_close_matches(name, ids, 1)
+    if several:
+        message = f"{len(several)} {kind}s of the catalogue have the id {name!r}"
+        hint = f"write one of them in full: {' or '.join(several)}"
+    else:
+        message = f"no {kind} that ships has the id {name!r}"
+        hint = f"did you mean {close[0]!r}?" if close else f"{listing} lists those that ship; one of your own is file.xml#id"
     problem = {"severity": "error", "message": message, "help": hint}
     raise InputError(f"{message}; {hint}", [problem])

@@ -6,7 +6,6 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from . import _vlscan
 from ._columns import columns_of
 from ._libraries import needed
 from ._typing import PathLike, TableLike
+from .errors import temporary_folder
 from .points import Points
 
 if TYPE_CHECKING:
@@ -295,7 +295,7 @@ def write_frames(
         if frame_s is not None:
             raise ValueError("frame_s is for points in memory; a file has its frames")
         return FrameCounts(*_vlscan.write_frames(os.fspath(points), os.fspath(folder), fields))
-    with TemporaryDirectory() as place:
+    with temporary_folder() as place:
         path = os.path.join(place, "points.mcap")
         points.write(path, frame_s=frame_s)
         return FrameCounts(*_vlscan.write_frames(path, os.fspath(folder), fields))

@@ -9,13 +9,18 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import import_module
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from ._options import RunOptions
+
+# Methods that do what an option of another name does.
+_METHODS = {"lines": "write_lines()"}
 
 # Text in double quotes, or an option of the command line with the word after it.
 _OPTION = re.compile(r'"[^"\n]*"|(?<![\w-])--([a-z][a-z0-9-]*)(?![\w-])(?: (-?\w(?:[\w.:#+-]*\w)?)(?![\w/]))?')
@@ -39,7 +44,7 @@ def _keyword(option: re.Match[str]) -> str:
     name = option[1] and option[1].replace("-", "_")
     kind = name and _keywords().get(name)
     if not kind:
-        return option[0]
+        return _METHODS.get(name or "", option[0])
     word = option[2] or ""
     rest = word and f" {word}"
     if kind in ("bool", "bool | None"):
@@ -51,6 +56,39 @@ def _keyword(option: re.Match[str]) -> str:
     if word.startswith("EPSG:") or f"'{word}'" in kind:
         return f'{name}="{word}"'
     return f"{name}={rest}"
+
+
+# Folders of files that the package makes of objects for the engine.
+_folders: set[str] = set()
+
+
+@contextmanager
+def temporary_folder() -> Iterator[str]:
+    """Yield a folder for files of objects in memory, which messages name as ``<points>`` instead of ``/tmp/…/points.laz``."""
+    with TemporaryDirectory(prefix="vlscan-") as folder:
+        _folders.add(folder)
+        try:
+            yield folder
+        finally:
+            _folders.discard(folder)
+
+
+def without_folders(text: str) -> str:
+    """Return a text with the names of objects instead of those of their files.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+
+    Returns
+    -------
+    str
+        The text without names of :func:`temporary_folder`.
+    """
+    for folder in tuple(_folders):
+        text = re.sub(re.escape(os.path.join(folder, "")) + r"(\w+)(?:\.\w+)*", r"<\1>", text)
+    return text
 
 
 def in_python(text: str) -> str:
@@ -66,7 +104,7 @@ def in_python(text: str) -> str:
     str
         The message for a program.
     """
-    parts = text.split("`")
+    parts = without_folders(text).split("`")
     is_command = [part.startswith("vlscan ") for part in parts]
     return "`".join(part if kept else _OPTION.sub(_keyword, part) for part, kept in zip(parts, is_command, strict=True))
 
@@ -100,6 +138,7 @@ class Problem:
         for name in ("message", "help"):
             text = getattr(self, name)
             object.__setattr__(self, name, text and in_python(text))
+        object.__setattr__(self, "file", self.file and without_folders(self.file))
 
 
 class Error(Exception):
@@ -204,8 +243,8 @@ def missing_file(path: str) -> FileError:
     return FileError(errno.ENOENT, os.strerror(errno.ENOENT), path)
 
 
-# Packages of the wheel: a warning is of the line that called them.
-_PACKAGES = ("vlscan", "vlscan_helios")
+# Packages of the wheel, and what runs between their functions: a warning is of the line that called them.
+_PACKAGES = ("vlscan", "vlscan_helios", "contextlib")
 
 
 def report(problems: Sequence[Mapping[str, Any]]) -> None:

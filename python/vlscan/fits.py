@@ -7,11 +7,11 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
 from . import _vlscan
 from ._typing import PathLike, TableLike
+from .errors import temporary_folder
 from .points import Points
 from .scene import Scene
 
@@ -220,7 +220,7 @@ def _file_of(cloud: TableLike | PathLike) -> Iterator[str]:
         yield os.fspath(cloud)
         return
     points = cloud if isinstance(cloud, Points) else Points.of(cloud)
-    with TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         path = os.path.join(folder, "points.laz")
         points.write(path)
         yield path

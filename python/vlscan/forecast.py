@@ -215,4 +215,5 @@ class DryRun:
     def __repr__(self) -> str:
         density = "" if self.points_per_m2 is None else f", {self.points_per_m2:.1f} points per m²"
         points = f"{self.points.value:,.0f} ± {100 * self.points.uncertainty:.1f} % points"
-        return f"<DryRun: {len(self.legs)} legs, {self.pulses:,.0f} pulses, {points}{density}, {self.time.total_s:.1f} s>"
+        legs = f"{len(self.legs)} leg{'' if len(self.legs) == 1 else 's'}"
+        return f"<DryRun: {legs}, {self.pulses:,.0f} pulses, {points}{density}, {self.time.total_s:.1f} s>"

@@ -33,7 +33,7 @@ class Scanner(Checked):
     Raises
     ------
     InputError
-        No scanner that ships has the name.
+        No scanner that ships has the name, or several have it.
     TypeError
         A keyword is no key.
 

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from . import _vlscan
 from ._libraries import needed
 from ._typing import ArrowStream, PathLike, TableLike
+from .errors import temporary_folder
 from .scene import Scene
 from .survey import Survey
 
@@ -267,7 +267,7 @@ def _inventory_file(inventory: TableLike | PathLike) -> Iterator[str]:
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise ValueError(f"columns of the inventory have different lengths: {lengths}")
-    with TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         path = os.path.join(folder, "inventory.csv")
         with open(path, "w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file)

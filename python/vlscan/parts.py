@@ -34,7 +34,8 @@ class Material:
     classification : int
         Class of the points, 0 to 255.
     spectrum : str, optional
-        Name of a spectrum in a ``spectra`` folder of the assets; its reflectance at the scanner's wavelength.
+        Name of a spectrum, which gives the reflectance at the scanner's wavelength: of a file in a ``spectra`` folder of the assets,
+        or built in (:func:`vlscan.spectra`).
     is_ground : bool
         Whether legs, and parts on the ground, stand on it.
     diffuse : tuple of float
@@ -461,7 +462,7 @@ class Part:
         Raises
         ------
         ValueError
-            An array of another shape.
+            An array of another shape, or with coordinates that are not finite.
 
         Examples
         --------

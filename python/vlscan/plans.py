@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from . import _vlscan
 from ._libraries import needed, save
 from ._typing import Geometry, PathLike, Progress
+from .errors import temporary_folder, without_folders
 from .forecast import DryRun
 from .parts import Part
 from .results import Result
@@ -428,11 +428,12 @@ def _plan(kind: str, fields: dict[str, Any]) -> Plan:
     if not isinstance(scene, Scene):
         fields["scene"] = None if scene is None else os.fspath(scene)
         return _made(_vlscan.plan(kind, fields), None)
-    with TemporaryDirectory() as folder:
+    with temporary_folder() as folder:
         # Planned over a packed copy.
         fields["scene"] = os.path.join(folder, "scene.vlscene")
         scene.pack(fields["scene"], fields["scanner"])
         found = _vlscan.plan(kind, fields)
+        found["warnings"] = [without_folders(text) for text in found["warnings"]]
     found["text"] = found["text"].replace(fields["scene"], "scene.vlscene")
     return _made(found, scene)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import html
+import io
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Iterable
 from typing import IO, TYPE_CHECKING, Any
 
@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _vlscan
 from ._columns import columns_of
+from ._conversions import colours_of, crs_of_library, normals_of
 from ._libraries import needed, refuse_existing, save
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, TableLike, Vector
 from ._values import values_of
-from .errors import warn
+from .errors import temporary_folder, warn
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class Points(Table):
         table : mapping, Arrow table, structured array, array of n by 3, or object of laspy, xarray, GeoPandas or Open3D
             The table, with columns named as those of :func:`vlscan.columns`: X, Y, Z and others.
         crs : str, optional
-            Coordinate reference system as WKT; by default that in the metadata of the table.
+            Coordinate reference system: a code such as ``EPSG:25832``, or WKT; by default that of the table.
 
         Returns
         -------
@@ -73,18 +74,15 @@ class Points(Table):
         Raises
         ------
         ValueError
-            The table has no X, Y or Z.
+            The table has no X, Y or Z, or the coordinate reference system is unknown.
 
         Examples
         --------
         >>> vlscan.Points.of({"X": [0.0, 1.0], "Y": [0.0, 0.0], "Z": [2.0, 2.0]}).bounds[1].tolist()
         [1.0, 0.0, 2.0]
         """
-        known = getattr(table, "crs", None) if crs is None else None
-        if known is not None and hasattr(known, "to_wkt"):
-            # Of GeoPandas.
-            crs = str(known.to_wkt("WKT1_GDAL"))
         given: Any = table
+        crs = crs_of_library(given) if crs is None else crs
         points = Points(_vlscan.Table.of_columns(columns_of(given, ("X", "Y", "Z"), keep_types=True), crs))
         missing = [name for name in "XYZ" if name not in points]
         if missing:
@@ -157,7 +155,10 @@ class Points(Table):
         """
         if isinstance(path, (str, os.PathLike)):
             return Points(_vlscan.read_points(os.fspath(path)))
-        with tempfile.TemporaryDirectory() as folder:
+        source: object = path
+        if isinstance(source, io.TextIOBase):
+            raise TypeError('points are read from binary file objects, such as open(name, "rb")')
+        with temporary_folder() as folder:
             # Text is known by its extension.
             name = os.path.join(folder, "points" + os.path.splitext(str(getattr(path, "name", "")))[1])
             with open(name, "wb") as copy:
@@ -239,9 +240,12 @@ class Points(Table):
         if isinstance(path, (str, os.PathLike)):
             self._table.write({**values_of(options), "out": [os.fspath(path)]})
             return
+        target: object = path
+        if isinstance(target, io.TextIOBase):
+            raise TypeError('points are written to binary file objects, such as open(name, "wb")')
         if format is None:
             raise ValueError('a file object has no extension; give its format, for example format="laz"')
-        with tempfile.TemporaryDirectory() as folder:
+        with temporary_folder() as folder:
             name = os.path.join(folder, f"points.{_EXTENSIONS.get(format, format)}")
             self._table.write({**values_of(options), "out": [name]})
             with open(name, "rb") as written:
@@ -313,14 +317,14 @@ class Points(Table):
         (6, True)
         """
         library = needed("laspy", "to_laspy()")
-        with tempfile.TemporaryDirectory() as folder:
+        with temporary_folder() as folder:
             path = os.path.join(folder, "points.las")
             self.write(path)
             read: laspy.LasData = library.read(path)
         return read
 
     def to_open3d(self) -> open3d.geometry.PointCloud:
-        """Return the points for Open3D, with normals if there are the columns NormalX, NormalY and NormalZ.
+        """Return the points for Open3D, with normals and colours if there are the columns NormalX and so on, and Red, Green and Blue.
 
         Returns
         -------
@@ -333,10 +337,13 @@ class Points(Table):
             Open3D is not installed.
         """
         library = needed("open3d", "to_open3d()")
-        cloud: open3d.geometry.PointCloud = library.geometry.PointCloud(library.utility.Vector3dVector(self.xyz))
-        normals = ["NormalX", "NormalY", "NormalZ"]
-        if all(name in self for name in normals):
-            cloud.normals = library.utility.Vector3dVector(self.to_numpy(normals, dtype=np.float64))
+        vectors = library.utility.Vector3dVector
+        cloud: open3d.geometry.PointCloud = library.geometry.PointCloud()
+        cloud.points = vectors(self.xyz)
+        if (normals := normals_of(self)) is not None:
+            cloud.normals = vectors(normals)
+        if (colours := colours_of(self)) is not None:
+            cloud.colors = vectors(colours)
         return cloud
 
     def to_geopandas(self) -> geopandas.GeoDataFrame:
@@ -439,7 +446,9 @@ class Points(Table):
         """
         return show_page(self.html(colour, title, max_points))
 
-    def save_preview(self, path: PathLike, colour: str = "height", title: str = "", *, force: bool = False) -> None:
+    def save_preview(
+        self, path: PathLike, colour: str = "height", title: str = "", *, width: int = 1600, height: int = 1200, force: bool = False
+    ) -> None:
         """Write a picture or a page.
 
         Parameters
@@ -450,26 +459,28 @@ class Points(Table):
             ``height``, ``class``, ``intensity``, ``object`` or ``return``.
         title : str
             A title.
+        width, height : int
+            Size of a picture, pixels.
         force : bool
             Whether a file that exists is replaced.
 
         Raises
         ------
         ValueError
-            Another extension or colour.
+            Another extension or colour, or another size than that of :meth:`png`.
         InputError
             The file exists.
 
         Examples
         --------
-        >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity")
+        >>> vlscan.run("fixtures/room/survey.xml", seed=1).points.save_preview("room.png", "intensity", width=800, height=600)
         """
         name = os.fspath(path)
         refuse_existing(name, force)
         if name.lower().endswith((".html", ".htm")):
             content = self.html(colour, title).encode()
         elif name.lower().endswith(".png"):
-            content = self.png(colour, title)
+            content = self.png(colour, title, width, height)
         else:
             raise ValueError(f"{name}: expected a name that ends in .png or .html")
         save(name, content, force)

@@ -70,7 +70,7 @@ def preview(
 
     Examples
     --------
-    >>> vlscan.preview("fixtures/room/survey.xml", "survey.png", width=800, height=600)
+    >>> vlscan.preview("fixtures/room/survey.xml", "survey.png", width=640, height=480)
     >>> vlscan.preview(vlscan.run("fixtures/room/survey.xml", seed=1).points, "room.html")
     """
     kind = "html"

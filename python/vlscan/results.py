@@ -162,6 +162,17 @@ class Batches(Iterator[Points]):
             raise RuntimeError("a run has a result when its last batch has been taken")
         return Result(outcome)
 
+    def __repr__(self) -> str:
+        if self._start is not None:
+            return "<Batches: not begun>"
+        return (
+            f"<Batches of {self.result!r}>"
+            if self.is_complete
+            else "<Batches: begun>"
+            if self._batches is not None
+            else "<Batches: closed>"
+        )
+
     def __enter__(self) -> Self:
         return self
 

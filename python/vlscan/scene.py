@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _toml, _vlscan
+from ._libraries import refuse_existing
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, SceneFacts
 from ._values import values_of
@@ -128,16 +129,17 @@ class Scene:
         scanner : str, optional
             As for :meth:`load`.
         **options : RunOptions
-            As for :meth:`load`. With columns of colours (``columns=["Red", "Green", "Blue"]``) the colours of
-            surfaces are packed, too.
+            As for :meth:`load`; ``force`` replaces a file that exists. With columns of colours
+            (``columns=["Red", "Green", "Blue"]``) the colours of surfaces are packed, too.
 
         Raises
         ------
         InputError
-            A file of the scene is invalid.
+            The file exists, or a file of the scene is invalid.
         FileError
             A file cannot be read or written.
         """
+        refuse_existing(os.fspath(path), bool(options.get("force")))
         self._scene.pack(os.fspath(path), *_loading(scanner, options))
 
     def unload(self) -> None:

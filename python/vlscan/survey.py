@@ -120,7 +120,9 @@ class Leg(Checked):
         }
 
     def __repr__(self) -> str:
-        return f"Leg({self._keys()})"
+        keys = {name: value for name, value in self._keys().items() if value is not None and name not in ("position_m", "settings")}
+        words = [str(tuple(self.position)), *(f"{name}={value!r}" for name, value in {**keys, **self.settings}.items())]
+        return f"Leg({', '.join(words)})"
 
 
 class SurveyContents(NamedTuple):
@@ -207,7 +209,7 @@ class Survey(Checked):
     ) -> None:
         self.scene = scene if scene is None or isinstance(scene, Scene) else Scene(scene)
         self.scanner = None if scanner is None else Scanner.of(scanner)
-        self.legs = list(legs)
+        self.legs = _legs(legs)
         self.platform = None if platform is None else Platform.of(platform)
         self.trajectory = trajectory
         self.settings = dict(settings or {})
@@ -254,7 +256,7 @@ class Survey(Checked):
 
         Examples
         --------
-        >>> plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=3, resolution=0.25, scene="ground.obj")
+        >>> plan = vlscan.plan_terrestrial("riegl_vz400", around=(0, 0), radius=5, positions=1, resolution=0.25, scene="ground.obj")
         >>> vlscan.Survey.from_document(plan.text).run(seed=1).point_count > 1000
         True
         """
@@ -395,7 +397,11 @@ class Survey(Checked):
             raise ValueError("a pipeline file cannot be changed by attributes; give them as options of the run, or change the file")
         if self._file is not None and not self._keys():
             return _vlscan.Request(options, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
-        return _vlscan.Request(options, document=self.document(), scene=scene, trajectory=trajectory, pulses=pulses)
+        document = self.document()
+        if "output" in options and self.name is None and self._text is None and self._file is None:
+            # Its folder has the name of the survey.
+            document = _toml.document({"name": "survey", **self._keys()})
+        return _vlscan.Request(options, document=document, scene=scene, trajectory=trajectory, pulses=pulses)
 
     def run(
         self,
@@ -606,7 +612,7 @@ class Survey(Checked):
         what += [f"{key}={value!r}" for key, value in self._keys().items() if key != "leg"]
         if "legs" in self.__dict__ and (self.legs or not self._text):
             # Those of a file may not have been read yet.
-            what.append(f"{len(self.legs)} legs")
+            what.append(f"{len(self.legs)} leg{'' if len(self.legs) == 1 else 's'}")
         return f"Survey({', '.join(what)})"
 
 
@@ -802,7 +808,7 @@ def trace(
     TypeError
         Neither pulses nor origins and directions are given.
     ValueError
-        Origins or directions have another shape.
+        Origins, directions or times have another shape.
 
     Examples
     --------
@@ -820,7 +826,10 @@ def trace(
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
-            columns["time"] = np.broadcast_to(np.asarray(time, float), len(ends))
+            times = np.asarray(time, float)
+            if times.shape not in ((), (1,), (len(ends),)):
+                raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")
+            columns["time"] = np.broadcast_to(times, len(ends))
         pulses = columns
     values, tables = recorded(to, waveforms, None, options)
     with shown_progress(progress) as tell:
@@ -868,7 +877,7 @@ def recorded(
         return values, ["trajectory"]
     if "output" in values:
         raise ValueError("give either to, the names of files, or output, a folder in the layout of HELIOS++")
-    files = [to] if isinstance(to, (str, os.PathLike)) else list(to)
+    files = [to] if isinstance(to, (str, bytes, os.PathLike)) else list(to)
     if not files:
         raise ValueError("to names no file; without it the points stay in memory")
-    return {**values, "out": [os.fspath(file) for file in files]}, ["trajectory"]
+    return {**values, "out": [os.fsdecode(file) for file in files]}, ["trajectory"]

@@ -30,7 +30,8 @@ class Table:
 
     ``table["X"]`` is a NumPy array without a copy, which is read-only. Whatever takes Arrow takes the whole table without a
     copy, too: ``polars.DataFrame(table)``, ``pyarrow.table(table)``, ``pandas.DataFrame.from_arrow(table)``,
-    ``duckdb.sql("select * from table")`` (over ``table.to_arrow()``); ``numpy.asarray(table)`` is a structured copy.
+    ``duckdb.sql("select * from table")`` (over ``table.to_arrow()``); ``numpy.asarray(table)`` and ``pandas.DataFrame(table)``
+    are copies, the array a structured one.
     ``table[mask]``, ``table[indices]`` and ``table[10:20]`` are tables of some of the rows. Tables pickle.
 
     Parameters
@@ -51,6 +52,13 @@ class Table:
     def __init__(self, table: _vlscan.Table) -> None:
         self._table = table
         self._columns: dict[str, NDArray[Any]] = {}
+
+    if not TYPE_CHECKING:
+
+        @property
+        def __class__(self):
+            """Type of the table; ``dict`` for the constructor of pandas.DataFrame, which takes columns of dictionaries only."""
+            return dict if sys._getframe(1).f_globals.get("__name__") == "pandas.core.frame" else type(self)
 
     def __len__(self) -> int:
         return len(self._table)
@@ -106,7 +114,7 @@ class Table:
         return iter(self.columns)
 
     def keys(self) -> list[str]:
-        """Return the names of the columns, with which ``dict(table)`` and ``pandas.DataFrame(dict(table))`` work.
+        """Return the names of the columns, with which ``dict(table)`` works.
 
         Returns
         -------
@@ -114,6 +122,26 @@ class Table:
             The names.
         """
         return self.columns
+
+    def values(self) -> list[NDArray[Any]]:
+        """Return the columns.
+
+        Returns
+        -------
+        list of numpy.ndarray
+            The columns, in the order of their names.
+        """
+        return [self[name] for name in self.columns]
+
+    def items(self) -> list[tuple[str, NDArray[Any]]]:
+        """Return the columns with their names.
+
+        Returns
+        -------
+        list of tuple of str and numpy.ndarray
+            Names and columns.
+        """
+        return [(name, self[name]) for name in self.columns]
 
     @property
     def columns(self) -> list[str]:
@@ -244,8 +272,8 @@ class Table:
         if copy is False:
             raise ValueError("a table becomes an array by a copy; its columns are arrays without one")
         if sys._getframe(1).f_globals.get("__name__", "").startswith("pandas."):
-            # DataFrame() would make a single column of it.
-            raise TypeError("pandas takes a table as table.to_pandas() or pandas.DataFrame(dict(table))")
+            # A Series would have rows as values.
+            raise TypeError("pandas takes a table as pandas.DataFrame(table) or table.to_pandas(), a column as pandas.Series(table[name])")
         return self.to_numpy(dtype=dtype)
 
     def __arrow_c_array__(self, requested_schema: object | None = None) -> tuple[object, object]:

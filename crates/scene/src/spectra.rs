@@ -74,7 +74,7 @@ impl Spectra {
         if let Some(values) = self.known.get(name) {
             return values.clone();
         }
-        let file = self.find(name, diagnostics);
+        let file = self.find(name, place, diagnostics);
         self.files.extend(file.clone());
         let values = match file {
             Some(path) => reflectances_in(&path, &self.wavelengths_um, diagnostics),
@@ -122,10 +122,13 @@ impl Spectra {
         }
     }
 
-    /// The first file of this name; others are warned of.
-    fn find(&self, name: &str, diagnostics: &mut Diagnostics) -> Option<PathBuf> {
+    /// The first file of this name; others are warned of. The assets around the file of the material come
+    /// last.
+    fn find(&self, name: &str, place: Option<&Place>, diagnostics: &mut Diagnostics) -> Option<PathBuf> {
         let found = Spectra::find_in(&self.folders, name, diagnostics);
-        found.or_else(|| Spectra::find_in(&self.installed, name, diagnostics))
+        let found = found.or_else(|| Spectra::find_in(&self.installed, name, diagnostics));
+        let around = || place.and_then(|place| place.path.parent()).map_or_else(Vec::new, installed);
+        found.or_else(|| Spectra::find_in(&around(), name, diagnostics))
     }
 
     fn find_in(folders: &[PathBuf], name: &str, diagnostics: &mut Diagnostics) -> Option<PathBuf> {
@@ -147,12 +150,13 @@ impl Spectra {
     }
 }
 
-/// Number of folders above that of a scene in which the assets of HELIOS++ are searched: scenes are in
-/// `data/scenes/NAME`, spectra in `assets/spectra`.
+/// Number of folders above that of a scene or a material in which the assets of HELIOS++ are searched: scenes
+/// are in `data/scenes/NAME`, materials in `data/sceneparts/NAME`, spectra in `assets/spectra`.
 const MAX_ABOVE: usize = 4;
 
-/// The folders of spectra in `assets` beside a scene's folder and those above it.
+/// The folders of spectra in `assets` beside a folder and those above it.
 fn installed(folder: &Path) -> Vec<PathBuf> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
     let above = whole.ancestors().take(MAX_ABOVE + 1);
     above.map(|folder| folder.join("assets").join("spectra")).filter(|folder| folder.is_dir()).collect()
@@ -456,6 +460,24 @@ mod tests {
             assert_eq!(spectra.reflectances("moss", None, &mut d), None);
             assert_eq!(d.items().len(), warnings, "{}", d.text());
             assert!(d.items().iter().all(|item| item.place.is_some()));
+        }
+    }
+
+    #[test]
+    fn assets_around_the_file_of_a_material_are_searched_last() {
+        let root = tempfile::tempdir().unwrap();
+        for (folder, percent) in [("assets/spectra", 10), ("own/spectra", 20)] {
+            std::fs::create_dir_all(root.path().join(folder)).unwrap();
+            let rows = spectrum(&format!("0.5\t{percent}\n1.5\t{percent}\n"));
+            std::fs::write(root.path().join(folder).join("wood.txt"), rows).unwrap();
+        }
+        let place = Place::of_file(&root.path().join("data/sceneparts/tree/tree.mtl"));
+        let cases = [(0, None, None), (0, Some(&place), Some(10.0)), (1, Some(&place), Some(20.0))];
+        for (folders, place, expected) in cases {
+            let mut spectra = Spectra::new(&[], [1064.0]);
+            spectra.folders = vec![root.path().join("own/spectra"); folders];
+            let values = spectra.reflectances("wood", place, &mut Diagnostics::default());
+            assert_eq!(values.map(|values| values[0]), expected);
         }
     }
 

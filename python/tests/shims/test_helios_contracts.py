@@ -173,6 +173,53 @@ def test_the_files_of_the_catalogue_are_files(tmp_path):
     assert helios.Scanner.from_xml(last / "scanners_tls.xml", "riegl_vz400").name == "riegl_vz400"
 
 
+def test_another_separator_than_that_of_the_cloud_is_an_error(tmp_path):
+    cloud = tmp_path / "a.xyz"
+    cloud.write_text("0;0;0\n1;1;1\n")
+    with pytest.raises(ValueError, match="no three columns between ','; its separator is ';'"):
+        helios.ScenePart.from_xyz(cloud, 0.5, separator=",")
+    assert helios.ScenePart.from_xyz(cloud, 0.5, separator=";").bbox.bounds[1][0] == 1
+
+
+def test_files_of_the_package_are_found_by_their_names():
+    assert helios.utils.find_file("scanners_tls.xml").is_file()
+    assert helios.Platform.from_xml("platforms.xml", "tripod").reference == "data/platforms.xml#tripod"
+    assert (helios.utils.find_file("spectra") / "needle.txt").is_file()
+    rows = helios.utils.find_file("spectra/broadleaf.txt").read_text().splitlines()[26:]
+    leaf = vlscan.spectra()["broadleaf"]
+    assert [float(row.split()[0]) * 1000 for row in rows] == pytest.approx(leaf.wavelengths_nm)
+    assert [float(row.split()[1]) / 100 for row in rows] == pytest.approx(leaf.reflectances)
+    assert helios.utils.find_file("spectra/none.txt", fatal=False) is None
+
+
+SQUARE = [[-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]]
+WOOD = "header\n" * 26 + "0.4\t10\n2.5\t10\n"
+
+
+def test_spectra_of_an_installation_are_found(tmp_path, monkeypatch):
+    """In ``assets`` of a folder that was added, and around the file of a material."""
+    monkeypatch.chdir(tmp_path)
+    spectra, part = tmp_path / "helios/assets/spectra", tmp_path / "helios/data/sceneparts/wall"
+    spectra.mkdir(parents=True)
+    part.mkdir(parents=True)
+    (spectra / "wood.txt").write_text(WOOD)
+    (part / "wall.mtl").write_text("newmtl wood\nhelios_spectra wood\n")
+    (part / "wall.obj").write_text("mtllib wall.mtl\nv -20 -20 0\nv 20 -20 0\nv 20 20 0\nv -20 20 0\nusemtl wood\nf 1 2 3 4\n")
+
+    def intensities(part):
+        survey = helios.Survey(helios.scanner.riegl_vz_400(), helios.platforms.tripod(), helios.StaticScene([part]))
+        survey.add_leg(z=2, head_rotation="60 deg/s", rotation_stop_angle="20 deg", scan_frequency="120 Hz", pulse_frequency="100 kHz")
+        return survey.run()[0]["intensity"].tolist()
+
+    def wall(**material):
+        return helios.ScenePart.from_mesh(SQUARE, [[0, 1, 2, 3]], helios.Material(name="wood", **material))
+
+    expected = intensities(wall(reflectance=10))
+    assert expected and intensities(helios.ScenePart.from_obj(part / "wall.obj")) == expected
+    with helios.add_asset_directory(tmp_path / "helios"):
+        assert intensities(wall(spectra="wood")) == expected
+
+
 def test_handles_of_folders_show_nothing(tmp_path):
     with helios.add_asset_directory(tmp_path) as handle:
         assert repr(handle) == ""

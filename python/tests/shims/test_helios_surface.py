@@ -251,6 +251,13 @@ def test_scanners(name):
     assert scanner.list_scanners() == SCANNERS and made.reference in survey.to_xml()
 
 
+def test_names_of_scanners_with_the_same_id():
+    assert scanner.livox_mid70().reference == "data/scanners_als.xml#livox_mid-70"
+    assert scanner.livox_mid70_tls().reference == "data/scanners_tls.xml#livox_mid-70"
+    assert helios.scanner_from_name("data/scanners_tls.xml#livox_mid-70") == scanner.livox_mid70_tls()
+    assert helios.Scanner.from_xml("data/scanners_als.xml", "livox_mid-70") == scanner.livox_mid70()
+
+
 @pytest.mark.parametrize("name", PLATFORMS)
 def test_platforms(name):
     made = getattr(platforms, name)()

@@ -148,6 +148,22 @@ def test_legs_are_changed_by_sim(tmp_path):
         survey.removeLeg(0)
 
 
+def test_lengths_and_figures_are_read_by_sim(tmp_path):
+    pytest.importorskip("pydantic")
+    survey = simulation(tmp_path).sim.getSurvey()
+    first, second = (survey.getLeg(index).platformSettings.getPosition() for index in range(2))
+    survey.calculateLength()
+    assert survey.getLength() == survey.length == pytest.approx(np.linalg.norm(np.subtract(first, second)))
+    scanner = survey.getScanner()
+    assert scanner.deviceId == scanner.getId() == "tls_polygon" and scanner.getPulseFreqs() == [9200]
+    assert (scanner.beamDivergence, scanner.getWavelength(), scanner.visibility) == (0.00035, 1.55e-6, 23)
+    assert "wavelength: 1.55e-06" in scanner.toString()
+    with pytest.raises(AttributeError, match="figures of a scanner cannot be set"):
+        scanner.averagePower = 3
+    with pytest.raises(AttributeError, match="there are deviceId, pulseFreqs, name"):
+        scanner.averagePowr
+
+
 def test_filters_move_parts(tmp_path):
     pytest.importorskip("pydantic")
     moved = simulation(tmp_path, lambda builder: builder.addTranslateFilter(0, 0, -0.5))

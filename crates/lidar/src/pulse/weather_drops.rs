@@ -142,8 +142,11 @@ pub(super) fn draw_drops(
     for (kind, drops) in (0u32..).zip(&air.drops) {
         let Some(drops) = drops else { continue };
         let number = drops.number(MIN_DIAMETER);
+        if number <= 0.0 {
+            continue;
+        }
         let (mut passed, mut counter) = (0.0, kind << 24);
-        while number > 0.0 {
+        loop {
             let [a, b, c, d] = stream.bits(device, pulse, counter);
             passed -= log(rng::open_unit(a, b)) / number;
             if passed >= volume {

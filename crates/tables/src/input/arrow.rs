@@ -127,6 +127,11 @@ impl NumberBatch {
         self.columns.len()
     }
 
+    /// Position of a row in a table in memory, for messages: from 0, as programs count rows of arrays.
+    pub fn index(&self, row: usize) -> String {
+        format!("index {}", self.before.saturating_add(row as u64))
+    }
+
     /// Number of a row in the stream and in the batch, for messages.
     pub fn place(&self, row: usize) -> String {
         let of_all = self.before.saturating_add(row as u64 + 1);

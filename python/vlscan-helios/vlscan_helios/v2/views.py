@@ -5,9 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
+from math import dist
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from vlscan_helios.v3 import Leg, Survey
+
+if TYPE_CHECKING:
+    from .scanner import ScannerView
 
 
 class View:
@@ -116,7 +121,7 @@ class LegView(View):
 
 
 class Instrument(View):
-    """A scanner or a platform."""
+    """A platform."""
 
     NAMES: ClassVar[dict[str, str]] = {"name": "name", "reference": "reference"}
 
@@ -124,6 +129,10 @@ class Instrument(View):
     def id(self) -> str:
         """Id in its file."""
         return str(self._model.reference).rpartition("#")[2]
+
+    def getId(self) -> str:
+        """Return the id in its file."""
+        return self.id
 
 
 class SurveyView(View):
@@ -137,22 +146,38 @@ class SurveyView(View):
         return [LegView(leg, self._is_started) for leg in self._model.legs]
 
     @property
-    def scanner(self) -> Instrument:
+    def scanner(self) -> ScannerView:
         """The scanner."""
-        return Instrument(self._model.scanner, self._is_started)
+        from .scanner import ScannerView
+
+        return ScannerView(self._model.scanner, self._is_started)
 
     @property
     def platform(self) -> Instrument:
         """What carries the scanner."""
         return Instrument(self._model.platform, self._is_started)
 
-    def getScanner(self) -> Instrument:
+    def getScanner(self) -> ScannerView:
         """Return the scanner."""
         return self.scanner
 
     def getPlatform(self) -> Instrument:
         """Return what carries the scanner."""
         return self.platform
+
+    @property
+    def length(self) -> float:
+        """Length of the way from leg to leg, m."""
+        places = [LegView(leg, self._is_started).platformSettings.position for leg in self._model.legs]
+        return sum(dist(place, next_place) for place, next_place in pairwise(places))
+
+    def getLength(self) -> float:
+        """Return the length of the way from leg to leg, m."""
+        return self.length
+
+    def calculateLength(self) -> float:
+        """Return the length of the way from leg to leg, m; it needs no calculation before :meth:`getLength`."""
+        return self.length
 
     @property
     def numLegs(self) -> int:
@@ -213,7 +238,7 @@ class Playback:
         """Return the survey."""
         return self._survey
 
-    def getScanner(self) -> Instrument:
+    def getScanner(self) -> ScannerView:
         """Return the scanner."""
         return self._survey.scanner
 

@@ -38,7 +38,8 @@ _NAMES = {
     "riegl_vux_1ha22": "riegl_vux-1ha22",
     "riegl_vq_880g": "riegl_vq-880g",
     "riegl_vq_1560i": "riegl_vq-1560i",
-    "livox_mid70": "livox_mid-70",
+    # The catalogues of airborne and of terrestrial scanners have the same id.
+    "livox_mid70": "data/scanners_als.xml#livox_mid-70",
     "livox_mid100": "livox-mid-100",
     "livox_mid100a": "livox-mid-100a",
     "livox_mid100b": "livox-mid-100b",
@@ -51,7 +52,6 @@ _NAMES = {
     "riegl_vz_600i": "riegl_vz600i",
     "riegl_vq_450": "riegl_vq-450",
     "livox_mid40": "livox_mid-40",
-    # The same id in the catalogues of airborne and of terrestrial scanners.
     "livox_mid70_tls": "data/scanners_tls.xml#livox_mid-70",
     "vlp16": "vlp16",
     "velodyne_hdl_64e": "velodyne_hdl-64e",
@@ -244,7 +244,7 @@ def scanner_from_name(scanner_name: str) -> Scanner:
     """
     known = catalogue.scanners()
     id = find(scanner_name, _NAMES, known, "scanner")
-    return Scanner.of_reference(catalogue.scanner_reference(id), known[id.split("#")[-1]])
+    return Scanner.of_reference(catalogue.scanner_reference(id), known[id])
 
 
 def list_scanners() -> list[str]:

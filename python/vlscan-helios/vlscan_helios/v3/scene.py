@@ -16,7 +16,7 @@ from vlscan.scene import Scene
 
 from .materials import Material, MaterialDict
 from .scene_part import BoundingBox, ScenePart
-from .utils import classonlymethod, existing_file, own_directories
+from .utils import classonlymethod, engine_directories, existing_file
 from .validation import CompressionLevel, Model
 
 
@@ -127,7 +127,7 @@ class StaticScene(Model):
             Without effect: packed scenes are mapped into memory as they are.
         """
         if binary_file.suffix == _PACKED:
-            self.engine().pack(binary_file, physics="helios")
+            self.engine().pack(binary_file, physics="helios", force=True)
             return
         with tempfile.TemporaryDirectory(prefix=".vlscan-", dir=binary_file.parent) as folder:
             packed = Path(folder) / f"scene{_PACKED}"
@@ -181,11 +181,11 @@ class StaticScene(Model):
         if self._scene is not None and state == self._state:
             return self._scene
         if self._file is not None and state == self._as_read:
-            scene = Scene(self._file, own_directories())
+            scene = Scene(self._file, engine_directories())
         elif self._file is not None and not self._as_read:
             raise NotImplementedError(f"{self._file} cannot be extended; build the scene of parts, and write it anew by to_binary()")
         else:
-            scene = Scene([part.engine() for part in self.scene_parts], own_directories())
+            scene = Scene([part.engine() for part in self.scene_parts], engine_directories())
         self._scene, self._state = scene, state
         return scene
 

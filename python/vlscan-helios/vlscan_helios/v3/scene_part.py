@@ -19,7 +19,7 @@ from vlscan.scene import Scene
 
 from .materials import Material, MaterialDict, read_materials
 from .settings import ForceOnGroundStrategy
-from .utils import classonlymethod, detect_separator, own_directories
+from .utils import classonlymethod, detect_separator, engine_directories
 from .validation import AnyAngle, AssetPath, Model, MultiAssetPath, Quaternion, R3Vector, existing_files
 
 _ARBITRARY = ConfigDict(arbitrary_types_allowed=True)
@@ -305,6 +305,8 @@ class ScenePart(Model):
         if separator is None:
             separator = "" if xyz_file.suffix.lower() in _BINARY_CLOUDS else detect_separator(xyz_file)
         count = 9 if separator == "" else _column_count(xyz_file, separator)
+        if count < 3 and xyz_file.suffix.lower() not in _BINARY_CLOUDS:
+            raise ValueError(f"{xyz_file} has no three columns between {separator!r}; its separator is {detect_separator(xyz_file)!r}")
         normals = _columns("normals_file_columns", normals_file_columns, normals_file_columns is _NORMALS, count)
         colours = _columns("rgb_file_columns", rgb_file_columns, rgb_file_columns is _COLOURS, count)
         settings = (max_color_value, default_normal, estimate_normals, snap_neighbor_normal)
@@ -699,9 +701,9 @@ class ScenePart(Model):
     @property
     def bbox(self) -> BoundingBox:
         """The box around the part where it stands now."""
-        state = (self.state(), own_directories())
+        state = (self.state(), engine_directories())
         if self._measured is None or self._measured[0] != state:
-            self._measured = (state, Scene([self.engine()], own_directories()).bounds)
+            self._measured = (state, Scene([self.engine()], engine_directories()).bounds)
         return BoundingBox.of_bounds(self._measured[1])
 
     @property

@@ -36,7 +36,7 @@ from .settings import (
     compose_execution_settings,
     compose_output_settings,
 )
-from .utils import classonlymethod, own_directories, rng_seed
+from .utils import classonlymethod, engine_directories, rng_seed
 from .validation import Model, distribute
 from .xml_files import Document
 
@@ -337,7 +337,7 @@ class Survey(Model):
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set
         is_chunked = execution.parallelization == ParallelizationStrategy.CHUNK
-        folders = [*own_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
+        folders = [*engine_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
         options: dict[str, Any] = {
             "threads": execution.num_threads if "num_threads" in given else None,
             "chunk_size": execution.chunk_size if "chunk_size" in given else None,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vlscan import catalogue
+from vlscan import Spectrum, catalogue
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -115,14 +115,19 @@ def own_directories() -> list[Path]:
     return list(dict.fromkeys(_asset_directories))
 
 
+def engine_directories() -> list[Path]:
+    """Return the folders that were added, each followed by its folder ``assets``, which has the spectra of HELIOS++."""
+    return [path for folder in own_directories() for path in (folder, folder / "assets") if path == folder or path.is_dir()]
+
+
 def get_asset_directories() -> list[Path]:
     """Return the folders in which files are searched after the working directory.
 
     Returns
     -------
     list of pathlib.Path
-        The folders that were added, in their order; then three of the package, the last of which has the files of its catalogue:
-        ``scanners_als.xml``, ``scanners_tls.xml`` and ``platforms.xml``.
+        The folders that were added, in their order; then three of the package. The last one has the files of its catalogue:
+        ``scanners_als.xml``, ``scanners_tls.xml`` and ``platforms.xml``; the one before has the built-in ``spectra``.
     """
     root = _package_folder()
     return [*own_directories(), root, root / "assets", root / "data"]
@@ -130,20 +135,44 @@ def get_asset_directories() -> list[Path]:
 
 @cache
 def _package_folder() -> Path:
-    """Write the files of the catalogue, which are in the program, to a folder that lasts as long as the process."""
+    """Write the catalogue and the spectra, which are in the program, to a folder that lasts as long as the process."""
     folder = tempfile.TemporaryDirectory(prefix="vlscan-")
     atexit.register(folder.cleanup)
     root = Path(folder.name)
-    (root / "assets").mkdir()
-    for name, text in catalogue.files().items():
+    (root / "assets/spectra").mkdir(parents=True)
+    spectra = {f"assets/spectra/{name}.txt": _spectrum_text(name, values) for name, values in catalogue.spectra().items()}
+    for name, text in {**catalogue.files(), **spectra}.items():
         (root / name).parent.mkdir(exist_ok=True)
         (root / name).write_text(text, encoding="utf-8")
     return root
 
 
+# Lines before the table of a file of a spectrum.
+_SPECTRUM_HEADER = 26
+
+
+def _spectrum_text(name: str, spectrum: Spectrum) -> str:
+    """Return the text of the file of a spectrum: a header, then wavelengths (µm) and reflectances (per cent)."""
+    header = [
+        f"Name: {name}",
+        "Origin: built-in spectrum of vlscan",
+        "X Units: Wavelength (micrometers)",
+        "Y Units: Reflectance (percentage)",
+    ]
+    header += [""] * (_SPECTRUM_HEADER - len(header))
+    values = zip(spectrum.wavelengths_nm, spectrum.reflectances, strict=True)
+    return "\n".join([*header, *(f"{wavelength / 1000:.4f}\t{100 * share:.4f}" for wavelength, share in values), ""])
+
+
 def on_disk(path: Path) -> Path:
     """Return a file of :func:`existing_file` as one on disk: those of the catalogue are in the program."""
     return path if path.exists() else _package_folder() / path
+
+
+def _in_package(path: Path) -> Path | None:
+    """Return the spectra, or one of them, as on disk; they are in the program."""
+    is_spectrum = "spectra" in path.parts
+    return next((folder / path for folder in get_asset_directories()[-3:] if (folder / path).exists()), None) if is_spectrum else None
 
 
 def search_folders() -> list[Path]:
@@ -152,7 +181,7 @@ def search_folders() -> list[Path]:
 
 
 def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | None:
-    """Find a file on disk: as named, else in the asset directories, else in the catalogue that ships.
+    """Find a file on disk: as named, else in the asset directories, else in the catalogue and the spectra that ship.
 
     Parameters
     ----------
@@ -171,18 +200,25 @@ def find_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | No
     FileNotFoundError
         There is no such file.
     """
-    found = named_file(filename, fatal)
-    return None if found is None else on_disk(found)
+    found = named_file(filename, fatal=False)
+    if found is not None:
+        return on_disk(found)
+    shipped = _in_package(Path(filename))
+    return named_file(filename, fatal) if shipped is None else shipped
 
 
-def named_file(filename: str | os.PathLike[str], fatal: bool = True) -> Path | None:
-    """Return a file of :func:`find_file` by the name that surveys use: one of the catalogue keeps its name."""
+def named_file(filename: str | os.PathLike[str], fatal: bool = True, *, by_bare_name: bool = True) -> Path | None:
+    """Return a file of :func:`find_file` by the name that surveys use: one of the catalogue keeps its name.
+
+    ``by_bare_name`` is whether the folders of the package are searched, too, so that ``platforms.xml`` is ``data/platforms.xml``.
+    """
     path = Path(filename)
     for folder in search_folders():
         if (folder / path).exists():
             return folder / path
-    if path.as_posix() in _shipped_files():
-        return path
+    for shipped in (path, "data" / path) if by_bare_name else (path,):
+        if shipped.as_posix() in _shipped_files():
+            return shipped
     if not fatal:
         return None
     searched = ", ".join(str(folder) for folder in search_folders())

@@ -36,9 +36,9 @@ class Document(NamedTuple):
     def locate(self, name: str) -> str:
         """Return a file that the document names, as the engine finds it: absolute where it is beside the document."""
         beside = (self.path.parent / name.replace("\\", "/")).resolve()
-        found = None if self.root.get("paths") == "beside" and beside.exists() else named_file(name, fatal=False)
+        found = None if self.root.get("paths") == "beside" and beside.exists() else named_file(name, False, by_bare_name=False)
         if found is None and (other := name.replace("\\", "/")) != name:
-            found = named_file(other, fatal=False)
+            found = named_file(other, False, by_bare_name=False)
         if found is None and beside.exists():
             found = beside
         return os.fspath(found) if found is not None else name

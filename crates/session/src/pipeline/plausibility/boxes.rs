@@ -128,19 +128,19 @@ pub(super) fn in_centimetres(scene: &Aabb, height: f64) -> Option<String> {
 pub(super) fn heights(flight: &Aabb, depth: f64) -> String {
     if flight.min.z.abs().max(flight.max.z.abs()) < 1e-6 {
         return "all heights of the flight are 0: the column of heights is missing or wrong; name it with \
-                --trajectory-columns, or give legs a z or onGround"
+                --trajectory-columns, or give legs a z or on_ground"
             .to_owned();
     }
     if UNDULATION.contains(&depth) {
         return format!(
             "the heights differ as those above the ellipsoid (GNSS, SBET) and those above a geoid do, by \
-             {:.0} m or more; --height-offset adds metres to those of a trajectory, onGround=\"true\" puts a \
-             leg on the ground",
+             {:.0} m or more; --height-offset adds metres to those of a trajectory, on_ground (in XML \
+             onGround) puts a leg on the ground",
             depth.ceil()
         );
     }
     "heights of flight and scene must be in metres above the same level; --height-offset adds metres to \
-     those of a trajectory, onGround=\"true\" puts a leg on the ground"
+     those of a trajectory, on_ground (in XML onGround) puts a leg on the ground"
         .to_owned()
 }
 

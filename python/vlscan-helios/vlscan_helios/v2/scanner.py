@@ -1,0 +1,97 @@
+"""Scanners of simulations by the names of version 2: their figures, as XML has them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, ClassVar
+from xml.etree.ElementTree import Element, ParseError, parse
+
+from vlscan_helios.v3.utils import find_file
+from vlscan_helios.v3.xml_files import float_of
+
+from .views import View
+
+
+class ScannerView(View):
+    """A scanner, whose figures cannot be set. Those of several channels are the scanner's own.
+
+    ``wavelength`` is in m, ``visibility`` in km, ``pulseLength`` in ns, ``beamDivergence`` in rad, ``averagePower`` in W,
+    ``pulseFreqs`` in Hz.
+    """
+
+    NAMES: ClassVar[dict[str, str]] = {"name": "name", "reference": "reference"}
+
+    #: Figures: attribute of XML, value without it, divisor.
+    FIGURES: ClassVar[dict[str, tuple[str, float, float]]] = {
+        "averagePower": ("averagePower_w", 4, 1),
+        "beamDivergence": ("beamDivergence_rad", 0.0003, 1),
+        "beamQuality": ("beamQualityFactor", 1, 1),
+        "efficiency": ("opticalEfficiency", 0.99, 1),
+        "receiverDiameter": ("receiverDiameter_m", 0.15, 1),
+        "visibility": ("atmosphericVisibility_km", 23, 1),
+        "wavelength": ("wavelength_nm", 1064, 1e9),
+        "pulseLength": ("pulseLength_ns", 4, 1),
+        "accuracy": ("accuracy_m", 0, 1),
+    }
+
+    def _known(self, name: str) -> str:
+        if name in type(self).FIGURES or name in type(self).NAMES:
+            return type(self).NAMES.get(name, name)
+        known = ", ".join(["deviceId", "pulseFreqs", *type(self).NAMES, *type(self).FIGURES])
+        raise AttributeError(f"no attribute {name!r} of a scanner; there are {known}")
+
+    def __getattr__(self, name: str) -> Any:
+        if name in type(self).FIGURES:
+            attribute, default, divisor = type(self).FIGURES[name]
+            return float_of(self._entry.get(attribute), default) / divisor
+        return super().__getattr__(name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"figures of a scanner cannot be set, found {name}; change its entry in {self.reference}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *type(self).FIGURES]
+
+    @cached_property
+    def _entry(self) -> Element:
+        """The entry of the scanner; an empty one if its file cannot be read."""
+        file, _, id = str(self._model.reference).partition("#")
+        path = find_file(file, fatal=False)
+        try:
+            root = None if path is None else parse(path).getroot()
+        except (OSError, ParseError):
+            root = None
+        entries = [] if root is None else [entry for entry in root.iter("scanner") if not id or entry.get("id") == id]
+        return entries[0] if entries else Element("scanner")
+
+    @property
+    def id(self) -> str:
+        """Id in its file."""
+        return str(self._model.reference).rpartition("#")[2]
+
+    def getId(self) -> str:
+        """Return the id in its file."""
+        return self.id
+
+    @property
+    def deviceId(self) -> str:
+        """Id in its file."""
+        return self.id
+
+    @property
+    def pulseFreqs(self) -> list[int]:
+        """Pulse frequencies, Hz."""
+        return [int(float_of(word, 0)) for word in self._entry.get("pulseFreqs_Hz", "0").split(",")]
+
+    def getSupportedPulseFrequencies(self) -> list[int]:
+        """Return the pulse frequencies, Hz."""
+        return self.pulseFreqs
+
+    def getPulseFreqs(self) -> list[int]:
+        """Return the pulse frequencies, Hz."""
+        return self.pulseFreqs
+
+    def toString(self) -> str:
+        """Return the figures as lines of text."""
+        rows = {"Device": self.id, **{name: getattr(self, name) for name in type(self).FIGURES}, "pulseFreqs": self.pulseFreqs}
+        return "\n".join(f"{name}: {value}" for name, value in rows.items())
