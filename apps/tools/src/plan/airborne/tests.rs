@@ -195,7 +195,7 @@ fn lines_follow_the_bends_of_a_corridor() {
     let refused = plan(&[[0.0, 0.0], [0.0, 0.0]], &options).unwrap_err().to_string();
     assert!(refused.contains("at least 2"), "{refused}");
     // Waypoints of lines that follow the ground keep the corners.
-    let hill = PlanGround { heights: &|x, _| Some(0.02 * x.max(0.0)), level: 0.0 };
+    let hill = PlanGround { heights: &|x: f64, _| Some(0.02 * x.max(0.0)), level: 0.0 };
     let follow = AirborneOptions { follow_terrain: true, ..options.clone() };
     let found = plan_corridor(&line, 200.0, &area, &instrument(), &CARRIER, &follow, &hill).unwrap();
     for waypoint in found.waypoints.iter().filter(|w| w.active) {

@@ -224,6 +224,7 @@ fn period_s(survey: &Survey, leg: u32) -> f64 {
         Deflector::Polygon { facet_tilts, .. } => lines(facet_tilts.len().max(1) as f64),
         Deflector::Oscillating { .. } | Deflector::Conic | Deflector::EllipticConic { .. } => lines(1.0),
         Deflector::Fibres { count } => f64::from((*count).max(1)) / settings.pulse_rate().max(1.0),
+        Deflector::Pattern(table) => f64::from(table.steps()) / settings.pulse_rate().max(1.0),
         Deflector::Risley { .. } | Deflector::Custom(_) => UNEVEN_S,
     }
 }

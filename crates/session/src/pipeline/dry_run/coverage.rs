@@ -370,6 +370,7 @@ mod tests {
                 device: 0,
                 scan_angle: 0.0,
                 range_error: 0.0,
+                velocity: None,
             }
         };
         (1..=count).flat_map(|i| [0, 1].map(|device| Pulse { device, ..pulse(i) })).collect()
