@@ -168,6 +168,9 @@ class RunOptions(TypedDict, total=False):
     correct: str | Sequence[str] | None
     """Switch single corrections on (sum-equal-ranges) or off (no-sum-equal-ranges). They are listed at the end of --help."""
 
+    max_order: int | None
+    """Maximum number of mirrors, panes and surfaces of water on the way of light, 0 to 64; with 0 they are opaque. [default: 4]"""
+
     echo_width: bool | None
     """Fit a Gaussian to every echo and report its width; echoes narrower than 0.1 ns are dropped."""
 
