@@ -141,6 +141,10 @@ fn scatter(
     out: &mut Vec<Cell>,
 ) {
     out.clear();
+    // Raindrops of the factor 0 dim the light alone.
+    if air.scattered <= 0.0 {
+        return;
+    }
     let detector = &instrument.detector;
     let shape = &detector.shape;
     let least = detector.light_speed * shape.width() / CELLS_PER_WIDTH;
