@@ -422,6 +422,9 @@ fn weather_dims_the_ground_and_is_labelled() {
 fn columns_of_radial_velocity_are_in_tables_and_point_files() {
     let dir = folder();
     write(dir.path(), GROUND, &[("ground", 0.0)]);
+    // Turned by 30 degrees, the fan of beams looks ahead and back, too.
+    let pipeline = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+    fs::write(dir.path().join("p.toml"), pipeline.replace("{ z = 90 }", "{ z = 60 }")).unwrap();
     let base = ["run", "p.toml", "-q", "--force", "-o"];
     let columns = ["--columns", "BeamDirectionX,Doppler,DopplerWidth"];
     let table = |name: &str, more: &[&str]| {
@@ -433,11 +436,14 @@ fn columns_of_radial_velocity_are_in_tables_and_point_files() {
     let rows = text(&csv);
     let rows: Vec<&str> = rows.lines().collect();
     // The flight goes towards +x at 50 m/s; its first and last pulses leave where it starts and ends.
+    let mut farthest = 0.0f64;
     for row in &rows[3..rows.len() - 2] {
         let numbers: Vec<f64> = row.split(',').map(|word| word.parse().unwrap()).collect();
         let [along, doppler, width] = numbers[..] else { panic!("{row}") };
         assert!((doppler + 50.0 * along).abs() < 1e-7 && width == 0.0, "{row}");
+        farthest = farthest.max(along.abs());
     }
+    assert!(farthest > 0.2, "{farthest}");
     let has = |name: &str, field: &str, more: &[&str]| {
         let bytes = table(name, more);
         assert!(bytes.windows(field.len()).any(|found| found == field.as_bytes()), "{name} has no {field}");

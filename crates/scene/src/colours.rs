@@ -109,8 +109,11 @@ impl FieldPlace {
     /// Texture coordinates of the corners of triangle `i` of the field, in the order of its corners.
     fn texels(&self, i: usize) -> [[f32; 2]; 3] {
         let (cell, cells) = (i / 2, self.cells.max(1));
-        let (column, row) = (self.first[0] + cell % cells, self.first[1] + cell / cells);
-        let of = |below: usize, right: usize| raster_texel([column + right, row + below], self.raster);
+        // Places of packed scenes may be damaged.
+        let pixel = |axis: usize, offset: usize| self.first[axis].saturating_add(offset);
+        let of = |below: usize, right: usize| {
+            raster_texel([pixel(0, cell % cells + right), pixel(1, cell / cells + below)], self.raster)
+        };
         match i.is_multiple_of(2) {
             true => [of(0, 0), of(1, 0), of(0, 1)],
             false => [of(1, 0), of(1, 1), of(0, 1)],

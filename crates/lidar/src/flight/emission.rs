@@ -12,6 +12,15 @@ use vlscan_geom::{DVec3, Rotation, unit};
 /// Time over which the turn of a platform is taken, s.
 const TURN_S: f64 = 1e-5;
 
+/// Origin of the beam of a device from the head's axis, m.
+#[inline]
+fn origin_of_beam(plan: &DevicePlan, state: &DeviceState) -> DVec3 {
+    match state.deflector.beam_origin(plan) {
+        Some(origin) => plan.beam_origin.offset + plan.beam_origin.rotation.apply(origin),
+        None => plan.beam_origin.offset,
+    }
+}
+
 impl FlightPlan {
     /// The pulse that device `index` emits in a step, at `time_ns` and `since_start` seconds after the start
     /// of the flight, or later by its firing offset.
@@ -56,10 +65,7 @@ impl FlightPlan {
             };
             (attitude, exact)
         };
-        let emitter = match state.deflector.beam_origin(plan) {
-            Some(origin) => plan.beam_origin.offset + plan.beam_origin.rotation.apply(origin),
-            None => plan.beam_origin.offset,
-        };
+        let emitter = origin_of_beam(plan, state);
         let origin_at = |position: DVec3, pointing: Rotation| {
             let offset = mount.offset;
             if self.kinematics.mount_offsets_turn {
@@ -134,7 +140,7 @@ impl FlightPlan {
         };
         let (pointing, soon) = (pose_after(0.0), pose_after(TURN_S));
         let base = pointing.after(mount.rotation);
-        let emitter = base.after(state.head.rotation(plan)).apply(plan.beam_origin.offset);
+        let emitter = base.after(state.head.rotation(plan)).apply(origin_of_beam(plan, state));
         // The vector part of a small rotation is half of its angle.
         let turn = soon.after(pointing.inverse());
         let turn_rate = turn.u * (2.0 * turn.w.signum() / TURN_S);

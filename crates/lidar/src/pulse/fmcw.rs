@@ -13,6 +13,8 @@ use vlscan_survey::Fmcw;
 
 /// Nanoseconds per second.
 const NANO: f64 = 1e9;
+/// Speed of light, m/s.
+const METRES_PER_SECOND: f64 = LIGHT_SPEED * NANO;
 
 /// Chirps of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +36,7 @@ impl Chirps {
         // A line of λ/(2T) at half maximum.
         let line = velocity_resolution(wave, wavelength) / sqrt(8.0 * LN_2);
         Chirps {
-            per_range: 2.0 * wave.bandwidth / (LIGHT_SPEED * wave.chirp),
+            per_range: 2.0 * wave.bandwidth / (METRES_PER_SECOND * wave.chirp),
             per_velocity: 2.0 / wavelength,
             sample_rate: wave.sample_rate,
             has_quadrature: wave.has_quadrature,
@@ -105,7 +107,7 @@ mod tests {
         near((of_range + of_velocity) / 8.264273e7, 1.0, 1e-7);
         near((of_range - of_velocity) / 5.078291e7, 1.0, 1e-7);
         near(velocity_resolution(&WAVE, 1550e-9), 0.0775, 1e-12);
-        near(width(&WAVE) * 0.5e-9 * LIGHT_SPEED, 0.149896, 1e-6);
+        near(width(&WAVE) * 0.5 * LIGHT_SPEED, 0.149896, 1e-6);
         near(chirps.line * sqrt(8.0 * LN_2), 0.0775, 1e-12);
         let found = chirps.measured(100.0, EchoVelocity { radial: 12.345678, spread: 0.25 });
         assert_eq!((found.0, found.1.radial), (100.0, 12.345678));
@@ -138,7 +140,7 @@ mod tests {
         let (range, velocity) = measured(wave, 100.0, limit + 1e-3);
         // One of the frequencies is short by the sampling rate.
         near(velocity, limit + 1e-3 - 1550e-9 * 1e9 / 4.0, 1e-6);
-        near(range, 100.0 - 1e9 / (4.0 * 1e9 / (LIGHT_SPEED * 1e-5)), 1e-6);
+        near(range, 100.0 - 1e9 / (4.0 * 1e9 / (METRES_PER_SECOND * 1e-5)), 1e-6);
         // A real receiver mirrors the frequency.
         let (range, _) = measured(Fmcw { sample_rate: Some(1e8), ..WAVE }, 100.0, 0.0);
         near(range, (1e8 - 6.671281904e7) / 6.671281904e5, 1e-5);

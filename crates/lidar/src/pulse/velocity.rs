@@ -37,18 +37,20 @@ pub(super) fn of_return(
         };
         of_surface.dot(arriving) - origin.dot(leaving)
     };
+    // Relative to the first of them: a single reflection has its velocity exactly and no spread.
+    let reference = radial(sources.of_number(number).next().unwrap_or(nearest));
     let (mut light, mut first) = (0.0, 0.0);
     for i in sources.of_number(number) {
         light += reflections.intensities()[i];
-        first += reflections.intensities()[i] * radial(i);
+        first += reflections.intensities()[i] * (radial(i) - reference);
     }
     if light <= 0.0 || light.is_nan() {
         return EchoVelocity { radial: radial(nearest), spread: 0.0 };
     }
     let mean = first / light;
     let squares = sources.of_number(number).map(|i| {
-        let off = radial(i) - mean;
+        let off = radial(i) - reference - mean;
         reflections.intensities()[i] * off * off
     });
-    EchoVelocity { radial: mean, spread: sqrt(squares.sum::<f64>() / light) }
+    EchoVelocity { radial: reference + mean, spread: sqrt(squares.sum::<f64>() / light) }
 }

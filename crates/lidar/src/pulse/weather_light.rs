@@ -141,6 +141,10 @@ fn scatter(
     out: &mut Vec<Cell>,
 ) {
     out.clear();
+    // Raindrops of the factor 0 dim the light alone.
+    if air.scattered <= 0.0 {
+        return;
+    }
     let detector = &instrument.detector;
     let shape = &detector.shape;
     let least = detector.light_speed * shape.width() / CELLS_PER_WIDTH;
@@ -260,11 +264,11 @@ mod tests {
     /// Integral of the pulse sin²(π·t/2τ) of 0 to 2τ over the light of fog between 0.9 m and a wall at 30 m,
     /// as waveforms have it at the range `range`, s/m².
     fn fog_integral(extinction: f64, range: f64) -> f64 {
-        const WIDTH: f64 = 20e-9;
+        const WIDTH_NS: f64 = 20.0;
         let (instrument, model) = (clear_instrument(), model(1.5e-4, 0.0));
         let air = air(AirState { fog: extinction, ..AirState::default() });
         let ends = vec![30.0; instrument.subrays.len()];
-        let depth = vlscan_geom::LIGHT_SPEED * WIDTH;
+        let depth = vlscan_geom::LIGHT_SPEED * WIDTH_NS;
         let (first, last) = ((range - depth).max(0.9), range.min(30.0));
         let count = 12_000;
         let bound = |i: u32| first + (last - first) * f64::from(i) / f64::from(count);
@@ -275,7 +279,7 @@ mod tests {
         };
         let sum: f64 = (0..count).map(light).sum();
         let at_1_m = ends.len() as f64 * gain_at(&instrument, 1.0);
-        sum / (at_1_m * PI * air.scattered) * 2.0 / vlscan_geom::LIGHT_SPEED
+        sum / (at_1_m * PI * air.scattered) * 2e-9 / vlscan_geom::LIGHT_SPEED
     }
 
     #[test]

@@ -73,7 +73,7 @@ fn weather_that_cannot_be_is_refused() {
         ("over_time = \"dry.csv\"", "a rate of 0 to 1000 mm/h"),
         ("over_time = \"thick.csv\"", "a meteorological optical range of 0.1 to 1e9 m, or 0"),
         ("over_time = \"few.csv\"", "five finite numbers"),
-        ("over_time = \"empty.csv\"", "`empty.csv` has no line of numbers"),
+        ("over_time = \"empty.csv\"", "empty.csv` has no line of numbers"),
         ("over_time = \"none.csv\"", "cannot find the file `none.csv`"),
     ] {
         contains(&refused(read(keys, "")), &[message]);

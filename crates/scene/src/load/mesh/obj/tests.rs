@@ -215,6 +215,7 @@ fn names_with_blanks_are_whole() {
 fn materials_that_are_replaced_need_no_definition() {
     let warnings = |replaced: &[Replaced]| {
         let mut f = Fixture::new();
+        f.options.rules.reflectance_fraction = true;
         let material = MaterialDefinition { reflectance: Some(0.3), ..MaterialDefinition::new("x") };
         let change =
             |replaced: &Replaced| MaterialChange { replaced: replaced.clone(), material: material.clone() };
