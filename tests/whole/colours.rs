@@ -99,7 +99,7 @@ fn every_format_with_colours_is_read_back_with_them() {
         assert!(page.contains("\"colour\":\"rgb\"") && page.contains("\"own\":true"), "{name}");
     }
     for name in ["a.pcd", "a.mcap"] {
-        succeed(dir.path(), &["run", "p.toml", "-q", "-o", name, "--columns", "Red,Green,Blue"]);
+        succeed(dir.path(), &["run", "p.toml", "-q", "--force", "-o", name, "--columns", "Red,Green,Blue"]);
         let bytes = fs::read(dir.path().join(name)).unwrap();
         assert!(bytes.windows(3).any(|window| window == b"rgb"), "{name}");
     }
