@@ -185,12 +185,14 @@ impl Process {
             Process::Plan => plan_inputs(program),
             Process::Campaign => campaign_inputs(),
             Process::Compare => {
-                without(&program.commands["compare"], &["json", "page", "change", "changed", "force"])
+                // The service limits the memory of jobs.
+                let own = ["json", "page", "change", "changed", "force", "max_memory"];
+                without(&program.commands["compare"], &own)
             }
             Process::Stand => without(&program.commands["scene stand"], &["out", "copy", "force"]),
             Process::Preview => {
-                let mut schema =
-                    without(&program.commands["preview"], &["out", "assets", "force", "max_points"]);
+                let own = ["out", "assets", "force", "max_points", "max_memory"];
+                let mut schema = without(&program.commands["preview"], &own);
                 schema["properties"]["format"] = json!({
                     "type": "string", "enum": ["png", "html", "copc.laz"],
                     "description": "Picture, page, or all points as COPC for viewers. [default: png]"

@@ -1,11 +1,11 @@
 //! A value of each point: in memory as far as the limit allows, the others in temporary files.
 //!
-//! Parts of equal length go to unnamed files in the folder for temporary files, which are mapped. The system
+//! Parts of equal length go to an unnamed file in the folder for temporary files, and are mapped. The system
 //! keeps their bytes in free memory, and drops them where memory is short. If there is no room for a file,
 //! the values stay in memory.
 
 use std::io::Write;
-use vlscan_base::store::FileBytes;
+use vlscan_base::store::{FileBytes, ScratchFile};
 
 /// Number of values that are encoded at a time.
 const ENCODED_VALUES: usize = 1 << 13;
@@ -75,10 +75,12 @@ impl HeldValues {
 }
 
 /// A value of each point, in their order.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Column<T> {
     /// The first values, each part with as many as may be in memory.
     parts: Vec<FileBytes>,
+    /// The file of the next part; `None` if it does not exist yet.
+    file: Option<ScratchFile>,
     /// The other values.
     held: Vec<T>,
     max_held: HeldValues,
@@ -86,10 +88,23 @@ pub(crate) struct Column<T> {
     is_kept: bool,
 }
 
+impl<T: Clone> Clone for Column<T> {
+    /// A copy, whose next parts are in a file of its own.
+    fn clone(&self) -> Column<T> {
+        Column {
+            parts: self.parts.clone(),
+            file: None,
+            held: self.held.clone(),
+            max_held: self.max_held,
+            is_kept: self.is_kept,
+        }
+    }
+}
+
 impl<T: Stored> Column<T> {
     /// No values yet.
     pub fn new(max_held: HeldValues) -> Column<T> {
-        Column { parts: Vec::new(), held: Vec::new(), max_held, is_kept: false }
+        Column { parts: Vec::new(), file: None, held: Vec::new(), max_held, is_kept: false }
     }
 
     /// Maximum number of values in memory.
@@ -146,17 +161,21 @@ impl<T: Stored> Column<T> {
     }
 
     /// The values in memory, as many as may be there, in a temporary file; `None` if there is no room.
-    fn written(&self) -> Option<FileBytes> {
+    fn written(&mut self) -> Option<FileBytes> {
+        let held = &self.held;
         let write = |out: &mut dyn Write| {
             let mut bytes = Vec::with_capacity(ENCODED_VALUES * T::BYTES);
-            self.held.chunks(ENCODED_VALUES).try_for_each(|values| {
+            held.chunks(ENCODED_VALUES).try_for_each(|values| {
                 bytes.clear();
                 values.iter().for_each(|value| value.append_to(&mut bytes));
                 out.write_all(&bytes)
             })
         };
-        let part = FileBytes::scratch(write).ok()?;
-        (part.len() == self.held.len() * T::BYTES).then_some(part)
+        if self.file.is_none() {
+            self.file = ScratchFile::create().ok();
+        }
+        let part = self.file.as_mut()?.append(write).ok()?;
+        (part.len() == held.len() * T::BYTES).then_some(part)
     }
 
     /// Keeps the values whose index is chosen.

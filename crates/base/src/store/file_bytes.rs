@@ -8,9 +8,9 @@
 
 use crate::files::{fault, reads};
 use crate::machine;
-use memmap2::Mmap;
+use memmap2::{Mmap, MmapOptions};
 use std::fs::{File, Metadata};
-use std::io::{self, Read, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::{Deref, Range};
 use std::path::Path;
 use std::sync::Arc;
@@ -34,8 +34,19 @@ enum Content {
         file: File,
         version: Version,
     },
-    /// An unnamed temporary file.
-    Scratch(Mmap),
+    /// A part of a [`ScratchFile`], which stays open: the space of a file that is only mapped is not told.
+    Scratch {
+        map: Mmap,
+        _file: Arc<File>,
+    },
+}
+
+/// An unnamed temporary file that grows. No other program has it.
+#[derive(Debug)]
+pub struct ScratchFile {
+    file: Arc<File>,
+    /// Number of bytes that have been appended.
+    length: u64,
 }
 
 /// Facts that distinguish versions of a file.
@@ -102,33 +113,10 @@ impl FileBytes {
         Ok(FileBytes::from(bytes))
     }
 
-    /// Maps an unnamed temporary file of the bytes that `write` writes. No other program has it.
-    ///
-    /// # Errors
-    /// When the file cannot be written or mapped.
-    pub fn scratch(write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<FileBytes> {
-        let mut file = fault::point().and_then(|()| tempfile::tempfile())?;
-        write(&mut file)?;
-        let version = Version::of(&file.metadata()?);
-        if version.length == 0 {
-            return Ok(FileBytes::from(Vec::new()));
-        }
-        map(file, version).map(FileBytes::unnamed)
-    }
-
-    /// The bytes of a file that nothing else changes: it need not stay open.
-    fn unnamed(self) -> FileBytes {
-        match Arc::try_unwrap(self.0) {
-            Ok(Content::Mapped { map, .. }) => FileBytes(Arc::new(Content::Scratch(map))),
-            Ok(content) => FileBytes(Arc::new(content)),
-            Err(shared) => FileBytes(shared),
-        }
-    }
-
     /// Releases the memory of a part of a mapped file; its bytes are read from the file again when they are
     /// used again.
     pub fn release(&self, part: Range<usize>) {
-        if let Content::Mapped { map, .. } | Content::Scratch(map) = &*self.0 {
+        if let Content::Mapped { map, .. } | Content::Scratch { map, .. } = &*self.0 {
             let part = part.start.min(map.len())..part.end.min(map.len());
             release(map, part);
         }
@@ -141,18 +129,52 @@ impl FileBytes {
     /// [`io::ErrorKind::InvalidData`].
     pub fn check_unchanged(&self) -> io::Result<()> {
         match &*self.0 {
-            Content::Read(_) | Content::Scratch(_) => Ok(()),
+            Content::Read(_) | Content::Scratch { .. } => Ok(()),
             Content::Mapped { file, version, .. } => check(file, version, true),
         }
     }
 }
 
-#[allow(unsafe_code, reason = "mapping a file")]
+impl ScratchFile {
+    /// Creates an empty file in the folder for temporary files.
+    ///
+    /// # Errors
+    /// When the file cannot be created.
+    pub fn create() -> io::Result<ScratchFile> {
+        let file = fault::point().and_then(|()| tempfile::tempfile())?;
+        Ok(ScratchFile { file: Arc::new(file), length: 0 })
+    }
+
+    /// Appends the bytes that `write` writes, and maps them. After an error the file is as before.
+    ///
+    /// # Errors
+    /// When the bytes cannot be written or mapped.
+    pub fn append(&mut self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<FileBytes> {
+        let mut out: &File = &self.file;
+        out.seek(SeekFrom::Start(self.length))?;
+        write(&mut out)?;
+        let end = out.stream_position()?;
+        let length = usize::try_from(end.saturating_sub(self.length))
+            .map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+        if length == 0 {
+            return Ok(FileBytes::from(Vec::new()));
+        }
+        let map = mapped(&self.file, MmapOptions::new().offset(self.length).len(length))?;
+        self.length = end;
+        Ok(FileBytes(Arc::new(Content::Scratch { map, _file: self.file.clone() })))
+    }
+}
+
 fn map(file: File, version: Version) -> io::Result<FileBytes> {
+    let map = mapped(&file, &MmapOptions::new())?;
+    Ok(FileBytes(Arc::new(Content::Mapped { map, file, version })))
+}
+
+#[allow(unsafe_code, reason = "mapping a file")]
+fn mapped(file: &File, part: &MmapOptions) -> io::Result<Mmap> {
     // SAFETY: the mapping is only read, as bytes, for which every value is valid. Other programs can change
     // it, see above.
-    let map = unsafe { Mmap::map(&file)? };
-    Ok(FileBytes(Arc::new(Content::Mapped { map, file, version })))
+    unsafe { part.map(file) }
 }
 
 #[allow(unsafe_code, reason = "releasing the memory of a mapped file")]
@@ -194,7 +216,7 @@ impl Deref for FileBytes {
     fn deref(&self) -> &[u8] {
         match &*self.0 {
             Content::Read(bytes) => bytes,
-            Content::Mapped { map, .. } | Content::Scratch(map) => map,
+            Content::Mapped { map, .. } | Content::Scratch { map, .. } => map,
         }
     }
 }
@@ -234,12 +256,22 @@ mod tests {
     #[test]
     fn scratch_files_are_mapped_and_keep_their_bytes() {
         let bytes: Vec<u8> = (0..100_000_u32).map(|i| (i % 251) as u8).collect();
-        let scratch = FileBytes::scratch(|out| out.write_all(&bytes)).unwrap();
-        assert!(matches!(*scratch.0, Content::Scratch(_)));
-        scratch.release(0..scratch.len());
-        assert!(*scratch == bytes);
-        scratch.check_unchanged().unwrap();
-        assert!(FileBytes::scratch(|_| Ok(())).unwrap().is_empty());
-        assert!(FileBytes::scratch(|_| Err(io::ErrorKind::StorageFull.into())).is_err());
+        let mut file = ScratchFile::create().unwrap();
+        let parts = [&bytes[..70_000], &bytes[70_000..]].map(|part| {
+            assert!(file.append(|_| Ok(())).unwrap().is_empty());
+            let failed = file.append(|out| {
+                out.write_all(b"half")?;
+                Err(io::ErrorKind::StorageFull.into())
+            });
+            assert!(failed.is_err());
+            file.append(|out| out.write_all(part)).unwrap()
+        });
+        drop(file);
+        for (part, expected) in parts.iter().zip([&bytes[..70_000], &bytes[70_000..]]) {
+            assert!(matches!(*part.0, Content::Scratch { .. }));
+            part.release(0..part.len());
+            assert!(**part == *expected);
+            part.check_unchanged().unwrap();
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `error` | errors of such files |
 //! | `file` | the file format of named arrays and values, with checksums of everything |
-//! | `file_bytes` | the bytes of a file: read, or mapped if there are very many; the only `unsafe` code here |
+//! | `file_bytes` | the bytes of a file: read, or mapped if there are very many; temporary files; the only `unsafe` code here |
 //! | `sum` | checksums of values of any kind |
 
 mod error;
@@ -14,7 +14,7 @@ mod sum;
 
 pub use error::ArrayFileError;
 pub use file::{ArrayFile, ArrayFileWriter};
-pub use file_bytes::FileBytes;
+pub use file_bytes::{FileBytes, ScratchFile};
 pub use sum::Checksum;
 
 /// Memory that a vector holds, bytes.

@@ -534,8 +534,8 @@ impl Row<'_> {
                 RowError { place: line_place(path, number, line, at.unwrap_or(0..line.len())), message }
             }
             RowContent::Batch(batch, row) => {
-                // The path of a table in memory is `<pulses>` or alike.
-                let is_in_memory = path.to_string_lossy().starts_with('<');
+                // The path of a table in memory is `<pulses>` or alike, that of a stream `<stdin>`.
+                let is_in_memory = path.to_string_lossy().starts_with('<') && path != Path::new("<stdin>");
                 let row = if is_in_memory { batch.index(row) } else { batch.place(row) };
                 RowError { place: Place::of_file(path), message: format!("{row}: {message}") }
             }
