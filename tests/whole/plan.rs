@@ -434,8 +434,11 @@ fn mistakes_are_answered() {
         (vec!["--area", "nowhere.geojson", "--speed", "8"], "nowhere.geojson"),
         (vec!["--area", "POLYGON ((8.6 49.4, 8.7 49.4, 8.7 49.5))", "--speed", "8"], "degrees"),
         (vec!["--area", "POLYGON ((0 0, 9 0, 9 9))", "--speed", "8", "--platform", "glider"], "sr22"),
+        // A given pulse rate leaves nothing to choose.
         (
-            vec!["--area", "POLYGON ((0 0, 9 0, 9 9))", "--speed", "8", "--density", "5", "--overlap", "9"],
+            "--area|POLYGON ((0 0, 9 0, 9 9))|--speed|8|--density|5|--overlap|9|--pulse-rate|100000"
+                .split('|')
+                .collect(),
             "leave one out",
         ),
         (vec!["--area", "POLYGON ((0 0, 9e7 0, 9e7 9e7))", "--speed", "8"], "flight lines"),
