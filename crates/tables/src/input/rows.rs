@@ -535,7 +535,7 @@ impl Row<'_> {
             }
             RowContent::Batch(batch, row) => {
                 // The path of a table in memory is `<pulses>` or alike.
-                let is_in_memory = path.to_string_lossy().starts_with('<');
+                let is_in_memory = path.to_string_lossy().starts_with('<') && path != Path::new("<stdin>");
                 let row = if is_in_memory { batch.index(row) } else { batch.place(row) };
                 RowError { place: Place::of_file(path), message: format!("{row}: {message}") }
             }
