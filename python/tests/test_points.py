@@ -72,8 +72,9 @@ def test_messages_of_ros_have_the_bytes_of_a_run(name, tmp_path):
     points = same(Survey.open(FIXTURES / name), tmp_path, ["mcap", "csv"], options)
     own = pickle.loads(pickle.dumps(points))
     own.write(tmp_path / "half.mcap", frame_s=0.05)
-    # Points with the columns of colours are written with colours.
-    vlscan.run(FIXTURES / name, to=tmp_path / "c.mcap", frame_s=0.05, seed=1, columns=["Red", "Green", "Blue"])
+    # Points with the columns of colours and of radial velocities are written with both.
+    chosen = ["Red", "Green", "Blue", "Doppler"]
+    vlscan.run(FIXTURES / name, to=tmp_path / "c.mcap", frame_s=0.05, seed=1, columns=chosen)
     assert (tmp_path / "half.mcap").read_bytes() == (tmp_path / "c.mcap").read_bytes() != (tmp_path / "own.mcap").read_bytes()
     assert b"/odom" in (tmp_path / "own.mcap").read_bytes()
     assert "AttitudeW" not in points.columns

@@ -291,6 +291,7 @@ impl Store {
     /// [`crate::store::StoreError`].
     pub fn finish(&self, id: &str, holder: &str, outcome: &Outcome) -> Result<bool> {
         let now = now();
+        self.slow_jobs().remove(id);
         let none = Said::default();
         let (status, message, said, files): (_, &str, &Said, &[ResultFile]) = match outcome {
             Outcome::Successful(files, said) => (Status::Successful, &said.text, said, files),
@@ -298,7 +299,6 @@ impl Store {
             Outcome::Same(folder) => return self.finish_as(id, holder, folder),
         };
         let warnings = serde_json::to_string(&said.warnings).unwrap_or_else(|_| "[]".to_owned());
-        self.slow_jobs().remove(id);
         let bytes: u64 = files.iter().map(|file| file.bytes).sum();
         let results = serde_json::to_string(files).map_err(std::io::Error::other)?;
         let changed = {

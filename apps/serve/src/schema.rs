@@ -220,7 +220,7 @@ fn keep_copy(database: &Connection, path: &Path, version: i64) -> Result<()> {
             _ => {}
         }
         database.execute("VACUUM INTO ?", [part.to_string_lossy()])?;
-        std::fs::File::open(&part)?.sync_all()?;
+        std::fs::File::options().write(true).open(&part)?.sync_all()?;
         std::fs::rename(&part, &copy)?;
         eprintln!(
             "vlscan serve: the database of version {version} is migrated to version {VERSION}; a copy is kept in {}",

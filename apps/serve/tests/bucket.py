@@ -60,7 +60,9 @@ def refused(program: str, vlscan: str, folder: pathlib.Path, prefix: str) -> str
 
 def files(folder: pathlib.Path) -> list[str]:
     """The files of uploads and results that are on this machine."""
-    found = [*folder.glob("uploads/*/**/*"), *folder.glob("jobs/*/out/**/*"), *folder.glob("incoming/*")]
+    # The service writes its clock now and then, first to a file of its own there.
+    incomplete = [path for path in folder.glob("incoming/*") if path.is_dir()]
+    found = [*folder.glob("uploads/*/**/*"), *folder.glob("jobs/*/out/**/*"), *incomplete]
     return sorted(str(path.relative_to(folder)) for path in found)
 
 

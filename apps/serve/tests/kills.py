@@ -170,8 +170,9 @@ def main() -> None:
         found = {seed: service.points(job) for seed, job in jobs.items()}
         listed = requests.get(f"{service.url}/jobs?limit=10000").json()["jobs"]
         assert len(listed) == len(jobs), "no job is lost, and none is doubled"
-        assert not list((service.data / "incoming").iterdir())
         service.end(signal.SIGTERM)
+        # A service that runs writes its clock now and then, first to a file there.
+        assert not list((service.data / "incoming").iterdir())
 
         calm = Service(program, vlscan, pathlib.Path(folder) / "calm")
         calm.start()

@@ -222,6 +222,16 @@ impl Service {
         }
     }
 
+    /// Waits until there are no incomplete files. The service writes its clock at its start and now and then,
+    /// first to a file among them.
+    pub fn wait_until_incoming_is_empty(&self, why: &str) {
+        let start = Instant::now();
+        while std::fs::read_dir(self.data.join("incoming")).unwrap().count() > 0 {
+            assert!(start.elapsed() < Duration::from_secs(60), "{why}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
     /// Uploads files under a name.
     pub fn upload(&self, name: &str, files: &[(&str, Vec<u8>)]) -> Answer {
         self.upload_with(name, files, &[])

@@ -459,11 +459,7 @@ fn uploads_are_limited_before_they_are_stored_and_archives_before_they_are_expan
     assert_eq!(service.upload("two", &[("a", vec![2; 900_000])]).status, 201);
     let full = service.upload("three", &[("a", vec![3; 900_000])]);
     assert_eq!(full.status, 413, "{}", full.text());
-    assert_eq!(
-        std::fs::read_dir(service.data.join("incoming")).unwrap().count(),
-        0,
-        "nothing is left of what was refused"
-    );
+    service.wait_until_incoming_is_empty("nothing is left of what was refused");
     let large = vec![b' '; 2 << 20];
     assert_eq!(
         service

@@ -93,7 +93,7 @@ fn interrupted(kills: u32, seeds: u64, seconds: u32) -> BTreeMap<u64, Vec<u8>> {
         jobs.len(),
         "no job is lost"
     );
-    assert_eq!(std::fs::read_dir(service.data.join("incoming")).unwrap().count(), 0);
+    service.wait_until_incoming_is_empty("interruptions leave nothing");
     done
 }
 

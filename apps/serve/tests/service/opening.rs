@@ -3,9 +3,10 @@
 use crate::client::{Service, vlscan};
 use crate::jobs::{flight, with_field};
 use std::collections::BTreeMap;
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Takes a database back to the version before: to 3, to 2, to 1, and to none.
 const BACK: [&str; 4] = [
@@ -79,17 +80,19 @@ fn text(output: &Output) -> String {
 fn refused(data: &Path) -> Option<String> {
     let mut command = program(&["--listen", "127.0.0.1:0"], data);
     let mut process = command.arg("--program").arg(vlscan()).stderr(Stdio::piped()).spawn().unwrap();
-    let start = Instant::now();
-    while start.elapsed() < Duration::from_secs(3) {
-        if let Some(status) = process.try_wait().unwrap() {
-            assert!(!status.success());
-            return Some(text(&process.wait_with_output().unwrap()));
+    let mut lines = BufReader::new(process.stderr.take().unwrap());
+    let mut said = String::new();
+    while lines.read_line(&mut said).unwrap() > 0 {
+        if said.contains("http://") {
+            // It starts. What it removes in the background takes a moment.
+            std::thread::sleep(Duration::from_millis(500));
+            process.kill().unwrap();
+            process.wait().unwrap();
+            return None;
         }
-        std::thread::sleep(Duration::from_millis(20));
     }
-    process.kill().unwrap();
-    process.wait().unwrap();
-    None
+    assert!(!process.wait().unwrap().success());
+    Some(said)
 }
 
 /// Contents of all files of uploads and jobs, wherever they are now.
