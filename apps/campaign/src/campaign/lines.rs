@@ -166,7 +166,7 @@ const DECIDED: [(&[&str], &[&str], &str); 15] = [
     (&["run"], &["threads", "progress"], CAMPAIGN),
     (&["plan", "make", "stand"], &["strict"], CAMPAIGN),
     (&["run"], &["shard", "part", "part-points", "resume"], SHARDS),
-    (&["run"], &["dry-run", "json"], DRY),
+    (&["run"], &["dry-run", "json", "coverage", "coverage-cell"], DRY),
     (&["stand"], &["epochs"], EPOCHS),
     (
         &["run", "plan", "make", "stand"],
