@@ -146,14 +146,15 @@ impl<'n, R: BufRead> Archive<'n, R> {
     /// Begins to read the archive and checks that it is one.
     fn open(name: &'n Path, mut file: R) -> Result<Archive<'n, R>> {
         let first = file.fill_buf().map_err(|e| Error::io("read", name, e))?;
-        let found = foreign(name, first, &Expected::COMPRESSED);
-        if let Some(found) =
-            found.filter(|found| !matches!(found.kind.family, Family::Binary | Family::Empty))
-        {
-            return Err(found.error(name));
-        }
+        let found = foreign(name, first, &Expected::COMPRESSED)
+            .filter(|found| !matches!(found.kind.family, Family::Binary | Family::Empty));
         let mut archive = Archive { name, bytes: ZlibDecoder::new(file), at: 0 };
-        archive.check_head().map(|()| archive)
+        // Compressed bytes can look like numbers: an archive is known by what it expands to.
+        match (archive.check_head(), found) {
+            (Ok(()), _) => Ok(archive),
+            (Err(_), Some(found)) => Err(found.error(name)),
+            (Err(problem), None) => Err(problem),
+        }
     }
 
     /// Passes all records to `out` and returns their number.
@@ -375,6 +376,21 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"mine");
         unzip(Path::new("a"), &bytes[..], Some(&path), true).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new\n");
+    }
+
+    #[test]
+    fn an_archive_whose_bytes_are_plausible_as_poses_is_expanded() {
+        let lines = [
+            "$4&%\"Y&I*z:L#5\n",
+            "e jM0d&II$SU'7I9nz:A0ou01+\n",
+            ",M1YRNuI\n",
+            "$w'2B[c I!l9p=#,bJt#*MJu3~'\n",
+            "{3f\"4|w**]\n",
+        ];
+        let bytes = compressed(&[lines.concat().as_bytes()]);
+        assert!(vlscan_base::recognise::is_sbet(&bytes), "choose other lines");
+        let (count, text) = expanded(&bytes).unwrap();
+        assert_eq!((count, text), (5, lines.concat().into_bytes()));
     }
 
     proptest! {
