@@ -5,8 +5,9 @@ use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::Bounds;
+use vlscan_base::recognise::{Expected, foreign};
 use vlscan_geom::{DVec3, Rotation};
-use vlscan_tables::input::read_text;
+use vlscan_tables::input::read_file;
 use vlscan_tables::{Line, TextTable};
 
 /// Maximum size of a table, bytes.
@@ -70,7 +71,13 @@ impl Objects {
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] with the line and the field of the first problem.
     pub fn read(path: &Path) -> Result<Objects> {
-        Objects::parse(path, &read_text(path, MAX_BYTES)?)
+        let bytes = read_file(path, MAX_BYTES).map_err(|e| Error::open(path, e))?;
+        if let Some(found) = foreign(path, &bytes, &Expected::NUMBERS.named("a table of objects")) {
+            return Err(found.error(path));
+        }
+        let text = String::from_utf8(bytes)
+            .map_err(|_| Error::input(format!("{}: expected text in UTF-8", path.display())))?;
+        Objects::parse(path, &text)
     }
 
     /// The objects of a table; `path` names it in messages.
