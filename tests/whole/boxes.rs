@@ -213,7 +213,7 @@ fn nuscenes(tables: &Path, boxes: &[BTreeMap<String, String>]) {
             if i + 1 == own.len() {
                 assert_eq!(
                     (&annotation["token"], &annotation["next"]),
-                    (&instance["last_annotation_token"], &"".into())
+                    (&instance["last_annotation_token"], &Value::from(""))
                 );
             }
             token = annotation["next"].as_str().unwrap();

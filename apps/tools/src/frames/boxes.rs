@@ -1,7 +1,7 @@
 //! Boxes of the moving objects that a frame shows, with their points.
 
 use super::objects::{ObjectPose, ObjectTrack, Objects};
-use super::placed::{PlacedFrame, time_after};
+use super::placed::{PlacedFrame, PlacedPoint, time_after};
 use std::collections::BTreeMap;
 use std::path::Path;
 use vlscan_base::columns::quoted;
@@ -38,19 +38,22 @@ impl FrameBox<'_> {
         self.points as f64 / (self.points + self.in_front).max(1) as f64
     }
 
-    /// Notes a point of the frame, which has the object `instance`, seen from `origin`.
-    fn note(&mut self, instance: i64, origin: DVec3, point: DVec3) {
-        let back = self.rotation.inverse();
-        let (from, at) = (back.apply(origin - self.centre), back.apply(point - self.centre));
-        let half = self.track.size * 0.5;
-        if instance == self.number {
-            let beyond = (at.abs() - half).max_element();
-            self.inside += u64::from(beyond <= TOLERANCE);
-            return;
+    /// Counts the points of the frame that are in the box and in front of it.
+    fn count(&mut self, points: &[PlacedPoint]) {
+        let (back, half) = (self.rotation.inverse(), self.track.size * 0.5);
+        let bounds = Aabb { min: -half, max: half };
+        for point in points {
+            let at = back.apply(point.position - self.centre);
+            if point.instance == self.number {
+                let beyond = (at.abs() - half).max_element();
+                self.inside += u64::from(beyond <= TOLERANCE);
+                continue;
+            }
+            // The beam would enter the box behind the point.
+            let from = back.apply(point.origin - self.centre);
+            let entry = bounds.slabs(from, at - from);
+            self.in_front += u64::from(entry.is_some_and(|(near, _)| near >= 1.0));
         }
-        // The beam would enter the box behind the point.
-        let entry = Aabb { min: -half, max: half }.slabs(from, at - from);
-        self.in_front += u64::from(entry.is_some_and(|(near, _)| near >= 1.0));
     }
 }
 
@@ -65,9 +68,7 @@ pub(super) fn boxes<'a>(
     if is_deskewed {
         deskew(frame, &found);
     }
-    for point in &frame.points {
-        found.values_mut().for_each(|one| one.note(point.instance, point.origin, point.position));
-    }
+    found.values_mut().for_each(|one| one.count(&frame.points));
     found.into_values().collect()
 }
 
@@ -151,7 +152,6 @@ impl BoxTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::placed::PlacedPoint;
     use vlscan_formats::FramePose;
 
     /// A car of 4 m × 2 m × 1 m that goes along x at 10 m/s, from (20, 0, 0) at 100 s on, in steps of 10 ms.
