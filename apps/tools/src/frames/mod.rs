@@ -178,9 +178,9 @@ pub fn write_frames(
     options: &FrameOptions,
     observer: &Observer,
 ) -> Result<FrameCounts> {
-    let wanted = &options.objects;
-    let objects = wanted.objects.as_deref().map(Objects::read).transpose()?;
-    let names = Names::new(&wanted.categories)?;
+    let requested = &options.objects;
+    let objects = requested.objects.as_deref().map(Objects::read).transpose()?;
+    let names = Names::new(&requested.categories)?;
     let mut group = FileGroup::default();
     let mut writer: Box<dyn FrameWriter> = match options.layout {
         FrameLayout::Kitti => Box::new(kitti::Kitti::begin(folder, options.sequence, names, &mut group)?),
@@ -198,7 +198,7 @@ pub fn write_frames(
         counts.frames += 1;
         counts.points += placed.points.len() as u64;
         intensities.add(&placed.points, most);
-        let found = objects.as_ref().map(|objects| boxes(&mut placed, objects, wanted.deskew_objects));
+        let found = objects.as_ref().map(|objects| boxes(&mut placed, objects, requested.deskew_objects));
         if let (Some(table), Some(found)) = (&mut table, &found) {
             table.frame(found)?;
             counts.boxes += found.len() as u64;
@@ -209,7 +209,7 @@ pub fn write_frames(
         return Err(Error::input(format!("{}: it contains no point messages", name.display())));
     }
     let mut found = intensities.doubts(name, options);
-    if let Some(path) = wanted.objects.as_deref().filter(|_| counts.boxes == 0) {
+    if let Some(path) = requested.objects.as_deref().filter(|_| counts.boxes == 0) {
         let message = format!("no point of {} is of an object of this table", name.display());
         found
             .warn(Some(Place::of_file(path)), message)

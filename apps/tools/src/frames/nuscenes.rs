@@ -152,6 +152,15 @@ fn annotation(frame: u64, number: u64, instance: u64, one: &FrameBox) -> Value {
     })
 }
 
+/// The rows of visibility.
+fn levels() -> Vec<Value> {
+    let row = |(token, from, to): (&str, f64, f64)| {
+        let description = format!("{from} to {to} % of the beams to the box reach the object");
+        json!({ "token": token, "level": format!("v{from}-{to}"), "description": description })
+    };
+    VISIBILITIES.into_iter().map(row).collect()
+}
+
 /// The token of the row of visibility for a share.
 fn visibility(share: f64) -> &'static str {
     let least = |(token, from, _): &(&'static str, f64, f64)| (100.0 * share >= *from).then_some(*token);
@@ -348,15 +357,7 @@ impl FrameWriter for Nuscenes {
             })],
         )?;
         self.table("attribute", &[])?;
-        let levels = VISIBILITIES.iter().filter(|_| self.annotations.are_requested);
-        let levels: Vec<Value> = levels
-            .map(|(token, from, to)| {
-                json!({
-                    "token": token, "level": format!("v{from}-{to}"),
-                    "description": format!("{from} to {to} % of the beams to the box reach the object"),
-                })
-            })
-            .collect();
+        let levels = if self.annotations.are_requested { levels() } else { Vec::new() };
         self.table("visibility", &levels)?;
         write(&self.folders.maps.join("none.png"), &one_pixel()?)?;
         let Nuscenes { folders, annotations, poses, samples, data, .. } = *self;
