@@ -19,7 +19,7 @@ use vlscan::base::files::{FileGroup, reads, refuse_existing};
 use vlscan::base::machine;
 use vlscan::formats::{Attribute, AttributeSet, MISSES_KEY, PointRecord, PointRow, PointSink};
 use vlscan::tools::cloud::{CloudSource, cloud_facts};
-use vlscan::tools::frames::{ForwardAxis, FrameLayout, FrameOptions};
+use vlscan::tools::frames::{Category, ForwardAxis, FrameLayout, FrameOptions, ObjectOptions};
 use vlscan::tools::raster::{CloudRasters, RasterKind, RasterOptions};
 use vlscan::{Column, Error, Notice, Observer};
 
@@ -246,6 +246,14 @@ pub fn write_frames(
         },
         sequence: get(fields, "sequence")?,
         intensity_factor: get(fields, "intensity_factor")?,
+        objects: ObjectOptions {
+            objects: get(fields, "objects")?,
+            deskew_objects: get(fields, "deskew_objects")?,
+            categories: get::<Vec<(u8, String)>>(fields, "categories")?
+                .into_iter()
+                .map(|(class, name)| Category { class, name })
+                .collect(),
+        },
     };
     let notices = Notices::default();
     let observer = Observer::new(false, notices.observer());

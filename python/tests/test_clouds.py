@@ -77,7 +77,13 @@ def test_frames_are_those_of_the_command(command, tmp_path):
     assert (tmp_path / "memory/sequences/00/poses.txt").read_bytes() == (tmp_path / "file/sequences/00/poses.txt").read_bytes()
     with pytest.raises(vlscan.InputError, match="exists"):
         vlscan.write_frames(tmp_path / "a.mcap", tmp_path / "own_kitti", "kitti")
-    for words, message in [({"layout": "waymo"}, "layout"), ({"forward": "z"}, "forward"), ({"sequence": 100}, "0 to 99")]:
+    for words, message in [
+        ({"layout": "waymo"}, "layout"),
+        ({"forward": "z"}, "forward"),
+        ({"sequence": 100}, "0 to 99"),
+        ({"deskew_objects": True}, "needs objects"),
+        ({"categories": {300: "Car"}}, "0 to 255"),
+    ]:
         with pytest.raises(ValueError, match=message):
             vlscan.write_frames(tmp_path / "a.mcap", tmp_path / "b", **{"layout": "kitti", **words})
 

@@ -243,6 +243,9 @@ def write_frames(
     sequence: int = 0,
     intensity_factor: float = 1.0,
     frame_s: float | None = None,
+    objects: PathLike | None = None,
+    deskew_objects: bool = False,
+    categories: Mapping[int, str] | None = None,
 ) -> FrameCounts:
     """Write the frames of a scanner in the layout of KITTI odometry with SemanticKITTI's labels, or of nuScenes with lidarseg.
 
@@ -262,6 +265,12 @@ def write_frames(
         Factor from the intensities of the instrument to those of the files, which are 0 to 1 in KITTI and 0 to 255 in nuScenes.
     frame_s : float, optional
         Duration of a frame of points in memory, s; by default that of a revolution.
+    objects : str or path-like, optional
+        A table of ``vlscan run --objects`` for the same points: boxes of the moving objects are written, too.
+    deskew_objects : bool
+        Move the points of moving objects to where they are at the time of the box.
+    categories : mapping of int to str, optional
+        Names of classes in the labels of KITTI and the categories of nuScenes, such as ``{64: "Car"}``.
 
     Returns
     -------
@@ -273,7 +282,7 @@ def write_frames(
     InputError
         The file is no MCAP with points and poses, or the folder of the layout exists.
     ValueError
-        Another layout, axis, sequence or factor.
+        Another layout, axis, sequence, factor or class, or ``deskew_objects`` without ``objects``.
 
     Examples
     --------
@@ -290,7 +299,21 @@ def write_frames(
         raise ValueError(f"sequence is {sequence}, expected 0 to 99")
     if not (math.isfinite(intensity_factor) and intensity_factor > 0):
         raise ValueError(f"intensity_factor is {intensity_factor}, expected a number above 0")
-    fields = {"layout": layout, "forward": forward, "sequence": sequence, "intensity_factor": intensity_factor}
+    if deskew_objects and objects is None:
+        raise ValueError("deskew_objects needs objects")
+    names = dict(categories or {})
+    for number, name in names.items():
+        if not 0 <= number <= 255 or not name.strip() or not name.isprintable():
+            raise ValueError(f"categories have {number}: {name!r}, expected a class from 0 to 255 and its name")
+    fields: dict[str, Any] = {
+        "layout": layout,
+        "forward": forward,
+        "sequence": sequence,
+        "intensity_factor": intensity_factor,
+        "objects": None if objects is None else os.fspath(objects),
+        "deskew_objects": deskew_objects,
+        "categories": list(names.items()),
+    }
     if not isinstance(points, Points):
         if frame_s is not None:
             raise ValueError("frame_s is for points in memory; a file has its frames")

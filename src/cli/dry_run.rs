@@ -21,7 +21,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let ResolvedRun { settings, mut output, schedule_log, part_table, .. } =
         resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
-    output.companions.extend(schedule_log.into_iter().chain(part_table));
+    output.companions.extend(schedule_log.into_iter().chain(part_table).chain(args.objects.clone()));
     let mut session = open(settings, console)?;
     let progress = Progress::default();
     let context = RunContext::new(&progress, &interrupt::STOP);

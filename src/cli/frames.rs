@@ -24,7 +24,12 @@ pub fn run(args: &FramesArgs, console: &Console) -> Result<()> {
     let write = || write_frames(&mut source, name, &args.out, &args.options, &observer);
     let counts = during(console, "writing frames", write)?;
     let (frames, points) = (counted(counts.frames, "frame"), amount_of(counts.points as f64, "point"));
-    let text = format!("{}: {frames}, {points}", args.out.display());
+    let boxes = match (&args.options.objects.objects, counts.boxes) {
+        (None, _) => String::new(),
+        (_, 1) => ", 1 box".to_owned(),
+        (_, count) => format!(", {count} boxes"),
+    };
+    let text = format!("{}: {frames}, {points}{boxes}", args.out.display());
     console.wrote(messages::written(&args.out, "frames"), text);
     Ok(())
 }

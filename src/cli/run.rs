@@ -3,7 +3,8 @@
 use super::args::RunArgs;
 use super::companions::{Companions, open, resolve};
 use super::shards::open_without_tree;
-use super::{Console, Verbosity, messages};
+use super::watch::during;
+use super::{Console, Verbosity, interrupt, messages};
 use std::io::Write;
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
@@ -27,6 +28,8 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         resolve(&args.file, &args.options, console)?;
     output.inputs.push(args.file.clone());
     let mut companions = Companions::of(schedule_log, part_table, &mut output);
+    output.companions.extend(args.objects.clone());
+    let force = output.force;
     let resumption =
         args.shards.resume.map(|pulses| ResumeOptions::next_to(&output, pulses.0)).transpose()?;
     let mut session = match resumption {
@@ -34,6 +37,9 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         None => open(settings, console)?,
     };
     companions.describe(session.scene())?;
+    if args.objects.is_some() {
+        session.check_objects()?;
+    }
     let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));
     let legs = session.survey().legs.len();
     let report = companions.run(console, progress_lines, legs, |control| match &resumption {
@@ -45,6 +51,12 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     }
     if resumption.is_some() {
         warn_of_few_points(console, &report)?;
+    }
+    if let Some(path) = args.objects.as_deref().filter(|_| !report.interrupted) {
+        let write = || session.write_objects(path, force, &interrupt::STOP);
+        let rows = during(console, "writing the poses of objects", write)?;
+        let text = format!("{}  {}", path.display(), counted(rows, "pose"));
+        console.wrote(messages::written(path, "objects"), text);
     }
     note_unverified_figures(console, &session.survey().scanner);
     show_report(console, &report, started)

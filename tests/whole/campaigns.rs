@@ -401,7 +401,7 @@ fn a_file_for_all_cells_is_refused() {
     let dir = folder();
     let name = boxes(dir.path(), "set", 1);
     let good = fs::read_to_string(dir.path().join(&name)).unwrap();
-    for option in ["--parts parts.csv", "--schedule-log log.json"] {
+    for option in ["--parts parts.csv", "--schedule-log log.json", "--objects objects.csv"] {
         fs::write(dir.path().join(&name), good.replace("--tile 10", option)).unwrap();
         let out = run(dir.path(), &["campaign", &name, "--cell", "boxes-tiles-1"]);
         assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));

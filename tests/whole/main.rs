@@ -6,6 +6,7 @@ use std::alloc::System;
 mod common;
 
 mod bench;
+mod boxes;
 mod campaign;
 mod campaigns;
 mod catalogue;

@@ -98,6 +98,25 @@ impl Rotation {
         Rotation { w, u: a.cross(b) * (1.0 / (2.0 * w * lengths)) }
     }
 
+    /// The rotation that takes the axes x, y and z to `columns`: orthogonal unit vectors, right-handed.
+    pub fn of_columns([x, y, z]: [DVec3; 3]) -> Rotation {
+        // Four times the squares of w and u. The largest one is the divisor, so that no digits are lost.
+        let squares =
+            [1.0 + x.x + y.y + z.z, 1.0 + x.x - y.y - z.z, 1.0 - x.x + y.y - z.z, 1.0 - x.x - y.y + z.z];
+        let largest = (1..4).fold(0, |best, i| if squares[i] > squares[best] { i } else { best });
+        let root = squares[largest].max(0.0).sqrt();
+        let (whole, part) = (0.5 * root, 0.5 / root);
+        let differences = DVec3::new(y.z - z.y, z.x - x.z, x.y - y.x) * part;
+        let [xy, xz, yz] = [(x.y + y.x) * part, (x.z + z.x) * part, (y.z + z.y) * part];
+        let (w, u) = match largest {
+            0 => (whole, differences),
+            1 => (differences.x, DVec3::new(whole, xy, xz)),
+            2 => (differences.y, DVec3::new(xy, whole, yz)),
+            _ => (differences.z, DVec3::new(xz, yz, whole)),
+        };
+        if w < 0.0 { Rotation { w: -w, u: -u } } else { Rotation { w, u } }
+    }
+
     /// Axis and angle, the angle within [0, π]; the axis of the identity is +X.
     pub fn axis_angle(&self) -> (DVec3, f64) {
         let length = self.u.length();
@@ -182,6 +201,24 @@ mod tests {
             p.after(m).after(b).after(Rotation::about_x(radians(20.0))).forward(),
             [-0.418412, 0.336824, -0.843493],
         );
+    }
+
+    #[test]
+    fn columns_are_the_images_of_the_axes() {
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        let slanted = DVec3::new(-0.3, 0.7, 0.2);
+        for axis in axes.into_iter().chain([slanted]) {
+            for angle in [0.0, 1e-9, 0.4, 1.6, 3.0, std::f64::consts::PI] {
+                let turn = Rotation::about(axis, angle);
+                let found = Rotation::of_columns(axes.map(|e| turn.apply(e)));
+                assert!((found.w * found.w + found.u.length_squared() - 1.0).abs() < 1e-12);
+                assert!(found.w >= 0.0);
+                for e in axes.into_iter().chain([slanted]) {
+                    let off = (found.apply(e) - turn.apply(e)).length();
+                    assert!(off < 1e-12, "{axis} {angle}: {off}");
+                }
+            }
+        }
     }
 
     #[test]

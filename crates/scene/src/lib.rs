@@ -103,7 +103,8 @@ pub use load::{
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};
 pub use motion::{
-    DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, Twist, check_time_step,
+    BodyBox, BodyPose, DynamicObject, DynamicScene, MotionPlan, MotionState, ObjectUpdate, Twist,
+    check_time_step,
 };
 pub use mtl::read_materials;
 pub use optics::{GLASS_INDEX, Optics, OpticsKind, SHEET_THICKNESS, Water};

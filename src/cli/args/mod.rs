@@ -52,6 +52,11 @@ fn files() -> impl TypedValueParser<Value = PathBuf> {
     except_stdout("stdout cannot hold several files; name a file or folder")
 }
 
+/// Returns a parser of the names of files that are written besides points.
+fn besides_points() -> impl TypedValueParser<Value = PathBuf> {
+    except_stdout("stdout is for points; name a file")
+}
+
 /// Returns a parser of the names of files that are written besides a report on stdout.
 fn besides_report() -> impl TypedValueParser<Value = PathBuf> {
     except_stdout("stdout holds the report; name a file")

@@ -52,6 +52,16 @@ pub struct RunArgs {
     /// All options.
     #[command(flatten)]
     pub options: Options,
+    /// Write the boxes, poses and velocities of the moving parts of the scene as CSV: a row for each part
+    /// before the first pulse and after each of its moves. vlscan frames --objects reads it.
+    #[arg(
+        long,
+        value_name = "PATH",
+        help_heading = "Output",
+        conflicts_with = "shard",
+        value_parser = super::besides_points()
+    )]
+    pub objects: Option<PathBuf>,
     /// Shards.
     #[command(flatten)]
     pub shards: ShardArgs,

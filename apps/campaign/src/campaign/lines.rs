@@ -159,7 +159,7 @@ const DECIDED: [(&[&str], &[&str], &str); 15] = [
     (&["run"], &["format", "las-output"], FORMAT),
     (&["run", "plan", "make", "stand"], &["force"], FORCE),
     (&["run"], &["parts"], PART_TABLE),
-    (&["run"], &["schedule-log"], SHARED),
+    (&["run"], &["schedule-log", "objects"], SHARED),
     (&["plan"], &["lines"], SHARED),
     (&["run", "plan"], &["scene"], SCENE),
     (&["run", "make", "stand"], &["seed"], SEED),

@@ -7,16 +7,28 @@
 //! | file | what it does |
 //! |---|---|
 //! | `placed` | frames at the pose of their first point |
+//! | `objects` | moving objects over time, read from a table |
+//! | `boxes` | boxes of the moving objects in a frame |
+//! | `categories` | names of classes |
 //! | `kitti` | the layout of KITTI odometry and SemanticKITTI |
 //! | `nuscenes` | the layout of nuScenes with lidarseg |
 
+mod boxes;
+mod categories;
 mod kitti;
 mod nuscenes;
+mod objects;
 mod placed;
 
+pub use categories::{Category, CategoryError};
+pub use placed::ForwardAxis;
+
+use boxes::{BoxTable, FrameBox, boxes};
+use categories::Names;
+use objects::Objects;
 use placed::{PlacedFrame, PlacedPoint, place};
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use vlscan_base::Observer;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
@@ -44,15 +56,6 @@ impl FrameLayout {
     }
 }
 
-/// An axis of the scanner that points forward.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum ForwardAxis {
-    /// x, with y to the left: the vehicles of the catalogue.
-    X,
-    /// y, with x to the right.
-    Y,
-}
-
 /// How frames are written.
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct FrameOptions {
@@ -69,6 +72,25 @@ pub struct FrameOptions {
     /// to 255 in nuScenes.
     #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = crate::args::positive)]
     pub intensity_factor: f64,
+    /// Boxes and classes of objects.
+    #[command(flatten)]
+    pub objects: ObjectOptions,
+}
+
+/// Boxes and classes of objects.
+#[derive(Clone, Debug, Default, PartialEq, clap::Args)]
+pub struct ObjectOptions {
+    /// Write the boxes of the moving objects in this table, which vlscan run --objects has written for the
+    /// same points: label_2 and calib in KITTI, sample_annotation and instance in nuScenes, and boxes.csv.
+    #[arg(long, value_name = "FILE")]
+    pub objects: Option<PathBuf>,
+    /// Move the points of moving objects to where they are at the time of the box, so that they lie in it.
+    #[arg(long, requires = "objects")]
+    pub deskew_objects: bool,
+    /// Name of a class in label_2 and in the categories of nuScenes, such as 64=Car or 64=vehicle.car; may be
+    /// given more than once. [default: the name of the LAS specification, or class 64]
+    #[arg(long = "category", value_name = "CLASS=NAME")]
+    pub categories: Vec<Category>,
 }
 
 /// Numbers of frames and points that were written.
@@ -78,12 +100,17 @@ pub struct FrameCounts {
     pub frames: u64,
     /// Number of points.
     pub points: u64,
+    /// Number of boxes of moving objects.
+    pub boxes: u64,
 }
 
 /// A layout that is being written.
 trait FrameWriter {
-    /// Writes a frame.
-    fn frame(&mut self, frame: &PlacedFrame) -> Result<()>;
+    /// Writes a frame, with the boxes of its moving objects if they are requested.
+    fn frame(&mut self, frame: &PlacedFrame, boxes: Option<&[FrameBox]>) -> Result<()>;
+
+    /// The folder of the table of boxes.
+    fn table_folder(&self) -> &Path;
 
     /// Writes what follows the last frame.
     fn finish(self: Box<Self>) -> Result<()>;
@@ -137,12 +164,13 @@ fn rounded_down(value: f64) -> String {
 }
 
 /// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in
-/// memory at a time. The data set appears when it is complete. Intensities that the layout does not have are
-/// reported to `observer`.
+/// memory at a time. The data set appears when it is complete. Intensities that the layout does not have, and
+/// a table of objects of which there are no points, are reported to `observer`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for numbers that the
-/// files cannot hold, for folders of the layout that exist, and for warnings of a strict observer.
+/// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for a malformed table
+/// of objects, for numbers that the files cannot hold, for folders of the layout that exist, and for warnings
+/// of a strict observer.
 pub fn write_frames(
     source: &mut dyn Read,
     name: &Path,
@@ -150,28 +178,45 @@ pub fn write_frames(
     options: &FrameOptions,
     observer: &Observer,
 ) -> Result<FrameCounts> {
+    let requested = &options.objects;
+    let objects = requested.objects.as_deref().map(Objects::read).transpose()?;
+    let names = Names::new(&requested.categories)?;
     let mut group = FileGroup::default();
     let mut writer: Box<dyn FrameWriter> = match options.layout {
-        FrameLayout::Kitti => Box::new(kitti::Kitti::begin(folder, options.sequence, &mut group)?),
-        FrameLayout::Nuscenes => Box::new(nuscenes::Nuscenes::begin(folder, &mut group)?),
+        FrameLayout::Kitti => Box::new(kitti::Kitti::begin(folder, options.sequence, names, &mut group)?),
+        FrameLayout::Nuscenes => Box::new(nuscenes::Nuscenes::begin(folder, names, &mut group)?),
     };
+    let mut table = objects.as_ref().map(|_| BoxTable::begin(writer.table_folder())).transpose()?;
     let mut counts = FrameCounts::default();
     let mut intensities = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
     let (_, most) = options.layout.intensities();
     read_frames(source, name, &mut |frame| {
-        let placed = place(&frame, options.forward, options.intensity_factor).ok_or_else(|| {
+        let mut placed = place(&frame, options.forward, options.intensity_factor).ok_or_else(|| {
             let message = format!("{}: it contains points whose frame has no poses (/tf)", name.display());
             Error::input_with_help(message, "write it with vlscan run -o points.mcap, whose poses are on /tf")
         })?;
         counts.frames += 1;
         counts.points += placed.points.len() as u64;
         intensities.add(&placed.points, most);
-        writer.frame(&placed)
+        let found = objects.as_ref().map(|objects| boxes(&mut placed, objects, requested.deskew_objects));
+        if let (Some(table), Some(found)) = (&mut table, &found) {
+            table.frame(found)?;
+            counts.boxes += found.len() as u64;
+        }
+        writer.frame(&placed, found.as_deref())
     })?;
     if counts.frames == 0 {
         return Err(Error::input(format!("{}: it contains no point messages", name.display())));
     }
-    observer.warnings(intensities.doubts(name, options))?;
+    let mut found = intensities.doubts(name, options);
+    if let Some(path) = requested.objects.as_deref().filter(|_| counts.boxes == 0) {
+        let message = format!("no point of {} is of an object of this table", name.display());
+        found
+            .warn(Some(Place::of_file(path)), message)
+            .help("write the table with the points: vlscan run -o points.mcap --objects objects.csv");
+    }
+    observer.warnings(found)?;
+    table.map_or(Ok(()), BoxTable::finish)?;
     writer.finish()?;
     group.commit()?;
     Ok(counts)
@@ -205,10 +250,19 @@ mod tests {
 
     #[test]
     fn intensities_beyond_those_of_the_layout_are_told_with_the_factor_to_type() {
-        let point =
-            |intensity| PlacedPoint { position: DVec3::ZERO, intensity, ring: 0, class: 0, instance: 0 };
+        let (position, origin) = (DVec3::ZERO, DVec3::ZERO);
+        let point = |intensity| PlacedPoint {
+            position,
+            origin,
+            intensity,
+            time_s: 0.0,
+            ring: 0,
+            class: 0,
+            instance: 0,
+        };
         let said = |layout, values: &[f32], intensity_factor| {
-            let options = FrameOptions { layout, forward: ForwardAxis::X, sequence: 0, intensity_factor };
+            let (forward, objects) = (ForwardAxis::X, ObjectOptions::default());
+            let options = FrameOptions { layout, forward, sequence: 0, intensity_factor, objects };
             let mut all = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
             let points: Vec<PlacedPoint> = values.iter().map(|value| point(*value)).collect();
             all.add(&points, layout.intensities().1);

@@ -7,17 +7,19 @@
 //! lidarseg/v1.0-vlscan/TOKEN_lidarseg.bin                     uint8: class
 //! maps/none.png                                               a mask of one pixel: there is no map
 //! v1.0-vlscan/*.json                                          the tables
+//! v1.0-vlscan/boxes.csv                                       the table of boxes, if they are requested
 //! ```
 //!
-//! The tables of annotations (attribute, instance, sample_annotation, visibility) are empty. There is no
-//! table lidarseg: with it the devkit refuses classes that are not those of nuScenes. The token in the name
-//! of labels is that of `sample_data`.
+//! Boxes of objects are in the tables of annotations (instance, sample_annotation, visibility), which are
+//! empty without them, as is the table of attributes. There is no table lidarseg: with it the devkit refuses
+//! classes that are not those of nuScenes. The token in the name of labels is that of `sample_data`.
 
+use super::boxes::FrameBox;
+use super::categories::Names;
 use super::placed::PlacedFrame;
 use super::{FrameWriter, create, refuse_existing, write};
-use crate::cloud::class_name;
 use serde_json::{Value, json};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, FileWriter, Patched};
@@ -60,8 +62,122 @@ impl Table {
     }
 }
 
+/// Shares of an object that is seen, in percent, by the token of their row.
+const VISIBILITIES: [(&str, f64, f64); 4] =
+    [("1", 0.0, 40.0), ("2", 40.0, 60.0), ("3", 60.0, 80.0), ("4", 80.0, 100.0)];
+
+/// An object with its annotations so far.
+struct Instance {
+    /// Its number among the instances.
+    number: u64,
+    class: u8,
+    count: u64,
+    /// Numbers of its first and its last annotation.
+    first: u64,
+    last: u64,
+    /// The row of the last annotation, which is written when it is known whether one follows.
+    waiting: Value,
+}
+
+/// Annotations of all frames.
+struct Annotations {
+    table: Table,
+    count: u64,
+    /// By the number of the object.
+    instances: BTreeMap<i64, Instance>,
+    are_requested: bool,
+}
+
+impl Annotations {
+    /// Adds the boxes of a frame.
+    fn frame(&mut self, frame: u64, boxes: &[FrameBox]) -> Result<()> {
+        for one in boxes {
+            let number = self.count;
+            self.count += 1;
+            let class = class_of(frame, one.track.class)?;
+            let new = self.instances.len() as u64;
+            let instance = self.instances.entry(one.number).or_insert_with(|| Instance {
+                number: new,
+                class,
+                count: 0,
+                first: number,
+                last: number,
+                waiting: Value::Null,
+            });
+            let mut row = annotation(frame, number, instance.number, one);
+            if instance.count > 0 {
+                instance.waiting["next"] = token("sample_annotation", number).into();
+                row["prev"] = token("sample_annotation", instance.last).into();
+                self.table.row(&instance.waiting)?;
+            }
+            (instance.waiting, instance.last) = (row, number);
+            instance.count += 1;
+        }
+        Ok(())
+    }
+
+    /// Writes the last annotations and returns the rows of the instances.
+    fn finish(mut self) -> Result<Vec<Value>> {
+        let mut rows = Vec::new();
+        for instance in self.instances.values() {
+            self.table.row(&instance.waiting)?;
+            rows.push(json!({
+                "token": token("instance", instance.number),
+                "category_token": token("category", u64::from(instance.class)),
+                "nbr_annotations": instance.count,
+                "first_annotation_token": token("sample_annotation", instance.first),
+                "last_annotation_token": token("sample_annotation", instance.last),
+            }));
+        }
+        self.table.finish()?;
+        Ok(rows)
+    }
+}
+
+/// The row of an annotation without neighbours.
+fn annotation(frame: u64, number: u64, instance: u64, one: &FrameBox) -> Value {
+    let (p, q, size) = (one.pose.centre, one.pose.rotation, one.track.size);
+    json!({
+        "token": token("sample_annotation", number),
+        "sample_token": token("sample", frame),
+        "instance_token": token("instance", instance),
+        "visibility_token": visibility(one.visibility()),
+        "attribute_tokens": [],
+        "translation": [p.x, p.y, p.z],
+        // Width, length and height.
+        "size": [size.y, size.x, size.z],
+        "rotation": [q.w, q.u.x, q.u.y, q.u.z],
+        "prev": "", "next": "",
+        "num_lidar_pts": one.points, "num_radar_pts": 0,
+    })
+}
+
+/// The rows of visibility.
+fn levels() -> Vec<Value> {
+    let row = |(token, from, to): (&str, f64, f64)| {
+        let description = format!("{from} to {to} % of the beams to the box reach the object");
+        json!({ "token": token, "level": format!("v{from}-{to}"), "description": description })
+    };
+    VISIBILITIES.into_iter().map(row).collect()
+}
+
+/// The token of the row of visibility for a share.
+fn visibility(share: f64) -> &'static str {
+    let least = |(token, from, _): &(&'static str, f64, f64)| (100.0 * share >= *from).then_some(*token);
+    VISIBILITIES.iter().rev().find_map(least).unwrap_or("1")
+}
+
+/// A class as lidarseg has it.
+fn class_of(frame: u64, class: i64) -> Result<u8> {
+    u8::try_from(class).map_err(|_| {
+        Error::input(format!("frame {frame}: class {class} does not fit the 8 bits of lidarseg"))
+    })
+}
+
 pub(super) struct Nuscenes {
     folders: Folders,
+    names: Names,
+    annotations: Annotations,
     frames: u64,
     classes: BTreeSet<u8>,
     poses: Table,
@@ -88,7 +204,7 @@ fn points_name(microseconds: u64) -> String {
 
 impl Nuscenes {
     /// Begins a data set in `folder`, whose folders get their names with `group`.
-    pub fn begin(folder: &Path, group: &mut FileGroup) -> Result<Nuscenes> {
+    pub fn begin(folder: &Path, names: Names, group: &mut FileGroup) -> Result<Nuscenes> {
         for name in [VERSION, "samples", "lidarseg", "maps"] {
             refuse_existing(&folder.join(name))?;
         }
@@ -104,7 +220,23 @@ impl Nuscenes {
         create(&folders.labels.join(VERSION))?;
         let table = |name: &str| Table::begin(&folders, name);
         let (poses, samples, data) = (table("ego_pose")?, table("sample")?, table("sample_data")?);
-        Ok(Nuscenes { folders, frames: 0, classes: BTreeSet::new(), poses, samples, data, waiting: None })
+        let annotations = Annotations {
+            table: table("sample_annotation")?,
+            count: 0,
+            instances: BTreeMap::new(),
+            are_requested: false,
+        };
+        Ok(Nuscenes {
+            folders,
+            names,
+            annotations,
+            frames: 0,
+            classes: BTreeSet::new(),
+            poses,
+            samples,
+            data,
+            waiting: None,
+        })
     }
 
     /// Writes the rows of the last frame.
@@ -135,8 +267,12 @@ impl Nuscenes {
 }
 
 impl FrameWriter for Nuscenes {
-    fn frame(&mut self, frame: &PlacedFrame) -> Result<()> {
+    fn frame(&mut self, frame: &PlacedFrame, boxes: Option<&[FrameBox]>) -> Result<()> {
         self.rows(true)?;
+        if let Some(boxes) = boxes {
+            self.annotations.are_requested = true;
+            self.annotations.frame(self.frames, boxes)?;
+        }
         let pose = &frame.pose;
         let microseconds = pose.time_ns / 1000;
         let mut points = Vec::with_capacity(20 * frame.points.len());
@@ -147,10 +283,7 @@ impl FrameWriter for Nuscenes {
             for value in [-left, forward, up, point.intensity, point.ring as f32] {
                 points.extend(value.to_le_bytes());
             }
-            let class = u8::try_from(point.class).map_err(|_| {
-                let (frame, class) = (self.frames, point.class);
-                Error::input(format!("frame {frame}: class {class} does not fit the 8 bits of lidarseg"))
-            })?;
+            let class = class_of(self.frames, point.class)?;
             self.classes.insert(class);
             labels.push(class);
         }
@@ -169,15 +302,21 @@ impl FrameWriter for Nuscenes {
         Ok(())
     }
 
+    fn table_folder(&self) -> &Path {
+        &self.folders.tables
+    }
+
     fn finish(mut self: Box<Self>) -> Result<()> {
         self.rows(false)?;
         let category = |class: u8| {
-            let name = class_name(class).map_or_else(|| format!("class {class}"), str::to_owned);
+            let name = self.names.of(i64::from(class));
             json!({
                 "token": token("category", u64::from(class)), "name": name, "description": "", "index": class,
             })
         };
-        let categories: Vec<Value> = self.classes.iter().map(|class| category(*class)).collect();
+        let of_objects = self.annotations.instances.values().map(|instance| instance.class);
+        let classes: BTreeSet<u8> = self.classes.iter().copied().chain(of_objects).collect();
+        let categories: Vec<Value> = classes.into_iter().map(category).collect();
         self.table("category", &categories)?;
         self.table(
             "sensor",
@@ -217,12 +356,14 @@ impl FrameWriter for Nuscenes {
                 "last_sample_token": token("sample", self.frames.saturating_sub(1)),
             })],
         )?;
-        for name in ["attribute", "instance", "sample_annotation", "visibility"] {
-            self.table(name, &[])?;
-        }
+        self.table("attribute", &[])?;
+        let levels = if self.annotations.are_requested { levels() } else { Vec::new() };
+        self.table("visibility", &levels)?;
         write(&self.folders.maps.join("none.png"), &one_pixel()?)?;
-        let Nuscenes { poses, samples, data, .. } = *self;
-        [poses, samples, data].into_iter().try_for_each(Table::finish)
+        let Nuscenes { folders, annotations, poses, samples, data, .. } = *self;
+        let mut instances = Table::begin(&folders, "instance")?;
+        annotations.finish()?.iter().try_for_each(|row| instances.row(row))?;
+        [instances, poses, samples, data].into_iter().try_for_each(Table::finish)
     }
 }
 
@@ -236,4 +377,50 @@ fn one_pixel() -> Result<Vec<u8>> {
     writer.write_image_data(&[0]).map_err(failed)?;
     writer.finish().map_err(failed)?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::objects::Objects;
+    use super::*;
+    use vlscan_geom::DVec3;
+
+    #[test]
+    fn annotations_of_an_object_are_chained() {
+        let heading = "object,id,name,class,time,x,y,z,qw,qx,qy,qz,length,width,height,vx,vy,vz";
+        let rows = "3,car,car,64,0,1,2,3,0.6,0,0,0.8,4,2,1.5,10,0,0\n5,5,bus,300,0,0,0,0,1,0,0,0,9,3,3,0,0,0";
+        let objects = Objects::parse(Path::new("objects.csv"), &format!("{heading}\n{rows}\n")).unwrap();
+        let seen = |number, in_front| {
+            let track = objects.get(number).unwrap();
+            let (pose, points, inside) = (track.at(0.0), 10, 10);
+            let (centre, rotation) = (DVec3::ZERO, Rotation::IDENTITY);
+            FrameBox { number, track, pose, centre, rotation, points, inside, in_front }
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sample_annotation.json");
+        let file = FileWriter::create(&path, false, Patched::Never).unwrap();
+        let table = Table { file, is_empty: true };
+        let mut all = Annotations { table, count: 0, instances: BTreeMap::new(), are_requested: true };
+        all.frame(0, &[seen(3, 0)]).unwrap();
+        all.frame(1, &[]).unwrap();
+        all.frame(2, &[seen(3, 90)]).unwrap();
+        let error = all.frame(3, &[seen(5, 0)]).unwrap_err().to_string();
+        assert!(error.contains("class 300"), "{error}");
+        let instances = all.finish().unwrap();
+        assert_eq!((instances.len(), &instances[0]["nbr_annotations"]), (1, &json!(2)));
+        let rows: Vec<Value> = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let [first, second] = &rows[..] else { panic!("{rows:?}") };
+        assert_eq!((&first["prev"], &first["next"]), (&json!(""), &second["token"]));
+        assert_eq!((&second["prev"], &second["next"]), (&first["token"], &json!("")));
+        assert_eq!(instances[0]["first_annotation_token"], first["token"]);
+        assert_eq!(instances[0]["last_annotation_token"], second["token"]);
+        assert_eq!(first["size"], json!([2.0, 4.0, 1.5]));
+        assert_eq!(first["translation"], json!([1.0, 2.0, 3.0]));
+        let q: Vec<f64> = first["rotation"].as_array().unwrap().iter().filter_map(Value::as_f64).collect();
+        assert!(q.iter().zip([0.6, 0.0, 0.0, 0.8]).all(|(f, e)| (f - e).abs() < 1e-12), "{q:?}");
+        assert_eq!((&first["num_lidar_pts"], &first["visibility_token"]), (&json!(10), &json!("4")));
+        assert_eq!(second["visibility_token"], json!("1"));
+        let levels = [0.0, 0.39, 0.4, 0.6, 0.79, 0.8, 1.0].map(visibility);
+        assert_eq!(levels, ["1", "1", "2", "3", "3", "4", "4"]);
+    }
 }

@@ -1,16 +1,28 @@
 //! Frames whose points are relative to the scanner at their first point, in axes with x forward, y left and z
 //! up.
 
-use super::ForwardAxis;
 use vlscan_formats::{Frame, FramePose};
 use vlscan_geom::{DVec3, Rotation};
+
+/// An axis of the scanner that points forward.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum ForwardAxis {
+    /// x, with y to the left: the vehicles of the catalogue.
+    X,
+    /// y, with x to the right.
+    Y,
+}
 
 /// A point of a placed frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlacedPoint {
     /// In the frame, m.
     pub position: DVec3,
+    /// Place of the scanner when the point was measured, in the frame, m.
+    pub origin: DVec3,
     pub intensity: f32,
+    /// Time after the start of the frame, s.
+    pub time_s: f32,
     pub ring: i64,
     pub class: i64,
     pub instance: i64,
@@ -19,15 +31,26 @@ pub(super) struct PlacedPoint {
 /// A frame at one pose.
 #[derive(Clone, Debug)]
 pub(super) struct PlacedFrame {
+    /// Start of the frame, ns.
+    pub time_ns: u64,
     /// From the frame to the world.
     pub pose: FramePose,
     pub points: Vec<PlacedPoint>,
 }
 
+/// A time after the start of a frame, ns.
+pub(super) fn time_after(begin_ns: u64, after_s: f64) -> f64 {
+    begin_ns as f64 + after_s * 1e9
+}
+
 /// Moves the points of a frame to the pose of its first point; `None` without poses. `forward` is the axis of
 /// the scanner that points forward.
 pub(super) fn place(frame: &Frame, forward: ForwardAxis, intensity_factor: f64) -> Option<PlacedFrame> {
-    let time = |after_s: f32| frame.time_ns as f64 + f64::from(after_s) * 1e9;
+    let time = |after_s: f32| time_after(frame.time_ns, f64::from(after_s));
+    let forwards = |v: DVec3| match forward {
+        ForwardAxis::X => v,
+        ForwardAxis::Y => DVec3::new(v.y, -v.x, v.z),
+    };
     let first = frame.points.iter().map(|point| point.time_s).fold(f32::INFINITY, f32::min);
     let pose = frame.pose_at(if first.is_finite() { time(first) } else { time(0.0) })?;
     let back = pose.rotation.inverse();
@@ -39,12 +62,11 @@ pub(super) fn place(frame: &Frame, forward: ForwardAxis, intensity_factor: f64) 
             (latest, at) = (point.time_s, frame.pose_at(time(point.time_s))?);
         }
         let own = DVec3::from(point.position.map(f64::from));
-        let in_scanner = back.apply(at.rotation.apply(own) + (at.position - pose.position));
+        let way = at.position - pose.position;
         points.push(PlacedPoint {
-            position: match forward {
-                ForwardAxis::X => in_scanner,
-                ForwardAxis::Y => DVec3::new(in_scanner.y, -in_scanner.x, in_scanner.z),
-            },
+            position: forwards(back.apply(at.rotation.apply(own) + way)),
+            origin: forwards(back.apply(way)),
+            time_s: point.time_s,
             intensity: (f64::from(point.intensity) * intensity_factor) as f32,
             ring: point.ring,
             class: point.class,
@@ -55,7 +77,7 @@ pub(super) fn place(frame: &Frame, forward: ForwardAxis, intensity_factor: f64) 
         ForwardAxis::X => pose.rotation,
         ForwardAxis::Y => pose.rotation.after(Rotation::about_z(std::f64::consts::FRAC_PI_2)),
     };
-    Some(PlacedFrame { pose: FramePose { rotation, ..pose }, points })
+    Some(PlacedFrame { time_ns: frame.time_ns, pose: FramePose { rotation, ..pose }, points })
 }
 
 #[cfg(test)]

@@ -11,7 +11,16 @@
 //!
 //! The motions of a part are multiplied, step by step, into one transform of its initial pose. A state is
 //! therefore small, and replaying a copy of it results in the same bits on every thread.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `plan` | how and when parts move |
+//! | `state` | their poses at a step |
+//! | `body` | boxes around them |
+//! | `object` | their geometry in these poses |
+//! | `twist` | velocities |
 
+mod body;
 mod object;
 mod plan;
 mod state;
@@ -19,6 +28,7 @@ mod state;
 mod tests;
 mod twist;
 
+pub use body::{BodyBox, BodyPose};
 pub use object::{DynamicObject, DynamicScene, ObjectUpdate};
 pub use plan::{MotionPlan, check_time_step};
 pub use state::MotionState;

@@ -1,8 +1,9 @@
 //! The poses of the moving parts at a simulation step.
 
+use super::body::{BodyBox, BodyPose};
 use super::plan::{MotionPlan, Move, PlannedPart};
 use super::twist::Twist;
-use vlscan_geom::Affine;
+use vlscan_geom::{Affine, DVec3, Rotation, unit};
 
 /// Poses of all moving parts at a simulation step. Cheap to clone; stepping a clone results in the same bits.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,14 +46,10 @@ impl StepCounter {
 impl MotionState {
     /// The state before the first step.
     pub fn start(plan: &MotionPlan) -> MotionState {
-        let part = |p: &PlannedPart| PartState {
-            moves: StepCounter::default(),
-            refresh: StepCounter::default(),
-            sequence: (!p.sequences.is_empty()).then_some((0, 0)),
-            current: Affine::IDENTITY,
-            seen: Affine::IDENTITY,
-        };
-        MotionState { update: StepCounter::default(), parts: plan.parts.iter().map(part).collect() }
+        MotionState {
+            update: StepCounter::default(),
+            parts: plan.parts.iter().map(PartState::start).collect(),
+        }
     }
 
     /// The state after `steps` steps.
@@ -93,13 +90,67 @@ impl MotionState {
         }
     }
 
+    /// Number of steps up to and with the next one that updates the scene.
+    pub fn steps_to_update(&self) -> u64 {
+        self.update.calls_left.saturating_add(1)
+    }
+
+    /// The pose in which rays hit an object, by its index among the moving parts, with the box `rest` around
+    /// it; the velocity is per simulation step.
+    pub fn body_pose(&self, plan: &MotionPlan, object: usize, rest: &BodyBox) -> BodyPose {
+        let seen = &self.parts[object].seen;
+        let centre = seen.apply(rest.centre);
+        // Mirrored boxes look like turned ones: only two axes count.
+        let (x, z) = (unit(seen.apply_to_vector(rest.forward)), unit(seen.apply_to_vector(DVec3::Z)));
+        let rotation = Rotation::of_columns([x, z.cross(x), z]);
+        BodyPose { centre, rotation, velocity: self.twist(plan, object).at(centre) }
+    }
+
     /// The transforms from the initial poses to the poses that rays hit.
     pub(super) fn seen(&self) -> impl Iterator<Item = &Affine> {
         self.parts.iter().map(|p| &p.seen)
     }
 }
 
+/// Way whose direction is that of the front of a part, m.
+const FRONT_WAY: f64 = 0.1;
+/// Way below which a part stays where it is, m.
+const MIN_WAY: f64 = 1e-6;
+/// Number of moves after which a part that went nowhere has no front.
+const MAX_FRONT_MOVES: usize = 100_000;
+
+/// The horizontal direction of the front of a part in its initial pose, a unit vector: that in which the part
+/// begins to go; x if it goes nowhere.
+pub(super) fn front(part: &PlannedPart) -> DVec3 {
+    let mut state = PartState::start(part);
+    let mut way = DVec3::ZERO;
+    for _ in 0..MAX_FRONT_MOVES {
+        let before = state.current;
+        if way.length() >= FRONT_WAY || !state.move_once(part) {
+            break;
+        }
+        let by = state.current.apply(part.centre) - before.apply(part.centre);
+        // The chord of an arc has the direction of the front midway.
+        let own = before.columns.map(|axis| axis.dot(by));
+        let turned = state.current.columns.map(|axis| axis.dot(by));
+        let along = (DVec3::from(own) + DVec3::from(turned)) * 0.5;
+        way += DVec3::new(along.x, along.y, 0.0);
+    }
+    if way.length() > MIN_WAY { unit(way) } else { DVec3::X }
+}
+
 impl PartState {
+    /// The state before the first step.
+    fn start(part: &PlannedPart) -> PartState {
+        PartState {
+            moves: StepCounter::default(),
+            refresh: StepCounter::default(),
+            sequence: (!part.sequences.is_empty()).then_some((0, 0)),
+            current: Affine::IDENTITY,
+            seen: Affine::IDENTITY,
+        }
+    }
+
     /// The map of a motion in the current pose.
     fn map_of(&self, part: &PlannedPart, step: &Move) -> Affine {
         if step.about_self { step.map.about(self.current.apply(part.centre)) } else { step.map }

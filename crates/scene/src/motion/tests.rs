@@ -221,3 +221,76 @@ fn states_are_alike_wherever_they_are_replayed() {
     let place: Vec<&Affine> = whole.seen().collect();
     assert!((place[0].shift.z - 10.0).abs() < 1e-9);
 }
+
+/// The poses of the box of the moving part before the first step and after each of some steps, at one step
+/// per move.
+fn boxes(sequences: Vec<MotionSequence>, steps: usize) -> (BodyBox, Vec<BodyPose>) {
+    let (recipe, mut scene) = moving(sequences);
+    (scene.dyn_step, scene.moving_parts[0].timing) = (1, recipe.parts[1].timing);
+    let plan = MotionPlan::new(&scene, 1000.0).unwrap();
+    let rest = plan.body_box(&[0]).unwrap();
+    let mut state = MotionState::start(&plan);
+    let mut poses = vec![state.body_pose(&plan, 0, &rest)];
+    for _ in 0..steps {
+        state.step(&plan, |_, _| ());
+        poses.push(state.body_pose(&plan, 0, &rest));
+    }
+    (rest, poses)
+}
+
+#[test]
+fn boxes_go_along_with_their_parts() {
+    // The part has its corners at (1, 1, 1), (3, 1, 1), (3, 3, 1) and (1, 1, 3).
+    let (rest, poses) = boxes(vec![sequence(0, None, &[shift(DVec3::X * 0.5)])], 2);
+    assert_eq!((rest.centre, rest.forward, rest.size), (DVec3::splat(2.0), DVec3::X, DVec3::splat(2.0)));
+    for (i, pose) in poses.iter().enumerate() {
+        assert!((pose.centre - DVec3::new(2.0 + 0.5 * i as f64, 2.0, 2.0)).length() < 1e-12);
+        assert!((pose.rotation.apply(DVec3::X) - DVec3::X).length() < 1e-12);
+        assert!((pose.velocity - DVec3::X * 0.5).length() < 1e-12);
+    }
+    // Backwards the front is at -x, and the left side at -y.
+    let (rest, poses) = boxes(vec![sequence(0, None, &[shift(DVec3::X * -0.5)])], 1);
+    assert_eq!((rest.centre, rest.forward), (DVec3::splat(2.0), -DVec3::X));
+    assert!((poses[1].rotation.apply(DVec3::Y) + DVec3::Y).length() < 1e-12);
+}
+
+#[test]
+fn boxes_turn_with_their_parts_and_lie_along_their_way() {
+    // A circle around the origin, on which the part begins to go in the direction (-1, 1).
+    let step = 0.02;
+    let kind = MotionKind::Rotation { axis: DVec3::Z, angle: step, centre: None };
+    let (rest, poses) = boxes(vec![sequence(0, None, &[motion(kind)])], 50);
+    let half = 0.5f64.sqrt();
+    assert!((rest.forward - DVec3::new(-half, half, 0.0)).length() < 1e-12, "{}", rest.forward);
+    // Along (-1, 1) the corners lie from -sqrt 2 to 0, along (-1, -1) from -3 sqrt 2 to -sqrt 2.
+    let size = DVec3::new(2.0 * half, 4.0 * half, 2.0);
+    assert!((rest.size - size).length() < 1e-12, "{}", rest.size);
+    assert!((rest.centre - DVec3::new(2.5, 1.5, 2.0)).length() < 1e-12, "{}", rest.centre);
+    let radius = 2.5f64.hypot(1.5);
+    for (i, pose) in poses.iter().enumerate() {
+        let turn = vlscan_geom::Rotation::about_z(step * i as f64);
+        assert!((pose.centre - turn.apply(rest.centre)).length() < 1e-11);
+        assert!((pose.rotation.apply(DVec3::X) - turn.apply(rest.forward)).length() < 1e-11);
+        assert!((pose.velocity.length() - step * radius).abs() < 1e-10);
+    }
+    // Parts that go nowhere, and parts that wait before they go.
+    let spin = Motion { about_self: true, ..motion(kind) };
+    assert_eq!(boxes(vec![sequence(0, None, &[spin])], 1).0.forward, DVec3::X);
+    let wait = sequence(9, Some(1), &[motion(MotionKind::Identity)]);
+    let (rest, _) = boxes(vec![wait, sequence(1, None, &[shift(DVec3::Y)])], 1);
+    assert_eq!(rest.forward, DVec3::Y);
+}
+
+#[test]
+fn states_count_the_steps_to_their_next_update() {
+    let (recipe, mut scene) = moving(vec![sequence(0, None, &[shift(DVec3::X)])]);
+    (scene.dyn_step, scene.moving_parts[0].timing) = (4, recipe.parts[1].timing);
+    let plan = MotionPlan::new(&scene, 1000.0).unwrap();
+    let mut state = MotionState::start(&plan);
+    let mut updates = Vec::new();
+    for step in 1..=10u64 {
+        updates.push(step - 1 + state.steps_to_update());
+        state.step(&plan, |_, _| ());
+    }
+    assert_eq!(updates, [1, 5, 5, 5, 5, 9, 9, 9, 9, 13]);
+}

@@ -27,6 +27,7 @@
 //! | `segment` | merges that many processes share |
 //! | `collector` | the last stage: encoded results to the outputs, in order |
 //! | `part_table` | the parts of the scene as a table beside labelled points |
+//! | `object_track` | poses of the moving parts of the scene over the flight as a table |
 //! | `emit`, `flight_rows` | the flight alone, written as poses or pulses; their rows |
 //! | `plausibility`, `beam_counts` | detection of inputs that are valid but hardly intended |
 //! | `crs` | the coordinate reference system of a run |
@@ -44,6 +45,7 @@ mod fly;
 mod load;
 mod merge;
 mod moving;
+mod object_track;
 mod part_table;
 mod pass;
 mod plausibility;
