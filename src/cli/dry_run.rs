@@ -93,7 +93,10 @@ fn forecast(
     output.companions.extend(schedule_log.into_iter().chain(part_table));
     let mut session = scene.open(settings, console, open)?;
     if let Some(places) = places {
-        places.add(scanner.as_deref().unwrap_or_default(), session.output_places(&output)?)?;
+        // The forecast notes files that exist.
+        let mut checked = output.clone();
+        checked.force = true;
+        places.add(scanner.as_deref().unwrap_or_default(), session.output_places(&checked)?)?;
     }
     let progress = Progress::default();
     let context = RunContext::new(&progress, &interrupt::STOP);

@@ -57,7 +57,15 @@ impl ResolvedRun {
             let run = ResolvedRun::new(read.survey, &read.options)?;
             Ok(ResolvedRun { scanner: read.scanner, ..run })
         };
-        let runs = surveys.into_iter().map(resolve).collect::<Result<Vec<_>>>()?;
+        let mut runs = surveys.into_iter().map(resolve).collect::<Result<Vec<_>>>()?;
+        if let [first, others @ ..] = &mut runs[..] {
+            // Scanners share a clock, also one that starts now.
+            let (gps_start_ns, day) = (first.settings.flight.gps_start_ns, first.output.cloud.creation);
+            for other in others {
+                other.settings.flight.gps_start_ns = gps_start_ns;
+                other.output.cloud.creation = day;
+            }
+        }
         Ok((runs, warnings))
     }
 
