@@ -28,7 +28,7 @@ pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> 
     let folders = folders_of(&folder, &jobs);
     folders.iter().try_for_each(|folder| refuse_existing_shard(args, folder, shard))?;
     for (job, folder) in jobs.into_iter().zip(folders) {
-        compute_shard(args, (job, &folder), shard, (&mut scene, started), console)?;
+        compute_shard(args, (job, folder.as_path()), shard, (&mut scene, started), console)?;
         started = Instant::now();
     }
     Ok(())
