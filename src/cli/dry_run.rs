@@ -4,6 +4,7 @@ use super::args::RunArgs;
 use super::companions::open;
 use super::coverage;
 use super::rig::{OutputPlaces, SharedScene, resolve_all};
+use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
 use serde::Serialize;
@@ -55,11 +56,14 @@ fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &
             "copy the pipeline with a single [scanner] table",
         ));
     }
+    let shared = SharedPaths::of(jobs.iter().map(|job| &job.output));
     let (mut scene, mut places) = (SharedScene::of(&jobs), OutputPlaces::default());
     let (mut scanners, mut started_one) = (Vec::new(), started);
-    for job in jobs {
+    for mut job in jobs {
         let name = job.scanner.clone().unwrap_or_default();
-        let forecast = forecast(args, job, started_one, (&mut scene, Some(&mut places)), console)?;
+        shared.prepare(&name, false, &mut job.output)?;
+        let checked = Some((&mut places, &shared));
+        let forecast = forecast(args, job, started_one, (&mut scene, checked), console)?;
         scanners.push(Forecast { name, forecast });
         // Only the first scanner loads the scene.
         started_one = Instant::now();
@@ -80,23 +84,24 @@ fn json_of<T: Serialize>(forecast: &T) -> Result<String> {
 }
 
 /// Forecasts a run, and writes its coverage if that is requested. The outputs of several scanners are added
-/// to their `places`.
+/// to their places, except for files that they share.
 fn forecast(
     args: &RunArgs,
     job: ResolvedRun,
     started: Instant,
-    (scene, places): (&mut SharedScene, Option<&mut OutputPlaces>),
+    (scene, places): (&mut SharedScene, Option<(&mut OutputPlaces, &SharedPaths)>),
     console: &Console,
 ) -> Result<DryRunReport> {
     let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, .. } = job;
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.into_iter().chain(part_table));
     let mut session = scene.open(settings, console, open)?;
-    if let Some(places) = places {
+    if let Some((places, shared)) = places {
         // The forecast notes files that exist.
         let mut checked = output.clone();
         checked.force = true;
-        places.add(scanner.as_deref().unwrap_or_default(), session.output_places(&checked)?)?;
+        let own = session.output_places(&checked)?;
+        places.add(scanner.as_deref().unwrap_or_default(), shared.without_shared(own))?;
     }
     let progress = Progress::default();
     let context = RunContext::new(&progress, &interrupt::STOP);

@@ -4,6 +4,7 @@ use super::args::RunArgs;
 use super::companions::{Companions, open};
 use super::rig::{OutputPlaces, SharedScene, resolve_all};
 use super::shards::open_without_tree;
+use super::shared_logs::{SharedPaths, is_part};
 use super::{Console, Verbosity, messages};
 use std::io::Write;
 use std::time::Instant;
@@ -36,10 +37,21 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
 }
 
 /// Runs one scanner after the other, after the outputs of all have been checked.
-fn run_each(ready: Vec<Ready>, started: Instant, console: &Console) -> Result<()> {
+fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Result<()> {
+    let shared = SharedPaths::of(ready.iter().map(|run| &run.output));
     let mut places = OutputPlaces::default();
-    for run in &ready {
-        places.add(run.scanner(), run.session.output_places(&run.checked_output())?)?;
+    for run in &mut ready {
+        let Ready { scanner, output, resumption, .. } = &mut *run;
+        shared.prepare(scanner.as_deref().unwrap_or_default(), resumption.is_some(), output)?;
+        let own = run.session.output_places(&run.checked_output())?;
+        places.add(run.scanner(), shared.without_shared(own))?;
+    }
+    let replace = ready.iter().any(|run| run.output.force);
+    let mut logs = shared.begin()?;
+    for log in &mut logs {
+        for Ready { scanner, output, .. } in &mut ready {
+            log.redirect(scanner.as_deref().unwrap_or_default(), output);
+        }
     }
     let (mut pulses, mut points, mut seconds) = (0, 0, 0.0);
     let mut started_one = started;
@@ -56,7 +68,7 @@ fn run_each(ready: Vec<Ready>, started: Instant, console: &Console) -> Result<()
         });
         started_one = Instant::now();
     }
-    Ok(())
+    logs.into_iter().try_for_each(|log| log.write(replace, console))
 }
 
 /// A run that is ready to start.
@@ -100,10 +112,11 @@ impl Ready {
         let Ready { mut session, output, companions, resumption, progress_lines, .. } = self;
         let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));
         let legs = session.survey().legs.len();
-        let report = companions.run(console, progress_lines, legs, |control| match &resumption {
+        let mut report = companions.run(console, progress_lines, legs, |control| match &resumption {
             Some(how) => session.run_resumable(output, how, control),
             None => session.run(output, control),
         })?;
+        report.summary.files.retain(|file| !is_part(file));
         if is_helios_layout && console.shows(Verbosity::Times) {
             name_directories(&report);
         }

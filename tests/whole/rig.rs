@@ -204,3 +204,72 @@ fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
     assert!(exists.contains("rear.las exists already"), "{exists}");
     assert_eq!(files(dir.path()).len(), before + 2);
 }
+
+/// Times and bytes of the messages of an MCAP file, by topic.
+type Messages = BTreeMap<String, Vec<(u64, Vec<u8>)>>;
+
+/// The messages of a file with one message in each chunk.
+fn messages(log: &[u8]) -> Messages {
+    let number = |bytes: &[u8]| bytes.iter().rev().fold(0u64, |sum, byte| (sum << 8) | u64::from(*byte));
+    let mut topics: BTreeMap<u64, String> = BTreeMap::new();
+    let mut found = Messages::new();
+    // Between the magic bytes there are records of a kind and a length.
+    let mut rest = &log[8..];
+    while rest.len() > 8 {
+        let (kind, end) = (rest[0], 9 + number(&rest[1..9]) as usize);
+        let content = &rest[9..end];
+        rest = &rest[end..];
+        match kind {
+            // A channel: its number, that of its schema, its topic.
+            4 => {
+                let topic = &content[8..8 + number(&content[4..8]) as usize];
+                topics.insert(number(&content[..2]), text(topic));
+            }
+            // A chunk: the message follows 40 bytes, its channel and time are in its head of 31 bytes.
+            6 => {
+                let topic = topics[&number(&content[49..51])].clone();
+                found.entry(topic).or_default().push((number(&content[55..63]), content[71..].to_vec()));
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+#[test]
+fn scanners_that_name_one_mcap_have_a_topic_each_in_it() {
+    let dir = site();
+    let shared =
+        rig(LEGS).replace("\"front.mcap\"", "\"drive.mcap\"").replace("\"rear.xyz\"", "\"drive.mcap\"");
+    let found = run_in(dir.path(), "shared", &shared, &["-j", "2"]);
+    let names: Vec<&str> = found.keys().map(|name| name.to_str().unwrap()).collect();
+    let expected = ["drive.mcap", "front.csv", "front.laz", "front_pulse.txt", "rear.las", "rear_pulse.txt"];
+    assert_eq!(names, expected);
+    assert_eq!(fs::read_dir(dir.path().join("shared")).unwrap().count(), expected.len());
+    let all = messages(&found[Path::new("drive.mcap")]);
+    assert_eq!(all.len(), 5, "{:?}", all.keys());
+    let mut transforms = Vec::new();
+    for scanner in &SCANNERS {
+        let name = scanner.name;
+        let pipeline = format!("sensor_frame = {name:?}\n{}", single(scanner, LEGS));
+        let alone = run_in(dir.path(), name, &pipeline, &["-o", "a.mcap"]);
+        let mut alone = messages(&alone[Path::new("a.mcap")]);
+        for topic in ["points", "odom"] {
+            let expected = &alone[&format!("/{topic}")];
+            assert!(expected.len() > 2, "{name}: {} messages of {topic}", expected.len());
+            assert!(all[&format!("/{name}/{topic}")] == *expected, "{topic} of {name} differ");
+        }
+        transforms.append(alone.get_mut("/tf").unwrap());
+    }
+    let mut found = all["/tf"].clone();
+    found.sort();
+    transforms.sort();
+    assert!(found == transforms, "{} transforms, expected {}", found.len(), transforms.len());
+    let work = dir.path().join("shared");
+    succeed(&work, &["run", "../shared.toml", "--dry-run", "-q"]);
+    let again = run(&work, &["run", "../shared.toml", "-q"]);
+    assert!(text(&again.stderr).contains("drive.mcap exists already"), "{}", text(&again.stderr));
+    let resumed = run(&work, &["run", "../shared.toml", "-q", "--force", "--resume"]);
+    assert_eq!(resumed.status.code(), Some(2));
+    assert!(text(&resumed.stderr).contains("shares an MCAP file"), "{}", text(&resumed.stderr));
+}

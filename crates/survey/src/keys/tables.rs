@@ -449,7 +449,8 @@ keys! {
         /// Pose of this scanner on the platform. Default: `mount` of `[platform]`.
         mount;
         /// Output of this scanner, instead of `[[output]]` tables: a path, a list of paths, or tables
-        /// `[[scanner.output]]` with the keys of `[[output]]`. Required.
+        /// `[[scanner.output]]` with the keys of `[[output]]`. Required. Scanners that name the same MCAP
+        /// file share it, with a topic each.
         output;
         /// Settings of this scanner, which override those of `[settings]`.
         settings;
