@@ -184,17 +184,8 @@ fn read_pipeline(
         let place = tables.place("", "crs");
         options.output.crs = tables.find_file(name, place, &reading).map(Crs::File);
     }
-    if let (Some(name), false) = (&options.trajectory.path, replaces_trajectory) {
-        let place = tables.place("trajectory", "path");
-        let found = match is_stdin(name) {
-            true => Some(PathBuf::from("-")),
-            false => tables.find_file(name, place, &reading),
-        };
-        options.trajectory.path = Some(found.unwrap_or_default());
-    }
-    if options.trajectory.path.is_none() && tables.has("trajectory") {
-        let place = Some(source.place(0..0));
-        tables.error(place, "[trajectory] needs the key `path`").help("path = \"-\" is standard input");
+    if !replaces_trajectory {
+        find_trajectory(&mut options, source, &mut tables, &reading);
     }
     reading.trajectory = options.trajectory.stream();
     let gps_place = tables.place("", "gps_start");
@@ -213,6 +204,21 @@ fn read_pipeline(
         read.check(has_several)?;
     }
     Ok((read, warnings))
+}
+
+/// Finds the file of the trajectory that a pipeline names. Problems are recorded.
+fn find_trajectory(options: &mut Options, source: &Source, tables: &mut Tables, reading: &ReadOptions) {
+    if let Some(name) = &options.trajectory.path {
+        let place = tables.place("trajectory", "path");
+        let found = match is_stdin(name) {
+            true => Some(PathBuf::from("-")),
+            false => tables.find_file(name, place, reading),
+        };
+        options.trajectory.path = Some(found.unwrap_or_default());
+    } else if tables.has("trajectory") {
+        let place = Some(source.place(0..0));
+        tables.error(place, "[trajectory] needs the key `path`").help("path = \"-\" is standard input");
+    }
 }
 
 /// Chooses one of the `[[scanner]]` tables, whose outputs become those of the file. Returns its name.
