@@ -161,3 +161,13 @@ fn a_single_table_in_a_list_is_a_scanner_like_any_other() {
     assert_eq!(resolve(&[]), [(Target::File("front.xyz".into()), PointFormat::Xyz)]);
     assert_eq!(resolve(&["-o", "a.las"]), [(Target::File("a.las".into()), PointFormat::Las)]);
 }
+
+#[test]
+fn scanners_of_a_platform_share_the_start_of_their_clock() {
+    let text = changed("scene =", "gps_start = \"now\"\nscene =");
+    let folder = Folder::new(&[("p.toml", &text), ("a.obj", "")]);
+    let (runs, _) = ResolvedRun::resolve_all(&folder.path("p.toml"), &Options::default()).unwrap();
+    let facts = runs.iter().map(|run| (run.scanner.as_deref(), run.settings.flight.gps_start_ns));
+    let facts: Vec<_> = facts.collect();
+    assert_eq!(facts, [(Some("front"), facts[0].1), (Some("rear"), facts[0].1)]);
+}
