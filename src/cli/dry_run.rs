@@ -1,10 +1,13 @@
 //! `vlscan run --dry-run`: what a run will cost and give.
 
 use super::args::RunArgs;
-use super::companions::{open, resolve};
+use super::companions::open;
 use super::coverage;
+use super::rig::{OutputPlaces, SharedScene, resolve_all};
+use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
+use serde::Serialize;
 use std::fmt::Write as _;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
@@ -16,30 +19,102 @@ use vlscan_session::{DryRunReport, LegEstimate, Progress, RunContext};
 /// Legs that are listed as text; `--json` lists all.
 const MAX_LISTED_LEGS: usize = 20;
 
+/// The forecasts of several scanners.
+#[derive(Serialize)]
+struct Forecasts {
+    scanners: Vec<Forecast>,
+}
+
+/// The forecast of one of several scanners.
+#[derive(Serialize)]
+struct Forecast {
+    name: String,
+    forecast: DryRunReport,
+}
+
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let ResolvedRun { settings, mut output, schedule_log, part_table, .. } =
-        resolve(&args.file, &args.options, console)?;
+    let mut jobs = resolve_all(&args.file, &args.options, console)?;
+    if jobs.len() > 1 {
+        return run_each(args, jobs, started, console);
+    }
+    let Some(job) = jobs.pop() else { return Ok(()) };
+    let mut scene = SharedScene::of(&jobs);
+    let forecast = forecast(args, job, started, (&mut scene, None), console)?;
+    let text = match args.dry.json {
+        true => json_of(&forecast)?,
+        false => text(&forecast),
+    };
+    write_stdout(&text)
+}
+
+/// Forecasts the run of one scanner after the other.
+fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &Console) -> Result<()> {
+    if !args.dry.coverage.is_empty() {
+        return Err(Error::input_with_help(
+            "--coverage takes one scanner, but the pipeline has several",
+            "copy the pipeline with a single [scanner] table",
+        ));
+    }
+    let shared = SharedPaths::of(jobs.iter().map(|job| &job.output));
+    let (mut scene, mut places) = (SharedScene::of(&jobs), OutputPlaces::default());
+    let (mut scanners, mut started_one) = (Vec::new(), started);
+    for mut job in jobs {
+        let name = job.scanner.clone().unwrap_or_default();
+        shared.prepare(&name, false, &mut job.output)?;
+        let checked = Some((&mut places, &shared));
+        let forecast = forecast(args, job, started_one, (&mut scene, checked), console)?;
+        scanners.push(Forecast { name, forecast });
+        // Only the first scanner loads the scene.
+        started_one = Instant::now();
+    }
+    let text = match args.dry.json {
+        true => json_of(&Forecasts { scanners })?,
+        false => {
+            let texts = scanners.iter().map(|of| format!("scanner     {}\n{}", of.name, text(&of.forecast)));
+            texts.collect::<Vec<_>>().join("\n")
+        }
+    };
+    write_stdout(&text)
+}
+
+fn json_of<T: Serialize>(forecast: &T) -> Result<String> {
+    let text = serde_json::to_string_pretty(forecast).map_err(|e| Error::Internal(e.to_string()))?;
+    Ok(text + "\n")
+}
+
+/// Forecasts a run, and writes its coverage if that is requested. The outputs of several scanners are added
+/// to their places, except for files that they share.
+fn forecast(
+    args: &RunArgs,
+    job: ResolvedRun,
+    started: Instant,
+    (scene, places): (&mut SharedScene, Option<(&mut OutputPlaces, &SharedPaths)>),
+    console: &Console,
+) -> Result<DryRunReport> {
+    let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, .. } = job;
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.into_iter().chain(part_table).chain(args.objects.clone()));
-    let mut session = open(settings, console)?;
+    let mut session = scene.open(settings, console, open)?;
+    if let Some((places, shared)) = places {
+        // The forecast notes files that exist.
+        let mut checked = output.clone();
+        checked.force = true;
+        let own = session.output_places(&checked)?;
+        places.add(scanner.as_deref().unwrap_or_default(), shared.without_shared(own))?;
+    }
     let progress = Progress::default();
     let context = RunContext::new(&progress, &interrupt::STOP);
     coverage::check(&args.dry, &session, &args.file, output.force)?;
-    let forecast = match coverage::side(&args.dry) {
-        None => during(console, "trying the survey", || session.dry_run(&output, started, context))?,
+    match coverage::side(&args.dry) {
+        None => during(console, "trying the survey", || session.dry_run(&output, started, context)),
         Some(side) => {
             let measure = || session.dry_run_with_coverage(&output, side, started, context);
             let (forecast, map) = during(console, "trying the survey", measure)?;
             coverage::write(&args.dry, &map, output.force, console)?;
-            forecast
+            Ok(forecast)
         }
-    };
-    let text = match args.dry.json {
-        true => serde_json::to_string_pretty(&forecast).map_err(|e| Error::Internal(e.to_string()))? + "\n",
-        false => text(&forecast),
-    };
-    write_stdout(&text)
+    }
 }
 
 fn text(f: &DryRunReport) -> String {

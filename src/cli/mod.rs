@@ -9,6 +9,8 @@
 //! | `run` | `vlscan run`; conversion of arguments and files to a session's settings |
 //! | `dry_run`, `coverage` | `vlscan run --dry-run`, and its `--coverage` |
 //! | `stages` | `vlscan trajectory`, `pulses` and `trace` |
+//! | `rig` | several scanners on one platform: their runs, the scene that they share |
+//! | `shared_logs` | MCAP files that several scanners share |
 //! | `companions` | what surrounds the work of a command: warnings, progress, files beside the points |
 //! | `shards` | `vlscan run --shard`, `vlscan index-shards`, `vlscan merge` |
 //! | `plan` | `vlscan plan` |
@@ -44,10 +46,12 @@ mod pack;
 mod plan;
 mod preview;
 mod raster;
+mod rig;
 mod run;
 mod scene;
 mod serve;
 mod shards;
+mod shared_logs;
 mod stages;
 mod unzip;
 mod watch;

@@ -1,18 +1,21 @@
 //! `vlscan run`: flies and measures a survey.
 
 use super::args::RunArgs;
-use super::companions::{Companions, open, resolve};
+use super::companions::{Companions, open};
+use super::rig::{OutputPlaces, SharedScene, resolve_all};
 use super::shards::open_without_tree;
+use super::shared_logs::{SharedPaths, is_part};
 use super::watch::during;
 use super::{Console, Verbosity, interrupt, messages};
 use std::io::Write;
+use std::path::PathBuf;
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::{amount, amount_of, counted, duration};
 use vlscan_options::ResolvedRun;
-use vlscan_session::output::{FileKind, Target};
-use vlscan_session::{Report, ResumeOptions};
+use vlscan_session::output::{FileKind, OutputRequest, Target};
+use vlscan_session::{Report, ResumeOptions, Session};
 use vlscan_survey::Scanner;
 use vlscan_tools::catalogue::unverified_figures;
 
@@ -24,42 +27,128 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         return super::shards::run_shard(args, shard, console);
     }
     let started = Instant::now();
-    let ResolvedRun { settings, mut output, schedule_log, part_table, progress_lines, .. } =
-        resolve(&args.file, &args.options, console)?;
-    output.inputs.push(args.file.clone());
-    let mut companions = Companions::of(schedule_log, part_table, &mut output);
-    output.companions.extend(args.objects.clone());
-    let force = output.force;
-    let resumption =
-        args.shards.resume.map(|pulses| ResumeOptions::next_to(&output, pulses.0)).transpose()?;
-    let mut session = match resumption {
-        Some(_) => open_without_tree(settings, console)?,
-        None => open(settings, console)?,
-    };
-    companions.describe(session.scene())?;
-    if args.objects.is_some() {
-        session.check_objects()?;
+    let jobs = resolve_all(&args.file, &args.options, console)?;
+    if jobs.len() > 1 && args.objects.is_some() {
+        return Err(Error::input_with_help(
+            "--objects takes one scanner, but the pipeline has several",
+            "copy the pipeline with a single [scanner] table",
+        ));
     }
-    let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));
-    let legs = session.survey().legs.len();
-    let report = companions.run(console, progress_lines, legs, |control| match &resumption {
-        Some(how) => session.run_resumable(output, how, control),
-        None => session.run(output, control),
-    })?;
-    if is_helios_layout && console.shows(Verbosity::Times) {
-        name_directories(&report);
+    let mut scene = SharedScene::of(&jobs);
+    let ready = jobs.into_iter().map(|job| Ready::open(args, job, &mut scene, console));
+    let ready = ready.collect::<Result<Vec<_>>>()?;
+    drop(scene);
+    match ready.len() {
+        1 => ready.into_iter().try_for_each(|run| run.run(started, console).map(drop)),
+        _ => run_each(ready, started, console),
     }
-    if resumption.is_some() {
-        warn_of_few_points(console, &report)?;
+}
+
+/// Runs one scanner after the other, after the outputs of all have been checked.
+fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Result<()> {
+    let shared = SharedPaths::of(ready.iter().map(|run| &run.output));
+    let mut places = OutputPlaces::default();
+    for run in &mut ready {
+        let Ready { scanner, output, resumption, .. } = &mut *run;
+        shared.prepare(scanner.as_deref().unwrap_or_default(), resumption.is_some(), output)?;
+        let own = run.session.output_places(&run.checked_output())?;
+        places.add(run.scanner(), shared.without_shared(own))?;
     }
-    if let Some(path) = args.objects.as_deref().filter(|_| !report.interrupted) {
-        let write = || session.write_objects(path, force, &interrupt::STOP);
-        let rows = during(console, "writing the poses of objects", write)?;
-        let text = format!("{}  {}", path.display(), counted(rows, "pose"));
-        console.wrote(messages::written(path, "objects"), text);
+    let replace = ready.iter().any(|run| run.output.force);
+    let mut logs = shared.begin()?;
+    for log in &mut logs {
+        for Ready { scanner, output, .. } in &mut ready {
+            log.redirect(scanner.as_deref().unwrap_or_default(), output);
+        }
     }
-    note_unverified_figures(console, &session.survey().scanner);
-    show_report(console, &report, started)
+    let (mut pulses, mut points, mut seconds) = (0, 0, 0.0);
+    let mut started_one = started;
+    for run in ready {
+        console.say(format!("scanner {}", run.scanner()));
+        let report = run.run(started_one, console)?;
+        pulses += report.pulses;
+        points += report.summary.points;
+        seconds += report.seconds;
+        console.record(|result| {
+            (result.pulses, result.points) = (Some(pulses), Some(points));
+            result.seconds = Some(seconds);
+            result.total_seconds = Some(started.elapsed().as_secs_f64());
+        });
+        started_one = Instant::now();
+    }
+    logs.into_iter().try_for_each(|log| log.write(replace, console))
+}
+
+/// A run that is ready to start.
+struct Ready {
+    scanner: Option<String>,
+    session: Session,
+    output: OutputRequest,
+    companions: Companions,
+    /// Where the poses of moving parts are written.
+    objects: Option<PathBuf>,
+    resumption: Option<ResumeOptions>,
+    progress_lines: bool,
+}
+
+impl Ready {
+    /// Opens the session of a run.
+    fn open(args: &RunArgs, job: ResolvedRun, scene: &mut SharedScene, console: &Console) -> Result<Ready> {
+        let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, progress_lines, .. } = job;
+        output.inputs.push(args.file.clone());
+        let mut companions = Companions::of(schedule_log, part_table, &mut output);
+        output.companions.extend(args.objects.clone());
+        let resumption =
+            args.shards.resume.map(|pulses| ResumeOptions::next_to(&output, pulses.0)).transpose()?;
+        let load = if resumption.is_some() { open_without_tree } else { open };
+        let session = scene.open(settings, console, load)?;
+        companions.describe(session.scene())?;
+        if args.objects.is_some() {
+            session.check_objects()?;
+        }
+        let objects = args.objects.clone();
+        Ok(Ready { scanner, session, output, companions, objects, resumption, progress_lines })
+    }
+
+    /// Name of the scanner; empty if the pipeline names none.
+    fn scanner(&self) -> &str {
+        self.scanner.as_deref().unwrap_or_default()
+    }
+
+    /// The outputs as they are checked before the run: a resumed run keeps existing files.
+    fn checked_output(&self) -> OutputRequest {
+        let mut output = self.output.clone();
+        output.is_resuming = self.resumption.is_some();
+        output
+    }
+
+    /// Measures the survey and shows the summary, with the time since `started`.
+    fn run(self, started: Instant, console: &Console) -> Result<Report> {
+        let Ready { mut session, output, companions, objects, resumption, progress_lines, .. } = self;
+        let force = output.force;
+        let is_helios_layout = output.sinks.iter().all(|(target, _)| matches!(target, Target::Helios(_)));
+        let legs = session.survey().legs.len();
+        let mut report = companions.run(console, progress_lines, legs, |control| match &resumption {
+            Some(how) => session.run_resumable(output, how, control),
+            None => session.run(output, control),
+        })?;
+        report.summary.files.retain(|file| !is_part(file));
+        if is_helios_layout && console.shows(Verbosity::Times) {
+            name_directories(&report);
+        }
+        if resumption.is_some() {
+            warn_of_few_points(console, &report)?;
+        }
+        if let Some(path) = objects.filter(|_| !report.interrupted) {
+            let write = || session.write_objects(&path, force, &interrupt::STOP);
+            let rows = during(console, "writing the poses of objects", write)?;
+            let text = format!("{}  {}", path.display(), counted(rows, "pose"));
+            console.wrote(messages::written(&path, "objects"), text);
+        }
+        note_unverified_figures(console, &session.survey().scanner);
+        show_report(console, &report, started)?;
+        Ok(report)
+    }
 }
 
 /// Names the figures of an instrument of the catalogue that have not been compared with a data sheet, and

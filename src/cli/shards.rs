@@ -2,6 +2,7 @@
 
 use super::args::{IndexShardsArgs, MergeArgs, RunArgs};
 use super::companions::{Companions, resolve};
+use super::rig::{SharedScene, resolve_all};
 use super::run::{show_report, warn_of_few_points};
 use super::watch::during;
 use super::{Console, interrupt, messages};
@@ -19,26 +20,60 @@ use vlscan_session::{
 
 /// Runs `vlscan run --shard K/N`.
 pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> {
-    let started = Instant::now();
+    let mut started = Instant::now();
     let (folder, options) = folder_of_shards(&args.options)?;
-    let path = shard_path(&folder, shard);
-    let (force, resumes) = (options.output.force.is_on(), args.shards.resume.is_some());
-    if !force && !resumes && is_taken(&path) {
-        return Err(Error::input_with_help(
-            format!("{} exists already", path.display()),
-            "replace it with --force; --resume recomputes it only if it is damaged",
-        ));
+    refuse_existing_shard(args, &folder, shard)?;
+    let jobs = resolve_all(&args.file, &options, console)?;
+    let mut scene = SharedScene::of(&jobs);
+    let folders = folders_of(&folder, &jobs);
+    folders.iter().try_for_each(|folder| refuse_existing_shard(args, folder, shard))?;
+    for (job, folder) in jobs.into_iter().zip(folders) {
+        compute_shard(args, (job, folder.as_path()), shard, (&mut scene, started), console)?;
+        started = Instant::now();
     }
-    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines, .. } =
-        resolve(&args.file, &options, console)?;
+    Ok(())
+}
+
+/// The folder of the shards of each run within that of all: that folder itself for a single run.
+fn folders_of(folder: &Path, jobs: &[ResolvedRun]) -> Vec<PathBuf> {
+    match jobs {
+        [_] => vec![folder.to_path_buf()],
+        jobs => jobs.iter().map(|job| folder.join(job.scanner.as_deref().unwrap_or_default())).collect(),
+    }
+}
+
+/// Refuses a shard that exists, unless it may be replaced or kept.
+fn refuse_existing_shard(args: &RunArgs, folder: &Path, shard: OneOf) -> Result<()> {
+    let path = shard_path(folder, shard);
+    let (force, resumes) = (args.options.output.force.is_on(), args.shards.resume.is_some());
+    if force || resumes || !is_taken(&path) {
+        return Ok(());
+    }
+    Err(Error::input_with_help(
+        format!("{} exists already", path.display()),
+        "replace it with --force; --resume recomputes it only if it is damaged",
+    ))
+}
+
+/// Computes the shard of a run in its folder.
+fn compute_shard(
+    args: &RunArgs,
+    (job, folder): (ResolvedRun, &Path),
+    shard: OneOf,
+    (scene, started): (&mut SharedScene, Instant),
+    console: &Console,
+) -> Result<()> {
+    let path = shard_path(folder, shard);
+    let (force, resumes) = (args.options.output.force.is_on(), args.shards.resume.is_some());
+    let ResolvedRun { mut settings, mut output, schedule_log, part_table, progress_lines, .. } = job;
     // A merge may write any format.
     settings.physics.record_scanner_axes = true;
     refuse_part_table(part_table.as_deref())?;
-    let mut session = open_without_tree(settings, console)?;
+    let mut session = scene.open(settings, console, open_without_tree)?;
     schedule_log.as_deref().map_or(Ok(()), reads::refuse_input)?;
     let companions = Companions::of(schedule_log, None, &mut output);
     let legs = session.survey().legs.len();
-    let mut shards = session.shards(&folder, &output, force, &interrupt::STOP)?;
+    let mut shards = session.shards(folder, &output, force, &interrupt::STOP)?;
     if args.shards.part_points.is_some() {
         let text = "--part-points no longer has an effect: every output format can be made from a shard";
         console.caution(text, messages::warning(None, text.to_owned()));
@@ -73,15 +108,19 @@ pub fn open_without_tree(settings: Settings, console: &Console) -> Result<Sessio
 /// Runs `vlscan index-shards`.
 pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
     let (folder, options) = folder_of_shards(&args.options)?;
-    let ResolvedRun { settings, output, .. } = resolve(&args.file, &options, console)?;
-    let mut session = open_without_tree(settings, console)?;
-    let shards = during(console, "counting pulses", || {
-        session.shards(&folder, &output, options.output.force.is_on(), &interrupt::STOP)
-    })?;
-    let path = vlscan_session::shards::Borders::path(&folder);
-    let pulses = amount_of(shards.pulses() as f64, "pulse");
-    let text = format!("{}  {pulses}, for any number of shards", path.display());
-    console.wrote(messages::written(&path, "index"), text);
+    let jobs = resolve_all(&args.file, &options, console)?;
+    let mut scene = SharedScene::of(&jobs);
+    let folders = folders_of(&folder, &jobs);
+    for (ResolvedRun { settings, output, .. }, folder) in jobs.into_iter().zip(folders) {
+        let mut session = scene.open(settings, console, open_without_tree)?;
+        let shards = during(console, "counting pulses", || {
+            session.shards(&folder, &output, options.output.force.is_on(), &interrupt::STOP)
+        })?;
+        let path = vlscan_session::shards::Borders::path(&folder);
+        let pulses = amount_of(shards.pulses() as f64, "pulse");
+        let text = format!("{}  {pulses}, for any number of shards", path.display());
+        console.wrote(messages::written(&path, "index"), text);
+    }
     Ok(())
 }
 

@@ -61,6 +61,7 @@ mod raster;
 mod rasters;
 mod reconstruct;
 mod recording;
+mod rig;
 mod scenes;
 mod shards;
 mod spinning;

@@ -3,10 +3,12 @@
 use super::groups::Options;
 use super::outputs::OutputKeys;
 use super::precedence::Precedence;
+use super::scanners::{ScannerSurvey, check_several, refuse_several};
 use super::trajectory::TrajectoryOptions;
 use super::values::{ColumnList, Crs, GpsStart, NavigationError, Vector};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity;
@@ -27,6 +29,11 @@ pub fn read_survey(path: &Path, typed: Options) -> Result<(Survey, Options, Diag
     if is_pipeline(path) {
         return read_source(&Source::read(path)?, typed);
     }
+    read_xml(path, typed)
+}
+
+/// Reads a survey in XML.
+fn read_xml(path: &Path, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
     let chosen = typed.trajectory.clone();
     let (mut survey, mut warnings) = vlscan_survey::read_survey(path, &typed.read_options())?;
     warnings.extend(doubts(&chosen, &chosen, [const { None }; OFFSETS.len()]));
@@ -50,10 +57,50 @@ pub fn read_pipeline_text(
 }
 
 fn read_source(source: &Source, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
-    let chosen = typed.trajectory.clone();
-    let (mut survey, options, warnings) = read_pipeline(source, typed)?;
-    check_trajectory_options(chosen, &mut survey)?;
-    Ok((survey, options, warnings))
+    let tables = source.tables()?;
+    let count = tables.scanners();
+    if count > 1 {
+        return Err(refuse_several(source, count));
+    }
+    let (read, warnings) = read_pipeline(source, tables, typed, (count == 1).then_some(0))?;
+    Ok((read.survey, read.options, warnings))
+}
+
+/// Reads a survey or a pipeline as [`read_survey`] does; a pipeline with `[[scanner]]` tables is read once
+/// for each of them, in their order, and its scene only once.
+///
+/// # Errors
+/// As for [`read_survey`].
+pub fn read_scanners(path: &Path, mut typed: Options) -> Result<(Vec<ScannerSurvey>, Diagnostics)> {
+    if !is_pipeline(path) {
+        let (survey, options, warnings) = read_xml(path, typed)?;
+        return Ok((vec![ScannerSurvey { scanner: None, survey, options }], warnings));
+    }
+    let source = Source::read(path)?;
+    let tables = source.tables()?;
+    let count = tables.scanners();
+    if count == 0 {
+        let (read, warnings) = read_pipeline(&source, tables, typed, None)?;
+        return Ok((vec![read], warnings));
+    }
+    let (mut found, mut problems, mut is_refused) = (Vec::new(), Diagnostics::default(), false);
+    for index in 0..count {
+        let more = match read_pipeline(&source, source.tables()?, typed.clone(), Some(index)) {
+            Ok((read, warnings)) => {
+                typed.scene.get_or_insert_with(|| Arc::new(read.survey.scene.clone()));
+                found.push(read);
+                warnings
+            }
+            Err(Error::Input(refused)) => {
+                is_refused = true;
+                *refused
+            }
+            Err(error) => return Err(error),
+        };
+        let new = more.without(&problems);
+        problems.extend(new);
+    }
+    if is_refused { Err(Error::Input(Box::new(problems))) } else { Ok((found, problems)) }
 }
 
 /// True if the file is a pipeline, or an XML file with a survey in it; one that is too large to be read is
@@ -100,9 +147,16 @@ struct Outputs {
     output: Vec<OutputKeys>,
 }
 
-fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
-    let mut tables = source.tables()?;
-    let file = take_options(&mut tables);
+/// Reads a pipeline from its tables, of `[[scanner]]` tables that with the index `scanner`.
+fn read_pipeline(
+    source: &Source,
+    mut tables: Tables,
+    typed: Options,
+    scanner: Option<usize>,
+) -> Result<(ScannerSurvey, Diagnostics)> {
+    let mut file = take_options(&mut tables);
+    let has_several = tables.scanners() > 1;
+    let scanner = scanner.map(|index| choose_scanner(&mut tables, index, &mut file));
     // The folders of the command line are searched first, then that of the file and those that it names.
     let folder = source.folder();
     let mut assets = typed.input.assets.clone();
@@ -115,6 +169,9 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
     let chosen = typed.trajectory.clone();
     let mut options = typed.over(file);
     options.input.assets = assets;
+    if has_several {
+        check_several(&options)?;
+    }
     // Columns that the file chooses are for its own outputs.
     let sinks = options.sinks()?;
     let has_colours = has_colours(&options.output.columns) && sinks.iter().any(|(_, f)| f.has_colours());
@@ -127,17 +184,8 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
         let place = tables.place("", "crs");
         options.output.crs = tables.find_file(name, place, &reading).map(Crs::File);
     }
-    if let (Some(name), false) = (&options.trajectory.path, replaces_trajectory) {
-        let place = tables.place("trajectory", "path");
-        let found = match is_stdin(name) {
-            true => Some(PathBuf::from("-")),
-            false => tables.find_file(name, place, &reading),
-        };
-        options.trajectory.path = Some(found.unwrap_or_default());
-    }
-    if options.trajectory.path.is_none() && tables.has("trajectory") {
-        let place = Some(source.place(0..0));
-        tables.error(place, "[trajectory] needs the key `path`").help("path = \"-\" is standard input");
+    if !replaces_trajectory {
+        find_trajectory(&mut options, source, &mut tables, &reading);
     }
     reading.trajectory = options.trajectory.stream();
     let gps_place = tables.place("", "gps_start");
@@ -149,7 +197,40 @@ fn read_pipeline(source: &Source, typed: Options) -> Result<(Survey, Options, Di
     if !read.is_of_survey {
         options.profile.profile.get_or_insert(PhysicsProfile::OF_PIPELINES);
     }
-    Ok((read.survey, options, warnings.finish(reading.strict)?))
+    let warnings = warnings.finish(reading.strict)?;
+    let mut read = ScannerSurvey { scanner, survey: read.survey, options };
+    check_trajectory_options(chosen, &mut read.survey)?;
+    if read.scanner.is_some() {
+        read.check(has_several)?;
+    }
+    Ok((read, warnings))
+}
+
+/// Finds the file of the trajectory that a pipeline names. Problems are recorded.
+fn find_trajectory(options: &mut Options, source: &Source, tables: &mut Tables, reading: &ReadOptions) {
+    if let Some(name) = &options.trajectory.path {
+        let place = tables.place("trajectory", "path");
+        let found = match is_stdin(name) {
+            true => Some(PathBuf::from("-")),
+            false => tables.find_file(name, place, reading),
+        };
+        options.trajectory.path = Some(found.unwrap_or_default());
+    } else if tables.has("trajectory") {
+        let place = Some(source.place(0..0));
+        tables.error(place, "[trajectory] needs the key `path`").help("path = \"-\" is standard input");
+    }
+}
+
+/// Chooses one of the `[[scanner]]` tables, whose outputs become those of the file. Returns its name.
+fn choose_scanner(tables: &mut Tables, index: usize, file: &mut Options) -> String {
+    if !file.outputs.is_empty() {
+        let place = tables.place("", "output");
+        let message = "[[output]] tables have no scanner beside [[scanner]] tables";
+        tables.error(place, message).help("give each [[scanner]] its `output`");
+    }
+    let chosen = tables.choose_scanner(index, OutputKeys::of_path);
+    file.outputs = chosen.outputs;
+    chosen.name
 }
 
 /// Warns of a fraction of a second in the start of GPS time.

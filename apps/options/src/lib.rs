@@ -11,6 +11,7 @@
 //! | `groups` | the groups of options, each a table of a pipeline file or a part of one |
 //! | `trajectory` | options of recorded trajectories |
 //! | `outputs` | the outputs of a pipeline file; from options to what is written |
+//! | `scanners` | several scanners on one platform, and options that cannot serve all of them |
 //! | `file` | reads surveys and pipeline files together with the options that they hold |
 //! | `resolve` | from options to the settings of a session, with every choice resolved |
 //! | `words` | options from words, and their list, for programs |
@@ -34,6 +35,7 @@ pub mod outputs;
 mod precedence;
 mod python;
 mod resolve;
+mod scanners;
 mod schema;
 mod switch;
 mod systems;
@@ -44,7 +46,7 @@ pub mod values;
 mod words;
 
 pub use choice::choice;
-pub use file::{holds_survey, read_pipeline_text, read_survey};
+pub use file::{holds_survey, read_pipeline_text, read_scanners, read_survey};
 pub use given::OptionValues;
 pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,
@@ -56,6 +58,7 @@ pub use precedence::Precedence;
 #[doc(hidden)]
 pub use python::python_module;
 pub use resolve::{ResolvedRun, policy, schedule_of};
+pub use scanners::ScannerSurvey;
 #[doc(hidden)]
 pub use schema::command_schema;
 pub use schema::pipeline_schema;

@@ -33,6 +33,14 @@ pub struct OutputKeys = "[[output]]" {
 }
 }
 
+impl OutputKeys {
+    /// The points in a file or folder, with the default of every other key.
+    pub fn of_path(path: PathBuf) -> OutputKeys {
+        let content = OutputContent::default();
+        OutputKeys { path, content, format: None, per_leg: false, helios: false }
+    }
+}
+
 /// Contents of an output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]

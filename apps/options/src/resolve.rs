@@ -1,6 +1,6 @@
 //! Conversion of options to the settings of a session, with every choice resolved.
 
-use super::{Options, read_pipeline_text, read_survey};
+use super::{Options, ScannerSurvey, read_pipeline_text, read_scanners, read_survey};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -21,6 +21,8 @@ const DEFAULT_IDLE_THRESHOLD_MS: f64 = 0.1;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct ResolvedRun {
+    /// Name of the scanner, in a pipeline with `[[scanner]]` tables.
+    pub scanner: Option<String>,
     /// The settings of the session.
     pub settings: Settings,
     /// Outputs.
@@ -42,6 +44,29 @@ impl ResolvedRun {
     pub fn resolve(file: &Path, typed: &Options) -> Result<(ResolvedRun, Diagnostics)> {
         let (survey, options, warnings) = read_survey(file, typed.clone())?;
         Ok((ResolvedRun::new(survey, &options)?, warnings))
+    }
+
+    /// Reads the survey or pipeline as [`ResolvedRun::resolve`] does, a pipeline with `[[scanner]]` tables as
+    /// a run of each scanner, in their order.
+    ///
+    /// # Errors
+    /// As for [`ResolvedRun::resolve`].
+    pub fn resolve_all(file: &Path, typed: &Options) -> Result<(Vec<ResolvedRun>, Diagnostics)> {
+        let (surveys, warnings) = read_scanners(file, typed.clone())?;
+        let resolve = |read: ScannerSurvey| -> Result<ResolvedRun> {
+            let run = ResolvedRun::new(read.survey, &read.options)?;
+            Ok(ResolvedRun { scanner: read.scanner, ..run })
+        };
+        let mut runs = surveys.into_iter().map(resolve).collect::<Result<Vec<_>>>()?;
+        if let [first, others @ ..] = &mut runs[..] {
+            // Scanners share a clock, also one that starts now.
+            let (gps_start_ns, day) = (first.settings.flight.gps_start_ns, first.output.cloud.creation);
+            for other in others {
+                other.settings.flight.gps_start_ns = gps_start_ns;
+                other.output.cloud.creation = day;
+            }
+        }
+        Ok((runs, warnings))
     }
 
     /// Reads a pipeline in memory and resolves every choice, as [`ResolvedRun::resolve`] does for a file.
@@ -112,6 +137,7 @@ impl ResolvedRun {
             return Err(Error::input(message));
         }
         Ok(ResolvedRun {
+            scanner: None,
             settings,
             output,
             schedule_log: speed.schedule_log.clone(),

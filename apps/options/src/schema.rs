@@ -42,7 +42,8 @@ pub fn command_schema(command: &Command) -> Value {
 pub fn pipeline_schema() -> Value {
     let tables = pipeline_keys();
     let mut top = table_schema(&tables[0], &tables);
-    for table in tables.iter().skip(1).filter(|table| table.name.starts_with('[')) {
+    let is_placed = |table: &&PipelineTable| table.name.starts_with('[') && table.name != SEVERAL;
+    for table in tables.iter().skip(1).filter(is_placed) {
         let is_list = table.name.starts_with("[[");
         let path: Vec<&str> = table.name.trim_matches(['[', ']']).split('.').collect();
         let schema = table_schema(table, &tables);
@@ -66,7 +67,37 @@ pub fn pipeline_schema() -> Value {
     channels["description"] = channel["description"].clone();
     let settings = top["properties"]["settings"].clone();
     top["properties"]["leg"]["items"]["properties"]["settings"] = settings;
+    add_several(&mut top, &tables);
     top
+}
+
+/// Header of the tables of several scanners.
+const SEVERAL: &str = "[[scanner]]";
+
+/// Lets `scanner` be a list: each scanner has the keys of a single one and those of [`SEVERAL`].
+fn add_several(top: &mut Value, tables: &[PipelineTable]) {
+    let keys = &top["properties"];
+    let one = keys["scanner"].clone();
+    let path = json!({ "type": "string" });
+    let paths = list_of(&json!({ "anyOf": [path, keys["output"]["items"]] }));
+    let types = [
+        ("mount", keys["platform"]["properties"]["mount"].clone()),
+        ("output", json!({ "anyOf": [path, paths] })),
+        ("settings", keys["settings"].clone()),
+    ];
+    let mut each = one.clone();
+    for table in tables.iter().filter(|table| table.name == SEVERAL) {
+        each["description"] = json!(table.about);
+        for key in &table.keys {
+            let known = types.iter().find(|(name, _)| *name == key.name);
+            let mut schema = known.map_or_else(|| path.clone(), |(_, schema)| schema.clone());
+            schema["description"] = json!(key.help);
+            each["properties"][&key.name] = schema;
+        }
+        each["required"] = json!(["name", "output"]);
+    }
+    let description = one["description"].clone();
+    top["properties"]["scanner"] = json!({ "anyOf": [one, list_of(&each)], "description": description });
 }
 
 fn table_schema(table: &PipelineTable, tables: &[PipelineTable]) -> Value {
@@ -156,7 +187,16 @@ mod tests {
         assert_eq!(keys["part"]["items"]["properties"]["material"]["items"]["properties"]["of"], {
             json!({ "description": keys["part"]["items"]["properties"]["material"]["items"]["properties"]["of"]["description"] })
         });
-        assert!(keys["scanner"]["properties"]["channel"]["items"]["properties"]["wavelength_nm"].is_object());
+        let [one, several] = [&keys["scanner"]["anyOf"][0], &keys["scanner"]["anyOf"][1]["items"]];
+        for scanner in [one, several] {
+            let channel = &scanner["properties"]["channel"]["items"];
+            assert!(channel["properties"]["wavelength_nm"].is_object());
+        }
+        assert!(one["properties"]["output"].is_null() && several["properties"]["mount"].is_object());
+        assert_eq!(several["properties"]["name"]["type"], "string");
+        assert_eq!(several["required"], json!(["name", "output"]));
+        let output = &several["properties"]["output"]["anyOf"][1]["items"]["anyOf"];
+        assert!(output[1]["properties"]["path"].is_object());
         assert_eq!(keys["physics"]["additionalProperties"], false);
         assert_eq!(keys["trajectory"]["properties"]["format"]["type"], "string");
         assert!(keys["output"]["items"]["properties"]["path"].is_object());

@@ -21,6 +21,7 @@
 //! | `ply`, `pcd`, `e57` | PLY and ray clouds, PCD, E57 |
 //! | `mcap` | MCAP with messages of ROS 2, written; its frames, read |
 //! | `frames` | frames of points with the poses of their scanner |
+//! | `logs` | MCAP files of several scanners as one |
 //! | `leica` | PTS and PTX, read |
 //! | `text` | lines of columns, with or without a line of names |
 //! | `columnar`, `table` | Arrow and Parquet: written; read, as tables in memory are |
@@ -50,6 +51,7 @@ mod format;
 mod frames;
 mod las;
 mod leica;
+mod logs;
 #[cfg(feature = "mcap")]
 mod mcap;
 pub mod number;
@@ -81,6 +83,7 @@ pub use las::{
     CHUNK_POINTS, ExtraDimension, ExtraDimensions, Header as LasHeader, LasError, LasFacts, LasReader,
     LasSettings, LasVersion, PACKETS_HEADER_BYTES, PacketPlace, PointsError, Selection,
 };
+pub use logs::{MergedLog, merge_logs};
 pub use objects::ObjectIds;
 pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
 pub use pcd::PcdError;

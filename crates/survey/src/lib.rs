@@ -88,7 +88,7 @@ mod weather;
 mod xml;
 mod xml_limits;
 
-pub use self::toml::{PipelineSurvey, Source, Tables, field_names, read_pipeline_survey};
+pub use self::toml::{ChosenScanner, PipelineSurvey, Source, Tables, field_names, read_pipeline_survey};
 pub use catalogue::{Catalogue, catalogue, catalogue_files};
 pub use context::{NumberColumns, ReadOptions, SceneChoice};
 pub use documents::CATALOGUE;

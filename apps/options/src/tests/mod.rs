@@ -10,6 +10,7 @@ use vlscan_survey::Survey;
 use vlscan_survey::testkit::documents::*;
 
 mod pipelines;
+mod scanners;
 
 type Pipeline = (Survey, Options);
 

@@ -102,7 +102,10 @@ impl Request {
 fn is_output(process: Process, inputs: &Map<String, Value>, name: &str) -> bool {
     let is_within = |folder: &str| name.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'));
     let may_be_named = match process {
-        Process::Run => ["output", "pipeline", "trajectory"].iter().any(|key| inputs.contains_key(*key)),
+        Process::Run => {
+            ["output", "pipeline", "trajectory"].iter().any(|key| inputs.contains_key(*key))
+                || inputs.get("scanner").is_some_and(Value::is_array)
+        }
         Process::Campaign => is_within(DATASET),
         Process::Stand => is_within("stand"),
         Process::Plan | Process::DryRun | Process::Compare | Process::Preview => false,
@@ -163,6 +166,8 @@ mod tests {
         assert!(!parsed("run", "{}", "wait=5").unwrap().prefers_job);
         let own = r#"{"inputs": {"output": [{"path": "a/b.las"}]}, "outputs": {"a/b.las": {}}}"#;
         assert!(parsed("run", own, "").is_ok());
+        let two = r#"{"inputs": {"scanner": [{"name": "a", "output": "a.las"}]}, "outputs": {"a.las": {}}}"#;
+        assert!(parsed("run", two, "").is_ok());
         assert!(parsed("campaign", r#"{"outputs": {"dataset/train/x/points.laz": {}}}"#, "").is_ok());
         assert_eq!(parsed("run", "{}", "").unwrap().outputs, Outputs::default());
         let whole = parsed("run", r#"{"response": "document"}"#, "").unwrap();

@@ -43,7 +43,9 @@ pub(super) fn pipeline(
     }
     check_outputs(&table)?;
     table.iter_mut().for_each(|(key, value)| prefer_catalogue(key, value, program));
-    if process == Process::Run && !table.contains_key("output") {
+    // Several scanners have an output each.
+    let has_several = table.get("scanner").is_some_and(toml::Value::is_array);
+    if process == Process::Run && !table.contains_key("output") && !has_several {
         let output = toml::Table::from_iter([("path".to_owned(), toml::Value::from("points.laz"))]);
         table.insert("output".to_owned(), toml::Value::Array(vec![toml::Value::Table(output)]));
     }
@@ -97,8 +99,9 @@ fn prefer_catalogue(key: &str, value: &mut toml::Value, program: &Program) {
 
 /// Refuses outputs whose names results could not have: they would be computed, and nobody could fetch them.
 fn check_outputs(table: &toml::Table) -> Result<(), RequestError> {
-    let outputs = table.get("output").and_then(toml::Value::as_array);
-    for path in outputs.into_iter().flatten().filter_map(|output| output.get("path")?.as_str()) {
+    let scanners = table.get("scanner").and_then(toml::Value::as_array).into_iter().flatten();
+    let outputs = table.get("output").into_iter().chain(scanners.filter_map(|scanner| scanner.get("output")));
+    for path in outputs.flat_map(paths_of) {
         if names::relative_path(path).is_none() {
             return Err(wrong(
                 "output.path",
@@ -111,6 +114,14 @@ fn check_outputs(table: &toml::Table) -> Result<(), RequestError> {
         }
     }
     Ok(())
+}
+
+/// The paths of outputs: a path, a table with one, or a list of both.
+fn paths_of(outputs: &toml::Value) -> Vec<&str> {
+    match outputs {
+        toml::Value::Array(list) => list.iter().flat_map(paths_of).collect(),
+        one => one.as_str().or_else(|| one.get("path")?.as_str()).into_iter().collect(),
+    }
 }
 
 fn toml_value(key: &str, value: Value) -> Result<toml::Value, RequestError> {

@@ -229,6 +229,9 @@ fn names_in_requests_lead_nowhere() {
             ("run", json!({ "scanner": { "corrections": name } })),
             ("run", json!({ "scanner": { "firing_times": name } })),
             ("run", json!({ "scanner": { "channel": [{ "pulse_shape": name }] } })),
+            ("run", json!({ "scanner": [{ "name": "a", "output": name }] })),
+            ("run", json!({ "scanner": [{ "name": "a", "output": [{ "path": name }] }] })),
+            ("run", json!({ "scanner": [{ "name": "a", "pattern": name, "output": "a.las" }] })),
             ("run", json!({ "platform": { "catalogue": name } })),
             ("run", json!({ "trajectory": { "path": name } })),
             ("run", json!({ "settings": { "pulse_times": name } })),
@@ -275,7 +278,7 @@ fn names_in_requests_lead_nowhere() {
             assert_eq!(service.get(&path).status, 404, "{path}");
         }
     }
-    assert_eq!(refused, 5 * 34);
+    assert_eq!(refused, 5 * 37);
     for inputs in [
         json!({ "trajectory": { "path": "-" } }),
         json!({ "output": [{ "path": "-" }] }),

@@ -49,7 +49,7 @@ fn the_service_describes_itself() {
     let run = service.json("/processes/run");
     assert_eq!(run["inputs"]["seed"]["schema"]["anyOf"][0]["type"], "integer");
     assert_eq!(run["inputs"]["misses"]["schema"]["type"], "boolean");
-    assert!(run["inputs"]["scanner"]["schema"]["properties"]["wavelength_nm"].is_object());
+    assert!(run["inputs"]["scanner"]["schema"]["anyOf"][0]["properties"]["wavelength_nm"].is_object());
     assert!(run["inputs"].get("force").is_none() && run["inputs"].get("assets").is_none());
     let plan = service.json("/processes/plan");
     assert_eq!(plan["inputs"]["height"]["schema"]["type"], "number");

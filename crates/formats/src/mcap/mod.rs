@@ -8,14 +8,17 @@
 //! | `container` | records of MCAP |
 //! | `cdr`, `schemas` | messages as bytes; their definitions |
 //! | `poses` | transforms and odometry |
-//! | `read` | frames with their poses |
+//! | `read` | frames with their poses; messages |
+//! | `merge` | files of several scanners as one |
 
 mod cdr;
 mod container;
+mod merge;
 mod poses;
 mod read;
 mod schemas;
 
+pub(crate) use merge::merge;
 pub(crate) use read::read_frames;
 
 use crate::encode::{Ending, FileBody, PointEncoder};

@@ -40,6 +40,72 @@ struct Reader {
     poses: HashMap<String, Vec<FramePose>>,
 }
 
+/// A message with the number of its channel.
+#[derive(Debug, PartialEq)]
+pub(super) struct Message {
+    pub channel: u16,
+    pub time_ns: u64,
+    pub data: Vec<u8>,
+}
+
+/// The messages of a file that this program has written, with one message in each chunk.
+pub(super) struct Messages<'a> {
+    input: Input<'a>,
+    bytes: Vec<u8>,
+}
+
+impl<'a> Messages<'a> {
+    /// Begins to read a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for another file.
+    pub fn begin(source: &'a mut dyn Read, path: &'a Path) -> Result<Messages<'a>> {
+        let (mut input, mut bytes) = (Input { source, path, at: 0 }, Vec::new());
+        input.read(MAGIC.len() as u64, &mut bytes)?;
+        if bytes != MAGIC {
+            return Err(wrong(path, "it is no MCAP"));
+        }
+        Ok(Messages { input, bytes })
+    }
+
+    /// The next message in the order of the file; `None` after the last one.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Input`] for a file that is damaged or ends before.
+    pub fn read_next(&mut self) -> Result<Option<Message>> {
+        loop {
+            let at = self.input.at;
+            let kind = self.input.record(&mut self.bytes)?;
+            if kind == DATA_END {
+                return Ok(None);
+            }
+            if kind == CHUNK {
+                let path = self.input.path;
+                let message = message_of(&self.bytes[HEAD_BYTES..]);
+                let damaged = || wrong(path, &format!("the record at byte {at} is damaged"));
+                return message.map(Some).ok_or_else(damaged);
+            }
+        }
+    }
+}
+
+/// The first message of the content of a chunk.
+fn message_of(chunk: &[u8]) -> Option<Message> {
+    let mut fields = Fields(chunk);
+    // Two times, size and checksum; compression; size.
+    fields.take(28)?;
+    fields.string()?;
+    fields.take(8)?;
+    let kind = fields.take(1)?[0];
+    fields.take(8)?;
+    let channel = fields.u16()?;
+    // Sequence and two times.
+    fields.take(4)?;
+    let time_ns = fields.u64()?;
+    fields.take(8)?;
+    (kind == MESSAGE).then(|| Message { channel, time_ns, data: fields.0.to_vec() })
+}
+
 /// Calls `take` with the frames of a file, in order.
 ///
 /// # Errors

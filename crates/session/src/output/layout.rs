@@ -3,11 +3,11 @@
 use super::context::{OutputContext, OutputLeg};
 use super::request::{OutputRequest, TableContent, TableRequest, Target, TrajectoryFormat};
 use super::summary::FileKind;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
-use vlscan_base::files::{is_stdout, with_suffix};
+use vlscan_base::files::{identity, is_special, is_stdout, with_suffix};
 use vlscan_formats::{Destination, PointFormat};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -240,6 +240,18 @@ impl OutputLayout {
             };
             self.routes[index].push(Route { content, slots });
         }
+    }
+
+    /// Files and folders that are filled; `-` is standard output. Pipes and devices, which many can write to,
+    /// are left out.
+    pub fn places(&self) -> BTreeSet<PathBuf> {
+        let files = self.files.iter().filter_map(|file| match &file.location {
+            OutputLocation::Fixed(Destination::Stdout) => Some(PathBuf::from("-")),
+            OutputLocation::Fixed(Destination::Path(path)) if !is_special(path) => Some(identity(path)),
+            _ => None,
+        });
+        let folders = self.directories.iter().chain(self.runs.iter().map(|run| &run.parent));
+        files.chain(folders.map(|path| identity(path))).collect()
     }
 
     /// Adds the files of a folder whose points are divided, to which all legs contribute.

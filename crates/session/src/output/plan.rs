@@ -87,6 +87,17 @@ impl CheckedOutputs {
         &self.warnings
     }
 
+    /// Files and folders that the outputs fill; `-` is standard output. Runs that share one of them would
+    /// overwrite or mix their outputs.
+    pub fn places(&self) -> BTreeSet<PathBuf> {
+        let mut places = self.layout.places();
+        if self.formats.encoders.values().any(|encoder| encoder.packets() == Some(PacketPlace::Beside)) {
+            let packets: Vec<PathBuf> = places.iter().map(|path| packets_path(path)).collect();
+            places.extend(packets);
+        }
+        places
+    }
+
     /// Plans the outputs. `context` is that of the check, except for coordinate reference system and time
     /// origin, which may be known only after the first pose of a flight.
     ///

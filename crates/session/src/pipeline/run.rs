@@ -15,8 +15,9 @@ use crate::output::{
     Target, Writer,
 };
 use crate::streams::PulseReader;
+use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -198,6 +199,15 @@ impl Session {
         let output = checked.plan(context)?;
         self.notify(Notice::Warnings(output.warnings().clone().finish(self.settings().strict)?));
         Ok((Arc::new(output), Epochs { range: 0..=epochs - 1, options, is_checked: true }))
+    }
+
+    /// Checks outputs as [`Session::run`] does before the first pulse, and returns the files and folders that
+    /// they fill, see [`CheckedOutputs::places`]. Warnings are left to the run.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for outputs that are impossible.
+    pub fn output_places(&self, outputs: &OutputRequest) -> Result<BTreeSet<PathBuf>> {
+        Ok(self.complete(outputs.clone()).check(&self.output_context())?.places())
     }
 
     /// Checks complete outputs and reports warnings of them.

@@ -95,12 +95,13 @@ macro_rules! key_table {
 }
 
 /// Documentation of all tables of a pipeline file that describe the survey.
-pub const SURVEY_TABLES: [KeyTable; 20] = [
+pub const SURVEY_TABLES: [KeyTable; 21] = [
     SurveyKeys::TABLE,
     PartKeys::TABLE,
     MaterialKeys::TABLE,
     PlatformKeys::TABLE,
     InstrumentKeys::TABLE,
+    RigKeys::TABLE,
     PrismKeys::TABLE,
     TargetKeys::TABLE,
     RatioKeys::TABLE,

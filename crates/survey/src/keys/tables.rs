@@ -74,7 +74,7 @@ keys! {
         name;
         /// The carrier of the scanner.
         platform;
-        /// The instrument.
+        /// The instrument; a list of tables for several instruments on one platform.
         scanner;
         /// Settings of the scanner; with `[[leg]]` tables, those that hold for all of them.
         settings;
@@ -437,6 +437,23 @@ keys! {
         firing_times;
         /// Channels that fire at the same time. Default: none, the scanner is one device.
         channel = "channels";
+    }
+}
+
+keys! {
+    /// `[[scanner]]`: one of several scanners on one platform, with the keys of `[scanner]` and these. All
+    /// scanners share the flight, the scene and all other tables.
+    RigKeys = "[[scanner]]" {
+        /// Name of the scanner, unique in the file: letters, digits, `-`, `_` and `.`. Required.
+        name;
+        /// Pose of this scanner on the platform. Default: `mount` of `[platform]`.
+        mount;
+        /// Output of this scanner, instead of `[[output]]` tables: a path, a list of paths, or tables
+        /// `[[scanner.output]]` with the keys of `[[output]]`. Required. Scanners that name the same MCAP
+        /// file share it, with a topic each.
+        output;
+        /// Settings of this scanner, which override those of `[settings]`.
+        settings;
     }
 }
 

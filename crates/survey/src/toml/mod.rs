@@ -4,14 +4,17 @@
 //! | file | what it does |
 //! |---|---|
 //! | `source` | the text and its tables; all problems of one file at once |
+//! | `scanners` | one of several `[[scanner]]` tables in the place of all |
 //! | `words` | errors of TOML in the words of its users |
 //! | `build`, `parts` | builds the survey and its scene from the keys |
 
 mod build;
 mod parts;
+mod scanners;
 pub(crate) mod source;
 pub(crate) mod words;
 
+pub use scanners::ChosenScanner;
 pub use source::{Source, Tables, field_names};
 
 use super::Survey;

@@ -168,14 +168,14 @@ impl Source {
 /// The tables of a pipeline file, from which each reader takes its keys.
 #[derive(Debug)]
 pub struct Tables<'t> {
-    source: &'t Source,
+    pub(super) source: &'t Source,
     /// Tables and keys that have not been taken.
-    root: Spanned<DeTable<'t>>,
+    pub(super) root: Spanned<DeTable<'t>>,
     /// Names of the keys of each table; the table at the top of the file has the name "".
     known: BTreeMap<&'static str, Vec<&'static str>>,
     /// Ranges of the values that have been taken, by table and key.
     spans: HashMap<(&'static str, String), Range<usize>>,
-    problems: Diagnostics,
+    pub(super) problems: Diagnostics,
 }
 
 impl<'t> Tables<'t> {

@@ -1,0 +1,98 @@
+//! Several scanners on one platform: the runs of a pipeline with `[[scanner]]` tables, which share a scene.
+
+use super::Console;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use vlscan_base::error::{Error, Result};
+use vlscan_options::{Options, ResolvedRun};
+use vlscan_session::{LoadedScene, Session, Settings};
+
+/// Reads the survey or pipeline with the options of the command line, and shows the warnings about them.
+/// Returns a run for each scanner.
+///
+/// # Errors
+/// As for [`ResolvedRun::resolve_all`]; warnings, if they are errors.
+pub fn resolve_all(file: &Path, options: &Options, console: &Console) -> Result<Vec<ResolvedRun>> {
+    let (jobs, warnings) = ResolvedRun::resolve_all(file, options)?;
+    console.warnings(&warnings)?;
+    Ok(jobs)
+}
+
+/// The scene that the runs of several scanners share.
+pub struct SharedScene {
+    scene: Option<LoadedScene>,
+    has_several: bool,
+}
+
+impl SharedScene {
+    /// The scene of these runs, not loaded yet.
+    pub fn of(jobs: &[ResolvedRun]) -> SharedScene {
+        SharedScene { scene: None, has_several: jobs.len() > 1 }
+    }
+
+    /// Opens a session over the scene of the first run, or with `load` if that scene does not suit the
+    /// settings: scanners of other wavelengths see other reflectances.
+    ///
+    /// # Errors
+    /// The errors of [`Session::new`] and of `load`.
+    pub fn open(
+        &mut self,
+        settings: Settings,
+        console: &Console,
+        load: impl FnOnce(Settings, &Console) -> Result<Session>,
+    ) -> Result<Session> {
+        let shared = self.scene.as_ref().filter(|scene| scene.suits(&settings)).cloned();
+        let session = match shared {
+            Some(scene) => Session::new(settings, scene, console.observer())?,
+            None => load(settings, console)?,
+        };
+        // A single run frees its scene between epochs, which nothing else may hold then.
+        if self.has_several && self.scene.is_none() {
+            self.scene = session.loaded();
+        }
+        Ok(session)
+    }
+}
+
+/// Files and folders that the scanners of a platform fill, each with the name of its scanner.
+#[derive(Default)]
+pub struct OutputPlaces(BTreeMap<PathBuf, String>);
+
+impl OutputPlaces {
+    /// Adds the places of a scanner.
+    ///
+    /// # Errors
+    /// A place of an earlier scanner.
+    pub fn add(&mut self, scanner: &str, places: BTreeSet<PathBuf>) -> Result<()> {
+        for place in places {
+            let shown = match place.as_os_str() == "-" {
+                true => "standard output".to_owned(),
+                false => place.display().to_string(),
+            };
+            if let Some(other) = self.0.insert(place, scanner.to_owned()) {
+                return Err(Error::input_with_help(
+                    format!("the scanners `{other}` and `{scanner}` would both write to {shown}"),
+                    "give each [[scanner]] an `output` of its own",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_scanners_cannot_fill_one_place() {
+        let places = |names: &[&str]| names.iter().map(PathBuf::from).collect::<BTreeSet<_>>();
+        let mut all = OutputPlaces::default();
+        all.add("front", places(&["a.laz", "-"])).unwrap();
+        all.add("rear", places(&["b.laz"])).unwrap();
+        let error = all.add("top", places(&["c.laz", "b.laz"])).unwrap_err().to_string();
+        assert_eq!(error, "the scanners `rear` and `top` would both write to b.laz");
+        let error = all.add("down", places(&["-"])).unwrap_err().to_string();
+        assert_eq!(error, "the scanners `front` and `down` would both write to standard output");
+    }
+}
