@@ -144,8 +144,11 @@ fn figures(row: &ScannerFigures, scanner: &Scanner) -> String {
 
 /// The figures that pipelines use instead of those of HELIOS++'s catalogue, with their sources.
 fn in_pipelines(stated: &StatedFigures) -> Vec<Vec<String>> {
+    let mrad = stated.divergence.map(|rad| (rad * 1e6).round() / 1e3);
     let figures = [
+        ("accuracy", "accuracy_m", stated.accuracy, "m (standard deviation)"),
         ("wavelength", "wavelength_nm", stated.wavelength, "nm"),
+        ("beam divergence", "beamDivergence_rad", mrad, "mrad (full angle at 1/e²)"),
         ("pulse length", "pulseLength_ns", stated.pulse_width, "ns (full width at half maximum)"),
         ("range from", "rangeMin_m", stated.range_min, "m"),
         ("dead time", "deadTime_ns", stated.dead_time, "ns"),
@@ -237,10 +240,21 @@ mod tests {
             shown.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{shown}")).to_owned()
         };
         // The source of its farthest echo says nothing of its least range.
-        let range = line("#dji-zenmuse-l2-repetitive", "range");
-        assert!(range.contains("2-∞ m ") && range.ends_with("  not compared with a data sheet"), "{range}");
-        let farthest = line("#dji-zenmuse-l2-repetitive", "farthest echo");
-        assert!(farthest.contains("490 m") && farthest.contains("between both"), "{farthest}");
+        let range = line("#dji-zenmuse-l1-non-repetitive", "range");
+        assert!(range.contains("1-∞ m ") && range.ends_with("  not compared with a data sheet"), "{range}");
+        let farthest = line("#dji-zenmuse-l1-non-repetitive", "farthest echo");
+        assert!(farthest.contains("450 m") && farthest.contains("at 10 % and 100 klx"), "{farthest}");
+        // Pipelines have the figure of a source.
+        let replaced = line("#dji-zenmuse-l2-repetitive", "range  ");
+        assert!(replaced.ends_with("  of HELIOS++'s catalogue, replaced in pipelines"), "{replaced}");
+        for (id, name, value) in [
+            ("#dji-zenmuse-l2-repetitive", "range from in pipelines", "  3 m  "),
+            ("#livox-avia-non-repetitive", "accuracy in pipelines", "  0.02 m (standard deviation)  "),
+            ("#riegl_vz400", "beam divergence in pipelines", "  0.35 mrad (full angle at 1/e²)  "),
+        ] {
+            let figure = line(id, name);
+            assert!(figure.contains(value), "{figure}");
+        }
         assert!(
             line("#riegl_minivux-3uav", "range").ends_with("data sheet, riegl.com, edition not recorded")
         );
@@ -250,7 +264,7 @@ mod tests {
             ("#leica_rtc360", "data sheet, leica"),
             ("#riegl_vq-840-g", "data sheet, riegl.com"),
             ("#dji-zenmuse-l1-non-repetitive", "Guidebook"),
-            ("#riegl_vz400", "not compared"),
+            ("#riegl_vq_780i", "not compared"),
         ] {
             let field = line(id, "field of view");
             assert!(field.contains(source), "{id}: {field}");

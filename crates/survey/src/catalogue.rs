@@ -54,11 +54,11 @@ mod tests {
     fn every_entry_loads_without_a_warning() {
         let (catalogue, warnings) = catalogue().unwrap_or_else(|e| panic!("{e}"));
         assert!(warnings.is_empty(), "{}", warnings.render(false));
-        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (54, 12));
+        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (56, 12));
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();
         names.dedup();
-        assert_eq!(names.len(), 54);
+        assert_eq!(names.len(), 56);
     }
 
     #[test]
@@ -103,6 +103,8 @@ mod tests {
             ("#ouster_os2-128", 2_621_440.0, 128, (-10.93, 10.93), 865.0),
             ("#leica_rtc360", 2e6, 1, (-150.0, 150.0), 1550.0),
             ("#leica_blk360", 360e3, 1, (-150.0, 150.0), 830.0),
+            ("#leica_blk360-g2", 680e3, 1, (-135.0, 135.0), 830.0),
+            ("#riegl_vz400i", 1.2e6, 1, (-50.0, 50.0), 1550.0),
             ("#riegl_minivux-3uav", 300e3, 1, (-180.0, 180.0), 905.0),
             ("#riegl_vq-1560ii", 4e6, 2, (-29.0, 29.0), 1064.0),
             ("#riegl_vq-840-g", 200e3, 1, (-20.0, 20.0), 532.0),

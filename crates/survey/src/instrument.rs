@@ -74,6 +74,8 @@ fn read_stated(context: &Context, element: &Element) -> StatedFigures {
             (K.pulse_length_ns, &mut stated.pulse_width),
             (K.range_min_m, &mut stated.range_min),
             (K.dead_time_ns, &mut stated.dead_time),
+            (K.accuracy_m, &mut stated.accuracy),
+            (K.beam_divergence_rad, &mut stated.divergence),
         ] {
             if let Some(value) = fields.optional(key) {
                 *target = Some(value);

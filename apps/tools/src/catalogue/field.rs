@@ -153,7 +153,7 @@ mod tests {
     use vlscan_survey::catalogue;
 
     /// The fields of all instruments of the catalogue, as their data sheets state them where those are known.
-    const FIELDS: [(&str, &[f64]); 54] = [
+    const FIELDS: [(&str, &[f64]); 56] = [
         ("als.xml#leica_als50", &[75.0]),
         ("als.xml#leica_als50-ii", &[75.0]),
         ("als.xml#optech_2033", &[40.0]),
@@ -182,6 +182,7 @@ mod tests {
         ("als.xml#dji-zenmuse-l2-non-repetitive", &[74.5, 70.0]),
         ("als.xml#riegl_vux-120", &[100.0]),
         ("tls.xml#riegl_vz400", &[360.0, 100.0]),
+        ("tls.xml#riegl_vz400i", &[360.0, 100.0]),
         ("tls.xml#riegl_vz1000", &[360.0, 100.0]),
         ("tls.xml#riegl_vz2000i", &[360.0, 100.0]),
         ("tls.xml#riegl_vz600i", &[360.0, 105.0]),
@@ -201,6 +202,7 @@ mod tests {
         ("tls.xml#ouster_os2-128-rev7", &[360.0, 21.9]),
         ("tls.xml#leica_rtc360", &[360.0, 300.0]),
         ("tls.xml#leica_blk360", &[360.0, 300.0]),
+        ("tls.xml#leica_blk360-g2", &[360.0, 270.0]),
         ("tls.xml#livox_mid-40", &[38.4, 38.4]),
         ("tls.xml#livox_mid-70", &[70.4, 70.4]),
         ("tls.xml#livox_mid-360", &[360.0, 59.0]),

@@ -6,6 +6,8 @@ use vlscan_survey::{FigureSource, Scanner};
 
 /// Remark on figures without a source.
 const UNVERIFIED: &str = "not compared with a data sheet";
+/// Remark on figures for which pipelines have another one.
+const REPLACED: &str = "of HELIOS++'s catalogue, replaced in pipelines";
 /// Beginnings of the names of sources that are none.
 const NO_SOURCES: [&str; 2] = ["assumption", "not verified"];
 /// Figures that a run depends on, of which [`unverified_figures`] lists those without a source.
@@ -13,12 +15,20 @@ const FIGURES: [&str; 5] =
     ["accuracy_m", "beamDivergence_rad", "pulseLength_ns", "rangeMin_m", "wavelength_nm"];
 
 /// The sources of an instrument's figures. As JSON: names of figures with their sources.
-pub struct Sources<'s>(&'s [FigureSource]);
+pub struct Sources<'s> {
+    sources: &'s [FigureSource],
+    /// Sources of the figures that pipelines use instead.
+    stated: &'s [FigureSource],
+}
 
 impl Sources<'_> {
     /// The sources of a scanner's figures.
     pub fn of(scanner: &Scanner) -> Sources<'_> {
-        Sources(&scanner.sources)
+        let stated: &[FigureSource] = match scanner.devices.first() {
+            Some(device) => &device.stated.sources,
+            None => &[],
+        };
+        Sources { sources: &scanner.sources, stated }
     }
 
     /// True if a figure has a source.
@@ -27,27 +37,35 @@ impl Sources<'_> {
     }
 
     fn source_of(&self, figure: &str) -> Option<&str> {
-        let source = self.0.iter().find(|source| source.figures.iter().any(|own| own == figure))?;
-        Some(&source.name)
+        Some(&source_among(self.sources, figure)?.name)
     }
 
     /// The sources of `figures`, and which of them have none; empty for what is no figure.
     pub fn of_figures(&self, figures: &[&str]) -> String {
-        let (known, unknown): (Vec<&str>, Vec<&str>) =
+        let (known, others): (Vec<&str>, Vec<&str>) =
             figures.iter().copied().partition(|figure| self.has(figure));
+        let (replaced, unknown): (Vec<&str>, Vec<&str>) =
+            others.into_iter().partition(|figure| source_among(self.stated, figure).is_some());
         let mut told: Vec<String> = Vec::new();
         for name in known.iter().filter_map(|figure| self.source_of(figure)) {
             if !told.iter().any(|other| other == name) {
                 told.push(name.to_owned());
             }
         }
-        if known.is_empty() && !unknown.is_empty() {
-            told.push(UNVERIFIED.to_owned());
-        } else if !unknown.is_empty() {
-            told.push(format!("{} {UNVERIFIED}", unknown.join(", ")));
+        for (found, remark) in [(replaced, REPLACED), (unknown, UNVERIFIED)] {
+            match found.len() {
+                0 => {}
+                count if count == figures.len() => told.push(remark.to_owned()),
+                _ => told.push(format!("{} {remark}", found.join(", "))),
+            }
         }
         told.join("; ")
     }
+}
+
+/// The first of `sources` that states a figure.
+fn source_among<'s>(sources: &'s [FigureSource], figure: &str) -> Option<&'s FigureSource> {
+    sources.iter().find(|source| source.figures.iter().any(|own| own == figure))
 }
 
 /// The figures of an instrument of the built-in catalogue that have not been compared with a data sheet;
@@ -70,7 +88,7 @@ impl Serialize for Sources<'_> {
             let name = source.name.clone();
             source.figures.clone().into_iter().map(move |figure| (figure, name.clone()))
         };
-        let map: BTreeMap<String, String> = self.0.iter().flat_map(of_source).collect();
+        let map: BTreeMap<String, String> = self.sources.iter().flat_map(of_source).collect();
         map.serialize(serializer)
     }
 }
@@ -123,17 +141,22 @@ mod tests {
             let (_, scanner) = known.scanners.iter().find(|(found, _)| found.ends_with(name)).unwrap();
             unverified_figures(scanner)
         };
-        assert_eq!(of("#riegl_vz400"), FIGURES);
+        assert_eq!(of("#riegl_vz400"), ["accuracy_m", "pulseLength_ns", "rangeMin_m", "wavelength_nm"]);
+        assert_eq!(of("#riegl_vz600i"), FIGURES);
         assert_eq!(of("#leica_als50-ii"), ["accuracy_m", "rangeMin_m"]);
         assert!(unverified_figures(&Scanner::new("own", 1000, Device::new(Deflector::Conic))).is_empty());
         let (_, puck) = known.scanners.iter().find(|(name, _)| name.ends_with("#vlp16")).unwrap();
         let sources = Sources::of(puck);
         assert!(sources.of_figures(&["beamDivergence_rad"]).contains("User Manual"));
-        assert_eq!(sources.of_figures(&["maxNOR"]), UNVERIFIED);
+        assert_eq!(sources.of_figures(&["pulseLength_ns"]), REPLACED);
+        let (_, hdl) = known.scanners.iter().find(|(name, _)| name.ends_with("#velodyne_hdl-64e")).unwrap();
+        assert_eq!(Sources::of(hdl).of_figures(&["maxNOR"]), UNVERIFIED);
+        let partly = Sources::of(hdl).of_figures(&["rangeMin_m", "rangeMax_m"]);
+        assert!(partly.ends_with(&format!("; rangeMin_m {UNVERIFIED}")), "{partly}");
         assert_eq!(sources.of_figures(&[]), "");
         let (channels, both) = (sources.of_figures(&["channels"]), ["channels", "pulseFreqs_Hz"]);
         assert_eq!(sources.of_figures(&both), channels);
         let partly = sources.of_figures(&["rangeMin_m", "channels"]);
-        assert_eq!(partly, format!("{channels}; rangeMin_m {UNVERIFIED}"));
+        assert_eq!(partly, format!("{channels}; rangeMin_m {REPLACED}"));
     }
 }

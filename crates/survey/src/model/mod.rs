@@ -454,6 +454,10 @@ pub struct StatedFigures {
     pub range_min: Option<f64>,
     /// Time after an echo during which no other one is detected, ns.
     pub dead_time: Option<f64>,
+    /// Standard deviation of ranges, m.
+    pub accuracy: Option<f64>,
+    /// Beam divergence, rad; for an elliptical beam along the emitter's x axis.
+    pub divergence: Option<f64>,
     /// The sources of these figures.
     pub sources: Vec<FigureSource>,
 }
@@ -629,7 +633,9 @@ impl Beam {
 impl StatedFigures {
     /// True if there are figures that have not been taken: those of HELIOS++'s catalogue apply.
     pub fn are_left(&self) -> bool {
-        [self.wavelength, self.pulse_width, self.range_min, self.dead_time].iter().any(Option::is_some)
+        let times = [self.pulse_width, self.dead_time];
+        let others = [self.wavelength, self.range_min, self.accuracy, self.divergence];
+        times.iter().chain(&others).any(Option::is_some)
     }
 }
 
@@ -644,6 +650,8 @@ impl Device {
         }
         self.beam.stated_width = stated.pulse_width.or(self.beam.stated_width);
         self.beam.take_stated_width();
+        self.beam.divergence = stated.divergence.unwrap_or(self.beam.divergence);
+        self.detector.accuracy = stated.accuracy.unwrap_or(self.detector.accuracy);
         self.detector.range_min = stated.range_min.unwrap_or(self.detector.range_min);
         self.receiver.dead_time = stated.dead_time.unwrap_or(self.receiver.dead_time);
     }

@@ -56,10 +56,14 @@ fn data_sheets_count_in_pipelines_and_the_catalogue_of_the_reference_in_xml() {
     assert_eq!((of_xml.beam.pulse_length, of_xml.beam.stated_width), (10.0, Some(10.0)));
     let (vz400, of_xml) = (fine(shipped("riegl_vz400", ""))[0].clone(), found("riegl_vz400"));
     assert_eq!((vz400.beam.wavelength, of_xml.beam.wavelength), (1550.0, 1064.0));
+    assert_eq!((vz400.beam.divergence, of_xml.beam.divergence), (0.00035, 0.0003));
     assert!(of_xml.stated.are_left() && !vz400.stated.are_left() && vz400.stated.is_built_in);
     // What the pipeline says counts.
-    let own = fine(shipped("riegl_vz400", "wavelength_nm = 905"))[0].beam;
-    assert_eq!((own.wavelength, own.atmosphere_wavelength), (905.0, 905.0));
+    let own = fine(shipped("riegl_vz400", "wavelength_nm = 905\nbeam_divergence_rad = 0.001"))[0].beam;
+    assert_eq!((own.wavelength, own.atmosphere_wavelength, own.divergence), (905.0, 905.0, 0.001));
+    let avia = fine(shipped("livox-avia-non-repetitive", ""));
+    assert!(avia.iter().all(|device| device.detector.accuracy == 0.02));
+    assert_eq!(found("livox-avia-non-repetitive").detector.accuracy, 0.01);
     let puck = fine(shipped("data/scanners_tls.xml#vlp16", ""));
     assert!(puck.iter().all(|device| device.detector.range_min == 1.0));
     assert!((found("data/scanners_tls.xml#vlp16").detector.range_min - 0.09144).abs() < 1e-12);
