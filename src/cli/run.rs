@@ -85,7 +85,7 @@ struct Ready {
     session: Session,
     output: OutputRequest,
     companions: Companions,
-    /// Where the poses of moving parts are written.
+    /// File of the poses of moving parts.
     objects: Option<PathBuf>,
     resumption: Option<ResumeOptions>,
     progress_lines: bool,
