@@ -274,7 +274,7 @@ impl Workshop {
     fn conclude(&self, job: &Job, holder: &str, outcome: &Outcome) {
         let report = |error: StoreError| eprintln!("vlscan serve: job {}: {error}", job.id);
         // Large folders are moved at once and removed after the lease.
-        let removed = self.store.incoming().join(random_name(8));
+        let removed = self.store.new_incoming();
         if self.store.renew(&job.id, holder, 0, "").unwrap_or(false) {
             self.tidy_folder(job, outcome, &removed).unwrap_or_else(report);
         }
@@ -564,7 +564,7 @@ impl Workshop {
     fn tidy_failed(&self) -> Result<()> {
         for id in self.store.ids(&[Status::Failed])? {
             let folder = self.store.job_folder(&id);
-            let removed = self.store.incoming().join(random_name(8));
+            let removed = self.store.new_incoming();
             if move_away(&folder, &UNUSED, &removed)? {
                 remove_folder(&removed)?;
                 self.store.set_disk(&id, bytes_in(&folder)?)?;
