@@ -9,17 +9,15 @@ from xml.etree.ElementTree import Element, ParseError, parse
 from vlscan_helios.v3.utils import find_file
 from vlscan_helios.v3.xml_files import float_of
 
-from .views import View
+from .views import Instrument
 
 
-class ScannerView(View):
+class ScannerView(Instrument):
     """A scanner, whose figures cannot be set. Those of several channels are the scanner's own.
 
     ``wavelength`` is in m, ``visibility`` in km, ``pulseLength`` in ns, ``beamDivergence`` in rad, ``averagePower`` in W,
     ``pulseFreqs`` in Hz.
     """
-
-    NAMES: ClassVar[dict[str, str]] = {"name": "name", "reference": "reference"}
 
     #: Figures: attribute of XML, value without it, divisor.
     FIGURES: ClassVar[dict[str, tuple[str, float, float]]] = {
@@ -63,15 +61,6 @@ class ScannerView(View):
             root = None
         entries = [] if root is None else [entry for entry in root.iter("scanner") if not id or entry.get("id") == id]
         return entries[0] if entries else Element("scanner")
-
-    @property
-    def id(self) -> str:
-        """Id in its file."""
-        return str(self._model.reference).rpartition("#")[2]
-
-    def getId(self) -> str:
-        """Return the id in its file."""
-        return self.id
 
     @property
     def deviceId(self) -> str:
