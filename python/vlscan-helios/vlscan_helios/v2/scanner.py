@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element, ParseError, parse
 
+from vlscan.errors import InputError
 from vlscan_helios.v3.utils import find_file
 from vlscan_helios.v3.xml_files import float_of
 
@@ -52,15 +53,16 @@ class ScannerView(Instrument):
 
     @cached_property
     def _entry(self) -> Element:
-        """The entry of the scanner; an empty one if its file cannot be read."""
+        """The entry of the scanner in its file."""
         file, _, id = str(self._model.reference).partition("#")
-        path = find_file(file, fatal=False)
+        path = str(find_file(file))
         try:
-            root = None if path is None else parse(path).getroot()
-        except (OSError, ParseError):
-            root = None
-        entries = [] if root is None else [entry for entry in root.iter("scanner") if not id or entry.get("id") == id]
-        return entries[0] if entries else Element("scanner")
+            entries = [entry for entry in parse(path).getroot().iter("scanner") if not id or entry.get("id") == id]
+        except ParseError as error:
+            raise InputError(f"{path}: not well-formed XML: {error}") from None
+        if not entries:
+            raise InputError(f"{path}: there is no scanner {id!r}")
+        return entries[0]
 
     @property
     def deviceId(self) -> str:
