@@ -257,6 +257,8 @@ fn correction_files_of_hesai_are_channels() {
     contains(&refused_by(keys, b"1,200,3\n"), &["a number from -90 to 90", "angles.csv:1:3"]);
     contains(&refused_by(keys, b"Channel,Azimuth\n1,2\n"), &["no column `elevation`"]);
     contains(&refused_by(keys, b""), &["no row of numbers"]);
+    let undecodable = [&b"1,2,3\n".repeat(2000)[..], b"\xe9\n"].concat();
+    contains(&refused_by(keys, &undecodable), &["is not UTF-8", "angles.csv:2001"]);
 }
 
 #[test]
