@@ -1,4 +1,6 @@
-"""Counts lines of Rust by folder: code is what is neither blank nor comment. Tests, benches and examples are left out.
+"""Counts lines of Rust by folder: code is what is neither blank nor comment.
+
+Tests, benches and examples are left out.
 
     python3 docs/dev/size.py [FOLDER OF THE REPOSITORY]
 """
@@ -9,7 +11,7 @@ import re
 import sys
 
 LEFT_OUT = {"target", "tests", "benches", "examples", "fuzz", "node_modules"}
-TEST_FILES = {"tests.rs", "testkit.rs", "testing.rs", "fixture.rs"}
+TEST_FILE = re.compile(r"(.+_)?tests|testkit|testing|fixture")
 TEST_MODULE = re.compile(r"#\[cfg\(test\)\]\n(pub(\(\w+\))? )?mod \w+ \{")
 
 
@@ -24,7 +26,7 @@ def main() -> None:
     sizes: collections.Counter[str] = collections.Counter()
     for path in sorted(root.rglob("*.rs")):
         parts = path.relative_to(root).parts
-        if LEFT_OUT.isdisjoint(parts) and path.name not in TEST_FILES:
+        if LEFT_OUT.isdisjoint(parts) and not TEST_FILE.fullmatch(path.stem):
             depth = 2 if parts[0] in ("crates", "apps", "python") else 1
             sizes["/".join(parts[:-1][:depth])] += code_lines(path.read_text(encoding="utf-8"))
     for folder, size in sizes.items():

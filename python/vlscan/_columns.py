@@ -37,7 +37,7 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
     TypeError
         No table.
     ValueError
-        An array of another shape.
+        An array of another shape, or columns of different lengths.
     """
     table = columns_of_library(table)
     if isinstance(table, ArrowStream):

@@ -73,8 +73,10 @@ class Points(Table):
 
         Raises
         ------
+        TypeError
+            It is no table.
         ValueError
-            The table has no X, Y or Z, or the coordinate reference system is unknown.
+            The table has no X, Y or Z, its columns have different lengths, or the coordinate reference system is unknown.
 
         Examples
         --------

@@ -165,13 +165,9 @@ class Batches(Iterator[Points]):
     def __repr__(self) -> str:
         if self._start is not None:
             return "<Batches: not begun>"
-        return (
-            f"<Batches of {self.result!r}>"
-            if self.is_complete
-            else "<Batches: begun>"
-            if self._batches is not None
-            else "<Batches: closed>"
-        )
+        if self.is_complete:
+            return f"<Batches of {self.result!r}>"
+        return "<Batches: closed>" if self._batches is None else "<Batches: begun>"
 
     def __enter__(self) -> Self:
         return self

@@ -157,7 +157,7 @@ fn is_flown_as_promised(folder: &Path, scanner: &str, height: f64) -> Result<boo
         if plan.contains(" M leave the instrument") { promised(&plan, "pulses     ") } else { 0.0 };
     if millions > 2.0 {
         let rate = promised(&plan, "pulse_freq_hz = ") * 2.0 / millions;
-        // The share of pulses that are detected is that of other pulses, on either side of its limit.
+        // At another rate other pulses are sampled, whose detected share may be below its limit.
         let Some(slower) = planned(folder, scanner, height, half, Some(rate as u32))? else {
             return Ok(false);
         };

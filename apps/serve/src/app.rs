@@ -56,7 +56,7 @@ impl App {
     ///
     /// # Errors
     /// If it does not come.
-    pub async fn turn_to_submit(&self, owner: &str) -> Result<Share, Failure> {
+    async fn turn_to_submit(&self, owner: &str) -> Result<Share, Failure> {
         let turn = self.requests.take(owner, MAX_REQUEST_WAIT).await;
         turn.ok_or_else(|| {
             Failure::new(
@@ -157,6 +157,30 @@ where
             ))
         }
     }
+}
+
+/// Does work that checks a request of an owner, at the turn of the owner, which ends with the work and not
+/// with the connection.
+///
+/// # Errors
+/// If the turn does not come, and errors of the work.
+pub async fn submitting<T, E>(
+    app: &Arc<App>,
+    owner: &str,
+    work: impl FnOnce(&Workshop) -> Result<T, E> + Send + 'static,
+) -> Result<T, Failure>
+where
+    T: Send + 'static,
+    E: Send + 'static,
+    Failure: From<E>,
+{
+    let turn = app.turn_to_submit(owner).await?;
+    let in_turn = move |workshop: &Workshop| {
+        let done = work(workshop);
+        drop(turn);
+        done
+    };
+    blocking(app, in_turn).await
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@ use crate::bucket::Bucket;
 use crate::names::relative_path;
 use crate::records::Kind;
 use crate::store::{Result, ResultFile, Store, StoreError, remove_folder};
-use crate::tokens::random_name;
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -122,7 +121,7 @@ impl Store {
                 let folder = self.local(kind, id);
                 bucket.put(kind, id, &folder, paths).map_err(StoreError::Bucket)?;
                 // The folder is there as a whole or not at all, whenever the service is ended.
-                let gone = self.incoming().join(random_name(8));
+                let gone = self.new_incoming();
                 std::fs::rename(&folder, &gone)?;
                 std::fs::remove_dir_all(gone)?;
             }
@@ -143,7 +142,7 @@ impl Store {
                 let mut count = held(&count);
                 let folder = self.local(kind, id);
                 if *count == 0 && !folder.is_dir() {
-                    let part = self.incoming().join(random_name(8));
+                    let part = self.new_incoming();
                     std::fs::create_dir_all(&part)?;
                     let paths: Vec<String> =
                         self.listed(kind, id)?.into_iter().map(|file| file.path).collect();

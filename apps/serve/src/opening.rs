@@ -12,7 +12,7 @@ use crate::files::Files;
 use crate::program::{PATTERN, PATTERNS};
 use crate::records::{ExpiryClock, Kind};
 use crate::schema::{self, State};
-use crate::store::{INCOMING, Result, Store, StoreError, make_private, remove_folder};
+use crate::store::{INCOMING, INCOMING_BYTES, Result, Store, StoreError, make_private, remove_folder};
 use crate::tokens::random_name;
 use rusqlite::OptionalExtension as _;
 use std::collections::BTreeSet;
@@ -30,8 +30,6 @@ const ID: &str = "id";
 const MAX_LISTED: usize = 10;
 /// Start and length of the names that `tempfile` gives.
 const TEMPORARY: (&str, usize) = (".tmp", 10);
-/// Length of the other names of incomplete files: random bytes as hexadecimal digits.
-const RANDOM: usize = 16;
 /// Most bytes of a temporary file of earlier versions in the folder of a service.
 const MAX_TEMPORARY: u64 = 100;
 
@@ -264,7 +262,8 @@ fn has_files(root: &Path) -> Result<bool> {
 
 /// True if the service gives this name to files and folders that are not complete.
 pub(crate) fn is_incomplete(name: &str) -> bool {
-    is_temporary(name) || name.len() == RANDOM && name.bytes().all(|byte| byte.is_ascii_hexdigit())
+    let is_random = name.len() == 2 * INCOMING_BYTES && name.bytes().all(|byte| byte.is_ascii_hexdigit());
+    is_temporary(name) || is_random
 }
 
 fn is_temporary(name: &str) -> bool {

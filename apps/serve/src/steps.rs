@@ -2,6 +2,7 @@
 //! last step.
 
 use crate::execution::{End, Setting};
+use crate::opening::names_in;
 use crate::processes::Process;
 use crate::request::Prepared;
 use crate::store::Result;
@@ -161,8 +162,32 @@ pub(crate) fn empty(folder: &Path) -> Result<()> {
     Ok(fs::create_dir(folder)?)
 }
 
-/// True if an earlier worker has left shards of a run, which is then continued.
+/// True if an earlier worker has left shards of a run, which is then continued. The last step of a complete run
+/// removes the folder of its shards, which is empty before: with an empty one, nothing can be continued.
 fn has_shards(out: &Path) -> Result<bool> {
-    let names = crate::opening::names_in(out)?;
-    Ok(names.iter().any(|name| name.ends_with(".shards")))
+    for name in names_in(out)?.iter().filter(|name| name.ends_with(".shards")) {
+        let path = out.join(name);
+        if path.symlink_metadata()?.is_dir() && !names_in(&path)?.is_empty() {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_folder_of_shards_is_that_of_a_run_that_was_complete() {
+        let out = tempfile::tempdir().unwrap();
+        fs::write(out.path().join("points.laz"), "").unwrap();
+        fs::write(out.path().join("other.shards"), "an output of this name").unwrap();
+        assert!(!has_shards(out.path()).unwrap());
+        let shards = out.path().join("points.laz.shards");
+        fs::create_dir(&shards).unwrap();
+        assert!(!has_shards(out.path()).unwrap());
+        fs::write(shards.join("vlscan-resume.json"), "").unwrap();
+        assert!(has_shards(out.path()).unwrap());
+    }
 }

@@ -26,6 +26,7 @@ use crate::files::{Fetches, Files};
 use crate::records::Kind;
 pub use crate::records::{FileKind, Job, ResultFile, Selection, Status, Upload, UploadFile, now, time_text};
 use crate::reservations::Reservations;
+use crate::tokens::random_name;
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -60,6 +61,11 @@ impl Store {
     /// The folder of files that are not complete.
     pub(crate) fn incoming(&self) -> PathBuf {
         self.root.join(INCOMING)
+    }
+
+    /// A new path of a file or folder that is not complete.
+    pub(crate) fn new_incoming(&self) -> PathBuf {
+        self.incoming().join(random_name(INCOMING_BYTES))
     }
 
     /// The folder of an upload's files.
@@ -463,6 +469,8 @@ const DURATION: &str = "CASE status WHEN 'running' THEN ?8 - started ELSE finish
 
 /// The folder of files that are not complete, in that of the service.
 pub(crate) const INCOMING: &str = "incoming";
+/// Random bytes of the names in it that `tempfile` does not give.
+pub(crate) const INCOMING_BYTES: usize = 8;
 /// Most uploads in a list.
 const MAX_UPLOADS: u32 = 10_000;
 /// Bytes that a row takes besides its texts.

@@ -8,28 +8,30 @@
 //! | file | what it does |
 //! |---|---|
 //! | `limits` | limits of owners while their jobs are computed |
+//! | `tidying` | files that finished jobs do not need |
+//! | `expiry` | jobs that are kept no longer |
 
+mod expiry;
 mod limits;
+mod tidying;
 
-use crate::beneath::BLOCK;
 use crate::config::{ConfineArgs, ServeArgs};
 use crate::engine::Engine;
-use crate::execution::{End, Setting, bytes_in};
+use crate::execution::{End, Setting};
 use crate::files::Fetched;
 use crate::job_folder::{complete_results, make, record_complete, results};
-use crate::messages::{MAX_LOG, progress_of};
+use crate::messages::progress_of;
 use crate::processes::Process;
 use crate::program::{MESSAGES, Program};
 use crate::queue::{Lane, Outcome, Use};
-use crate::records::{ExpiryClock, Kind};
+use crate::records::Kind;
 use crate::request::Prepared;
 use crate::steps::Steps;
-use crate::store::{Job, Result, Status, Store, StoreError, now, remove_folder};
+use crate::store::{Job, Result, Status, Store, StoreError};
 use crate::tasks::{Submission, Tasks};
 use crate::terms::Terms;
 use crate::tokens::{Owner, random_name};
 use limits::Turn;
-use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
@@ -45,12 +47,6 @@ const BUCKET: Duration = Duration::from_secs(5);
 const QUICK_WORKERS: usize = 2;
 /// The message of a job whose files are gone.
 const REMOVED: &str = "files that it needs have been removed";
-/// A day, ms.
-const DAY: i64 = 86_400_000;
-/// Period of the search for jobs that are kept no longer.
-const EXPIRY: Duration = Duration::from_secs(60);
-/// File of the clock by which jobs expire.
-const CLOCK: &str = "clock";
 /// Lease owner of cancelled jobs still queued in an engine.
 const WITHDRAWAL: &str = "withdrawal";
 
@@ -123,54 +119,6 @@ impl Workshop {
     pub fn wake(&self) {
         // Not each of them takes every job.
         self.wake.notify_all();
-    }
-
-    /// Removes finished jobs after --keep days, and forgets dismissed ones after a day, until the service
-    /// ends.
-    fn expire(self: &Arc<Workshop>) {
-        let keep = self.limits.keep.map(|days| (days * DAY as f64) as i64);
-        let period = keep.map_or(EXPIRY, |keep| EXPIRY.min(Duration::from_millis(keep.unsigned_abs())));
-        let mut checked: Option<Instant> = None;
-        let path = self.store.root().join(CLOCK);
-        let mut clock = self.expiry_clock(&path);
-        while !self.is_ending() {
-            if checked.is_none_or(|checked| checked.elapsed() > period) {
-                checked = Some(Instant::now());
-                let time = clock.time(now(), Instant::now());
-                let done = self.remove_old(keep, time);
-                if let Err(error) =
-                    done.and_then(|()| self.store.write_whole(&path, clock.record().as_bytes()))
-                {
-                    eprintln!("vlscan serve: {error}");
-                }
-            }
-            self.wait(IDLE);
-        }
-    }
-
-    /// The clock by which jobs expire, as the file `path` records it. Without a record it begins with the
-    /// newest job: the clock of the system may be wrong from the start.
-    fn expiry_clock(&self, path: &Path) -> ExpiryClock {
-        let recorded = fs::read_to_string(path).ok();
-        if let Some(clock) = recorded.and_then(|record| ExpiryClock::recorded(&record, Instant::now())) {
-            return clock;
-        }
-        let newest = self.store.newest_update().unwrap_or_else(|error| {
-            eprintln!("vlscan serve: {error}");
-            None
-        });
-        let now = now();
-        ExpiryClock::new(newest.map_or(now, |newest| newest.min(now)), Instant::now())
-    }
-
-    /// Removes jobs that were finished longer than `keep` before `time`, ms.
-    fn remove_old(self: &Arc<Workshop>, keep: Option<i64>, time: i64) -> Result<()> {
-        if let Some(keep) = keep {
-            for (owner, id) in self.store.finished_before(time.saturating_sub(keep))? {
-                self.dismiss(&owner, &id)?;
-            }
-        }
-        self.store.forget_before(time - DAY)
     }
 
     /// True if the service ends.
@@ -267,50 +215,6 @@ impl Workshop {
             let (kind, id) = used.files();
             self.store.release_copy(kind, id);
         }
-    }
-
-    /// Finishes a job if its holder still has the lease. After another worker has taken the job, its folder
-    /// belongs to that worker.
-    fn conclude(&self, job: &Job, holder: &str, outcome: &Outcome) {
-        let report = |error: StoreError| eprintln!("vlscan serve: job {}: {error}", job.id);
-        // Large folders are moved at once and removed after the lease.
-        let removed = self.store.incoming().join(random_name(8));
-        if self.store.renew(&job.id, holder, 0, "").unwrap_or(false) {
-            self.tidy_folder(job, outcome, &removed).unwrap_or_else(report);
-        }
-        self.store.finish(&job.id, holder, outcome).map(drop).unwrap_or_else(report);
-        remove_folder(&removed).map_err(StoreError::from).unwrap_or_else(report);
-    }
-
-    /// Moves what a finished job does not need to the folder `removed`, and records the disk space of the
-    /// rest.
-    fn tidy_folder(&self, job: &Job, outcome: &Outcome, removed: &Path) -> Result<()> {
-        let folder = self.store.job_folder(&job.id);
-        if !folder.is_dir() {
-            return Ok(());
-        }
-        if matches!(outcome, Outcome::Same(_)) {
-            fs::rename(&folder, removed)?;
-            // An earlier worker may have recorded the space of its files.
-            return self.store.set_disk(&job.id, 0);
-        }
-        let unused = match outcome {
-            Outcome::Successful(..) => &UNUSED[..4],
-            Outcome::Same(_) | Outcome::Failed(_) => &UNUSED[..],
-        };
-        let moved = move_away(&folder, unused, removed);
-        if fs::metadata(folder.join("log")).is_ok_and(|log| log.len() > MAX_LOG) {
-            fs::File::options().write(true).open(folder.join("log"))?.set_len(MAX_LOG)?;
-        }
-        let in_bucket = match outcome {
-            Outcome::Successful(files, _) if self.store.has_bucket() => {
-                files.iter().map(|file| file.bytes.saturating_add(BLOCK)).sum()
-            }
-            _ => 0,
-        };
-        let on_disk = bytes_in(&folder).unwrap_or(self.limits.max_disk);
-        self.store.set_disk(&job.id, on_disk.saturating_add(in_bucket))?;
-        moved.map(drop)
     }
 
     /// Returns `None` if the job was given up.
@@ -560,19 +464,6 @@ impl Workshop {
         Ok(None)
     }
 
-    /// Removes what earlier versions have left of failed jobs.
-    fn tidy_failed(&self) -> Result<()> {
-        for id in self.store.ids(&[Status::Failed])? {
-            let folder = self.store.job_folder(&id);
-            let removed = self.store.incoming().join(random_name(8));
-            if move_away(&folder, &UNUSED, &removed)? {
-                remove_folder(&removed)?;
-                self.store.set_disk(&id, bytes_in(&folder)?)?;
-            }
-        }
-        Ok(())
-    }
-
     /// Folder and limits of the processes of a job.
     pub(crate) fn setting(&self, folder: &Path, prepared: &Prepared) -> Setting {
         let used = prepared.uses.iter().map(|used| {
@@ -599,27 +490,6 @@ impl Workshop {
             terms: Terms::of(&prepared.words),
         }
     }
-}
-
-/// Files and folders of a job that a finished one does not need: of a successful job the first four, of a
-/// failed one all. Failed jobs keep their messages.
-const UNUSED: [&str; 9] =
-    ["tmp", "tasks", "stdout", "price.json", "in", "out", "view", "complete", "prepared.json"];
-
-/// Moves files and folders of a job to the folder `removed`. Returns true if there were any.
-fn move_away(folder: &Path, names: &[&str], removed: &Path) -> Result<bool> {
-    let mut is_moved = false;
-    for name in names.iter().filter(|name| folder.join(name).symlink_metadata().is_ok()) {
-        fs::create_dir_all(removed)?;
-        fs::rename(folder.join(name), removed.join(name)).or_else(is_absent)?;
-        is_moved = true;
-    }
-    Ok(is_moved)
-}
-
-/// Success for what does not exist.
-fn is_absent(error: std::io::Error) -> std::io::Result<()> {
-    if error.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(error) }
 }
 
 #[cfg(test)]

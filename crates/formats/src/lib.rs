@@ -248,7 +248,7 @@ pub trait PointSink {
     fn details(&mut self, _details: &PointDetails) {}
 
     /// Makes empty parts for blocks of points, if the sink uses these instead of single points where it can:
-    /// of LAS. Called after [`PointSink::start`].
+    /// of LAS. Called after [`PointSink::start`]. The details of such points are not passed.
     fn parts(&self) -> Option<NewPart> {
         None
     }

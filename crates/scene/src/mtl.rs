@@ -1,6 +1,6 @@
 //! Material libraries (spec input-formats §4.2).
 
-use super::mtl_optics::{ExpectedValue, Optics, set_optics};
+use super::mtl_optics::{ExpectedValue, OPTICAL_KEYS, Optics, set_optics};
 use super::mtl_texture;
 use super::number::{float, skip_blanks};
 use super::text::{Line, Lines, Problems, Source, Words, operand, printable, shown};
@@ -150,44 +150,38 @@ fn report_value(
     });
 }
 
-/// Keywords that matter.
-const KNOWN: [&str; 24] = [
+/// Keywords that matter beside [`OPTICAL_KEYS`].
+const KNOWN: [&str; 10] = [
     "Kd",
     "Ks",
     "Ns",
     "vlscan_roughness_deg",
     "vlscan_element_size_m",
     "vlscan_leaf",
-    "vlscan_mirror",
-    "vlscan_pane_index",
-    "vlscan_pane_thickness_m",
-    "vlscan_pane_absorption",
-    "vlscan_pane_sheets",
-    "vlscan_retro",
-    "vlscan_water_index",
-    "vlscan_water_group_index",
-    "vlscan_water_attenuation",
-    "vlscan_water_secchi_m",
-    "vlscan_water_beam_attenuation",
-    "vlscan_water_backscatter",
-    "vlscan_water_wind_m_s",
-    "vlscan_water_wind_deg",
     "helios_reflectance",
     "helios_spectra",
     "helios_classification",
     "helios_isGround",
 ];
+/// Prefix of [`OPTICAL_KEYS`] in material files.
+const OPTICAL_PREFIX: &str = "vlscan_";
 /// Prefixes of keywords that only laser scanners have.
 const OWN_PREFIXES: [&str; 2] = ["helios_", "vlscan_"];
 /// Keywords of programs of HELIOS++ without effect there.
 const WITHOUT_EFFECT: [&str; 1] = ["helios_useVertexColors"];
 
 fn is_known(keyword: &[u8]) -> bool {
-    KNOWN.iter().any(|known| known.as_bytes() == keyword)
+    let is_one_of = |known: &[&str], word: &[u8]| known.iter().any(|known| known.as_bytes() == word);
+    is_one_of(&KNOWN, keyword) || optical_key(keyword).is_some_and(|key| is_one_of(&OPTICAL_KEYS, key))
 }
 
-/// Warns of a keyword that is none of [`KNOWN`] and looks like one of those that matter here: what is for
-/// pictures only is skipped.
+/// The key of an optical property, if the keyword may have one.
+fn optical_key(keyword: &[u8]) -> Option<&[u8]> {
+    keyword.strip_prefix(OPTICAL_PREFIX.as_bytes())
+}
+
+/// Warns of an unknown keyword that looks like one of those that matter here: what is for pictures only is
+/// skipped.
 fn warn_of_unknown(line: usize, keyword: &[u8], at: Range<usize>, problems: &mut Problems) {
     let keyword = shown(keyword);
     let lower = keyword.to_ascii_lowercase();
@@ -195,7 +189,9 @@ fn warn_of_unknown(line: usize, keyword: &[u8], at: Range<usize>, problems: &mut
     if !is_own || WITHOUT_EFFECT.contains(&keyword.as_str()) {
         return;
     }
-    let near = nearest(&keyword, KNOWN).map_or(String::new(), |near| format!("; did you mean {near}?"));
+    let optical = OPTICAL_KEYS.map(|key| format!("{OPTICAL_PREFIX}{key}"));
+    let all = KNOWN.into_iter().chain(optical.iter().map(String::as_str));
+    let near = nearest(&keyword, all).map_or(String::new(), |near| format!("; did you mean {near}?"));
     problems.warn(line, at, || format!("unknown keyword {keyword} is ignored{near}"));
 }
 
@@ -258,10 +254,10 @@ fn set(
             material.classification = first.and_then(integer).ok_or(ExpectedValue("a whole number"))?;
         }
         b"vlscan_leaf" => material.leaf = Some(is_true()?),
-        _ if keyword.starts_with(b"vlscan_") => {
-            return set_optics(&mut material.optics, &keyword[7..], number());
-        }
-        _ => material.is_ground = is_true()?,
+        _ => match optical_key(keyword) {
+            Some(key) => return set_optics(&mut material.optics, key, number()),
+            None => material.is_ground = is_true()?,
+        },
     }
     Ok(())
 }
@@ -294,7 +290,6 @@ pub(super) fn name_of(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mtl_optics::OPTICAL_KEYS;
     use vlscan_base::diag::Severity;
     use vlscan_survey::OpticsDefinition;
 
@@ -435,7 +430,6 @@ mod tests {
         let w = m[0].optics.water;
         let of_light = [w.index, w.group_index, w.attenuation, w.secchi, w.beam_attenuation, w.backscatter];
         assert_eq!([&of_light[..], &[w.wind, w.wind_direction]].concat(), values.map(Some));
-        assert!(OPTICAL_KEYS.iter().all(|key| is_known(format!("vlscan_{key}").as_bytes())));
         for bad in [
             "vlscan_water_index nan",
             "vlscan_water_attenuation -1",

@@ -1,8 +1,10 @@
 //! The state of one run of a reader: options, opened documents, problems.
 
 use super::assets::Assets;
+use super::text::{decode, line_of_bytes};
 use super::xml::XmlDocument;
 use super::{PoseStream, SceneRecipe};
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -110,6 +112,22 @@ impl Context {
     pub fn unread(&self, place: impl Into<Option<Place>>, path: &Path, e: &std::io::Error) {
         let mut problems = self.problems.borrow_mut();
         problems.error(place.into(), format!("cannot read {}: {e}", path.display())).of_kind(e.into());
+    }
+
+    /// Decodes the bytes of a text file. Bytes that are not text are recorded with their line.
+    pub fn text<'b>(&self, path: &Path, bytes: &'b [u8]) -> Option<Cow<'b, str>> {
+        let decoded = match std::str::from_utf8(bytes) {
+            Ok(text) if !text.starts_with('\u{feff}') => Ok(Cow::Borrowed(text)),
+            _ => decode(bytes).map(Cow::Owned),
+        };
+        match decoded {
+            Ok(text) => Some(text),
+            Err(e) => {
+                let (line, excerpt) = line_of_bytes(bytes, e.at);
+                self.error(Place::in_line(path, line, &excerpt, 0..0), e.message);
+                None
+            }
+        }
     }
 
     /// Records a value that is replaced or ignored.

@@ -318,12 +318,11 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         fields.missing(K.pulse_freqs_hz);
         return None;
     }
-    if let Some(corrected) = corrected_channels(fields, &scanner, read_beams) {
-        (scanner.devices, scanner.multi_channel) = (corrected?, true);
-    }
-    let of_files = [K.pattern, K.corrections].into_iter().find(|key| fields.has(*key));
-    if let Some(key) = of_files.filter(|_| !channels.is_empty() && scanner.devices.len() > 1) {
-        fields.error(key, "has channels of its own; leave out the `[[scanner.channel]]` tables");
+    let states_channels = !channels.is_empty() || fields.has(K.elevations_deg);
+    if fields.has(K.pattern) && states_channels && scanner.devices.len() > 1 {
+        let message = "has channels of its own; leave out the `[[scanner.channel]]` tables and \
+                       `elevations_deg`";
+        fields.error(K.pattern, message);
     }
     if let Some(listed) = listed_channels(fields, &scanner.devices[0]) {
         if !channels.is_empty() {
@@ -334,6 +333,14 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         }
         check_deflector(fields, &scanner.devices[0], true);
         (scanner.devices, scanner.multi_channel) = (listed?, true);
+    }
+    // Firing times are those of all channels, listed ones too.
+    if let Some(corrected) = corrected_channels(fields, &scanner, read_beams) {
+        (scanner.devices, scanner.multi_channel) = (corrected?, true);
+    }
+    let of_files = [K.corrections, K.firing_times].into_iter().find(|key| fields.has(*key));
+    if let Some(key) = of_files.filter(|_| !channels.is_empty() && scanner.devices.len() > 1) {
+        fields.error(key, "has channels of its own; leave out the `[[scanner.channel]]` tables");
     }
     if channels.is_empty() && DEFLECTING.iter().any(|key| fields.has(*key)) && !fields.has(K.elevations_deg) {
         check_deflector(fields, &scanner.devices[0], fields.has(K.corrections));

@@ -18,7 +18,6 @@ use super::beams::{Beams, beam_pose};
 use super::context::Context;
 use super::documents::find_asset;
 use super::instrument::read_scanner;
-use super::text::decode;
 use super::{Device, HeadTurn, Mount, Scanner};
 use serde_json::{Map, Value};
 use std::f64::consts::TAU;
@@ -84,13 +83,7 @@ fn with_calibration<T>(
         found.report(&path, &mut context.problems.borrow_mut());
         return None;
     }
-    let text = match decode(&bytes) {
-        Ok(text) => text,
-        Err(e) => {
-            context.error(Place::of_file(&path), e.message);
-            return None;
-        }
-    };
+    let text = context.text(&path, &bytes)?;
     match serde_json::from_str::<Map<String, Value>>(&text) {
         Ok(root) => take(&Calibration { context, path: &path, text: &text, root }),
         Err(e) => {

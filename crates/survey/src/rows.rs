@@ -1,8 +1,6 @@
 //! Text files of a few columns of numbers, such as pulse shapes and angles over time.
 
 use super::context::Context;
-use super::text::{decode, line_of_bytes};
-use std::borrow::Cow;
 use std::path::Path;
 use vlscan_base::diag::Place;
 use vlscan_base::recognise::{Expected, foreign};
@@ -73,18 +71,7 @@ pub(super) fn read_rows<const N: usize>(
         found.report(&path, &mut context.problems.borrow_mut());
         return None;
     }
-    let decoded = match std::str::from_utf8(&bytes) {
-        Ok(text) if !text.starts_with('\u{feff}') => Ok(Cow::Borrowed(text)),
-        _ => decode(&bytes).map(Cow::Owned),
-    };
-    let text = match decoded {
-        Ok(text) => text,
-        Err(e) => {
-            let (line, excerpt) = line_of_bytes(&bytes, e.at);
-            context.error(Place::in_line(&path, line, &excerpt, 0..0), e.message);
-            return None;
-        }
-    };
+    let text = context.text(&path, &bytes)?;
     match parse_rows(&text, columns, row) {
         Ok(()) => Some(()),
         Err((number, expected)) => {

@@ -25,20 +25,10 @@ impl Tree {
         direction: DVec3,
         accept: impl Fn(u32) -> bool,
     ) -> Option<Hit> {
-        self.nearest_accepted(geometry, origin, direction, &accept)
-    }
-
-    fn nearest_accepted(
-        &self,
-        geometry: &Geometry,
-        origin: DVec3,
-        direction: DVec3,
-        accept: Accept,
-    ) -> Option<Hit> {
-        let best = self.nearest_primitive(geometry, origin, direction, accept);
+        let best = self.nearest_primitive(geometry, origin, direction, &accept);
         match &self.instances {
             Some(instances) if origin.is_finite() && direction.is_finite() => {
-                instances.nearest(origin, direction, best, accept)
+                instances.nearest(origin, direction, best, &accept)
             }
             _ => best,
         }

@@ -7,10 +7,12 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import vlscan
 from conftest import FIXTURES
 from vlscan import pyhelios
 
@@ -162,6 +164,26 @@ def test_lengths_and_figures_are_read_by_sim(tmp_path):
         scanner.averagePower = 3
     with pytest.raises(AttributeError, match="there are deviceId, pulseFreqs, name"):
         scanner.averagePowr
+
+
+def test_figures_of_a_scanner_without_an_entry_are_errors(tmp_path, monkeypatch):
+    pytest.importorskip("pydantic")
+    from vlscan_helios.v2.scanner import ScannerView
+
+    monkeypatch.chdir(tmp_path)
+
+    def view(reference):
+        return ScannerView(SimpleNamespace(reference=reference), lambda: False)
+
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.xml"):
+        _ = view("nowhere.xml#a").wavelength
+    (tmp_path / "other.xml").write_text('<document><scanner id="b" pulseFreqs_Hz="100"/></document>')
+    with pytest.raises(vlscan.InputError, match="there is no scanner 'a'"):
+        _ = view("other.xml#a").pulseFreqs
+    assert view("other.xml#b").pulseFreqs == [100]
+    (tmp_path / "other.xml").write_text("<document>")
+    with pytest.raises(vlscan.InputError, match="not well-formed XML"):
+        view("other.xml#b").toString()
 
 
 def test_filters_move_parts(tmp_path):

@@ -201,7 +201,7 @@ impl Planner<'_> {
     }
 
     /// The line that the lines of a flight follow, and the distance to both sides of it that they cover, m.
-    /// What there is to say about the line is said when the area is read.
+    /// Warnings about the line are given when the area is read.
     fn followed_line(&self, request: &AirborneRequest) -> Result<Option<(Vec<[f64; 2]>, f64)>> {
         if !request.follow_line {
             return Ok(None);
@@ -218,7 +218,7 @@ impl Planner<'_> {
         }
     }
 
-    /// Coverage of a flight in cells of `side` m. What there is to say about it is said when the plan is
+    /// Coverage of a flight in cells of `side` m. Warnings about the flight are given when the plan is
     /// checked.
     fn coverage(
         &self,

@@ -4,7 +4,7 @@ use super::jobs::{find_state, find_successful, status_info};
 use super::request::Request;
 use super::results::answer;
 use crate::answers::Failure;
-use crate::app::{App, Identity, blocking};
+use crate::app::{App, Identity, submitting};
 use crate::store::{Job, Status};
 use crate::worker::Workshop;
 use axum::Extension;
@@ -28,14 +28,8 @@ pub async fn execute(
 ) -> Result<Response, Failure> {
     let Request { process, inputs, outputs, prefers_job } = Request::parse(&id, &headers, &body)?;
     let owner = identity.owner.clone();
-    let turn = app.turn_to_submit(&owner).await?;
-    // The turn ends with the check, not with the connection.
-    let submit = move |workshop: &Workshop| {
-        let job = workshop.submit_for(&owner, process, &inputs, Some(outputs));
-        drop(turn);
-        job
-    };
-    let job = blocking(&app, submit).await?;
+    let submit = move |workshop: &Workshop| workshop.submit_for(&owner, process, &inputs, Some(outputs));
+    let job = submitting(&app, &identity.owner, submit).await?;
     if prefers_job || !process.is_quick() {
         let mut response = created(&job);
         if prefers_job {

@@ -3,7 +3,7 @@
 use super::form_body::{FormBody, genuine};
 use super::layout::bad;
 use crate::answers::Failure;
-use crate::app::{App, Identity, blocking};
+use crate::app::{App, Identity, blocking, submitting};
 use crate::processes::Process;
 use crate::store::{Job, Status};
 use crate::submit::SubmitError;
@@ -131,7 +131,7 @@ async fn submitted(
             None => workshop.submit(&owner, process, &inputs),
         }
     };
-    blocking(app, submit).await
+    submitting(app, &identity.owner, submit).await
 }
 
 /// A job, finished unless it takes long.
@@ -146,7 +146,7 @@ async fn finished(
     while !job.status.is_final() && start.elapsed() < MAX_WAIT {
         tokio::time::sleep(POLL).await;
         let (owner, id) = (identity.owner.clone(), job.id.clone());
-        let found = blocking(app, move |workshop| workshop.store.job(&owner, &id)).await?;
+        let found = blocking(app, move |workshop| workshop.store.job_state(&owner, &id)).await?;
         job = found.ok_or_else(|| Failure::no_job(&job.id))?;
     }
     Ok(job)

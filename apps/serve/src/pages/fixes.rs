@@ -4,6 +4,7 @@ use super::form_body::Fields;
 use super::layout::form_token;
 use super::plan_fields::{FieldError, field_of_message, in_words_of_the_page};
 use crate::app::{App, Identity};
+use crate::terms::Terms;
 use maud::{Markup, html};
 
 /// A problem of a form.
@@ -48,6 +49,8 @@ impl Problem {
 
     /// The failure of a plan with these fields.
     pub fn of_plan(message: &str, fields: &Fields, usual: Usual) -> Problem {
+        // Jobs of earlier versions have messages with options in place of inputs.
+        let message = &Terms::Inputs.message(message);
         let fixes = fixes(message, fields, usual);
         let is_of_height = message.contains("fly higher") || message.contains("fly lower");
         let field = match fixes.first() {
@@ -62,8 +65,7 @@ impl Problem {
     }
 }
 
-/// Values that solve the problem of a message. Jobs of earlier versions have messages with options in place
-/// of inputs.
+/// Values that solve the problem of a message.
 fn fixes(message: &str, fields: &Fields, Usual { level, flight }: Usual) -> Vec<Fix> {
     let given = |key: &str| fields.get(key).and_then(|text| text.parse::<f64>().ok());
     let mut found = Vec::new();
@@ -84,10 +86,10 @@ fn fixes(message: &str, fields: &Fields, Usual { level, flight }: Usual) -> Vec<
     if let Some(height) = height {
         add(format!("Fly at {height} m"), "height", height.to_string());
     }
-    if message.contains("`follow_terrain`") || message.contains("--follow-terrain") {
+    if message.contains("`follow_terrain`") {
         add("Follow the terrain".to_owned(), "follow_terrain", "on".to_owned());
     }
-    if message.contains("`ground`") || message.contains("--ground") {
+    if message.contains("`ground`") {
         add(format!("Level ground at {level} m"), "ground", level.to_string());
     }
     // The last number is the possible one.
@@ -95,8 +97,7 @@ fn fixes(message: &str, fields: &Fields, Usual { level, flight }: Usual) -> Vec<
     if let Some(possible) = possible.filter(|_| message.contains("° is possible")) {
         add(format!("Resolution {possible}°"), "resolution", possible.to_string());
     }
-    let asks_for_spacing = message.contains("smaller `spacing`") || message.contains("smaller --spacing");
-    if let Some(spacing) = given("spacing").filter(|_| asks_for_spacing) {
+    if let Some(spacing) = given("spacing").filter(|_| message.contains("smaller `spacing`")) {
         let half = spacing / 2.0;
         add(format!("Spacing {half} m"), "spacing", half.to_string());
     }

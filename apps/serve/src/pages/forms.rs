@@ -6,7 +6,7 @@ use super::layout::{bad, page};
 use super::titles::{inputs_of, next_seed};
 use super::{new, plan_fields};
 use crate::answers::Failure;
-use crate::app::{App, Identity, blocking};
+use crate::app::{App, Identity, blocking, submitting};
 use crate::processes::Process;
 use crate::store::{Result as StoreResult, Status};
 use crate::worker::Workshop;
@@ -23,13 +23,8 @@ type Answer = Result<Response, Failure>;
 /// Adds a job and leads to its page.
 async fn submit(app: &Arc<App>, identity: &Identity, process: Process, inputs: Map<String, Value>) -> Answer {
     let owner = identity.owner.clone();
-    let turn = app.turn_to_submit(&owner).await?;
-    let submit = move |workshop: &Workshop| {
-        let job = workshop.submit(&owner, process, &inputs);
-        drop(turn);
-        job
-    };
-    let job = blocking(app, submit).await?;
+    let submit = move |workshop: &Workshop| workshop.submit(&owner, process, &inputs);
+    let job = submitting(app, &identity.owner, submit).await?;
     Ok(Redirect::to(&format!("/jobs/{}", job.id)).into_response())
 }
 
@@ -185,8 +180,8 @@ pub async fn view(
     let inputs = json!({ "points": points, "format": "copc.laz" });
     let inputs = inputs.as_object().cloned().unwrap_or_default();
     let (owner, wanted) = (identity.owner.clone(), inputs.clone());
-    let made =
-        blocking(&app, move |workshop| workshop.newest_like(&owner, Process::Preview, &wanted)).await?;
+    let find = move |workshop: &Workshop| workshop.newest_like(&owner, Process::Preview, &wanted);
+    let made = submitting(&app, &identity.owner, find).await?;
     match made {
         Some(job) => Ok(Redirect::to(&format!("/jobs/{}", job.id)).into_response()),
         None => submit(&app, &identity, Process::Preview, inputs).await,
@@ -206,7 +201,7 @@ pub async fn dismiss(
     let workshop = Arc::clone(&app.workshop);
     let dismiss = move |_: &Workshop| -> StoreResult<bool> {
         // A job that has finished since its page was shown keeps its results.
-        let job = workshop.store.job(&owner, &name)?;
+        let job = workshop.store.job_state(&owner, &name)?;
         if is_giving_up && job.is_some_and(|job| job.status.is_final()) {
             return Ok(true);
         }

@@ -3,6 +3,7 @@
 use super::form_body::Fields;
 use super::home::encoded;
 use crate::processes::Process;
+use crate::terms::Terms;
 use serde_json::{Map, Value, json};
 
 /// A number of a form.
@@ -291,37 +292,14 @@ fn labels() -> impl Iterator<Item = (&'static str, &'static str)> {
 /// The field whose input a message of a plan names first.
 pub fn field_of_message(message: &str) -> Option<&'static str> {
     let named = |input: &str| labels().map(|(name, _)| name).find(|name| *name == input);
-    let quoted = message.split('`').skip(1).step_by(2).find_map(named);
-    if quoted.is_some() {
-        return quoted;
-    }
-    // Jobs of earlier versions have messages with options.
-    let mut parts = message.split("--").skip(1);
-    parts.find_map(|part| {
-        let end = part.find(|c: char| !c.is_ascii_alphanumeric() && c != '-').unwrap_or(part.len());
-        let option = part[..end].replace('-', "_");
-        named(&option)
-    })
+    message.split('`').skip(1).step_by(2).find_map(named)
 }
 
-/// A message of a plan with the fields in place of inputs and options.
+/// A message of a plan with the fields in place of inputs. Figures of plans, and messages of earlier
+/// versions, name options.
 pub fn in_words_of_the_page(message: &str) -> String {
-    labels().fold(message.to_owned(), |text, (name, label)| {
-        let text = text.replace(&format!("`{name}`"), label);
-        with_label(&text, &format!("--{}", name.replace('_', "-")), label)
-    })
-}
-
-/// The text with a label in place of an option.
-fn with_label(text: &str, option: &str, label: &str) -> String {
-    let mut parts = text.split(option);
-    let mut written = parts.next().unwrap_or_default().to_owned();
-    for part in parts {
-        let is_longer = part.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '-');
-        written += if is_longer { option } else { label };
-        written += part;
-    }
-    written
+    let message = Terms::Inputs.message(message);
+    labels().fold(message, |text, (name, label)| text.replace(&format!("`{name}`"), label))
 }
 
 #[cfg(test)]
@@ -432,7 +410,7 @@ mod tests {
         let message = "error: --density, --speed and --overlap determine each other; --scene-memory";
         assert_eq!(
             in_words_of_the_page(message),
-            "error: Density, Speed and Overlap determine each other; --scene-memory"
+            "error: Density, Speed and Overlap determine each other; `scene_memory`"
         );
         let message = "error: `density`, `speed` and `overlap` determine each other; `scene_memory`";
         assert_eq!(
@@ -440,6 +418,6 @@ mod tests {
             "error: Density, Speed and Overlap determine each other; `scene_memory`"
         );
         assert_eq!(field_of_message(message), Some("density"));
-        assert_eq!(field_of_message("error: `a`: --speed and `density`"), Some("density"));
+        assert_eq!(field_of_message("error: `a`: `scene_memory` and `speed`"), Some("speed"));
     }
 }

@@ -90,7 +90,7 @@ fn find_use(
     }
     if first == JOBS {
         let Some(id) = parts.next() else { return Ok(()) };
-        let Some(job) = store.job(owner, id)? else {
+        let Some(job) = store.job_state(owner, id)? else {
             return Err(wrong(key, format!("there is no job `{id}`")));
         };
         if job.status != Status::Successful {

@@ -1,12 +1,15 @@
 //! Leases, folders, limits of owners.
 
+use super::expiry::{CLOCK, DAY};
 use super::limits::MAX_QUICK;
 use super::*;
 use crate::files::Files;
 use crate::messages::Said;
 use crate::queue::LEASE;
 use crate::queue::tests::job;
+use crate::store::now;
 use std::collections::BTreeSet;
+use std::fs;
 use std::path::PathBuf;
 
 /// A workshop without workers, and a job of `anna` in its queue.

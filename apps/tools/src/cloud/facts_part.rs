@@ -1,10 +1,11 @@
 //! Facts about a block of points, counted on the thread that decodes it.
 
 use super::occupancy::{Occupancy, SmallestCell};
+use super::points_part::is_placed;
 use std::collections::{BTreeMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use vlscan_formats::{Attribute, AttributeSet, PointPart, PointRow};
-use vlscan_geom::{DVec3, MAX_COORDINATE};
+use vlscan_geom::DVec3;
 
 /// Seconds of a week.
 pub(super) const WEEK_S: f64 = 604_800.0;
@@ -160,9 +161,7 @@ impl FactsPart {
 
     /// Adds the next point, whose object may have a name.
     pub fn add_named(&mut self, row: &PointRow, object: Option<&str>) {
-        let p = row.position;
-        // Also false for NaN.
-        if !(p.is_finite() && p.abs().max_element() <= MAX_COORDINATE) {
+        if !is_placed(row.position) {
             self.skipped += 1;
             return;
         }

@@ -40,6 +40,7 @@ pub(crate) use extent::{in_command, too_many_cells};
 pub use facts::{CloudSummary, cloud_facts};
 pub use facts_part::{LineFacts, Span};
 pub use points::Points;
+pub(crate) use points_part::is_placed;
 pub use read::{points_of_table, read_attributes, read_points, read_within};
 pub use read_packets::read_packet;
 pub use source::CloudSource;

@@ -46,7 +46,7 @@ pub(super) struct PointsPart {
 }
 
 /// True if a position can be that of a point: its coordinates are numbers within ±[`MAX_COORDINATE`].
-pub(super) fn is_placed(position: DVec3) -> bool {
+pub(crate) fn is_placed(position: DVec3) -> bool {
     position.is_finite() && position.abs().max_element() <= MAX_COORDINATE
 }
 

@@ -209,10 +209,7 @@ fn add_waypoints(
     let mut active = 0.0;
     for (i, path) in paths.iter().enumerate() {
         let strip = format!("{}{:03}", if i < parallel { "line" } else { "cross" }, i + 1);
-        let points = match path[..] {
-            [from, to] => heights.follow(&Line { from, to })?,
-            _ => heights.follow_path(path)?,
-        };
+        let points = heights.follow(path)?;
         active += length(&points);
         let last = points.len() - 1;
         for (k, position) in points.iter().enumerate() {

@@ -68,39 +68,10 @@ pub(super) struct Heights<'g> {
 }
 
 impl Heights<'_> {
-    /// The waypoints of a line. A line that follows the ground is at its sampled positions, a quarter of the
-    /// wanted height apart, at most [`MAX_DEVIATION`] lower above it than wanted; before waypoints are left
-    /// out it climbs nowhere more steeply than allowed.
-    pub fn follow(&self, line: &Line) -> Result<Vec<DVec3>, PlanError> {
-        let place = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
-        let Some(climb) = self.climb else {
-            return Ok([line.from, line.to].map(|p| place(p, self.level + self.above)).to_vec());
-        };
-        let steps = (line.length() / (self.above / 4.0)).ceil().max(1.0);
-        if steps > MAX_STEPS {
-            return Err(PlanError::LineWaypoints { count: steps, max: MAX_STEPS });
-        }
-        let count = steps as usize + 1;
-        let at = |i: usize| line.at(i as f64 / steps);
-        let mut z: Vec<f64> = (0..count)
-            .map(|i| self.ground.heights.height(at(i)[0], at(i)[1]).unwrap_or(self.level) + self.above)
-            .collect();
-        let rise = climb.tan() * line.length() / steps;
-        for i in 1..count {
-            z[i] = z[i].max(z[i - 1] - rise);
-        }
-        for i in (1..count).rev() {
-            z[i - 1] = z[i - 1].max(z[i] - rise);
-        }
-        let points: Vec<DVec3> = (0..count).map(|i| place(at(i), z[i])).collect();
-        Ok(simplified(&points, MAX_DEVIATION * self.above))
-    }
-}
-
-impl Heights<'_> {
-    /// The waypoints of a line with corners, which are kept: those of [`follow`](Self::follow) on each of its
-    /// pieces, with climbs that are limited over all of them.
-    pub fn follow_path(&self, path: &[[f64; 2]]) -> Result<Vec<DVec3>, PlanError> {
+    /// The waypoints of a line, among them its corners. A line that follows the ground is at its sampled
+    /// positions, a quarter of the wanted height apart, at most [`MAX_DEVIATION`] lower above it than wanted;
+    /// before waypoints are left out it climbs nowhere more steeply than allowed.
+    pub fn follow(&self, path: &[[f64; 2]]) -> Result<Vec<DVec3>, PlanError> {
         let place = |[x, y]: [f64; 2], z: f64| DVec3::new(x, y, z);
         let Some(climb) = self.climb else {
             return Ok(path.iter().map(|p| place(*p, self.level + self.above)).collect());
@@ -175,10 +146,10 @@ mod tests {
         let ground = PlanGround { heights: &|x, _| Some(if x < 100.0 { 0.0 } else { 30.0 }), level: 0.0 };
         let path = [[0.0, 0.0], [200.0, 0.0], [200.0, 50.0]];
         let level = Heights { ground: &ground, level: 10.0, above: 40.0, climb: None };
-        let found = level.follow_path(&path).unwrap();
+        let found = level.follow(&path).unwrap();
         assert_eq!(found, path.map(|[x, y]| DVec3::new(x, y, 50.0)));
         let follows = Heights { climb: Some(45f64.to_radians()), ..level };
-        let found = follows.follow_path(&path).unwrap();
+        let found = follows.follow(&path).unwrap();
         for [x, y] in path {
             assert!(found.iter().any(|p| (p.x, p.y) == (x, y)), "{found:?}");
         }
@@ -187,11 +158,6 @@ mod tests {
             let way = libm::hypot(pair[1].x - pair[0].x, pair[1].y - pair[0].y);
             assert!((pair[1].z - pair[0].z).abs() <= way * 1.05, "{found:?}");
         }
-        // On one piece it is the line.
-        let line = Line { from: path[0], to: path[1] };
-        let (found, line) = (follows.follow_path(&path[..2]).unwrap(), follows.follow(&line).unwrap());
-        assert!(found.iter().zip(&line).all(|(a, b)| a.distance(*b) < 1e-9), "{found:?}, {line:?}");
-        assert_eq!(found.len(), line.len());
     }
 
     #[test]

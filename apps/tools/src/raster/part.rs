@@ -1,8 +1,8 @@
 //! The points of a block that a raster sums, chosen on the thread that decodes them.
 
-use crate::cloud::NOISE;
+use crate::cloud::{NOISE, is_placed};
 use vlscan_formats::{Attribute, AttributeSet, PointPart, PointRow, Strays};
-use vlscan_geom::{DVec3, MAX_COORDINATE};
+use vlscan_geom::DVec3;
 
 /// Class of ground points in LAS.
 const GROUND: u8 = 2;
@@ -37,8 +37,7 @@ impl BlockPart {
 impl PointPart for BlockPart {
     fn add(&mut self, row: &PointRow) {
         let p = row.position;
-        // Also false for NaN.
-        if !(p.is_finite() && p.abs().max_element() <= MAX_COORDINATE) {
+        if !is_placed(p) {
             self.skipped += 1;
         } else if row.is_miss {
             self.misses += 1;

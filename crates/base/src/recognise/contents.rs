@@ -10,17 +10,21 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Number of bytes of a record of SBET: 17 numbers of 64 bits (Applanix, POSPac).
 pub(super) const SBET_BYTES: usize = 136;
 
+/// A beginning of this length is that of its kind, though a number in binary data might begin so.
+const SURE_BYTES: usize = 4;
+
 /// The kind of a file that begins with `bytes`; one of the general kinds if none is known.
 pub(super) fn kind_of(bytes: &[u8]) -> &'static Kind {
     if bytes.is_empty() {
         return &kinds::EMPTY;
     }
     let is_text = is_text(bytes);
-    // The low bytes of a time can be those that compressed files begin with.
-    if !is_text && is_sbet(bytes) {
+    let start = of_start(bytes, is_text);
+    // The low bytes of a time can be the few that compressed files begin with.
+    if !is_text && start.is_none_or(|(_, length)| length < SURE_BYTES) && is_sbet(bytes) {
         return &kinds::SBET;
     }
-    if let Some(kind) = of_start(bytes, is_text) {
+    if let Some((kind, _)) = start {
         return of_container(kind, bytes);
     }
     if let Some(text) = of_utf16(bytes) {
@@ -47,13 +51,13 @@ pub(super) fn is_text(bytes: &[u8]) -> bool {
 /// Beginnings of few letters that no text has.
 const SURE: [&[u8]; 2] = [b"LASF", b"%PDF"];
 
-/// Beginnings of few letters, which text may have by chance, count in binary data only, but for those of
-/// [`SURE`].
-fn of_start(bytes: &[u8], is_text: bool) -> Option<&'static Kind> {
+/// The kind of the first bytes, and their number. Beginnings of few letters, which text may have by chance,
+/// count in binary data only, but for those of [`SURE`].
+fn of_start(bytes: &[u8], is_text: bool) -> Option<(&'static Kind, usize)> {
     let is_word = |start: &[u8]| start.len() < 5 && start.iter().all(|b| (0x20..0x7f).contains(b));
     let agrees =
         |start: &&&[u8]| bytes.starts_with(start) && !(is_text && is_word(start) && !SURE.contains(start));
-    kinds::BY_START.iter().find(|kind| kind.starts.iter().any(|start| agrees(&start)))
+    kinds::BY_START.iter().find_map(|kind| kind.starts.iter().find(agrees).map(|start| (kind, start.len())))
 }
 
 /// The kind within a general one: what an archive, a database or LAS contains.

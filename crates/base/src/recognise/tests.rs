@@ -213,6 +213,18 @@ fn a_trajectory_may_begin_with_the_bytes_of_compressed_data() {
 }
 
 #[test]
+fn beginnings_of_four_bytes_are_no_numbers_of_a_trajectory() {
+    for (start, expected) in
+        [(b"MM\0*\0\0\x10\x40", "a TIFF raster"), (b"PAR1\x15\x04\x15\x40", "a Parquet table")]
+    {
+        let mut bytes = start.to_vec();
+        bytes.resize(super::contents::SBET_BYTES, 0);
+        assert!(is_sbet(&bytes), "choose other bytes for {expected}");
+        assert_eq!(name("a", &bytes), expected);
+    }
+}
+
+#[test]
 fn geometries_as_text_have_brackets_behind_their_name() {
     for text in [
         "POLYGON ((0 0, 1 0, 1 1))",

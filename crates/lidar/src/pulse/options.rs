@@ -102,23 +102,40 @@ impl PhysicsOptions {
 impl fmt::Debug for PhysicsOptions {
     /// Checksums of shards include this text, so runs without radial velocities have none of them in it.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        // Checksums would miss a field that is not named.
+        let PhysicsOptions {
+            seed,
+            legacy_energy,
+            fixed_incidence,
+            echo_width,
+            waveform_noise,
+            record_waveforms,
+            record_pulses,
+            record_truth,
+            record_colours,
+            record_velocities,
+            record_scanner_axes,
+            record_subrays,
+            max_order,
+            corrections,
+        } = self;
         let mut fields = f.debug_struct("PhysicsOptions");
         fields
-            .field("seed", &self.seed)
-            .field("legacy_energy", &self.legacy_energy)
-            .field("fixed_incidence", &self.fixed_incidence)
-            .field("echo_width", &self.echo_width)
-            .field("waveform_noise", &self.waveform_noise)
-            .field("record_waveforms", &self.record_waveforms)
-            .field("record_pulses", &self.record_pulses)
-            .field("record_truth", &self.record_truth)
-            .field("record_colours", &self.record_colours)
-            .field("record_scanner_axes", &self.record_scanner_axes)
-            .field("record_subrays", &self.record_subrays)
-            .field("max_order", &self.max_order)
-            .field("corrections", &self.corrections);
-        if self.record_velocities {
-            fields.field("record_velocities", &self.record_velocities);
+            .field("seed", seed)
+            .field("legacy_energy", legacy_energy)
+            .field("fixed_incidence", fixed_incidence)
+            .field("echo_width", echo_width)
+            .field("waveform_noise", waveform_noise)
+            .field("record_waveforms", record_waveforms)
+            .field("record_pulses", record_pulses)
+            .field("record_truth", record_truth)
+            .field("record_colours", record_colours)
+            .field("record_scanner_axes", record_scanner_axes)
+            .field("record_subrays", record_subrays)
+            .field("max_order", max_order)
+            .field("corrections", corrections);
+        if *record_velocities {
+            fields.field("record_velocities", record_velocities);
         }
         fields.finish()
     }

@@ -22,12 +22,11 @@ pub(super) struct Reflections {
     primitive: Vec<u32>,
     ring: Vec<u32>,
     subray: Vec<u32>,
-    /// Ends of the paths of the last reflections, if they went over mirrors or through panes, or ended in the
-    /// air.
+    /// Ends of the paths of the last reflections, unless these are [`PathKind::Direct`].
     ends: Vec<PathEnd>,
 }
 
-/// End of a path of light over mirrors and panes.
+/// End of a path of light over mirrors, through panes, or into water or air.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PathEnd {
     /// The point that reflects the light, m.
@@ -90,8 +89,8 @@ impl Reflections {
         self.push((0, 0), (range, range), primitive, cosine, intensity);
     }
 
-    /// Appends the reflection of a subray at the end of a path over mirrors and panes, after all others:
-    /// `range` is the optical length of the path. May exceed the reserved memory.
+    /// Appends the reflection of a subray at the end of a path, after all of direct paths: `range` is the
+    /// optical length of the path. May exceed the reserved memory.
     pub fn push_end(
         &mut self,
         source: (u32, u32),
@@ -107,7 +106,7 @@ impl Reflections {
         self.ends.push(end);
     }
 
-    /// The end of the path of reflection `i` if it went over mirrors or panes.
+    /// The end of the path of reflection `i` unless it is [`PathKind::Direct`].
     pub fn end_of(&self, i: usize) -> Option<&PathEnd> {
         self.ends.get(i.checked_sub(self.count - self.ends.len())?)
     }

@@ -14,7 +14,7 @@ use vlscan_geom::DVec3;
 use vlscan_scene::Water;
 
 /// Optical depth of the way there and back behind which light no longer counts.
-const MAX_DEPTH: f64 = 18.4;
+pub(super) const MAX_DEPTH: f64 = 18.4;
 /// Maximum number of cells of a subray, for water that hardly attenuates.
 const MAX_CELLS: u64 = 1 << 14;
 

@@ -128,13 +128,10 @@ impl Air {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pulse::weather_drops::tests::near;
 
     fn air(state: AirState, lidar_ratio: f64) -> Air {
         Air::new(&Weather { lidar_ratio, ..Weather::CLEAR }, &state, 905.0)
-    }
-
-    fn near(found: f64, expected: f64, tolerance: f64) {
-        assert!((found / expected - 1.0).abs() <= tolerance, "{found:e} is not {expected:e}");
     }
 
     #[test]

@@ -11,6 +11,7 @@ use super::instrument::Instrument;
 use super::reflections::{PathEnd, Reflections};
 use super::traced::{SubrayGains, TracedPulse};
 use super::view::SceneView;
+use super::water_column::MAX_DEPTH;
 use super::weather::Air;
 use super::weather_drops::{SingleDrop, WeatherModel, draw_drops};
 use crate::flight::Pulse;
@@ -20,8 +21,6 @@ use vlscan_base::rng::Stream;
 use vlscan_geom::DVec3;
 use vlscan_trace::Hits;
 
-/// Optical depth of the way there and back behind which light no longer counts.
-const MAX_DEPTH: f64 = 18.4;
 /// Maximum number of cells, for air that hardly attenuates.
 const MAX_CELLS: usize = 1 << 14;
 /// Share of the detection threshold below which the light of further cells no longer counts.
@@ -38,8 +37,8 @@ const MAX_DROPS: f64 = 64.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Cell {
     /// Mean range of the light, m.
-    pub range: f64,
-    pub intensity: f64,
+    range: f64,
+    intensity: f64,
 }
 
 /// The light of a pulse that the air scatters back.

@@ -1,6 +1,7 @@
 //! Names and units of the columns of scan patterns and correction files.
 
-use vlscan_tables::split_unit;
+use vlscan_geom::degrees;
+use vlscan_tables::{Dimension, split_unit};
 
 /// Quantities of columns, in the order of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,36 +93,15 @@ impl Column {
 
     /// Factor of a unit in lower case to the unit of the quantity.
     fn factor(self, unit: &str) -> Option<f64> {
-        let seconds = match unit {
-            "s" | "sec" | "second" | "seconds" => Some(1.0),
-            "ms" => Some(1e-3),
-            "us" | "µs" | "μs" => Some(1e-6),
-            "ns" => Some(1e-9),
-            _ => None,
-        };
-        let degrees = match unit {
-            "deg" | "degree" | "degrees" | "°" => Some(1.0),
-            "rad" | "radian" | "radians" => Some(180.0 / std::f64::consts::PI),
-            "mrad" => Some(0.18 / std::f64::consts::PI),
-            _ => None,
-        };
-        let metres = match unit {
-            "m" => Some(1.0),
-            "cm" => Some(1e-2),
-            "mm" => Some(1e-3),
-            _ => None,
-        };
         match self {
-            Column::Time => seconds,
+            Column::Time => Dimension::Time.factor(unit),
             // Divided, so that a microsecond is exactly 1.
-            Column::FiringTime => seconds.map(|factor| factor / 1e-6),
-            Column::Azimuth | Column::Elevation | Column::Zenith => degrees,
-            Column::Divergence => match unit {
-                "rad" => Some(1.0),
-                "mrad" => Some(1e-3),
-                _ => degrees.map(|factor| factor * (std::f64::consts::PI / 180.0)),
-            },
-            Column::OriginX | Column::OriginY | Column::OriginZ => metres,
+            Column::FiringTime => Dimension::Time.factor(unit).map(|factor| factor / 1e-6),
+            Column::Azimuth | Column::Elevation | Column::Zenith => {
+                Dimension::Angle.factor(unit).map(degrees)
+            }
+            Column::Divergence => Dimension::Angle.factor(unit),
+            Column::OriginX | Column::OriginY | Column::OriginZ => Dimension::Length.factor(unit),
             Column::Index | Column::Channel => None,
         }
     }

@@ -5,7 +5,7 @@
 //! firing times of the channels, µs, relative to each other.
 
 use super::columns::{Column, Row};
-use super::sink::{PatternProblem, RowResult, RowSink, check_columns};
+use super::sink::{MAX_CHANNEL, MAX_CHANNELS, PatternProblem, RowResult, RowSink, check_columns};
 use super::table::TableFile;
 use crate::beams::{Beams, beam_pose, channels_of_beams};
 use crate::context::Context;
@@ -25,10 +25,6 @@ pub(crate) type ReadBeams = fn(&Context, &str, &Path, Place) -> Option<Beams>;
 const ANGLES_HELP: &str = "a row is the channel, its elevation and its azimuth in degrees, such as `1, \
                            14.9, -1.04`; a column `firing_time_us` may follow";
 const TIMES_HELP: &str = "a row is the channel and its firing time in µs, such as `1, 5.6`";
-/// Maximum number of channels.
-const MAX_CHANNELS: usize = 1024;
-/// Largest number of a channel.
-const MAX_CHANNEL: f64 = 65_535.0;
 /// Length of a checksum at least, characters.
 const MIN_CHECKSUM: usize = 16;
 

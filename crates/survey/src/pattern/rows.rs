@@ -1,7 +1,7 @@
 //! Rows of a scan pattern, checked one by one, and the beams that they are.
 
 use super::columns::{Column, Row};
-use super::sink::{PatternProblem, RowResult, RowSink, check_columns};
+use super::sink::{MAX_CHANNEL, MAX_CHANNELS, PatternProblem, RowResult, RowSink, check_columns};
 use crate::{PatternBeam, PatternTable, PulseTimes};
 use std::collections::BTreeMap;
 use vlscan_base::quantity::{DIVERGENCE, MAX_DURATION, PULSE_FREQ, number};
@@ -11,10 +11,6 @@ use vlscan_geom::{DVec3, radians};
 const MAX_ROWS: usize = 1 << 24;
 /// Maximum number of steps of a pattern, and of steps of all its channels that not every step fires.
 const MAX_STEPS: u64 = 1 << 25;
-/// Maximum number of channels.
-const MAX_CHANNELS: usize = 1024;
-/// Largest number of a channel.
-const MAX_CHANNEL: f64 = 65_535.0;
 /// Largest azimuth, degrees.
 const MAX_AZIMUTH: f64 = 360.0;
 /// Largest distance of the origin of a beam from that of the emitter along an axis, m.

@@ -2,6 +2,11 @@
 
 use super::columns::{Column, Row};
 
+/// Maximum number of channels.
+pub(super) const MAX_CHANNELS: usize = 1024;
+/// Largest number of a channel.
+pub(super) const MAX_CHANNEL: f64 = 65_535.0;
+
 /// A problem of a table of beams; the text of each error is its message.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(super) enum PatternProblem {

@@ -5,7 +5,6 @@ use super::npy::{MAGIC, NpyArray};
 use super::sink::{PatternProblem, RowResult, RowSink};
 use crate::context::Context;
 use crate::rows::MAX_LONG_FILE_BYTES;
-use crate::text::decode;
 use std::path::Path;
 use vlscan_base::diag::Place;
 use vlscan_base::error::Error;
@@ -52,13 +51,7 @@ impl TableFile<'_> {
             found.report(&path, &mut context.problems.borrow_mut());
             return None;
         }
-        match decode(&bytes) {
-            Ok(text) => self.read_text(&path, &text, sink),
-            Err(e) => {
-                context.error(Place::of_file(&path), e.message);
-                None
-            }
-        }
+        self.read_text(&path, &context.text(&path, &bytes)?, sink)
     }
 
     /// Records a problem at a place.

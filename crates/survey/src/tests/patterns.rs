@@ -202,6 +202,7 @@ fn keys_beside_a_pattern_are_checked() {
         ),
         (format!("{base}[[scanner.channel]]\noptics = \"pattern\""), "`optics` must be rotating"),
         (base.replace("rows.csv", "two.csv") + "[[scanner.channel]]\nid = \"a\"", "has channels of its own"),
+        (base.replace("rows.csv", "two.csv") + "elevations_deg = [1, 2]", "has channels of its own"),
         (base.replace("rows.csv", "none.csv"), "cannot find the file `none.csv`"),
         (base.replace("\"rows.csv\"", "[[1, 2], [3]]"), "row 1 has 1 numbers, expected 2"),
         (base.replace("\"rows.csv\"", "[[1, 2], [3, 99]]"), "row 1, `elevation`: expected an angle"),
@@ -238,6 +239,12 @@ fn correction_files_of_hesai_are_channels() {
         assert!((leg.head_rate - sense * 10.0 * TAU).abs() < 1e-9);
         assert!((leg.head_stop - sense * TAU).abs() < 1e-12);
     }
+    // Listed channels have firing times, too.
+    let listed = keys.replace("corrections = \"angles.csv\"", "elevations_deg = [3, -1.5]");
+    let (survey, _) = of_files(&listed, "head_rate_deg_per_s = 3600\nhead_stop_deg = 360", files)
+        .unwrap_or_else(|e| panic!("{}", report(&e)));
+    let offsets: Vec<f64> = survey.scanner.devices.iter().map(|device| device.firing_offset).collect();
+    assert!(offsets.len() == 2 && offsets[0] == 0.0 && (offsets[1] - 6.5e-6).abs() < 1e-18, "{offsets:?}");
     // The channels of an entry keep all but their angles.
     let rows: String = (1..=32).map(|i| format!("{i},{},0.5\n", 16 - i)).collect();
     let all = format!("Channel,Elevation,Azimuth\n{rows}");
@@ -256,7 +263,13 @@ fn correction_files_of_hesai_are_channels() {
     contains(&refused_by(keys, b"1,2,3\n1,3,4\n"), &["each channel once", "angles.csv:2:1"]);
     contains(&refused_by(keys, b"1,200,3\n"), &["a number from -90 to 90", "angles.csv:1:3"]);
     contains(&refused_by(keys, b"Channel,Azimuth\n1,2\n"), &["no column `elevation`"]);
+    let times: String = (1..=32).map(|i| format!("{i},{i}\n")).collect();
+    let tables = "catalogue = \"hesai_xt32\"\nfiring_times = \"times.csv\"\n[[scanner.channel]]\nid = \"a\"";
+    let beside = of_files(tables, turn, &[("times.csv", times.as_bytes())]);
+    contains(&refused(beside), &["`firing_times` has channels of its own"]);
     contains(&refused_by(keys, b""), &["no row of numbers"]);
+    let undecodable = [&b"1,2,3\n".repeat(2000)[..], b"\xe9\n"].concat();
+    contains(&refused_by(keys, &undecodable), &["is not UTF-8", "angles.csv:2001"]);
 }
 
 #[test]

@@ -6,20 +6,19 @@ from functools import cached_property
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element, ParseError, parse
 
+from vlscan.errors import InputError
 from vlscan_helios.v3.utils import find_file
 from vlscan_helios.v3.xml_files import float_of
 
-from .views import View
+from .views import Instrument
 
 
-class ScannerView(View):
+class ScannerView(Instrument):
     """A scanner, whose figures cannot be set. Those of several channels are the scanner's own.
 
     ``wavelength`` is in m, ``visibility`` in km, ``pulseLength`` in ns, ``beamDivergence`` in rad, ``averagePower`` in W,
     ``pulseFreqs`` in Hz.
     """
-
-    NAMES: ClassVar[dict[str, str]] = {"name": "name", "reference": "reference"}
 
     #: Figures: attribute of XML, value without it, divisor.
     FIGURES: ClassVar[dict[str, tuple[str, float, float]]] = {
@@ -54,24 +53,16 @@ class ScannerView(View):
 
     @cached_property
     def _entry(self) -> Element:
-        """The entry of the scanner; an empty one if its file cannot be read."""
+        """The entry of the scanner in its file."""
         file, _, id = str(self._model.reference).partition("#")
-        path = find_file(file, fatal=False)
+        path = str(find_file(file))
         try:
-            root = None if path is None else parse(path).getroot()
-        except (OSError, ParseError):
-            root = None
-        entries = [] if root is None else [entry for entry in root.iter("scanner") if not id or entry.get("id") == id]
-        return entries[0] if entries else Element("scanner")
-
-    @property
-    def id(self) -> str:
-        """Id in its file."""
-        return str(self._model.reference).rpartition("#")[2]
-
-    def getId(self) -> str:
-        """Return the id in its file."""
-        return self.id
+            entries = [entry for entry in parse(path).getroot().iter("scanner") if not id or entry.get("id") == id]
+        except ParseError as error:
+            raise InputError(f"{path}: not well-formed XML: {error}") from None
+        if not entries:
+            raise InputError(f"{path}: there is no scanner {id!r}")
+        return entries[0]
 
     @property
     def deviceId(self) -> str:

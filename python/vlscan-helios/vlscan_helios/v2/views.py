@@ -121,7 +121,7 @@ class LegView(View):
 
 
 class Instrument(View):
-    """A platform."""
+    """A platform or a scanner."""
 
     NAMES: ClassVar[dict[str, str]] = {"name": "name", "reference": "reference"}
 

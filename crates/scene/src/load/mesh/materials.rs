@@ -10,7 +10,7 @@
 //! loader, or is the file `materials.csv` next to a PLY, STL or glTF file.
 
 use super::diffuse;
-use crate::mtl_optics::{ExpectedValue, set_optics};
+use crate::mtl_optics::{ExpectedValue, OPTICAL_KEYS, set_optics};
 use crate::text::printable;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -24,28 +24,8 @@ use vlscan_tables::{Line, TextTable};
 
 /// Name of the table that is searched next to a mesh file.
 const FILE_NAME: &str = "materials.csv";
-const COLUMNS: [&str; 20] = [
-    "name",
-    "reflectance",
-    "class",
-    "ground",
-    "leaf",
-    "spectrum",
-    "mirror",
-    "pane_index",
-    "pane_thickness_m",
-    "pane_absorption",
-    "pane_sheets",
-    "retro",
-    "water_index",
-    "water_group_index",
-    "water_attenuation",
-    "water_secchi_m",
-    "water_beam_attenuation",
-    "water_backscatter",
-    "water_wind_m_s",
-    "water_wind_deg",
-];
+/// Columns beside those of optical properties.
+const COLUMNS: [&str; 6] = ["name", "reflectance", "class", "ground", "leaf", "spectrum"];
 const HELP: &str = "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), \
                     leaf (true or false), spectrum, and those of mirrors and panes: mirror, pane_index, \
                     pane_thickness_m, pane_absorption, pane_sheets, retro; and of water: water_index, \
@@ -145,7 +125,8 @@ fn read_heading(table: &TextTable, heading: &Line, diagnostics: &mut Diagnostics
         names.pop();
     }
     let repeated = (0..names.len()).find(|i| names[..*i].contains(&names[*i]));
-    let unknown = names.iter().position(|name| !COLUMNS.contains(&name.as_str()));
+    let is_known = |name: &str| COLUMNS.contains(&name) || OPTICAL_KEYS.contains(&name);
+    let unknown = names.iter().position(|name| !is_known(name));
     let (at, message) = match (repeated, unknown) {
         (Some(i), _) => (Some(i), format!("duplicate column {}", names[i])),
         (None, Some(i)) => {
@@ -168,7 +149,7 @@ fn column(heading: &str) -> String {
         "helios_spectra" => "spectrum".to_owned(),
         "vlscan_leaf" | "is_leaf" => "leaf".to_owned(),
         _ => match name.strip_prefix("vlscan_") {
-            Some(key) if COLUMNS[6..].contains(&key) => key.to_owned(),
+            Some(key) if OPTICAL_KEYS.contains(&key) => key.to_owned(),
             _ => name,
         },
     }

@@ -213,11 +213,13 @@ impl Session {
         self.check_outputs(outputs, &context)?;
         let loading_s = started.elapsed().as_secs_f64();
         let (timeline, sample, summary) = self.sample_flight(&flight, outputs, &context, control)?;
-        let measure = |side| self.measure_coverage(&flight, &timeline, side, control);
-        let map = side.map(measure).transpose()?;
         let seen =
             Observations { session: self, flight: &flight, timeline: &timeline, sample: &sample, outputs };
-        Ok((seen.forecast(&summary, loading_s, control), map))
+        // Made first, because the run does not need the memory of the coverage.
+        let report = seen.forecast(&summary, loading_s, control);
+        let measure = |side| self.measure_coverage(&flight, &timeline, side, control);
+        let map = side.map(measure).transpose()?;
+        Ok((report, map))
     }
 
     /// Checks the outputs of the run. Files that exist are noted and not refused, since a dry run does not

@@ -94,8 +94,8 @@ fn a_polygon_and_a_changed_material_keep_the_texture() {
     assert_eq!(colour(&scene, -1.0, -1.0), [0, 100, 0]);
 }
 
-/// A GLB file of a triangle with texture coordinates from 0 to 1, an image, and these properties of the colour
-/// of its material.
+/// A GLB file of a triangle with texture coordinates from 0 to 1, an image, and these properties of the
+/// colour of its material.
 fn textured_glb(image: &[u8], properties: &str) -> Vec<u8> {
     let mut chunk = Vec::new();
     let corners = [[0.0f32, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, -4.0]];
@@ -147,7 +147,8 @@ fn transforms_of_textures_choose_and_turn_a_part_of_the_image() {
         ("{}", [red, green, blue]),
         // The example of the extension: the lower left quadrant.
         (r#"{"offset":[0,1],"rotation":1.57079632679,"scale":[0.5,0.5]}"#, [blue; 3]),
-        // The whole image, turned likewise: the first corner is the lower left one, the second the upper left.
+        // The whole image, turned likewise: the first corner is the lower left one, the second the upper
+        // left.
         (r#"{"offset":[0,1],"rotation":1.57079632679}"#, [blue, red, grey]),
         (r#"{"offset":[0.5,0]}"#, [green, red, grey]),
         (r#"{"offset":[0,1],"scale":[1,-1]}"#, [blue, grey, red]),
