@@ -162,8 +162,8 @@ pub(crate) fn empty(folder: &Path) -> Result<()> {
     Ok(fs::create_dir(folder)?)
 }
 
-/// True if an earlier worker has left shards of a run, which is then continued. The last step of a complete run
-/// removes the folder of its shards, which is empty before: with an empty one, nothing can be continued.
+/// True if an earlier worker has left shards of a run, which is then continued. An empty folder of shards is
+/// what a complete run leaves if it is ended before its last step, which removes the folder.
 fn has_shards(out: &Path) -> Result<bool> {
     for name in names_in(out)?.iter().filter(|name| name.ends_with(".shards")) {
         let path = out.join(name);
