@@ -3,7 +3,7 @@
 use super::args::RunArgs;
 use super::companions::open;
 use super::coverage;
-use super::rig::{OutputPlaces, SharedScene, resolve_all};
+use super::rig::{OutputPlaces, SharedScene, resolve_all, takes_one_scanner};
 use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
@@ -51,10 +51,10 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
 /// Forecasts the run of one scanner after the other.
 fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &Console) -> Result<()> {
     if !args.dry.coverage.is_empty() {
-        return Err(Error::input_with_help(
-            "--coverage takes one scanner, but the pipeline has several",
-            "copy the pipeline with a single [scanner] table",
-        ));
+        return Err(takes_one_scanner("--coverage"));
+    }
+    if args.objects.is_some() {
+        return Err(takes_one_scanner("--objects"));
     }
     let shared = SharedPaths::of(jobs.iter().map(|job| &job.output));
     let (mut scene, mut places) = (SharedScene::of(&jobs), OutputPlaces::default());

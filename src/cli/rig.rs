@@ -18,6 +18,14 @@ pub fn resolve_all(file: &Path, options: &Options, console: &Console) -> Result<
     Ok(jobs)
 }
 
+/// The error of an option that takes one scanner, for a pipeline with several.
+pub fn takes_one_scanner(option: &str) -> Error {
+    Error::input_with_help(
+        format!("{option} takes one scanner, but the pipeline has several"),
+        "copy the pipeline with a single [scanner] table",
+    )
+}
+
 /// The scene that the runs of several scanners share.
 pub struct SharedScene {
     scene: Option<LoadedScene>,

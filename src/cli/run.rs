@@ -2,7 +2,7 @@
 
 use super::args::RunArgs;
 use super::companions::{Companions, open};
-use super::rig::{OutputPlaces, SharedScene, resolve_all};
+use super::rig::{OutputPlaces, SharedScene, resolve_all, takes_one_scanner};
 use super::shards::open_without_tree;
 use super::shared_logs::{SharedPaths, is_part};
 use super::watch::during;
@@ -29,10 +29,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
     let jobs = resolve_all(&args.file, &args.options, console)?;
     if jobs.len() > 1 && args.objects.is_some() {
-        return Err(Error::input_with_help(
-            "--objects takes one scanner, but the pipeline has several",
-            "copy the pipeline with a single [scanner] table",
-        ));
+        return Err(takes_one_scanner("--objects"));
     }
     let mut scene = SharedScene::of(&jobs);
     let ready = jobs.into_iter().map(|job| Ready::open(args, job, &mut scene, console));

@@ -173,9 +173,12 @@ fn a_dry_run_forecasts_each_scanner() {
         "{shown}"
     );
     assert_eq!(fs::read(dir.path().join("front.laz")).unwrap(), b"mine");
-    let refused = run(dir.path(), &["run", "rig.toml", "--dry-run", "--coverage", "c.tif"]);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(text(&refused.stderr).contains("--coverage takes one scanner"), "{}", text(&refused.stderr));
+    for (option, file) in [("--coverage", "c.tif"), ("--objects", "c.csv")] {
+        let refused = run(dir.path(), &["run", "rig.toml", "--dry-run", option, file]);
+        assert_eq!(refused.status.code(), Some(2));
+        let expected = format!("{option} takes one scanner");
+        assert!(text(&refused.stderr).contains(&expected), "{}", text(&refused.stderr));
+    }
 }
 
 #[test]
