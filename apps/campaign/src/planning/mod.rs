@@ -26,8 +26,8 @@ use vlscan_survey::{
     CATALOGUE, Device, Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner,
 };
 use vlscan_tools::plan::{
-    self, AirborneOptions, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanGround,
-    PlanRequest, PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
+    self, AirborneOptions, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanError,
+    PlanGround, PlanRequest, PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
 };
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::Stop;
@@ -169,9 +169,10 @@ impl Planner<'_> {
     }
 
     fn airborne(&self, request: &AirborneRequest, stop: &Stop) -> Result<Planned> {
+        let options = &request.options;
+        options.check()?;
         let (area, line) = self.flight_area(request)?;
         self.check_area(&area)?;
-        let options = &request.options;
         let default = if options.height < MAX_DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
         let (reference, platform, reported) = self.platform(default)?;
         let level = self.setup.level();
@@ -192,8 +193,7 @@ impl Planner<'_> {
         let survey = match Guarantee::of(options) {
             None => plan(options)?,
             Some(guarantee) => {
-                let of_density =
-                    |density| plan(&AirborneOptions { density: Some(density), ..options.clone() });
+                let of_density = |density| plan(&guarantee::mean(options, density));
                 let measure =
                     |survey: &PlannedSurvey| self.coverage(survey, &area, &reported, guarantee.side, stop);
                 guarantee.reach(&area, &of_density, &measure)?
@@ -319,6 +319,9 @@ impl Planner<'_> {
 
     /// The area of the request, or the box of the scene's ground.
     fn area(&self, source: Option<&AreaSource>, buffer: Option<f64>) -> Result<Area> {
+        if buffer.is_some() && !matches!(source, Some(AreaSource::Named(_))) {
+            return Err(PlanError::Without("--buffer", "a line as --area").into());
+        }
         match (source, &self.site) {
             (Some(AreaSource::Named(name)), _) => {
                 let (area, warnings) = plan::read_area(name, self.crs(), buffer)?;
