@@ -20,24 +20,7 @@ const METRE: u16 = 9001;
 /// Tag of the metadata of GDAL, where the names of bands are.
 const GDAL_METADATA: Tag = Tag::Unknown(42112);
 
-/// Square cells in rows.
-#[derive(Clone, Copy, Debug)]
-pub struct Raster<'a> {
-    /// Number of cells from west to east.
-    pub columns: usize,
-    /// Number of cells from south to north.
-    pub rows: usize,
-    /// Side of a cell, m.
-    pub side_m: f64,
-    /// World coordinates of the south-western corner, m.
-    pub corner: [f64; 2],
-    /// Values row by row from the south west; NaN without a value.
-    pub values: &'a [f64],
-    /// System of the coordinates as WKT; its EPSG code is written, if it has one.
-    pub crs: Option<&'a str>,
-}
-
-/// Square cells of a raster with several bands.
+/// Size, place and system of a raster of square cells.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid<'a> {
     /// Number of cells from west to east.
@@ -61,13 +44,12 @@ pub struct Band<'a> {
     pub values: &'a [f64],
 }
 
-/// The bytes of a GeoTIFF file.
+/// The bytes of a GeoTIFF file with one band: values row by row from the south west, NaN without a value.
 ///
 /// # Errors
 /// [`Error::Input`] for a raster that is too large for a TIFF file.
-pub fn geotiff(raster: &Raster) -> Result<Vec<u8>> {
-    let Raster { columns, rows, side_m, corner, values, crs } = *raster;
-    geotiff_of_bands(&Grid { columns, rows, side_m, corner, crs }, &[Band { name: "", values }])
+pub fn geotiff(grid: &Grid, values: &[f64]) -> Result<Vec<u8>> {
+    geotiff_of_bands(grid, &[Band { name: "", values }])
 }
 
 /// The bytes of a GeoTIFF file with several bands, whose names GDAL reads.
@@ -134,15 +116,9 @@ mod tests {
     fn a_raster_has_its_values_place_and_system() {
         let values: Vec<f64> = (0..6).map(|i| if i == 4 { f64::NAN } else { f64::from(i) }).collect();
         let crs = wkt_of_epsg(25832).unwrap();
-        let raster = Raster {
-            columns: 3,
-            rows: 2,
-            side_m: 0.5,
-            corner: [431_000.0, 5_412_000.0],
-            values: &values,
-            crs: Some(&crs),
-        };
-        let bytes = geotiff(&raster).unwrap();
+        let corner = [431_000.0, 5_412_000.0];
+        let grid = Grid { columns: 3, rows: 2, side_m: 0.5, corner, crs: Some(&crs) };
+        let bytes = geotiff(&grid, &values).unwrap();
         let mut file = Decoder::new(Cursor::new(&bytes)).unwrap();
         assert_eq!(file.dimensions().unwrap(), (3, 2));
         let tie = file.get_tag_f64_vec(Tag::ModelTiepointTag).unwrap();

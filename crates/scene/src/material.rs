@@ -41,17 +41,29 @@ pub struct Material {
 impl fmt::Debug for Material {
     /// Checksums of scenes include this text, so opaque materials have no field `optics`.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        // Checksums would miss a field that is not named.
+        let Material {
+            name,
+            reflectance,
+            further_reflectances,
+            reflection,
+            classification,
+            is_ground,
+            element_size,
+            leaf,
+            optics,
+        } = self;
         let mut fields = f.debug_struct("Material");
         fields
-            .field("name", &self.name)
-            .field("reflectance", &self.reflectance)
-            .field("further_reflectances", &self.further_reflectances)
-            .field("reflection", &self.reflection)
-            .field("classification", &self.classification)
-            .field("is_ground", &self.is_ground)
-            .field("element_size", &self.element_size)
-            .field("leaf", &self.leaf);
-        if let Some(optics) = &self.optics {
+            .field("name", name)
+            .field("reflectance", reflectance)
+            .field("further_reflectances", further_reflectances)
+            .field("reflection", reflection)
+            .field("classification", classification)
+            .field("is_ground", is_ground)
+            .field("element_size", element_size)
+            .field("leaf", leaf);
+        if let Some(optics) = optics {
             fields.field("optics", optics);
         }
         fields.finish()

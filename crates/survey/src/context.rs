@@ -12,10 +12,11 @@ use std::rc::Rc;
 use std::sync::Arc;
 use vlscan_base::diag::{Diagnostic, Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
+use vlscan_tables::NumberTable;
 
-/// Reads the columns of numbers with these names of a Parquet file, NaN for nulls; `None` for names that it
-/// does not have.
-pub type NumberColumns = fn(&Path, &[&str]) -> Result<Vec<Option<Vec<f64>>>>;
+/// Reads the columns of numbers of a Parquet file for whose names the function is true. The result also names
+/// the other columns.
+pub type NumberColumns = fn(&Path, &dyn Fn(&str) -> bool) -> Result<NumberTable>;
 
 /// A scene that replaces the survey's.
 #[derive(Clone, Debug)]

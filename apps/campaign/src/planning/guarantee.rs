@@ -154,12 +154,32 @@ impl Guarantee {
     }
 }
 
+/// The options with a mean density (pulses/m²) in place of the minimum.
+pub fn mean(options: &AirborneOptions, density: f64) -> AirborneOptions {
+    AirborneOptions {
+        density: Some(density),
+        min_density: None,
+        min_share: None,
+        min_cell: None,
+        ..options.clone()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn guarantee(least: f64, share: f64) -> Guarantee {
         Guarantee { least, share, side: 10.0 }
+    }
+
+    #[test]
+    fn plans_that_are_tried_have_a_mean_density_only() {
+        let (min_density, min_share) = (Some(4.0), Some(98.0));
+        let options = AirborneOptions { height: 60.0, min_density, min_share, ..AirborneOptions::default() };
+        let tried = mean(&options, 5.0);
+        assert!(options.check().is_ok() && tried.check().is_ok());
+        assert_eq!((tried.height, tried.density, tried.min_density), (60.0, Some(5.0), None));
     }
 
     #[test]

@@ -26,8 +26,8 @@ use vlscan_survey::{
     CATALOGUE, Device, Platform, ReadOptions, SceneRecipe, catalogue, find_platform, find_scanner,
 };
 use vlscan_tools::plan::{
-    self, AirborneOptions, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanGround,
-    PlanRequest, PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
+    self, AirborneOptions, AirborneRequest, Area, AreaSource, Carrier, LineFormat, MobileRequest, PlanError,
+    PlanGround, PlanRequest, PlanSetup, PlannedSurvey, SwathModel, TerrestrialRequest,
 };
 use vlscan_trace::{BuildOptions, Builder};
 use vlscan_warehouse::Stop;
@@ -137,6 +137,9 @@ impl Site {
     }
 }
 
+/// A line, and the distance to both sides of it that is covered, m.
+type Corridor = (Vec<[f64; 2]>, f64);
+
 /// A plan, the area of a flight, and the warnings that have been shown.
 type Planned = (PlannedSurvey, Option<Area>, Diagnostics);
 
@@ -166,9 +169,10 @@ impl Planner<'_> {
     }
 
     fn airborne(&self, request: &AirborneRequest, stop: &Stop) -> Result<Planned> {
-        let area = self.area(request.area.as_ref(), request.buffer)?;
-        self.check_area(&area)?;
         let options = &request.options;
+        options.check()?;
+        let (area, line) = self.flight_area(request)?;
+        self.check_area(&area)?;
         let default = if options.height < MAX_DRONE_HEIGHT { "copter_linearpath" } else { "sr22" };
         let (reference, platform, reported) = self.platform(default)?;
         let level = self.setup.level();
@@ -176,7 +180,6 @@ impl Planner<'_> {
         let height = |x: f64, y: f64| model.map_or(Some(level), |ground| ground.height(x, y));
         let ground = PlanGround { heights: &height, level };
         let carrier = Carrier { mount: platform.mount, may_turn: self.setup.platform.is_none() };
-        let line = self.followed_line(request)?;
         let plan = |options: &AirborneOptions| -> Result<PlannedSurvey> {
             let instrument = &self.instrument;
             let plan = match &line {
@@ -190,8 +193,7 @@ impl Planner<'_> {
         let survey = match Guarantee::of(options) {
             None => plan(options)?,
             Some(guarantee) => {
-                let of_density =
-                    |density| plan(&AirborneOptions { density: Some(density), ..options.clone() });
+                let of_density = |density| plan(&guarantee::mean(options, density));
                 let measure =
                     |survey: &PlannedSurvey| self.coverage(survey, &area, &reported, guarantee.side, stop);
                 guarantee.reach(&area, &of_density, &measure)?
@@ -200,19 +202,19 @@ impl Planner<'_> {
         Ok((survey, Some(area), reported))
     }
 
-    /// The line that the lines of a flight follow, and the distance to both sides of it that they cover, m.
-    /// Warnings about the line are given when the area is read.
-    fn followed_line(&self, request: &AirborneRequest) -> Result<Option<(Vec<[f64; 2]>, f64)>> {
+    /// The area of a flight, and the corridor whose line its lines follow, if they do.
+    fn flight_area(&self, request: &AirborneRequest) -> Result<(Area, Option<Corridor>)> {
         if !request.follow_line {
-            return Ok(None);
+            return Ok((self.area(request.area.as_ref(), request.buffer)?, None));
         }
         if request.options.heading.is_some() || request.options.cross_lines > 0 {
             return Err(Error::input("--follow-line: --heading and --cross-lines are for straight lines"));
         }
         match (&request.area, request.buffer) {
             (Some(AreaSource::Named(name)), Some(buffer)) => {
-                let (line, _) = plan::read_line(name, self.crs())?;
-                Ok(Some((line, buffer)))
+                let (line, area, warnings) = plan::read_corridor(name, self.crs(), buffer)?;
+                self.observer.warnings(warnings)?;
+                Ok((area, Some((line, buffer))))
             }
             _ => Err(Error::input("--follow-line: give the line with --area, and --buffer")),
         }
@@ -317,6 +319,9 @@ impl Planner<'_> {
 
     /// The area of the request, or the box of the scene's ground.
     fn area(&self, source: Option<&AreaSource>, buffer: Option<f64>) -> Result<Area> {
+        if buffer.is_some() && !matches!(source, Some(AreaSource::Named(_))) {
+            return Err(PlanError::Without("--buffer", "a line as --area").into());
+        }
         match (source, &self.site) {
             (Some(AreaSource::Named(name)), _) => {
                 let (area, warnings) = plan::read_area(name, self.crs(), buffer)?;

@@ -3,13 +3,16 @@
 use libm::{atan2, cos, rint, sin};
 use std::f64::consts::TAU;
 use std::path::Path;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::read_number_columns;
 use vlscan_geom::DVec3;
 use vlscan_survey::Scanner;
 
 /// Columns of a recording; the last ones may be missing.
-const COLUMNS: [&str; 5] = ["beam", "column", "range_mm", "reflectivity", "signal"];
+const COLUMNS: [&str; 5] = ["beam", "column", "range_mm", "reflectivity", SIGNAL];
+/// Column of the strength of echoes.
+const SIGNAL: &str = "signal";
 /// Maximum valid range, m.
 const MAX_RANGE: f64 = 10_000.0;
 /// Reflectivities up to 100 are per cent of a Lambertian reflector; beyond, retroreflectors have a scale of
@@ -60,25 +63,28 @@ impl Pixel {
 impl RangeImage {
     /// Reads a recording of one revolution: a Parquet table with the columns `beam`, `column`, `range_mm` (0
     /// without an echo), `reflectivity` (per cent) and, if there is one, `signal`. `scanner` is the
-    /// calibrated sensor.
+    /// calibrated sensor. Other columns are noted in `found`.
     ///
     /// # Errors
     /// [`Error::Input`] for columns that are missing, and for pixels that the sensor does not have.
-    pub fn read(path: &Path, scanner: &Scanner) -> Result<RangeImage> {
-        let mut tables = read_number_columns(path, &COLUMNS)?;
-        let signal = tables.pop().flatten();
+    pub fn read(path: &Path, scanner: &Scanner, found: &mut Diagnostics) -> Result<RangeImage> {
+        let mut table = read_number_columns(path, &|name| COLUMNS.contains(&name))?;
+        if let Some(message) = table.unread_message() {
+            found.note(Some(Place::of_file(path)), message);
+        }
+        let signal = table.take(SIGNAL);
         let mut needed = Vec::new();
-        for (name, column) in COLUMNS.iter().zip(tables) {
+        for name in &COLUMNS[..4] {
             let missing = || {
                 let message = format!(
                     "{} has no column `{name}` of numbers; a recording of a spinning sensor has {}, and \
-                     `signal` if it is recorded",
+                     `{SIGNAL}` if it is recorded",
                     path.display(),
                     COLUMNS[..4].join(", ")
                 );
                 Error::input(message)
             };
-            needed.push(column.ok_or_else(missing)?);
+            needed.push(table.take(name).ok_or_else(missing)?);
         }
         let mut image = RangeImage::empty(scanner)?;
         image.has_signal = signal.is_some();

@@ -102,7 +102,7 @@ pub fn fit_spinning(
     let (mut scanner, warnings) = find_scanner(&calibration.to_string_lossy(), &ReadOptions::default())?;
     found.extend(warnings);
     scanner.devices.iter_mut().for_each(|device| device.beam.take_stated_width());
-    let image = RangeImage::read(recording, &scanner)?;
+    let image = RangeImage::read(recording, &scanner, found)?;
     let fit = estimate(scanner, image, request.half)
         .map_err(|problem| Error::caused_by(format!("{}: {problem}", recording.display()), problem))?;
     if fit.planes.len() < FEW_PLANES {

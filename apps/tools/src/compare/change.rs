@@ -25,7 +25,7 @@ use super::gaps::{Gaps, MeasuredCells};
 use super::registration::{CellDifference, Registration, sorted};
 use super::statistic::{Statistic, quantile};
 use super::terrain::GROUND;
-use crate::geotiff::{Raster, geotiff};
+use crate::geotiff::{Grid, geotiff};
 use serde::Serialize;
 use vlscan_base::error::Result;
 use vlscan_base::quantity::signed;
@@ -168,7 +168,7 @@ impl ChangeMap {
     /// [`Error::Input`](vlscan_base::Error::Input) for a map that is too large for the format.
     pub fn geotiff(&self, crs: Option<&str>) -> Result<Vec<u8>> {
         let ChangeMap { columns, rows, side_m, corner, .. } = *self;
-        geotiff(&Raster { columns, rows, side_m, corner, values: &self.differences, crs })
+        geotiff(&Grid { columns, rows, side_m, corner, crs }, &self.differences)
     }
 }
 

@@ -10,10 +10,8 @@ use super::line::{Line, turn};
 use super::report::PlanReport;
 use super::requirements::{AirborneOptions, Carrier};
 use super::swath::SwathModel;
-use crate::args;
 use std::f64::consts::PI;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::quantity::POSITIVE;
 use vlscan_geom::{DVec3, radians};
 
 /// Steepest climb of lines that follow the ground if none is requested, degrees.
@@ -27,7 +25,7 @@ const MIN_RADIUS: f64 = 1.0;
 /// as often as by an endless row of such lines; then the cross lines.
 ///
 /// # Errors
-/// [`Error::Input`]: options that contradict each other or exceed the instrument.
+/// [`Error::Input`]: options that contradict each other or exceed the instrument, and a minimum density.
 pub fn plan_airborne(
     area: &Area,
     instrument: &SwathModel,
@@ -83,21 +81,10 @@ impl Inputs<'_> {
     /// Checks the options. Returns the level of the ground.
     fn checked(&self) -> Result<GroundLevel, PlanError> {
         let Inputs { area, instrument, options, ground, .. } = *self;
-        args::check([
-            ("height", Some(options.height), POSITIVE),
-            ("speed", options.speed, POSITIVE),
-            ("density", options.density, POSITIVE),
-            ("min-density", options.min_density, POSITIVE),
-            ("min-share", options.min_share, args::SHARE),
-            ("min-cell", options.min_cell, POSITIVE),
-            ("overlap", options.overlap, args::OVERLAP),
-            ("scan-angle", options.scan_angle, POSITIVE),
-            ("scan-freq", options.scan_freq, POSITIVE),
-            ("heading", options.heading, args::HEADING),
-            ("run-in", options.run_in, POSITIVE),
-            ("turn-radius", options.turn_radius, POSITIVE),
-            ("climb", options.climb, args::CLIMB),
-        ])?;
+        options.check()?;
+        if options.min_density.is_some() {
+            return Err(PlanError::NoSample);
+        }
         let level = mean_ground(area, ground);
         // A level line is above the mean ground.
         let relief = if options.follow_terrain { 0.0 } else { level.high - level.mean };

@@ -27,18 +27,30 @@ const MAX_DEGREES: f64 = 1.0;
 /// # Errors
 /// [`Error::Input`], [`Error::Io`].
 pub fn read_area(source: &str, scene_crs: Option<&str>, buffer: Option<f64>) -> Result<(Area, Diagnostics)> {
-    let failed = |problem: AreaError| Error::input(format!("{source}: {problem}"));
-    let (area, found) = match buffer {
-        Some(distance) => {
-            let (line, found) = read_line(source, scene_crs)?;
-            (corridor(&line, distance), found)
-        }
-        None => {
-            let (corners, found) = Source::read(source, Expected::Polygon)?.positions(scene_crs)?;
-            (Area::new(corners), found)
-        }
-    };
-    Ok((area.map_err(failed)?, found))
+    if let Some(distance) = buffer {
+        let (_, area, found) = read_corridor(source, scene_crs, distance)?;
+        return Ok((area, found));
+    }
+    let (corners, found) = Source::read(source, Expected::Polygon)?.positions(scene_crs)?;
+    Ok((Area::new(corners).map_err(|problem| wrong_area(source, problem))?, found))
+}
+
+/// Reads a line as [`read_line`] does. Returns it with the area of everything within `distance` m of it.
+///
+/// # Errors
+/// As [`read_area`].
+pub fn read_corridor(
+    source: &str,
+    scene_crs: Option<&str>,
+    distance: f64,
+) -> Result<(Vec<[f64; 2]>, Area, Diagnostics)> {
+    let (line, found) = read_line(source, scene_crs)?;
+    let area = corridor(&line, distance).map_err(|problem| wrong_area(source, problem))?;
+    Ok((line, area, found))
+}
+
+fn wrong_area(source: &str, problem: AreaError) -> Error {
+    Error::input(format!("{source}: {problem}"))
 }
 
 /// Reads a line, at least two positions, from the same sources as [`read_area`].

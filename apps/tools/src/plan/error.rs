@@ -12,6 +12,15 @@ pub enum PlanError {
     /// An option beyond its bounds.
     #[error(transparent)]
     Option(#[from] OptionError),
+    /// An option without another one that it needs.
+    #[error("{0} needs {1}")]
+    Without(&'static str, &'static str),
+    /// A mean and a minimum density.
+    #[error("--density and --min-density exclude each other: give one of them")]
+    TwoDensities,
+    /// A minimum density, which needs samples of the flight, in a plan without them.
+    #[error("--min-density is reached by sampling flights, as `plan_survey` does")]
+    NoSample,
     /// An instrument without a pulse rate.
     #[error("the instrument lists no pulse rate: give --pulse-rate")]
     NoPulseRate,

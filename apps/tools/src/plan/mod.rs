@@ -55,7 +55,7 @@ mod vector;
 
 pub use airborne::{plan_airborne, plan_corridor};
 pub use area::{Area, AreaError};
-pub use area_file::{read_area, read_line};
+pub use area_file::{read_area, read_corridor, read_line};
 pub use beams::QuarterTurns;
 pub use document::{PlannedSurvey, Promise, Turned, Waypoint};
 pub use error::{PlanError, Resolution};

@@ -1,6 +1,8 @@
 //! Requirements of airborne surveys.
 
+use super::error::PlanError;
 use crate::args;
+use vlscan_base::quantity::POSITIVE;
 use vlscan_survey::Mount;
 
 /// Requirements of an airborne survey. Of speed, overlap and density at least one is given besides those with
@@ -70,6 +72,44 @@ pub struct AirborneOptions {
     pub climb: Option<f64>,
 }
 
+impl AirborneOptions {
+    /// Checks bounds and combinations of options, as the command line does.
+    ///
+    /// # Errors
+    /// [`PlanError::Option`], [`PlanError::TwoDensities`], [`PlanError::Without`].
+    pub fn check(&self) -> Result<(), PlanError> {
+        args::check([
+            ("height", Some(self.height), POSITIVE),
+            ("speed", self.speed, POSITIVE),
+            ("density", self.density, POSITIVE),
+            ("min-density", self.min_density, POSITIVE),
+            ("min-share", self.min_share, args::SHARE),
+            ("min-cell", self.min_cell, POSITIVE),
+            ("overlap", self.overlap, args::OVERLAP),
+            ("scan-angle", self.scan_angle, POSITIVE),
+            ("scan-freq", self.scan_freq, POSITIVE),
+            ("heading", self.heading, args::HEADING),
+            ("run-in", self.run_in, POSITIVE),
+            ("turn-radius", self.turn_radius, POSITIVE),
+            ("climb", self.climb, args::CLIMB),
+        ])?;
+        if self.density.is_some() && self.min_density.is_some() {
+            return Err(PlanError::TwoDensities);
+        }
+        for (option, is_given) in
+            [("--min-share", self.min_share.is_some()), ("--min-cell", self.min_cell.is_some())]
+        {
+            if is_given && self.min_density.is_none() {
+                return Err(PlanError::Without(option, "--min-density"));
+            }
+        }
+        match self.climb.is_some() && !self.follow_terrain {
+            true => Err(PlanError::Without("--climb", "--follow-terrain")),
+            false => Ok(()),
+        }
+    }
+}
+
 /// How a platform carries the instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carrier {
@@ -77,4 +117,31 @@ pub struct Carrier {
     pub mount: Mount,
     /// True if the plan may turn the scanner where that mount does not point it at the ground.
     pub may_turn: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_without_those_that_they_need_are_refused() {
+        let fine = AirborneOptions { height: 60.0, min_density: Some(4.0), ..AirborneOptions::default() };
+        let said = |options: AirborneOptions| options.check().unwrap_err().to_string();
+        let all = AirborneOptions { min_share: Some(98.0), min_cell: Some(5.0), ..fine.clone() };
+        assert!(fine.check().is_ok() && all.check().is_ok());
+        assert_eq!(
+            said(AirborneOptions { density: Some(4.0), ..fine.clone() }),
+            "--density and --min-density exclude each other: give one of them"
+        );
+        let none = AirborneOptions { min_density: None, ..fine };
+        for (options, expected) in [
+            (AirborneOptions { min_share: Some(98.0), ..none.clone() }, "--min-share needs --min-density"),
+            (AirborneOptions { min_cell: Some(5.0), ..none.clone() }, "--min-cell needs --min-density"),
+            (AirborneOptions { climb: Some(5.0), ..none.clone() }, "--climb needs --follow-terrain"),
+        ] {
+            assert_eq!(said(options), expected);
+        }
+        assert!(said(AirborneOptions { min_cell: Some(0.0), ..all }).contains("min-cell"));
+        assert!(none.check().is_ok());
+    }
 }

@@ -19,7 +19,8 @@ const SCALE: f64 = 1e-3;
 
 /// Writes all points of a cloud to `out` as COPC: positions to the millimetre, intensity (`heliosAmplitude`
 /// as it was read), returns, class, object (named objects by numbers in order of appearance), scan angle,
-/// time, leg, device and colour. The cloud is read once, in bounded memory. Returns the number of points.
+/// time, leg, device and colour. The cloud is read once, in bounded memory; so colours of other formats than
+/// LAS have 8 bits if none of the first 4096 points has a greater component. Returns the number of points.
 ///
 /// # Errors
 /// The errors of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points.

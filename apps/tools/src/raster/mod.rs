@@ -19,7 +19,7 @@ mod part;
 pub use options::{RasterFiles, RasterKind, RasterOptions};
 
 use crate::cloud::{CloudSource, in_command, too_many_cells};
-use crate::geotiff::{Raster, geotiff};
+use crate::geotiff::{Grid, geotiff};
 use crate::neighbours::{Neighbours, plane_at};
 use cells::Cells;
 use part::BlockPart;
@@ -337,14 +337,14 @@ impl CloudRasters {
     /// # Errors
     /// [`Error::Input`] for a raster that is too large for the format.
     pub fn geotiff(&self, kind: RasterKind) -> Result<Vec<u8>> {
-        geotiff(&Raster {
+        let grid = Grid {
             columns: self.columns,
             rows: self.rows,
             side_m: self.cells.side(),
             corner: self.corner(),
-            values: &self.values(kind),
             crs: self.crs(),
-        })
+        };
+        geotiff(&grid, &self.values(kind))
     }
 }
 

@@ -13,7 +13,7 @@ pub(crate) use parquet::read_parquet;
 /// # Errors
 /// [`Error::Input`], always.
 #[cfg(not(feature = "parquet"))]
-pub fn read_number_columns(path: &Path, _names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+pub fn read_number_columns(path: &Path, _is_read: &dyn Fn(&str) -> bool) -> Result<NumberTable> {
     let message = format!("{} cannot be read: this build does not read Parquet", path.display());
     Err(Error::unsupported(message, crate::point_format::build_with("parquet")))
 }
@@ -27,6 +27,8 @@ use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+#[cfg(not(feature = "parquet"))]
+use vlscan_tables::NumberTable;
 use vlscan_tables::input::arrow::{ArrowDecoder, TableField, numbers};
 
 /// Key of the metadata of tables in memory in which return 0 of 0 marks a pulse without a return, whatever

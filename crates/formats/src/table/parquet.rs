@@ -18,6 +18,7 @@ use vlscan_base::damage::catch_decoder_panic;
 use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::store::FileBytes;
+use vlscan_tables::NumberTable;
 
 /// Rows that are read at a time.
 const READ_ROWS: usize = if cfg!(test) { 1 << 8 } else { 1 << 14 };
@@ -111,33 +112,40 @@ impl Groups<'_> {
     }
 }
 
-/// The columns of numbers with these names of a Parquet file, NaN for nulls; `None` for names that it does
-/// not have.
+/// The columns of numbers of a Parquet file for whose names `is_read` is true, NaN for nulls. Other columns
+/// are named in the result.
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read, [`Error::Input`] for files that are not Parquet or are
 /// damaged, and for compressions that this build does not read.
-pub fn read_number_columns(path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+pub fn read_number_columns(path: &Path, is_read: &dyn Fn(&str) -> bool) -> Result<NumberTable> {
     let file = FileBytes::open(path).map_err(|e| Error::open(path, e))?;
     let damaged = || unreadable(path, &ParquetError::General("its pages are damaged".into()));
-    let columns = catch_decoder_panic(|| number_columns(Bytes::from_owner(file.clone()), path, names))
+    let table = catch_decoder_panic(|| number_columns(Bytes::from_owner(file.clone()), path, is_read))
         .unwrap_or_else(|| Err(damaged()))?;
     file.check_unchanged().map_err(|e| Error::io("read", path, e))?;
-    Ok(columns)
+    Ok(table)
 }
 
-fn number_columns(file: Bytes, path: &Path, names: &[&str]) -> Result<Vec<Option<Vec<f64>>>> {
+fn number_columns(file: Bytes, path: &Path, is_read: &dyn Fn(&str) -> bool) -> Result<NumberTable> {
     let failed = |e: ParquetError| unreadable(path, &e);
     let reader = SerializedFileReader::new(file).map_err(failed)?;
     let leaves = reader.metadata().file_metadata().schema_descr().columns();
-    let found = |name: &&str| leaves.iter().position(|leaf| is_number(leaf) && leaf.name() == *name);
-    let at: Vec<Option<usize>> = names.iter().map(found).collect();
-    let mut columns: Vec<Option<Vec<f64>>> = at.iter().map(|at| at.map(|_| Vec::new())).collect();
+    let mut table = NumberTable::default();
+    let mut places = Vec::new();
+    for (at, leaf) in leaves.iter().enumerate() {
+        match is_number(leaf) && is_read(leaf.name()) {
+            true => {
+                places.push(at);
+                table.columns.push((leaf.name().to_owned(), Vec::new()));
+            }
+            false => table.unread.push(leaf.path().string()),
+        }
+    }
     for group in 0..reader.num_row_groups() {
         let group = reader.get_row_group(group).map_err(failed)?;
         let rows = row_count(group.metadata()).map_err(failed)?;
-        for (at, column) in at.iter().zip(&mut columns) {
-            let (Some(at), Some(column)) = (at, column) else { continue };
+        for (at, (_, column)) in places.iter().zip(&mut table.columns) {
             check_compression(group.metadata(), *at, path)?;
             let (mut reader, mut left) = (group.get_column_reader(*at).map_err(failed)?, rows);
             while left > 0 {
@@ -150,7 +158,7 @@ fn number_columns(file: Bytes, path: &Path, names: &[&str]) -> Result<Vec<Option
             }
         }
     }
-    Ok(columns)
+    Ok(table)
 }
 
 /// Number of rows of a group.
@@ -247,11 +255,11 @@ mod tests {
     const ZSTD: &[u8] = include_bytes!("zstd.parquet");
 
     /// Columns X and Z of a file, or the message.
-    fn columns(bytes: &[u8]) -> std::result::Result<Vec<Option<Vec<f64>>>, String> {
+    fn columns(bytes: &[u8]) -> std::result::Result<NumberTable, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.parquet");
         std::fs::write(&path, bytes).unwrap();
-        read_number_columns(&path, &["X", "Z"]).map_err(|e| match e {
+        read_number_columns(&path, &|name| ["X", "Z"].contains(&name)).map_err(|e| match e {
             Error::Input(problems) => problems.text(),
             other => other.to_string(),
         })
@@ -261,7 +269,10 @@ mod tests {
     fn zstd_pages_are_read_or_the_message_names_the_feature() {
         let read = columns(ZSTD);
         if cfg!(feature = "parquet-zstd") {
-            assert_eq!(read, Ok(vec![Some(vec![1.0, 2.0, 3.0]), Some(vec![7.0, 8.0, 9.0])]));
+            let table = read.unwrap();
+            let expected = [("X", [1.0, 2.0, 3.0]), ("Z", [7.0, 8.0, 9.0])];
+            assert_eq!(table.columns, expected.map(|(name, values)| (name.to_owned(), values.to_vec())));
+            assert_eq!(table.unread, ["Y"]);
         } else {
             let said = read.unwrap_err();
             assert!(said.contains("column X is compressed with ZSTD"), "{said}");

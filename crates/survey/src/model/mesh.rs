@@ -178,26 +178,44 @@ pub struct MaterialDefinition {
 impl fmt::Debug for MaterialDefinition {
     /// Checksums of scenes include this text, so opaque materials have no field `optics`.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        // Checksums would miss a field that is not named.
+        let MaterialDefinition {
+            name,
+            kd,
+            ks,
+            ns,
+            roughness,
+            element_size,
+            reflectance,
+            spectrum,
+            classification,
+            is_ground,
+            leaf,
+            optics,
+            colour,
+            unused_optics,
+            place,
+        } = self;
         let mut fields = f.debug_struct("MaterialDefinition");
         fields
-            .field("name", &self.name)
-            .field("kd", &self.kd)
-            .field("ks", &self.ks)
-            .field("ns", &self.ns)
-            .field("roughness", &self.roughness)
-            .field("element_size", &self.element_size)
-            .field("reflectance", &self.reflectance)
-            .field("spectrum", &self.spectrum)
-            .field("classification", &self.classification)
-            .field("is_ground", &self.is_ground)
-            .field("leaf", &self.leaf);
-        if self.optics != OpticsDefinition::default() {
-            fields.field("optics", &self.optics);
+            .field("name", name)
+            .field("kd", kd)
+            .field("ks", ks)
+            .field("ns", ns)
+            .field("roughness", roughness)
+            .field("element_size", element_size)
+            .field("reflectance", reflectance)
+            .field("spectrum", spectrum)
+            .field("classification", classification)
+            .field("is_ground", is_ground)
+            .field("leaf", leaf);
+        if *optics != OpticsDefinition::default() {
+            fields.field("optics", optics);
         }
-        if let Some(colour) = &self.colour {
+        if let Some(colour) = colour {
             fields.field("colour", colour);
         }
-        fields.field("unused_optics", &self.unused_optics).field("place", &self.place).finish()
+        fields.field("unused_optics", unused_optics).field("place", place).finish()
     }
 }
 
@@ -308,17 +326,19 @@ pub struct OpticsDefinition {
 impl fmt::Debug for OpticsDefinition {
     /// Checksums of scenes include this text, so mirrors and panes have no field `water`.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        // Checksums would miss a field that is not named.
+        let OpticsDefinition { mirror, index, thickness, absorption, sheets, retro, opacity, water } = self;
         let mut fields = f.debug_struct("OpticsDefinition");
         fields
-            .field("mirror", &self.mirror)
-            .field("index", &self.index)
-            .field("thickness", &self.thickness)
-            .field("absorption", &self.absorption)
-            .field("sheets", &self.sheets)
-            .field("retro", &self.retro)
-            .field("opacity", &self.opacity);
-        if self.water.is_water() {
-            fields.field("water", &self.water);
+            .field("mirror", mirror)
+            .field("index", index)
+            .field("thickness", thickness)
+            .field("absorption", absorption)
+            .field("sheets", sheets)
+            .field("retro", retro)
+            .field("opacity", opacity);
+        if water.is_water() {
+            fields.field("water", water);
         }
         fields.finish()
     }

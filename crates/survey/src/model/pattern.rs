@@ -1,5 +1,6 @@
 //! Scan patterns of tables: a beam, or none, for each step.
 
+use super::pulse_times::fold_words;
 use vlscan_geom::{DVec3, Rotation};
 
 /// A beam of a scan pattern.
@@ -151,13 +152,10 @@ fn attitude(azimuth: f64, elevation: f64) -> Rotation {
 /// Counts and a checksum, which distinguish different patterns without storing all of them.
 impl std::fmt::Debug for PatternTable {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        // FNV-1a over the bits.
-        let mix = |sum: u64, bits: u64| (sum ^ bits).wrapping_mul(0x0100_0000_01b3);
-        let vector = |sum: u64, v: DVec3| v.to_array().into_iter().fold(sum, |sum, x| mix(sum, x.to_bits()));
-        let beams = self.attitudes.iter();
-        let sum = beams.fold(0xcbf2_9ce4_8422_2325, |sum, a| vector(mix(sum, a.w.to_bits()), a.u));
-        let sum = self.origins.iter().fold(sum, |sum, origin| vector(sum, *origin));
-        let sum = self.before.iter().fold(sum, |sum, count| mix(sum, u64::from(*count)));
+        let vector = |v: DVec3| v.to_array().map(f64::to_bits);
+        let beams = self.attitudes.iter().flat_map(|a| std::iter::once(a.w.to_bits()).chain(vector(a.u)));
+        let origins = self.origins.iter().flat_map(|origin| vector(*origin));
+        let sum = fold_words(beams.chain(origins).chain(self.before.iter().map(|count| u64::from(*count))));
         let again = if self.repeats { "again and again" } else { "once" };
         write!(f, "{} beams in {} steps {again}, {sum:016x}", self.attitudes.len(), self.steps)
     }

@@ -99,10 +99,13 @@ impl PulseTimes {
 /// Maximum number of times of a cycle that are written out.
 const MAX_SHOWN: usize = 1 << 16;
 
-/// FNV-1a over the bits.
+/// FNV-1a over words of 64 bits. Checksums of surveys include it, so it never changes.
+pub(super) fn fold_words(words: impl Iterator<Item = u64>) -> u64 {
+    words.fold(0xcbf2_9ce4_8422_2325, |sum, word| (sum ^ word).wrapping_mul(0x0100_0000_01b3))
+}
+
 fn checksum(times: &[f64]) -> u64 {
-    let mix = |sum: u64, time: &f64| (sum ^ time.to_bits()).wrapping_mul(0x0100_0000_01b3);
-    times.iter().fold(0xcbf2_9ce4_8422_2325, mix)
+    fold_words(times.iter().map(|time| time.to_bits()))
 }
 
 /// Count, ends and a checksum of recorded times, which distinguish different times without storing all of

@@ -104,33 +104,54 @@ impl fmt::Debug for Receiver {
     /// Checksums of surveys include this text, so receivers without settings for water, chirps and pixels
     /// have none of them in it.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        // Checksums would miss a field that is not named.
+        let Receiver {
+            pulse_shape,
+            noise,
+            shot,
+            bandwidth,
+            max_range,
+            saturation,
+            range_walk,
+            digitiser_clock,
+            ranging,
+            range_noise,
+            threshold_photons,
+            dropout_rate,
+            dead_time,
+            range_step,
+            field_of_view,
+            corrects_refraction,
+            fmcw,
+            pixels,
+        } = self;
         let mut fields = f.debug_struct("Receiver");
         fields
-            .field("pulse_shape", &self.pulse_shape)
-            .field("noise", &self.noise)
-            .field("shot", &self.shot)
-            .field("bandwidth", &self.bandwidth)
-            .field("max_range", &self.max_range)
-            .field("saturation", &self.saturation)
-            .field("range_walk", &self.range_walk)
-            .field("digitiser_clock", &self.digitiser_clock)
-            .field("ranging", &self.ranging)
-            .field("range_noise", &self.range_noise)
-            .field("threshold_photons", &self.threshold_photons)
-            .field("dropout_rate", &self.dropout_rate)
-            .field("dead_time", &self.dead_time)
-            .field("range_step", &self.range_step);
-        if self.field_of_view.is_some() {
-            fields.field("field_of_view", &self.field_of_view);
+            .field("pulse_shape", pulse_shape)
+            .field("noise", noise)
+            .field("shot", shot)
+            .field("bandwidth", bandwidth)
+            .field("max_range", max_range)
+            .field("saturation", saturation)
+            .field("range_walk", range_walk)
+            .field("digitiser_clock", digitiser_clock)
+            .field("ranging", ranging)
+            .field("range_noise", range_noise)
+            .field("threshold_photons", threshold_photons)
+            .field("dropout_rate", dropout_rate)
+            .field("dead_time", dead_time)
+            .field("range_step", range_step);
+        if field_of_view.is_some() {
+            fields.field("field_of_view", field_of_view);
         }
-        if self.corrects_refraction {
-            fields.field("corrects_refraction", &self.corrects_refraction);
+        if *corrects_refraction {
+            fields.field("corrects_refraction", corrects_refraction);
         }
-        if self.fmcw.is_some() {
-            fields.field("fmcw", &self.fmcw);
+        if fmcw.is_some() {
+            fields.field("fmcw", fmcw);
         }
-        if self.pixels != PixelSettings::default() {
-            fields.field("pixels", &self.pixels);
+        if *pixels != PixelSettings::default() {
+            fields.field("pixels", pixels);
         }
         fields.finish()
     }
@@ -170,25 +191,43 @@ impl RangeNoise {
 impl fmt::Debug for Beam {
     /// Checksums of surveys include this text, so beams without an overlap have no such field in it.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        // Checksums would miss a field that is not named.
+        let Beam {
+            divergence,
+            divergence_y,
+            profile,
+            aperture,
+            pulse_length,
+            stated_width,
+            wavelength,
+            atmosphere_wavelength,
+            average_power,
+            pulse_energy,
+            quality,
+            efficiency,
+            receiver_diameter,
+            overlap,
+            visibility,
+        } = self;
         let mut fields = f.debug_struct("Beam");
         fields
-            .field("divergence", &self.divergence)
-            .field("divergence_y", &self.divergence_y)
-            .field("profile", &self.profile)
-            .field("aperture", &self.aperture)
-            .field("pulse_length", &self.pulse_length)
-            .field("stated_width", &self.stated_width)
-            .field("wavelength", &self.wavelength)
-            .field("atmosphere_wavelength", &self.atmosphere_wavelength)
-            .field("average_power", &self.average_power)
-            .field("pulse_energy", &self.pulse_energy)
-            .field("quality", &self.quality)
-            .field("efficiency", &self.efficiency)
-            .field("receiver_diameter", &self.receiver_diameter);
-        if let Some(overlap) = &self.overlap {
+            .field("divergence", divergence)
+            .field("divergence_y", divergence_y)
+            .field("profile", profile)
+            .field("aperture", aperture)
+            .field("pulse_length", pulse_length)
+            .field("stated_width", stated_width)
+            .field("wavelength", wavelength)
+            .field("atmosphere_wavelength", atmosphere_wavelength)
+            .field("average_power", average_power)
+            .field("pulse_energy", pulse_energy)
+            .field("quality", quality)
+            .field("efficiency", efficiency)
+            .field("receiver_diameter", receiver_diameter);
+        if let Some(overlap) = overlap {
             fields.field("overlap", overlap);
         }
-        fields.field("visibility", &self.visibility).finish()
+        fields.field("visibility", visibility).finish()
     }
 }
 

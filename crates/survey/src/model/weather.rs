@@ -106,25 +106,44 @@ impl Default for Weather {
 impl fmt::Debug for ScannerSettings {
     /// Checksums of surveys include this text, so legs in clear air have no weather in it.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        // Checksums would miss a field that is not named.
+        let ScannerSettings {
+            active,
+            pulse_freq,
+            pulse_times,
+            scan_freq,
+            scan_angle,
+            vertical_min,
+            vertical_max,
+            head_rate,
+            head_start,
+            head_stop,
+            beam_divergence,
+            written_divergence,
+            trajectory_interval,
+            max_duration,
+            warmup,
+            weather,
+        } = self;
         let mut fields = f.debug_struct("ScannerSettings");
         fields
-            .field("active", &self.active)
-            .field("pulse_freq", &self.pulse_freq)
-            .field("pulse_times", &self.pulse_times)
-            .field("scan_freq", &self.scan_freq)
-            .field("scan_angle", &self.scan_angle)
-            .field("vertical_min", &self.vertical_min)
-            .field("vertical_max", &self.vertical_max)
-            .field("head_rate", &self.head_rate)
-            .field("head_start", &self.head_start)
-            .field("head_stop", &self.head_stop)
-            .field("beam_divergence", &self.beam_divergence)
-            .field("written_divergence", &self.written_divergence)
-            .field("trajectory_interval", &self.trajectory_interval)
-            .field("max_duration", &self.max_duration)
-            .field("warmup", &self.warmup);
-        if self.weather != Weather::CLEAR {
-            fields.field("weather", &self.weather);
+            .field("active", active)
+            .field("pulse_freq", pulse_freq)
+            .field("pulse_times", pulse_times)
+            .field("scan_freq", scan_freq)
+            .field("scan_angle", scan_angle)
+            .field("vertical_min", vertical_min)
+            .field("vertical_max", vertical_max)
+            .field("head_rate", head_rate)
+            .field("head_start", head_start)
+            .field("head_stop", head_stop)
+            .field("beam_divergence", beam_divergence)
+            .field("written_divergence", written_divergence)
+            .field("trajectory_interval", trajectory_interval)
+            .field("max_duration", max_duration)
+            .field("warmup", warmup);
+        if *weather != Weather::CLEAR {
+            fields.field("weather", weather);
         }
         fields.finish()
     }

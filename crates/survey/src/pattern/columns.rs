@@ -51,40 +51,6 @@ const NAMES: [(Column, &str, &[&str]); COLUMNS] = [
     (Column::FiringTime, "firing_time", &["firingtime", "firetime", "firingoffset"]),
 ];
 
-/// Headings of columns that are looked for in files whose columns are found by their exact names.
-pub(super) const HEADINGS: [&str; 30] = [
-    "time_s",
-    "time",
-    "Time/s",
-    "time_us",
-    "time_ns",
-    "index",
-    "azimuth_deg",
-    "azimuth",
-    "azimuth_rad",
-    "Azimuth/deg",
-    "Azimuth",
-    "elevation_deg",
-    "elevation",
-    "elevation_rad",
-    "Elevation",
-    "zenith_deg",
-    "zenith",
-    "zenith_rad",
-    "Zenith/deg",
-    "channel",
-    "Channel",
-    "origin_x_m",
-    "origin_x",
-    "origin_y_m",
-    "origin_y",
-    "origin_z_m",
-    "origin_z",
-    "divergence_rad",
-    "divergence",
-    "firing_time_us",
-];
-
 impl Column {
     /// Its name in messages.
     pub fn name(self) -> &'static str {
@@ -161,6 +127,5 @@ mod tests {
     #[test]
     fn rows_and_names_have_one_order() {
         assert!(NAMES.iter().enumerate().all(|(i, (column, ..))| *column as usize == i));
-        assert!(HEADINGS.iter().all(|heading| Column::of_heading(heading).is_some()));
     }
 }

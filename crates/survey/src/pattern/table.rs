@@ -1,6 +1,6 @@
 //! Files of rows: text, Parquet, NumPy.
 
-use super::columns::{COLUMNS, Column, HEADINGS, Row};
+use super::columns::{COLUMNS, Column, Row};
 use super::npy::{MAGIC, NpyArray};
 use super::sink::{PatternProblem, RowResult, RowSink};
 use crate::context::Context;
@@ -157,8 +157,8 @@ impl TableFile<'_> {
             self.context.error_help(place, message, "write the table as CSV or as an array of NumPy (.npy)");
             return None;
         };
-        let columns = match read(path, &HEADINGS) {
-            Ok(columns) => columns,
+        let table = match read(path, &|name| Column::of_heading(name).is_some()) {
+            Ok(table) => table,
             Err(Error::Input(problems)) => {
                 self.context.problems.borrow_mut().extend(*problems);
                 return None;
@@ -168,9 +168,11 @@ impl TableFile<'_> {
                 return None;
             }
         };
-        let found = columns.into_iter().zip(HEADINGS).filter_map(|(column, name)| Some((name, column?)));
-        let (names, columns): (Vec<&str>, Vec<Vec<f64>>) = found.unzip();
-        let used = self.used(&place, &names);
+        if let Some(message) = table.unread_message() {
+            self.context.warn_help(place.clone(), message, self.help);
+        }
+        let (names, columns): (Vec<String>, Vec<Vec<f64>>) = table.columns.into_iter().unzip();
+        let used = self.used(&place, &names.iter().map(String::as_str).collect::<Vec<_>>());
         let rows = columns.first().map_or(0, Vec::len);
         let number = |row: usize, column: usize| columns[column].get(row).copied().unwrap_or(f64::NAN);
         self.add_rows(path, &used, rows, number, sink)

@@ -3,6 +3,7 @@
 use super::*;
 use std::f64::consts::TAU;
 use vlscan_geom::DVec3;
+use vlscan_tables::NumberTable;
 
 /// The survey of a pipeline with these keys of `[scanner]` and `[settings]`, in a folder of these files.
 fn of_files(
@@ -135,18 +136,23 @@ fn columns_of_parquet_come_from_the_reader_of_the_program() {
                 [settings]\nmax_duration_s = 1\n[[leg]]\nposition_m = [0, 0, 0]\n";
     let folder = Folder::new(&[("p.toml", text), ("a.obj", ""), ("rows.parquet", "PAR1")]);
     contains(&refused(read_pipeline(&folder.path("p.toml"))), &["Parquet files are not read here"]);
-    fn columns(_: &Path, names: &[&str]) -> vlscan_base::Result<Vec<Option<Vec<f64>>>> {
-        let of = |name: &&str| match *name {
-            "azimuth_deg" => Some(vec![10.0, 20.0]),
-            "elevation_deg" => Some(vec![1.0, 2.0]),
-            _ => None,
-        };
-        Ok(names.iter().map(of).collect())
+    fn columns(_: &Path, is_read: &dyn Fn(&str) -> bool) -> vlscan_base::Result<NumberTable> {
+        let mut table = NumberTable::default();
+        for (name, values) in
+            [("Azimuth/deg", [10.0, 20.0]), ("intensity", [0.0; 2]), ("elevation_deg", [1.0, 2.0])]
+        {
+            match is_read(name) {
+                true => table.columns.push((name.to_owned(), values.to_vec())),
+                false => table.unread.push(name.to_owned()),
+            }
+        }
+        Ok(table)
     }
     let source = Source::read(&folder.path("p.toml")).unwrap();
     let reading = ReadOptions { number_columns: Some(columns), ..ReadOptions::default() };
-    let (read, _) = read_pipeline_survey(source.tables().unwrap(), &reading).unwrap();
+    let (read, warnings) = read_pipeline_survey(source.tables().unwrap(), &reading).unwrap();
     assert!((beams(&read.survey.scanner.devices[0])[1] - towards(20.0, 2.0)).length() < 1e-12);
+    contains(&warnings.text(), &["column `intensity` not read", "rows.parquet"]);
 }
 
 #[test]

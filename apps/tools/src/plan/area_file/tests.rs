@@ -168,6 +168,8 @@ fn wrong_areas_are_refused_with_what_is_wrong() {
 fn lines_become_areas_and_degrees_are_projected() {
     let (corridor, _) = read_area("LINESTRING (0 0, 100 0)", None, Some(10.0)).unwrap();
     assert!(corridor.contains([50.0, 9.0]) && !corridor.contains([50.0, 11.0]));
+    let (line, same, _) = read_corridor("LINESTRING (0 0, 100 0)", None, 10.0).unwrap();
+    assert_eq!((line, same), (vec![[0.0, 0.0], [100.0, 0.0]], corridor));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("road.kml");
     let kml = "<?xml version=\"1.0\"?><kml xmlns=\"http://www.opengis.net/kml/2.2\"><Document><Placemark><LineString>\
