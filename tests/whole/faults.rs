@@ -181,7 +181,7 @@ fn outputs_of_several_files_are_complete_or_absent() {
     all_or_nothing(&[&run[..], &["a.las", "--wave-packets", "beside"]].concat(), &[]);
     all_or_nothing(&[&run[..], &["tiles", "--format", "las", "--tile", "5"]].concat(), &[]);
     all_or_nothing(&["raster", "a.laz", "--dsm", "s.tif", "--density", "d.tif", "-q"], &[&points]);
-    all_or_nothing(&["scene", "map", &survey, "-o", "map.png", "-q"], &[]);
+    all_or_nothing(&["scene", "map", &survey, "-o", "map.png", "--side", "64", "-q"], &[]);
     for layout in ["kitti", "nuscenes"] {
         all_or_nothing(&["frames", "a.mcap", "-o", "out", "--layout", layout, "-q"], &[&frames]);
     }
