@@ -38,7 +38,7 @@ fn boxes(folder: &Path, out: &str, seeds: u32) -> String {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn a_campaign_that_is_killed_gives_the_bytes_of_one_left_alone() {
     let dir = folder();
     let (alone, killed) = (boxes(dir.path(), "alone", 100), boxes(dir.path(), "killed", 100));

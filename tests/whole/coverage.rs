@@ -223,7 +223,7 @@ fn a_short_flight_is_covered_as_by_its_points() {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn a_long_flight_is_covered_as_by_its_points() {
     let Some(python) = python("numpy, rasterio") else { return };
     let dir = folder();

@@ -98,7 +98,7 @@ fn schedules_leave_no_trace() {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn schedules_leave_no_trace_in_larger_surveys() {
     assert_schedules_leave_no_trace(&["forest/survey.xml", "room/survey.xml"]);
 }

@@ -15,7 +15,7 @@ const VARIABLE: &str = "VLSCAN_ENDURANCE_RUNS";
 
 /// Other tests of this program would change what is counted, so that the runs have a process of their own.
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 #[cfg(target_os = "linux")]
 fn many_runs_leave_nothing_behind() {
     let mut child = Command::new(std::env::current_exe().unwrap());

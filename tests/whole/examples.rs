@@ -323,7 +323,7 @@ const CLOUDS_OF_PAGES: [CloudOfPage; 17] = [
 ];
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn examples_of_docs_run() {
     let entries = ["docs", "docs/dev"].iter().flat_map(|folder| fs::read_dir(root().join(folder)).unwrap());
     let mut pages: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
@@ -542,7 +542,7 @@ fn every_correction_has_its_row() {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn the_examples_of_the_manual_run_in_an_empty_folder() {
     let mut pages: Vec<PathBuf> =
         fs::read_dir(root().join("man")).unwrap().map(|e| e.unwrap().path()).collect();
@@ -559,7 +559,7 @@ fn the_examples_of_the_manual_run_in_an_empty_folder() {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run`"]
 fn every_pipeline_runs_as_it_is() {
     let mut pipelines: Vec<PathBuf> =
         fs::read_dir(root().join("pipelines")).unwrap().map(|e| e.unwrap().path()).collect();
@@ -617,7 +617,7 @@ const EXPECTED: [Expected; 7] = [
 ];
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run`"]
 fn every_pipeline_gives_what_it_describes() {
     let flight: Vec<u8> = fs::read(root().join("fixtures/flight.csv")).unwrap();
     let flight: Vec<u8> = flight.split_inclusive(|b| *b == b'\n').take(400).flatten().copied().collect();

@@ -20,7 +20,7 @@ fn stdout_carries_the_same_points_as_the_file() {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn poses_from_stdin_become_points() {
     let dir = folder();
     let poses = fs::read(fixture("flight.csv")).unwrap();

@@ -253,7 +253,7 @@ fn kinds_of_scanners_fly_what_is_promised() {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn all_scanners_of_the_catalogue_fly_what_is_promised() {
     let dir = folder();
     let listed: serde_json::Value =

@@ -185,7 +185,7 @@ fn little(dir: &Path, pulses: u32) -> String {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn layouts_channels_packets_and_columns_come_from_shards() {
     let survey = survey("moving/survey.xml");
     let spinning = self::survey("street/spinning.xml");

@@ -28,7 +28,7 @@ fn number(value: &Value, key: &str) -> f64 {
 }
 
 #[test]
-#[ignore = "minutes; part of the continuous integration"]
+#[ignore = "minutes; part of `.ci/run --long`"]
 fn every_cell_is_measured_and_told() {
     let dir = tempfile::tempdir().unwrap();
     let (table, json) = measured(
