@@ -306,8 +306,8 @@ def all_scanner_figures(text: str = "") -> list[ScannerFigures]:
 
     Examples
     --------
-    >>> {figures.name for figures in vlscan.all_scanner_figures("vz-4")}
-    {'RIEGL VZ-400'}
+    >>> sorted({figures.name for figures in vlscan.all_scanner_figures("vz-4")})
+    ['RIEGL VZ-400', 'RIEGL VZ-400i']
     """
     figures = [ScannerFigures(**row) for row in json.loads(_vlscan.figures())["scanners"]]
     return [row for row in figures if text.lower() in row.reference.lower() or text.lower() in row.name.lower()]
