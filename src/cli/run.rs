@@ -58,8 +58,22 @@ fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Resul
             log.redirect(scanner.as_deref().unwrap_or_default(), output);
         }
     }
+    if let Err(error) = measure_each(ready, started, console) {
+        for log in &logs {
+            if let Err(second) = log.write_partial(replace, console) {
+                let text = second.to_string();
+                console.caution(format!("warning: {text}"), messages::warning(None, text));
+            }
+        }
+        return Err(error);
+    }
+    logs.iter().try_for_each(|log| log.write(replace, console))
+}
+
+/// Measures with one scanner after the other.
+fn measure_each(ready: Vec<Ready>, mut started_one: Instant, console: &Console) -> Result<()> {
+    let started = started_one;
     let (mut pulses, mut points, mut seconds) = (0, 0, 0.0);
-    let mut started_one = started;
     for run in ready {
         console.say(format!("scanner {}", run.scanner()));
         let report = run.run(started_one, console)?;
@@ -73,7 +87,7 @@ fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Resul
         });
         started_one = Instant::now();
     }
-    logs.into_iter().try_for_each(|log| log.write(replace, console))
+    Ok(())
 }
 
 /// A run that is ready to start.

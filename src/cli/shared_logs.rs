@@ -1,19 +1,15 @@
 //! MCAP files that several scanners of a platform share. Each scanner first writes a file of its own to a
-//! temporary folder; these files are merged at the end.
+//! temporary folder; these files are merged at the end, those of an interrupted run to a partial one.
 
 use super::{Console, messages};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{identity, is_special};
+use vlscan_base::files::{TemporaryFolder, free_name, identity, is_special, is_taken, is_temporary_name};
 use vlscan_base::quantity::counted;
-use vlscan_formats::merge_logs;
+use vlscan_formats::{MergedLog, merge_logs};
 use vlscan_messages::WrittenFile;
 use vlscan_session::output::{FileSummary, OutputRequest, PointFormat, Target};
-
-/// Beginning of the names of temporary folders.
-const PREFIX: &str = ".vlscan-scanners-";
 
 /// The MCAP file of an output, by its [`identity`].
 fn log_of((target, format): &(Target, PointFormat)) -> Option<PathBuf> {
@@ -105,16 +101,14 @@ impl SharedPaths {
 pub struct SharedLog {
     log: PathBuf,
     path: PathBuf,
-    folder: TempDir,
+    folder: TemporaryFolder,
     /// Names and files of the scanners.
     parts: Vec<(String, PathBuf)>,
 }
 
 impl SharedLog {
     fn begin(log: &Path, path: &Path) -> Result<SharedLog> {
-        let parent = log.parent().unwrap_or(Path::new(""));
-        let folder = tempfile::Builder::new().prefix(PREFIX).tempdir_in(parent);
-        let folder = folder.map_err(|e| Error::io("create a temporary folder in", parent, e))?;
+        let folder = TemporaryFolder::next_to(log)?;
         Ok(SharedLog { log: log.to_path_buf(), path: path.to_path_buf(), folder, parts: Vec::new() })
     }
 
@@ -133,24 +127,51 @@ impl SharedLog {
     ///
     /// # Errors
     /// The errors of [`merge_logs`].
-    pub fn write(self, replace: bool, console: &Console) -> Result<()> {
-        let merged = merge_logs(&self.parts, &self.path, replace)?;
-        let count = counted(merged.messages, "message");
-        let text = format!("{}  {count}, {} bytes", self.path.display(), merged.bytes);
-        let file = WrittenFile {
-            format: Some(PointFormat::Mcap.name().to_owned()),
-            bytes: Some(merged.bytes),
-            ..messages::written(&self.path, "points")
-        };
-        console.wrote(file, text);
+    pub fn write(&self, replace: bool, console: &Console) -> Result<()> {
+        let merged = merge_logs(&self.parts, &self.path, replace, false)?;
+        show(&self.path, merged, console);
         Ok(())
     }
+
+    /// Writes what was measured before a run ended early as `NAME.partial.mcap`, if there is anything.
+    ///
+    /// # Errors
+    /// The errors of [`merge_logs`].
+    pub fn write_partial(&self, replace: bool, console: &Console) -> Result<()> {
+        let partial = |path: &Path| free_name(path, "partial", |path| !replace && is_taken(path));
+        let found = self.parts.iter().filter_map(|(name, path)| {
+            let begun = free_name(path, "partial", |_| false);
+            let path = [path.clone(), begun].into_iter().find(|path| path.is_file())?;
+            Some((name.clone(), path))
+        });
+        let found: Vec<(String, PathBuf)> = found.collect();
+        if found.is_empty() {
+            return Ok(());
+        }
+        let path = partial(&self.path);
+        let merged = merge_logs(&found, &path, replace, true)?;
+        show(&path, merged, console);
+        console.say(format!("what was measured so far is in {}", path.display()));
+        Ok(())
+    }
+}
+
+/// Shows that a file was written.
+fn show(path: &Path, merged: MergedLog, console: &Console) {
+    let count = counted(merged.messages, "message");
+    let text = format!("{}  {count}, {} bytes", path.display(), merged.bytes);
+    let file = WrittenFile {
+        format: Some(PointFormat::Mcap.name().to_owned()),
+        bytes: Some(merged.bytes),
+        ..messages::written(path, "points")
+    };
+    console.wrote(file, text);
 }
 
 /// True if a file is the temporary one of a scanner.
 pub fn is_part(file: &FileSummary) -> bool {
     let folder = file.path.as_deref().and_then(Path::parent).and_then(Path::file_name);
-    folder.is_some_and(|name| name.to_string_lossy().starts_with(PREFIX))
+    folder.is_some_and(is_temporary_name)
 }
 
 #[cfg(test)]

@@ -1,9 +1,12 @@
 //! Several scanners on one platform: the bytes of each are those of its own run.
 
-use crate::common::{files, fixture, folder, run, succeed, text};
+use crate::common::{files, fixture, folder, run, succeed, text, vlscan};
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 /// A scanner, with its outputs.
 struct Scanner {
@@ -208,6 +211,45 @@ fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
     assert_eq!(files(dir.path()).len(), before + 2);
 }
 
+/// The pipeline of all scanners with one MCAP file for both.
+fn sharing() -> String {
+    rig(LEGS).replace("\"front.mcap\"", "\"drive.mcap\"").replace("\"rear.xyz\"", "\"drive.mcap\"")
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_keeps_what_was_measured_for_a_shared_mcap() {
+    let dir = site();
+    let slow = sharing().replace("speed_m_per_s = 20", "speed_m_per_s = 0.02");
+    fs::write(dir.path().join("slow.toml"), slow).unwrap();
+    let work = dir.path().join("work");
+    fs::create_dir(&work).unwrap();
+    let mut child = vlscan(&work).args(["run", "../slow.toml"]).stderr(Stdio::piped()).spawn().unwrap();
+    let started = Instant::now();
+    let bytes = || {
+        let in_folder = |file: &&PathBuf| file.to_string_lossy().contains("front.mcap.vlscan-");
+        let part = files(&work).iter().find(in_folder).map(|part| work.join(part));
+        part.and_then(|part| fs::metadata(part).ok()).map_or(0, |about| about.len())
+    };
+    while bytes() < 1_000_000 {
+        assert!(started.elapsed() < Duration::from_secs(60), "the run does not write");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let mut said = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{said}");
+    assert!(said.contains("what was measured so far is in drive.partial.mcap"), "{said}");
+    let found: Vec<String> =
+        fs::read_dir(&work).unwrap().map(|e| text(e.unwrap().file_name().as_encoded_bytes())).collect();
+    assert!(found.iter().all(|name| name.contains(".partial.") || name.contains("_pulse")), "{found:?}");
+    let log = fs::read(work.join("drive.partial.mcap")).unwrap();
+    assert!(text(&log).contains("partial"));
+    let all = messages(&log);
+    assert!(all["/front/points"].len() > 1, "{:?}", all.keys());
+    assert!(!all.contains_key("/rear/points"), "{:?}", all.keys());
+}
+
 /// Times and bytes of the messages of an MCAP file, by topic.
 type Messages = BTreeMap<String, Vec<(u64, Vec<u8>)>>;
 
@@ -242,9 +284,7 @@ fn messages(log: &[u8]) -> Messages {
 #[test]
 fn scanners_that_name_one_mcap_have_a_topic_each_in_it() {
     let dir = site();
-    let shared =
-        rig(LEGS).replace("\"front.mcap\"", "\"drive.mcap\"").replace("\"rear.xyz\"", "\"drive.mcap\"");
-    let found = run_in(dir.path(), "shared", &shared, &["-j", "2"]);
+    let found = run_in(dir.path(), "shared", &sharing(), &["-j", "2"]);
     let names: Vec<&str> = found.keys().map(|name| name.to_str().unwrap()).collect();
     let expected = ["drive.mcap", "front.csv", "front.laz", "front_pulse.txt", "rear.las", "rear_pulse.txt"];
     assert_eq!(names, expected);

@@ -297,6 +297,27 @@ impl Drop for TemporaryFile {
     }
 }
 
+/// A folder under a temporary name. It is removed with its contents when this value is dropped, at the end of
+/// the process that a signal causes, and after a kill by the next process that writes beside it.
+#[derive(Debug)]
+pub struct TemporaryFolder(TemporaryFile);
+
+impl TemporaryFolder {
+    /// Creates a folder beside the file or folder `target`, which need not exist.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn next_to(target: &Path) -> Result<TemporaryFolder> {
+        let made = TemporaryFile::create_folder(target);
+        made.map(TemporaryFolder).map_err(|e| Error::io("create a temporary folder beside", target, e))
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
 /// Renames a file or folder without ever replacing another one; an empty folder may be replaced by a folder.
 fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match fs::hard_link(from, to) {

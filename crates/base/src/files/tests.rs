@@ -187,3 +187,14 @@ fn scratch_files_are_read_back() {
         .unwrap();
     assert!(read == [7; 100_000]);
 }
+
+#[test]
+fn temporary_folders_go_with_their_contents() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = TemporaryFolder::next_to(&dir.path().join("a.mcap")).unwrap();
+    assert_eq!(folder.path().parent(), Some(dir.path()));
+    assert!(is_temporary_name(folder.path().file_name().unwrap()));
+    fs::write(folder.path().join("part"), "of a run").unwrap();
+    drop(folder);
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+}

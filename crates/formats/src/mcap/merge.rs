@@ -11,11 +11,17 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{Patched, reads};
 
 /// Merges the files of scanners, each with its name, by the times of their messages; messages of a file keep
-/// their order. Returns the number of messages and of bytes.
+/// their order. `is_partial` marks a file of runs that have not ended. Returns the number of messages and of
+/// bytes.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for files that this program has not written.
-pub(crate) fn merge(parts: &[(String, PathBuf)], path: &Path, replace: bool) -> Result<(u64, u64)> {
+pub(crate) fn merge(
+    parts: &[(String, PathBuf)],
+    path: &Path,
+    replace: bool,
+    is_partial: bool,
+) -> Result<(u64, u64)> {
     let mut out = OutputStream::open(&Destination::Path(path.to_path_buf()), replace, Patched::Never)?;
     let names = parts.iter().map(|(name, _)| [format!("/{name}/points"), format!("/{name}/odom")]);
     let topics: Vec<[String; 2]> = names.collect();
@@ -48,7 +54,7 @@ pub(crate) fn merge(parts: &[(String, PathBuf)], path: &Path, replace: bool) -> 
         container.message(channel, message.time_ns, &[&message.data], &mut out)?;
         count += 1;
     }
-    container.finish(&[("state", state(false))], &mut out)?;
+    container.finish(&[("state", state(is_partial))], &mut out)?;
     let bytes = out.len();
     out.finish()?;
     Ok((count, bytes))
@@ -91,7 +97,7 @@ mod tests {
         let rear: [(usize, u64, &[u8]); 3] = [(POINTS, 4, b"x"), (TRANSFORMS, 30, b"yz"), (POINTS, 40, b"w")];
         let parts = [written("front", &front), written("rear", &rear)];
         let path = folder.path().join("both.mcap");
-        let (count, bytes) = merge(&parts, &path, false).unwrap();
+        let (count, bytes) = merge(&parts, &path, false, false).unwrap();
         let merged = std::fs::read(&path).unwrap();
         assert_eq!((count, bytes), (6, merged.len() as u64));
         let text = String::from_utf8_lossy(&merged).into_owned();
