@@ -48,9 +48,12 @@ for counted in (cloud.classification, cloud.return_number, cloud.number_of_retur
     print(np.bincount(np.asarray(counted)).nonzero())
 """
 PYARROW = """
-import sys, pyarrow.parquet as parquet, pyarrow.compute as compute
-for column in parquet.read_table(sys.argv[1], columns=["X", "Y", "Z"]).columns:
-    print(compute.min_max(column))
+import sys, pyarrow.parquet as parquet, pyarrow.compute as compute, pyarrow.types as types
+for column in parquet.read_table(sys.argv[1]).columns:
+    if types.is_integer(column.type) or types.is_floating(column.type):
+        print(compute.min_max(column))
+    if types.is_dictionary(column.type) or types.is_integer(column.type) and column.type.bit_width <= 16:
+        print(compute.value_counts(column))
 """
 POLARS = """
 import sys, polars

@@ -412,7 +412,17 @@ impl Columns {
     /// The point of a row, where `value(i)` is the number in column `i`. A coordinate without a column is
     /// NaN; values that do not fit are noted in the row.
     pub fn row(&self, value: impl Fn(usize) -> f64) -> PointRow {
-        let number = |attribute| self.get(attribute).map(&value);
+        self.row_of(&self.columns.map(|column| column.map(&value)), value)
+    }
+
+    /// The point with these numbers, one for each attribute that has a column, and with colours by
+    /// `value(i)`, as in [`row`](Columns::row).
+    pub(crate) fn row_of(
+        &self,
+        numbers: &[Option<f64>; Attribute::COUNT],
+        value: impl Fn(usize) -> f64,
+    ) -> PointRow {
+        let number = |attribute: Attribute| numbers[attribute as usize];
         let vector = |of: [Attribute; 3]| DVec3::from(of.map(|a| number(a).unwrap_or(f64::NAN)));
         let has_normal = Attribute::NORMAL.iter().all(|a| self.has(*a));
         let mut misfits = Misfits::default();

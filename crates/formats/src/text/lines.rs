@@ -123,13 +123,17 @@ impl Columns {
     ) -> Result<PointRow, BadColumn> {
         let all = || words.iter().map(move |at| &line[at.clone()]);
         let number = |column: usize| separator.number(&line[words.get(column)?.clone()], all());
+        // Most of the time of reading is spent on numbers: each is parsed once.
+        let mut numbers = [None; Attribute::COUNT];
         for (attribute, column) in self.used() {
-            if !attribute.is_optional() && number(column).is_none() {
+            let found = number(column);
+            if found.is_none() && !attribute.is_optional() {
                 let at = words.get(column).cloned().unwrap_or(line.len()..line.len());
                 return Err(BadColumn { attribute, at });
             }
+            numbers[attribute as usize] = Some(found.unwrap_or(f64::NAN));
         }
-        let mut row = self.row(|column| number(column).unwrap_or(f64::NAN));
+        let mut row = self.row_of(&numbers, |column| number(column).unwrap_or(f64::NAN));
         // Names of objects are passed with the row.
         row.misfits = row.misfits.without(Attribute::Object);
         let has_normal = Attribute::NORMAL.iter().all(|a| self.get(*a).is_some_and(|c| c < words.len()));
