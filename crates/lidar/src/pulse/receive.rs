@@ -1,6 +1,6 @@
 //! Turns the hits of a pulse into its records: reflections, waveform, returns, echoes.
 
-use super::batch::{Batch, WeakPulses};
+use super::batch::{Batch, NearPulses, WeakPulses};
 use super::cluster::ClusterDetector;
 use super::detector_settings::{DetectorSettings, Return};
 use super::echo::{Echo, EchoTruth, EchoVelocity, PulseRecord, WaveformRecord};
@@ -160,6 +160,7 @@ impl Detection {
         if options.record_waveforms || !self.detect_without_waveform(instrument, is_kept) {
             let has_light = self.detect_in_waveform(simd, options, (instrument, pulse), is_kept)?;
             if !has_light {
+                self.count_unseen(detector, pulse, batch);
                 return Ok(());
             }
         }
@@ -175,7 +176,7 @@ impl Detection {
             return Ok(());
         }
         if self.returns.is_empty() {
-            self.count_weak(detector, pulse, batch);
+            self.count_unseen(detector, pulse, batch);
             return Ok(());
         }
         let scanner = if options.record_scanner_axes { pulse.scanner_attitude } else { Echo::NO_ATTITUDE };
@@ -245,18 +246,29 @@ impl Detection {
         Ok(true)
     }
 
-    /// Counts a pulse without a return that met something at a range that is measured: its light stays below
-    /// the threshold, be it all at once or because it is spread over time. Others hit too near.
+    /// Counts a pulse without a return that met something beyond the minimum range. Its waveform is discarded
+    /// if it starts in the dead zone. Otherwise its light stays below the threshold, be it all at once or
+    /// because it is spread over time.
     #[inline(never)]
-    fn count_weak(&self, detector: &DetectorSettings, pulse: &Pulse, batch: &mut Batch) {
-        let is_measured = |range: &&f64| !is_too_near(**range + pulse.range_error, detector);
+    fn count_unseen(&self, detector: &DetectorSettings, pulse: &Pulse, batch: &mut Batch) {
+        let is_measured = |range: &f64| !is_too_near(*range + pulse.range_error, detector);
         let count = self.reflections.count_without_air();
+        if !self.reflections.ranges()[..count].iter().any(is_measured) {
+            return;
+        }
+        if let Some(&nearest) = self.profile.ranges().first() {
+            let (start, _) = detector.waveform_start(nearest);
+            if detector.is_in_dead_zone(start) {
+                let range_min = detector.range_min;
+                let dead_zone = range_min + (nearest - start * detector.light_speed);
+                batch.near.add(&NearPulses { count: 1, nearest, dead_zone, range_min });
+                return;
+            }
+        }
         let light = self.reflections.intensities()[..count].iter().sum::<f64>() * detector.shape.top;
         let threshold = detector.rule.threshold;
         let strongest = light.min(threshold);
-        if self.reflections.ranges()[..count].iter().any(|range| is_measured(&range)) {
-            batch.weak.add(&WeakPulses { count: 1, strongest, threshold });
-        }
+        batch.weak.add(&WeakPulses { count: 1, strongest, threshold });
     }
 
     /// Detects returns without a sampled waveform; `false` if that is not possible.
