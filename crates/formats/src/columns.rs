@@ -170,17 +170,32 @@ impl Misfits {
 
 /// A set of attributes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AttributeSet([bool; Attribute::COUNT]);
+pub struct AttributeSet {
+    attributes: [bool; Attribute::COUNT],
+    /// True if points have colours, which are not an attribute: few readers use them.
+    colours: bool,
+}
 
 impl AttributeSet {
-    /// The attributes for which `has` is true.
+    /// The attributes for which `has` is true, without colours.
     pub fn of(has: impl Fn(Attribute) -> bool) -> AttributeSet {
-        AttributeSet(Attribute::ALL.map(has))
+        AttributeSet { attributes: Attribute::ALL.map(has), colours: false }
+    }
+
+    /// This set with or without colours.
+    #[must_use]
+    pub fn with_colours(self, colours: bool) -> AttributeSet {
+        AttributeSet { colours, ..self }
     }
 
     /// True if `attribute` is in the set.
     pub fn has(&self, attribute: Attribute) -> bool {
-        self.0[attribute as usize]
+        self.attributes[attribute as usize]
+    }
+
+    /// True if some points may have colours.
+    pub fn has_colours(&self) -> bool {
+        self.colours
     }
 }
 
@@ -399,9 +414,9 @@ impl Columns {
         self.get(attribute).is_some()
     }
 
-    /// The attributes that have a column.
+    /// The attributes that have a column, and colours if these have.
     pub fn attributes(&self) -> AttributeSet {
-        AttributeSet::of(|attribute| self.has(attribute))
+        AttributeSet::of(|attribute| self.has(attribute)).with_colours(self.colours.is_some())
     }
 
     /// The attributes that have a column, with the columns.

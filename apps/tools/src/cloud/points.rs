@@ -177,6 +177,9 @@ impl Points {
             self.drop_every_second();
         }
         self.added += 1;
+        let colour = point.colour.filter(|_| self.kept.is_none());
+        // Every point counts: most of a cloud may be dark.
+        self.max_colour = colour.into_iter().flatten().fold(self.max_colour, u16::max);
         if !(self.added - 1).is_multiple_of(self.stride) {
             return;
         }
@@ -209,11 +212,10 @@ impl Points {
             self.high_channels += u64::from(point.channel > 255);
             self.channel.push(point.channel.min(255) as u8);
         }
-        if let Some(colour) = point.colour.filter(|_| self.kept.is_none()) {
+        if let Some(colour) = colour {
             // Points of other scans may have none.
             self.colour.fill(self.positions.len() - 1, [0; 3]);
             self.colour.push(colour);
-            self.max_colour = colour.into_iter().fold(self.max_colour, u16::max);
         }
         if self.has(Attribute::Time) {
             let first = *self.first_time.get_or_insert(point.time);
