@@ -30,7 +30,7 @@ pub fn run(args: &MapArgs, console: &Console) -> Result<()> {
     let points = during(console, "reading the scene", || {
         let loaded = LoadedScene::load(&recipe, &options, &trees, console.is_strict(), &observer.callback())?;
         observer.step("drawing the scene");
-        scene_points(&loaded, Path::new(&args.scene), &observer)
+        scene_points(&loaded, Map::points(args.side), Path::new(&args.scene), &observer)
     })?;
     let map = Map::draw(&points, args.side).ok_or_else(|| {
         Error::input_with_help(

@@ -372,7 +372,7 @@ const FLY: &str = r#"fly() {
 
 /// The mistakes of the table in docs/own-data.md: what makes them, and what is said, in the order of the
 /// table.
-const MISTAKES: [(&str, &str); 41] = [
+const MISTAKES: [(&str, &str); 42] = [
     ("fly '$2 -= 476000; $3 -= 5429000'", "coordinates of a grid such as UTM, the flight has local ones"),
     ("fly '$2 = 8.67176; $3 = 49.0121 + NR / 1e5'", "look like longitude and latitude"),
     ("fly '$2 -= 434000'", "as between neighbouring UTM zones"),
@@ -486,6 +486,13 @@ const MISTAKES: [(&str, &str); 41] = [
         "0.785 rad would be 44.9772 degrees",
     ),
     ("fly '$4 /= 0.3048'", "if its heights are in feet"),
+    (
+        "printf '%s\n' 'v -5 0.5 -5' 'v 5 0.5 -5' 'v 5 0.5 5' 'v -5 0.5 5' 'f 1 2 3 4' > wall.obj; \
+         printf '%s\n' 'scanner = { catalogue = \"vlp16\", range_min_m = 0.1 }' 'part = [{ file = \"wall.obj\" }]' \
+         'settings = { pulse_freq_hz = 18750, head_rate_deg_per_s = 3600, head_start_deg = -10, head_stop_deg = 10 }' \
+         'leg = [{ position_m = [0, 0, 0] }]' > wall.toml; vlscan run wall.toml -o wrong.laz --physics helios --force",
+        "light came from nearer than",
+    ),
     (
         "sed '/^.scanner/a nep_w = 1e-3' site.toml > noisy.toml; \
          vlscan run noisy.toml -o wrong.laz --force --dry-run",

@@ -73,7 +73,7 @@ impl SurveySketch {
             legs.iter().filter_map(|leg| Some((leg.number, leg.strip.as_deref()?))).collect();
         let (numbers, lines) = flight_lines(&coverage.tracks, &strips);
         let cover = Cover::of(&coverage, &numbers);
-        let points = surface_points(&loaded, name, &|place| cover.line(place), observer)?;
+        let points = surface_points(&loaded, MAX_SURFACE_POINTS, name, &|place| cover.line(place), observer)?;
         let density = DensityMap::of(&coverage, &points.bounds());
         let flight = FlightMap {
             lines: lines.iter().map(|line| line.iter().map(|p| [p.x, p.y]).collect()).collect(),
@@ -123,17 +123,18 @@ pub fn session_points(
     SurveySketch::of_session(session, name, observer, stop).map(SurveySketch::into_points)
 }
 
-/// The surfaces of a scene as points, which `name` names in messages.
+/// The surfaces of a scene as about `count` points, which `name` names in messages.
 ///
 /// # Errors
 /// The errors of [`LoadedScene::sample`].
-pub fn scene_points(loaded: &LoadedScene, name: &Path, observer: &Observer) -> Result<Points> {
-    surface_points(loaded, name, &|_| 0, observer)
+pub fn scene_points(loaded: &LoadedScene, count: usize, name: &Path, observer: &Observer) -> Result<Points> {
+    surface_points(loaded, count, name, &|_| 0, observer)
 }
 
 /// Points on the surfaces of a scene, whose legs are the numbers of lines that `line` returns.
 fn surface_points(
     loaded: &LoadedScene,
+    count: usize,
     name: &Path,
     line: &dyn Fn(DVec3) -> u16,
     observer: &Observer,
@@ -141,7 +142,7 @@ fn surface_points(
     let attributes = AttributeSet::of(|attribute| matches!(attribute, Attribute::Class | Attribute::Leg));
     let mut points = Points::new(attributes);
     points.count_legs_from_one();
-    let table = loaded.sample(MAX_SURFACE_POINTS)?;
+    let table = loaded.sample(count)?;
     let axis = |i: usize| table.column(i).as_primitive::<Float64Type>().values();
     let classes = table.column(3).as_primitive::<Int32Type>().values();
     let (x, y, z) = (axis(0), axis(1), axis(2));

@@ -19,6 +19,19 @@
 //! A row is written when its files are complete. Files are removed when no row names them, after a note of
 //! their removal; so the next start completes what is interrupted, and removes nothing without a note
 //! (`opening`).
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `rows` | rows of the database as jobs and uploads |
+//! | `removal` | removal of uploads and jobs |
+//! | `folders` | folders of the service |
+
+mod folders;
+mod removal;
+mod rows;
+
+pub(crate) use folders::{INCOMING, INCOMING_BYTES, make_private, remove_folder};
+pub(crate) use rows::{COLUMNS, job_of};
 
 use crate::beneath::BLOCK;
 pub use crate::error::{Result, StoreError};
@@ -27,7 +40,8 @@ use crate::records::Kind;
 pub use crate::records::{FileKind, Job, ResultFile, Selection, Status, Upload, UploadFile, now, time_text};
 use crate::reservations::Reservations;
 use crate::tokens::random_name;
-use rusqlite::{Connection, OptionalExtension as _, Row, params};
+use rows::{DURATION, SHORT_INPUTS, SHORT_MESSAGE, upload_of};
+use rusqlite::{Connection, OptionalExtension as _, params};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -174,18 +188,6 @@ impl Store {
         Ok(())
     }
 
-    /// Removes an upload from the list; its files stay while jobs use them. Returns whether there was one.
-    ///
-    /// # Errors
-    /// [`StoreError`].
-    pub fn remove_upload(&self, owner: &str, name: &str) -> Result<bool> {
-        let removed = self
-            .database()
-            .execute("UPDATE uploads SET name = NULL WHERE owner = ? AND name = ?", [owner, name])?;
-        self.remove_unused()?;
-        Ok(removed > 0)
-    }
-
     /// Disk space of an owner, bytes: files of uploads and jobs in any state, a block for each file and
     /// folder, the rows of the database, those of dismissed jobs until they are forgotten, and uploads that
     /// are being received.
@@ -251,35 +253,6 @@ impl Store {
     /// [`StoreError`].
     pub(crate) fn newest_update(&self) -> Result<Option<i64>> {
         Ok(self.database().query_row("SELECT max(updated) FROM jobs", [], |row| row.get(0))?)
-    }
-
-    /// Forgets jobs that were dismissed before a time. Quotas count the pulses of the last 24 hours, of
-    /// dismissed jobs, too.
-    ///
-    /// # Errors
-    /// [`StoreError`].
-    pub(crate) fn forget_before(&self, time: i64) -> Result<()> {
-        let forget =
-            "DELETE FROM jobs WHERE status = 'dismissed' AND bytes < 0 AND holder IS NULL AND updated < ?
-                      AND NOT EXISTS (SELECT 1 FROM removed WHERE removed.id = jobs.id)";
-        self.database().execute(forget, [time])?;
-        self.shrink()
-    }
-
-    /// Gives pages of the database that rows have left back to the disk, some at a time.
-    ///
-    /// # Errors
-    /// [`StoreError`].
-    pub(crate) fn shrink(&self) -> Result<()> {
-        let database = self.database();
-        let free: u64 = database.query_row("PRAGMA freelist_count", [], |row| row.get(0))?;
-        if free > MAX_FREE {
-            // A row for each page.
-            let mut vacuum = database.prepare(&format!("PRAGMA incremental_vacuum({MAX_FREE})"))?;
-            let mut rows = vacuum.query([])?;
-            while rows.next()?.is_some() {}
-        }
-        Ok(())
     }
 
     /// A job of an owner.
@@ -373,53 +346,6 @@ impl Store {
         Ok(rows.collect::<rusqlite::Result<_>>()?)
     }
 
-    /// Removes the folders of uploads and jobs that nothing names any more.
-    ///
-    /// # Errors
-    /// [`StoreError`].
-    pub fn remove_unused(&self) -> Result<()> {
-        let (uploads, jobs) = {
-            let mut database = self.database();
-            let transaction = database.transaction()?;
-            // Unfinished jobs hold what they use, and so does everything that is named.
-            let uploads = list(
-                &transaction,
-                "SELECT id FROM uploads WHERE name IS NULL AND NOT EXISTS (
-                    SELECT 1 FROM uses JOIN jobs ON jobs.id = uses.job
-                    WHERE target = uploads.id AND kind = 'upload' AND status IN ('accepted', 'running'))",
-            )?;
-            let jobs = list(
-                &transaction,
-                "SELECT id FROM jobs WHERE status = 'dismissed' AND bytes >= 0
-                 AND holder IS NULL AND NOT EXISTS (
-                    SELECT 1 FROM jobs AS other WHERE other.folder = jobs.id AND other.status IN ('successful', 'failed'))
-                 AND NOT EXISTS (SELECT 1 FROM uses JOIN jobs AS user ON user.id = uses.job
-                    WHERE target = jobs.id AND kind = 'job' AND user.status IN ('accepted', 'running'))",
-            )?;
-            for id in &uploads {
-                transaction.execute("DELETE FROM uploads WHERE id = ?", [id])?;
-                note_removal(&transaction, Kind::Upload, id)?;
-            }
-            for id in &jobs {
-                note_removal(&transaction, Kind::Results, id)?;
-                transaction.execute(
-                    "UPDATE jobs SET bytes = -1, results = '[]', disk = 0, texts = 0 WHERE id = ?",
-                    [id],
-                )?;
-            }
-            transaction.commit()?;
-            (uploads, jobs)
-        };
-        let uploads = uploads.iter().map(|id| (Kind::Upload, id));
-        for (kind, id) in uploads.chain(jobs.iter().map(|id| (Kind::Results, id))) {
-            // The note of the removal stays: the next start tries again.
-            if let Err(error) = self.discard(kind, id) {
-                eprintln!("vlscan serve: {}/{id} cannot be removed: {error}", kind.name());
-            }
-        }
-        self.shrink()
-    }
-
     /// The files of results that are in the folder of a job.
     ///
     /// # Errors
@@ -464,116 +390,7 @@ pub enum Listed {
     Results,
 }
 
-/// Time of the computation of a job, ms; null for a job that waits. The time now is parameter 8.
-const DURATION: &str = "CASE status WHEN 'running' THEN ?8 - started ELSE finished - started END";
-
-/// The folder of files that are not complete, in that of the service.
-pub(crate) const INCOMING: &str = "incoming";
-/// Random bytes of the names in it that `tempfile` does not give.
-pub(crate) const INCOMING_BYTES: usize = 8;
 /// Most uploads in a list.
 const MAX_UPLOADS: u32 = 10_000;
 /// Bytes that a row takes besides its texts.
 const ROW: u64 = 1024;
-/// Free pages of the database that are kept, and given back at a time.
-const MAX_FREE: u64 = 512;
-/// Messages as lists show them: the start of long ones.
-const SHORT_MESSAGE: &str =
-    "CASE WHEN length(message) <= 1000 THEN message ELSE substr(message, 1, 1000) || ' …' END";
-/// Inputs as titles and lists show them: without the long ones.
-const SHORT_INPUTS: &str = "CASE WHEN octet_length(inputs) <= 8192 THEN inputs ELSE (
-    SELECT CASE WHEN octet_length(short) <= 8192 THEN short ELSE '{}' END
-    FROM (SELECT json_remove(inputs, '$.area', '$.along', '$.part', '$.leg') AS short)) END";
-
-pub(crate) const COLUMNS: &str = "id, owner, process, inputs, prepared, fingerprint, folder, status, message, progress, results, \
-                                  created, started, finished, updated, warnings";
-
-pub(crate) fn job_of(row: &Row<'_>) -> rusqlite::Result<Job> {
-    Ok(Job {
-        id: row.get(0)?,
-        owner: row.get(1)?,
-        process: row.get(2)?,
-        inputs: row.get(3)?,
-        prepared: row.get(4)?,
-        fingerprint: row.get(5)?,
-        folder: row.get(6)?,
-        status: Status::named(&row.get::<_, String>(7)?).unwrap_or(Status::Failed),
-        message: row.get(8)?,
-        progress: row.get(9)?,
-        results: row.get(10)?,
-        created: row.get(11)?,
-        started: row.get(12)?,
-        finished: row.get(13)?,
-        updated: row.get(14)?,
-        warnings: row.get(15)?,
-    })
-}
-
-fn upload_of(row: &Row<'_>) -> rusqlite::Result<Upload> {
-    Ok(Upload {
-        id: row.get(0)?,
-        name: row.get(1)?,
-        files: row.get(2)?,
-        folders: row.get(3)?,
-        bytes: row.get(4)?,
-        sha256: row.get(5)?,
-        created: row.get(6)?,
-    })
-}
-
-/// Notes that files are removed, until they are.
-fn note_removal(database: &Connection, kind: Kind, id: &str) -> rusqlite::Result<()> {
-    let mut query = database.prepare_cached("INSERT OR IGNORE INTO removed (kind, id) VALUES (?, ?)")?;
-    query.execute([kind.name(), id]).map(drop)
-}
-
-fn list(database: &Connection, query: &str) -> rusqlite::Result<Vec<String>> {
-    let mut query = database.prepare_cached(query)?;
-    let rows = query.query_map([], |row| row.get(0))?;
-    rows.collect()
-}
-
-/// Makes a folder that only its owner can open, if it does not exist.
-pub(crate) fn make_private(folder: &Path) -> std::io::Result<()> {
-    let mut builder = std::fs::DirBuilder::new();
-    builder.recursive(true);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::DirBuilderExt as _;
-        builder.mode(0o700);
-    }
-    builder.create(folder)
-}
-
-/// Removes a folder with everything in it, also folders that their owner cannot read or change.
-pub(crate) fn remove_folder(folder: &Path) -> std::io::Result<()> {
-    use std::io::ErrorKind;
-    match std::fs::remove_dir_all(folder) {
-        Err(error) if error.kind() == ErrorKind::PermissionDenied => {
-            open_folders(folder)?;
-            std::fs::remove_dir_all(folder)
-        }
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
-        _ => Ok(()),
-    }
-}
-
-/// Gives the owner of a folder, and of all folders in it, all rights to them.
-fn open_folders(folder: &Path) -> std::io::Result<()> {
-    let mut folders = vec![folder.to_owned()];
-    while let Some(folder) = folders.pop() {
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt as _;
-            std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o700))?;
-        }
-        for entry in std::fs::read_dir(&folder)? {
-            let entry = entry?;
-            // Links are not followed.
-            if entry.file_type()?.is_dir() {
-                folders.push(entry.path());
-            }
-        }
-    }
-    Ok(())
-}

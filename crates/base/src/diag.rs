@@ -1,13 +1,22 @@
 //! Problems of the input, each with its place and the expected input. All problems of a file are collected
 //! before the run ends.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `place` | places of problems in files |
+//! | `shorten` | messages of limited length |
+
+mod place;
+mod shorten;
 
 use crate::error::{Error, Result};
+pub use place::Place;
+pub use shorten::listed;
+use shorten::shortened;
 use std::collections::HashMap;
 use std::fmt::{self, Write as _};
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
-
 pub use vlscan_messages::nearest;
 
 /// How grave a problem is.
@@ -85,77 +94,10 @@ pub enum Notice {
     Step(&'static str),
 }
 
-/// A place in a text file: one line with a range of it underlined.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// The file.
-    pub path: PathBuf,
-    /// Line number, from 1; 0 when only the file is known.
-    pub line: usize,
-    /// Column of the first underlined character, from 1.
-    pub column: usize,
-    /// The text of the line, without its end.
-    pub excerpt: String,
-    /// Underlined bytes of `excerpt`.
-    pub marked: Range<usize>,
-}
-
-/// Maximum length of an excerpt, bytes; longer lines (files without line breaks) are cut around the mark.
-const MAX_EXCERPT: usize = 400;
-/// Byte of a line up to which columns count characters; columns behind it count bytes, so that many places in
-/// a long line take little time.
-const MAX_COUNTED_CHARACTERS: usize = 1 << 16;
-/// Maximum length and number of lines of a message or hint; longer ones, which quote long values, are cut.
-const MAX_MESSAGE_BYTES: usize = 600;
-const MAX_MESSAGE_LINES: usize = 6;
-/// Maximum length of a word, bytes: longer ones are cut where a message is.
-const MAX_WORD_BYTES: usize = 60;
 /// Maximum number of different problems of a severity that are stored; further ones are counted.
 const MAX_PROBLEMS: usize = 1000;
 /// The message that stands for the problems that are not stored.
 const FURTHER_PROBLEMS: &str = "there are more problems than can be listed";
-
-impl Place {
-    /// A file of which no line is known.
-    pub fn of_file(path: &Path) -> Place {
-        Place::in_line(path, 0, "", 0..0)
-    }
-
-    /// The place of byte range `at` of `text`. A range over several lines is cut at the end of its first
-    /// line.
-    pub fn in_text(path: &Path, text: &str, at: Range<usize>) -> Place {
-        let mut start = at.start.min(text.len());
-        while !text.is_char_boundary(start) {
-            start -= 1;
-        }
-        let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
-        let line_end = text[start..].find('\n').map_or(text.len(), |i| start + i);
-        let line = text[..line_start].matches('\n').count() + 1;
-        let end = at.end.clamp(start, line_end);
-        Place::in_line(path, line, &text[line_start..line_end], start - line_start..end - line_start)
-    }
-
-    /// The place of a line of which only the number is known; `text` is the line. Line 0 with an empty text
-    /// means the complete file, for binary files.
-    pub fn in_line(path: &Path, line: usize, text: &str, marked: Range<usize>) -> Place {
-        let text = text.trim_end_matches(['\n', '\r']);
-        let start = text.floor_char_boundary(marked.start);
-        let end = text.ceil_char_boundary(marked.end.max(start));
-        let column = match start <= MAX_COUNTED_CHARACTERS {
-            true => text[..start].chars().count() + 1,
-            false => start + 1,
-        };
-        let (from, to) = match text.len() <= MAX_EXCERPT {
-            true => (0, text.len()),
-            false => {
-                let from = text.floor_char_boundary(start.saturating_sub(MAX_EXCERPT / 4));
-                (from, text.floor_char_boundary(from + MAX_EXCERPT))
-            }
-        };
-        let marked = start - from..end.min(to).max(start) - from;
-        Place { path: path.to_path_buf(), line, column, excerpt: text[from..to].to_owned(), marked }
-    }
-}
 
 /// A problem of the input.
 #[derive(Clone, Debug)]
@@ -426,51 +368,11 @@ impl Diagnostic {
     }
 }
 
-/// `text` with at most [`MAX_MESSAGE_BYTES`] bytes and [`MAX_MESSAGE_LINES`] lines: what is between its
-/// beginning and its end is replaced by an ellipsis.
-fn shortened(text: String) -> String {
-    let head = text.match_indices('\n').nth(MAX_MESSAGE_LINES - 1).map_or(text.len(), |(end, _)| end);
-    if head == text.len() && text.len() <= MAX_MESSAGE_BYTES {
-        return text;
-    }
-    let head = text.floor_char_boundary(head.min(MAX_MESSAGE_BYTES * 2 / 3));
-    let tail = text.ceil_char_boundary(text.len().saturating_sub(MAX_MESSAGE_BYTES / 3).max(head));
-    let tail = text[tail..].rfind('\n').map_or(tail, |end| tail + end + 1);
-    let (mut before, mut after) = (&text[..head], &text[tail..]);
-    // Words are kept whole or left out; anything longer than a word, a quoted value, is cut.
-    let is_blank = char::is_whitespace;
-    if !text[head..].starts_with(is_blank) {
-        let end = before.rfind(is_blank).filter(|end| head - end <= MAX_WORD_BYTES);
-        before = &before[..end.unwrap_or(head)];
-    }
-    if !text[..tail].ends_with(is_blank) {
-        let start = after.find(is_blank).filter(|start| *start <= MAX_WORD_BYTES);
-        after = &after[start.unwrap_or(0)..];
-    }
-    format!("{} … {}", before.trim_end(), after.trim_start())
-}
-
-/// Names in one line; of many, the first `max` and the number of the others.
-pub fn listed<T: AsRef<str>>(names: &[T], max: usize) -> String {
-    let shown: Vec<&str> = names.iter().take(max).map(AsRef::as_ref).collect();
-    match names.len().saturating_sub(max) {
-        0 => shown.join(", "),
-        more => format!("{} and {more} more", shown.join(", ")),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::shorten::{MAX_MESSAGE_BYTES, MAX_MESSAGE_LINES};
     use super::*;
-
-    #[test]
-    fn a_place_knows_line_and_column() {
-        let text = "<a>\n  <leg z='abc'/>\r\n</a>";
-        let at = text.find("abc").unwrap();
-        let p = Place::in_text(Path::new("s.xml"), text, at..at + 3);
-        assert_eq!((p.line, p.column, p.excerpt.as_str()), (2, 11, "  <leg z='abc'/>"));
-        assert_eq!(&p.excerpt[p.marked.clone()], "abc");
-    }
+    use std::path::Path;
 
     #[test]
     fn the_error_of_main_is_its_text() {
@@ -505,14 +407,6 @@ mod tests {
     }
 
     #[test]
-    fn long_lines_are_cut_but_keep_their_column() {
-        let text = format!("{}X{}", "é".repeat(5000), "b".repeat(5000));
-        let p = Place::in_text(Path::new("s.xml"), &text, 10_000..10_001);
-        assert_eq!((p.column, &p.excerpt[p.marked.clone()]), (5001, "X"));
-        assert!(p.excerpt.len() <= MAX_EXCERPT);
-    }
-
-    #[test]
     fn problems_in_one_line_have_no_control_characters() {
         let mut d = Diagnostics::default();
         d.error(None, "material \"\u{1b}[31m\nred\"");
@@ -538,15 +432,6 @@ mod tests {
         assert_eq!((last.message.as_str(), &last.help), (FURTHER_PROBLEMS, &None));
         d.error(None, "an error after many warnings");
         assert!(d.text().contains("an error after many warnings"));
-    }
-
-    #[test]
-    fn long_lists_are_cut_between_words() {
-        let names: Vec<String> = (0..100).map(|i| format!("received_energy_min_{i}_w")).collect();
-        let cut = shortened(format!("the keys here are {}", names.join(", ")));
-        let words: Vec<&str> = cut.split(' ').skip(4).map(|word| word.trim_end_matches(',')).collect();
-        assert!(words.len() > 15 && words.contains(&"…"), "{cut}");
-        assert!(words.iter().all(|word| *word == "…" || names.iter().any(|name| name == word)), "{cut}");
     }
 
     #[test]

@@ -170,17 +170,32 @@ impl Misfits {
 
 /// A set of attributes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AttributeSet([bool; Attribute::COUNT]);
+pub struct AttributeSet {
+    attributes: [bool; Attribute::COUNT],
+    /// True if points have colours, which are not an attribute: few readers use them.
+    colours: bool,
+}
 
 impl AttributeSet {
-    /// The attributes for which `has` is true.
+    /// The attributes for which `has` is true, without colours.
     pub fn of(has: impl Fn(Attribute) -> bool) -> AttributeSet {
-        AttributeSet(Attribute::ALL.map(has))
+        AttributeSet { attributes: Attribute::ALL.map(has), colours: false }
+    }
+
+    /// This set with or without colours.
+    #[must_use]
+    pub fn with_colours(self, colours: bool) -> AttributeSet {
+        AttributeSet { colours, ..self }
     }
 
     /// True if `attribute` is in the set.
     pub fn has(&self, attribute: Attribute) -> bool {
-        self.0[attribute as usize]
+        self.attributes[attribute as usize]
+    }
+
+    /// True if some points may have colours.
+    pub fn has_colours(&self) -> bool {
+        self.colours
     }
 }
 
@@ -399,9 +414,9 @@ impl Columns {
         self.get(attribute).is_some()
     }
 
-    /// The attributes that have a column.
+    /// The attributes that have a column, and colours if these have.
     pub fn attributes(&self) -> AttributeSet {
-        AttributeSet::of(|attribute| self.has(attribute))
+        AttributeSet::of(|attribute| self.has(attribute)).with_colours(self.colours.is_some())
     }
 
     /// The attributes that have a column, with the columns.
@@ -496,120 +511,4 @@ fn is_angle(heading: &str) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn columns_are_found_by_the_usual_names_and_the_first_of_them_counts() {
-        let columns =
-            Columns::find(["Intensity", "scalar_Normal_X", "y [m]", "Amplitude", "X", "hitObjectId"]);
-        let used: Vec<_> = columns.used().collect();
-        use Attribute::{Intensity, NormalX, Object, X, Y};
-        assert_eq!(used, [(X, 4), (Y, 2), (NormalX, 1), (Intensity, 0), (Object, 5)]);
-        let row = columns.with(Attribute::Z, 0).row(|column| column as f64);
-        assert_eq!((row.position, row.normal), (DVec3::new(4.0, 2.0, 0.0), None));
-        assert_eq!((row.intensity, row.class, row.object), (0.0, 0, 5));
-    }
-
-    #[test]
-    fn zeros_are_misses_in_tables_of_this_program_alone() {
-        let of = |more: &str, value: f64| {
-            Columns::find(["x", "y", "z", "ReturnNumber", "NumberOfReturns", more]).row(|_| value).is_miss
-        };
-        assert!(of("PulseNumber", 0.0) && of("scalar_PulseNumber", 0.0) && of("BeamDirectionX", 0.0));
-        assert!(!of("PulseNumber", 1.0) && !of("Intensity", 0.0) && !of("GpsTime", 0.0));
-        assert!(!Columns::find(["x", "y", "z", "PulseNumber"]).row(|_| 0.0).is_miss);
-    }
-
-    #[test]
-    fn intensity_counts_beside_amplitude_but_in_own_tables() {
-        for (names, column) in [
-            (&["x", "y", "z", "Amplitude", "Intensity"][..], 4),
-            (&["x", "y", "z", "Amplitude [dB]", "Reflectance [dB]"], 3),
-            (&["x", "y", "z", "Intensity", "heliosAmplitude"], 4),
-            (&["X", "Y", "Z", "Intensity", "Amplitude", "PulseNumber"], 4),
-        ] {
-            let columns = Columns::find(names.iter().copied());
-            assert_eq!(columns.get(Attribute::Intensity), Some(column), "{names:?}");
-            assert_eq!(columns.remarks(names), [""; 0], "{names:?}");
-        }
-    }
-
-    #[test]
-    fn values_that_do_not_fit_are_noted() {
-        let columns = Columns::find(["x", "y", "z", "class", "return", "object", "leg", "ring", "time"]);
-        let row = |value: f64| columns.row(|column| if column < 3 { 0.0 } else { value });
-        let fits = row(7.0);
-        assert_eq!((fits.class, fits.return_number, fits.object, fits.leg, fits.channel), (7, 7, 7, 7, 7));
-        assert!(fits.misfits.is_empty() && fits.time == 7.0);
-        use Attribute::{Channel, Class, Leg, Object, ReturnNumber, Time};
-        let integers = [Class, ReturnNumber, Object, Leg, Channel];
-        for (value, class, leg, misfits) in [
-            (300.0, 255, 300, &[Class, ReturnNumber][..]),
-            (70_000.0, 255, 65_535, &[Class, ReturnNumber, Leg, Channel]),
-            (-1.0, 0, 0, &[Class, ReturnNumber, Leg, Channel]),
-            (2.7, 2, 2, &integers),
-            (f64::NAN, 0, 0, &[Class, ReturnNumber, Object, Leg, Channel, Time]),
-            (f64::INFINITY, 255, 65_535, &[Class, ReturnNumber, Object, Leg, Channel, Time]),
-        ] {
-            let row = row(value);
-            assert_eq!((row.class, row.leg), (class, leg), "{value}");
-            let noted = Attribute::ALL.map(|attribute| row.misfits.has(attribute));
-            assert_eq!(noted, Attribute::ALL.map(|attribute| misfits.contains(&attribute)), "{value}");
-        }
-    }
-
-    #[test]
-    fn coordinates_have_other_names_and_units_too() {
-        let columns = Columns::find_positions(&["id", "E", "Northing (ft)", "Höhe [cm]", "H"]).unwrap();
-        let row = columns.row(|column| column as f64);
-        assert_eq!(row.position, DVec3::new(1.0, 2.0 * 0.3048, 0.03));
-        let names = ["X [in]", "Y [yd]", "Z [US survey foot]", "gps_time [ms]"];
-        let row = Columns::find(names).row(|_| 1000.0);
-        assert!((row.position - DVec3::new(25.4, 914.4, 304.800_609_601_219_2)).length() < 1e-9, "{row:?}");
-        assert_eq!((row.time, Columns::find(names).remarks(&names)), (1.0, vec![]));
-        let angle = |heading| Columns::find([heading]).row(|_| 0.5).scan_angle;
-        assert_eq!(
-            ["ScanAngle", "ScanAngleRank [deg]", "scan_angle (rad)"].map(angle),
-            [0.5, 0.5, degrees(0.5)]
-        );
-        let names = ["X [furlong]", "Y []", "Z (m a.s.l.)", "time [fortnight]", "intensity [dB]"];
-        assert_eq!(Columns::find(names).row(|_| 1.0).position, DVec3::ONE);
-        let said = Columns::find(names).remarks(&names);
-        assert!(said.len() == 2 && said[0].contains("unit \"furlong\" of column 1"), "{said:?}");
-        assert!(
-            said[0].contains("metres are assumed") && said[1].contains("seconds are assumed"),
-            "{said:?}"
-        );
-        let missing = Columns::find_positions(&["x", "depth"]).unwrap_err().to_string();
-        assert!(missing.contains("no column y and z") && missing.contains("x, depth"), "{missing}");
-        for names in [&["lon", "lat", "z"][..], &["x [deg]", "y [deg]", "z"], &["Longitude", "y", "z"]] {
-            let degrees = Columns::find_positions(names).unwrap_err().to_string();
-            assert!(degrees.contains("longitude and latitude"), "{degrees}");
-        }
-    }
-
-    #[test]
-    fn names_that_are_unknown_or_mean_the_same_are_remarked() {
-        let remarks = |names: &[&str]| Columns::find(names.iter().copied()).remarks(names);
-        let own = [
-            "X",
-            "Y",
-            "Z",
-            "Amplitude",
-            "Intensity",
-            "SurfaceClass",
-            "Classification",
-            "EchoWidth",
-            "ObjectId",
-        ];
-        assert_eq!(remarks(&own), [""; 0]);
-        let twice = remarks(&["x", "y", "z", "Height", "z", "class", "Class", "omnivariance", "note"]);
-        assert_eq!(twice.len(), 3, "{twice:?}");
-        assert!(twice[0].contains("columns 3 (\"z\") and 4 (\"Height\")"), "{twice:?}");
-        assert!(twice[1].contains("columns 6 (\"class\") and 7") && twice[2].contains("omnivariance, note"));
-        for names in [&["x", "y", "z", "class", "label"][..], &["x", "y", "z", "tree_id", "instance"]] {
-            assert!(remarks(names)[0].contains("columns 4"), "{names:?}: only usual pairs are no question");
-        }
-    }
-}
+mod tests;

@@ -154,6 +154,7 @@ impl PointSink for SourceFacts {
 
     fn file(&mut self, facts: &FileFacts) {
         self.format = Some(facts.format);
+        self.has_adjusted_times = facts.las.as_ref().is_some_and(|las| las.has_adjusted_times);
     }
 
     fn crs(&mut self, wkt: &str) {
@@ -339,6 +340,26 @@ mod tests {
                 assert!((old.position - new.position).abs().max_element() < 1e-6, "{old:?} {new:?}");
                 assert_eq!(PointRow { position: new.position, ..*old }, *new);
             }
+        }
+    }
+
+    #[test]
+    fn copies_of_las_keep_the_kind_of_times() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        // A time that both kinds can have.
+        let point = PointRecord { time_ns: 5e9, ..PointRecord::default() };
+        for (adjusted_times, from, to) in [(false, "a.las", "b.laz"), (true, "c.las", "d.laz")] {
+            let settings = CloudSettings { adjusted_times, ..CloudSettings::default() };
+            let format = PointFormat::required(Path::new(from)).unwrap();
+            let mut found = Diagnostics::default();
+            let mut writer = CloudWriter::create(&at(from), false, format, &settings, &mut found).unwrap();
+            writer.write(&[point]).unwrap();
+            writer.finish().unwrap();
+            copy(&at(from), &at(to), &CloudSettings::default()).unwrap();
+            // Bit 0 of the global encoding.
+            let header = std::fs::read(at(to)).unwrap();
+            assert_eq!(header[6] & 1 == 1, adjusted_times, "{to}");
         }
     }
 

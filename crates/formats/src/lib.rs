@@ -219,7 +219,8 @@ pub type NewPart = Box<dyn Fn() -> Box<dyn PointPart> + Send + Sync>;
 
 /// Takes the points of a file.
 pub trait PointSink {
-    /// Called once, before the first point, with the attributes that the points have.
+    /// Called once, before the first point, with the attributes that the points have. Single points may lack
+    /// them: of several scans in a file, some may be without colours.
     fn start(&mut self, attributes: AttributeSet);
 
     /// Called once, before the first point, with the kind of the file.

@@ -2,7 +2,7 @@
 //! bounded number of points.
 
 use super::column::{Column, HeldValues};
-use super::points_part::{KeptValues, PointsPart, is_placed};
+use super::points_part::{KeptValues, PointsPart, held_points, is_placed};
 use super::positions::Positions;
 use std::any::Any;
 use std::collections::HashMap;
@@ -21,8 +21,6 @@ const MAX_POINTS: usize = 40_000_000;
 
 /// Memory of a cloud unless another limit is given, bytes.
 pub(super) const POINTS_BYTES: u64 = 1 << 27;
-/// Fewest points in memory, so that temporary files are few.
-const MIN_HELD_POINTS: u64 = if cfg!(test) { 64 } else { 1 << 16 };
 
 /// A point cloud. When there are too many points, every second one of those kept is dropped. Points beyond
 /// the memory that the cloud may take are in temporary files.
@@ -177,6 +175,9 @@ impl Points {
             self.drop_every_second();
         }
         self.added += 1;
+        let colour = point.colour.filter(|_| self.kept.is_none());
+        // Every point counts: most of a cloud may be dark.
+        self.max_colour = colour.into_iter().flatten().fold(self.max_colour, u16::max);
         if !(self.added - 1).is_multiple_of(self.stride) {
             return;
         }
@@ -209,11 +210,10 @@ impl Points {
             self.high_channels += u64::from(point.channel > 255);
             self.channel.push(point.channel.min(255) as u8);
         }
-        if let Some(colour) = point.colour.filter(|_| self.kept.is_none()) {
+        if let Some(colour) = colour {
             // Points of other scans may have none.
             self.colour.fill(self.positions.len() - 1, [0; 3]);
             self.colour.push(colour);
-            self.max_colour = colour.into_iter().fold(self.max_colour, u16::max);
         }
         if self.has(Attribute::Time) {
             let first = *self.first_time.get_or_insert(point.time);
@@ -468,28 +468,6 @@ impl PointSink for Points {
         self.push(row, object);
         Ok(ControlFlow::Continue(()))
     }
-}
-
-/// The number of points with these attributes that take at most this memory.
-fn held_points(attributes: AttributeSet, max_bytes: u64) -> HeldValues {
-    use Attribute::{Channel, Class, Intensity, Leg, NumberOfReturns, Object, ReturnNumber, ScanAngle, Time};
-    let sizes = [
-        (Time, 8_u64),
-        (Intensity, 4),
-        (ScanAngle, 4),
-        (Object, 2),
-        (Leg, 2),
-        (Class, 1),
-        (ReturnNumber, 1),
-        (NumberOfReturns, 1),
-        (Channel, 1),
-    ];
-    let of_attributes: u64 =
-        sizes.into_iter().filter(|(attribute, _)| attributes.has(*attribute)).map(|(_, size)| size).sum();
-    // Positions in metres, and colours.
-    let bytes = 24 + 6 + of_attributes;
-    let points = (max_bytes / bytes).max(MIN_HELD_POINTS);
-    HeldValues::at_most(usize::try_from(points).unwrap_or(usize::MAX))
 }
 
 fn rounded(offset: DVec3) -> [f32; 3] {

@@ -1,6 +1,7 @@
 //! The points of a block with the values that a cloud keeps, chosen on the thread that decodes them.
 
-use vlscan_formats::{PointPart, PointRow};
+use super::column::HeldValues;
+use vlscan_formats::{Attribute, AttributeSet, PointPart, PointRow};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
 /// Values of a point that a cloud may keep beside its position.
@@ -34,6 +35,31 @@ impl KeptValues {
             number_of_returns: row.number_of_returns,
         }
     }
+}
+
+/// Fewest points in memory, so that temporary files are few.
+const MIN_HELD_POINTS: u64 = if cfg!(test) { 64 } else { 1 << 16 };
+
+/// The number of points with these attributes that take at most this memory.
+pub(super) fn held_points(attributes: AttributeSet, max_bytes: u64) -> HeldValues {
+    use Attribute::{Channel, Class, Intensity, Leg, NumberOfReturns, Object, ReturnNumber, ScanAngle, Time};
+    let sizes = [
+        (Time, 8_u64),
+        (Intensity, 4),
+        (ScanAngle, 4),
+        (Object, 2),
+        (Leg, 2),
+        (Class, 1),
+        (ReturnNumber, 1),
+        (NumberOfReturns, 1),
+        (Channel, 1),
+    ];
+    let of_attributes: u64 =
+        sizes.into_iter().filter(|(attribute, _)| attributes.has(*attribute)).map(|(_, size)| size).sum();
+    // Positions in metres, and colours.
+    let bytes = 24 + 6 + of_attributes;
+    let points = (max_bytes / bytes).max(MIN_HELD_POINTS);
+    HeldValues::at_most(usize::try_from(points).unwrap_or(usize::MAX))
 }
 
 /// The points of a block in their order, and the number of those that are left out.

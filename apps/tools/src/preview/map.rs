@@ -9,6 +9,10 @@ use crate::cloud::Points;
 
 /// Shortest side of a map, pixels.
 const MIN_SIDE: u32 = 64;
+/// Longer side from which a map needs [`MAX_POINTS`], pixels.
+const SIDE_OF_MAX_POINTS: u64 = 1200;
+/// Most points on the surfaces of a scene that are drawn.
+const MAX_POINTS: u64 = 1_000_000;
 
 /// A cloud from above, north at the top, without margins, and where it lies.
 #[derive(Clone, Debug)]
@@ -22,6 +26,12 @@ pub struct Map {
 }
 
 impl Map {
+    /// Number of points on the surfaces of a scene that fill a map with `side` pixels along its longer side.
+    pub fn points(side: u32) -> usize {
+        let side = u64::from(side.max(MIN_SIDE));
+        (MAX_POINTS * side * side / SIDE_OF_MAX_POINTS.pow(2)).min(MAX_POINTS) as usize
+    }
+
     /// Draws a map with `side` pixels along its longer side, coloured by height and lit from the north-west;
     /// `None` without points.
     pub fn draw(points: &Points, side: u32) -> Option<Map> {
@@ -73,6 +83,11 @@ mod tests {
     use super::*;
     use vlscan_formats::{AttributeSet, PointRow};
     use vlscan_geom::DVec3;
+
+    #[test]
+    fn small_maps_need_few_points() {
+        assert_eq!([64, 600, 1200, 16_384].map(Map::points), [2844, 250_000, 1_000_000, 1_000_000]);
+    }
 
     #[test]
     fn pixels_are_where_the_world_file_says() {

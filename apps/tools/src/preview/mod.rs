@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `layout` | the layout of a picture: title, views, legend |
 //! | `panel`, `section` | a view, and the part of the cloud that it shows |
+//! | `samples` | the nearest points of a view, and shading |
 //! | `colour`, `ranges`, `legend` | colours of points, the values that they span, and what they mean |
 //! | `axes`, `style` | captions, ticks in the coordinates of the scene; colours of all but the points |
 //! | `flight` | planned flights over their scene |
@@ -29,6 +30,7 @@ mod octree;
 mod page;
 mod panel;
 mod ranges;
+mod samples;
 mod section;
 mod style;
 

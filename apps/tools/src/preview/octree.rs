@@ -14,30 +14,20 @@ use vlscan_geom::DVec3;
 
 /// Points that are written together.
 const BATCH_POINTS: usize = 4096;
-/// Metres per unit of the coordinates: they reach 2147 km around the first point.
+/// Metres per unit of the coordinates.
 const SCALE: f64 = 1e-3;
+/// Distance from the origin along an axis that coordinates of 32 bits reach, m.
+const REACH: f64 = i32::MAX as f64 * SCALE;
 
 /// Writes all points of a cloud to `out` as COPC: positions to the millimetre, intensity (`heliosAmplitude`
 /// as it was read), returns, class, object (named objects by numbers in order of appearance), scan angle,
-/// time, leg, device and colour. The cloud is read once, in bounded memory; so colours of other formats than
-/// LAS have 8 bits if none of the first 4096 points has a greater component. Returns the number of points.
+/// time, leg, device and colour. The cloud is read once, in bounded memory. Colours of other formats than LAS
+/// have 8 bits if no point has a greater component. Returns the number of points.
 ///
 /// # Errors
 /// The errors of [`read_points`] and [`CloudWriter`]; [`Error::Input`] for a cloud without points.
 pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer) -> Result<u64> {
-    let mut copy = Copy {
-        out,
-        replace,
-        crs: None,
-        is_las: false,
-        first: None,
-        has_byte_colours: false,
-        settings: CloudSettings::default(),
-        writer: None,
-        batch: Vec::with_capacity(BATCH_POINTS),
-        objects: HashMap::new(),
-        found: Diagnostics::default(),
-    };
+    let mut copy = Copy::new(out, replace);
     let mut found = read_points(cloud, &mut copy)?;
     copy.flush()?;
     let Copy { writer, found: written, .. } = copy;
@@ -48,7 +38,7 @@ pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer
     let tally = writer.finish()?;
     if tally.left_out > 0 {
         let message = format!(
-            "{} points without coordinates, or more than 2147 km from the first point, are left out",
+            "{} points without coordinates, or more than 2147 km from the first points, are left out",
             tally.left_out
         );
         found.warn(Some(Place::of_file(cloud)), message);
@@ -57,18 +47,13 @@ pub fn write_octree(cloud: &Path, out: &Path, replace: bool, observer: &Observer
     Ok(tally.records)
 }
 
-/// Writes points while they are read. The file begins after the first batch, which shows the kind of the
-/// colours; the origin of its coordinates is near the first point.
+/// Writes points while they are read. The file begins after the first batch with a position, which
+/// determines the origin of its coordinates.
 struct Copy<'a> {
     out: &'a Path,
     replace: bool,
-    crs: Option<String>,
-    /// True if the cloud is LAS, whose colours stay as they are.
-    is_las: bool,
-    /// Position of the first point that has one, m.
-    first: Option<DVec3>,
-    /// True if the first points have colours of 8 bits.
-    has_byte_colours: bool,
+    /// True if a point has a position.
+    has_position: bool,
     settings: CloudSettings,
     writer: Option<CloudWriter>,
     /// Points to be written next. Positions are those in the world before the file begins.
@@ -77,27 +62,32 @@ struct Copy<'a> {
     found: Diagnostics,
 }
 
-impl Copy<'_> {
+impl<'a> Copy<'a> {
+    fn new(out: &'a Path, replace: bool) -> Copy<'a> {
+        let mut settings = CloudSettings::default();
+        settings.las.scale = Some(SCALE);
+        settings.las.extra = ExtraDimensions::Helios;
+        Copy {
+            out,
+            replace,
+            has_position: false,
+            settings,
+            writer: None,
+            batch: Vec::with_capacity(BATCH_POINTS),
+            objects: HashMap::new(),
+            found: Diagnostics::default(),
+        }
+    }
+
     /// Creates the file if a point has a position.
     fn begin(&mut self) -> Result<()> {
-        let Some(first) = self.first else { return Ok(()) };
-        self.settings.origin = first.round();
-        self.settings.crs = self.crs.take();
-        self.settings.las.scale = Some(SCALE);
-        self.settings.las.extra = ExtraDimensions::Helios;
-        let colours = self.batch.iter().filter_map(|point| point.stored.colour);
-        if let Some(max) = colours.flatten().max() {
-            self.settings.columns = Some(vec![Column::Red, Column::Green, Column::Blue]);
-            self.has_byte_colours = !self.is_las && max <= u16::from(u8::MAX);
-        }
+        let Some(origin) = origin_of(&self.batch) else { return Ok(()) };
+        self.settings.origin = origin;
         let format = PointFormat::Copc;
         let writer = CloudWriter::create(self.out, self.replace, format, &self.settings, &mut self.found)?;
         self.writer = Some(writer);
         for point in &mut self.batch {
             point.position -= self.settings.origin;
-        }
-        if self.has_byte_colours {
-            self.batch.iter_mut().for_each(widen_colour);
         }
         Ok(())
     }
@@ -114,38 +104,46 @@ impl Copy<'_> {
     }
 }
 
-/// Makes a colour of 8 bits one of 16. A greater one stays as it is.
-fn widen_colour(point: &mut PointRecord) {
-    let bytes = point.stored.colour.filter(|colour| colour.iter().all(|c| *c <= u16::from(u8::MAX)));
-    if let Some(colour) = bytes {
-        point.set_colour(colour.map(|component| component << 8));
-    }
+/// The origin of coordinates: the first position, unless it is a stray from which the median position is out
+/// of reach. `None` without a position.
+fn origin_of(points: &[PointRecord]) -> Option<DVec3> {
+    let positions: Vec<DVec3> = points.iter().map(|p| p.position).filter(|p| p.is_finite()).collect();
+    let first = *positions.first()?;
+    let median = |axis: fn(&DVec3) -> f64| {
+        let mut values: Vec<f64> = positions.iter().map(axis).collect();
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    let median = DVec3::new(median(|p| p.x), median(|p| p.y), median(|p| p.z));
+    let is_stray = (first - median).abs().max_element() > REACH;
+    Some(if is_stray { median.round() } else { first.round() })
 }
 
 impl PointSink for Copy<'_> {
-    fn start(&mut self, _: AttributeSet) {}
+    fn start(&mut self, attributes: AttributeSet) {
+        if attributes.has_colours() {
+            self.settings.columns = Some(vec![Column::Red, Column::Green, Column::Blue]);
+        }
+    }
 
     fn file(&mut self, facts: &FileFacts) {
-        self.is_las = facts.format == CloudFormat::Las;
+        // Colours of LAS stay as they are.
+        self.settings.las.widen_colours = facts.format != CloudFormat::Las;
+        self.settings.adjusted_times = facts.las.as_ref().is_some_and(|las| las.has_adjusted_times);
     }
 
     fn crs(&mut self, wkt: &str) {
-        self.crs = Some(wkt.to_owned());
+        self.settings.crs = Some(wkt.to_owned());
     }
 
     fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
-        if self.first.is_none() && row.position.is_finite() {
-            self.first = Some(row.position);
-        }
+        self.has_position |= row.position.is_finite();
         let mut record = PointRecord::from(row);
         if let Some(colour) = row.colour {
             record.set_colour(colour);
         }
         if self.writer.is_some() {
             record.position -= self.settings.origin;
-            if self.has_byte_colours {
-                widen_colour(&mut record);
-            }
         }
         if let Some(name) = object {
             let next = self.objects.len() as i32 + 1;
@@ -155,7 +153,7 @@ impl PointSink for Copy<'_> {
             };
         }
         self.batch.push(record);
-        if self.batch.len() >= BATCH_POINTS && self.first.is_some() {
+        if self.batch.len() >= BATCH_POINTS && self.has_position {
             self.flush()?;
         }
         Ok(ControlFlow::Continue(()))
@@ -197,6 +195,61 @@ mod tests {
         write_octree(&at("shorts.copc.laz"), &at("again.copc.laz"), false, &Observer::default()).unwrap();
         let (points, _) = read_cloud(&at("again.copc.laz")).unwrap();
         assert!((0..points.len()).all(|i| points.colour_of(i)[1..] == [7, 255]));
+    }
+
+    #[test]
+    fn all_points_decide_whether_colours_have_8_bits() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        // Night first, a lamp at the end.
+        let mut text = "x,y,z,red,green,blue\n".to_owned();
+        for i in 0..9000 {
+            let red = if i < 8000 { 200 } else { 51_200 };
+            text += &format!("{}.25,{},0,{red},0,7\n", i % 100, i / 100);
+        }
+        std::fs::write(at("dark.csv"), text).unwrap();
+        write_octree(&at("dark.csv"), &at("dark.copc.laz"), false, &Observer::default()).unwrap();
+        let (points, _) = read_cloud(&at("dark.copc.laz")).unwrap();
+        assert_eq!(points.len(), 9000);
+        for i in 0..points.len() {
+            let p = points.position(i);
+            let is_dark = p.y.round() < 80.0;
+            assert_eq!(points.colour_of(i), [if is_dark { 0 } else { 200 }, 0, 0], "{p}");
+        }
+    }
+
+    #[test]
+    fn colours_may_begin_with_a_later_scan() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("scans.copc.laz");
+        let mut copy = Copy::new(&out, false);
+        copy.file(&FileFacts { format: CloudFormat::E57, las: None });
+        copy.start(AttributeSet::default().with_colours(true));
+        for i in 0..2 * BATCH_POINTS {
+            let colour = (i > BATCH_POINTS).then_some([9, 8, 7]);
+            let position = DVec3::new(i as f64, 0.0, 0.0);
+            let flow = copy.point(&PointRow { position, colour, ..PointRow::default() }, None).unwrap();
+            assert!(flow.is_continue());
+        }
+        copy.flush().unwrap();
+        copy.writer.unwrap().finish().unwrap();
+        let (points, _) = read_cloud(&out).unwrap();
+        assert_eq!(points.len(), 2 * BATCH_POINTS);
+        for i in 0..points.len() {
+            let is_coloured = points.position(i).x.round() > BATCH_POINTS as f64;
+            assert_eq!(points.colour_of(i), if is_coloured { [9, 8, 7] } else { [0; 3] });
+        }
+    }
+
+    #[test]
+    fn a_stray_at_the_beginning_does_not_become_the_origin() {
+        let at = |x, y| PointRecord { position: DVec3::new(x, y, 100.0), ..PointRecord::default() };
+        let cloud = [at(0.0, 0.0), at(500_000.0, 5_400_000.4), at(500_001.0, 5_400_001.0)];
+        assert_eq!(origin_of(&cloud), Some(DVec3::new(500_000.0, 5_400_000.0, 100.0)));
+        assert_eq!(origin_of(&cloud[1..]), Some(DVec3::new(500_000.0, 5_400_000.0, 100.0)));
+        let near = [at(0.0, 0.0), at(500_000.0, 500_000.0), at(500_001.0, 500_001.0)];
+        assert_eq!(origin_of(&near), Some(DVec3::new(0.0, 0.0, 100.0)));
+        assert_eq!(origin_of(&[at(f64::NAN, 0.0)]), None);
     }
 
     #[test]

@@ -23,7 +23,7 @@ fn read_scans(bytes: &[u8], reading: &mut Reading) -> Result<(), E57Error> {
     if scans.len() > 1 {
         attributes = AttributeSet::of(|attribute| attribute == Attribute::Leg || attributes.has(attribute));
     }
-    reading.sink.start(attributes);
+    reading.sink.start(attributes.with_colours(scans.iter().any(|scan| scan.colour.is_some())));
     for (number, (cloud, scan)) in clouds.iter().zip(&scans).enumerate() {
         let named = |source| E57Error::Scan { number: number + 1, name: cloud.name.clone(), source };
         if scan.position == Position::None {

@@ -14,6 +14,7 @@ use crate::record::Tally;
 use ::laz::LazVlr;
 use ::laz::laszip::{ChunkTable, ChunkTableEntry};
 use std::collections::VecDeque;
+use std::ops::Range;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::FileWriter;
 use vlscan_geom::DVec3;
@@ -34,8 +35,10 @@ const FINE_CELLS: u64 = GRID << MAX_LEVEL;
 const MAX_MEMORY_BYTES: usize = 2 << 20;
 /// Bytes per write to the file of a spill.
 const WRITE_BYTES: usize = 64 << 10;
-/// Offset of the GPS time in a record of format 6, in bytes.
+/// Offset of the GPS time in a record of format 6 or 7, in bytes.
 const TIME_AT: usize = 22;
+/// Bytes of red, green and blue in a record of format 7.
+const COLOUR: Range<usize> = 30..36;
 
 /// Bytes of the COPC info record.
 const INFO_BYTES: usize = 160;
@@ -64,17 +67,21 @@ pub(super) struct CopcStream {
     start: u64,
     points: Spill,
     times: Option<[f64; 2]>,
+    /// The greatest component of colours so far, if they are widened to 16 bits where all have 8.
+    max_colour: Option<u16>,
 }
 
 impl CopcStream {
     /// Begins after the header of a file.
-    pub fn begin(laszip: LazVlr, record: u16, out: &mut OutputStream) -> Result<CopcStream> {
+    pub fn begin(laszip: LazVlr, format: &LasFormat, out: &mut OutputStream) -> Result<CopcStream> {
         let start = out.len();
         out.append(&(-1i64).to_le_bytes())?;
-        Ok(CopcStream { laszip, start, points: Spill::new(usize::from(record)), times: None })
+        let points = Spill::new(usize::from(format.record_length()));
+        let max_colour = format.widens_colours.then_some(0);
+        Ok(CopcStream { laszip, start, points, times: None, max_colour })
     }
 
-    /// Appends encoded points of format 6.
+    /// Appends encoded points of format 6 or 7.
     pub fn append(&mut self, records: &[u8]) -> Result<()> {
         for record in records.chunks_exact(self.points.record) {
             let mut time = [0; 8];
@@ -82,6 +89,10 @@ impl CopcStream {
             let time = f64::from_le_bytes(time);
             let [first, last] = self.times.unwrap_or([time; 2]);
             self.times = Some([first.min(time), last.max(time)]);
+            if let Some(max) = &mut self.max_colour {
+                let components = record[COLOUR].chunks_exact(2).map(|c| u16::from_le_bytes([c[0], c[1]]));
+                *max = components.fold(*max, u16::max);
+            }
         }
         self.points.append(records)
     }
@@ -100,6 +111,7 @@ impl CopcStream {
         let mut builder = Builder {
             cube,
             record: self.points.record,
+            widens_colours: self.max_colour.is_some_and(|max| max <= u16::from(u8::MAX)),
             blocks: BlockCompressor::new(how),
             nodes: Nodes { pending: VecDeque::new(), table: ChunkTable::default(), entries: Vec::new() },
             out,
@@ -208,6 +220,8 @@ impl Nodes {
 struct Builder<'a> {
     cube: Cube,
     record: usize,
+    /// True if all colours have 8 bits and are to have 16.
+    widens_colours: bool,
     blocks: BlockCompressor,
     nodes: Nodes,
     out: &'a mut OutputStream,
@@ -256,10 +270,19 @@ impl Builder<'_> {
     }
 
     fn submit(&mut self, key: Key, mut points: Vec<u8>) -> Result<()> {
-        let Builder { blocks, nodes, out, offload, record, .. } = self;
+        let Builder { blocks, nodes, out, offload, record, widens_colours, .. } = self;
+        if *widens_colours {
+            points.chunks_exact_mut(*record).for_each(widen_colour);
+        }
         nodes.pending.push_back((key, (points.len() / *record) as u64));
         blocks.submit(&mut points, *offload, |chunk| nodes.write(chunk, out))
     }
+}
+
+/// Multiplies the components of a colour of 8 bits by 256: exchanges their bytes, of which the upper one is
+/// 0.
+fn widen_colour(record: &mut [u8]) {
+    record[COLOUR].chunks_exact_mut(2).for_each(<[u8]>::reverse);
 }
 
 struct CellSet(Vec<u64>);
@@ -383,6 +406,15 @@ mod tests {
         assert!(spill.file.is_some());
         assert_eq!(spill.count(), 900_000);
         assert!(spill.into_bytes().unwrap() == all);
+    }
+
+    #[test]
+    fn colours_of_8_bits_are_widened_where_they_are() {
+        let mut record: Vec<u8> = (0..40).collect();
+        record[COLOUR].copy_from_slice(&[255, 0, 7, 0, 0, 0]);
+        widen_colour(&mut record);
+        assert_eq!(record[COLOUR], [0, 255, 0, 7, 0, 0]);
+        assert!(record[..COLOUR.start].iter().copied().eq(0..30) && record[COLOUR.end..] == [36, 37, 38, 39]);
     }
 
     #[test]

@@ -44,6 +44,10 @@ pub struct LasSettings {
     /// Waveforms as packets that the points refer to (LAS 1.4 with point format 9); `None`: no packets, point
     /// format 6.
     pub packets: Option<PacketPlace>,
+    /// If set, COPC has 256 times the colours of the points unless one has more than 8 bits. Formats that
+    /// write points as they arrive cannot wait for the last colour.
+    #[serde(skip)]
+    pub widen_colours: bool,
 }
 
 vlscan_choice::choices! {

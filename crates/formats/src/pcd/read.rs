@@ -231,7 +231,8 @@ fn offset_of_comment(words: &[&str]) -> Option<DVec3> {
 pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PcdError> {
     let header = Header::read(bytes)?;
     header.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
-    reading.sink.start(header.columns.attributes());
+    let has_colours = header.columns.colours().is_some() || header.packed_colour.is_some();
+    reading.sink.start(header.columns.attributes().with_colours(has_colours));
     let data = &bytes[header.data..];
     match header.encoding {
         Encoding::Ascii => read_text(data, &header, reading),

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `plan`, `leg`, `settings` | the plan, its legs, checks of the survey |
 //! | `state`, `advance` | steps: clocks, changes of legs, devices; many steps at once |
-//! | `clock` | GPS time |
+//! | `clock`, `step_clock` | GPS time; the clock by which platforms move |
 //! | `guard` | detects legs that never end |
 //! | `pulse`, `emission` | pulses and trajectory samples; how a pulse is composed |
 //! | `noise`, `navigation` | noise of the pose, errors of the reported pose |
@@ -28,6 +28,7 @@ mod positions;
 mod pulse;
 mod settings;
 mod state;
+mod step_clock;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]

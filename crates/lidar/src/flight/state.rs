@@ -5,13 +5,13 @@ use super::guard::ProgressGuard;
 use super::leg::PlannedLeg;
 use super::plan::FlightPlan;
 use super::pulse::{FlightSink, PoseSample};
+use super::step_clock::StepClock;
 use crate::platform::{LegEntry, PlatformState, Pose, Readiness};
 use crate::scanner::{DevicePlan, DeviceState};
 use serde::{Deserialize, Serialize};
 use vlscan_base::corrections::Corrections;
 use vlscan_base::error::{Error, Result};
 use vlscan_geom::DVec3;
-use vlscan_survey::PulseTimes;
 
 /// Outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,29 +24,6 @@ pub enum Step {
     NeedsPoses,
     /// The last leg is over; no time passed.
     Ended,
-}
-
-/// The step clock at a step.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum StepClock<'p> {
-    /// Counts the ticks of the run, of `period` seconds.
-    Run { ticks: u64, period: f64 },
-    /// Counts the ticks of a leg from `base` seconds on.
-    Leg { base: f64, ticks: u64, frequency: f64 },
-    /// Has times of a leg from `base` seconds on.
-    Times { base: f64, ticks: u64, times: &'p PulseTimes },
-}
-
-impl StepClock<'_> {
-    /// Time after `steps` more steps, s.
-    #[inline]
-    pub fn after(self, steps: u32) -> f64 {
-        match self {
-            StepClock::Run { ticks, period } => (ticks + u64::from(steps)) as f64 * period,
-            StepClock::Leg { base, ticks, frequency } => base + (ticks + u64::from(steps)) as f64 / frequency,
-            StepClock::Times { base, ticks, times } => base + times.at(ticks + u64::from(steps)),
-        }
-    }
 }
 
 /// Clocks, platform and devices of a flight. Cheap to clone; steps from clones are the same bit for bit.

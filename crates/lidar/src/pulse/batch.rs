@@ -14,8 +14,10 @@ pub struct Batch {
     pub emitted: u32,
     /// Leg number in records, if it differs from the survey leg's number: for streamed pulses.
     pub leg_number: Option<u32>,
-    /// Pulses that hit and gave no echo.
+    /// Pulses that hit and gave no echo because their light was too weak.
     pub weak: WeakPulses,
+    /// Pulses that hit and gave no echo because their light came from too near.
+    pub near: NearPulses,
     /// Echoes, pulse by pulse, by return number within a pulse.
     pub echoes: Vec<Echo>,
     /// True causes of echoes, if they are recorded or differ from the reported values; see
@@ -38,6 +40,7 @@ pub struct Batch {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BatchMark {
     weak: WeakPulses,
+    near: NearPulses,
     echoes: usize,
     truths: usize,
     waveforms: usize,
@@ -66,11 +69,44 @@ impl WeakPulses {
     }
 }
 
+/// Pulses that were discarded because their first light came from the dead zone: without the correction
+/// `clip_dead_zone`, the part of a pulse before its peak must come from beyond the minimum range.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NearPulses {
+    /// Number of these pulses.
+    pub count: u64,
+    /// Smallest range of their light, m.
+    pub nearest: f64,
+    /// End of the dead zone, m: the largest among the devices of these pulses.
+    pub dead_zone: f64,
+    /// Minimum range of the device with that dead zone, m.
+    pub range_min: f64,
+}
+
+impl NearPulses {
+    /// Adds the count of `other`, its range if smaller, and its dead zone if larger.
+    pub fn add(&mut self, other: &NearPulses) {
+        if other.count == 0 {
+            return;
+        }
+        if self.count == 0 {
+            *self = *other;
+            return;
+        }
+        self.count += other.count;
+        self.nearest = self.nearest.min(other.nearest);
+        if other.dead_zone > self.dead_zone {
+            (self.dead_zone, self.range_min) = (other.dead_zone, other.range_min);
+        }
+    }
+}
+
 impl Batch {
     /// The records so far.
     pub(super) fn mark(&self) -> BatchMark {
         BatchMark {
             weak: self.weak,
+            near: self.near,
             echoes: self.echoes.len(),
             truths: self.truths.len(),
             waveforms: self.waveforms.len(),
@@ -82,6 +118,7 @@ impl Batch {
     /// Removes the records of pulses since `mark`.
     pub(super) fn truncate(&mut self, mark: &BatchMark) {
         self.weak = mark.weak;
+        self.near = mark.near;
         self.echoes.truncate(mark.echoes);
         self.truths.truncate(mark.truths);
         self.velocities.truncate(mark.truths);
@@ -102,6 +139,7 @@ impl Batch {
         self.emitted = 0;
         self.leg_number = None;
         self.weak = WeakPulses::default();
+        self.near = NearPulses::default();
         self.echoes.clear();
         self.truths.clear();
         self.velocities.clear();

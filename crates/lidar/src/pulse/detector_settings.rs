@@ -48,6 +48,31 @@ impl DetectorSettings {
     pub fn is_in_range(&self, range: f64) -> bool {
         range >= self.range_min && range <= self.range_max
     }
+
+    /// Start of the waveform whose nearest light comes from `nearest` m: the travel time of bin 0, ns, and
+    /// the bins from there to the start of the first pulse.
+    #[inline(always)]
+    pub fn waveform_start(&self, nearest: f64) -> (f64, f64) {
+        let (shape, c, bin) = (&self.shape, self.light_speed, self.shape.bin);
+        let begin = nearest / c - shape.lead(self.corrections.fractional_bins);
+        if self.digitiser_clock {
+            let start = (begin / bin).floor() * bin;
+            (start, (begin - start) / bin)
+        } else if self.corrections.fractional_bins {
+            let (lead_bins, late) = shape.first_start();
+            (nearest / c - lead_bins * bin, late)
+        } else {
+            (begin, 0.0)
+        }
+    }
+
+    /// True if a waveform that starts at the travel time `start`, ns, is discarded: it starts within the
+    /// minimum range. With the correction, detection uses the pulse from its start; only records begin at the
+    /// minimum range.
+    #[inline(always)]
+    pub fn is_in_dead_zone(&self, start: f64) -> bool {
+        self.range_min / self.light_speed > start && !self.corrections.clip_dead_zone
+    }
 }
 
 /// A peak of the waveform that is accepted, before its surface is known; [`Echo`](super::Echo) is the record

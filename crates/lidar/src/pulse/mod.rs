@@ -85,7 +85,7 @@ mod weather;
 mod weather_drops;
 mod weather_light;
 
-pub use batch::{Batch, WeakPulses};
+pub use batch::{Batch, NearPulses, WeakPulses};
 pub use echo::{Echo, EchoPath, EchoTruth, EchoVelocity, PathKind, PulseRecord, WaveformRecord};
 pub use instrument::{InstrumentTable, count_echoes_of_one_pulse};
 pub use options::{PhysicsOptions, PhysicsProfile};

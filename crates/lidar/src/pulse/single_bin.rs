@@ -56,8 +56,7 @@ impl SingleBinDetector {
         if position >= peak + 1.0 {
             return None;
         }
-        if detector.range_min / light_speed > start {
-            // In the dead zone.
+        if detector.is_in_dead_zone(start) {
             return Some(None);
         }
         let mut intensity = 0.0;

@@ -54,16 +54,7 @@ impl Waveform {
         let (shape, corrections) = (&detector.shape, &detector.corrections);
         let (c, bin) = (detector.light_speed, shape.bin);
         let lead = shape.lead(corrections.fractional_bins);
-        let begin = nearest / c - lead;
-        let (lead_bins, late) = shape.first_start();
-        let (start, first) = if detector.digitiser_clock {
-            let start = (begin / bin).floor() * bin;
-            (start, (begin - start) / bin)
-        } else if corrections.fractional_bins {
-            (nearest / c - lead_bins * bin, late)
-        } else {
-            (begin, 0.0)
-        };
+        let (start, first) = detector.waveform_start(nearest);
         let mut end = farthest / c + shape.duration - lead + bin;
         let mut count = profile.ranges().len();
         if detector.max_duration > 0.0 && end - start > detector.max_duration {
@@ -71,9 +62,7 @@ impl Waveform {
             let limit = c * detector.max_duration + if corrections.limit_from_first { nearest } else { 0.0 };
             count = profile.ranges().iter().take_while(|range| **range <= limit).count();
         }
-        // With the correction, detection uses the pulse from its start; only records begin at the minimum
-        // range.
-        if detector.range_min / c > start && !corrections.clip_dead_zone {
+        if detector.is_in_dead_zone(start) {
             return false;
         }
         self.start = start;

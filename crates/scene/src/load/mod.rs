@@ -3,6 +3,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `part`, `files` | parts with their ids, names and places; what their files hold |
 //! | `mesh` | meshes in files and in memory |
 //! | `raster` | terrain from GeoTIFF |
 //! | `cloud` | point clouds as cubes |
@@ -12,7 +13,9 @@
 //! | `voxel_store` | voxels of both as a grid or as cubes |
 
 mod cloud;
+mod files;
 mod mesh;
+mod part;
 pub(crate) mod raster;
 mod stored;
 mod tiles;
@@ -21,35 +24,24 @@ mod voxel_store;
 #[cfg(test)]
 mod voxel_store_tests;
 
-use crate::builder::{Extent, FaceNumbers, LoadOptions, MAX_COORDINATE, PartSource, SceneBuilder};
+use crate::builder::{Extent, LoadOptions, SceneBuilder};
 use crate::crs::find_crs;
 use crate::epoch::{SceneFrame, keeps_frame};
-use crate::frames::PartFrames;
-use crate::ground::{self, Body, LoadedPart};
-use crate::lad::LadTable;
-use crate::library::{Library, Names};
-use crate::model::{MovingPart, Part, Scene};
+use crate::library::Library;
+use crate::model::{Part, Scene};
 use crate::pack::Pack;
 use crate::spectra::Spectra;
-use crate::text::{Source, is_wrong_name, printable};
-use crate::{change, instances};
+use crate::{change, ground, instances};
 use mesh::EpochPart;
 pub use mesh::{GltfError, MeshError, OffError, PlyMeshError, StlError};
 pub use raster::{GridError, RasterError, UnpackError, raster_needs};
 use rayon::prelude::*;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tiles::{TileIndex, is_tile};
+use tiles::TileIndex;
 use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::error::{Error, Result};
-use vlscan_base::files::fault;
+use vlscan_base::error::Result;
 use vlscan_base::machine;
-use vlscan_geom::{Aabb, Rotation};
-use vlscan_survey::{Loader, MaterialChoice, PartRecipe, Replaced, SceneRecipe, Transform, VoxelMode};
-use vlscan_trace::{Similarity, VoxelGrid};
-
-/// Memory limit of the text of a mesh, bytes: files of more than an eighth of it are mapped.
-const MESH_FILE_MEMORY: u64 = 1 << 30;
+use vlscan_survey::SceneRecipe;
 
 /// Loads a scene in its first epoch and returns it with its warnings. All problems of all files are collected
 /// before an error is returned. The result does not depend on the number of threads. Moving parts are in
@@ -78,7 +70,8 @@ const MESH_FILE_MEMORY: u64 = 1 << 30;
 /// ```
 ///
 /// # Errors
-/// [`Error::Input`] for files that are missing or invalid, and scenes beyond the memory limit; [`Error::Io`].
+/// [`vlscan_base::Error::Input`] for files that are missing or invalid, and scenes beyond the memory limit;
+/// [`vlscan_base::Error::Io`].
 pub fn load(recipe: &SceneRecipe, options: &LoadOptions) -> Result<(Scene, Diagnostics)> {
     load_epoch(recipe, options, 0, None)
 }
@@ -125,17 +118,17 @@ fn load_sources(
     let parts = mesh::parts_in_epoch(&mut scene, recipe, epoch)?;
     let present = parts.iter().filter(|part| part.is_present).map(|part| part.recipe.as_ref());
     scene.meshes = instances::plan_sharing(present, options.sharing);
-    let mut loaded = LoadedParts::default();
-    let mut ids = Ids::default();
+    let mut loaded = part::LoadedParts::default();
+    let mut ids = part::Ids::default();
     for EpochPart { recipe: part, is_present } in &parts {
         if *is_present {
-            load_part(&mut scene, part, &mut ids, &mut loaded)?;
+            part::load_part(&mut scene, part, &mut ids, &mut loaded)?;
         } else {
-            let name = name_of(part, part.loader.files());
+            let name = part::name_of(part, part.loader.files());
             scene.parts.push(Part { id: ids.single(part), name, lad: None });
         }
     }
-    let LoadedParts { stored, tiles, frames } = loaded;
+    let part::LoadedParts { stored, tiles, frames } = loaded;
     if stored.is_empty() && tiles.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
         scene
             .diagnostics
@@ -165,366 +158,6 @@ fn load_sources(
     };
     let (scene, warnings) = freeze(scene, tiles, first, keeps_frame(recipe))?;
     Ok((Scene { crs, dyn_step: recipe.dyn_step, dyn_time_step: recipe.dyn_time_step, ..scene }, warnings))
-}
-
-/// Loaded parts of a scene.
-#[derive(Default)]
-struct LoadedParts {
-    /// Parts that are in memory.
-    stored: Vec<LoadedPart>,
-    /// Parts that are loaded again when rays need them.
-    tiles: TileIndex,
-    frames: PartFrames,
-}
-
-/// Assigns ids: a part without one gets numbers, and each of its files becomes a separate part.
-#[derive(Default)]
-struct Ids {
-    additional: u64,
-}
-
-impl Ids {
-    /// The id of a part that remains a single part for any number of files.
-    fn single(&self, part: &PartRecipe) -> String {
-        let numbered = || (u64::from(part.number) + self.additional).to_string();
-        part.id.as_deref().filter(|id| !id.is_empty()).map_or_else(numbered, printable)
-    }
-
-    /// The ids of the parts created from a recipe, each with its files.
-    fn with_files<'a>(&mut self, part: &PartRecipe, files: &'a [PathBuf]) -> Vec<(String, &'a [PathBuf])> {
-        let are_tiles = matches!(part.loader, Loader::GeoTiff { .. });
-        let is_one = are_tiles || files.is_empty() || !part.swaps.is_empty();
-        if is_one || part.id.as_ref().is_some_and(|id| !id.is_empty()) {
-            return vec![(self.single(part), files)];
-        }
-        let first = u64::from(part.number) + self.additional;
-        self.additional += files.len().saturating_sub(1) as u64;
-        (first..).map(|n| n.to_string()).zip(files.chunks(1)).collect()
-    }
-}
-
-fn load_part(
-    scene: &mut SceneBuilder,
-    part: &PartRecipe,
-    ids: &mut Ids,
-    loaded: &mut LoadedParts,
-) -> Result<()> {
-    let files = part.loader.files();
-    if files.is_empty() && !matches!(part.loader, Loader::Mesh(_)) {
-        scene
-            .diagnostics
-            .warn(part.place.clone(), format!("part {} names no file and is left out", describe(part)));
-        return Ok(());
-    }
-    if raster::is_paged(scene.options, part) && load_pages(scene, part, ids, loaded)? {
-        return Ok(());
-    }
-    let lad = leaf_angles(scene, part);
-    let mut names = Names::default();
-    let first_tile = loaded.tiles.len();
-    for (id, files) in ids.with_files(part, files) {
-        let known_names = names.len();
-        let instance = instances::add_instance(scene, part, |scene, part, files| {
-            load_files(scene, part, files, &mut Names::default())
-        })?;
-        let body = match instance {
-            Some(instance) => instance.map(Body::Instance),
-            None => {
-                let start = scene.end();
-                load_files(scene, part, files, &mut names)?;
-                Some(scene.since(&start)).filter(|extent| !extent.is_empty()).map(Body::Stored)
-            }
-        };
-        let Some(body) = body else {
-            // What could not be read is an error already.
-            if !scene.diagnostics.is_fatal(false) {
-                let message = format!("part \"{id}\" holds no primitives and is left out");
-                scene.diagnostics.warn(part.place.clone(), message);
-            }
-            match part.swaps.is_empty() {
-                true => scene.leave_out_next_part(),
-                false => scene.parts.push(Part { id, name: name_of(part, files), lad: None }),
-            }
-            continue;
-        };
-        let bounds = match &body {
-            Body::Instance(i) => instances::outer_bounds(&scene.meshes, *i),
-            Body::Stored(extent) => ground::bounds(&scene.geometry, extent),
-        };
-        check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
-        loaded.frames.add(&id, part.place.as_ref(), bounds);
-        mesh::doubts::check(scene, part, files, &body);
-        if let Body::Stored(extent) = &body
-            && !part.motions.is_empty()
-        {
-            scene.moving_parts.push(MovingPart {
-                part: scene.parts.len() as u32,
-                vertices: extent.vertices.clone(),
-                triangles: extent.triangles.clone(),
-                cubes: extent.cubes.clone(),
-                motions: part.motions.clone(),
-                timing: part.timing,
-            });
-        }
-        let described = Part { id: id.clone(), name: name_of(part, files), lad: lad.clone() };
-        let is_tile = match &body {
-            Body::Stored(extent) if part.transform.on_ground == 0 && is_tile(scene.options, part) => {
-                loaded.tiles.add(scene, part, (files, described.clone(), known_names), extent)
-            }
-            _ => false,
-        };
-        scene.parts.push(described);
-        if !is_tile {
-            let (on_ground, place) = (part.transform.on_ground, part.place.clone());
-            loaded.stored.push(LoadedPart { id, body, on_ground, place });
-        }
-    }
-    let tiles = loaded.tiles.len() - first_tile;
-    loaded.tiles.set_names(tiles, names);
-    Ok(())
-}
-
-/// Loads a raster for what must be known of its pages while they are not in memory. Returns `false` for one
-/// that has to be in memory as a whole: each page would hold the texture of the raster.
-fn load_pages(
-    scene: &mut SceneBuilder,
-    part: &PartRecipe,
-    ids: &mut Ids,
-    loaded: &mut LoadedParts,
-) -> Result<bool> {
-    let Loader::GeoTiff { files, material } = &part.loader else { return Ok(false) };
-    let id = ids.single(part);
-    let target = PartSource { index: scene.next_part(), place: part.place.as_ref() };
-    let Some(materials) = choose(scene, &target, part, material) else { return Ok(true) };
-    if scene.has_texture(materials[0]) {
-        return Ok(false);
-    }
-    let transform = (part.transform != Transform::IDENTITY).then(|| similarity(&part.transform));
-    let indexed = raster::PagedRaster::index(scene, &target, files, transform)?;
-    let Some((raster, pages)) = indexed.filter(|(_, pages)| !pages.is_empty()) else {
-        // What could not be read is an error already.
-        if !scene.diagnostics.is_fatal(false) {
-            let message = format!("part \"{id}\" holds no primitives and is left out");
-            scene.diagnostics.warn(part.place.clone(), message);
-        }
-        scene.leave_out_next_part();
-        return Ok(true);
-    };
-    let material = change::material_of(scene, &target, &part.changes, materials[0]);
-    let bounds = pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page.bounds));
-    refuse_far(scene, &id, reach(bounds), part.place.as_ref());
-    loaded.frames.add(&id, part.place.as_ref(), bounds);
-    let described = Part { id, name: name_of(part, files.all()), lad: None };
-    loaded.tiles.add_raster(scene, &described, (material, materials[0]), raster, pages);
-    scene.parts.push(described);
-    Ok(true)
-}
-
-/// The name of a mesh in memory, or of the first of a part's files, without its extension.
-fn name_of(part: &PartRecipe, files: &[PathBuf]) -> String {
-    if let Some(name) = &part.name {
-        return printable(name);
-    }
-    if let Loader::Mesh(mesh) = &part.loader {
-        return printable(mesh.name());
-    }
-    printable(&files.first().and_then(|file| file.file_stem()).unwrap_or_default().to_string_lossy())
-}
-
-fn leaf_angles(scene: &mut SceneBuilder, part: &PartRecipe) -> Option<Arc<LadTable>> {
-    let Loader::DetailedVoxels(loader) = &part.loader else { return None };
-    let path = loader.lad_table.as_ref()?;
-    if !part.motions.is_empty() {
-        let message = format!("part {} moves, so its leaf angle table is not used", describe(part));
-        scene.diagnostics.warn(part.place.clone(), message);
-        return None;
-    }
-    match Source::open(path) {
-        Ok(source) => {
-            scene.sources.push(path.clone());
-            let rules = scene.options.rules;
-            let (table, relevant) = LadTable::read(&source, rules, &mut scene.diagnostics)?;
-            scene.leaf_table_rules = scene.leaf_table_rules.or(relevant);
-            Some(Arc::new(table))
-        }
-        Err(e) => {
-            let message = format!("cannot read the leaf angle table {}: {e}", path.display());
-            scene.diagnostics.error(part.place.clone(), message).of_kind((&e).into());
-            None
-        }
-    }
-}
-
-/// Loads and transforms the files of one part.
-fn load_files(
-    scene: &mut SceneBuilder,
-    part: &PartRecipe,
-    files: &[PathBuf],
-    names: &mut Names,
-) -> Result<()> {
-    let target = PartSource { index: scene.next_part(), place: part.place.as_ref() };
-    let chosen = match &part.loader {
-        Loader::MeshFiles { .. } | Loader::Mesh(_) => Some(Vec::new()),
-        Loader::GeoTiff { material, .. } => choose(scene, &target, part, material),
-        Loader::Xyz(loader) => choose(scene, &target, part, &loader.material),
-        Loader::DetailedVoxels(loader) => choose(scene, &target, part, &loader.material),
-    };
-    let Some(materials) = chosen else { return Ok(()) };
-    let start = scene.end();
-    let names_faces = part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)));
-    // Corners of OBJ files find their texture coordinates by the numbers of their faces.
-    let are_requested = names_faces || scene.options.colours;
-    scene.faces = FaceNumbers { are_requested, ..FaceNumbers::default() };
-    scene.part_changes = part.changes.clone();
-    let mut densities = Vec::new();
-    match &part.loader {
-        Loader::Mesh(triangles) => mesh::memory::load(scene, &target, triangles)?,
-        Loader::GeoTiff { files, .. } => {
-            let keeps_grid = raster::keeps_grid(part) && !scene.options.triangulate_rasters;
-            raster::load(scene, &target, files, materials[0], keeps_grid)?;
-        }
-        _ => {}
-    }
-    let files = if matches!(part.loader, Loader::GeoTiff { .. }) { &[] } else { files };
-    for file in files {
-        let Some(source) = open(scene, part, file)? else { continue };
-        match &part.loader {
-            Loader::MeshFiles { reading, .. } => mesh::load(scene, &target, &source, reading, names)?,
-            Loader::Mesh(_) | Loader::GeoTiff { .. } => {}
-            Loader::Xyz(loader) => {
-                cloud::load(scene, &target, &source, loader, (&materials, keeps_voxel_grids(part)))?;
-            }
-            Loader::DetailedVoxels(loader) => {
-                let materials = (&materials[..], keeps_voxel_grids(part));
-                densities.extend(voxel::load(scene, &target, &source, loader, materials)?);
-            }
-        }
-        source.check_unchanged()?;
-    }
-    let extent = scene.since(&start);
-    change::apply(scene, &target, &part.changes, &extent);
-    apply_transform(scene, &part.loader, &part.transform, &extent);
-    if let Loader::DetailedVoxels(loader) = &part.loader
-        && let VoxelMode::Scaled(exponent) = loader.mode
-    {
-        voxel::scale_by_density(scene, &densities, exponent, loader.random_shift.then_some(target.index));
-    }
-    Ok(())
-}
-
-/// Applies a part's transform (spec input-formats §3.3), except dropping it to the ground. Triangles and
-/// point clouds are fully transformed; cubes remain axis-aligned, and vegetation cubes are scaled in place.
-fn apply_transform(scene: &mut SceneBuilder, loader: &Loader, transform: &Transform, extent: &Extent) {
-    if (Transform { on_ground: 0, ..*transform }) == Transform::IDENTITY {
-        return;
-    }
-    scene.geometry.vertices[extent.vertices.clone()].par_iter_mut().for_each(|v| *v = transform.apply(*v));
-    let of_centres = match loader {
-        Loader::DetailedVoxels(_) => Transform { scale: 1.0, ..*transform },
-        Loader::MeshFiles { .. } | Loader::GeoTiff { .. } | Loader::Xyz(_) | Loader::Mesh(_) => *transform,
-    };
-    scene.geometry.fields[extent.fields.clone()]
-        .iter_mut()
-        .for_each(|field| field.transform(similarity(transform)));
-    for place in scene.geometry.grids[extent.grids.clone()].iter_mut().map(VoxelGrid::place_mut) {
-        place.transform = Some((of_centres.scale, of_centres.offset));
-        place.half *= transform.scale.abs();
-    }
-    scene.geometry.cubes[extent.cubes.clone()].par_iter_mut().for_each(|cube| {
-        cube.centre = of_centres.apply(cube.centre);
-        cube.half *= transform.scale.abs();
-    });
-    scene.voxels[extent.cubes.clone()].par_iter_mut().for_each(|v| v.rotate(&transform.rotation));
-}
-
-/// A part's transform, except dropping it to the ground.
-fn similarity(transform: &Transform) -> Similarity {
-    let Transform { rotation, scale, offset, .. } = *transform;
-    Similarity { rotation, scale, offset }
-}
-
-/// True if the voxels of a part that are on a grid when they are loaded are on one when they are placed, and
-/// are alike.
-fn keeps_voxel_grids(part: &PartRecipe) -> bool {
-    let Transform { rotation, scale, .. } = part.transform;
-    let is_scaled = |loader: &Loader| match loader {
-        Loader::DetailedVoxels(voxels) => matches!(voxels.mode, VoxelMode::Scaled(_)),
-        _ => false,
-    };
-    rotation == Rotation::IDENTITY
-        && scale > 0.0
-        && scale.is_finite()
-        && part.motions.is_empty()
-        && !part.changes.iter().any(|change| matches!(change.replaced, Replaced::Faces(_)))
-        && !is_scaled(&part.loader)
-}
-
-fn choose(
-    scene: &mut SceneBuilder,
-    target: &PartSource,
-    part: &PartRecipe,
-    choice: &MaterialChoice,
-) -> Option<Vec<u32>> {
-    // Nothing is missing where another material replaces that of the whole part.
-    let is_replaced = part.changes.iter().any(|change| change.replaced == Replaced::All);
-    let place = target.place.filter(|_| choice.file.is_some() || !is_replaced);
-    scene.library.chosen(choice, target.index, place, &mut scene.diagnostics)
-}
-
-/// Opens a file of a part; `None` after an error in its name.
-fn open(scene: &mut SceneBuilder, part: &PartRecipe, file: &Path) -> Result<Option<Source>> {
-    // Voxels take less memory than their files, and triangles hardly more, so large files are mapped and
-    // released while they are read.
-    let memory = match &part.loader {
-        Loader::DetailedVoxels(_) | Loader::Xyz(_) => Some(0),
-        Loader::MeshFiles { .. } => {
-            Some(scene.options.max_memory.map_or(MESH_FILE_MEMORY, |limit| limit.min(MESH_FILE_MEMORY)))
-        }
-        _ => scene.options.max_memory,
-    };
-    match fault::point().and_then(|()| Source::open_within(file, memory)) {
-        Ok(source) => {
-            scene.sources.push(file.to_path_buf());
-            Ok(Some(source))
-        }
-        Err(e) if is_wrong_name(&e) => {
-            let message = format!("cannot read {}: {e}", file.display());
-            scene.diagnostics.error(part.place.clone(), message).of_kind((&e).into());
-            Ok(None)
-        }
-        Err(e) => Err(Error::io("read", file, e)),
-    }
-}
-
-fn describe(part: &PartRecipe) -> String {
-    part.id.as_ref().map_or_else(|| format!("number {}", part.number), |id| format!("\"{id}\""))
-}
-
-fn check_coordinates(scene: &mut SceneBuilder, id: &str, bounds: Aabb, body: &Body, place: Option<&Place>) {
-    if is_far(reach(bounds)) {
-        let reach = reach(ground::bounds_of(scene, body));
-        refuse_far(scene, id, reach, place);
-    }
-}
-
-/// Largest absolute coordinate of a box.
-fn reach(bounds: Aabb) -> f64 {
-    bounds.min.abs().max(bounds.max.abs()).max_element()
-}
-
-fn is_far(reach: f64) -> bool {
-    reach.is_nan() || reach > MAX_COORDINATE
-}
-
-/// Reports a part that reaches beyond what can be computed.
-fn refuse_far(scene: &mut SceneBuilder, id: &str, reach: f64, place: Option<&Place>) {
-    if is_far(reach) {
-        let message = format!(
-            "part \"{id}\" reaches {reach:e} m after its transforms; at most {MAX_COORDINATE:e} m can be \
-             computed"
-        );
-        scene.diagnostics.error(place.cloned(), message);
-    }
 }
 
 /// Moves the origin to the centre of the scene, or to that of the first epoch, and builds the final scene.

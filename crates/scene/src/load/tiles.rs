@@ -1,6 +1,6 @@
 //! Parts that become tiles: they are loaded once for their facts, and again when rays need them.
 
-use super::load_files;
+use super::files::load_files;
 use super::raster::{PageFacts, PagedRaster};
 use crate::Scene;
 use crate::builder::{Extent, LoadOptions, SceneBuilder, memory_of};

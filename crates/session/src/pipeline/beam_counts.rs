@@ -4,7 +4,7 @@
 use vlscan_base::rng::GOLDEN;
 use vlscan_geom::{Aabb, DVec3};
 use vlscan_lidar::flight::Pulse;
-use vlscan_lidar::pulse::WeakPulses;
+use vlscan_lidar::pulse::{NearPulses, WeakPulses};
 use vlscan_warehouse::Series;
 
 /// Pulses per chunk that are compared.
@@ -40,6 +40,8 @@ pub struct BeamCounts {
     pub aimed: Option<SampledBeam>,
     /// Of all pulses those that hit and were too weak.
     pub weak: WeakPulses,
+    /// Of all pulses those that hit within the dead zone.
+    pub near: NearPulses,
 }
 
 /// Origin (m) and direction of a beam, scene frame.
@@ -59,6 +61,7 @@ impl BeamCounts {
         beam: None,
         aimed: None,
         weak: WeakPulses { count: 0, strongest: 0.0, threshold: 0.0 },
+        near: NearPulses { count: 0, nearest: 0.0, dead_zone: 0.0, range_min: 0.0 },
     };
 
     /// Compares a sample of `pulses`: one of each of some equal runs, at changing places, so that no channel
@@ -97,6 +100,7 @@ impl BeamCounts {
         self.beam = self.beam.or(other.beam);
         self.aimed = self.aimed.or(other.aimed);
         self.weak.add(&other.weak);
+        self.near.add(&other.near);
     }
 }
 

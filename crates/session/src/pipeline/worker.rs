@@ -103,7 +103,11 @@ impl<'a> Worker<'a> {
             echoes: batch.echoes.len() as u64,
             leg,
             done,
-            beam_counts: BeamCounts { weak: batch.weak, ..BeamCounts::of(&pass.target, pulses) },
+            beam_counts: BeamCounts {
+                weak: batch.weak,
+                near: batch.near,
+                ..BeamCounts::of(&pass.target, pulses)
+            },
         })
     }
 }

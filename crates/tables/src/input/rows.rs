@@ -2,23 +2,26 @@
 //! arrive: [`RowDecoder`] takes bytes and returns blocks of complete rows, whose numbers any thread can read.
 //! The caller interprets the columns, and finds the names in [`RowDecoder::fields`] or in the first
 //! row of the text.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `text` | lines of text with rows, while they arrive |
+//! | `row` | numbers of a row, and their places |
+
+mod row;
+mod text;
+
+pub use row::{Row, RowError, line_place};
+pub use text::{LeadingLine, line_length};
 
 use super::arrow::{ArrowDecoder, ArrowDetection, NumberBatch, TableField, detect_arrow};
-use crate::check_width;
+use row::{RowContent, Source};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-use vlscan_base::columns::{Separator, comma_note, has_decimal_comma, stated_separator};
-use vlscan_base::diag::{Diagnostics, Place};
-use vlscan_base::error::{Error, Result};
-use vlscan_base::recognise::{Expected, FIRST_BYTES, Family, foreign};
-
-/// Maximum length of a line, bytes.
-const MAX_LINE_BYTES: usize = 1 << 16;
-/// Number of characters that are shown of a line that is too long.
-const SHOWN_OF_LONG_LINE: usize = 40;
-/// Maximum number of lines before the first row.
-const MAX_LEADING_LINES: usize = 1000;
+use text::{Lines, TextDecoder};
+use vlscan_base::columns::Separator;
+use vlscan_base::error::Result;
 
 /// Decodes a stream of rows. Blank lines and comments of text are skipped; the first bytes distinguish text
 /// from Arrow.
@@ -32,47 +35,12 @@ pub struct RowDecoder {
     rows: u64,
 }
 
-/// A stream and how its lines are split.
-#[derive(Clone, Debug)]
-struct Source {
-    path: PathBuf,
-    separator: Separator,
-}
-
 #[derive(Debug)]
 enum Format {
     /// Too few bytes have arrived to decide.
     Unknown(Vec<u8>, Option<char>, bool),
     Text(TextDecoder),
     Arrow(Box<ArrowDecoder>, Option<RowBlock>),
-}
-
-#[derive(Debug)]
-struct TextDecoder {
-    /// Bytes that have arrived and have not been returned.
-    pending: Vec<u8>,
-    /// True once the kind of the stream has been checked.
-    is_checked: bool,
-    /// Number of lines that have been returned.
-    line: usize,
-    /// The separator that is named, by the caller or in the stream.
-    named: Option<char>,
-    has_begun: bool,
-    /// True if lines of words may stand before the first row of numbers.
-    may_have_preamble: bool,
-    /// The comments and lines of words before the first row.
-    leading: Vec<LeadingLine>,
-}
-
-/// A line before the first row.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LeadingLine {
-    /// The complete line.
-    pub place: Place,
-    /// Its text without blanks around it.
-    pub text: String,
-    /// True if it begins with `#`.
-    pub is_comment: bool,
 }
 
 impl RowDecoder {
@@ -149,8 +117,8 @@ impl RowDecoder {
     /// first row of text may hold the names of the columns.
     ///
     /// # Errors
-    /// [`Error::Input`] for lines that are too long, for bytes that are not text, and for damaged and cut
-    /// Arrow streams. The rows before are returned first.
+    /// [`vlscan_base::Error::Input`] for lines that are too long, for bytes that are not text, and for
+    /// damaged and cut Arrow streams. The rows before are returned first.
     pub fn next_block(&mut self, max_rows: usize, ended: bool) -> Result<Option<RowBlock>> {
         if ended && let Format::Unknown(first, named, may_have_preamble) = &mut self.format {
             // A beginning of an Arrow stream that is too short to be recognised is read as text.
@@ -184,162 +152,6 @@ impl RowDecoder {
         self.rows += block.as_ref().map_or(0, |block| block.len() as u64);
         Ok(block)
     }
-}
-
-impl TextDecoder {
-    fn new(pending: Vec<u8>, named: Option<char>, may_have_preamble: bool) -> TextDecoder {
-        TextDecoder {
-            pending,
-            is_checked: false,
-            line: 0,
-            named,
-            has_begun: false,
-            may_have_preamble,
-            leading: Vec::new(),
-        }
-    }
-
-    /// Refuses a stream that begins as a file of another kind does, once its first line or enough bytes have
-    /// arrived.
-    fn refuse_foreign(&mut self, path: &Path, ended: bool, what: &'static str) -> Result<()> {
-        let has_line = memchr::memchr2(b'\n', b'\r', &self.pending).is_some();
-        if self.is_checked || !(has_line || ended || self.pending.len() >= FIRST_BYTES) {
-            return Ok(());
-        }
-        self.is_checked = true;
-        let found = foreign(path, &self.pending, &Expected::ROWS.named(what));
-        // Unknown bytes are errors at their line.
-        match found.filter(|found| found.kind.family != Family::Binary) {
-            Some(found) => Err(found.error(path)),
-            None => Ok(()),
-        }
-    }
-
-    /// The next complete lines with rows; `None` if there are none. The first one decides the separator.
-    fn next_lines(
-        &mut self,
-        max_rows: usize,
-        ended: bool,
-        source: &mut Arc<Source>,
-        what: &'static str,
-    ) -> Result<Option<Lines>> {
-        self.refuse_foreign(&source.path, ended, what)?;
-        let named = source.clone();
-        let refuse = |number, line: &[u8], message| {
-            let start = String::from_utf8_lossy(&line[..line.len().min(SHOWN_OF_LONG_LINE)]);
-            let place = Place::in_line(&named.path, number, &start, 0..0);
-            Err(RowError { place, message }.with_help(""))
-        };
-        let (mut rows, mut at) = (Vec::new(), 0);
-        while rows.len() < max_rows {
-            let rest = &self.pending[at..];
-            let length = line_length(rest, ended);
-            if length.map_or(rest.len(), |(length, _)| length) > MAX_LINE_BYTES {
-                if !rows.is_empty() {
-                    break;
-                }
-                let message = format!("a line of more than {MAX_LINE_BYTES} bytes, expected {what}");
-                return refuse(self.line + 1, rest, message);
-            }
-            let Some((length, with_end)) = length else { break };
-            self.line += 1;
-            let mut line = at..at + length;
-            at += with_end;
-            if self.line == 1 && self.pending[line.clone()].starts_with(b"\xef\xbb\xbf") {
-                line.start += 3;
-            }
-            let text = &self.pending[line.clone()];
-            if self.line == 1 && text.contains(&0) {
-                return refuse(1, &[], format!("expected {what} as text, found binary data"));
-            }
-            match text.trim_ascii_start() {
-                [] => continue,
-                [b'#', ..] => {
-                    if !self.has_begun {
-                        self.leading.push(LeadingLine::of(&source.path, self.line, text, true));
-                    }
-                    continue;
-                }
-                _ => {}
-            }
-            if !self.has_begun {
-                let shown = String::from_utf8_lossy(text);
-                if let Some(stated) = stated_separator(&shown) {
-                    self.named = self.named.or(Some(stated));
-                    continue;
-                }
-                let separator = self.named.map_or_else(|| Separator::guess(text), Separator::named);
-                let is_word = self.may_have_preamble && !is_row_of_numbers(text, separator);
-                if is_word && self.leading.len() < MAX_LEADING_LINES {
-                    self.leading.push(LeadingLine::of(&source.path, self.line, text, false));
-                    continue;
-                }
-                self.has_begun = true;
-                *source = Arc::new(Source { path: source.path.clone(), separator });
-            }
-            rows.push((self.line, line));
-        }
-        let bytes: Vec<u8> = self.pending.drain(..at).collect();
-        if ended && !self.has_begun && self.pending.is_empty() {
-            return Ok(self.last_words(source));
-        }
-        Ok((!rows.is_empty()).then_some(Lines { bytes, rows }))
-    }
-
-    /// The last line of words as the first row, if there is one.
-    fn last_words(&mut self, source: &mut Arc<Source>) -> Option<Lines> {
-        let index = self.leading.iter().rposition(|line| !line.is_comment)?;
-        let line = self.leading.remove(index);
-        let bytes = line.text.into_bytes();
-        let separator = self.named.map_or_else(|| Separator::guess(&bytes), Separator::named);
-        *source = Arc::new(Source { path: source.path.clone(), separator });
-        self.has_begun = true;
-        Some(Lines { rows: vec![(line.place.line, 0..bytes.len())], bytes })
-    }
-}
-
-impl LeadingLine {
-    fn of(path: &Path, number: usize, text: &[u8], is_comment: bool) -> LeadingLine {
-        let place = line_place(path, number, text, 0..text.len());
-        LeadingLine { place, text: String::from_utf8_lossy(text).trim().to_owned(), is_comment }
-    }
-}
-
-/// True if a line consists of numbers, or mostly of numbers, so that it is neither a heading nor a sentence.
-fn is_row_of_numbers(line: &[u8], separator: Separator) -> bool {
-    let is_number = |word: &[u8]| {
-        let text = std::str::from_utf8(word).ok().map(str::trim);
-        text.is_some_and(|text| text.parse::<f64>().is_ok() || has_decimal_comma(text))
-    };
-    let (mut fields, mut numbers, mut begins) = (0, 0, false);
-    for at in separator.split(line) {
-        let is_number = is_number(&line[at]);
-        begins |= fields == 0 && is_number;
-        fields += 1;
-        numbers += usize::from(is_number);
-    }
-    // A pose whose first column is a calendar time or the name of a frame has at least six numbers.
-    begins && 2 * numbers >= fields || numbers >= 6 && 4 * numbers >= 3 * fields
-}
-
-/// Length of the first line of a text, without and with its end: a line feed, a carriage return or both.
-/// `None` while it is incomplete; `ended` means that no further bytes follow.
-pub fn line_length(text: &[u8], ended: bool) -> Option<(usize, usize)> {
-    let Some(at) = memchr::memchr2(b'\n', b'\r', text) else {
-        return (ended && !text.is_empty()).then_some((text.len(), text.len()));
-    };
-    match (text[at], text.get(at + 1)) {
-        (b'\r', Some(b'\n')) => Some((at, at + 2)),
-        (b'\r', None) if !ended => None,
-        _ => Some((at, at + 1)),
-    }
-}
-
-/// Complete lines with rows, each with its number, from 1.
-#[derive(Debug, Default)]
-struct Lines {
-    bytes: Vec<u8>,
-    rows: Vec<(usize, Range<usize>)>,
 }
 
 /// Rows whose numbers have not been read.
@@ -403,156 +215,11 @@ impl RowBlock {
     }
 }
 
-/// A row: its numbers and their places.
-#[derive(Clone, Copy, Debug)]
-pub struct Row<'b> {
-    source: &'b Source,
-    content: RowContent<'b>,
-    fields: &'b [Range<usize>],
-}
-
-#[derive(Clone, Copy, Debug)]
-enum RowContent<'b> {
-    /// A line and its number.
-    Text(usize, &'b [u8]),
-    Batch(&'b NumberBatch, usize),
-}
-
-/// A wrong value and its place.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RowError {
-    /// The line and the column, or the complete stream if it is not text.
-    pub place: Place,
-    /// Description of the problem.
-    pub message: String,
-}
-
-impl RowError {
-    /// The error with a hint, which may be empty.
-    pub fn with_help(self, help: &str) -> Error {
-        let mut problems = Diagnostics::default();
-        let problem = problems.error(Some(self.place), self.message);
-        if !help.is_empty() {
-            problem.help(help);
-        }
-        Error::Input(Box::new(problems))
-    }
-}
-
-impl Row<'_> {
-    /// The texts of the columns; none in batches.
-    pub fn texts(&self) -> impl Iterator<Item = String> {
-        let line = self.line();
-        self.fields.iter().map(move |at| String::from_utf8_lossy(&line[at.clone()]).trim().to_owned())
-    }
-
-    fn line(&self) -> &[u8] {
-        match self.content {
-            RowContent::Text(_, line) => line,
-            RowContent::Batch(..) => &[],
-        }
-    }
-
-    /// Number of columns.
-    pub fn width(&self) -> usize {
-        match self.content {
-            RowContent::Text(..) => self.fields.len(),
-            RowContent::Batch(batch, _) => batch.width(),
-        }
-    }
-
-    /// Checks the number of fields of a line; `whose` says where `expected` is from, such as `the heading`.
-    /// Rows of batches always have the columns of their stream.
-    ///
-    /// # Errors
-    /// Surplus and missing fields, with a hint at their likely cause.
-    pub fn check_width(&self, expected: usize, whose: &str) -> std::result::Result<(), RowError> {
-        if !matches!(self.content, RowContent::Text(..)) {
-            return Ok(());
-        }
-        // A separator at the end of the line stands before an empty last field.
-        let ends_empty = matches!(self.source.separator, Separator::Char(c)
-            if self.width() + 1 == expected
-                && self.line().trim_ascii_end().ends_with(c.encode_utf8(&mut [0; 4]).as_bytes()));
-        if ends_empty {
-            return Ok(());
-        }
-        check_width(self.width(), expected, whose, self.source.separator).map_err(|e| {
-            let help = if e.help.is_empty() { String::new() } else { format!("; {}", e.help) };
-            self.error((self.width() > expected).then_some(expected), format!("{}{help}", e.message))
-        })
-    }
-
-    /// How the line is split.
-    pub fn separator(&self) -> Separator {
-        self.source.separator
-    }
-
-    /// The number in a column. `name` describes it in messages; it may be infinite or NaN.
-    ///
-    /// # Errors
-    /// The column does not exist or is not numeric.
-    pub fn number(&self, column: usize, name: &str) -> std::result::Result<f64, RowError> {
-        if column >= self.width() {
-            let message = format!(
-                "column {} for {name} is missing: {} column{} separated by {}",
-                column + 1,
-                self.width(),
-                if self.width() == 1 { "" } else { "s" },
-                self.source.separator.name()
-            );
-            return Err(self.error(None, message));
-        }
-        let (line, at) = match self.content {
-            RowContent::Batch(batch, row) => return Ok(batch.value(column, row)),
-            RowContent::Text(_, line) => (line, &self.fields[column]),
-        };
-        let fields = self.fields.iter().map(move |at| &line[at.clone()]);
-        let number = self.source.separator.number(&line[at.clone()], fields);
-        number.ok_or_else(|| self.expected_number(column, name))
-    }
-
-    /// The error that a column is not numeric; `name` describes the expected number.
-    pub fn expected_number(&self, column: usize, name: &str) -> RowError {
-        let text = match self.content {
-            RowContent::Text(_, line) => {
-                let at = self.fields.get(column).cloned().unwrap_or_default();
-                String::from_utf8_lossy(&line[at]).into_owned()
-            }
-            RowContent::Batch(batch, row) => batch.value(column, row).to_string(),
-        };
-        self.error(Some(column), format!("expected a number for {name}, found `{text}`{}", comma_note(&text)))
-    }
-
-    /// An error in a column or in the complete row.
-    pub fn error(&self, column: Option<usize>, message: impl Into<String>) -> RowError {
-        let message = message.into();
-        let path = &self.source.path;
-        match self.content {
-            RowContent::Text(number, line) => {
-                let at = column.and_then(|column| self.fields.get(column)).cloned();
-                RowError { place: line_place(path, number, line, at.unwrap_or(0..line.len())), message }
-            }
-            RowContent::Batch(batch, row) => {
-                // The path of a table in memory is `<pulses>` or alike, that of a stream `<stdin>`.
-                let is_in_memory = path.to_string_lossy().starts_with('<') && path != Path::new("<stdin>");
-                let row = if is_in_memory { batch.index(row) } else { batch.place(row) };
-                RowError { place: Place::of_file(path), message: format!("{row}: {message}") }
-            }
-        }
-    }
-}
-
-/// The place of the bytes `at` of a line, which need not be UTF-8.
-pub fn line_place(path: &Path, number: usize, line: &[u8], at: Range<usize>) -> Place {
-    let shown = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let (before, marked) = (shown(&line[..at.start]), shown(line[at].trim_ascii()));
-    Place::in_line(path, number, &shown(line), before.len()..before.len() + marked.len())
-}
-
 #[cfg(test)]
 mod tests {
+    use super::text::MAX_LINE_BYTES;
     use super::*;
+    use vlscan_base::error::Error;
 
     /// The numbers of the first two columns of all rows, in blocks of at most `max_rows`.
     fn read(text: &[u8], piece: usize, max_rows: usize) -> Result<Vec<Vec<[f64; 2]>>> {

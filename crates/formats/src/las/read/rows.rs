@@ -70,13 +70,14 @@ impl RowFormat {
 
     /// The attributes of the points.
     pub fn attributes(&self) -> AttributeSet {
-        AttributeSet::of(|attribute| match attribute {
+        let attributes = AttributeSet::of(|attribute| match attribute {
             Attribute::NormalX | Attribute::NormalY | Attribute::NormalZ => false,
             Attribute::Object => self.shown.object.is_some(),
             Attribute::Channel => self.shown.device.is_some() || self.header.format >= 6,
             Attribute::Time => self.header.has_time(),
             _ => true,
-        })
+        });
+        attributes.with_colours(self.colour_at.is_some())
     }
 
     /// The details of a record, if they are read.

@@ -28,6 +28,8 @@ pub(in crate::las) struct LasFormat {
     pub groups: Groups,
     /// True if points have the colour of the surface.
     pub colours: bool,
+    /// True if these colours are widened to 16 bits where all of them have 8.
+    pub widens_colours: bool,
     /// Layout of waveform packets, if requested.
     pub packets: Option<WavePackets>,
     pub(super) adjusted_times: bool,
@@ -104,6 +106,7 @@ impl LasFormat {
             creation: cloud.creation,
             groups,
             colours,
+            widens_colours: colours && settings.widen_colours,
             packets,
             system: cloud.scanner.clone(),
             vlrs,

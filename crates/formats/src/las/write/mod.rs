@@ -127,12 +127,14 @@ impl PointEncoder for Las {
                 MaxPoints::Format
             }
         };
-        let record = self.format.record_length();
+        let format = &self.format;
         let points = match &self.compression {
             Compression::None => Points::Plain,
-            Compression::Laz(laszip) => Points::Laz(LazStream::begin(laszip.clone(), record, out)?),
+            Compression::Laz(laszip) => {
+                Points::Laz(LazStream::begin(laszip.clone(), format.record_length(), out)?)
+            }
             Compression::Copc(laszip) => {
-                Points::Copc(Some(Box::new(CopcStream::begin(laszip.clone(), record, out)?)))
+                Points::Copc(Some(Box::new(CopcStream::begin(laszip.clone(), format, out)?)))
             }
         };
         Ok(Box::new(LasBody { las: self, points, octree, max_points }))

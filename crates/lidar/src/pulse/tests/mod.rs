@@ -197,6 +197,28 @@ fn a_near_surface_discards_the_pulse_or_only_its_own_subrays() {
 }
 
 #[test]
+fn pulses_from_the_dead_zone_are_counted_apart_from_weak_ones() {
+    let survey = step_survey(|_| ());
+    for record_waveforms in [false, true] {
+        let run = |near, options| {
+            let options = PhysicsOptions { record_waveforms, ..options };
+            simulate(&rectangles(half_white(), &[wall(-20.0, 20.0, near)]), &survey, options)
+        };
+        let batch = run(1.9, legacy());
+        assert_eq!((batch.echoes.len(), batch.near.count, batch.weak.count), (0, 1, 0));
+        // The peak of a pulse of 5 ns comes 6 bins of 0.25 ns, 0.45 m, after its start.
+        let near = batch.near;
+        assert!((near.nearest - 1.9).abs() < 1e-3 && near.range_min == 1.5, "{near:?}");
+        assert!((near.dead_zone - (1.5 + 1.5 * 0.299792458)).abs() < 1e-9, "{near:?}");
+        for seen in [run(2.0, legacy()), run(1.9, with(legacy(), "clip_dead_zone"))] {
+            assert_eq!((seen.echoes.len(), seen.near.count), (1, 0));
+        }
+        let too_near = run(1.4, legacy());
+        assert_eq!((too_near.echoes.len(), too_near.near.count, too_near.weak.count), (0, 0, 0));
+    }
+}
+
+#[test]
 fn what_is_behind_a_near_surface_shows_when_asked_for() {
     let scene = rectangles(half_white(), &[wall(-20.0, 20.0, 1.0), wall(-20.0, 20.0, 30.0)]);
     assert_echoes(&simulate(&scene, &tls(), legacy()), &[], 0.0);

@@ -8,7 +8,7 @@ use crate::pipeline::settings::Settings;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::Result;
-use vlscan_base::quantity::{amount, amount_of, metres};
+use vlscan_base::quantity::{amount, amount_of, fixed, metres, number};
 use vlscan_geom::{Aabb, DVec3, Rotation};
 use vlscan_scene::Scene;
 use vlscan_survey::PlatformKind;
@@ -46,8 +46,8 @@ impl YieldCheck<'_> {
     pub fn run(&self, progress: &Progress) -> Result<()> {
         let (done, beam_counts) = (progress.snapshot(), progress.beam_counts());
         // Beams that met the scene are not explained by where the flight is.
-        let is_weak = done.echoes == 0 && beam_counts.sum.weak.count > 0;
-        if self.is_reported.load(Relaxed) && !is_weak {
+        let is_blind = done.echoes == 0 && unseen(&beam_counts.sum) > 0;
+        if self.is_reported.load(Relaxed) && !is_blind {
             return Ok(());
         }
         if let Some(finding) = self.find(done.pulses, done.echoes, &beam_counts) {
@@ -92,10 +92,13 @@ impl YieldCheck<'_> {
             );
             return Some(Finding::new(message, help));
         }
-        let seen_if_stronger = (echoes + beam_counts.weak.count) as f64 / fired;
-        let is_weak = echoes == 0 && beam_counts.weak.count > 0;
-        if is_weak || seen_if_stronger >= MIN_YIELD && seen_if_stronger >= MIN_YIELD_WITHIN * within {
-            return Some(self.too_weak(pulses, echoes, beam_counts, unit()));
+        let hitting = (echoes + unseen(beam_counts)) as f64 / fired;
+        let is_blind = echoes == 0 && unseen(beam_counts) > 0;
+        if is_blind || hitting >= MIN_YIELD && hitting >= MIN_YIELD_WITHIN * within {
+            return Some(match beam_counts.near.count > beam_counts.weak.count {
+                true => self.too_near(pulses, echoes, beam_counts),
+                false => self.too_weak(pulses, echoes, beam_counts, unit()),
+            });
         }
         let message = format!(
             "{} for {}: {:.0} % of the beams point at the box of the scene and {:.0} % meet it within the \
@@ -186,14 +189,14 @@ impl YieldCheck<'_> {
         };
         let message = format!(
             "{} for {}: {} met the scene and returned less than the detector needs: strongest {:.2e} W, \
-             threshold {:.2e} W{unit}{}; {} met nothing within the scanner's range",
+             threshold {:.2e} W{unit}{}; {}",
             amount_of(echoes as f64, "point"),
             amount_of(pulses as f64, "pulse"),
             amount_of(weak.count as f64, "beam"),
             weak.strongest * WATTS_PER_NANOWATT,
             weak.threshold * WATTS_PER_NANOWATT,
             lacking(weak.threshold / weak.strongest),
-            amount(pulses.saturating_sub(weak.count + echoes) as f64)
+            others(beam_counts.near.count, "too near", pulses.saturating_sub(unseen(beam_counts) + echoes))
         );
         let help = if corrections.radiometry {
             "fly lower (the power falls with the square of the range), or give the scanner more \
@@ -206,6 +209,32 @@ impl YieldCheck<'_> {
              and the threshold in its units"
         };
         Finding::new(message, height.map_or(help.to_owned(), |hint| format!("{hint}; {help}")))
+    }
+
+    /// The finding of a run whose pulses hit within the dead zone.
+    fn too_near(&self, pulses: u64, echoes: u64, beam_counts: &BeamCounts) -> Finding {
+        let near = &beam_counts.near;
+        let message = format!(
+            "{} for {}: {} met the scene and were discarded, as --physics helios has it, because light came \
+             from nearer than {} m, which is range_min_m ({} m) and the rise of the pulse; {}",
+            amount_of(echoes as f64, "point"),
+            amount_of(pulses as f64, "pulse"),
+            amount_of(near.count as f64, "beam"),
+            fixed(near.dead_zone, 2),
+            number(near.range_min),
+            others(beam_counts.weak.count, "too weak", pulses.saturating_sub(unseen(beam_counts) + echoes))
+        );
+        // Rounded down to centimetres, so that the nearest light is beyond the dead zone.
+        let range_min = ((near.nearest - (near.dead_zone - near.range_min)) * 100.0).floor() / 100.0;
+        let less = match range_min >= 0.0 {
+            true => format!(", or give the scanner a range_min_m (rangeMin_m) of {}", number(range_min)),
+            false => String::new(),
+        };
+        let help = format!(
+            "--physics refined, or --correct clip-dead-zone, measures from range_min_m on; otherwise stand \
+             farther from the surfaces{less}"
+        );
+        Finding::new(message, help)
     }
 
     /// Advice where most of the surfaces that beams meet are nearer, or most are farther, than the scanner
@@ -248,6 +277,21 @@ impl YieldCheck<'_> {
     }
 }
 
+/// Number of pulses that met the scene and gave no echo.
+fn unseen(beam_counts: &BeamCounts) -> u64 {
+    beam_counts.weak.count + beam_counts.near.count
+}
+
+/// Describes the pulses without an echo that have another cause: `count` for `reason`, and those that met
+/// nothing.
+fn others(count: u64, reason: &str, missed: u64) -> String {
+    let missed = format!("{} met nothing within the scanner's range", amount(missed as f64));
+    match count {
+        0 => missed,
+        count => format!("{} were {reason}; {missed}", amount(count as f64)),
+    }
+}
+
 /// How many times more light the detector needs, where that is a number.
 fn lacking(factor: f64) -> String {
     match factor.is_finite() && factor > 1.0 {
@@ -264,7 +308,7 @@ fn range(farthest: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_lidar::pulse::WeakPulses;
+    use vlscan_lidar::pulse::{NearPulses, WeakPulses};
     use vlscan_survey::{Mount, ReadOptions, read_survey};
     use vlscan_trace::{BuildOptions, Builder, Geometry};
 
@@ -272,6 +316,17 @@ mod tests {
     /// of 20 m at height 0. `beams` counts, of a hundred, the beams that point at its box, hit it within the
     /// range, and point upwards. `weak` pulses hit and were too weak.
     fn find(place: [f64; 3], echoes: u64, beams: [u64; 3], weak: u64) -> Option<Finding> {
+        find_with(place, echoes, beams, weak, NearPulses::default())
+    }
+
+    /// [`find`] with `near` pulses that hit within the dead zone.
+    fn find_with(
+        place: [f64; 3],
+        echoes: u64,
+        beams: [u64; 3],
+        weak: u64,
+        near: NearPulses,
+    ) -> Option<Finding> {
         let corners = [[-10.0, -10.0, 0.0], [10.0, -10.0, 0.0], [10.0, 10.0, 0.0], [-10.0, 10.0, 0.0]];
         let geometry = Geometry {
             vertices: corners.map(DVec3::from).to_vec(),
@@ -294,6 +349,7 @@ mod tests {
             beam,
             aimed: beam,
             weak,
+            near,
         });
         let path = std::path::Path::new("../../fixtures/room/survey.xml");
         let mut settings = Settings::new(read_survey(path, &ReadOptions::default()).unwrap().0);
@@ -359,5 +415,27 @@ mod tests {
             }
         }
         assert_eq!(find([0.0, 0.0, 50.0], 9000, [100, 100, 0], 1000), None);
+    }
+
+    #[test]
+    fn light_from_the_dead_zone_is_the_cause_where_most_pulses_hit_there() {
+        let near = |count, nearest| NearPulses { count, nearest, dead_zone: 0.541, range_min: 0.0914 };
+        let find = |weak, near| find_with([0.0, 0.0, 0.5], 0, [100, 100, 0], weak, near).unwrap();
+        let found = find(0, near(900, 0.5));
+        for part in [
+            "900 beams met the scene and were discarded",
+            "nearer than 0.54 m, which is range_min_m (0.0914 m)",
+            "; 9.10 k met nothing within the scanner's range",
+        ] {
+            assert!(found.message.contains(part), "{}", found.message);
+        }
+        // The rise of the pulse is 0.4496 m long.
+        assert!(found.help.ends_with("a range_min_m (rangeMin_m) of 0.05"), "{}", found.help);
+        let found = find(100, near(900, 0.3));
+        assert!(found.message.contains("; 100 were too weak; 9.00 k met nothing"), "{}", found.message);
+        assert!(found.help.ends_with("farther from the surfaces"), "no minimum range helps: {}", found.help);
+        let found = find(900, near(100, 0.5));
+        assert!(found.message.contains("; 100 were too near; 9.00 k met nothing"), "{}", found.message);
+        assert!(found.message.contains("strongest 3.00e-9 W"), "{}", found.message);
     }
 }
