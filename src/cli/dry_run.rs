@@ -96,6 +96,9 @@ fn forecast(
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.into_iter().chain(part_table).chain(args.objects.clone()));
     let mut session = scene.open(settings, console, open)?;
+    if args.objects.is_some() {
+        session.check_objects()?;
+    }
     if let Some((places, shared)) = places {
         // The forecast notes files that exist.
         let mut checked = output.clone();
