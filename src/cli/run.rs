@@ -7,6 +7,7 @@ use super::shards::open_without_tree;
 use super::shared_logs::{SharedPaths, is_part};
 use super::watch::during;
 use super::{Console, Verbosity, interrupt, messages};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -48,9 +49,12 @@ fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Resul
     for run in &mut ready {
         let Ready { scanner, output, resumption, .. } = &mut *run;
         shared.prepare(scanner.as_deref().unwrap_or_default(), resumption.is_some(), output)?;
-        let own = run.session.output_places(&run.checked_output())?;
+        // A repeated run recognises the scanners that are complete.
+        resumption.iter_mut().for_each(|how| how.keeps_mark = true);
+        let own = run.check_outputs()?;
         places.add(run.scanner(), shared.without_shared(own))?;
     }
+    let resumptions: Vec<ResumeOptions> = ready.iter().filter_map(|run| run.resumption.clone()).collect();
     let replace = ready.iter().any(|run| run.output.force);
     let mut logs = shared.begin()?;
     for log in &mut logs {
@@ -66,6 +70,9 @@ fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Resul
             }
         }
         return Err(error);
+    }
+    for how in resumptions {
+        how.remove_folder()?.into_iter().for_each(console.observer());
     }
     logs.iter().try_for_each(|log| log.write(replace, console))
 }
@@ -126,11 +133,12 @@ impl Ready {
         self.scanner.as_deref().unwrap_or_default()
     }
 
-    /// The outputs as they are checked before the run: a resumed run keeps existing files.
-    fn checked_output(&self) -> OutputRequest {
-        let mut output = self.output.clone();
-        output.is_resuming = self.resumption.is_some();
-        output
+    /// Checks the outputs before the run, and returns the files and folders that they fill.
+    fn check_outputs(&mut self) -> Result<BTreeSet<PathBuf>> {
+        match &self.resumption {
+            Some(how) => self.session.check_resumable(&self.output, how),
+            None => self.session.output_places(&self.output),
+        }
     }
 
     /// Measures the survey and shows the summary, with the time since `started`.

@@ -211,6 +211,37 @@ fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
     assert_eq!(files(dir.path()).len(), before + 2);
 }
 
+#[test]
+fn a_resumed_run_continues_with_the_scanner_that_was_interrupted() {
+    let dir = site();
+    let long = rig(LEGS).replace("speed_m_per_s = 20", "speed_m_per_s = 4");
+    let options = ["-j", "2", "--resume=1k"];
+    let expected = run_in(dir.path(), "whole", &long, &options[..2]);
+    let work = dir.path().join("killed");
+    fs::create_dir(&work).unwrap();
+    let command = [&["run", "../whole.toml"][..], &options].concat();
+    // An output of a later scanner is refused before the first pulse.
+    fs::write(work.join("rear.xyz"), "mine").unwrap();
+    let refused = run(&work, &command);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+    assert!(text(&refused.stderr).contains("rear.xyz exists already"), "{}", text(&refused.stderr));
+    assert_eq!(files(&work), [Path::new("rear.xyz")]);
+    fs::remove_file(work.join("rear.xyz")).unwrap();
+    let mut child = vlscan(&work).args(&command).stderr(Stdio::null()).spawn().unwrap();
+    // The lock, the mark, the borders, and at least one shard beside the one that is being written.
+    while fs::read_dir(work.join("rear.las.shards")).map_or(0, Iterator::count) < 5 {
+        assert!(child.try_wait().unwrap().is_none(), "the run has ended");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let written = fs::metadata(work.join("front.laz")).unwrap().modified().unwrap();
+    let resumed = succeed(&work, &command);
+    assert!(text(&resumed.stderr).contains("already complete"), "{}", text(&resumed.stderr));
+    assert_eq!(fs::metadata(work.join("front.laz")).unwrap().modified().unwrap(), written);
+    assert_same(&contents(&work), &expected, "resumed");
+}
+
 /// The pipeline of all scanners with one MCAP file for both.
 fn sharing() -> String {
     rig(LEGS).replace("\"front.mcap\"", "\"drive.mcap\"").replace("\"rear.xyz\"", "\"drive.mcap\"")

@@ -208,11 +208,7 @@ impl ShardRunner<'_> {
                 Err(reason) => damaged(reason),
             };
         }
-        let what = expected.difference(&file.head);
-        Err(Error::not_divisible(
-            format!("{} is of another run; they differ in {what}", path.display()),
-            "remove the folder to start again, or repeat the command with the same options",
-        ))
+        Err(of_another_run(&path, &expected.difference(&file.head)))
     }
 
     fn head_of(&self, shard: OneOf) -> ShardHead {
@@ -304,6 +300,14 @@ impl ShardRunner<'_> {
         self.session.check_flight(&self.flight, stop)?;
         Ok(())
     }
+}
+
+/// The error of a shard of another run; `what` is the difference.
+pub(super) fn of_another_run(shard: &Path, what: &str) -> Error {
+    Error::not_divisible(
+        format!("{} is of another run; they differ in {what}", shard.display()),
+        "remove the folder to start again, or repeat the command with the same options",
+    )
 }
 
 /// Refuses heights above ground, for which a merge has no scene.
