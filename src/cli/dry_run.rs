@@ -3,7 +3,7 @@
 use super::args::RunArgs;
 use super::companions::open;
 use super::coverage;
-use super::rig::{OutputPlaces, SharedScene, resolve_all, takes_one_scanner};
+use super::rig::{OutputPlaces, SharedScene, resolve_outputs, takes_one_scanner};
 use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
@@ -34,7 +34,7 @@ struct Forecast {
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let mut jobs = resolve_all(&args.file, &args.options, console)?;
+    let mut jobs = resolve_outputs(&args.file, &args.options, console)?;
     if jobs.len() > 1 {
         return run_each(args, jobs, started, console);
     }
@@ -103,8 +103,9 @@ fn forecast(
         // The forecast notes files that exist.
         let mut checked = output.clone();
         checked.force = true;
-        let own = session.output_places(&checked)?;
-        places.add(scanner.as_deref().unwrap_or_default(), shared.without_shared(own))?;
+        let name = scanner.as_deref().unwrap_or_default();
+        let named = |error: Error| error.named(&format!("scanner `{name}`"));
+        places.add(name, shared.without_shared(session.output_places(&checked).map_err(named)?))?;
     }
     let progress = Progress::default();
     let context = RunContext::new(&progress, &interrupt::STOP);

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_options::{Options, ResolvedRun};
+use vlscan_session::output::leave_options_to_others;
 use vlscan_session::{LoadedScene, Session, Settings};
 
 /// Reads the survey or pipeline with the options of the command line, and shows the warnings about them.
@@ -15,6 +16,17 @@ use vlscan_session::{LoadedScene, Session, Settings};
 pub fn resolve_all(file: &Path, options: &Options, console: &Console) -> Result<Vec<ResolvedRun>> {
     let (jobs, warnings) = ResolvedRun::resolve_all(file, options)?;
     console.warnings(&warnings)?;
+    Ok(jobs)
+}
+
+/// [`resolve_all`] for runs that write points. Options that apply to the outputs of some scanners only are
+/// left out for the others.
+///
+/// # Errors
+/// As for [`resolve_all`].
+pub fn resolve_outputs(file: &Path, options: &Options, console: &Console) -> Result<Vec<ResolvedRun>> {
+    let mut jobs = resolve_all(file, options, console)?;
+    leave_options_to_others(&mut jobs.iter_mut().map(|job| &mut job.output).collect::<Vec<_>>());
     Ok(jobs)
 }
 

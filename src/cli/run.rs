@@ -2,7 +2,7 @@
 
 use super::args::RunArgs;
 use super::companions::{Companions, open};
-use super::rig::{OutputPlaces, SharedScene, resolve_all, takes_one_scanner};
+use super::rig::{OutputPlaces, SharedScene, resolve_outputs, takes_one_scanner};
 use super::shards::open_without_tree;
 use super::shared_logs::{SharedPaths, is_part};
 use super::watch::during;
@@ -28,7 +28,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         return super::shards::run_shard(args, shard, console);
     }
     let started = Instant::now();
-    let jobs = resolve_all(&args.file, &args.options, console)?;
+    let jobs = resolve_outputs(&args.file, &args.options, console)?;
     if jobs.len() > 1 && args.objects.is_some() {
         return Err(takes_one_scanner("--objects"));
     }
@@ -51,7 +51,7 @@ fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Resul
         shared.prepare(scanner.as_deref().unwrap_or_default(), resumption.is_some(), output)?;
         // A repeated run recognises the scanners that are complete.
         resumption.iter_mut().for_each(|how| how.keeps_mark = true);
-        let own = run.check_outputs()?;
+        let own = run.check().map_err(|error| error.named(&format!("scanner `{}`", run.scanner())))?;
         places.add(run.scanner(), shared.without_shared(own))?;
     }
     let resumptions: Vec<ResumeOptions> = ready.iter().filter_map(|run| run.resumption.clone()).collect();
@@ -133,8 +133,9 @@ impl Ready {
         self.scanner.as_deref().unwrap_or_default()
     }
 
-    /// Checks the outputs before the run, and returns the files and folders that they fill.
-    fn check_outputs(&mut self) -> Result<BTreeSet<PathBuf>> {
+    /// Checks a run that begins later, and returns the files and folders that its outputs fill.
+    fn check(&mut self) -> Result<BTreeSet<PathBuf>> {
+        self.session.check(&interrupt::STOP)?;
         match &self.resumption {
             Some(how) => self.session.check_resumable(&self.output, how),
             None => self.session.output_places(&self.output),

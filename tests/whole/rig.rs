@@ -202,6 +202,12 @@ fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
         let single = refused(&rig(LEGS), &[command, "rig.toml"]);
         assert!(single.contains("this command takes a single scanner"), "{single}");
     }
+    let nowhere = refused(&rig(LEGS).replace("rear.las", "none/rear.las"), &["run", "rig.toml", "-q"]);
+    assert!(nowhere.contains("scanner `rear`: none is not a directory"), "{nowhere}");
+    // So are flight and instrument, if warnings are errors.
+    let low =
+        refused(&rig(LEGS).replace("offset_m = [0, -0.4, 2.1], ", ""), &["run", "rig.toml", "--strict"]);
+    assert!(low.contains("scanner `rear`: the flight runs on the surface"), "{low}");
     let piped = refused(&rig(TRAJECTORY).replace("way.csv", "-"), &["run", "rig.toml", "-q"]);
     assert!(piped.contains("can be read only once"), "{piped}");
     assert_eq!(files(dir.path()).len(), before + 1);
@@ -240,6 +246,21 @@ fn a_resumed_run_continues_with_the_scanner_that_was_interrupted() {
     assert!(text(&resumed.stderr).contains("already complete"), "{}", text(&resumed.stderr));
     assert_eq!(fs::metadata(work.join("front.laz")).unwrap().modified().unwrap(), written);
     assert_same(&contents(&work), &expected, "resumed");
+}
+
+#[test]
+fn options_of_a_format_apply_to_the_scanners_that_write_it() {
+    let dir = site();
+    let top = "frame_s = 0.05\n";
+    let found = run_in(dir.path(), "rig", &format!("{top}{}", rig(LEGS)), &["-j", "2"]);
+    let mut expected = run_in(dir.path(), "front", &format!("{top}{}", single(&SCANNERS[0], LEGS)), &[]);
+    expected.extend(run_in(dir.path(), "rear", &single(&SCANNERS[1], LEGS), &[]));
+    assert_same(&found, &expected, "frames of the front scanner");
+    let without = format!("{top}{}", rig(LEGS).replace(", \"front.mcap\"", ""));
+    fs::write(dir.path().join("without.toml"), without).unwrap();
+    let refused = run(dir.path(), &["run", "without.toml", "-q"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("--frame-s applies to MCAP"), "{}", text(&refused.stderr));
 }
 
 /// The pipeline of all scanners with one MCAP file for both.

@@ -13,6 +13,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
+use vlscan_lidar::flight::FlightPlan;
 
 /// Maximum number of shards.
 const MAX_SHARDS: u64 = 100_000;
@@ -103,7 +104,7 @@ impl Session {
         control: RunContext<'_>,
     ) -> Result<Report> {
         let path = how.folder.as_path();
-        let resumption = self.resumption(&outputs, how)?;
+        let resumption = self.resumption(&outputs, how, Session::plan_flight)?;
         let is_complete = resumption.is_complete();
         let Resumption { flight, run, known, is_resuming } = resumption;
         // The caller writes companions after the outputs.
@@ -156,7 +157,7 @@ impl Session {
 
     /// Checks outputs as [`Session::run_resumable`] does before the first pulse, and returns the files and
     /// folders that they fill, as [`Session::output_places`] does. Outputs of an earlier start of the same
-    /// run may exist. Warnings are left to the run.
+    /// run may exist. Warnings are left to the run, unless they are errors.
     ///
     /// # Errors
     /// [`Error::Input`] for outputs that are impossible, for flights that cannot be divided, and for shards
@@ -166,21 +167,26 @@ impl Session {
         outputs: &OutputRequest,
         how: &ResumeOptions,
     ) -> Result<BTreeSet<PathBuf>> {
-        let Resumption { flight, known, is_resuming, .. } = self.resumption(outputs, how)?;
+        let plan = |session: &Session| session.plan_flight_quietly().map(|(flight, _)| flight);
+        let Resumption { flight, known, is_resuming, .. } = self.resumption(outputs, how, plan)?;
         if !outputs.force && known.is_some_and(|state| !state.is_complete()) {
             check_shards(&flight, &how.folder)?;
         }
         let context = OutputContext { has_ground: false, ..self.output_context() };
-        let request = OutputRequest { is_resuming, ..outputs.clone() };
-        Ok(self.complete(request).check(&context)?.places())
+        self.check_places(OutputRequest { is_resuming, ..outputs.clone() }, &context)
     }
 
-    /// Finds out how far an earlier start of a run came.
-    fn resumption(&mut self, outputs: &OutputRequest, how: &ResumeOptions) -> Result<Resumption> {
+    /// Finds out how far an earlier start of a run came, whose flight `plan` plans.
+    fn resumption(
+        &mut self,
+        outputs: &OutputRequest,
+        how: &ResumeOptions,
+        plan: fn(&Session) -> Result<FlightPlan>,
+    ) -> Result<Resumption> {
         check_outputs(outputs)?;
         let known = ResumeFolder::state_of(&how.folder)?;
         self.record_for(outputs);
-        let flight = self.divisible()?;
+        let flight = self.divisible(plan)?;
         let run = RunId::new(&flight.fingerprint, outputs);
         let is_resuming = known.as_ref().is_some_and(|state| state.has_outputs_of(run));
         Ok(Resumption { flight, run, known, is_resuming })
@@ -349,7 +355,7 @@ mod tests {
     fn id(seed: u64, outputs: &OutputRequest) -> RunId {
         let mut session = session(seed);
         session.record_for(outputs);
-        RunId::new(&session.divisible().unwrap().fingerprint, outputs)
+        RunId::new(&session.divisible(Session::plan_flight).unwrap().fingerprint, outputs)
     }
 
     #[test]

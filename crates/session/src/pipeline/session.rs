@@ -224,13 +224,19 @@ impl Session {
     /// # Errors
     /// [`Error::Input`] and [`Error::Limits`] for legs and trajectories that cannot be flown.
     pub fn plan_flight(&self) -> Result<FlightPlan> {
+        let (flight, found) = self.plan_flight_quietly()?;
+        (self.observer)(Notice::Warnings(found));
+        Ok(flight)
+    }
+
+    /// [`Session::plan_flight`] with the warnings.
+    pub(super) fn plan_flight_quietly(&self) -> Result<(FlightPlan, Diagnostics)> {
         let (settings, scene) = (&self.settings, self.scene());
         let ground = |x, y| scene.ground_height(x, y);
         let planned = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight);
         self.check_tiles()?;
         let (flight, found) = planned?;
-        (self.observer)(Notice::Warnings(found.finish(settings.strict)?));
-        Ok(flight)
+        Ok((flight, found.finish(settings.strict)?))
     }
 
     /// Fails if the height of the ground, or a distance, is not known because a tile of the scene could not
