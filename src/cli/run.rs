@@ -2,14 +2,14 @@
 
 use super::args::RunArgs;
 use super::companions::{Companions, open};
-use super::rig::{OutputPlaces, SharedScene, resolve_outputs, takes_one_scanner};
+use super::rig::{OutputPlaces, SharedScene, different_steps, resolve_outputs, takes_one_scanner};
 use super::shards::open_without_tree;
 use super::shared_logs::{SharedPaths, is_part};
 use super::watch::during;
 use super::{Console, Verbosity, interrupt, messages};
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -38,12 +38,12 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     drop(scene);
     match ready.len() {
         1 => ready.into_iter().try_for_each(|run| run.run(started, console).map(drop)),
-        _ => run_each(ready, started, console),
+        _ => run_each(&args.file, ready, started, console),
     }
 }
 
 /// Runs one scanner after the other, after the outputs of all have been checked.
-fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Result<()> {
+fn run_each(file: &Path, mut ready: Vec<Ready>, started: Instant, console: &Console) -> Result<()> {
     let shared = SharedPaths::of(ready.iter().map(|run| &run.output));
     let mut places = OutputPlaces::default();
     for run in &mut ready {
@@ -54,6 +54,9 @@ fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Resul
         let own = run.check().map_err(|error| error.named(&format!("scanner `{}`", run.scanner())))?;
         places.add(run.scanner(), shared.without_shared(own))?;
     }
+    let steps: Vec<(String, Option<f64>)> =
+        ready.iter().map(|run| (run.scanner().to_owned(), run.session.scene_step_s())).collect();
+    console.warnings(&different_steps(file, &steps))?;
     let resumptions: Vec<ResumeOptions> = ready.iter().filter_map(|run| run.resumption.clone()).collect();
     let replace = ready.iter().any(|run| run.output.force);
     let mut logs = shared.begin()?;

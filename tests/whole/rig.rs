@@ -361,6 +361,10 @@ fn scanners_that_name_one_mcap_have_a_topic_each_in_it() {
     transforms.sort();
     assert!(found == transforms, "{} transforms, expected {}", found.len(), transforms.len());
     let work = dir.path().join("shared");
+    let frames = run(&work, &["frames", "drive.mcap", "--layout", "kitti", "-o", "kitti"]);
+    assert_eq!(frames.status.code(), Some(2));
+    assert!(text(&frames.stderr).contains("points of several scanners, on /"), "{}", text(&frames.stderr));
+    assert!(!work.join("kitti").exists());
     succeed(&work, &["run", "../shared.toml", "--dry-run", "-q"]);
     let again = run(&work, &["run", "../shared.toml", "-q"]);
     assert!(text(&again.stderr).contains("drive.mcap exists already"), "{}", text(&again.stderr));

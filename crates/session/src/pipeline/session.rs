@@ -191,6 +191,13 @@ impl Session {
         self.warnings.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
+    /// Time between updates of the moving scene, s: a number of pulse periods of the first leg. `None` for a
+    /// scene without moving parts.
+    pub fn scene_step_s(&self) -> Option<f64> {
+        let steps = self.motion()?.update_interval();
+        Some(steps as f64 / first_pulse_rate(&self.settings))
+    }
+
     /// Passes a notice to the observer.
     pub(super) fn notify(&self, notice: Notice) {
         (self.observer)(notice);
