@@ -318,7 +318,7 @@ impl Reader {
         if first == channel {
             return Ok(());
         }
-        let topic = |id: u16| self.channels.get(&id).map_or("", |(_, topic)| topic);
+        let topic = |id: u16| self.channels.get(&id).map_or("", |(_, topic)| topic.as_str());
         Err(Error::input_with_help(
             format!(
                 "{}: it has the points of several scanners, on {} and {}",
