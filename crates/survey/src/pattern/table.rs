@@ -204,9 +204,11 @@ impl TableFile<'_> {
     }
 }
 
-/// True if a line has a mark of correction files in place of numbers.
+/// True if a line has a mark of correction files in place of numbers, or empty fields alone, as spreadsheets
+/// write blank lines.
 fn skips<S: RowSink>(line: &Line) -> bool {
-    line.fields.first().is_some_and(|first| S::skips(first))
+    line.fields.iter().all(|field| field.trim().is_empty())
+        || line.fields.first().is_some_and(|first| S::skips(first))
 }
 
 /// Adds a row of numbers by their places in the file. All of them must be finite.

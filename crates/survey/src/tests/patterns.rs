@@ -254,7 +254,7 @@ fn keys_beside_a_pattern_are_checked() {
 #[test]
 fn correction_files_of_hesai_are_channels() {
     let angles = b"EEFF,1,1\nLaser id,Elevation,Azimuth\n2,-1.5,0.25\n1,3,-1\n\
-                   0123456789abcdef0123456789abcdef,,\n";
+                   ,,\n0123456789abcdef0123456789abcdef,,\n";
     let times = b"Channel,fire time(us)\n1,-2.5\n2,4\n";
     let files: &[(&str, &[u8])] = &[("angles.csv", angles), ("times.csv", times)];
     let keys = "optics = \"conic\"\npulse_freqs_hz = [1000]\nhead_rate_max_deg_per_s = 3600\n\
