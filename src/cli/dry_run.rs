@@ -3,7 +3,7 @@
 use super::args::RunArgs;
 use super::companions::open;
 use super::coverage;
-use super::rig::{OutputPlaces, SharedScene, resolve_all, takes_one_scanner};
+use super::rig::{OutputPlaces, SharedScene, different_steps, resolve_outputs, takes_one_scanner};
 use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
@@ -34,7 +34,7 @@ struct Forecast {
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     let started = Instant::now();
-    let mut jobs = resolve_all(&args.file, &args.options, console)?;
+    let mut jobs = resolve_outputs(&args.file, &args.options, console)?;
     if jobs.len() > 1 {
         return run_each(args, jobs, started, console);
     }
@@ -57,17 +57,18 @@ fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &
         return Err(takes_one_scanner("--objects"));
     }
     let shared = SharedPaths::of(jobs.iter().map(|job| &job.output));
-    let (mut scene, mut places) = (SharedScene::of(&jobs), OutputPlaces::default());
+    let mut scene = SharedScene::of(&jobs);
+    let mut others = Others { places: OutputPlaces::default(), shared: &shared, steps: Vec::new() };
     let (mut scanners, mut started_one) = (Vec::new(), started);
     for mut job in jobs {
         let name = job.scanner.clone().unwrap_or_default();
         shared.prepare(&name, false, &mut job.output)?;
-        let checked = Some((&mut places, &shared));
-        let forecast = forecast(args, job, started_one, (&mut scene, checked), console)?;
+        let forecast = forecast(args, job, started_one, (&mut scene, Some(&mut others)), console)?;
         scanners.push(Forecast { name, forecast });
         // Only the first scanner loads the scene.
         started_one = Instant::now();
     }
+    console.warnings(&different_steps(&args.file, &others.steps))?;
     let text = match args.dry.json {
         true => json_of(&Forecasts { scanners })?,
         false => {
@@ -83,25 +84,38 @@ fn json_of<T: Serialize>(forecast: &T) -> Result<String> {
     Ok(text + "\n")
 }
 
+/// Facts of the scanners of a platform.
+struct Others<'a> {
+    places: OutputPlaces,
+    shared: &'a SharedPaths,
+    /// Times between updates of the scene, s, by scanner.
+    steps: Vec<(String, Option<f64>)>,
+}
+
 /// Forecasts a run, and writes its coverage if that is requested. The outputs of several scanners are added
 /// to their places, except for files that they share.
 fn forecast(
     args: &RunArgs,
     job: ResolvedRun,
     started: Instant,
-    (scene, places): (&mut SharedScene, Option<(&mut OutputPlaces, &SharedPaths)>),
+    (scene, others): (&mut SharedScene, Option<&mut Others<'_>>),
     console: &Console,
 ) -> Result<DryRunReport> {
     let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, .. } = job;
     output.inputs.push(args.file.clone());
     output.companions.extend(schedule_log.into_iter().chain(part_table).chain(args.objects.clone()));
     let mut session = scene.open(settings, console, open)?;
-    if let Some((places, shared)) = places {
+    if args.objects.is_some() {
+        session.check_objects()?;
+    }
+    if let Some(Others { places, shared, steps }) = others {
         // The forecast notes files that exist.
         let mut checked = output.clone();
         checked.force = true;
-        let own = session.output_places(&checked)?;
-        places.add(scanner.as_deref().unwrap_or_default(), shared.without_shared(own))?;
+        let name = scanner.as_deref().unwrap_or_default();
+        let named = |error: Error| error.named(&format!("scanner `{name}`"));
+        places.add(name, shared.without_shared(session.output_places(&checked).map_err(named)?))?;
+        steps.push((name.to_owned(), session.scene_step_s()));
     }
     let progress = Progress::default();
     let context = RunContext::new(&progress, &interrupt::STOP);

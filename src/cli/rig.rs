@@ -3,8 +3,11 @@
 use super::Console;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
+use vlscan_base::quantity::number;
 use vlscan_options::{Options, ResolvedRun};
+use vlscan_session::output::leave_options_to_others;
 use vlscan_session::{LoadedScene, Session, Settings};
 
 /// Reads the survey or pipeline with the options of the command line, and shows the warnings about them.
@@ -15,6 +18,17 @@ use vlscan_session::{LoadedScene, Session, Settings};
 pub fn resolve_all(file: &Path, options: &Options, console: &Console) -> Result<Vec<ResolvedRun>> {
     let (jobs, warnings) = ResolvedRun::resolve_all(file, options)?;
     console.warnings(&warnings)?;
+    Ok(jobs)
+}
+
+/// [`resolve_all`] for runs that write points. Options that apply to the outputs of some scanners only are
+/// left out for the others.
+///
+/// # Errors
+/// As for [`resolve_all`].
+pub fn resolve_outputs(file: &Path, options: &Options, console: &Console) -> Result<Vec<ResolvedRun>> {
+    let mut jobs = resolve_all(file, options, console)?;
+    leave_options_to_others(&mut jobs.iter_mut().map(|job| &mut job.output).collect::<Vec<_>>());
     Ok(jobs)
 }
 
@@ -62,6 +76,25 @@ impl SharedScene {
     }
 }
 
+/// A warning if the moving parts of a scene move at different times for the scanners of the pipeline `file`.
+/// `steps` are the times between updates of the scene, s, by scanner.
+pub fn different_steps(file: &Path, steps: &[(String, Option<f64>)]) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let mut moving = steps.iter().filter_map(|(scanner, step)| Some((scanner, (*step)?)));
+    let Some((first, step)) = moving.next() else { return found };
+    if let Some((other, other_step)) = moving.find(|(_, other)| (other - step).abs() > 1e-9 * step) {
+        let [step, other_step] = [step, other_step].map(|step| number(step * 1e3));
+        let message = format!(
+            "the scene moves every {step} ms for the scanner `{first}` and every {other_step} ms for \
+             `{other}`, which see its parts at different places"
+        );
+        found
+            .warn(Some(Place::of_file(file)), message)
+            .help("give the scene a `dynTimeStep` that is a whole number of pulse periods of each scanner");
+    }
+    found
+}
+
 /// Files and folders that the scanners of a platform fill, each with the name of its scanner.
 #[derive(Default)]
 pub struct OutputPlaces(BTreeMap<PathBuf, String>);
@@ -91,6 +124,19 @@ impl OutputPlaces {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scanners_that_see_a_scene_at_different_steps_are_named() {
+        let warning = |steps: [Option<f64>; 3]| {
+            let names = ["front", "rear", "top"].map(str::to_owned);
+            different_steps(Path::new("rig.toml"), &names.into_iter().zip(steps).collect::<Vec<_>>()).text()
+        };
+        assert_eq!(warning([None; 3]), "");
+        assert_eq!(warning([Some(0.02), Some(0.02 * (1.0 + 1e-12)), Some(0.02)]), "");
+        let found = warning([Some(0.02), Some(0.02), Some(0.019995)]);
+        let expected = "every 20 ms for the scanner `front` and every 19.995 ms for `top`";
+        assert!(found.contains(expected) && found.contains("dynTimeStep"), "{found}");
+    }
 
     #[test]
     fn two_scanners_cannot_fill_one_place() {

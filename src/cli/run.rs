@@ -2,13 +2,14 @@
 
 use super::args::RunArgs;
 use super::companions::{Companions, open};
-use super::rig::{OutputPlaces, SharedScene, resolve_all, takes_one_scanner};
+use super::rig::{OutputPlaces, SharedScene, different_steps, resolve_outputs, takes_one_scanner};
 use super::shards::open_without_tree;
 use super::shared_logs::{SharedPaths, is_part};
 use super::watch::during;
 use super::{Console, Verbosity, interrupt, messages};
+use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -27,7 +28,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         return super::shards::run_shard(args, shard, console);
     }
     let started = Instant::now();
-    let jobs = resolve_all(&args.file, &args.options, console)?;
+    let jobs = resolve_outputs(&args.file, &args.options, console)?;
     if jobs.len() > 1 && args.objects.is_some() {
         return Err(takes_one_scanner("--objects"));
     }
@@ -37,20 +38,26 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     drop(scene);
     match ready.len() {
         1 => ready.into_iter().try_for_each(|run| run.run(started, console).map(drop)),
-        _ => run_each(ready, started, console),
+        _ => run_each(&args.file, ready, started, console),
     }
 }
 
 /// Runs one scanner after the other, after the outputs of all have been checked.
-fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Result<()> {
+fn run_each(file: &Path, mut ready: Vec<Ready>, started: Instant, console: &Console) -> Result<()> {
     let shared = SharedPaths::of(ready.iter().map(|run| &run.output));
     let mut places = OutputPlaces::default();
     for run in &mut ready {
         let Ready { scanner, output, resumption, .. } = &mut *run;
         shared.prepare(scanner.as_deref().unwrap_or_default(), resumption.is_some(), output)?;
-        let own = run.session.output_places(&run.checked_output())?;
+        // A repeated run recognises the scanners that are complete.
+        resumption.iter_mut().for_each(|how| how.keeps_mark = true);
+        let own = run.check().map_err(|error| error.named(&format!("scanner `{}`", run.scanner())))?;
         places.add(run.scanner(), shared.without_shared(own))?;
     }
+    let steps: Vec<(String, Option<f64>)> =
+        ready.iter().map(|run| (run.scanner().to_owned(), run.session.scene_step_s())).collect();
+    console.warnings(&different_steps(file, &steps))?;
+    let resumptions: Vec<ResumeOptions> = ready.iter().filter_map(|run| run.resumption.clone()).collect();
     let replace = ready.iter().any(|run| run.output.force);
     let mut logs = shared.begin()?;
     for log in &mut logs {
@@ -66,6 +73,9 @@ fn run_each(mut ready: Vec<Ready>, started: Instant, console: &Console) -> Resul
             }
         }
         return Err(error);
+    }
+    for how in resumptions {
+        how.remove_folder()?.into_iter().for_each(console.observer());
     }
     logs.iter().try_for_each(|log| log.write(replace, console))
 }
@@ -126,11 +136,13 @@ impl Ready {
         self.scanner.as_deref().unwrap_or_default()
     }
 
-    /// The outputs as they are checked before the run: a resumed run keeps existing files.
-    fn checked_output(&self) -> OutputRequest {
-        let mut output = self.output.clone();
-        output.is_resuming = self.resumption.is_some();
-        output
+    /// Checks a run that begins later, and returns the files and folders that its outputs fill.
+    fn check(&mut self) -> Result<BTreeSet<PathBuf>> {
+        self.session.check(&interrupt::STOP)?;
+        match &self.resumption {
+            Some(how) => self.session.check_resumable(&self.output, how),
+            None => self.session.output_places(&self.output),
+        }
     }
 
     /// Measures the survey and shows the summary, with the time since `started`.

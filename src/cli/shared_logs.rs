@@ -9,7 +9,7 @@ use vlscan_base::files::{TemporaryFolder, free_name, identity, is_special, is_ta
 use vlscan_base::quantity::counted;
 use vlscan_formats::{MergedLog, merge_logs};
 use vlscan_messages::WrittenFile;
-use vlscan_session::output::{FileSummary, OutputRequest, PointFormat, Target};
+use vlscan_session::output::{FileSummary, FrameNames, OutputRequest, PointFormat, Target};
 
 /// The MCAP file of an output, by its [`identity`].
 fn log_of((target, format): &(Target, PointFormat)) -> Option<PathBuf> {
@@ -61,12 +61,15 @@ impl SharedPaths {
             return Ok(());
         }
         output.sinks.sort_by_key(|sink| self.has(sink));
+        let names_frame = output.cloud.frame_names.sensor != FrameNames::default().sensor;
         scanner.clone_into(&mut output.cloud.frame_names.sensor);
         let is_topic = |c: char| c.is_ascii_alphanumeric() || c == '_';
         let has_own_file =
             output.sinks.iter().any(|sink| !self.has(sink) && !matches!(sink.0, Target::Stdout));
         let refused = if !scanner.chars().all(is_topic) || scanner.starts_with(|c: char| c.is_ascii_digit()) {
             "its name is part of topics, and needs to consist of letters, digits and `_` with a letter first"
+        } else if names_frame {
+            "--sensor-frame names one frame, but each scanner has the frame of its name"
         } else if resumes {
             "--resume needs files of each scanner alone"
         } else if output.split_by_channel {
@@ -216,6 +219,8 @@ mod tests {
         assert!(refused("a-b", false, |_| ()).contains("part of topics"));
         assert!(refused("1st", false, |_| ()).contains("part of topics"));
         assert!(refused("front", true, |_| ()).contains("--resume needs files"));
+        let frame = |output: &mut OutputRequest| output.cloud.frame_names.sensor = "roof".to_owned();
+        assert!(refused("front", false, frame).contains("--sensor-frame names one frame"));
         assert!(
             refused("front", false, |output| output.split_by_channel = true).contains("--split-by-channel")
         );

@@ -259,6 +259,7 @@ fn tables_of_objects_that_cannot_be_are_refused() {
     fs::write(dir.path().join("still.toml"), DRIVE.replace("street.xml", "still.xml")).unwrap();
     for (args, expected) in [
         (&["still.toml", "-o", "b.mcap", "--objects", "b.csv"][..], "no moving parts"),
+        (&["still.toml", "--dry-run", "-o", "b.mcap", "--objects", "b.csv"], "no moving parts"),
         (&["drive.toml", "-o", "b.mcap", "--objects", "-"], "stdout is for points"),
         (&["drive.toml", "-o", "b.mcap", "--objects", "b.mcap"], "b.mcap"),
         (&["drive.toml", "-o", "shards", "--shard", "0/2", "--objects", "b.csv"], "--shard"),

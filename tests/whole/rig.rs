@@ -202,6 +202,12 @@ fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
         let single = refused(&rig(LEGS), &[command, "rig.toml"]);
         assert!(single.contains("this command takes a single scanner"), "{single}");
     }
+    let nowhere = refused(&rig(LEGS).replace("rear.las", "none/rear.las"), &["run", "rig.toml", "-q"]);
+    assert!(nowhere.contains("scanner `rear`: none is not a directory"), "{nowhere}");
+    // So are flight and instrument, if warnings are errors.
+    let low =
+        refused(&rig(LEGS).replace("offset_m = [0, -0.4, 2.1], ", ""), &["run", "rig.toml", "--strict"]);
+    assert!(low.contains("scanner `rear`: the flight runs on the surface"), "{low}");
     let piped = refused(&rig(TRAJECTORY).replace("way.csv", "-"), &["run", "rig.toml", "-q"]);
     assert!(piped.contains("can be read only once"), "{piped}");
     assert_eq!(files(dir.path()).len(), before + 1);
@@ -209,6 +215,52 @@ fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
     let exists = refused(&rig(LEGS), &["run", "rig.toml", "-q"]);
     assert!(exists.contains("rear.las exists already"), "{exists}");
     assert_eq!(files(dir.path()).len(), before + 2);
+}
+
+#[test]
+fn a_resumed_run_continues_with_the_scanner_that_was_interrupted() {
+    let dir = site();
+    let long = rig(LEGS).replace("speed_m_per_s = 20", "speed_m_per_s = 4");
+    let options = ["-j", "2", "--resume=1k"];
+    let expected = run_in(dir.path(), "whole", &long, &options[..2]);
+    let work = dir.path().join("killed");
+    fs::create_dir(&work).unwrap();
+    let command = [&["run", "../whole.toml"][..], &options].concat();
+    // An output of a later scanner is refused before the first pulse.
+    fs::write(work.join("rear.xyz"), "mine").unwrap();
+    let refused = run(&work, &command);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+    assert!(text(&refused.stderr).contains("rear.xyz exists already"), "{}", text(&refused.stderr));
+    assert_eq!(files(&work), [Path::new("rear.xyz")]);
+    fs::remove_file(work.join("rear.xyz")).unwrap();
+    let mut child = vlscan(&work).args(&command).stderr(Stdio::null()).spawn().unwrap();
+    // The lock, the mark, the borders, and at least one shard beside the one that is being written.
+    while fs::read_dir(work.join("rear.las.shards")).map_or(0, Iterator::count) < 5 {
+        assert!(child.try_wait().unwrap().is_none(), "the run has ended");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let written = fs::metadata(work.join("front.laz")).unwrap().modified().unwrap();
+    let resumed = succeed(&work, &command);
+    assert!(text(&resumed.stderr).contains("already complete"), "{}", text(&resumed.stderr));
+    assert_eq!(fs::metadata(work.join("front.laz")).unwrap().modified().unwrap(), written);
+    assert_same(&contents(&work), &expected, "resumed");
+}
+
+#[test]
+fn options_of_a_format_apply_to_the_scanners_that_write_it() {
+    let dir = site();
+    let top = "frame_s = 0.05\n";
+    let found = run_in(dir.path(), "rig", &format!("{top}{}", rig(LEGS)), &["-j", "2"]);
+    let mut expected = run_in(dir.path(), "front", &format!("{top}{}", single(&SCANNERS[0], LEGS)), &[]);
+    expected.extend(run_in(dir.path(), "rear", &single(&SCANNERS[1], LEGS), &[]));
+    assert_same(&found, &expected, "frames of the front scanner");
+    let without = format!("{top}{}", rig(LEGS).replace(", \"front.mcap\"", ""));
+    fs::write(dir.path().join("without.toml"), without).unwrap();
+    let refused = run(dir.path(), &["run", "without.toml", "-q"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("--frame-s applies to MCAP"), "{}", text(&refused.stderr));
 }
 
 /// The pipeline of all scanners with one MCAP file for both.
@@ -309,6 +361,10 @@ fn scanners_that_name_one_mcap_have_a_topic_each_in_it() {
     transforms.sort();
     assert!(found == transforms, "{} transforms, expected {}", found.len(), transforms.len());
     let work = dir.path().join("shared");
+    let frames = run(&work, &["frames", "drive.mcap", "--layout", "kitti", "-o", "kitti"]);
+    assert_eq!(frames.status.code(), Some(2));
+    assert!(text(&frames.stderr).contains("points of several scanners, on /"), "{}", text(&frames.stderr));
+    assert!(!work.join("kitti").exists());
     succeed(&work, &["run", "../shared.toml", "--dry-run", "-q"]);
     let again = run(&work, &["run", "../shared.toml", "-q"]);
     assert!(text(&again.stderr).contains("drive.mcap exists already"), "{}", text(&again.stderr));

@@ -194,6 +194,14 @@ impl Diagnostics {
         }
     }
 
+    /// The problems, with the name of what has them in front of each message.
+    pub fn named(mut self, name: &str) -> Diagnostics {
+        self.items.iter_mut().for_each(|item| item.message = format!("{name}: {}", item.message));
+        let mut named = Diagnostics::default();
+        named.extend(self);
+        named
+    }
+
     /// The problems that `reported` does not contain. Lines and messages are compared, since files may have
     /// other names there.
     pub fn without(&self, reported: &Diagnostics) -> Diagnostics {

@@ -141,6 +141,15 @@ impl Error {
         Error::Input(Box::new(d))
     }
 
+    /// The error with the name of what has it in front of its messages: one of several runs.
+    pub fn named(self, name: &str) -> Error {
+        match self {
+            Error::Input(problems) => Error::Input(Box::new(problems.named(name))),
+            Error::Limits(problems) => Error::Limits(Box::new(problems.named(name))),
+            other => other,
+        }
+    }
+
     /// The exit status of the process.
     pub fn exit_status(&self) -> u8 {
         match self {

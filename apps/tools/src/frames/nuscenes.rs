@@ -170,7 +170,10 @@ fn visibility(share: f64) -> &'static str {
 /// A class as lidarseg has it.
 fn class_of(frame: u64, class: i64) -> Result<u8> {
     u8::try_from(class).map_err(|_| {
-        Error::input(format!("frame {frame}: class {class} does not fit the 8 bits of lidarseg"))
+        Error::input_with_help(
+            format!("frame {frame}: class {class} does not fit the 8 bits of lidarseg"),
+            "use a class from 0 to 255, or --layout kitti, whose classes go up to 65535",
+        )
     })
 }
 
@@ -404,8 +407,8 @@ mod tests {
         all.frame(0, &[seen(3, 0)]).unwrap();
         all.frame(1, &[]).unwrap();
         all.frame(2, &[seen(3, 90)]).unwrap();
-        let error = all.frame(3, &[seen(5, 0)]).unwrap_err().to_string();
-        assert!(error.contains("class 300"), "{error}");
+        let error = format!("{:?}", all.frame(3, &[seen(5, 0)]).unwrap_err());
+        assert!(error.contains("class 300") && error.contains("--layout kitti"), "{error}");
         let instances = all.finish().unwrap();
         assert_eq!((instances.len(), &instances[0]["nbr_annotations"]), (1, &json!(2)));
         let rows: Vec<Value> = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();

@@ -35,7 +35,10 @@ enum Kind {
 #[derive(Default)]
 struct Reader {
     schemas: HashMap<u16, Option<Kind>>,
-    channels: HashMap<u16, Kind>,
+    /// Contents and topics.
+    channels: HashMap<u16, (Kind, String)>,
+    /// The channel of the first frame.
+    points: Option<u16>,
     /// Poses by child frame since the last frame.
     poses: HashMap<String, Vec<FramePose>>,
 }
@@ -249,17 +252,18 @@ impl Reader {
             }
             CHANNEL => {
                 let (id, schema) = fields.u16().zip(fields.u16()).ok_or_else(damaged)?;
-                let (_, encoding) = fields.string().zip(fields.string()).ok_or_else(damaged)?;
+                let (topic, encoding) = fields.string().zip(fields.string()).ok_or_else(damaged)?;
                 if let Some(Some(kind)) = self.schemas.get(&schema).filter(|_| encoding == "cdr") {
-                    self.channels.insert(id, *kind);
+                    self.channels.insert(id, (*kind, topic.to_owned()));
                 }
             }
             MESSAGE => {
                 let id = fields.u16().ok_or_else(damaged)?;
                 // Sequence and two times.
                 fields.take(20).ok_or_else(damaged)?;
-                match self.channels.get(&id).copied() {
+                match self.channels.get(&id).map(|(kind, _)| *kind) {
                     Some(Kind::Points) => {
+                        self.check_single(id, path)?;
                         let frame = self.frame(fields.0).ok_or_else(|| {
                             wrong(
                                 path,
@@ -306,6 +310,24 @@ impl Reader {
             _ => {}
         }
         Ok(())
+    }
+
+    /// Checks that points are of one channel, as those of a single scanner are.
+    fn check_single(&mut self, channel: u16, path: &Path) -> Result<()> {
+        let first = *self.points.get_or_insert(channel);
+        if first == channel {
+            return Ok(());
+        }
+        let topic = |id: u16| self.channels.get(&id).map_or("", |(_, topic)| topic.as_str());
+        Err(Error::input_with_help(
+            format!(
+                "{}: it has the points of several scanners, on {} and {}",
+                path.display(),
+                topic(first),
+                topic(channel)
+            ),
+            "give each [[scanner]] an MCAP file of its own",
+        ))
     }
 
     /// Collects the transforms of a message.

@@ -14,7 +14,7 @@
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
 //! | `paths`, `pane` | light over mirrors and through panes; the formulas of panes |
 //! | `water`, `water_column` | the surface of water; light that water scatters back |
-//! | `weather`, `weather_drops`, `weather_light` | fog, rain, snow and dust; single drops; returned light |
+//! | `weather`, `weather_drops`, `weather_light`, `beam_volume` | fog, rain, snow and dust; single drops; returned light; volume of the beam |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
 //! | `single_bin`, `cluster`, `pulse_starts` | returns without a waveform |
 //! | `shape`, `sampled`, `waveform` | the outgoing pulse and the received waveform |
@@ -27,6 +27,7 @@
 //! | `echo`, `batch` | the records |
 
 mod batch;
+mod beam_volume;
 mod cluster;
 mod continuum;
 mod detector_settings;

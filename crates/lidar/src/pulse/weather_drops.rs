@@ -3,10 +3,11 @@
 //! Large drops of a beam form a Poisson process over its volume: the volume between a drop and the next one
 //! has the exponential distribution.
 
+use super::beam_volume::BeamVolume;
 use super::footprint::Footprint;
 use super::weather::{Air, Drops, MIN_DIAMETER};
-use libm::{cbrt, exp, hypot, log, sincos, sqrt};
-use std::f64::consts::{PI, TAU};
+use libm::{exp, hypot, log, sincos, sqrt};
+use std::f64::consts::TAU;
 use vlscan_base::rng::{self, Stream};
 use vlscan_geom::{DVec3, unit};
 use vlscan_survey::{BeamProfile, Weather};
@@ -17,8 +18,6 @@ use vlscan_survey::{BeamProfile, Weather};
 const CROSSOVER: [f64; 2] = [0.9, 1.0];
 /// Minimum range of scattered light, m.
 const MIN_RANGE: f64 = 0.05;
-/// Maximum number of steps of Newton's method.
-const MAX_NEWTON_STEPS: usize = 64;
 
 /// Weather of an instrument in a leg.
 #[derive(Clone, Debug)]
@@ -27,6 +26,7 @@ pub(super) struct WeatherModel {
     /// nm.
     wavelength: f64,
     beam: Footprint,
+    volume: BeamVolume,
     /// Ranges between which transmitter and receiver begin to overlap, linearly, m, unless the gains have
     /// their overlap.
     crossover: Option<[f64; 2]>,
@@ -42,7 +42,13 @@ impl WeatherModel {
         has_overlap: bool,
     ) -> Option<WeatherModel> {
         let crossover = (!has_overlap).then_some(CROSSOVER);
-        (!weather.is_clear()).then(|| WeatherModel { weather: weather.clone(), wavelength, beam, crossover })
+        (!weather.is_clear()).then(|| WeatherModel {
+            weather: weather.clone(),
+            wavelength,
+            beam,
+            volume: BeamVolume::new(&beam),
+            crossover,
+        })
     }
 
     /// The air at a time, ns of the GPS week; `None` if it is clear.
@@ -69,33 +75,12 @@ impl WeatherModel {
 
     /// Product of the radii of the beam along its two axes at a range, m².
     pub fn square(&self, range: f64) -> f64 {
-        let Footprint { half_angles: [x, z], exit_radius, .. } = self.beam;
-        exit_radius * exit_radius + x * z * range * range
-    }
-
-    /// Volume of the beam up to a range, m³: of the cone of its divergence, from the exit of the instrument.
-    fn volume(&self, range: f64) -> f64 {
-        let Footprint { half_angles: [x, z], exit_radius, .. } = self.beam;
-        PI * range * (exit_radius * exit_radius + x * z * range * range / 3.0)
+        self.volume.square(range)
     }
 
     /// Range up to which the beam has a volume, m; infinite for a beam without width.
     pub fn range_of_volume(&self, volume: f64) -> f64 {
-        let Footprint { half_angles: [x, z], exit_radius, .. } = self.beam;
-        let cylinder = volume / (PI * exit_radius * exit_radius);
-        let mut range = cylinder.min(cbrt(3.0 * volume / (PI * x * z)));
-        if !range.is_finite() {
-            return f64::INFINITY;
-        }
-        // From above towards the root of a convex function.
-        for _ in 0..MAX_NEWTON_STEPS {
-            let next = range - (self.volume(range) - volume) / (PI * self.square(range));
-            if !(next < range && next > 0.0) {
-                break;
-            }
-            range = next;
-        }
-        range
+        self.volume.range(volume)
     }
 
     /// Brightness of the beam over its mean within its radius, at the `share`, 0 to 1, of its area.
@@ -138,7 +123,7 @@ pub(super) fn draw_drops(
     out: &mut Vec<SingleDrop>,
 ) {
     out.clear();
-    let volume = model.volume(limit);
+    let volume = model.volume.up_to(limit);
     for (kind, drops) in (0u32..).zip(&air.drops) {
         let Some(drops) = drops else { continue };
         let number = drops.number(MIN_DIAMETER);
@@ -177,6 +162,7 @@ fn drop_at(
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use std::f64::consts::PI;
     use vlscan_base::rng::Purpose;
     use vlscan_survey::AirState;
 
@@ -201,10 +187,10 @@ pub(super) mod tests {
     #[test]
     fn the_beam_has_the_volume_of_its_cone() {
         let (cone, wide) = (model(1.5e-3, 0.0), model(1.5e-3, 0.01));
-        near(cone.volume(50.0), PI * 125_000.0 * 9e-6 / 12.0, 1e-12);
+        near(cone.volume.up_to(50.0), PI * 125_000.0 * 9e-6 / 12.0, 1e-12);
         for model in [&cone, &wide, &model(0.0, 0.01)] {
             for range in [1e-3, 0.5, 20.0, 3000.0] {
-                near(model.range_of_volume(model.volume(range)), range, 1e-9);
+                near(model.range_of_volume(model.volume.up_to(range)), range, 1e-9);
             }
         }
         assert_eq!(model(0.0, 0.0).range_of_volume(1.0), f64::INFINITY);
@@ -222,7 +208,7 @@ pub(super) mod tests {
             assert!(drops.iter().all(|drop| drop.range <= limit && drop.diameter >= 0.5));
             (drops.len() as f64, nearest)
         };
-        let expected = air.large_drops() * model.volume(50.0);
+        let expected = air.large_drops() * model.volume.up_to(50.0);
         near(expected, 263.311893, 1e-7);
         let pulses = 2000;
         let count = (0..pulses).map(|pulse| of_pulse(pulse, 50.0).0).sum::<f64>() / pulses as f64;

@@ -83,6 +83,11 @@ impl MotionPlan {
         let update_interval = period.map_or(u64::from(scene.dyn_step), |t| whole_steps(pulse_rate * t));
         Some(MotionPlan { update_interval, parts, triangles: scene.geometry.triangle_count() })
     }
+
+    /// Simulation steps between scene updates; 0: only the first step updates the scene.
+    pub fn update_interval(&self) -> u64 {
+        self.update_interval
+    }
 }
 
 /// Warns of a time step of a moving scene, which the file `path` describes, that is not a whole number of

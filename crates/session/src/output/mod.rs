@@ -63,6 +63,7 @@ pub use plan::OutputPlan;
 pub use points::{CloudFacts, write_points};
 pub use request::{
     OutputRequest, ShardOutput, TableContent, TableRequest, TableSink, Target, TrajectoryFormat,
+    leave_options_to_others,
 };
 pub use summary::{FileKind, FileSummary, OutputSummary};
 pub use vlscan_formats::text::expand;

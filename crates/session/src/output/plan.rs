@@ -254,7 +254,7 @@ fn divider(
     problems: &mut Diagnostics,
 ) -> Option<Divider> {
     let division = request.division.as_ref()?;
-    if !request.sinks.iter().any(|(target, _)| matches!(target, Target::Directory(_))) {
+    if !request.has_folder() {
         problems
             .error(None, "--tile and --per-object need a directory as output")
             .help("-o DIR, with --format");
@@ -306,13 +306,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             problems.error(None, format!("an interval of time is {seconds} s, expected more than 0"));
         }
     }
-    let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
-    let has_columns = has_table || request.sinks.iter().any(|(_, format)| format.has_columns());
-    let has_colours =
-        request.cloud.has_colours() && request.sinks.iter().any(|(_, format)| format.has_colours());
-    let has_velocities =
-        request.cloud.has_velocities() && request.sinks.iter().any(|(_, format)| format.has_velocities());
-    if request.cloud.columns.is_some() && !has_columns && !has_colours && !has_velocities {
+    if request.cloud.columns.is_some() && !request.uses_columns() {
         problems
             .error(
                 None,
@@ -337,7 +331,7 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
 
 /// Reports problems of the frames of MCAP.
 fn check_frames(request: &OutputRequest, problems: &mut Diagnostics) {
-    let has_frames = request.sinks.iter().any(|(_, format)| format.has_frames());
+    let has_frames = request.has_frames();
     if request.frame_s.is_some() && !has_frames && request.shard.is_none() {
         problems.error(None, "--frame-s applies to MCAP output only").help("-o points.mcap");
     }

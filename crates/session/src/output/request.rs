@@ -7,7 +7,7 @@ use std::fmt::Debug;
 use std::path::PathBuf;
 use std::sync::Arc;
 use vlscan_base::error::Result;
-use vlscan_formats::{CloudSettings, Column, Needs, PointFormat};
+use vlscan_formats::{CloudSettings, Column, FrameNames, Needs, PointFormat};
 use vlscan_lidar::flight::DEFAULT_DAY;
 
 /// Format of a trajectory.
@@ -196,6 +196,26 @@ impl OutputRequest {
         self.cloud.heights || columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
     }
 
+    /// True if the choice of columns has an effect on an output.
+    pub(super) fn uses_columns(&self) -> bool {
+        let has_table = self.tables.iter().any(|table| table.content == TableContent::Points);
+        let has = |of: fn(PointFormat) -> bool| self.sinks.iter().any(|(_, format)| of(*format));
+        has_table
+            || has(PointFormat::has_columns)
+            || self.cloud.has_colours() && has(PointFormat::has_colours)
+            || self.cloud.has_velocities() && has(PointFormat::has_velocities)
+    }
+
+    /// True if an output has frames.
+    pub(super) fn has_frames(&self) -> bool {
+        self.sinks.iter().any(|(_, format)| format.has_frames())
+    }
+
+    /// True if an output is a folder, whose points can be divided.
+    pub(super) fn has_folder(&self) -> bool {
+        self.sinks.iter().any(|(target, _)| matches!(target, Target::Directory(_)))
+    }
+
     /// Records in addition to echoes and poses that all outputs need: the only place where formats, columns
     /// and tables state their needs. A run records it, a merge refuses shards without it.
     pub fn records(&self) -> Records {
@@ -221,5 +241,52 @@ impl OutputRequest {
         let formats = self.sinks.iter().map(|(_, format)| format.needs());
         let columns = columns.iter().flatten().map(|column| column.needs());
         formats.chain(columns).fold(own, Needs::union)
+    }
+}
+
+/// Leaves out the options of each of several runs that apply to outputs of the others only: columns, frames
+/// and their names, the division of folders. Options that apply to no run stay, and are errors.
+pub fn leave_options_to_others(runs: &mut [&mut OutputRequest]) {
+    let uses: [fn(&OutputRequest) -> bool; 3] =
+        [OutputRequest::uses_columns, OutputRequest::has_frames, OutputRequest::has_folder];
+    let is_used = uses.map(|is_of| runs.iter().any(|run| is_of(run)));
+    for run in runs {
+        let [columns, frames, division] = [0, 1, 2].map(|i| is_used[i] && !uses[i](run));
+        if columns {
+            run.cloud.columns = None;
+        }
+        if frames {
+            (run.frame_s, run.cloud.frame_names) = (None, FrameNames::default());
+        }
+        if division {
+            run.division = None;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_keep_the_options_that_apply_to_their_outputs() {
+        let run = |formats: &[PointFormat]| {
+            let sink = |format: &PointFormat| (Target::File("a".into()), *format);
+            let mut request = OutputRequest { frame_s: Some(0.1), ..OutputRequest::default() };
+            request.sinks = formats.iter().map(sink).collect();
+            request.cloud.columns = Some(vec![Column::GpsTime]);
+            request.cloud.frame_names.world = "street".to_owned();
+            request
+        };
+        let mut runs = [&[PointFormat::Laz][..], &[PointFormat::Mcap], &[PointFormat::Xyz]].map(run);
+        leave_options_to_others(&mut runs.each_mut());
+        assert_eq!(runs.each_ref().map(|run| run.frame_s), [None, Some(0.1), None]);
+        assert_eq!(runs.each_ref().map(|run| run.cloud.columns.is_some()), [false, false, true]);
+        assert_eq!(runs[1].cloud.frame_names.world, "street");
+        assert_eq!(runs[0].cloud.frame_names, FrameNames::default());
+        // No run has a use for them.
+        let mut runs = [&[PointFormat::Laz][..], &[PointFormat::Las]].map(run);
+        leave_options_to_others(&mut runs.each_mut());
+        assert!(runs.iter().all(|run| run.frame_s.is_some() && run.cloud.columns.is_some()));
     }
 }

@@ -6,12 +6,14 @@ use super::progress::Progress;
 use super::resume_folder::{ResumeFolder, RunId, State};
 use super::run::Report;
 use super::session::Session;
-use super::shard::{Divisible, check_outputs};
+use super::shard::{Divisible, check_outputs, of_another_run};
 use crate::output::{OutputContext, OutputRequest, OutputSummary, Target};
-use crate::shards::{OneOf, ShardSet};
+use crate::shards::{Borders, OneOf, ShardFile, ShardSet, shard_path};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Notice;
 use vlscan_base::error::{Error, Result};
+use vlscan_lidar::flight::FlightPlan;
 
 /// Maximum number of shards.
 const MAX_SHARDS: u64 = 100_000;
@@ -23,6 +25,9 @@ pub struct ResumeOptions {
     pub folder: PathBuf,
     /// Pulses per shard; a folder with shards keeps their number.
     pub pulses_per_shard: u64,
+    /// If set, the folder stays when the outputs are complete, with a mark by which a repeated run recognises
+    /// them, until [`ResumeOptions::remove_folder`] removes it.
+    pub keeps_mark: bool,
 }
 
 impl ResumeOptions {
@@ -40,7 +45,48 @@ impl ResumeOptions {
         })?;
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(".shards");
-        Ok(ResumeOptions { folder: path.with_file_name(name), pulses_per_shard })
+        Ok(ResumeOptions { folder: path.with_file_name(name), pulses_per_shard, keeps_mark: false })
+    }
+
+    /// Removes the folder of a run with complete outputs. Returns a note if it is kept because of files that
+    /// no run has made.
+    ///
+    /// # Errors
+    /// [`Error::Input`] while another run works in the folder, and for one that no run has made;
+    /// [`Error::Io`].
+    pub fn remove_folder(&self) -> Result<Option<Notice>> {
+        match ResumeFolder::state_of(&self.folder)? {
+            Some(state) => remove_shards(ResumeFolder::open(&self.folder, Some(&state))?, &self.folder),
+            None => Ok(None),
+        }
+    }
+}
+
+/// Removes the shards of a run that is complete. Returns a note of the other files in their folder.
+fn remove_shards(folder: ResumeFolder, path: &Path) -> Result<Option<Notice>> {
+    Ok(folder.remove()?.first().map(|other| {
+        Notice::Note(format!(
+            "{} is kept: it contains files that the run has not made, such as {}",
+            path.display(),
+            other.display()
+        ))
+    }))
+}
+
+/// A run that can be resumed, and how far an earlier start of it came.
+struct Resumption {
+    flight: Divisible,
+    run: RunId,
+    /// State of the folder; `None` if there is no folder.
+    known: Option<State>,
+    /// True if outputs of this run may exist.
+    is_resuming: bool,
+}
+
+impl Resumption {
+    /// True if all outputs of this run are complete.
+    fn is_complete(&self) -> bool {
+        self.is_resuming && self.known.as_ref().is_some_and(State::is_complete)
     }
 }
 
@@ -57,18 +103,14 @@ impl Session {
         how: &ResumeOptions,
         control: RunContext<'_>,
     ) -> Result<Report> {
-        check_outputs(&outputs)?;
         let path = how.folder.as_path();
-        let known = ResumeFolder::state_of(path)?;
-        self.record_for(&outputs);
-        let flight = self.divisible()?;
-        let run = RunId::new(&flight.fingerprint, &outputs);
-        let is_resuming = known.as_ref().is_some_and(|state| state.has_outputs_of(run));
+        let resumption = self.resumption(&outputs, how, Session::plan_flight)?;
+        let is_complete = resumption.is_complete();
+        let Resumption { flight, run, known, is_resuming } = resumption;
         // The caller writes companions after the outputs.
-        let needs_no_more = is_resuming && outputs.companions.is_empty();
-        if needs_no_more && known.as_ref().is_some_and(State::is_complete) {
+        if is_complete && outputs.companions.is_empty() {
             self.notify(Notice::Note("the outputs are already complete".to_owned()));
-            self.remove_shards(ResumeFolder::open(path, known.as_ref())?, path)?;
+            self.close(ResumeFolder::open(path, known.as_ref())?, how)?;
             return Ok(Report {
                 summary: OutputSummary::default(),
                 pulses: 0,
@@ -108,19 +150,55 @@ impl Session {
         if !report.interrupted {
             // A run that is ended while it removes the shards must not compute them again.
             folder.mark(State::complete(run, &report.summary))?;
-            self.remove_shards(folder, path)?;
+            self.close(folder, how)?;
         }
         Ok(Report { seconds: seconds + report.seconds, warnings: self.warnings(), ..report })
     }
 
-    /// Removes the shards of a run that is complete.
-    fn remove_shards(&self, folder: ResumeFolder, path: &Path) -> Result<()> {
-        if let Some(other) = folder.remove()?.first() {
-            self.notify(Notice::Note(format!(
-                "{} is kept: it contains files that the run has not made, such as {}",
-                path.display(),
-                other.display()
-            )));
+    /// Checks outputs as [`Session::run_resumable`] does before the first pulse, and returns the files and
+    /// folders that they fill, as [`Session::output_places`] does. Outputs of an earlier start of the same
+    /// run may exist. Warnings are left to the run, unless they are errors.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for outputs that are impossible, for flights that cannot be divided, and for shards
+    /// of another run, unless outputs may be replaced; [`Error::Io`].
+    pub fn check_resumable(
+        &mut self,
+        outputs: &OutputRequest,
+        how: &ResumeOptions,
+    ) -> Result<BTreeSet<PathBuf>> {
+        let plan = |session: &Session| session.plan_flight_quietly().map(|(flight, _)| flight);
+        let Resumption { flight, known, is_resuming, .. } = self.resumption(outputs, how, plan)?;
+        if !outputs.force && known.is_some_and(|state| !state.is_complete()) {
+            check_shards(&flight, &how.folder)?;
+        }
+        let context = OutputContext { has_ground: false, ..self.output_context() };
+        self.check_places(OutputRequest { is_resuming, ..outputs.clone() }, &context)
+    }
+
+    /// Finds out how far an earlier start of a run came, whose flight `plan` plans.
+    fn resumption(
+        &mut self,
+        outputs: &OutputRequest,
+        how: &ResumeOptions,
+        plan: fn(&Session) -> Result<FlightPlan>,
+    ) -> Result<Resumption> {
+        check_outputs(outputs)?;
+        let known = ResumeFolder::state_of(&how.folder)?;
+        self.record_for(outputs);
+        let flight = self.divisible(plan)?;
+        let run = RunId::new(&flight.fingerprint, outputs);
+        let is_resuming = known.as_ref().is_some_and(|state| state.has_outputs_of(run));
+        Ok(Resumption { flight, run, known, is_resuming })
+    }
+
+    /// Removes the shards of a run that is complete, and its folder unless that keeps the mark.
+    fn close(&self, folder: ResumeFolder, how: &ResumeOptions) -> Result<()> {
+        if how.keeps_mark {
+            return folder.remove_shards();
+        }
+        if let Some(note) = remove_shards(folder, &how.folder)? {
+            self.notify(note);
         }
         Ok(())
     }
@@ -194,6 +272,23 @@ impl Session {
     }
 }
 
+/// Refuses a folder whose borders, or whose first shard, are of another run.
+fn check_shards(flight: &Divisible, folder: &Path) -> Result<()> {
+    Borders::load(folder, &flight.fingerprint)?;
+    let first = ShardSet::list(folder)?.into_iter().find_map(|(of, numbers)| {
+        let number = *numbers.first()?;
+        Some(OneOf { number, of })
+    });
+    let Some(shard) = first else { return Ok(()) };
+    let path = shard_path(folder, shard);
+    // Damaged shards are computed again.
+    let Ok(file) = ShardFile::open(&path) else { return Ok(()) };
+    match flight.fingerprint.difference(&file.head.fingerprint) {
+        Some(what) => Err(of_another_run(&path, &what)),
+        None => Ok(()),
+    }
+}
+
 /// The file or folder of an output; `None` for a stream.
 fn path_of(target: &Target) -> Option<&Path> {
     match target {
@@ -229,9 +324,16 @@ mod tests {
         }
 
         fn run(&self, seed: u64, outputs: OutputRequest) -> Result<Report> {
-            let how = ResumeOptions { folder: self.at("shards"), pulses_per_shard: 1000 };
+            self.run_with(seed, outputs, &self.how(false))
+        }
+
+        fn run_with(&self, seed: u64, outputs: OutputRequest, how: &ResumeOptions) -> Result<Report> {
             let (progress, stop) = (Progress::default(), Stop::new());
-            session(seed).run_resumable(outputs, &how, RunContext::new(&progress, &stop))
+            session(seed).run_resumable(outputs, how, RunContext::new(&progress, &stop))
+        }
+
+        fn how(&self, keeps_mark: bool) -> ResumeOptions {
+            ResumeOptions { folder: self.at("shards"), pulses_per_shard: 1000, keeps_mark }
         }
 
         /// Leaves the folder of shards as a run that was ended.
@@ -253,7 +355,7 @@ mod tests {
     fn id(seed: u64, outputs: &OutputRequest) -> RunId {
         let mut session = session(seed);
         session.record_for(outputs);
-        RunId::new(&session.divisible().unwrap().fingerprint, outputs)
+        RunId::new(&session.divisible(Session::plan_flight).unwrap().fingerprint, outputs)
     }
 
     #[test]
@@ -312,6 +414,56 @@ mod tests {
             assert!(refused.to_string().contains("a.las exists already"), "{refused}");
             assert_eq!(place.read("a.las"), b"precious");
         }
+    }
+
+    #[test]
+    fn complete_outputs_are_recognised_while_their_mark_is_kept() {
+        let place = Place(tempfile::tempdir().unwrap());
+        let (outputs, how) = (place.outputs(&["a.las"]), place.how(true));
+        let check = |seed: u64| session(seed).check_resumable(&outputs, &how).map_err(|e| e.to_string());
+        let expected = session(1).output_places(&outputs).unwrap();
+        assert_eq!(check(1).unwrap(), expected);
+        assert!(!place.at("shards").exists(), "a check writes nothing");
+        assert!(place.run_with(1, outputs.clone(), &how).unwrap().pulses > 0);
+        let shards = ShardSet::list(&place.at("shards")).unwrap();
+        assert!(shards.is_empty(), "{shards:?}");
+        assert_eq!(check(1).unwrap(), expected);
+        assert_eq!(place.run_with(1, outputs.clone(), &how).unwrap().pulses, 0);
+        assert!(check(2).unwrap_err().contains("a.las exists already"));
+        assert!(how.remove_folder().unwrap().is_none());
+        assert!(!place.at("shards").exists() && place.at("a.las").exists());
+        assert!(check(1).unwrap_err().contains("a.las exists already"));
+        assert!(how.remove_folder().unwrap().is_none());
+    }
+
+    #[test]
+    fn shards_of_another_run_are_refused_before_the_first_pulse() {
+        let place = Place(tempfile::tempdir().unwrap());
+        let (outputs, how) = (place.outputs(&["a.las"]), place.how(false));
+        place.mark(State::Shards);
+        let stop = Stop::new();
+        let check = |seed: u64, force: bool| {
+            let outputs = OutputRequest { force, ..outputs.clone() };
+            session(seed).check_resumable(&outputs, &how).map(drop)
+        };
+        session(1).shards(&how.folder, &outputs, false, &stop).unwrap();
+        check(1, false).unwrap();
+        let refused = check(2, false).unwrap_err().to_string();
+        assert!(
+            refused.contains("belongs to another flight") && refused.contains("seed (1, 2)"),
+            "{refused}"
+        );
+        check(2, true).unwrap();
+        // Without the borders, a shard is compared.
+        let progress = Progress::default();
+        let mut session = session(1);
+        let mut runner = session.shards(&how.folder, &outputs, false, &stop).unwrap();
+        runner.run(OneOf { number: 1, of: 2 }, RunContext::new(&progress, &stop)).unwrap();
+        fs::remove_file(Borders::path(&how.folder)).unwrap();
+        check(1, false).unwrap();
+        let refused = check(2, false).unwrap_err().to_string();
+        assert!(refused.contains("-000002.vlshard is of another run"), "{refused}");
+        check(2, true).unwrap();
     }
 
     #[test]

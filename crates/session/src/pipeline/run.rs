@@ -133,14 +133,33 @@ impl Session {
     /// Checks a flight over the scene of the first epoch and reports what is hardly intended. Returns whether
     /// anything is.
     pub(super) fn check_flight(&self, flight: &FlightPlan, stop: &Stop) -> Result<bool> {
+        let found = self.flight_warnings(flight, stop)?;
+        let is_doubted = !found.is_empty();
+        self.notify(Notice::Warnings(found));
+        Ok(is_doubted)
+    }
+
+    /// Finds what is hardly intended of a flight over the scene of the first epoch.
+    fn flight_warnings(&self, flight: &FlightPlan, stop: &Stop) -> Result<Diagnostics> {
         let (survey, scene, tree) = (self.survey(), self.scene(), self.tree()?);
         let mut found = plausibility::check_flight(survey, scene, tree, flight);
         found.extend(plausibility::check_recording(survey, scene, tree, flight, &|| stop.is_requested()));
         self.check_tiles()?;
-        let found = found.finish(self.settings().strict)?;
-        let is_doubted = !found.is_empty();
-        self.notify(Notice::Warnings(found));
-        Ok(is_doubted)
+        found.finish(self.settings().strict)
+    }
+
+    /// Checks flight and instrument as [`Session::run`] does before the first pulse, for a run that begins
+    /// later. Warnings are left to the run, unless they are errors.
+    ///
+    /// # Errors
+    /// As for [`Session::run`].
+    pub fn check(&self, stop: &Stop) -> Result<()> {
+        let (flight, _) = self.plan_flight_quietly()?;
+        self.instrument_warnings()?;
+        if self.settings().strict {
+            self.flight_warnings(&flight, stop)?;
+        }
+        Ok(())
     }
 
     /// Context on which outputs depend.
@@ -151,6 +170,12 @@ impl Session {
 
     /// Warns of settings of the instrument that the physics passes over or replaces.
     pub(super) fn check_instrument(&self) -> Result<()> {
+        self.notify(Notice::Warnings(self.instrument_warnings()?));
+        Ok(())
+    }
+
+    /// Finds the settings of the instrument that the physics passes over or replaces.
+    fn instrument_warnings(&self) -> Result<Diagnostics> {
         let Settings { survey, physics, strict, .. } = self.settings();
         let mut found = plausibility::check_instrument(survey, &physics.corrections);
         if self.has_spectra() && !physics.corrections.channel_spectra {
@@ -158,8 +183,7 @@ impl Session {
         }
         found.extend(plausibility::check_noise(survey, physics));
         found.extend(plausibility::check_energy_model(survey, physics));
-        self.notify(Notice::Warnings(found.finish(*strict)?));
-        Ok(())
+        found.finish(*strict)
     }
 
     /// The request with the inputs and the epochs of the session.
@@ -202,12 +226,23 @@ impl Session {
     }
 
     /// Checks outputs as [`Session::run`] does before the first pulse, and returns the files and folders that
-    /// they fill, see [`CheckedOutputs::places`]. Warnings are left to the run.
+    /// they fill, see [`CheckedOutputs::places`]. Warnings are left to the run, unless they are errors.
     ///
     /// # Errors
     /// [`Error::Input`] for outputs that are impossible.
     pub fn output_places(&self, outputs: &OutputRequest) -> Result<BTreeSet<PathBuf>> {
-        Ok(self.complete(outputs.clone()).check(&self.output_context())?.places())
+        self.check_places(outputs.clone(), &self.output_context())
+    }
+
+    /// The files and folders that outputs fill, which are checked in a context.
+    pub(super) fn check_places(
+        &self,
+        outputs: OutputRequest,
+        context: &OutputContext,
+    ) -> Result<BTreeSet<PathBuf>> {
+        let checked = self.complete(outputs).check(context)?;
+        checked.warnings().clone().finish(self.settings().strict)?;
+        Ok(checked.places())
     }
 
     /// Checks complete outputs and reports warnings of them.

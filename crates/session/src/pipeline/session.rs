@@ -191,6 +191,13 @@ impl Session {
         self.warnings.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
+    /// Time between updates of the moving scene, s: a number of pulse periods of the first leg. `None` for a
+    /// scene without moving parts.
+    pub fn scene_step_s(&self) -> Option<f64> {
+        let steps = self.motion()?.update_interval();
+        Some(steps as f64 / first_pulse_rate(&self.settings))
+    }
+
     /// Passes a notice to the observer.
     pub(super) fn notify(&self, notice: Notice) {
         (self.observer)(notice);
@@ -224,13 +231,19 @@ impl Session {
     /// # Errors
     /// [`Error::Input`] and [`Error::Limits`] for legs and trajectories that cannot be flown.
     pub fn plan_flight(&self) -> Result<FlightPlan> {
+        let (flight, found) = self.plan_flight_quietly()?;
+        (self.observer)(Notice::Warnings(found));
+        Ok(flight)
+    }
+
+    /// [`Session::plan_flight`] with the warnings.
+    pub(super) fn plan_flight_quietly(&self) -> Result<(FlightPlan, Diagnostics)> {
         let (settings, scene) = (&self.settings, self.scene());
         let ground = |x, y| scene.ground_height(x, y);
         let planned = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight);
         self.check_tiles()?;
         let (flight, found) = planned?;
-        (self.observer)(Notice::Warnings(found.finish(settings.strict)?));
-        Ok(flight)
+        Ok((flight, found.finish(settings.strict)?))
     }
 
     /// Fails if the height of the ground, or a distance, is not known because a tile of the scene could not

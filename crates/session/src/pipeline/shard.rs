@@ -46,13 +46,13 @@ pub struct ShardRunner<'s> {
 }
 
 impl Session {
-    /// Plans the flight, and collects everything that the contents of its shards depend on.
+    /// Plans the flight with `plan`, and collects everything that the contents of its shards depend on.
     ///
     /// # Errors
     /// [`Error::Input`] for flights that cannot be divided; [`Error::Io`].
-    pub(super) fn divisible(&self) -> Result<Divisible> {
+    pub(super) fn divisible(&self, plan: fn(&Session) -> Result<FlightPlan>) -> Result<Divisible> {
         check_platform(self.survey())?;
-        let flight = Arc::new(self.plan_flight()?);
+        let flight = Arc::new(plan(self)?);
         let scene = vlscan_scene::fingerprint(self.scene(), &self.survey().scene)?;
         let fingerprint = fingerprint(self.settings(), scene, &flight)?;
         Ok(Divisible { flight, fingerprint })
@@ -74,7 +74,7 @@ impl Session {
     ) -> Result<ShardRunner<'_>> {
         check_outputs(outputs)?;
         self.record_for(outputs);
-        let run = self.divisible()?;
+        let run = self.divisible(Session::plan_flight)?;
         self.shards_of(run, folder, outputs.cloud.creation, force, stop)
     }
 
@@ -208,11 +208,7 @@ impl ShardRunner<'_> {
                 Err(reason) => damaged(reason),
             };
         }
-        let what = expected.difference(&file.head);
-        Err(Error::not_divisible(
-            format!("{} is of another run; they differ in {what}", path.display()),
-            "remove the folder to start again, or repeat the command with the same options",
-        ))
+        Err(of_another_run(&path, &expected.difference(&file.head)))
     }
 
     fn head_of(&self, shard: OneOf) -> ShardHead {
@@ -304,6 +300,14 @@ impl ShardRunner<'_> {
         self.session.check_flight(&self.flight, stop)?;
         Ok(())
     }
+}
+
+/// The error of a shard of another run; `what` is the difference.
+pub(super) fn of_another_run(shard: &Path, what: &str) -> Error {
+    Error::not_divisible(
+        format!("{} is of another run; they differ in {what}", shard.display()),
+        "remove the folder to start again, or repeat the command with the same options",
+    )
 }
 
 /// Refuses heights above ground, for which a merge has no scene.

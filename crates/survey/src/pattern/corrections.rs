@@ -5,7 +5,7 @@
 //! firing times of the channels, µs, relative to each other.
 
 use super::columns::{Column, Row};
-use super::sink::{MAX_CHANNEL, MAX_CHANNELS, PatternProblem, RowResult, RowSink, check_columns};
+use super::sink::{AngleRange, MAX_CHANNEL, MAX_CHANNELS, PatternProblem, RowResult, RowSink, check_columns};
 use super::table::TableFile;
 use crate::beams::{Beams, beam_pose, channels_of_beams};
 use crate::context::Context;
@@ -32,6 +32,19 @@ const MIN_CHECKSUM: usize = 16;
 struct ByChannel<const TIMES: bool> {
     columns: Vec<Column>,
     rows: BTreeMap<u32, Row>,
+    angles: AngleRange,
+}
+
+impl<const TIMES: bool> ByChannel<TIMES> {
+    /// Numbers of the channels from 0, if they count them from 0 or 1 without gaps; else as they are.
+    fn numbers(&self) -> Vec<u32> {
+        let numbers: Vec<u32> = self.rows.keys().copied().collect();
+        let is_counted = numbers.windows(2).all(|pair| pair[1] == pair[0] + 1);
+        match numbers.first() {
+            Some(1) if is_counted => (0..numbers.len() as u32).collect(),
+            _ => numbers,
+        }
+    }
 }
 
 /// Columns of a table of angles, or of firing times.
@@ -47,8 +60,9 @@ impl<const TIMES: bool> RowSink for ByChannel<TIMES> {
         Some(columns_of(TIMES)).filter(|columns| columns.len() == count)
     }
 
-    fn begin(&mut self, columns: &[Column]) -> Result<(), PatternProblem> {
+    fn begin(&mut self, columns: &[Column], has_units: bool) -> Result<(), PatternProblem> {
         self.columns = columns.to_vec();
+        self.angles = AngleRange::new(has_units);
         check_columns(columns, columns_of(TIMES))
     }
 
@@ -67,6 +81,7 @@ impl<const TIMES: bool> RowSink for ByChannel<TIMES> {
         within(Column::Elevation, -90.0, 90.0)?;
         within(Column::Azimuth, -360.0, 360.0)?;
         within(Column::FiringTime, -FIRING_OFFSET_US.high, FIRING_OFFSET_US.high)?;
+        self.angles.add(row);
         let channel = row[Column::Channel as usize];
         if channel.fract() != 0.0 {
             return Err((Column::Channel, PatternProblem::Value("a whole number".to_owned())));
@@ -104,22 +119,52 @@ pub(crate) fn corrected_channels(
 }
 
 fn channels_of(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Option<Vec<Device>> {
-    let mut devices = match fields.has(K.corrections) {
+    let Corrected { mut devices, numbers, has_times } = match fields.has(K.corrections) {
         true => corrected(fields, scanner, ouster)?,
-        false => scanner.devices.clone(),
+        false => Corrected::counted(scanner.devices.clone()),
     };
     if fields.has(K.firing_times) {
-        let times = by_channel::<true>(fields, K.firing_times, TIMES_HELP)?;
-        let times: Vec<f64> = times.rows.values().map(|row| row[Column::FiringTime as usize]).collect();
+        if has_times {
+            fields
+                .error(K.firing_times, "and a column of firing times in `corrections` contradict each other");
+            return None;
+        }
+        let table = by_channel::<true>(fields, K.firing_times, TIMES_HELP)?;
+        let times: Vec<f64> = table.rows.values().map(|row| row[Column::FiringTime as usize]).collect();
         if times.len() != devices.len() {
             let message =
                 format!("must have a row for each of the {} channels, found {}", devices.len(), times.len());
             fields.error(K.firing_times, &message);
             return None;
         }
+        if table.numbers() != numbers {
+            let message = match fields.has(K.corrections) {
+                true => "must have the channels of `corrections`",
+                false => "must count the channels of the scanner from 0 or 1 without gaps",
+            };
+            fields.error(K.firing_times, message);
+            return None;
+        }
         set_times(&mut devices, &times);
     }
     Some(devices)
+}
+
+/// Channels with the angles of a file.
+struct Corrected {
+    devices: Vec<Device>,
+    /// Their numbers in the file, see [`ByChannel::numbers`].
+    numbers: Vec<u32>,
+    /// True if the file has firing times, too.
+    has_times: bool,
+}
+
+impl Corrected {
+    /// Channels that are counted from 0.
+    fn counted(devices: Vec<Device>) -> Corrected {
+        let numbers = (0..devices.len() as u32).collect();
+        Corrected { devices, numbers, has_times: false }
+    }
 }
 
 /// Reads a table of `[scanner]`.
@@ -130,7 +175,7 @@ fn by_channel<const TIMES: bool>(
 ) -> Option<ByChannel<TIMES>> {
     let place = fields.place(key);
     let name = fields.near_name(key)?;
-    let mut table = ByChannel { columns: Vec::new(), rows: BTreeMap::new() };
+    let mut table = ByChannel { columns: Vec::new(), rows: BTreeMap::new(), angles: AngleRange::new(false) };
     let file =
         TableFile { context: fields.context, name: &name, folder: fields.folder(), place: &place, help };
     file.read(&mut table)?;
@@ -139,6 +184,9 @@ fn by_channel<const TIMES: bool>(
     let others: Vec<&str> = others.map(|column| column.name()).collect();
     if !others.is_empty() {
         fields.warn(key, &format!("has columns that are not read: {}", others.join(", ")));
+    }
+    if let Some(message) = table.angles.warning() {
+        fields.context.warn_help(place.clone(), message, AngleRange::HELP);
     }
     if table.rows.is_empty() {
         fields.context.error_help(place, PatternProblem::Empty.to_string(), help);
@@ -149,20 +197,21 @@ fn by_channel<const TIMES: bool>(
 
 /// The channels of the scanner with the angles of a file: its own, if there are as many, or copies of its
 /// only one.
-fn corrected(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Option<Vec<Device>> {
+fn corrected(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Option<Corrected> {
     let place = fields.place(K.corrections);
     let name = fields.near_name(K.corrections)?;
     let is_json = Path::new(&name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
-    let (elevations, azimuths, origin, times) = if is_json {
+    let (elevations, azimuths, origin, times, numbers) = if is_json {
         let beams = ouster(fields.context, &name, fields.folder(), place)?;
-        (beams.altitudes, beams.azimuths, Some(beams.origin), Vec::new())
+        let numbers = (0..beams.altitudes.len() as u32).collect();
+        (beams.altitudes, beams.azimuths, Some(beams.origin), Vec::new(), numbers)
     } else {
         let table = by_channel::<false>(fields, K.corrections, ANGLES_HELP)?;
         let column =
             |column: Column| -> Vec<f64> { table.rows.values().map(|row| row[column as usize]).collect() };
         let has_times = table.columns.contains(&Column::FiringTime);
         let times = if has_times { column(Column::FiringTime) } else { Vec::new() };
-        (column(Column::Elevation), column(Column::Azimuth), None, times)
+        (column(Column::Elevation), column(Column::Azimuth), None, times, table.numbers())
     };
     let mut devices = match scanner.devices.len() {
         1 => {
@@ -170,6 +219,17 @@ fn corrected(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Optio
             channels_of_beams(base, &elevations, &azimuths, &[0.0], &[base.firing_offset * 1e6])
         }
         count if count == elevations.len() => {
+            // Rows belong to the channels by their order.
+            if let [first, .., last] = numbers[..]
+                && (first, last) != (0, count as u32 - 1)
+            {
+                let message = format!(
+                    "must count the {count} channels of the scanner from 0 or 1 without gaps, found {first} \
+                     to {last}"
+                );
+                fields.error(K.corrections, &message);
+                return None;
+            }
             let angles = elevations.iter().zip(&azimuths);
             let turned = |(device, (elevation, azimuth)): (&Device, (&f64, &f64))| {
                 // The rotation of the entry is that of the nominal angles.
@@ -187,10 +247,11 @@ fn corrected(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Optio
     if let Some(origin) = origin {
         devices.iter_mut().for_each(|device| device.beam_origin.offset = origin);
     }
-    if !times.is_empty() {
+    let has_times = !times.is_empty();
+    if has_times {
         set_times(&mut devices, &times);
     }
-    Some(devices)
+    Some(Corrected { devices, numbers, has_times })
 }
 
 /// Sets the firing times, µs, from that of the first pulse on.

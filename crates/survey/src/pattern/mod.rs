@@ -22,6 +22,7 @@ use super::fields::Fields;
 use super::keys::InstrumentKeys;
 use super::{Deflector, Device, Mount, PatternTable, PulseTimes, Scanner};
 use rows::{Pattern, PatternChannel, PatternRows, pulse_times};
+use sink::AngleRange;
 use std::sync::Arc;
 use table::{TableFile, add_listed};
 use vlscan_base::diag::Place;
@@ -55,6 +56,9 @@ pub(super) fn apply_pattern(fields: &mut Fields, scanner: &mut Scanner) -> Optio
     }
     let place = fields.place(K.pattern);
     read_rows(fields, &place, &mut rows)?;
+    if let Some(message) = rows.warning() {
+        fields.context.warn_help(place.clone(), message, AngleRange::HELP);
+    }
     let pattern = match rows.finish(repeats) {
         Ok(pattern) => pattern,
         Err(problem) => {

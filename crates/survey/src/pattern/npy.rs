@@ -15,6 +15,9 @@ pub(super) enum NpyError {
     /// Fewer bytes than the header states.
     #[error("ends before its last number")]
     Truncated,
+    /// More bytes than the header states, such as those of a second array.
+    #[error("has {0} bytes behind its last number")]
+    Longer(usize),
     /// A damaged header.
     #[error("has a damaged header")]
     Header,
@@ -116,9 +119,10 @@ impl NpyArray<'_> {
         let data = &rest[length..];
         let width: usize = columns.iter().map(|column| column.bytes).sum();
         let needed = shape[0].checked_mul(width).ok_or(NpyError::Truncated)?;
-        match data.len() < needed {
-            true => Err(NpyError::Truncated),
-            false => Ok(NpyArray { names, columns, rows: shape[0], is_by_column, data }),
+        match data.len().checked_sub(needed) {
+            None => Err(NpyError::Truncated),
+            Some(0) => Ok(NpyArray { names, columns, rows: shape[0], is_by_column, data }),
+            Some(more) => Err(NpyError::Longer(more)),
         }
     }
 
@@ -198,6 +202,7 @@ mod tests {
             NpyArray::parse(&file(&header, data)).map(|_| ()).unwrap_err()
         };
         assert_eq!(of("'<f8'", "2, 2", &[0; 31]), NpyError::Truncated);
+        assert_eq!(of("'<f8'", "2, 2", &[0; 40]), NpyError::Longer(8));
         assert_eq!(of("'<f8'", "18446744073709551615, 2", &[]), NpyError::Truncated);
         assert_eq!(of("'<c16'", "2, 2", &[]), NpyError::Type("<c16".to_owned()));
         assert_eq!(of("'|O'", "2, 2", &[]), NpyError::Type("|O".to_owned()));

@@ -1,7 +1,7 @@
 //! Rows of a scan pattern, checked one by one, and the beams that they are.
 
 use super::columns::{Column, Row};
-use super::sink::{MAX_CHANNEL, MAX_CHANNELS, PatternProblem, RowResult, RowSink, check_columns};
+use super::sink::{AngleRange, MAX_CHANNEL, MAX_CHANNELS, PatternProblem, RowResult, RowSink, check_columns};
 use crate::{PatternBeam, PatternTable, PulseTimes};
 use std::collections::BTreeMap;
 use vlscan_base::quantity::{DIVERGENCE, MAX_DURATION, PULSE_FREQ, number};
@@ -13,6 +13,8 @@ const MAX_ROWS: usize = 1 << 24;
 const MAX_STEPS: u64 = 1 << 25;
 /// Largest azimuth, degrees.
 const MAX_AZIMUTH: f64 = 360.0;
+/// Largest time and number of a row.
+const MAX_KEY: f64 = 1e12;
 /// Largest distance of the origin of a beam from that of the emitter along an axis, m.
 const MAX_ORIGIN: f64 = 10.0;
 
@@ -53,6 +55,7 @@ pub(super) struct PatternRows {
     /// Times of the steps since the first one, s.
     times: Vec<f64>,
     rows: usize,
+    angles: AngleRange,
 }
 
 /// A channel of a pattern.
@@ -92,7 +95,13 @@ impl PatternRows {
             steps: 0,
             times: Vec::new(),
             rows: 0,
+            angles: AngleRange::new(false),
         }
+    }
+
+    /// A warning about angles that look like radians.
+    pub fn warning(&self) -> Option<String> {
+        self.angles.warning()
     }
 
     /// The step of a row, and true if it is the first row of that step.
@@ -104,11 +113,14 @@ impl PatternRows {
         };
         let value = row[column as usize];
         let value_error = |expected: String| Err((column, PatternProblem::Value(expected)));
-        if self.order == Order::Index && (value.fract() != 0.0 || !(0.0..=1e15).contains(&value)) {
-            return value_error("a whole number of at least 0".to_owned());
+        if self.order == Order::Index && (value.fract() != 0.0 || !(0.0..=MAX_KEY).contains(&value)) {
+            return value_error(format!("a whole number from 0 to {}", number(MAX_KEY)));
         }
-        if !value.is_finite() || value.abs() > 1e12 {
+        if !value.is_finite() {
             return value_error("a finite time".to_owned());
+        }
+        if value.abs() > MAX_KEY {
+            return value_error(format!("a time of at most {} s", number(MAX_KEY)));
         }
         if self.rows == 0 {
             return Ok((0, true));
@@ -225,7 +237,8 @@ impl RowSink for PatternRows {
         }
     }
 
-    fn begin(&mut self, columns: &[Column]) -> Result<(), PatternProblem> {
+    fn begin(&mut self, columns: &[Column], has_units: bool) -> Result<(), PatternProblem> {
+        self.angles = AngleRange::new(has_units);
         let has = |column: Column| columns.contains(&column);
         let up = if has(Column::Zenith) { Column::Zenith } else { Column::Elevation };
         check_columns(columns, &[Column::Azimuth, up])?;
@@ -261,6 +274,7 @@ impl RowSink for PatternRows {
         let (step, is_new) = self.step_of(row)?;
         let channel = self.channel_of(row)?;
         let (azimuth, elevation) = self.angles_of(row)?;
+        self.angles.add(row);
         let origin = PatternRows::origin_of(row)?;
         let divergence = row[Column::Divergence as usize];
         if !divergence.is_nan() && !DIVERGENCE.contains(divergence) {
@@ -334,7 +348,7 @@ mod tests {
 
     fn read(columns: &[Column], rows: &[&[f64]]) -> Result<PatternRows, (usize, Column, PatternProblem)> {
         let mut read = PatternRows::new(None, false);
-        read.begin(columns).unwrap();
+        read.begin(columns, false).unwrap();
         for (i, values) in rows.iter().enumerate() {
             let values: Vec<(Column, f64)> = columns.iter().copied().zip(values.iter().copied()).collect();
             read.add(&row(&values)).map_err(|(column, problem)| (i, column, problem))?;
@@ -384,7 +398,7 @@ mod tests {
     fn rows_that_cannot_be_are_named() {
         let nan = f64::NAN;
         type Case<'a> = (&'a [Column], &'a [&'a [f64]], usize, Column, &'a str);
-        let cases: [Case; 12] = [
+        let cases: [Case; 14] = [
             (&[Azimuth, Elevation], &[&[0.0, 0.0], &[nan, 0.0]], 1, Azimuth, "from -360 to 360"),
             (&[Azimuth, Elevation], &[&[1e300, 0.0]], 0, Azimuth, "from -360 to 360"),
             (&[Azimuth, Elevation], &[&[0.0, 90.1]], 0, Elevation, "from -90 to 90"),
@@ -393,7 +407,9 @@ mod tests {
             (&[Time, Azimuth, Elevation], &[&[1.0, 0.0, 0.0], &[1.0, 0.0, 0.0]], 1, Time, "a second beam"),
             (&[Time, Azimuth, Elevation], &[&[nan, 0.0, 0.0]], 0, Time, "a finite time"),
             (&[Time, Azimuth, Elevation], &[&[0.0, 0.0, 0.0], &[1e9, 0.0, 0.0]], 1, Time, "after the first"),
+            (&[Time, Azimuth, Elevation], &[&[-1e300, 0.0, 0.0]], 0, Time, "a time of at most"),
             (&[Index, Azimuth, Elevation], &[&[0.5, 0.0, 0.0]], 0, Index, "a whole number"),
+            (&[Index, Azimuth, Elevation], &[&[1e15, 0.0, 0.0]], 0, Index, "a whole number from 0 to"),
             (&[Index, Azimuth, Elevation], &[&[0.0, 0.0, 0.0], &[1e9, 0.0, 0.0]], 1, Index, "less than"),
             (&[Number, Azimuth, Elevation], &[&[-1.0, 0.0, 0.0]], 0, Number, "from 0 to 65535"),
             (&[Azimuth, Elevation, OriginY], &[&[0.0, 0.0, 11.0]], 0, OriginY, "at most 10 m"),
@@ -415,7 +431,7 @@ mod tests {
     #[test]
     fn columns_that_are_missing_or_contradict_are_named() {
         let begin =
-            |columns: &[Column]| PatternRows::new(None, false).begin(columns).unwrap_err().to_string();
+            |columns: &[Column]| PatternRows::new(None, false).begin(columns, false).unwrap_err().to_string();
         assert_eq!(begin(&[Azimuth]), "no column `elevation`");
         assert_eq!(begin(&[Elevation]), "no column `azimuth`");
         assert_eq!(begin(&[Azimuth, Azimuth, Elevation]), "two columns `azimuth`");
@@ -428,7 +444,7 @@ mod tests {
     fn times_beside_a_rate_may_have_any_order() {
         for (times, is_time) in [([5.0, 5.0, 4.0], true), ([1.0, 2.0, 3.0], false)] {
             let mut read = PatternRows::new(None, true);
-            read.begin(&[Time, Azimuth, Elevation]).unwrap();
+            read.begin(&[Time, Azimuth, Elevation], false).unwrap();
             for time in times {
                 read.add(&row(&[(Time, time), (Azimuth, 1.0), (Elevation, 2.0)])).unwrap();
             }

@@ -119,7 +119,9 @@ impl TableFile<'_> {
     /// Begins a table with these columns.
     fn begin(&self, place: Place, used: &[Used], sink: &mut impl RowSink) -> Option<()> {
         let quantities: Vec<Column> = used.iter().map(|(_, column, _)| *column).collect();
-        match sink.begin(&quantities) {
+        let is_angle = |column| matches!(column, Column::Azimuth | Column::Elevation | Column::Zenith);
+        let has_units = used.iter().any(|(_, column, factor)| is_angle(*column) && *factor != 1.0);
+        match sink.begin(&quantities, has_units) {
             Ok(()) => Some(()),
             Err(problem) => self.refuse(place, &problem),
         }
@@ -168,6 +170,11 @@ impl TableFile<'_> {
                 return None;
             }
         };
+        if let Some(name) = table.unread.iter().find(|name| Column::of_heading(name).is_some()) {
+            let message = format!("the column `{name}` has no numbers, or of a type that is not read");
+            self.context.error_help(place, message, "write the column as DOUBLE or as integers");
+            return None;
+        }
         if let Some(message) = table.unread_message() {
             self.context.warn_help(place.clone(), message, self.help);
         }
@@ -197,9 +204,11 @@ impl TableFile<'_> {
     }
 }
 
-/// True if a line has a mark of correction files in place of numbers.
+/// True if a line has a mark of correction files in place of numbers, or empty fields alone, as spreadsheets
+/// write blank lines.
 fn skips<S: RowSink>(line: &Line) -> bool {
-    line.fields.first().is_some_and(|first| S::skips(first))
+    line.fields.iter().all(|field| field.trim().is_empty())
+        || line.fields.first().is_some_and(|first| S::skips(first))
 }
 
 /// Adds a row of numbers by their places in the file. All of them must be finite.
@@ -222,7 +231,7 @@ fn add(used: &[Used], number: impl Fn(usize) -> f64, sink: &mut impl RowSink) ->
 pub(super) fn add_listed<S: RowSink>(rows: &[Vec<f64>], sink: &mut S) -> Result<(), PatternProblem> {
     let expected = rows.first().map_or(0, Vec::len);
     let columns = S::unnamed(expected).ok_or(PatternProblem::Unnamed(expected))?;
-    sink.begin(columns)?;
+    sink.begin(columns, false)?;
     let used: Vec<Used> = columns.iter().enumerate().map(|(i, column)| (i, *column, 1.0)).collect();
     for (row, numbers) in rows.iter().enumerate() {
         if numbers.len() != expected {

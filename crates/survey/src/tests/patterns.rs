@@ -153,6 +153,31 @@ fn columns_of_parquet_come_from_the_reader_of_the_program() {
     let (read, warnings) = read_pipeline_survey(source.tables().unwrap(), &reading).unwrap();
     assert!((beams(&read.survey.scanner.devices[0])[1] - towards(20.0, 2.0)).length() < 1e-12);
     contains(&warnings.text(), &["column `intensity` not read", "rows.parquet"]);
+    // Columns of a pattern that have other values are not passed over.
+    fn texts(_: &Path, _: &dyn Fn(&str) -> bool) -> vlscan_base::Result<NumberTable> {
+        let columns = ["azimuth_deg", "elevation_deg"].map(|name| (name.to_owned(), vec![1.0])).to_vec();
+        Ok(NumberTable { columns, unread: vec!["note".to_owned(), "time_s".to_owned()] })
+    }
+    let reading = ReadOptions { number_columns: Some(texts), ..ReadOptions::default() };
+    let error = read_pipeline_survey(source.tables().unwrap(), &reading).map(|_| ()).unwrap_err();
+    contains(&report(&error), &["the column `time_s` has no numbers", "rows.parquet"]);
+}
+
+#[test]
+fn radians_in_columns_of_degrees_are_noticed() {
+    let rows = |k: usize| format!("{},{}\n", 0.3 * k as f64 - 3.0, 0.05 * k as f64 - 0.5);
+    let rows: String = (0..21).map(rows).collect();
+    for table in [format!("azimuth_deg,elevation_deg\n{rows}"), rows.clone()] {
+        let (_, warnings) = pattern("pulse_freqs_hz = [9]", &table).unwrap();
+        contains(&warnings.text(), &["look like radians", "azimuths from -3 to 3", "azimuth_rad"]);
+    }
+    fine(pattern("pulse_freqs_hz = [9]", &format!("azimuth_rad,elevation_rad\n{rows}")));
+    let angles: String = (1..=16).map(|i| format!("{i},{},0\n", 0.03 * f64::from(i) - 0.3)).collect();
+    let keys = "optics = \"conic\"\npulse_freqs_hz = [1000]\nhead_rate_max_deg_per_s = 3600\n\
+                corrections = \"angles.csv\"";
+    let turn = "head_rate_deg_per_s = 3600\nhead_stop_deg = 360";
+    let (_, warnings) = of_files(keys, turn, &[("angles.csv", angles.as_bytes())]).unwrap();
+    contains(&warnings.text(), &["look like radians", "elevations from -0.27 to 0.18"]);
 }
 
 #[test]
@@ -229,7 +254,7 @@ fn keys_beside_a_pattern_are_checked() {
 #[test]
 fn correction_files_of_hesai_are_channels() {
     let angles = b"EEFF,1,1\nLaser id,Elevation,Azimuth\n2,-1.5,0.25\n1,3,-1\n\
-                   0123456789abcdef0123456789abcdef,,\n";
+                   ,,\n0123456789abcdef0123456789abcdef,,\n";
     let times = b"Channel,fire time(us)\n1,-2.5\n2,4\n";
     let files: &[(&str, &[u8])] = &[("angles.csv", angles), ("times.csv", times)];
     let keys = "optics = \"conic\"\npulse_freqs_hz = [1000]\nhead_rate_max_deg_per_s = 3600\n\
@@ -265,6 +290,8 @@ fn correction_files_of_hesai_are_channels() {
         assert!((device.beam_origin.rotation.forward() - expected).length() < 1e-12);
     }
     let refused_by = |keys: &str, angles: &[u8]| refused(of_files(keys, turn, &[("angles.csv", angles)]));
+    let gap = all.replace("\n32,", "\n40,");
+    contains(&refused_by(keys, gap.as_bytes()), &["the 32 channels of the scanner", "found 1 to 40"]);
     contains(&refused_by(keys, b"1,2,3\n2,3,4\n"), &["has 2 channels, but the scanner has 32"]);
     contains(&refused_by(keys, b"1,2,3\n1,3,4\n"), &["each channel once", "angles.csv:2:1"]);
     contains(&refused_by(keys, b"1,200,3\n"), &["a number from -90 to 90", "angles.csv:1:3"]);
@@ -276,6 +303,36 @@ fn correction_files_of_hesai_are_channels() {
     contains(&refused_by(keys, b""), &["no row of numbers"]);
     let undecodable = [&b"1,2,3\n".repeat(2000)[..], b"\xe9\n"].concat();
     contains(&refused_by(keys, &undecodable), &["is not UTF-8", "angles.csv:2001"]);
+}
+
+#[test]
+fn firing_times_are_those_of_the_corrected_channels() {
+    let keys = "optics = \"conic\"\npulse_freqs_hz = [1000]\nhead_rate_max_deg_per_s = 3600\n\
+                corrections = \"angles.csv\"\nfiring_times = \"times.csv\"";
+    let turn = "head_rate_deg_per_s = 3600\nhead_stop_deg = 360";
+    let read = |angles: &str, times: &str| {
+        of_files(keys, turn, &[("angles.csv", angles.as_bytes()), ("times.csv", times.as_bytes())])
+    };
+    for (angles, times) in [
+        ("1,3,0\n2,-3,0\n", "1,0\n2,5\n"),
+        // One file counts from 1, the other from 0.
+        ("1,3,0\n2,-3,0\n", "0,0\n1,5\n"),
+        ("3,3,0\n7,-3,0\n", "3,0\n7,5\n"),
+    ] {
+        let survey = fine(read(angles, times));
+        assert!((survey.scanner.devices[1].firing_offset - 5e-6).abs() < 1e-18, "{angles}");
+    }
+    for (angles, times, words) in [
+        ("1,3,0\n2,-3,0\n", "1,0\n3,5\n", "`firing_times` must have the channels of `corrections`"),
+        ("1,3,0\n2,-3,0\n", "1,0\n", "must have a row for each of the 2 channels, found 1"),
+        (
+            "channel,elevation,azimuth,firing_time_us\n1,3,0,0\n2,-3,0,1\n",
+            "1,0\n2,5\n",
+            "contradict each other",
+        ),
+    ] {
+        contains(&refused(read(angles, times)), &[words]);
+    }
 }
 
 #[test]

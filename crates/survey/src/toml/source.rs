@@ -133,7 +133,11 @@ impl Source {
     pub(crate) fn report_unknown(&self, key: &Spanned<DeString>, known: &[&str], problems: &mut Diagnostics) {
         let help = match nearest(key.get_ref(), known.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => format!("the keys here are {}", known.join(", ")),
+            None => {
+                // Some keys are those of XML alone.
+                let known: Vec<&str> = known.iter().copied().filter(|key| !key.is_empty()).collect();
+                format!("the keys here are {}", known.join(", "))
+            }
         };
         let message = format!("unknown key `{}`", key.get_ref());
         problems.error(Some(self.place(key.span())), message).help(help);

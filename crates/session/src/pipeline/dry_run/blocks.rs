@@ -1,5 +1,5 @@
 //! The blocks of a flight from which its coverage is measured: a period of the scan pattern, which stands for
-//! the periods half way to the blocks before and behind it.
+//! the whole periods half way to the blocks before and behind it.
 
 use super::super::chunk::Chunk;
 use super::cells::Repeats;
@@ -26,9 +26,11 @@ const UNEVEN_S: f64 = 0.05;
 /// A chunk of a block.
 pub struct BlockChunk {
     pub chunk: Chunk,
-    /// Pulses that each of its measured pulses stands for.
+    /// Periods that its period stands for.
     pub repeats: Repeats,
-    /// Remainder of the numbers of its measured pulses, divided by the pulses for which one is measured.
+    /// Number of pulses of which one is measured.
+    pub pulses: u32,
+    /// Remainder of the numbers of its measured pulses, divided by `pulses`.
     pub phase: u64,
 }
 
@@ -86,7 +88,9 @@ impl Blocks<'_> {
     ) -> Result<Step> {
         let mut waiting = Block::default();
         let mut phase = 0;
-        let gap = u64::from(period).saturating_mul(stride.periods.saturating_sub(1));
+        let left_out = stride.periods.saturating_sub(1);
+        let gap = u64::from(period).saturating_mul(left_out);
+        let behind = u64::from(period).saturating_mul(left_out / 2);
         let mut before = 0;
         loop {
             let from = self.state.position();
@@ -108,8 +112,8 @@ impl Blocks<'_> {
                 waiting.put(stride.pulses, put)?;
                 return Ok(passed.last);
             }
-            waiting.around[1] = gap / 2;
-            before = gap - gap / 2;
+            waiting.around[1] = behind;
+            before = gap - behind;
         }
     }
 
@@ -196,9 +200,9 @@ impl Block {
     fn put(&mut self, pulses: u32, put: &mut dyn FnMut(BlockChunk) -> Result<()>) -> Result<()> {
         let Block { chunks, steps, around, drift, phase } = std::mem::take(self);
         let around = around.map(|passed| passed as f64 / (steps as f64).max(1.0));
-        let repeats = Repeats { around, drift: [drift.x, drift.y], pulses };
+        let repeats = Repeats { around, drift: [drift.x, drift.y] };
         let phase = phase % u64::from(pulses.max(1));
-        chunks.into_iter().try_for_each(|chunk| put(BlockChunk { chunk, repeats, phase }))
+        chunks.into_iter().try_for_each(|chunk| put(BlockChunk { chunk, repeats, pulses, phase }))
     }
 }
 
@@ -249,14 +253,15 @@ mod tests {
         survey
     }
 
-    fn blocks(survey: &Survey, stride: Stride) -> Vec<(u32, Repeats)> {
+    /// Steps, repeats and stride of the chunks.
+    fn blocks(survey: &Survey, stride: Stride) -> Vec<(u32, Repeats, u32)> {
         let plan = FlightPlan::new(survey, DVec3::ZERO, &|_, _| None, &FlightOptions::default());
         let (flight, _) = plan.unwrap();
         let state = FlightState::start(&flight);
         let mut flown = Blocks { survey, flight: &flight, state, motion: None };
         let mut found = Vec::new();
         let mut put = |block: BlockChunk| -> Result<()> {
-            found.push((block.chunk.steps, block.repeats));
+            found.push((block.chunk.steps, block.repeats, block.pulses));
             Ok(())
         };
         flown.divide(stride, &|| false, &mut put).unwrap();
@@ -268,22 +273,26 @@ mod tests {
         let survey = survey();
         for periods in [1, 2, 7, 1000] {
             let found = blocks(&survey, Stride { periods, pulses: 1 });
-            let steps: f64 = found.iter().map(|(steps, repeats)| f64::from(*steps) * repeats.periods()).sum();
+            let steps: f64 =
+                found.iter().map(|(steps, repeats, _)| f64::from(*steps) * repeats.periods()).sum();
             assert!((steps - 10_000.0).abs() < 20.0, "{periods}: {steps}");
             // 256 steps are less than three periods of 100.
             assert_eq!(found[0].0, 300);
-            let (_, first) = found[0];
+            let (_, first, _) = found[0];
             assert!((first.drift[0] - 3.0).abs() < 0.05 && first.drift[1].abs() < 1e-9, "{first:?}");
             assert_eq!(first.around[0], 0.0);
         }
         // One period in seven: three before it and three behind it.
         let found = blocks(&survey, Stride { periods: 7, pulses: 1 });
-        assert!(found[..4].iter().all(|(_, repeats)| repeats.around[1] == 3.0), "{found:?}");
-        assert!(found[1..4].iter().all(|(_, repeats)| repeats.around[0] == 3.0), "{found:?}");
+        assert!(found[..4].iter().all(|(_, repeats, _)| repeats.around[1] == 3.0), "{found:?}");
+        assert!(found[1..4].iter().all(|(_, repeats, _)| repeats.around[0] == 3.0), "{found:?}");
+        // One in four: whole periods, one behind it and two before it.
+        let found = blocks(&survey, Stride { periods: 4, pulses: 1 });
+        assert!(found[1..4].iter().all(|(_, repeats, _)| repeats.around == [2.0, 1.0]), "{found:?}");
         // All of them.
         let found = blocks(&survey, Stride { periods: 1, pulses: 4 });
         assert!(
-            found.iter().all(|(_, repeats)| repeats.periods() == 1.0 && repeats.pulses == 4),
+            found.iter().all(|(_, repeats, pulses)| repeats.periods() == 1.0 && *pulses == 4),
             "{found:?}"
         );
     }

@@ -1,8 +1,10 @@
 //! Returns of a flight, summed in square cells.
 //!
 //! A measured pulse stands for those that are fired before and behind it, and for the pulses of the same
-//! phase in the scan periods around it. Within these beam and platform move evenly, so its returns are spread
-//! over that way. Sums are whole numbers, which do not depend on the order in which threads add to them.
+//! phase in the scan periods around it. Each of these has its returns at its own place: by its direction, on
+//! a level plane, and by the way of the platform. Spread evenly over that way, returns would differ from
+//! those of the run by up to a scan line per cell. Sums are whole numbers, which do not depend on the order
+//! in which threads add to them.
 
 use std::collections::HashMap;
 use vlscan_geom::{DVec3, HeightModel, degrees};
@@ -24,28 +26,39 @@ const ARRIVAL: f64 = 0.1;
 const MIN_DESCENT: f64 = 0.02;
 /// Steps in which a beam approaches the ground, at most.
 const MAX_APPROACHES: u32 = 12;
-/// Parts of cells that the way of a return may cross.
-const MAX_CROSSINGS: u32 = 100_000;
-/// Change of direction beyond which the next beam is that of another scan line.
+/// Change of direction from pulse to pulse beyond which a beam is that of another scan line.
 const MAX_SWING: f64 = 0.05;
 /// How much longer the way of a beam over level ground may be than across the beam.
 const MAX_STRETCH: f64 = 5.0;
 
-/// The pulses that a measured pulse stands for.
+/// Changes of direction to the pulses that a pulse stands for which stands for itself only.
+pub const ITSELF: &[DVec3] = &[DVec3::ZERO];
+
+/// The scan periods that a measured period stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repeats {
-    /// Number of scan periods before its own and behind it.
+    /// Number of scan periods before it and behind it; the last one of a leg can be a part of a period.
     pub around: [f64; 2],
     /// Horizontal way of the platform in a period, m.
     pub drift: [f64; 2],
-    /// Number of pulses of its own period, itself among them.
-    pub pulses: u32,
 }
 
 impl Repeats {
-    /// Number of scan periods with its own one.
+    /// Number of scan periods, itself among them.
     pub fn periods(&self) -> f64 {
         1.0 + self.around[0] + self.around[1]
+    }
+
+    /// Numbers of the periods, counted from the measured one, and how much of each is flown. A platform that
+    /// stands has all of them at one place.
+    fn offsets(&self) -> impl Iterator<Item = (f64, f64)> {
+        let is_still = self.drift == [0.0; 2];
+        let [before, behind] = if is_still { [0.0; 2] } else { self.around };
+        let own = if is_still { self.periods() } else { 1.0 };
+        let one_way = |count: f64, sign: f64| {
+            (1..=count.ceil() as u32).map(f64::from).map(move |k| (sign * k, (count - k + 1.0).min(1.0)))
+        };
+        one_way(before, -1.0).chain([(0.0, own)]).chain(one_way(behind, 1.0))
     }
 }
 
@@ -146,25 +159,25 @@ impl CoverageCells {
         self.places.iter().map(|(place, index)| (*place, &self.sums[*index]))
     }
 
-    /// Adds the echoes of pulses of a strip, each of which stands for the same repeats. `swing` is the change
-    /// of direction from the beam of an echo to the next one. Without `ground`, in the scene frame, pulses
-    /// are not followed to the ground.
-    pub fn add(
+    /// Adds the echoes of pulses of a strip, each of which stands for the same repeats. `swings` returns the
+    /// changes of direction from the pulse of an echo to those that it stands for, itself among them. Without
+    /// `ground`, in the scene frame, pulses are not followed to the ground.
+    pub fn add<'s>(
         &mut self,
         echoes: &[Echo],
         strip: u32,
         repeats: &Repeats,
-        swing: &mut dyn FnMut(&Echo) -> DVec3,
+        swings: &mut dyn FnMut(&Echo) -> &'s [DVec3],
         ground: Option<&dyn HeightModel>,
     ) {
         for pulse in echoes.chunk_by(|a, b| (a.device, a.pulse_number) == (b.device, b.pulse_number)) {
-            let swing = if repeats.pulses > 1 { swing(&pulse[0]) } else { DVec3::ZERO };
+            let swings = swings(&pulse[0]);
             for echo in pulse {
                 let angle = degrees(libm::acos(echo.incidence_cosine.abs().clamp(0.0, 1.0)));
                 let angle = (angle * DEGREE).round() as u64;
                 let is_first = echo.return_number == 1;
-                let step = step(echo, echo.position, swing);
-                self.spread(echo.position, step, repeats, |cell, part, units| {
+                let places = swings.iter().map(|swing| moved(echo, echo.position, *swing));
+                self.repeat(places, repeats, |cell, part, units| {
                     cell.points += units;
                     if is_first {
                         cell.pulses += units;
@@ -177,7 +190,8 @@ impl CoverageCells {
             let last = pulse.iter().max_by_key(|echo| echo.return_number);
             let Some((last, ground)) = last.zip(ground) else { continue };
             if let Some((place, is_seen)) = below(last, ground) {
-                self.spread(place, step(last, place, swing), repeats, |cell, _, units| {
+                let places = swings.iter().map(|swing| moved(last, place, *swing));
+                self.repeat(places, repeats, |cell, _, units| {
                     cell.aimed += units;
                     cell.blocked += if is_seen { 0 } else { units };
                 });
@@ -192,30 +206,27 @@ impl CoverageCells {
         }
     }
 
-    /// Spreads a return over the parts of cells that it and its repeats meet: the bit of the part in its
-    /// cell, and the units of a pulse there. `step` is the horizontal way from it to that of the next pulse,
-    /// m.
-    fn spread(
+    /// Adds a return at each of some places, scene frame, and at its repeats. `add` takes the cell, the bit
+    /// of the part in it, and the units of a pulse there.
+    fn repeat(
         &mut self,
-        at: DVec3,
-        step: [f64; 2],
+        places: impl Iterator<Item = [f64; 2]>,
         repeats: &Repeats,
         mut add: impl FnMut(&mut CellSum, u16, u64),
     ) {
         let part = self.side / PARTS as f64;
-        let Repeats { around: [before, behind], drift, pulses } = *repeats;
-        let periods = repeats.periods();
-        // A period stands for the way from half a period before it to half a period behind it.
-        let (first, last) = if periods > 1.0 { (-0.5 - before, 0.5 + behind) } else { (0.0, 0.0) };
-        for pulse in 0..pulses.max(1) {
-            let off = f64::from(pulse) - 0.5 * f64::from(pulses.max(1) - 1);
-            let place = [at.x + self.shift.x + off * step[0], at.y + self.shift.y + off * step[1]];
-            let end = |after: f64| [0, 1].map(|axis| (place[axis] + after * drift[axis]) / part);
-            cross(end(first), end(last), |place, share| {
-                let [column, row] = place.map(|c| c.rem_euclid(PARTS));
-                let cell = self.cell(place.map(|c| c.div_euclid(PARTS)));
-                add(cell, 1u16 << (row * PARTS + column), (share * periods * PULSE).round() as u64);
-            });
+        let (shift, drift) = ([self.shift.x, self.shift.y], repeats.drift);
+        for place in places {
+            for (after, share) in repeats.offsets() {
+                let units = (share * PULSE).round() as u64;
+                let at = [0, 1].map(|axis| (place[axis] + shift[axis] + after * drift[axis]) / part);
+                let at = at.map(|c| c.floor() as i64);
+                let [column, row] = at.map(|c| c.rem_euclid(PARTS));
+                if units > 0 {
+                    let cell = self.cell(at.map(|c| c.div_euclid(PARTS)));
+                    add(cell, 1u16 << (row * PARTS + column), units);
+                }
+            }
         }
     }
 
@@ -236,25 +247,26 @@ impl CoverageCells {
     }
 }
 
-/// The horizontal way from a place on the beam of an echo to that of the next beam, m: on a level plane, or
+/// The place, for a place on the beam of an echo, on another beam from the same origin: on a level plane, or
 /// across the beam where this is nearly level. `swing` is the change of direction.
-fn step(echo: &Echo, place: DVec3, swing: DVec3) -> [f64; 2] {
+fn moved(echo: &Echo, place: DVec3, swing: DVec3) -> [f64; 2] {
     if swing == DVec3::ZERO {
-        return [0.0; 2];
+        return [place.x, place.y];
     }
-    let (way, next) = (echo.direction, echo.direction + swing);
+    let (way, other) = (echo.direction, echo.direction + swing);
     let range = (place - echo.origin).dot(way);
     let across = swing * range;
-    let on_plane = next * (range * way.z / next.z) - way * range;
-    let is_steep = next.z < -MIN_DESCENT && on_plane.length() <= MAX_STRETCH * across.length();
+    let on_plane = other * (range * way.z / other.z) - way * range;
+    let is_steep = other.z < -MIN_DESCENT && on_plane.length() <= MAX_STRETCH * across.length();
     let step = if is_steep { on_plane } else { across };
-    [step.x, step.y]
+    [place.x + step.x, place.y + step.y]
 }
 
-/// The change of direction to the next beam; 0 if it belongs to another scan line.
-pub fn swing(direction: DVec3, next: DVec3) -> DVec3 {
-    let swing = next - direction;
-    if swing.length() <= MAX_SWING { swing } else { DVec3::ZERO }
+/// The change of direction to a beam that is fired some pulses before or after; 0 if it belongs to another
+/// scan line.
+pub fn swing(direction: DVec3, other: DVec3, pulses: u64) -> DVec3 {
+    let swing = other - direction;
+    if swing.length() <= MAX_SWING * pulses as f64 { swing } else { DVec3::ZERO }
 }
 
 /// The place where the beam of a pulse's last echo meets the ground, scene frame, and true if the echo is
@@ -279,38 +291,11 @@ fn below(echo: &Echo, ground: &dyn HeightModel) -> Option<(DVec3, bool)> {
     Some((at, false))
 }
 
-/// Calls `visit` for all unit squares on the straight way between two places, with their column and row and
-/// the share of the way within them. Shares add up to 1.
-fn cross(from: [f64; 2], to: [f64; 2], mut visit: impl FnMut([i64; 2], f64)) {
-    let way = [to[0] - from[0], to[1] - from[1]];
-    let mut place = from.map(|c| c.floor() as i64);
-    let mut done = 0.0;
-    for _ in 0..MAX_CROSSINGS {
-        // The share of the way after which it leaves the square along each axis.
-        let leaves = [0, 1].map(|axis| match way[axis] {
-            w if w > 0.0 => (place[axis].saturating_add(1) as f64 - from[axis]) / w,
-            w if w < 0.0 => (place[axis] as f64 - from[axis]) / w,
-            _ => f64::INFINITY,
-        });
-        let axis = usize::from(leaves[1] < leaves[0]);
-        let next = leaves[axis].min(1.0).max(done);
-        if next > done || next >= 1.0 {
-            visit(place, next - done);
-        }
-        done = next;
-        if done >= 1.0 {
-            return;
-        }
-        place[axis] = place[axis].saturating_add(if way[axis] > 0.0 { 1 } else { -1 });
-    }
-    visit(place, 1.0 - done);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const ONCE: Repeats = Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 1 };
+    const ONCE: Repeats = Repeats { around: [0.0; 2], drift: [0.0; 2] };
 
     fn echo(position: DVec3, pulse_number: u64, return_number: u32) -> Echo {
         Echo {
@@ -336,9 +321,9 @@ mod tests {
         }
     }
 
-    /// A beam that does not move.
-    fn still(_: &Echo) -> DVec3 {
-        DVec3::ZERO
+    /// The swings of a pulse that stands for itself only.
+    fn alone(_: &Echo) -> &'static [DVec3] {
+        ITSELF
     }
 
     fn cell(cells: &CoverageCells, place: [i64; 2]) -> CellSum {
@@ -346,59 +331,63 @@ mod tests {
     }
 
     #[test]
-    fn ways_are_divided_where_they_cross_lines() {
-        let crossed = |from, to| {
-            let mut found = Vec::new();
-            cross(from, to, |place, share| found.push((place, (share * 1e6_f64).round())));
-            found
-        };
-        assert_eq!(crossed([0.5, 0.5], [0.5, 0.5]), [([0, 0], 1e6)]);
-        assert_eq!(crossed([0.5, 0.5], [2.5, 0.5]), [([0, 0], 25e4), ([1, 0], 5e5), ([2, 0], 25e4)]);
-        assert_eq!(crossed([0.5, 0.25], [-0.5, 0.25]), [([0, 0], 5e5), ([-1, 0], 5e5)]);
-        // From (0, 0) to (2, 1), which crosses x = 1 half way.
-        assert_eq!(crossed([0.0, 0.0], [2.0, 1.0]), [([0, 0], 5e5), ([1, 0], 5e5)]);
-        for to in [[1e9, 1.0], [f64::NAN, 0.0], [f64::INFINITY, 1.0]] {
-            let mut sum = 0.0;
-            cross([0.0; 2], to, |_, share| sum += share);
-            assert!(sum.is_nan() || (sum - 1.0).abs() < 1e-9, "{to:?}: {sum}");
+    fn a_return_counts_where_its_repeats_are() {
+        let mut cells = CoverageCells::new(10.0, DVec3::new(1000.0, 0.0, 0.0));
+        // x = 6, 11, 16, 21, 26, 31, 36 and 30 % of a period at 41 m.
+        let repeats = Repeats { around: [2.0, 4.3], drift: [5.0, 0.0] };
+        cells.add(&[echo(DVec3::new(16.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut alone, None);
+        let pulses: Vec<f64> = (100..105).map(|column| cell(&cells, [column, 0]).pulses()).collect();
+        assert_eq!(pulses[..4], [1.0, 2.0, 2.0, 2.0]);
+        assert!((pulses[4] - 0.3).abs() < 1e-3, "{pulses:?}");
+        assert_eq!((cells.count(), cell(&cells, [101, 0]).strips()), (5, 1));
+        // Two of four parts in one row.
+        assert_eq!(cell(&cells, [101, 0]).gaps(), 0.875);
+        assert!((cell(&cells, [101, 0]).incidence_deg() - 60.0).abs() < 1e-3);
+        // A platform that stands measures the same place in all periods.
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
+        let repeats = Repeats { around: [2.0, 4.5], drift: [0.0; 2] };
+        cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut alone, None);
+        assert_eq!((cells.count(), cell(&cells, [1, 0]).pulses()), (1, 7.5));
+    }
+
+    #[test]
+    fn scan_lines_are_counted_as_in_the_run() {
+        // Lines every 0.7 m, of which one in nine is measured: 10 m have 14 or 15 lines, not 14.29.
+        let repeats = Repeats { around: [4.0, 4.0], drift: [0.7, 0.0] };
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
+        let x = |line: u32| 0.35 + 0.7 * f64::from(line);
+        for line in (4..900).step_by(9) {
+            let line_echo = echo(DVec3::new(x(line), 5.0, 0.0), u64::from(line), 1);
+            cells.add(&[line_echo], 0, &repeats, &mut alone, None);
+        }
+        for column in 0..63 {
+            let lines = (0..900).filter(|line| (x(*line) / 10.0).floor() as i64 == column).count();
+            assert_eq!(cell(&cells, [column, 0]).pulses(), lines as f64, "{column}");
         }
     }
 
     #[test]
-    fn a_return_counts_in_every_cell_that_its_repeats_meet() {
-        let mut cells = CoverageCells::new(10.0, DVec3::new(1000.0, 0.0, 0.0));
-        // 8 periods of 5 m from 12.5 m before (15, 5) on: 7.5, 10, 10, 10 and 2.5 m of the way in five cells.
-        let repeats = Repeats { around: [2.0, 5.0], drift: [5.0, 0.0], pulses: 1 };
-        cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut still, None);
-        let pulses: Vec<f64> = (100..105).map(|column| cell(&cells, [column, 0]).pulses()).collect();
-        assert_eq!(pulses, [1.5, 2.0, 2.0, 2.0, 0.5]);
-        assert_eq!((cells.count(), cell(&cells, [101, 0]).strips()), (5, 1));
-        // One row of four parts.
-        assert_eq!(cell(&cells, [101, 0]).gaps(), 0.75);
-        assert!((cell(&cells, [101, 0]).incidence_deg() - 60.0).abs() < 1e-3);
-    }
-
-    #[test]
     fn a_return_counts_for_the_pulses_beside_it() {
-        // Straight down from 100 m, then 1 m farther north: five pulses from y = 3 to 7.
-        let repeats = Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 5 };
-        let mut north = |_: &Echo| DVec3::new(0.0, 0.01, 0.0);
+        // Straight down from 100 m, and beams 2 m south, 1 m north and 2 m north of it.
+        let swings = [-0.02, 0.0, 0.01, 0.02].map(|y| DVec3::new(0.0, y, 0.0));
         let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
-        cells.add(&[echo(DVec3::new(2.5, 5.0, 0.0), 1, 1)], 0, &repeats, &mut north, None);
-        assert_eq!((cell(&cells, [0, 0]).pulses(), cell(&cells, [0, 1]).pulses()), (2.0, 3.0));
+        let at = DVec3::new(2.5, 5.0, 0.0);
+        cells.add(&[echo(at, 1, 1)], 0, &ONCE, &mut |_: &Echo| &swings[..], None);
+        assert_eq!((cell(&cells, [0, 0]).pulses(), cell(&cells, [0, 1]).pulses()), (1.0, 3.0));
         let slanted = Echo {
             direction: DVec3::new(0.0, 0.6, -0.8),
             origin: DVec3::new(0.0, -60.0, 80.0),
             ..echo(DVec3::ZERO, 1, 1)
         };
-        let found = step(&slanted, DVec3::ZERO, DVec3::new(0.0, 0.008, 0.006));
+        let found = moved(&slanted, DVec3::ZERO, DVec3::new(0.0, 0.008, 0.006));
         // Across the beam 1 m, on the plane 1 / 0.8 m and a little more.
         assert!(found[0] == 0.0 && (found[1] - 1.25).abs() < 0.02, "{found:?}");
         // A level beam moves across, a jump to the next line does not count.
         let level = Echo { direction: DVec3::Y, origin: DVec3::new(0.0, -100.0, 0.0), ..slanted };
-        assert_eq!(step(&level, DVec3::ZERO, DVec3::new(0.01, 0.0, 0.0)), [1.0, 0.0]);
-        assert_eq!(swing(DVec3::Y, DVec3::NEG_Z), DVec3::ZERO);
-        assert_eq!(swing(DVec3::ZERO, DVec3::X * 0.01), DVec3::X * 0.01);
+        assert_eq!(moved(&level, DVec3::ZERO, DVec3::new(0.01, 0.0, 0.0)), [1.0, 0.0]);
+        assert_eq!(swing(DVec3::Y, DVec3::NEG_Z, 4), DVec3::ZERO);
+        assert_eq!(swing(DVec3::ZERO, DVec3::X * 0.08, 1), DVec3::ZERO);
+        assert_eq!(swing(DVec3::ZERO, DVec3::X * 0.08, 2), DVec3::X * 0.08);
     }
 
     #[test]
@@ -406,12 +395,12 @@ mod tests {
         let echoes: Vec<Echo> = (0..200u32)
             .map(|i| echo(DVec3::new(f64::from(i) * 0.37, f64::from(i % 17), 0.0), u64::from(i), 1))
             .collect();
-        let repeats = Repeats { around: [1.0, 1.3], drift: [0.7, -1.9], pulses: 1 };
+        let repeats = Repeats { around: [1.0, 1.3], drift: [0.7, -1.9] };
         let sum = |parts: &[&[Echo]]| {
             let mut all = CoverageCells::new(5.0, DVec3::ZERO);
             for part in parts {
                 let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
-                cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, &mut still, None);
+                cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, &mut alone, None);
                 all.join(&cells);
             }
             let mut found: Vec<_> =
@@ -430,26 +419,26 @@ mod tests {
             |position, number| Echo { direction: DVec3::new(0.6, 0.0, -0.8), ..echo(position, number, 1) };
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         // A beam that ends 10 m above x = 14 would meet the ground 10 / (4/3 + 0.1) = 7 m farther on.
-        cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &mut still, Some(&ground));
+        cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &mut alone, Some(&ground));
         assert_eq!(cell(&cells, [1, 0]).pulses(), 1.0);
         assert!(cell(&cells, [1, 0]).occlusion().is_nan());
         assert_eq!(cell(&cells, [2, 0]).occlusion(), 1.0);
         // One that reaches the ground in the cell.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
-        cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &mut still, Some(&ground));
+        cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &mut alone, Some(&ground));
         assert_eq!(cell(&cells, [0, 0]).occlusion(), 0.0);
         // Two pulses, of which one has a second echo from the ground.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         let at = |z| DVec3::new(5.0, 5.0, z);
         let both = [echo(at(8.0), 1, 1), echo(at(0.5), 1, 2), echo(at(8.0), 2, 1)];
-        cells.add(&both, 0, &ONCE, &mut still, Some(&ground));
+        cells.add(&both, 0, &ONCE, &mut alone, Some(&ground));
         let found = cell(&cells, [0, 0]);
         assert_eq!((found.occlusion(), found.pulses(), found.points()), (0.5, 2.0, 3.0));
         // Without ground, and for beams that rise, nothing is hidden.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
-        cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &mut still, Some(&ground));
+        cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &mut alone, Some(&ground));
         let up = Echo { direction: DVec3::Z, ..echo(at(9.0), 1, 1) };
-        cells.add(&[up], 0, &ONCE, &mut still, Some(&ground));
+        cells.add(&[up], 0, &ONCE, &mut alone, Some(&ground));
         assert!(cells.iter().all(|(_, sum)| sum.occlusion().is_nan()));
     }
 }

@@ -8,10 +8,10 @@ use super::super::run::Epochs;
 use super::super::session::Session;
 use super::super::worker::{FlightWorker, Pieces};
 use super::blocks::{BlockChunk, Blocks, Stride};
-use super::cells::{CellSum, CoverageCells, swing};
+use super::cells::{CellSum, CoverageCells, ITSELF, swing};
 use super::timeline::Timeline;
 use crate::output::{OutputPlan, OutputRequest};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::error::{Error, Result};
@@ -157,8 +157,8 @@ impl Session {
     /// cells of `side` m.
     ///
     /// Of short flights all pulses are measured, otherwise about one per cent: of each leg periods of the
-    /// scan pattern at equal distances, and of these one in a few pulses. Returns are spread half way to
-    /// those of the pulses beside them and of the other periods.
+    /// scan pattern at equal distances, and of these one in a few pulses. Their returns count at the places
+    /// of the pulses beside them and of the other periods, too.
     ///
     /// # Errors
     /// As for [`Session::run`]; [`Error::Input`] for cells that are too small or too large, and for a live
@@ -248,18 +248,18 @@ impl Sampler<'_> {
             let mut worker = FlightWorker::new(pass, flight);
             move |work: BlockChunk| -> Result<Pieces> {
                 let leg = work.chunk.leg;
-                let (every, phase) = (work.repeats.pulses, work.phase);
+                let (every, phase) = (work.pulses, work.phase);
                 let mut beams = Vec::new();
                 let pieces = worker.measure_some(work.chunk, |pulses| beams = thin(pulses, every, phase))?;
                 let strip = self.strips.get(leg as usize).copied().unwrap_or(leg);
                 let mut found = CoverageCells::new(self.side, self.shift);
                 let mut left = beams.iter();
-                let mut swing = |echo: &Echo| {
+                let mut swings = |echo: &Echo| {
                     let is_it =
                         |beam: &&KeptPulse| (beam.device, beam.number) == (echo.device, echo.pulse_number);
-                    left.find(is_it).map_or(DVec3::ZERO, |beam| beam.swing)
+                    left.find(is_it).map_or(ITSELF, |beam| &beam.swings[..])
                 };
-                found.add(worker.measured().1, strip, &work.repeats, &mut swing, ground);
+                found.add(worker.measured().1, strip, &work.repeats, &mut swings, ground);
                 self.add(&found)?;
                 Ok(pieces)
             }
@@ -305,37 +305,42 @@ fn stride(pass: &Pass<'_>, timeline: &Timeline) -> Stride {
 struct KeptPulse {
     device: u32,
     number: u64,
-    /// Change of direction to the next beam of its device.
-    swing: DVec3,
+    /// Changes of direction to the beams that it stands for, itself among them.
+    swings: Vec<DVec3>,
 }
 
-/// Leaves one in `every` pulses, those whose number has the remainder `phase`, but at least one. Returns
-/// their beams, in their order; none if all pulses are left.
+/// Leaves one in `every` pulses of a device: those whose number has the remainder `phase`, each of which
+/// stands for the pulses around it, and one for pulses at an end without it. Returns their beams, in their
+/// order; none if all pulses are left.
 fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<KeptPulse> {
-    if every <= 1 || pulses.is_empty() {
+    if every <= 1 {
         return Vec::new();
     }
     let every = u64::from(every);
-    let is_kept = |pulse: &Pulse| pulse.number % every == phase;
-    let is_any_kept = pulses.iter().any(is_kept);
-    let mut beams = Vec::new();
-    let mut at = 0;
-    let selected: Vec<bool> = pulses
-        .iter()
-        .enumerate()
-        .map(|(i, pulse)| if is_any_kept { is_kept(pulse) } else { i == 0 })
-        .collect();
-    for (i, pulse) in pulses.iter().enumerate().filter(|(i, _)| selected[*i]) {
-        let next = pulses[i + 1..].iter().find(|next| next.device == pulse.device);
-        let direction = pulse.attitude.forward();
-        let swing = next.map_or(DVec3::ZERO, |next| swing(direction, next.attitude.forward()));
-        beams.push(KeptPulse { device: pulse.device, number: pulse.number, swing });
+    let mut groups: BTreeMap<(u32, u64), Vec<usize>> = BTreeMap::new();
+    for (i, pulse) in pulses.iter().enumerate() {
+        let group = (pulse.number + every + every / 2 - phase) / every;
+        groups.entry((pulse.device, group)).or_default().push(i);
     }
+    let keep = |members: &Vec<usize>| {
+        let is_it = |i: &usize| pulses[*i].number % every == phase;
+        let at = members.iter().copied().find(is_it).unwrap_or(members[members.len() / 2]);
+        let (device, number, direction) =
+            (pulses[at].device, pulses[at].number, pulses[at].attitude.forward());
+        let swing_to =
+            |pulse: &Pulse| swing(direction, pulse.attitude.forward(), pulse.number.abs_diff(number));
+        let swings = members.iter().map(|i| swing_to(&pulses[*i])).collect();
+        (at, KeptPulse { device, number, swings })
+    };
+    let mut kept: Vec<(usize, KeptPulse)> = groups.values().map(keep).collect();
+    kept.sort_unstable_by_key(|(at, _)| *at);
+    let mut places = kept.iter().map(|(at, _)| *at).peekable();
+    let mut at = 0;
     pulses.retain(|_| {
         at += 1;
-        selected[at - 1]
+        places.next_if_eq(&(at - 1)).is_some()
     });
-    beams
+    kept.into_iter().map(|(_, beam)| beam).collect()
 }
 
 /// Number of the strip of each leg: legs of one strip have that of the first.
@@ -377,19 +382,25 @@ mod tests {
     }
 
     #[test]
-    fn one_in_a_few_pulses_is_left_with_the_swing_to_the_next() {
+    fn one_in_a_few_pulses_is_left_and_stands_for_those_around_it() {
         let mut some = pulses(10);
         let beams = thin(&mut some, 4, 2);
         let left: Vec<(u64, u32)> = some.iter().map(|pulse| (pulse.number, pulse.device)).collect();
         assert_eq!(left, [(2, 0), (2, 1), (6, 0), (6, 1), (10, 0), (10, 1)]);
         assert_eq!(beams.iter().map(|beam| (beam.number, beam.device)).collect::<Vec<_>>(), left);
-        assert!(beams[..4].iter().all(|beam| (beam.swing.length() - 0.01).abs() < 1e-6));
-        assert!(beams[4..].iter().all(|beam| beam.swing == DVec3::ZERO));
-        // All of them, at least one, and none.
+        // Pulses 1 to 3, 4 to 7, 8 to 10.
+        assert_eq!(beams.iter().map(|beam| beam.swings.len()).collect::<Vec<_>>(), [3, 3, 4, 4, 3, 3]);
+        let angles: Vec<f64> = beams[2].swings.iter().map(|swing| swing.length()).collect();
+        let near = |(found, expected): (&f64, f64)| (found - expected).abs() < 1e-5;
+        assert!(angles.iter().zip([0.02, 0.01, 0.0, 0.01]).all(near), "{angles:?}");
+        // Pulses 1 to 5 have pulse 2; 6 to 8, without pulse 10, have another one.
+        let mut cut = pulses(8);
+        let beams = thin(&mut cut, 8, 2);
+        let left: Vec<(u64, usize)> = beams.iter().map(|beam| (beam.number, beam.swings.len())).collect();
+        assert_eq!(left, [(2, 5), (2, 5), (7, 3), (7, 3)]);
+        // All of them, and none.
         let mut all = pulses(10);
         assert!(thin(&mut all, 1, 0).is_empty() && all.len() == 20);
-        let mut few = pulses(1);
-        assert_eq!((thin(&mut few, 8, 5).len(), few.len()), (1, 1));
         assert!(thin(&mut Vec::new(), 8, 0).is_empty());
     }
 
@@ -418,11 +429,11 @@ mod tests {
             device: 0,
             scan_angle: 0.0,
         };
-        let repeats = super::super::cells::Repeats { around: [0.0; 2], drift: [0.0; 2], pulses: 1 };
+        let repeats = super::super::cells::Repeats { around: [0.0; 2], drift: [0.0; 2] };
         for x in [5.0, x] {
             let position = DVec3::new(x, 5.0, 0.0);
             let echo = Echo { position, return_number: 1, number_of_returns: 1, ..Echo::miss(&miss) };
-            cells.add(&[echo], 0, &repeats, &mut |_: &Echo| DVec3::ZERO, None);
+            cells.add(&[echo], 0, &repeats, &mut |_: &Echo| ITSELF, None);
         }
         cells.clone()
     }
