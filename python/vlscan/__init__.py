@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from .forecast import DryRun
     from .instruments import Platform, Scanner
     from .making import MadeScene, Stand, make_scene, make_stand, unzip
-    from .parts import Material, Part
+    from .materials import Material
+    from .parts import Part
     from .plans import Plan, PlanLine, plan_airborne, plan_mobile, plan_terrestrial
     from .points import Points
     from .previews import preview
@@ -60,7 +61,8 @@ _MODULES = {
     "forecast": ["DryRun"],
     "instruments": ["Platform", "Scanner"],
     "making": ["MadeScene", "Stand", "make_scene", "make_stand", "unzip"],
-    "parts": ["Material", "Part"],
+    "materials": ["Material"],
+    "parts": ["Part"],
     "plans": ["Plan", "PlanLine", "plan_airborne", "plan_mobile", "plan_terrestrial"],
     "points": ["Points"],
     "previews": ["preview"],

@@ -32,9 +32,11 @@ __all__ = [
     "keys",
     "make_scene",
     "make_stand",
+    "materials_of_file",
     "merge_shards",
     "options",
     "page",
+    "parts_of_scene",
     "picture",
     "plan",
     "preview",
@@ -76,6 +78,20 @@ def catalogue_files() -> list[tuple[str, str]]:
 
 def spectra() -> list[tuple[str, list[tuple[float, float, float]]]]:
     """Return the built-in spectra of surfaces: name; wavelength (nm), reflectance and transmittance."""
+
+def materials_of_file(path: str | os.PathLike[str], is_obj: bool) -> list[dict[str, Any]]:
+    """Return the materials of an MTL file, or those that an OBJ file uses, as dictionaries."""
+
+def parts_of_scene(
+    scene: Scene,
+) -> list[
+    tuple[
+        str,
+        tuple[Any, ...],
+        tuple[str, tuple[float, float, float, float], float, tuple[float, float, float], int],
+    ]
+]:
+    """Return the parts that a scene file names: constructor, arguments, and id, quaternion, scale, offset and mode on the ground."""
 
 def keys() -> list[tuple[str, list[str]]]:
     """Return the tables of pipeline files with their keys."""
@@ -189,6 +205,7 @@ class Mesh:
 
     def __new__(cls, vertices: bytes, triangles: bytes, materials: Sequence[dict[str, Any]], material_of: bytes) -> Mesh: ...
     def parts(self) -> tuple[bytes, bytes, list[dict[str, Any]], bytes]: ...
+    def materials(self) -> list[dict[str, Any]]: ...
 
 @final
 class Changes:

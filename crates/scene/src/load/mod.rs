@@ -34,7 +34,7 @@ use crate::spectra::Spectra;
 use crate::text::{Source, is_wrong_name, printable};
 use crate::{change, instances};
 use mesh::EpochPart;
-pub use mesh::{GltfError, MeshError, OffError, PlyMeshError, StlError};
+pub use mesh::{GltfError, MeshError, OffError, PlyMeshError, StlError, obj_materials};
 pub use raster::{GridError, RasterError, UnpackError, raster_needs};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
