@@ -57,7 +57,7 @@ mod _vlscan {
     #[pymodule_export]
     use super::contents::contents;
     #[pymodule_export]
-    use super::make::{figures, make_scene, make_stand, scanner_figures, unzip};
+    use super::make::{figures, make_scene, make_stand, platform_kind, scanner_figures, unzip};
     #[pymodule_export]
     use super::preview::{page, picture, preview};
     #[pymodule_export]

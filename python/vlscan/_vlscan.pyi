@@ -39,6 +39,7 @@ __all__ = [
     "parts_of_scene",
     "picture",
     "plan",
+    "platform_kind",
     "preview",
     "raster",
     "read_points",
@@ -61,8 +62,12 @@ _Map: TypeAlias = tuple[tuple[int, int, float, list[float]], list[bytes]]
 def version() -> str:
     """Version of the engine."""
 
-def contents(request: Request) -> tuple[str, tuple[str, str], str, list[str | None], list[dict[str, Any]], bool]:
-    """Name of a survey, id and name of its scanner, id of its platform, ids of parts, keywords of legs, whether these hold all."""
+def contents(
+    request: Request,
+) -> tuple[str, tuple[str, str], tuple[str, str], list[str | None], dict[str, Any], list[dict[str, Any]], bool]:
+    """Name of a survey; id and name of its scanner, id and type of its platform, ids of parts, keys of waveforms, keywords of legs;
+    whether these hold all that the file has about legs.
+    """
 
 def command(words: Sequence[str]) -> int:
     """Run the command line with these words, the first of which is the program's name, and return its exit status."""
@@ -162,6 +167,9 @@ def make_stand(inventory: str, trees: str, folder: str, fields: dict[str, Any]) 
 
 def figures() -> str:
     """Return the figures of all scanners and platforms that ship as JSON."""
+
+def platform_kind(reference: str) -> str:
+    """Return how a platform moves, by the name of its type in XML."""
 
 def scanner_figures(reference: str) -> tuple[str, str]:
     """Return the figures of a scanner with their sources as JSON, and its scan pattern as SVG."""

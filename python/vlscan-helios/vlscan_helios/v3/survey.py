@@ -123,14 +123,15 @@ class Survey(Model):
         """
         document = xml_files.read(survey_file)
         element = document.asset("survey")
-        platform = survey_xml.read_platform(document)
+        contents = EngineSurvey.open(document.path).contents(assets=_folders(document))
+        platform = survey_xml.platform_of(document, contents)
         survey = cls(
-            scanner=survey_xml.read_scanner(document),
+            scanner=survey_xml.scanner_of(document),
             platform=platform,
             scene=StaticScene.from_xml(document.reference(element.get("scene", ""))),
-            legs=survey_xml.read_legs(document, platform),
+            legs=survey_xml.legs_of(document, contents, platform),
             name=element.get("name") or document.path.stem,
-            full_waveform_settings=survey_xml.read_waveform(document),
+            full_waveform_settings=survey_xml.waveform_of(contents),
         )
         return survey.read_from(document)
 
@@ -337,7 +338,6 @@ class Survey(Model):
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set
         is_chunked = execution.parallelization == ParallelizationStrategy.CHUNK
-        folders = [*engine_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
         options: dict[str, Any] = {
             "threads": execution.num_threads if "num_threads" in given else None,
             "chunk_size": execution.chunk_size if "chunk_size" in given else None,
@@ -347,7 +347,7 @@ class Survey(Model):
             "tree_jobs": execution.kdt_num_threads if "kdt_num_threads" in given else None,
             "seed": rng_seed(),
             "gps_start": self.gps_time if "gps_time" in self.model_fields_set else None,
-            "assets": folders,
+            "assets": _folders(self._document),
         }
         options = {name: value for name, value in options.items() if value is not None}
         if _is_folder(output):
@@ -408,6 +408,11 @@ class Survey(Model):
         return f"<Survey {self.name!r}: {len(self.legs)} legs>"
 
     __str__ = __repr__
+
+
+def _folders(document: Document | None) -> list[Path]:
+    """Return the folders in which the engine searches the files of a survey."""
+    return [*engine_directories(), *([] if document is None else [Path("assets"), document.path.parent])]
 
 
 def _is_folder(output: OutputSettings) -> bool:
