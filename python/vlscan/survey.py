@@ -277,14 +277,14 @@ class Survey(Checked):
 
     @staticmethod
     def from_document(text: str, scene: Scene | PathLike | None = None) -> Survey:
-        """Return the survey of a pipeline in memory.
+        """Return the survey of a document in memory.
 
         Parameters
         ----------
         text : str
-            The pipeline, TOML, as :meth:`document` and plans have it.
+            A pipeline, TOML, as :meth:`document` and plans have it, or a survey of HELIOS++, XML.
         scene : Scene, str or path-like, optional
-            Replaces the scene of the pipeline.
+            Replaces the scene of the document.
 
         Returns
         -------

@@ -131,7 +131,7 @@ class Survey(Model):
             scene=StaticScene.from_xml(document.reference(element.get("scene", ""))),
             legs=survey_xml.legs_of(document, contents, platform),
             name=element.get("name") or document.path.stem,
-            full_waveform_settings=survey_xml.waveform_of(contents),
+            full_waveform_settings=survey_xml.waveform_of(document, contents),
         )
         return survey.read_from(document)
 
@@ -316,24 +316,24 @@ class Survey(Model):
         return "full_waveform_settings" in self.model_fields_set
 
     def engine(self, folder: Path) -> EngineSurvey:
-        """Return the survey for the engine: its file, or one that is written to a folder.
+        """Return the survey for the engine: its file, or one in memory.
 
         Parameters
         ----------
         folder : pathlib.Path
-            The folder, which exists as long as the survey is used.
+            Where a trajectory is written to; it exists as long as the survey is used.
 
         Returns
         -------
         vlscan.Survey
             The survey.
         """
-        is_scene_of_file = self._as_read is not None and self.scene.source_file == self._as_read.scene.source_file and self.scene.is_as_read
+        old = self._as_read
+        is_scene_of_file = old is not None and self.scene.source_file == old.scene.source_file and self.scene.is_as_read
+        scene = None if is_scene_of_file else self.scene.engine()
         if self._document is not None and self._is_as_read():
-            return EngineSurvey.open(self._document.path, None if is_scene_of_file else self.scene.engine())
-        file = folder / "survey.xml"
-        file.write_text(self.to_xml(folder), encoding="utf-8")
-        return EngineSurvey.open(file, None if is_scene_of_file else self.scene.engine())
+            return EngineSurvey.open(self._document.path, scene)
+        return EngineSurvey.from_document(self.to_xml(folder), scene)
 
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set

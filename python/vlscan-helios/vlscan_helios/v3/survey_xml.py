@@ -106,9 +106,11 @@ def scanner_of(document: Document) -> Scanner:
     return Scanner.of_reference(document.reference(document.asset("survey").get("scanner", "")))
 
 
-def waveform_of(contents: SurveyContents) -> FullWaveformSettings:
-    """Return the waveform settings of a survey."""
+def waveform_of(document: Document, contents: SurveyContents) -> FullWaveformSettings:
+    """Return the waveform settings of a survey, those for all where it has none: the scanner may have its own."""
     settings = FullWaveformSettings()
+    if document.asset("survey").find("FWFSettings") is None:
+        return settings
     for name, key in _WAVEFORM_KEYS.items():
         # The window is not checked: the file is run as it stands.
         setattr(settings, name, contents.waveform[key] if key == "quality" else contents.waveform[key] / _WAVEFORM[name][1])
