@@ -185,7 +185,8 @@ def write(survey: Survey, folder: Path | None) -> Element:
     _write_platform(element, survey.platform)
     _write_waveform(element, survey)
     trajectory = _write_trajectory(survey.platform, folder)
-    has_prisms = _has_prisms(survey.scanner.reference)
+    has_default = any("scan_frequency" not in leg.scanner_settings.model_fields_set for leg in survey.legs)
+    has_prisms = has_default and _has_prisms(survey.scanner.reference)
     known = {id(original): copied for original, copied in zip(_legs_of(document), element.findall("leg"), strict=True)}
     for old in element.findall("leg"):
         element.remove(old)
