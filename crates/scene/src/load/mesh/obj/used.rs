@@ -44,7 +44,7 @@ pub fn obj_materials(path: &Path) -> Result<(Vec<MaterialDefinition>, Diagnostic
     Ok((found, problems))
 }
 
-/// ObjNames in an OBJ file, each once.
+/// Names in an OBJ file, each once.
 #[derive(Default)]
 struct ObjNames {
     /// Materials of faces.
