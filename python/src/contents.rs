@@ -7,24 +7,45 @@ use pyo3::types::PyDict;
 use vlscan::geom::degrees;
 use vlscan::survey::{Leg, PlatformKind, Survey};
 
-/// Name of a survey; id and name of its scanner; id of its platform; ids of the parts that its scene names;
-/// its legs with the keywords of `vlscan.Leg`. The last value is true if these keywords hold all that the file
-/// has about legs.
+/// Name of a survey; id and name of its scanner; id and type of its platform; ids of the parts that its scene
+/// names; keys of its waveform settings; its legs with the keywords of `vlscan.Leg`. The last value is true if
+/// these keywords hold all that the file has about legs.
 #[pyfunction]
 #[allow(clippy::type_complexity, reason = "unpacked by the package")]
 pub fn contents<'py>(
     py: Python<'py>,
     request: Py<Request>,
-) -> PyResult<(String, (String, String), String, Vec<Option<String>>, Vec<Bound<'py, PyDict>>, bool)> {
+) -> PyResult<(
+    String,
+    (String, String),
+    (String, &'static str),
+    Vec<Option<String>>,
+    Bound<'py, PyDict>,
+    Vec<Bound<'py, PyDict>>,
+    bool,
+)> {
     let notices = Notices::default();
     let job = py.detach(|| request.get().job(&notices)).map_err(|error| exception(py, error))?;
     let survey = &job.settings.survey;
     let legs = survey.legs.iter().map(|leg| keywords(py, survey, leg)).collect::<PyResult<_>>()?;
     let scanner = (survey.scanner.id.clone(), survey.scanner.name.clone());
+    let platform = (survey.platform.id.clone(), survey.platform.kind.name());
     let parts = survey.scene.parts.iter().map(|part| part.id.clone()).collect();
     let is_simple = matches!(survey.platform.kind, PlatformKind::Static | PlatformKind::LinearPath);
     let is_whole = is_simple && survey.leg_offset.is_none() && survey.legs.iter().all(has_keywords_alone);
-    Ok((survey.name.clone(), scanner, survey.platform.id.clone(), parts, legs, is_whole))
+    Ok((survey.name.clone(), scanner, platform, parts, waveform(py, survey)?, legs, is_whole))
+}
+
+/// Keys of the waveform settings of the first device.
+fn waveform<'py>(py: Python<'py>, survey: &Survey) -> PyResult<Bound<'py, PyDict>> {
+    let keys = PyDict::new(py);
+    if let Some(device) = survey.scanner.devices.first() {
+        keys.set_item("bin_ns", device.waveform.bin)?;
+        keys.set_item("window_ns", device.waveform.window)?;
+        keys.set_item("quality", device.waveform.quality)?;
+        keys.set_item("max_range_ns", device.waveform.max_range)?;
+    }
+    Ok(keys)
 }
 
 /// True if nothing of a leg is lost in its keywords.
@@ -32,7 +53,8 @@ fn has_keywords_alone(leg: &Leg) -> bool {
     leg.scanner.pulse_times.is_none() && leg.platform.trajectory.is_none() && leg.platform.mount.is_none()
 }
 
-/// A leg as keywords; values that are the defaults are left out.
+/// A leg as keywords; values that are the defaults are left out. `trajectory` is the part of a recorded
+/// trajectory that it flies: start, end (s), and true if the platform jumps there.
 fn keywords<'py>(py: Python<'py>, survey: &Survey, leg: &Leg) -> PyResult<Bound<'py, PyDict>> {
     let (place, scanner) = (&leg.platform, &leg.scanner);
     let keys = PyDict::new(py);
@@ -41,6 +63,8 @@ fn keywords<'py>(py: Python<'py>, survey: &Survey, leg: &Leg) -> PyResult<Bound<
     keys.set_item("active", scanner.active)?;
     keys.set_item("speed_m_per_s", place.has_speed.then_some(place.speed))?;
     keys.set_item("strip", &leg.strip)?;
+    let flown = place.trajectory.as_ref().map(|flown| (flown.start, flown.end, flown.teleport));
+    keys.set_item("trajectory", flown)?;
     keys.set_item("pulse_freq_hz", scanner.pulse_freq)?;
     let usual = survey.scanner.devices.first().map(|device| device.beam.divergence);
     let divergence = scanner.written_divergence.unwrap_or(scanner.beam_divergence);

@@ -7,6 +7,7 @@
 //! | `options` | options of runs as values |
 //! | `table` | record batches as NumPy columns and by the Arrow C data interface |
 //! | `scene` | scenes of files and of arrays |
+//! | `recipes` | parts of scene files and materials of files |
 //! | `changes` | changes of the materials of parts |
 //! | `cast` | rays without an instrument |
 //! | `run` | runs: to memory, to files, batch by batch; Ctrl-C and progress |
@@ -32,6 +33,7 @@ mod errors;
 mod make;
 mod options;
 mod preview;
+mod recipes;
 mod run;
 mod scene;
 mod stages;
@@ -55,9 +57,11 @@ mod _vlscan {
     #[pymodule_export]
     use super::contents::contents;
     #[pymodule_export]
-    use super::make::{figures, make_scene, make_stand, scanner_figures, unzip};
+    use super::make::{figures, make_scene, make_stand, platform_kind, scanner_figures, unzip};
     #[pymodule_export]
     use super::preview::{page, picture, preview};
+    #[pymodule_export]
+    use super::recipes::{materials_of_file, parts_of_scene};
     #[pymodule_export]
     use super::run::{Outcome, Request, run, run_batches};
     #[pymodule_export]

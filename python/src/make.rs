@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use serde_json::json;
 use std::path::PathBuf;
 use vlscan::base::files::reads;
-use vlscan::survey::{ReadOptions, catalogue as shipped, find_scanner};
+use vlscan::survey::{ReadOptions, catalogue as shipped, find_platform, find_scanner};
 use vlscan::tools::catalogue::{Pattern, PlatformFigures, ScannerFigures, Sources};
 use vlscan::tools::chart::Theme;
 use vlscan::tools::generate::{
@@ -111,6 +111,19 @@ pub fn scanner_figures(py: Python<'_>, reference: &str) -> PyResult<(String, Str
     });
     notices.issue(py)?;
     made.map_err(|error: Error| exception(py, error))
+}
+
+/// How a platform moves, by the name of its type in XML.
+#[pyfunction]
+pub fn platform_kind(py: Python<'_>, reference: &str) -> PyResult<&'static str> {
+    let notices = Notices::default();
+    let found = py.detach(|| {
+        let (found, warnings) = find_platform(reference, &ReadOptions::default())?;
+        notices.add(Notice::Warnings(warnings));
+        Ok(found.kind.name())
+    });
+    notices.issue(py)?;
+    found.map_err(|error: Error| exception(py, error))
 }
 
 /// Expands compressed text to a file. Returns the number of lines.

@@ -45,6 +45,11 @@ impl Mesh {
         mesh.map(|mesh| Mesh(Arc::new(mesh))).map_err(|error| exception(py, error))
     }
 
+    /// Its materials, as dictionaries.
+    fn materials<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        self.0.materials().iter().map(|material| fields_of(py, material)).collect()
+    }
+
     /// The arguments that make an equal mesh.
     #[allow(clippy::type_complexity, reason = "unpacked by the package")]
     fn parts<'py>(
@@ -56,12 +61,10 @@ impl Mesh {
         let vertices = mesh.vertices().iter().flat_map(|v| v.to_array()).flat_map(f64::to_le_bytes);
         let triangles = mesh.triangles().iter().flatten().flat_map(|index| index.to_le_bytes());
         let material_of = mesh.material_of().iter().flat_map(|index| index.to_le_bytes());
-        let materials =
-            mesh.materials().iter().map(|material| fields_of(py, material)).collect::<PyResult<_>>()?;
         Ok((
             PyBytes::new(py, &vertices.collect::<Vec<u8>>()),
             PyBytes::new(py, &triangles.collect::<Vec<u8>>()),
-            materials,
+            self.materials(py)?,
             PyBytes::new(py, &material_of.collect::<Vec<u8>>()),
         ))
     }

@@ -1,5 +1,6 @@
 """Scenes of files and arrays, materials, instances, patterns of one's own."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -279,3 +280,86 @@ def test_rays_of_threads_and_of_one_are_the_same():
     assert np.isfinite(many.distance).mean() > 0.5 and many.distance.dtype == np.float64
     few = [scene.cast(origins[first : first + 100], down).distance for first in range(0, 500, 100)]
     assert np.array_equal(np.concatenate(few), many.distance[:500], equal_nan=True)
+
+
+LIBRARY = """newmtl leaf
+Kd 0.1 0.2 0.3
+helios_reflectance 45
+vlscan_roughness_deg 18
+vlscan_leaf true
+newmtl soil
+helios_classification 2
+helios_isGround true
+"""
+
+
+def test_materials_of_files_are_read(tmp_path):
+    (tmp_path / "m.mtl").write_text(LIBRARY)
+    (tmp_path / "x.obj").write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl soil\nf 1 2 3\nusemtl nowhere\nf 1 2 3\n")
+    found = Material.read(tmp_path / "m.mtl")
+    leaf, soil = found["leaf"], found["soil"]
+    assert list(found) == ["leaf", "soil"] and (leaf.reflectance, leaf.diffuse, leaf.is_leaf) == (45, (0.1, 0.2, 0.3), True)
+    assert leaf.roughness_deg == 18 and (soil.reflectance, soil.classification, soil.is_ground) == (None, 2, True)
+    assert Material.read(tmp_path / "x.obj") == {"soil": soil} == Part.obj(tmp_path / "x.obj").materials
+    with pytest.raises(OSError, match="none.mtl"):
+        Material.read(tmp_path / "none.mtl")
+    (tmp_path / "m.mtl").write_text("newmtl a\nhelios_reflectance much\n")
+    with pytest.raises(ValueError, match="much"):
+        Material.read(tmp_path / "m.mtl")
+
+
+def test_parts_have_their_materials(tmp_path):
+    (tmp_path / "m.mtl").write_text(LIBRARY)
+    part = Part.mesh(*square(), materials=Material("plain", reflectance=0.2, roughness_deg=18))
+    assert part.materials["plain"].reflectance == 0.2 and part.materials["plain"].roughness_deg == 18
+    assert list(part.with_material(ROOF, of="plain").materials) == list(part.with_material(ROOF).materials) == [ROOF.name]
+    assert list(part.with_material(ROOF, of=[0]).materials) == ["plain", ROOF.name]
+    assert list(part.with_material(ROOF, of="other").materials) == ["plain"]
+    assert Part.mesh(*square()).materials == {}
+    cloud = [[0.0, 0, 0], [1, 0, 0]]
+    assert list(Part.points(cloud, 0.5, material_file=tmp_path / "m.mtl").materials) == ["leaf"]
+    assert list(Part.voxels("crown.vox", material_file=tmp_path / "m.mtl", material="soil").materials) == ["soil"]
+    assert Part.raster("ground.tif").materials == {}
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 2 0\nendloop\nendfacet\n"
+    (tmp_path / "a.stl").write_text(f"solid a\n{facet}endsolid a\n")
+    assert {name: known.classification for name, known in Part.file(tmp_path / "a.stl").materials.items()} == {"a": 0}
+
+
+@pytest.mark.parametrize("folder", ["room", "forest", "voxels", "terrain", "street"])
+def test_parts_of_scene_files_make_the_same_scene(folder):
+    whole = Scene(FIXTURES / folder / "scene.xml", [FIXTURES / folder])
+    parts = whole.read_parts()
+    built = Scene(parts, [FIXTURES / folder])
+    assert built.parts == whole.parts == [part.id for part in parts] and built.primitives == whole.primitives
+    assert np.allclose(built.bounds, whole.bounds) and built.materials == whole.materials
+    assert all(part.only_in_scene is None for part in parts) and built.read_parts() == parts
+    assert Scene(pickle.loads(pickle.dumps(parts))).primitives == whole.primitives
+
+
+def test_parts_that_only_their_scene_can_have_say_why():
+    still, *others = Scene(FIXTURES / "moving/scene.xml").read_parts()
+    assert still.only_in_scene is None and {"<dmotion>", "<swap>"} == {part.only_in_scene.split()[3] for part in others}
+    with pytest.raises(NotImplementedError, match="exists only in its scene: a part with <dmotion>"):
+        Scene([still, others[0].translate(1, 0)])
+    assert others[0].materials == {}
+
+
+def test_filters_of_scene_files_are_those_of_parts(tmp_path):
+    (tmp_path / "m.mtl").write_text(LIBRARY)
+    (tmp_path / "x.obj").write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 2 0\nusemtl soil\nf 1 2 3\n")
+    (tmp_path / "places.csv").write_text("file,x,y,z\nx.obj,1,2,0\nx.obj,3,2,0\n")
+    loader = '<filter type="objloader"><param type="string" key="filepath" value="x.obj"/></filter>'
+    turns = '<rot axis="z" angle_deg="90"/><rot axis="x" angle_deg="90"/>'
+    (tmp_path / "scene.xml").write_text(f"""<document><scene id="s">
+        <part>{loader}<filter type="rotate"><param type="rotation" key="rotation">{turns}</param></filter>
+        <filter type="scale"><param type="double" key="scale" value="2"/></filter>
+        <filter type="translate"><param type="vec3" key="offset" value="1;2;3"/></filter></part>
+        <part id="low">{loader}<filter type="translate"><param type="vec3" key="offset" value="0;0;0"/>
+        <param type="integer" key="onGround" value="-1"/></filter></part>
+        <part><filter type="instances"><param type="string" key="filepath" value="places.csv"/></filter></part>
+        </scene></document>""")
+    turned, low, table = Scene(tmp_path / "scene.xml#s").read_parts()
+    # x to y to z, and y to -x.
+    assert np.allclose(Scene([turned]).bounds, [[-3, 2, 3], [1, 2, 5]])
+    assert (turned.id, low.id, turned.on_ground, low.on_ground) == ("0", "low", 0, -1) and list(low.materials) == ["soil"]
+    assert table.only_in_scene == "instances belong to their table"

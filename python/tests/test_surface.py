@@ -257,6 +257,43 @@ def test_legs_of_a_file_are_read_and_changed():
     assert pickle.loads(pickle.dumps(survey)).legs[1].active is False and len(pickle.loads(pickle.dumps(Survey.open(room))).legs) == 2
 
 
+def test_contents_tell_how_platforms_move_and_waveforms_are_read(tmp_path):
+    room = Survey.open(FIXTURES / "room/survey.xml").contents()
+    assert (room.platform, room.platform_kind) == ("tripod", "static") and [leg.flown_part for leg in room.legs] == [None, None]
+    assert room.waveform == {"bin_ns": 0.25, "window_ns": 0.75, "quality": 3, "max_range_ns": 0}
+    assert Survey(ground(), "riegl_vz400", survey().legs, waveform={"bin_ns": 0.5}).contents().waveform["bin_ns"] == 0.5
+    np.savetxt(tmp_path / "flight.csv", [[0, 0, 0, 0, 0, -10, 60], [5, 0, 0, 0, 0, 10, 60]], delimiter=",")
+    place = (
+        '<platformSettings trajectory="flight.csv" tIndex="0" rollIndex="1" pitchIndex="2" yawIndex="3" xIndex="4" yIndex="5" zIndex="6"'
+    )
+    leg = (
+        f'<leg>{place} tStart="1" teleportToStart="true"/><scannerSettings pulseFreq_hz="83000" scanFreq_hz="50" scanAngle_deg="20"/></leg>'
+    )
+    head = '<survey scene="s" platform="interpolated" basePlatform="data/platforms.xml#sr22" scanner="data/scanners_als.xml#leica_als50">'
+    scene = '<scene id="s"><part><filter type="objloader"><param key="filepath" value="ground.obj"/></filter></part></scene>'
+    text = f"<document>{head}{leg}</survey>{scene}</document>"
+    (tmp_path / "survey.xml").write_text(text)
+    (tmp_path / "ground.obj").write_text("v -99 -99 0\nv 99 -99 0\nv 0 99 0\nf 1 2 3\n")
+    flight = Survey.open(tmp_path / "survey.xml").contents()
+    assert flight.platform_kind == "interpolated" and flight.legs[0].flown_part == (1, None, True)
+    assert Survey.from_document(text).contents(assets=[tmp_path]).legs[0].flown_part.teleport
+
+
+def test_a_survey_in_memory_may_be_xml():
+    room = FIXTURES / "room"
+    text = (room / "survey.xml").read_text().replace(' paths="beside"', "")
+    points = Survey.from_document(text).run(seed=1, assets=[room]).points
+    assert points["X"].tobytes() == Survey.open(room / "survey.xml").run(seed=1).points["X"].tobytes()
+    with pytest.raises(vlscan.InputError, match="<python>"):
+        Survey.from_document(text.replace("</document>", "")).run()
+
+
+def test_platforms_tell_how_they_move():
+    assert vlscan.platform_kind(f"{FIXTURES}/room/platforms.xml#tripod") == vlscan.platform_kind("tripod") == "static"
+    with pytest.raises(vlscan.InputError, match="no platform|no <platform>"):
+        vlscan.platform_kind("data/platforms.xml#turnip")
+
+
 def test_legs_that_cannot_be_told_whole_are_not_changed():
     flight = Survey.open(FIXTURES / "terrain/survey.xml")
     assert flight.legs[0].settings["pulse_freq_hz"] > 0

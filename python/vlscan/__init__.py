@@ -25,7 +25,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ._options import RunOptions
     from .campaigns import CampaignReport, campaign_cells, run_campaign
-    from .catalogue import ScannerFigures, Spectrum, all_scanner_figures, columns, options, platforms, scanner_figures, scanners, spectra
+    from .catalogue import (
+        ScannerFigures,
+        Spectrum,
+        all_scanner_figures,
+        columns,
+        options,
+        platform_kind,
+        platforms,
+        scanner_figures,
+        scanners,
+        spectra,
+    )
     from .clouds import CloudInfo, FrameCounts, Rasters, cloud_info, raster, write_frames
     from .comparisons import ChangeMap, Comparison, compare
     from .errors import Error, FileError, InputError, Problem, VlscanWarning
@@ -33,7 +44,8 @@ if TYPE_CHECKING:
     from .forecast import DryRun
     from .instruments import Platform, Scanner
     from .making import MadeScene, Stand, make_scene, make_stand, unzip
-    from .parts import Material, Part
+    from .materials import Material
+    from .parts import Part
     from .plans import Plan, PlanLine, plan_airborne, plan_mobile, plan_terrestrial
     from .points import Points
     from .previews import preview
@@ -50,8 +62,8 @@ _MODULES = {
     "_options": ["RunOptions"],
     "campaigns": ["CampaignReport", "campaign_cells", "run_campaign"],
     "catalogue": [
-        *("ScannerFigures", "Spectrum", "all_scanner_figures", "columns", "options", "platforms", "scanner_figures", "scanners"),
-        "spectra",
+        *("ScannerFigures", "Spectrum", "all_scanner_figures", "columns", "options", "platform_kind", "platforms", "scanner_figures"),
+        *("scanners", "spectra"),
     ],
     "clouds": ["CloudInfo", "FrameCounts", "Rasters", "cloud_info", "raster", "write_frames"],
     "comparisons": ["ChangeMap", "Comparison", "compare"],
@@ -60,7 +72,8 @@ _MODULES = {
     "forecast": ["DryRun"],
     "instruments": ["Platform", "Scanner"],
     "making": ["MadeScene", "Stand", "make_scene", "make_stand", "unzip"],
-    "parts": ["Material", "Part"],
+    "materials": ["Material"],
+    "parts": ["Part"],
     "plans": ["Plan", "PlanLine", "plan_airborne", "plan_mobile", "plan_terrestrial"],
     "points": ["Points"],
     "previews": ["preview"],
@@ -124,6 +137,7 @@ __all__ = [
     "plan_airborne",
     "plan_mobile",
     "plan_terrestrial",
+    "platform_kind",
     "platforms",
     "preview",
     "pulses",

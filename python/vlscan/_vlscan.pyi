@@ -32,11 +32,14 @@ __all__ = [
     "keys",
     "make_scene",
     "make_stand",
+    "materials_of_file",
     "merge_shards",
     "options",
     "page",
+    "parts_of_scene",
     "picture",
     "plan",
+    "platform_kind",
     "preview",
     "raster",
     "read_points",
@@ -59,8 +62,12 @@ _Map: TypeAlias = tuple[tuple[int, int, float, list[float]], list[bytes]]
 def version() -> str:
     """Version of the engine."""
 
-def contents(request: Request) -> tuple[str, tuple[str, str], str, list[str | None], list[dict[str, Any]], bool]:
-    """Name of a survey, id and name of its scanner, id of its platform, ids of parts, keywords of legs, whether these hold all."""
+def contents(
+    request: Request,
+) -> tuple[str, tuple[str, str], tuple[str, str], list[str | None], dict[str, Any], list[dict[str, Any]], bool]:
+    """Name of a survey; id and name of its scanner, id and type of its platform, ids of parts, keys of waveforms, keywords of legs;
+    whether these hold all that the file has about legs.
+    """
 
 def command(words: Sequence[str]) -> int:
     """Run the command line with these words, the first of which is the program's name, and return its exit status."""
@@ -76,6 +83,20 @@ def catalogue_files() -> list[tuple[str, str]]:
 
 def spectra() -> list[tuple[str, list[tuple[float, float, float]]]]:
     """Return the built-in spectra of surfaces: name; wavelength (nm), reflectance and transmittance."""
+
+def materials_of_file(path: str | os.PathLike[str], is_obj: bool) -> list[dict[str, Any]]:
+    """Return the materials of an MTL file, or those that an OBJ file uses, as dictionaries."""
+
+def parts_of_scene(
+    scene: Scene,
+) -> list[
+    tuple[
+        str,
+        tuple[Any, ...],
+        tuple[str, tuple[float, float, float, float], float, tuple[float, float, float], int],
+    ]
+]:
+    """Return the parts that a scene file names: constructor, arguments, and id, quaternion, scale, offset and mode on the ground."""
 
 def keys() -> list[tuple[str, list[str]]]:
     """Return the tables of pipeline files with their keys."""
@@ -147,6 +168,9 @@ def make_stand(inventory: str, trees: str, folder: str, fields: dict[str, Any]) 
 def figures() -> str:
     """Return the figures of all scanners and platforms that ship as JSON."""
 
+def platform_kind(reference: str) -> str:
+    """Return how a platform moves, by the name of its type in XML."""
+
 def scanner_figures(reference: str) -> tuple[str, str]:
     """Return the figures of a scanner with their sources as JSON, and its scan pattern as SVG."""
 
@@ -189,6 +213,7 @@ class Mesh:
 
     def __new__(cls, vertices: bytes, triangles: bytes, materials: Sequence[dict[str, Any]], material_of: bytes) -> Mesh: ...
     def parts(self) -> tuple[bytes, bytes, list[dict[str, Any]], bytes]: ...
+    def materials(self) -> list[dict[str, Any]]: ...
 
 @final
 class Changes:

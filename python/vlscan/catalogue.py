@@ -313,6 +313,32 @@ def all_scanner_figures(text: str = "") -> list[ScannerFigures]:
     return [row for row in figures if text.lower() in row.reference.lower() or text.lower() in row.name.lower()]
 
 
+def platform_kind(name: str) -> str:
+    """Return how a platform moves.
+
+    Parameters
+    ----------
+    name : str
+        The id of one that ships, or ``file.xml#id``.
+
+    Returns
+    -------
+    str
+        ``static``, ``linearpath``, ``groundvehicle`` or ``multicopter``.
+
+    Raises
+    ------
+    InputError
+        No platform has the name.
+
+    Examples
+    --------
+    >>> vlscan.platform_kind("tripod"), vlscan.platform_kind("sr22")
+    ('static', 'linearpath')
+    """
+    return _vlscan.platform_kind(platform_reference(name))
+
+
 def scanner_reference(name: str) -> str:
     """Return the reference of a scanner.
 

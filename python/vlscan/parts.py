@@ -1,4 +1,4 @@
-"""Parts of scenes: geometry, materials, and where they stand."""
+"""Parts of scenes: geometry and where they stand."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import math
 import operator
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar, SupportsFloat
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,137 +17,9 @@ from . import _vlscan
 from ._point_file import PointFile
 from ._typing import MeshWithFaces, MeshWithTriangles, PathLike, Vector
 from ._values import renamed
+from .materials import FileMaterial, Material, fields_of
 
 _Quaternion = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True)
-class Material:
-    """How a surface reflects, and which class its points get.
-
-    Parameters
-    ----------
-    name : str
-        Name, by which :meth:`Part.with_material` finds it.
-    reflectance : float, optional
-        Reflectance, 0 to 1. By default that of ``spectrum``, else 0.5; a mirror or pane is clean by default.
-    classification : int
-        Class of the points, 0 to 255.
-    spectrum : str, optional
-        Name of a spectrum, which gives the reflectance at the scanner's wavelength: of a file in a ``spectra`` folder of the assets,
-        or built in (:func:`vlscan.spectra`).
-    is_ground : bool
-        Whether legs, and parts on the ground, stand on it.
-    diffuse : tuple of float
-        Diffuse colour; all 0 with no specular colour is a surface that reflects alike in all directions.
-    specular : tuple of float
-        Specular colour.
-    specular_exponent : float
-        Exponent of the specular lobe.
-    roughness_deg : float
-        Roughness of the surface, 0 to 90 degrees; refined physics.
-    element_size_m : float
-        Size of the elements of foliage (shoots, clusters of leaves) that intercept light as a whole, 0 to 100 m; refined physics.
-    is_leaf : bool, optional
-        True for leaves, whose area counts as leaf area. By default the name tells: it contains leaf, leaves, needle, foliage,
-        or their German names.
-    mirror : float, optional
-        Share of the light that the surface mirrors, 0 to 1. By default it is not a mirror.
-    pane_index : float, optional
-        Refractive index of a pane, 1 to 5; 1.5 if another property of a pane is given.
-    pane_thickness_m : float, optional
-        Thickness of each sheet of a pane, 0 to 1 m; 0.004 m if another property of a pane is given.
-    pane_absorption : float, optional
-        Absorption within a pane, 0 to 1e6 per metre.
-    pane_sheets : int, optional
-        Number of sheets of a pane, 1 or 2.
-    retro : float, optional
-        Coefficient R_A of a retro-reflector, 0 to 1e5 cd/(lx m²).
-    water_index : float, optional
-        Refractive index of water, 1 to 5; 1.335 if another property of water is given, else the surface is not water.
-    water_group_index : float, optional
-        Group index of water, 1 to 5; 0.022 above the refractive index by default.
-    water_attenuation : float, optional
-        Diffuse attenuation K of light in water, per metre; 0.1 by default.
-    water_secchi_m : float, optional
-        Secchi depth, m, instead of ``water_attenuation``, which is 1.7 over it.
-    water_beam_attenuation : float, optional
-        Attenuation c of a narrow beam, per metre, at least K; K by default.
-    water_backscatter : float, optional
-        Light that water scatters straight back, per metre and sr; that of pure water by default.
-    water_wind_m_s : float, optional
-        Wind speed, 0 to 50 m/s, which makes waves; 0 for flat water, 5 by default.
-    water_wind_deg : float, optional
-        Direction of the wind, degrees clockwise from north; by default waves are alike in all directions.
-
-    Raises
-    ------
-    ValueError
-        A value is beyond its bounds.
-
-    Examples
-    --------
-    >>> vlscan.Material("soil", reflectance=0.3, classification=2, is_ground=True).classification
-    2
-    """
-
-    name: str = "material"
-    reflectance: float | None = None
-    classification: int = 0
-    spectrum: str | None = None
-    is_ground: bool = False
-    diffuse: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    specular_exponent: float = 10.0
-    roughness_deg: float = 0.0
-    element_size_m: float = 0.0
-    is_leaf: bool | None = None
-    mirror: float | None = None
-    pane_index: float | None = None
-    pane_thickness_m: float | None = None
-    pane_absorption: float | None = None
-    pane_sheets: int | None = None
-    retro: float | None = None
-    water_index: float | None = None
-    water_group_index: float | None = None
-    water_attenuation: float | None = None
-    water_secchi_m: float | None = None
-    water_beam_attenuation: float | None = None
-    water_backscatter: float | None = None
-    water_wind_m_s: float | None = None
-    water_wind_deg: float | None = None
-
-    _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
-
-    def __post_init__(self) -> None:
-        self._check("reflectance", 1)
-        self._check("roughness_deg", 90)
-        self._check("element_size_m", 100)
-        self._check("classification", 255)
-        self._check("mirror", 1)
-        self._check("pane_index", 5, 1)
-        self._check("pane_thickness_m", 1)
-        self._check("pane_absorption", 1e6)
-        self._check("pane_sheets", 2, 1)
-        self._check("retro", 1e5)
-        self._check("water_index", 5, 1)
-        self._check("water_group_index", 5, 1)
-        self._check("water_attenuation", 1e4)
-        self._check("water_secchi_m", 100, 0.01)
-        self._check("water_beam_attenuation", 1e4)
-        self._check("water_backscatter", 10)
-        self._check("water_wind_m_s", 50)
-        self._check("water_wind_deg", 360, -360)
-
-    def _check(self, name: str, highest: float, lowest: float = 0) -> None:
-        value = getattr(self, name)
-        if value is None:
-            return
-        if not isinstance(value, SupportsFloat):
-            hint = "; classes are numbers, as in LAS: 2 is ground, 5 high vegetation, 6 building" if name == "classification" else ""
-            raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a number from {lowest} to {highest}{hint}")
-        if not lowest <= float(value) <= highest:
-            raise ValueError(f"{name} of the material {self.name!r} is {value}, expected {lowest} to {highest}")
 
 
 @dataclass(frozen=True)
@@ -279,7 +151,7 @@ class Part:
         made = _vlscan.Mesh(
             points.tobytes(),
             corners.astype("<u4").tobytes(),
-            [_fields(material) for material in known],
+            [fields_of(material) for material in known],
             index.tobytes(),
         )
         return Part("of_mesh", (made,), _Place(id=id), (count, per_face))
@@ -717,7 +589,7 @@ class Part:
             # A quadrilateral is two triangles.
             triangles = (indices[:, None] * per_face + np.arange(per_face)).ravel()
             which = triangles.astype("<u4").tobytes()
-        return self._placed(changes=self._place.changes.then(which, _fields(material)))
+        return self._placed(changes=self._place.changes.then(which, fields_of(material)))
 
     def face_numbers(self, of: ArrayLike) -> NDArray[np.int64]:
         """Return the indices of faces that a mask or indices choose.
@@ -775,6 +647,56 @@ class Part:
         return self._place.id
 
     @property
+    def on_ground(self) -> int:
+        """Mode of :meth:`drop_to_ground`; 0 for a part that stands where it is."""
+        return self._place.on_ground
+
+    @property
+    def only_in_scene(self) -> str | None:
+        """Reason why a part of :meth:`Scene.read_parts` exists only in its scene; ``None`` for one that other scenes can have."""
+        return str(self._arguments[0]) if self._kind == "of_scene" else None
+
+    @property
+    def materials(self) -> dict[str, Material]:
+        """Materials by name, with those of :meth:`with_material`; empty if nothing defines any.
+
+        Those of arrays are as given. Material files are read: OBJ files name their own, and rasters, points and voxels have one
+        material. Other meshes, and those with a table of materials, are loaded; their materials have reflectance and class only.
+        """
+        found = self._defined_materials()
+        for which, fields in self._place.changes.parts():
+            changed = FileMaterial.of_fields(fields)
+            if which is None:
+                found = {changed.name: changed}
+            elif isinstance(which, bytes) or which in found:
+                # A material that is replaced leaves its place to the other one.
+                found = {changed.name if name == which else name: changed if name == which else old for name, old in found.items()}
+                found.setdefault(changed.name, changed)
+        return found
+
+    def _defined_materials(self) -> dict[str, Material]:
+        """Return the materials without those of :meth:`with_material`."""
+        first, last = self._arguments[0], self._arguments[-1]
+        if isinstance(first, _vlscan.Mesh):
+            given = map(FileMaterial.of_fields, first.materials())
+            return {material.name: material for material in given}
+        if self._kind == "of_mesh_file":
+            is_obj = last is None and str(first).lower().endswith(".obj")
+            return Material.read(str(first)) if is_obj else self._loaded_materials()
+        if not isinstance(last, dict) or last["file"] is None:
+            return {}
+        known = Material.read(last["file"])
+        name = last["name"] or min(known, default="")
+        return {name: known[name]} if name in known else {}
+
+    def _loaded_materials(self) -> dict[str, Material]:
+        from .scene import Scene
+
+        plain = Part(self._kind, self._arguments, _Place())
+        loaded = Scene([plain]).materials
+        return {name: FileMaterial(name, reflectance=share, classification=kind) for name, (share, kind) in loaded.items()}
+
+    @property
     def face_count(self) -> int | None:
         """Number of faces of a part of arrays; ``None`` for one of a file, which is not read yet."""
         return self._faces[0] if self._faces else None
@@ -783,6 +705,8 @@ class Part:
         return Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
 
     def _made(self) -> _vlscan.Part:
+        if self.only_in_scene is not None:
+            raise NotImplementedError(f"the part {self.id} exists only in its scene: {self.only_in_scene}")
         arguments = (os.fspath(value) if isinstance(value, PointFile) else value for value in self._arguments)
         made: _vlscan.Part = getattr(_vlscan.Part, self._kind)(*arguments, self._place.fields())
         return made
@@ -837,19 +761,12 @@ def _materials(materials: object) -> list[Material]:
     return list(materials)
 
 
-def _fields(material: Material) -> dict[str, Any]:
-    if not isinstance(material, Material):
-        raise TypeError(f"expected a Material, found {material!r}; vlscan.Material({str(material)!r}) makes one")
-    fields = asdict(material)
-    optics = ("mirror", "pane_index", "pane_thickness_m", "pane_absorption", "pane_sheets")
-    is_optical = any(value is not None and (name in optics or name.startswith("water_")) for name, value in fields.items())
-    if material.reflectance is None and material.spectrum is None and not is_optical:
-        fields["reflectance"] = material._USUAL_REFLECTANCE
-    for key in ("diffuse", "specular"):
-        fields[key] = [float(v) for v in fields[key]]
-    for key in ("specular_exponent", "roughness_deg"):
-        fields[key] = float(fields[key])
-    return fields
+def parts_of(scene: _vlscan.Scene) -> list[Part]:
+    """Return the parts that the file of a scene describes."""
+    found = []
+    for kind, arguments, (id, quaternion, scale, offset, on_ground) in _vlscan.parts_of_scene(scene):
+        found.append(Part(kind, arguments, _Place(quaternion, scale, offset, on_ground, id)))
+    return found
 
 
 def _choice(file: PathLike | None, name: str | None) -> dict[str, str | None]:

@@ -17,7 +17,7 @@ from ._notebook import picture_html, show_page
 from ._typing import PathLike, SceneFacts
 from ._values import values_of
 from .instruments import Scanner
-from .parts import Part
+from .parts import Part, parts_of
 from .points import Points
 
 if TYPE_CHECKING:
@@ -145,6 +145,24 @@ class Scene:
     def unload(self) -> None:
         """Free the memory of scene and tree; the next run loads them again."""
         self._scene.unload()
+
+    def read_parts(self) -> list[Part]:
+        """Return the parts as they were given, or as the scene's file describes them: other scenes can have them, moved and changed.
+
+        Returns
+        -------
+        list of Part
+            The parts, one for each file that is loaded; none of a packed scene. Parts that move or are swapped, with random
+            materials, and instances of tables cannot be in other scenes, see :attr:`Part.only_in_scene`.
+
+        Examples
+        --------
+        >>> parts = vlscan.Scene("fixtures/room/scene.xml").read_parts()
+        >>> shelf = next(part for part in parts if part.id == "1")
+        >>> vlscan.Scene([shelf.translate(0, 0, 1)]).primitives > 0
+        True
+        """
+        return parts_of(self._scene) if isinstance(self._source, str) else list(self._source)
 
     @property
     def is_loaded(self) -> bool:

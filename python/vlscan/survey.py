@@ -48,6 +48,22 @@ class SurveyArguments(TypedDict, total=False):
     name: str | None
 
 
+class FlownPart(NamedTuple):
+    """The part of a recorded trajectory that a leg of a file flies.
+
+    Attributes
+    ----------
+    start_s, end_s : float or None
+        Where it starts and ends, s in the time of the trajectory; ``None`` is where the trajectory does.
+    teleport : bool
+        True if the platform jumps to the start instead of travelling there.
+    """
+
+    start_s: float | None
+    end_s: float | None
+    teleport: bool
+
+
 class Leg(Checked):
     """A waypoint and the way to the next one: the last leg of a moving platform is where it arrives.
 
@@ -96,6 +112,20 @@ class Leg(Checked):
         self.position = [float(v) for v in position]
         self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
         self.settings: dict[str, object] = dict(settings)
+        self._flown: FlownPart | None = None
+
+    @staticmethod
+    def _of_file(keys: Mapping[str, Any]) -> Leg:
+        """Return the leg that the engine has read."""
+        flown = keys["trajectory"]
+        leg = Leg(**{key: value for key, value in keys.items() if key != "trajectory"})
+        leg._flown = None if flown is None else FlownPart(*flown)
+        return leg
+
+    @property
+    def flown_part(self) -> FlownPart | None:
+        """Part of a recorded trajectory that a leg of a file flies; ``None`` for other legs."""
+        return self._flown
 
     def _checked(self, name: str, value: object) -> object:
         if name == "position":
@@ -138,8 +168,13 @@ class SurveyContents(NamedTuple):
         Name of the scanner.
     platform : str
         Id of the platform.
+    platform_kind : str
+        How the platform moves: ``static``, ``linearpath``, ``groundvehicle``, ``multicopter``, or ``interpolated`` and ``stream`` for
+        recorded poses.
     parts : list of str
         Ids of the parts of its scene, ``None`` for those without one; none of a packed scene.
+    waveform : dict
+        Keys of ``[waveform]`` in a pipeline file, with the values of the first channel.
     legs : list of Leg
         The legs.
     """
@@ -148,7 +183,9 @@ class SurveyContents(NamedTuple):
     scanner: str
     scanner_name: str
     platform: str
+    platform_kind: str
     parts: list[str | None]
+    waveform: dict[str, float]
     legs: list[Leg]
 
 
@@ -240,14 +277,14 @@ class Survey(Checked):
 
     @staticmethod
     def from_document(text: str, scene: Scene | PathLike | None = None) -> Survey:
-        """Return the survey of a pipeline in memory.
+        """Return the survey of a document in memory.
 
         Parameters
         ----------
         text : str
-            The pipeline, TOML, as :meth:`document` and plans have it.
+            A pipeline, TOML, as :meth:`document` and plans have it, or a survey of HELIOS++, XML.
         scene : Scene, str or path-like, optional
-            Replaces the scene of the pipeline.
+            Replaces the scene of the document.
 
         Returns
         -------
@@ -302,13 +339,18 @@ class Survey(Checked):
             raise ValueError("a pipeline file cannot be changed by arguments; give them as options of the run, or change the file")
         return survey
 
-    def contents(self) -> SurveyContents:
+    def contents(self, **options: Unpack[RunOptions]) -> SurveyContents:
         """Return what the survey consists of, that of its file included; the scene is not loaded.
+
+        Parameters
+        ----------
+        **options : RunOptions
+            Options of :meth:`run`, of which those of input files matter (``assets``).
 
         Returns
         -------
         SurveyContents
-            Name, scanner, platform, parts of the scene, legs.
+            Name, scanner, platform, parts of the scene, waveform settings, legs.
 
         Raises
         ------
@@ -318,18 +360,19 @@ class Survey(Checked):
         Examples
         --------
         >>> found = vlscan.Survey.open("fixtures/room/survey.xml").contents()
-        >>> found.scanner, found.platform, len(found.legs)
-        ('tls_polygon', 'tripod', 2)
+        >>> found.scanner, found.platform, found.platform_kind, len(found.legs)
+        ('tls_polygon', 'tripod', 'static', 2)
         """
-        name, (scanner, scanner_name), platform, parts, legs, _ = _vlscan.contents(self._request({}))
-        return SurveyContents(name, scanner, scanner_name, platform, parts, [Leg(**leg) for leg in legs])
+        request = self._request(values_of(options, writes_files=False))
+        name, scanner, platform, parts, waveform, legs, _ = _vlscan.contents(request)
+        return SurveyContents(name, *scanner, *platform, parts, waveform, [Leg._of_file(leg) for leg in legs])
 
     def __getattr__(self, name: str) -> Any:
         # Legs of a file are read when they are first asked for, and sent if they were changed.
         if name != "legs" or self.__dict__.get("_file") is None:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
         *_, legs, is_whole = _vlscan.contents(self._request({}))
-        self.legs = [Leg(**leg) for leg in legs]
+        self.legs = [Leg._of_file(leg) for leg in legs]
         self._read_legs = ([leg._keys() for leg in self.legs], is_whole)
         return self.legs
 

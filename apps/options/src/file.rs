@@ -34,8 +34,14 @@ pub fn read_survey(path: &Path, typed: Options) -> Result<(Survey, Options, Diag
 
 /// Reads a survey in XML.
 fn read_xml(path: &Path, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
+    let read = vlscan_survey::read_survey(path, &typed.read_options())?;
+    finish_xml(read, typed)
+}
+
+/// Completes a survey that was read in XML.
+fn finish_xml(read: (Survey, Diagnostics), typed: Options) -> Result<(Survey, Options, Diagnostics)> {
+    let (mut survey, mut warnings) = read;
     let chosen = typed.trajectory.clone();
-    let (mut survey, mut warnings) = vlscan_survey::read_survey(path, &typed.read_options())?;
     warnings.extend(doubts(&chosen, &chosen, [const { None }; OFFSETS.len()]));
     warn_of_fraction(&typed, None, &mut warnings);
     let warnings = warnings.finish(typed.input.strict.is_on())?;
@@ -43,16 +49,16 @@ fn read_xml(path: &Path, typed: Options) -> Result<(Survey, Options, Diagnostics
     Ok((survey, typed, warnings))
 }
 
-/// Reads a pipeline in memory; `name` is its name in messages, and its folder the one that names of files are
-/// relative to.
+/// Reads a pipeline, or a survey in XML, in memory; `name` is its name in messages, and its folder the one
+/// that names of files are relative to.
 ///
 /// # Errors
 /// As for [`read_survey`].
-pub fn read_pipeline_text(
-    name: &Path,
-    text: String,
-    typed: Options,
-) -> Result<(Survey, Options, Diagnostics)> {
+pub fn read_survey_text(name: &Path, text: String, typed: Options) -> Result<(Survey, Options, Diagnostics)> {
+    if text.trim_start().starts_with('<') {
+        let read = vlscan_survey::read_survey_text(name, &text, &typed.read_options())?;
+        return finish_xml(read, typed);
+    }
     read_source(&Source::of_text(name, text), typed)
 }
 

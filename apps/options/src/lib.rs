@@ -46,7 +46,7 @@ pub mod values;
 mod words;
 
 pub use choice::choice;
-pub use file::{holds_survey, read_pipeline_text, read_scanners, read_survey};
+pub use file::{holds_survey, read_scanners, read_survey, read_survey_text};
 pub use given::OptionValues;
 pub use groups::{
     EchoOptions, InputOptions, NavigationOptions, NoiseOptions, Options, OriginOptions, OutputOptions,

@@ -1,6 +1,6 @@
 //! Conversion of options to the settings of a session, with every choice resolved.
 
-use super::{Options, ScannerSurvey, read_pipeline_text, read_scanners, read_survey};
+use super::{Options, ScannerSurvey, read_scanners, read_survey, read_survey_text};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
@@ -69,12 +69,13 @@ impl ResolvedRun {
         Ok((runs, warnings))
     }
 
-    /// Reads a pipeline in memory and resolves every choice, as [`ResolvedRun::resolve`] does for a file.
+    /// Reads a pipeline, or a survey in XML, in memory and resolves every choice, as [`ResolvedRun::resolve`]
+    /// does for a file.
     ///
     /// # Errors
     /// As for [`ResolvedRun::resolve`].
     pub fn of_text(name: &Path, text: String, typed: &Options) -> Result<(ResolvedRun, Diagnostics)> {
-        let (survey, options, warnings) = read_pipeline_text(name, text, typed.clone())?;
+        let (survey, options, warnings) = read_survey_text(name, text, typed.clone())?;
         Ok((ResolvedRun::new(survey, &options)?, warnings))
     }
 

@@ -98,7 +98,7 @@ pub use inventory::Inventory;
 pub use lad::LadTable;
 pub use load::{
     GltfError, GridError, MeshError, OffError, PlyMeshError, RasterError, StlError, UnpackError, load,
-    load_epoch, raster_needs,
+    load_epoch, obj_materials, raster_needs,
 };
 pub use material::{Material, Reflection, SPHERICAL_MEAN_COSINE};
 pub use model::{MovingPart, PackedTree, Part, Scene, Sizes};

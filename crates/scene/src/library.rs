@@ -136,7 +136,7 @@ pub(super) enum Known {
 }
 
 /// A name up to its first blank.
-fn first_word(name: &str) -> &str {
+pub(super) fn first_word(name: &str) -> &str {
     name.split_whitespace().next().unwrap_or_default()
 }
 

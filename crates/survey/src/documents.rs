@@ -87,6 +87,13 @@ impl Context {
         document.map(|d| d.root())
     }
 
+    /// The root of a document in memory; `name` is its name in messages.
+    pub fn open_text(&self, name: &Path, text: &str) -> Option<Element> {
+        let document = self.parse(name, text.as_bytes());
+        self.documents.borrow_mut().insert(name.to_path_buf(), document.clone());
+        document.map(|d| d.root())
+    }
+
     fn parse(&self, path: &Path, bytes: &[u8]) -> Option<Rc<XmlDocument>> {
         if let Some(found) = foreign(path, bytes, &Expected::DOCUMENT) {
             found.report(path, &mut self.problems.borrow_mut());

@@ -100,7 +100,7 @@ pub use keys::{
 pub use model::*;
 pub use motions::rounded_steps;
 pub use rasters::{find_raster, names_raster};
-pub use read::{find_platform, find_scanner, read_scene, read_survey};
+pub use read::{find_platform, find_scanner, read_scene, read_survey, read_survey_text};
 pub use seed::{SeedError, parse_seed};
 pub use text::{NotText, decode_table};
 pub use xml_limits::MAX_DOCUMENT_BYTES;

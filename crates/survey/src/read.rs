@@ -39,6 +39,18 @@ pub fn read_survey(path: &Path, options: &ReadOptions) -> Result<(Survey, Diagno
     context.finish(survey)
 }
 
+/// Reads the survey of a document in memory as [`read_survey`] does that of a file; `name` is its name in
+/// messages, and its folder the one in which files are searched last.
+///
+/// # Errors
+/// The errors of [`read_survey`].
+pub fn read_survey_text(name: &Path, text: &str, options: &ReadOptions) -> Result<(Survey, Diagnostics)> {
+    let context = Context::new(options);
+    let root = context.open_text(name, text);
+    let survey = root.and_then(|root| read_survey_document(&context, &root, options.trajectory.clone()));
+    context.finish(survey)
+}
+
 /// Reads a scene: `file.xml#id`, `file.xml` for its first scene, a geometry file (.obj, .off, .tif, .asc,
 /// .vrt, .vox) or a folder of tiles of a raster as a scene of one part, a table of instances (.csv), or a
 /// packed scene (.vlscene). A raster is terrain, of [soil](MaterialDefinition::soil).

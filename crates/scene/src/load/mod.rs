@@ -33,7 +33,7 @@ use crate::pack::Pack;
 use crate::spectra::Spectra;
 use crate::{change, ground, instances};
 use mesh::EpochPart;
-pub use mesh::{GltfError, MeshError, OffError, PlyMeshError, StlError};
+pub use mesh::{GltfError, MeshError, OffError, PlyMeshError, StlError, obj_materials};
 pub use raster::{GridError, RasterError, UnpackError, raster_needs};
 use rayon::prelude::*;
 use std::sync::Arc;

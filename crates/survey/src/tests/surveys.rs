@@ -432,3 +432,17 @@ fn encodings_and_line_ends() {
     assert_eq!(survey.name, "Tübingen");
     contains(&warnings.render(false), &["byte 0xfc is not UTF-8", "survey.xml:6:"]);
 }
+
+#[test]
+fn a_document_in_memory_is_read_like_a_file() {
+    let text = document("", "platform='plane' name='Tübingen'", LEG);
+    let folder = Folder::new(&[("a.obj", "")]);
+    let options = ReadOptions::default();
+    let read = read_survey_text(&folder.path("survey.xml"), &text, &options);
+    let (survey, _) = read.unwrap_or_else(|e| panic!("{}", report(&e)));
+    assert_eq!((survey.name.as_str(), survey.legs.len()), ("Tübingen", 1));
+    let Err(error) = read_survey_text(Path::new("<memory>"), "<document>", &options) else {
+        panic!("a document without an end is read");
+    };
+    contains(&report(&error), &["<memory>"]);
+}

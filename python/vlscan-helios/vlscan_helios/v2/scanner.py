@@ -8,7 +8,6 @@ from xml.etree.ElementTree import Element, ParseError, parse
 
 from vlscan.errors import InputError
 from vlscan_helios.v3.utils import find_file
-from vlscan_helios.v3.xml_files import float_of
 
 from .views import Instrument
 
@@ -42,7 +41,7 @@ class ScannerView(Instrument):
     def __getattr__(self, name: str) -> Any:
         if name in type(self).FIGURES:
             attribute, default, divisor = type(self).FIGURES[name]
-            return float_of(self._entry.get(attribute), default) / divisor
+            return _number(self._entry.get(attribute), default) / divisor
         return super().__getattr__(name)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -72,7 +71,7 @@ class ScannerView(Instrument):
     @property
     def pulseFreqs(self) -> list[int]:
         """Pulse frequencies, Hz."""
-        return [int(float_of(word, 0)) for word in self._entry.get("pulseFreqs_Hz", "0").split(",")]
+        return [int(_number(word, 0)) for word in self._entry.get("pulseFreqs_Hz", "0").split(",")]
 
     def getSupportedPulseFrequencies(self) -> list[int]:
         """Return the pulse frequencies, Hz."""
@@ -86,3 +85,11 @@ class ScannerView(Instrument):
         """Return the figures as lines of text."""
         rows = {"Device": self.id, **{name: getattr(self, name) for name in type(self).FIGURES}, "pulseFreqs": self.pulseFreqs}
         return "\n".join(f"{name}: {value}" for name, value in rows.items())
+
+
+def _number(text: str | None, default: float) -> float:
+    """Return a number, or the default for what is none: the engine tells about it when the file is run."""
+    try:
+        return default if text is None else float(text)
+    except ValueError:
+        return default

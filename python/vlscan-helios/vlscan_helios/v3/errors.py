@@ -28,16 +28,16 @@ class _RunException(HeliosException, Error):
 
 
 class _Names:
-    """Names in messages for the files that a run writes of objects in memory.
+    """Names in messages for objects in memory: a survey, and the trajectory that a run writes.
 
     Parameters
     ----------
     folder : str
-        The folder of these files.
+        The folder of the trajectory.
     """
 
     def __init__(self, folder: str) -> None:
-        self._names = {os.path.join(folder, f"{name}.{kind}"): f"<{name}>" for name, kind in (("survey", "xml"), ("trajectory", "csv"))}
+        self._names = {"<python>": "<survey>", os.path.join(folder, "trajectory.csv"): "<trajectory>"}
 
     def of_text(self, text: str) -> str:
         """Return a text with these names."""
@@ -52,7 +52,7 @@ class _Names:
 
 @contextmanager
 def engine_errors(folder: str) -> Iterator[None]:
-    """Raise errors of the engine as :class:`HeliosException`; messages do not name the files in ``folder``."""
+    """Raise errors of the engine as :class:`HeliosException`; messages do not name the trajectory in ``folder``."""
     names = _Names(folder)
     try:
         yield
@@ -74,7 +74,7 @@ _shown: dict[str | tuple[str, type[Warning], int], int] = {}
 
 @contextmanager
 def engine_warnings(folder: str, is_silent: bool) -> Iterator[None]:
-    """Issue the warnings of a run at its end, none if it is silent; messages do not name the files in ``folder``."""
+    """Issue the warnings of a run at its end, none if it is silent; messages do not name the trajectory in ``folder``."""
     names = _Names(folder)
     caught: list[warnings.WarningMessage] = []
     try:

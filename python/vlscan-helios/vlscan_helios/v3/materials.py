@@ -1,29 +1,22 @@
-"""Materials, and the files that define them (Wavefront MTL with the keys of HELIOS++)."""
+"""Materials, and those that files define."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import ItemsView, Iterator, KeysView, MutableMapping, ValuesView
+from dataclasses import fields
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from vlscan.errors import warn
-from vlscan.parts import Material as EngineMaterial
+from vlscan.materials import FileMaterial
+from vlscan.materials import Material as EngineMaterial
 
 from .utils import existing_file
 from .validation import Components, Model, UpdateableMixin
-
-
-class _UncheckedMaterial(EngineMaterial):
-    """A material as it is: HELIOS++ takes any reflectance, and has its own default."""
-
-    _USUAL_REFLECTANCE = None
-
-    def __post_init__(self) -> None:
-        pass
 
 
 def _none() -> Any:
@@ -63,6 +56,8 @@ class Material(Model, UpdateableMixin):
     ambient_components: Components = Field(default_factory=_none)
     diffuse_components: Components = Field(default_factory=_none)
     specular_components: Components = Field(default_factory=_none)
+    # What a file says of it, also beyond the fields: roughness, mirrors, panes.
+    _defined: EngineMaterial = PrivateAttr(default_factory=FileMaterial)
 
     def model_post_init(self, context: Any, /) -> None:
         """Warn of a reflectance that no surface has.
@@ -98,10 +93,32 @@ class Material(Model, UpdateableMixin):
         FileNotFoundError
             There is no such file.
         """
-        found = read_materials(os.fspath(existing_file(material_file)))
+        found = {name: cls.of_engine(material) for name, material in EngineMaterial.read(existing_file(material_file)).items()}
         if not found or material_id and material_id not in found:
             raise ValueError(f"{os.fspath(material_file)} has no material {material_id!r}; there are {', '.join(found) or 'none'}")
         return found[material_id or min(found)]
+
+    @classmethod
+    def of_engine(cls, material: EngineMaterial) -> Material:
+        """Return a material of the engine.
+
+        Parameters
+        ----------
+        material : vlscan.Material
+            The material.
+
+        Returns
+        -------
+        Material
+            The material.
+        """
+        made = cls(name=material.name, is_ground=material.is_ground, spectra=material.spectrum or "")
+        # Behind the warning: the engine tells of a reflectance that no surface has.
+        made.reflectance = math.nan if material.reflectance is None else material.reflectance
+        made.specular_exponent, made.classification = material.specular_exponent, material.classification
+        made.diffuse_components, made.specular_components = [*material.diffuse, 0.0], [*material.specular, 0.0]
+        made._defined = material
+        return made
 
     def engine(self) -> EngineMaterial:
         """Return the material for the engine.
@@ -114,16 +131,18 @@ class Material(Model, UpdateableMixin):
         diffuse, specular = self.diffuse_components[:3], self.specular_components[:3]
         if self.specularity > 0 and not diffuse.any() and not specular.any():
             diffuse, specular = np.full(3, 1 - self.specularity), np.full(3, self.specularity)
-        return _UncheckedMaterial(
-            self.name or "default",
-            reflectance=None if math.isnan(self.reflectance) else self.reflectance,
-            classification=self.classification,
-            spectrum=self.spectra or None,
-            is_ground=self.is_ground,
-            diffuse=tuple(diffuse.tolist()),
-            specular=tuple(specular.tolist()),
-            specular_exponent=self.specular_exponent,
-        )
+        values = {field.name: getattr(self._defined, field.name) for field in fields(self._defined)}
+        values |= {
+            "name": self.name or "default",
+            "reflectance": None if math.isnan(self.reflectance) else self.reflectance,
+            "classification": self.classification,
+            "spectrum": self.spectra or None,
+            "is_ground": self.is_ground,
+            "diffuse": tuple(diffuse.tolist()),
+            "specular": tuple(specular.tolist()),
+            "specular_exponent": self.specular_exponent,
+        }
+        return FileMaterial(**values)
 
 
 class MaterialDict(MutableMapping[str, Material]):
@@ -224,52 +243,3 @@ class MaterialDict(MutableMapping[str, Material]):
 
     def __repr__(self) -> str:
         return f"MaterialDict({self._materials!r})"
-
-
-def read_materials(path: str) -> dict[str, Material]:
-    """Return the materials of an MTL file by name. Values that cannot be read are left out with a warning."""
-    found: dict[str, Material] = {}
-    current = None
-    with open(path, encoding="utf-8", errors="replace") as file:
-        for number, line in enumerate(file, 1):
-            keyword, *words = line.split("#")[0].split() or [""]
-            if keyword == "newmtl" and words:
-                name = " ".join(words)
-                current = found.setdefault(name, Material(name=name))
-            elif current is not None and words:
-                try:
-                    rest = _set(current, keyword, words)
-                except ValueError as problem:
-                    warn(f"{path}:{number}: {keyword} is left out: {problem}")
-                else:
-                    if rest:
-                        warn(f"{path}:{number}: {' '.join(rest)!r} after {keyword} is ignored")
-    return found
-
-
-def _set(material: Material, keyword: str, words: list[str]) -> list[str]:
-    """Set the property of a line and return the words that are not used."""
-    used = 1
-    if keyword in ("Ka", "Kd", "Ks"):
-        numbers = [float(word) for word in words[:3]]
-        colour = numbers if len(numbers) == 3 else numbers[:1] * 3
-        name = {"Ka": "ambient", "Kd": "diffuse", "Ks": "specular"}[keyword]
-        setattr(material, f"{name}_components", [*colour, 0.0])
-        used = len(numbers) if len(numbers) == 3 else 1
-    elif keyword == "Ns":
-        material.specular_exponent = float(words[0])
-    elif keyword == "helios_reflectance":
-        material.reflectance = float(words[0])
-    elif keyword == "helios_classification":
-        material.classification = int(words[0])
-    elif keyword == "helios_spectra":
-        material.spectra = " ".join(words)
-        used = len(words)
-    elif keyword == "helios_isGround":
-        truths = {"true": True, "1": True, "false": False, "0": False}
-        if words[0].lower() not in truths:
-            raise ValueError(f"expected true or false, found {words[0]!r}")
-        material.is_ground = truths[words[0].lower()]
-    else:
-        used = len(words)
-    return words[used:]

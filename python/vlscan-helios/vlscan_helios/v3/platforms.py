@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, PrivateAttr, validate_call
 from typing_extensions import Self
 
-from vlscan import catalogue
+from vlscan import Error, catalogue
 
 from .errors import wrong_input
 from .scanner import Named, by_attribute, check_id, find, instrument_function, reference_in
@@ -138,7 +138,9 @@ class Platform(Named):
         """Whether it does not move between legs."""
         if self._trajectory is not None or self._follows_file:
             return False
-        return self._reference.split("#")[-1].startswith("tripod") if self._is_static is None else self._is_static
+        if self._is_static is None:
+            self._is_static = _stands(self._reference)
+        return self._is_static
 
     @property
     def follows_file(self) -> bool:
@@ -206,7 +208,7 @@ class Platform(Named):
         """
         reference = reference_in(platform_file, platform_id)
         if platform_id:
-            check_id(reference, "platform", map(catalogue.platform_reference, catalogue.platforms()))
+            check_id(catalogue.platform_kind, reference, "platform")
         return cls.of_reference(reference, platform_id or os.path.basename(platform_file))
 
     @classonlymethod
@@ -277,6 +279,14 @@ class Platform(Named):
         """
         spec, is_synchronous = self._rotation_spec, self._sync_gps_time
         return self.clone().flown(_poses(trajectory), False, spec, is_synchronous, self._is_static)
+
+
+def _stands(reference: str) -> bool:
+    """Return whether a platform stands; the engine tells when it is run what is wrong with one that it cannot read."""
+    try:
+        return bool(reference) and catalogue.platform_kind(reference) == "static"
+    except Error:
+        return False
 
 
 def _poses(trajectory: ArrayLike) -> NDArray[np.void]:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from pydantic import PrivateAttr
 
-from vlscan import catalogue
+from vlscan import InputError, catalogue
 
-from . import xml_files
 from .settings import FullWaveformSettings
 from .utils import classonlymethod, existing_file
 from .validation import Angle, AngleVelocity, Frequency, Model, ScanFrequency, TimeInterval, UpdateableMixin
@@ -168,13 +167,16 @@ def reference_in(file: str | os.PathLike[str], id: str) -> str:
     return f"{path.as_posix()}#{id}" if id else path.as_posix()
 
 
-def check_id(reference: str, kind: str, shipped: Iterable[str]) -> None:
-    """Refuse the reference of an entry that its file does not have."""
-    file, _, id = reference.partition("#")
-    if os.path.exists(file):
-        xml_files.read(file).asset(kind, id)
-    elif reference not in set(shipped):
-        raise ValueError(f"{file} has no {kind} with the id {id!r}; list_{kind}s() lists those that ship")
+def check_id(read: Callable[[str], object], reference: str, kind: str) -> None:
+    """Refuse the reference of an entry that its file does not have; ``read`` lets the engine read the entry."""
+    try:
+        read(reference)
+    except InputError as error:
+        if not any(problem.message.startswith("there is no <") for problem in error.problems):
+            raise
+        file, _, id = reference.partition("#")
+        hint = "" if os.path.exists(file) else f"; list_{kind}s() lists those that ship"
+        raise ValueError(f"{file} has no {kind} with the id {id!r}{hint}") from error
 
 
 class Scanner(Named):
@@ -205,7 +207,7 @@ class Scanner(Named):
         """
         reference = reference_in(scanner_file, scanner_id)
         if scanner_id:
-            check_id(reference, "scanner", [*map(catalogue.scanner_reference, catalogue.scanners()), *_NAMES.values()])
+            check_id(catalogue.scanner_figures, reference, "scanner")
         return cls.of_reference(reference, scanner_id or os.path.basename(scanner_file))
 
 

@@ -50,14 +50,14 @@ class StaticScene(Model):
         FileNotFoundError
             There is no such file.
         """
-        from .scene_xml import parts_of
-
-        file, _, id = os.fspath(scene_file).partition("#")
-        path = existing_file(file)
+        name, mark, id = os.fspath(scene_file).partition("#")
+        path = existing_file(name)
+        file = f"{path}{mark}{id}"
         # A survey can name a packed scene or a mesh, too, whose parts are not listed.
         is_xml = path.suffix.lower() == ".xml"
-        scene = cls(scene_parts=tuple(part for _, part in parts_of(scene_file)) if is_xml else ())
-        return scene.read_from(f"{path}#{id}" if id else os.fspath(path))
+        parts = Scene(file, engine_directories()).read_parts() if is_xml else []
+        scene = cls(scene_parts=tuple(ScenePart.of_scene(part, name) for part in parts))
+        return scene.read_from(file)
 
     @classonlymethod
     def from_binary(cls, binary_file: str | os.PathLike[str]) -> StaticScene:

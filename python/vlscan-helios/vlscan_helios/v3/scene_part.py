@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,9 +16,9 @@ from typing_extensions import Self
 from vlscan.parts import Part
 from vlscan.scene import Scene
 
-from .materials import Material, MaterialDict, read_materials
+from .materials import Material, MaterialDict
 from .settings import ForceOnGroundStrategy
-from .utils import classonlymethod, detect_separator, engine_directories
+from .utils import classonlymethod, detect_separator, engine_directories, existing_file
 from .validation import AnyAngle, AssetPath, Model, MultiAssetPath, Quaternion, R3Vector, existing_files
 
 _ARBITRARY = ConfigDict(arbitrary_types_allowed=True)
@@ -27,8 +26,6 @@ _ARBITRARY = ConfigDict(arbitrary_types_allowed=True)
 # What points have by default: no normal, normals and colours behind the coordinates.
 _NO_NORMAL: Any = np.full(3, np.finfo(np.float64).max)
 _NORMALS, _COLOURS = (3, 4, 5), (6, 7, 8)
-
-_MaterialReader = Callable[[], "dict[str, Material]"]
 
 
 class BoundingBox(Model):
@@ -73,7 +70,8 @@ class ScenePart(Model):
 
     force_on_ground: ForceOnGroundStrategy | PositiveInt = ForceOnGroundStrategy.NONE
     _part: Part | None = PrivateAttr(None)
-    _read: _MaterialReader = PrivateAttr(dict)
+    # Materials as they were given, for a part that has others than the geometry.
+    _given: dict[str, Material] | None = PrivateAttr(None)
     _materials: MaterialDict | None = PrivateAttr(None)
     _as_read: dict[str, Material] = PrivateAttr(default_factory=dict)
     _updates: list[tuple[Material, NDArray[np.int64] | None]] = PrivateAttr(default_factory=list)
@@ -84,79 +82,52 @@ class ScenePart(Model):
     _measured: tuple[object, NDArray[np.float64]] | None = PrivateAttr(None)
 
     @classmethod
-    def of_part(cls, part: Part, materials: _MaterialReader | None = None) -> Self:
+    def of_part(cls, part: Part, materials: Mapping[str, Material] | None = None) -> Self:
         """Return a part of what the engine takes.
 
         Parameters
         ----------
         part : vlscan.Part
             The part.
-        materials : callable, optional
-            Reads its materials by name.
+        materials : mapping, optional
+            Its materials by name; those of its geometry by default.
 
         Returns
         -------
         ScenePart
             The part.
         """
-        return cls().become(part, materials or default_material)
+        made = cls()
+        made._part, made._given = part, None if materials is None else dict(materials)
+        return made
 
-    def become(self, part: Part | None, materials: _MaterialReader = dict, obstacle: str = "") -> Self:
-        """Take geometry and materials.
+    @classmethod
+    def of_scene(cls, part: Part, file: str) -> Self:
+        """Return a part of a scene file; one that cannot be used alone says so when it is.
 
         Parameters
         ----------
-        part : vlscan.Part or None
-            The geometry.
-        materials : callable
-            Reads its materials by name.
-        obstacle : str
-            Why a part of a file cannot be taken out of its scene.
+        part : vlscan.Part
+            The part.
+        file : str
+            The file.
 
         Returns
         -------
         ScenePart
-            Itself.
+            The part.
         """
-        self._part, self._read, self._obstacle = part, materials, obstacle
-        return self
-
-    def placed(self, quaternion: Sequence[float], scale: float, offset: Sequence[float]) -> Self:
-        """Turn, scale and move the part.
-
-        Parameters
-        ----------
-        quaternion : sequence of float
-            w, x, y, z.
-        scale : float
-            The factor.
-        offset : sequence of float
-            x, y, z (m).
-
-        Returns
-        -------
-        ScenePart
-            Itself.
-        """
-        x, y, z = offset
-        self._part = self.known_part().turn(quaternion).scale(scale).translate(x, y, z)
-        return self
-
-    def of_file(self, id: str) -> Self:
-        """Become a part of a scene file.
-
-        Parameters
-        ----------
-        id : str
-            Its id.
-
-        Returns
-        -------
-        ScenePart
-            Itself.
-        """
-        self._is_of_file, self._part = True, self._part and self._part.named(id)
-        return self
+        made = cls()
+        made._is_of_file, obstacle = True, part.only_in_scene
+        try:
+            made.force_on_ground = part.on_ground
+        except ValueError as problem:
+            obstacle = str(problem)
+        if obstacle is None:
+            made._part = part.drop_to_ground(False)
+        else:
+            made._obstacle = f"part {part.id} of {file}: {obstacle}"
+        return made
 
     @classonlymethod
     @validate_call
@@ -181,7 +152,7 @@ class ScenePart(Model):
             There is no such file.
         """
         path = os.fspath(obj_file)
-        return cls.of_part(Part.obj(path, up_axis), partial(materials_of_obj, path))
+        return cls.of_part(Part.obj(path, up_axis))
 
     @classonlymethod
     @validate_call
@@ -472,7 +443,7 @@ class ScenePart(Model):
         [2.0, 2.0, 0.0]
         """
         own = (material or Material(name="default")).clone()
-        return cls.of_part(Part.mesh(vertices, faces, own.engine()), partial(_single, own))
+        return cls.of_part(Part.mesh(vertices, faces, own.engine()), {own.name or "default": own})
 
     @classonlymethod
     def from_open3d(cls, geometry: Any, **kwargs: Any) -> Self:
@@ -542,9 +513,9 @@ class ScenePart(Model):
         FileNotFoundError
             There is no such file.
         """
-        from .scene_xml import parts_of
-
-        found = [part for name, part in parts_of(scene_part_file) if name == str(id)]
+        file, mark, scene_id = os.fspath(scene_part_file).partition("#")
+        scene = Scene(f"{existing_file(file)}{mark}{scene_id}", engine_directories())
+        found = [cls.of_scene(part, file) for part in scene.read_parts() if part.id == str(id)]
         if len(found) != 1:
             raise ValueError(f"{os.fspath(scene_part_file)} has {len(found)} parts with the id {id}, expected one")
         found[0].known_part()
@@ -638,9 +609,17 @@ class ScenePart(Model):
     def materials(self) -> MaterialDict:
         """Materials by name; they can be changed and replaced."""
         if self._materials is None:
-            self._materials = MaterialDict(self._read())
+            self._materials = MaterialDict(self._defined_materials())
             self._as_read = {name: material.clone() for name, material in self._materials.items()}
         return self._materials
+
+    def _defined_materials(self) -> dict[str, Material]:
+        """Return the materials that the part was given, or that its geometry has."""
+        if self._given is not None:
+            return {name: material.clone() for name, material in self._given.items()}
+        of_geometry = {} if self._part is None else self._part.materials
+        found = {name: Material.of_engine(material) for name, material in of_geometry.items()}
+        return found or {"default": Material(name="default")}
 
     @validate_call(config=_ARBITRARY)
     def update_material(
@@ -842,33 +821,6 @@ def _columns(name: str, columns: Sequence[int] | None, is_default: bool, count: 
         raise ValueError(f"{name} is {list(columns)}, expected three of the columns 0 to {count - 1}")
     x, y, z = columns
     return x, y, z
-
-
-def _single(material: Material) -> dict[str, Material]:
-    """Return a copy of a material by its name."""
-    return {material.name or "default": material.clone()}
-
-
-def default_material() -> dict[str, Material]:
-    """Return the material of parts without one."""
-    return {"default": Material(name="default")}
-
-
-def materials_of_obj(path: str) -> dict[str, Material]:
-    """Return the materials of the libraries that an OBJ file names."""
-    found: dict[str, Material] = {}
-    used: dict[str, None] = {}
-    with open(path, "rb") as file:
-        for line in file:
-            keyword, *rest = line.split(None, 1)[:2] or [b""]
-            if keyword == b"usemtl" and rest:
-                used[rest[0].decode(errors="replace").strip()] = None
-            elif keyword == b"mtllib" and rest:
-                for name in rest[0].decode(errors="replace").split():
-                    library = os.path.join(os.path.dirname(path), name)
-                    if os.path.exists(library):
-                        found = {**read_materials(library), **found}
-    return {name: found[name] for name in used if name in found} or default_material()
 
 
 class _FaceIndexError(IndexError, ValueError):

@@ -123,14 +123,15 @@ class Survey(Model):
         """
         document = xml_files.read(survey_file)
         element = document.asset("survey")
-        platform = survey_xml.read_platform(document)
+        contents = EngineSurvey.open(document.path).contents(assets=_folders(document))
+        platform = survey_xml.platform_of(document, contents)
         survey = cls(
-            scanner=survey_xml.read_scanner(document),
+            scanner=survey_xml.scanner_of(document),
             platform=platform,
             scene=StaticScene.from_xml(document.reference(element.get("scene", ""))),
-            legs=survey_xml.read_legs(document, platform),
+            legs=survey_xml.legs_of(document, contents, platform),
             name=element.get("name") or document.path.stem,
-            full_waveform_settings=survey_xml.read_waveform(document),
+            full_waveform_settings=survey_xml.waveform_of(document, contents),
         )
         return survey.read_from(document)
 
@@ -315,29 +316,28 @@ class Survey(Model):
         return "full_waveform_settings" in self.model_fields_set
 
     def engine(self, folder: Path) -> EngineSurvey:
-        """Return the survey for the engine: its file, or one that is written to a folder.
+        """Return the survey for the engine: its file, or one in memory.
 
         Parameters
         ----------
         folder : pathlib.Path
-            The folder, which exists as long as the survey is used.
+            Where a trajectory is written to; it exists as long as the survey is used.
 
         Returns
         -------
         vlscan.Survey
             The survey.
         """
-        is_scene_of_file = self._as_read is not None and self.scene.source_file == self._as_read.scene.source_file and self.scene.is_as_read
+        old = self._as_read
+        is_scene_of_file = old is not None and self.scene.source_file == old.scene.source_file and self.scene.is_as_read
+        scene = None if is_scene_of_file else self.scene.engine()
         if self._document is not None and self._is_as_read():
-            return EngineSurvey.open(self._document.path, None if is_scene_of_file else self.scene.engine())
-        file = folder / "survey.xml"
-        file.write_text(self.to_xml(folder), encoding="utf-8")
-        return EngineSurvey.open(file, None if is_scene_of_file else self.scene.engine())
+            return EngineSurvey.open(self._document.path, scene)
+        return EngineSurvey.from_document(self.to_xml(folder), scene)
 
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set
         is_chunked = execution.parallelization == ParallelizationStrategy.CHUNK
-        folders = [*engine_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
         options: dict[str, Any] = {
             "threads": execution.num_threads if "num_threads" in given else None,
             "chunk_size": execution.chunk_size if "chunk_size" in given else None,
@@ -347,7 +347,7 @@ class Survey(Model):
             "tree_jobs": execution.kdt_num_threads if "kdt_num_threads" in given else None,
             "seed": rng_seed(),
             "gps_start": self.gps_time if "gps_time" in self.model_fields_set else None,
-            "assets": folders,
+            "assets": _folders(self._document),
         }
         options = {name: value for name, value in options.items() if value is not None}
         if _is_folder(output):
@@ -408,6 +408,11 @@ class Survey(Model):
         return f"<Survey {self.name!r}: {len(self.legs)} legs>"
 
     __str__ = __repr__
+
+
+def _folders(document: Document | None) -> list[Path]:
+    """Return the folders in which the engine searches the files of a survey."""
+    return [*engine_directories(), *([] if document is None else [Path("assets"), document.path.parent])]
 
 
 def _is_folder(output: OutputSettings) -> bool:

@@ -1,7 +1,7 @@
-"""Surveys from and to XML.
+"""Surveys to XML, from what the engine has read.
 
-A leg that was read keeps its element: what the settings here have no place for (noise, templates, trajectories) stays as it is, and
-only values that were changed are written over it.
+A leg keeps its element: what the settings here have no place for (noise, templates, trajectories) stays as it is, and only values
+that were changed are written over it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,16 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent, tost
 
 import numpy as np
 
+from vlscan import Error, scanner_figures
+from vlscan import Leg as EngineLeg
+from vlscan.survey import FlownPart, SurveyContents
+
 from .leg import Leg, flown_part
 from .platforms import DynamicPlatformSettings, Platform, StaticPlatformSettings, TrajectorySettings, traj_csv_dtype
 from .scanner import Scanner, ScannerSettings
 from .settings import FullWaveformSettings
 from .validation import Model, same
-from .xml_files import Document, float_of, read, truth_of
+from .xml_files import Document
 
 if TYPE_CHECKING:
     from .survey import Survey
@@ -66,118 +70,100 @@ _FOLLOWED = ("trajectory", "syncGPSTime", "interpolationDomain", "toRadians", "s
 _INDICES = [f"{name}Index" for name in traj_csv_dtype.names or ()]
 
 
-# --- reading ---
+# Keys of the settings of the scanner in legs of the engine.
+_KEYS = {
+    "head_rotation": "head_rate_deg_per_s",
+    "rotation_start_angle": "head_start_deg",
+    "rotation_stop_angle": "head_stop_deg",
+    "pulse_frequency": "pulse_freq_hz",
+    "scan_angle": "scan_angle_deg",
+    "min_vertical_angle": "vertical_angle_min_deg",
+    "max_vertical_angle": "vertical_angle_max_deg",
+    "scan_frequency": "scan_freq_hz",
+    "beam_divergence_angle": "beam_divergence_rad",
+    "trajectory_time_interval": "trajectory_interval_s",
+    "max_duration": "max_duration_s",
+}
+_WAVEFORM_KEYS = {"bin_size": "bin_ns", "beam_sample_quality": "quality", "win_size": "window_ns", "max_fullwave_range": "max_range_ns"}
 
 
-def read_platform(document: Document) -> Platform:
+# --- what the engine has read ---
+
+
+def platform_of(document: Document, contents: SurveyContents) -> Platform:
     """Return the platform of a survey."""
     survey = document.asset("survey")
-    reference = survey.get("platform", "")
-    if reference != "interpolated":
-        platform: Platform = Platform.of_reference(document.reference(reference))
-        return platform.flown(is_static=is_static(document, platform.reference))
+    if contents.platform_kind != "interpolated":
+        platform: Platform = Platform.of_reference(document.reference(survey.get("platform", "")))
+        return platform.flown(is_static=contents.platform_kind == "static")
     base = survey.get("basePlatform")
     platform = Platform.of_reference(document.reference(base) if base else "", "interpolated")
     return platform.flown(follows_file=True, rotation_spec=survey.get("rotationSpec", "ARINC 705"))
 
 
-def is_static(document: Document, reference: str) -> bool | None:
-    """Return whether a platform of a file on disk stands; ``None`` for one that ships."""
-    file, _, id = reference.partition("#")
-    if not Path(file).exists():
-        return None
-    try:
-        return read(file).asset("platform", id).get("type", "static").lower() == "static"
-    except (ValueError, OSError):
-        # The engine tells what is wrong with it.
-        return None
-
-
-def _has_prisms(reference: str) -> bool:
-    """Return whether a scanner deflects by prisms."""
-    file, _, id = reference.partition("#")
-    if not Path(file).exists():
-        # One that ships.
-        return "livox" in id or "zenmuse" in id
-    try:
-        return read(file).asset("scanner", id).get("optics", "").lower() == "risley"
-    except (ValueError, OSError):
-        # The engine tells what is wrong with it.
-        return False
-
-
-def read_scanner(document: Document) -> Scanner:
+def scanner_of(document: Document) -> Scanner:
     """Return the scanner of a survey."""
     return Scanner.of_reference(document.reference(document.asset("survey").get("scanner", "")))
 
 
-def read_waveform(document: Document) -> FullWaveformSettings:
-    """Return the waveform settings of a survey, those for all where it has none."""
-    element = document.asset("survey").find("FWFSettings")
-    given = {} if element is None else element.attrib
-    values = {name: float_of(given.get(key), math.nan) / unit for name, (key, unit) in _WAVEFORM.items() if key in given}
-    if "beam_sample_quality" in values:
-        values["beam_sample_quality"] = int(values["beam_sample_quality"])
-    if "win_size" not in values and "bin_size" in values:
-        # The window follows from the pulse; at least two bins.
-        values["win_size"] = max(1e-9, 2 * values["bin_size"])
+def waveform_of(document: Document, contents: SurveyContents) -> FullWaveformSettings:
+    """Return the waveform settings of a survey, those for all where it has none: the scanner may have its own."""
     settings = FullWaveformSettings()
-    for name, value in values.items():
+    if document.asset("survey").find("FWFSettings") is None:
+        return settings
+    for name, key in _WAVEFORM_KEYS.items():
         # The window is not checked: the file is run as it stands.
-        setattr(settings, name, value)
+        setattr(settings, name, contents.waveform[key] if key == "quality" else contents.waveform[key] / _WAVEFORM[name][1])
     return settings
 
 
-def read_legs(document: Document, platform: Platform) -> tuple[Leg, ...]:
+def legs_of(document: Document, contents: SurveyContents, platform: Platform) -> tuple[Leg, ...]:
     """Return the legs of a survey."""
-    legs = []
-    for element in document.asset("survey").findall("leg"):
-        place = _layers(document, element.find("platformSettings"))
-        scanning = _layers(document, element.find("scannerSettings"))
-        if "maxDuration_s" in element.attrib:
-            scanning["maxDuration_s"] = element.attrib["maxDuration_s"]
-        kind = StaticPlatformSettings if platform.is_static else DynamicPlatformSettings
-        is_followed = platform.follows_file
-        leg = Leg(
-            scanner_settings=_settings(ScannerSettings, _SCANNER, scanning),
-            platform_settings=_settings(kind, _PLACE, place),
-            trajectory_settings=_settings(TrajectorySettings, _TRAJECTORY, place) if is_followed else None,
-        )
-        legs.append(leg.read_from(element))
-    return tuple(legs)
+    elements = document.asset("survey").findall("leg")
+    kind = StaticPlatformSettings if platform.is_static else DynamicPlatformSettings
+    return tuple(_leg_of(leg, kind).read_from(element) for element, leg in zip(elements, contents.legs, strict=True))
 
 
-def _layers(document: Document, element: Element | None, depth: int = 0) -> dict[str, str]:
-    """Return the attributes of settings, over those of their template."""
-    if element is None:
-        return {}
-    own = dict(element.attrib)
-    template = own.pop("template", "")
-    file, _, id = template.rpartition("#")
-    if not template or depth > 8:
-        return own
-    try:
-        home = read(document.locate(file)) if file else document
-        return {**_layers(home, home.asset(element.tag, id), depth + 1), **own}
-    except (ValueError, OSError):
-        # The engine tells that there is no such template.
-        return own
+def _leg_of(leg: EngineLeg, kind: type[Any]) -> Leg:
+    x, y, z = leg.position
+    place = {"x": x, "y": y, "z": z, "force_on_ground": leg.on_ground}
+    if leg.speed_m_per_s is not None and "speed_m_s" in kind.model_fields:
+        place["speed_m_s"] = leg.speed_m_per_s
+    return Leg(
+        scanner_settings=_scanner_settings(leg),
+        platform_settings=kind(**place),
+        trajectory_settings=None if leg.flown_part is None else _trajectory_settings(leg.flown_part),
+    )
 
 
-def _settings(kind: type[Any], table: Mapping[str, tuple[str, float, float | bool]], given: Mapping[str, str]) -> Any:
-    values: dict[str, Any] = {}
-    for name, (key, unit, absent) in table.items():
-        if name not in kind.model_fields:
-            continue
-        if isinstance(absent, bool):
-            values[name] = truth_of(given.get(key), absent)
-        else:
-            values[name] = float_of(given.get(key), absent) / unit
-    if values.get("max_duration", 0) < 0:
-        values["max_duration"] = None
-    made = kind(**values)
-    object.__setattr__(made, "__pydantic_fields_set__", {name for name in values if table[name][0] in given})
+def _scanner_settings(leg: EngineLeg) -> ScannerSettings:
+    given: dict[str, Any] = {"is_active": leg.active}
+    absent: dict[str, Any] = {}
+    for name, (_, unit, default) in _SCANNER.items():
+        value = leg.settings.get(_KEYS.get(name, ""))
+        if isinstance(value, (int, float)):
+            given[name] = value / unit
+        elif name not in given:
+            absent[name] = default
+    if absent.get("max_duration", 0) < 0:
+        absent["max_duration"] = None
+    made = ScannerSettings(**given, **absent)
+    made.__pydantic_fields_set__ = set(given)
     return made
+
+
+def _trajectory_settings(part: FlownPart) -> TrajectorySettings:
+    given = {name: value for name, value in (("start_time", part.start_s), ("end_time", part.end_s)) if value is not None}
+    return TrajectorySettings(**given, teleport_to_start=part.teleport)
+
+
+def _has_prisms(reference: str) -> bool:
+    """Return whether a scanner deflects by prisms."""
+    try:
+        return bool(reference) and scanner_figures(reference).optics == "risley"
+    except Error:
+        # The engine tells what is wrong with it when it is run.
+        return False
 
 
 # --- writing ---
@@ -199,7 +185,8 @@ def write(survey: Survey, folder: Path | None) -> Element:
     _write_platform(element, survey.platform)
     _write_waveform(element, survey)
     trajectory = _write_trajectory(survey.platform, folder)
-    has_prisms = _has_prisms(survey.scanner.reference)
+    has_default = any("scan_frequency" not in leg.scanner_settings.model_fields_set for leg in survey.legs)
+    has_prisms = has_default and _has_prisms(survey.scanner.reference)
     known = {id(original): copied for original, copied in zip(_legs_of(document), element.findall("leg"), strict=True)}
     for old in element.findall("leg"):
         element.remove(old)
@@ -279,6 +266,10 @@ def _write_leg(element: Element, leg: Leg, as_read: Leg | None, has_prisms: bool
     if as_read is None and has_prisms and "scan_frequency" not in leg.scanner_settings.model_fields_set:
         # The default is none of prisms, which turn by themselves.
         del written["scan_frequency"]
+    if as_read is not None and _has_own_steps(leg.scanner_settings, as_read.scanner_settings):
+        for key in ("verticalResolution_deg", "horizontalResolution_deg"):
+            # Scan frequency and rate of the head would follow from them.
+            scanning.attrib.pop(key, None)
     for target, table, settings, old in (
         (place, _PLACE, leg.platform_settings, as_read and as_read.platform_settings),
         (scanning, written, leg.scanner_settings, as_read and as_read.scanner_settings),
@@ -293,6 +284,11 @@ def _write_leg(element: Element, leg: Leg, as_read: Leg | None, has_prisms: bool
     if "maxDuration_s" in element.attrib and "maxDuration_s" in scanning.attrib:
         # That of the leg goes before that of the settings.
         element.set("maxDuration_s", scanning.attrib.pop("maxDuration_s"))
+
+
+def _has_own_steps(settings: Model, as_read: Model) -> bool:
+    """Return whether scan frequency or rate of the head were changed."""
+    return any(not same(getattr(settings, name, None), getattr(as_read, name, None)) for name in ("scan_frequency", "head_rotation"))
 
 
 def _write_settings(element: Element, table: Mapping[str, tuple[str, float, float | bool]], settings: Model, old: Any) -> None:

@@ -95,16 +95,3 @@ def _is_utf8(data: bytes) -> bool:
     except UnicodeDecodeError:
         return False
     return True
-
-
-def float_of(text: str | None, default: float) -> float:
-    """Return a number, or the default for what is none: the engine tells about it when the file is run."""
-    try:
-        return default if text is None else float(text)
-    except ValueError:
-        return default
-
-
-def truth_of(text: str | None, default: bool) -> bool:
-    """Return a truth value, or the default for what is none."""
-    return {"true": True, "1": True, "false": False, "0": False}.get((text or "").strip().lower(), default)

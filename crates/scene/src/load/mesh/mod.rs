@@ -39,6 +39,7 @@ mod tests;
 
 pub use error::{GltfError, MeshError, OffError, PlyMeshError, StlError};
 pub(crate) use expand::{EpochPart, parts_in_epoch};
+pub use obj::obj_materials;
 
 use crate::builder::{PartSource, SceneBuilder};
 use crate::library::{DefinedBy, Names};

@@ -6,6 +6,7 @@ mod colours;
 mod slice;
 #[cfg(test)]
 mod tests;
+mod used;
 
 use crate::builder::{PartSource, SceneBuilder};
 use crate::library::{Known, Names};
@@ -26,6 +27,8 @@ use vlscan_base::error::Result;
 use vlscan_base::files::reads;
 use vlscan_base::recognise::Expected;
 use vlscan_geom::DVec3;
+
+pub use used::obj_materials;
 
 /// Bytes read by one task: small enough to keep all threads busy, large enough to make the overhead per task
 /// negligible.
@@ -261,13 +264,8 @@ fn add_library(
     let place = || source.place(switch.line, switch.at.clone());
     let whole = decoded(operand);
     let with_slashes = whole.replace('\\', "/");
-    let words: Vec<&str> = with_slashes.split_whitespace().collect();
-    for files in [vec![whole.as_str()], vec![with_slashes.as_str()], words] {
-        let paths: Vec<PathBuf> = files.iter().map(|f| folder.join(f)).collect();
-        if !paths.iter().all(reads::is_file) {
-            continue;
-        }
-        if whole.contains('\\') && files[0] != whole {
+    if let Some(paths) = library_files(&folder, &whole) {
+        if whole.contains('\\') && paths.first() != Some(&folder.join(&whole)) {
             let message = format!("there is no file `{whole}`; `{with_slashes}` is read");
             scene.diagnostics.warn(Some(place()), message).help("write / between folders");
         }
@@ -283,6 +281,17 @@ fn add_library(
         None => default,
     };
     scene.diagnostics.warn(Some(place()), message).help(help);
+}
+
+/// The files in `folder` that the rest of a line `mtllib` names, all of which exist: one file, as it is
+/// written or with `/` in place of `\`, else one for each word.
+fn library_files(folder: &Path, whole: &str) -> Option<Vec<PathBuf>> {
+    let with_slashes = whole.replace('\\', "/");
+    let words: Vec<&str> = with_slashes.split_whitespace().collect();
+    let spellings = [vec![whole], vec![with_slashes.as_str()], words];
+    let mut found =
+        spellings.iter().map(|files| -> Vec<PathBuf> { files.iter().map(|f| folder.join(f)).collect() });
+    found.find(|paths| paths.iter().all(reads::is_file))
 }
 
 /// The name of a file in `folder` that differs from `name` by capitals or a few letters.
