@@ -105,6 +105,11 @@ fn flown(dir: &Path, more: &[&str]) -> Vec<Vec<f64>> {
     table.lines().skip(1).map(numbers).collect()
 }
 
+/// The rows with this path, and the others.
+fn split(rows: Vec<Vec<f64>>, path: f64) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    rows.into_iter().partition(|row| row[5] == path)
+}
+
 #[test]
 fn ground_below_a_pane_is_labelled_farther_and_darker() {
     let dir = folder();
@@ -112,8 +117,12 @@ fn ground_below_a_pane_is_labelled_farther_and_darker() {
     write(dir.path(), &pane, &[("ground", 0.0)]);
     let bare = flown(dir.path(), &[]);
     write(dir.path(), &pane, &[("ground", 0.0), ("pane", 50.0)]);
-    let seen = flown(dir.path(), &[]);
+    let (own, seen) = split(flown(dir.path(), &[]), 8.0);
     assert_eq!((bare.len(), seen.len()), (2001, 2001));
+    // Once per turn the beam points straight down, and the pane sends it back.
+    assert_eq!(own.len(), 5);
+    let is_pane = |row: &Vec<f64>| (row[2] - 50.0).abs() < 1e-3 && row[6..8] == [0.0, 50.0];
+    assert!(own.iter().all(|row| is_pane(row) && row[3] > 1e3 * bare[0][3]), "{own:?}");
     for (bare, seen) in bare.iter().zip(&seen) {
         let cosine = -bare[4];
         let root = (2.25 - (1.0 - cosine * cosine)).sqrt();
@@ -138,7 +147,7 @@ fn glass_of_pictures_lets_light_pass_in_the_refined_physics_only() {
     let dir = folder();
     let glass = format!("{GROUND}newmtl glass\nKd 1 1 1\nhelios_reflectance 0.1\nd 0\nillum 4\nNi 1.5\n");
     write(dir.path(), &glass, &[("ground", 0.0), ("glass", 50.0)]);
-    let refined = flown(dir.path(), &["--physics", "refined"]);
+    let (_, refined) = split(flown(dir.path(), &["--physics", "refined"]), 8.0);
     assert!(refined.iter().all(|row| row[5] == 1.0) && refined.len() == 2001, "{}", refined.len());
     let done =
         run(dir.path(), &["run", "p.toml", "--physics", "helios", "-o", "b.csv", "--columns", COLUMNS]);
@@ -152,7 +161,8 @@ fn facing_mirrors_give_ghosts_up_to_the_maximum_order() {
     let dir = folder();
     let mirror = "newmtl mirror\nKd 1 1 1\nhelios_reflectance 0.1\nvlscan_mirror 1\n";
     write(dir.path(), mirror, &[("mirror", 0.0), ("mirror", 200.0)]);
-    let rows = flown(dir.path(), &[]);
+    let (own, rows) = split(flown(dir.path(), &[]), 8.0);
+    assert!(!own.is_empty() && own.iter().all(|row| row[7].abs() < 1e-3), "{own:?}");
     let greatest = rows.iter().map(|row| row[6]).fold(0.0, f64::max);
     assert_eq!(greatest, 4.0);
     for row in &rows {
@@ -301,10 +311,11 @@ fn points_below_water_are_corrected_for_refraction_and_have_classes_of_bathymetr
     assert_ne!(corrected, SCANNER);
     let flat = "water_attenuation = 0.05\nwater_wind_m_s = 0\nwater_backscatter = 0\n";
     write_lake(dir.path(), SCANNER, flat);
-    let recorded = flown(dir.path(), &[]);
+    // Flat water sends the beam back that points straight down, once per turn.
+    let (surface, recorded) = split(flown(dir.path(), &[]), 3.0);
     write_lake(dir.path(), &corrected, flat);
-    let rows = flown(dir.path(), &[]);
-    assert_eq!((rows.len(), recorded.len()), (2001, 2001));
+    let (_, rows) = split(flown(dir.path(), &[]), 3.0);
+    assert_eq!((rows.len(), recorded.len(), surface.len()), (2001, 2001, 5));
     for (row, recorded) in rows.iter().zip(&recorded) {
         assert!(row[1].abs() < 2e-3 && row[2] == recorded[2], "{row:?} {recorded:?}");
         let (cosine, index) = (-row[4], 1.335035f64);

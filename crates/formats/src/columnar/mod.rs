@@ -223,7 +223,7 @@ columns! {
     ScannerX f64 4 "m" |p, _| p.in_scanner.x, "Position relative to the beam's origin, in the axes of the scanner's mount.";
     ScannerY f64 4 "m" |p, _| p.in_scanner.y, "Position relative to the beam's origin, in the axes of the scanner's mount.";
     ScannerZ f64 4 "m" |p, _| p.in_scanner.z, "Position relative to the beam's origin, in the axes of the scanner's mount.";
-    Path u8 0 "" |p, _| p.cause.path, "Way of the light: 0 straight, 1 through panes, 2 over mirrors (a ghost); 3 surface, 4 column, 5 bottom of water.";
+    Path u8 0 "" |p, _| p.cause.path, "Way of the light: 0 straight, 1 through panes, 2 over mirrors (a ghost); 3 surface, 4 column, 5 bottom of water; 6 fog, rain, snow or dust, 7 a drop or flake; 8 straight back from a mirror or pane.";
     PathOrder u8 0 "" |p, _| p.cause.order, "Number of mirrors, panes and surfaces of water on the way of the light.";
     Red u16 0 "" |p, _| p.colour_u16()[0], "Red of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";
     Green u16 0 "" |p, _| p.colour_u16()[1], "Green of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";

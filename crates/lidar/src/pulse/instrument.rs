@@ -14,6 +14,7 @@ use super::receiver::{FalseAlarms, ReceiverModel};
 use super::reception::{Reception, peak_rule};
 use super::selection::ReturnSelection;
 use super::single_bin::SingleBinDetector;
+use super::specular::Aperture;
 use super::subray::Subrays;
 use super::waveform::Waveform;
 use super::weather_drops::WeatherModel;
@@ -58,6 +59,8 @@ pub(super) struct Instrument {
     pub waveform_noise: WaveformNoise,
     /// Field of view of the receiver, full angle, rad, as far as it matters to light in water.
     pub field_of_view: Option<f64>,
+    /// The receiver as it meets light that mirrors send straight back, with the lidar equation.
+    pub aperture: Option<Aperture>,
     /// True if points below water are corrected for its refraction and speed of light.
     pub corrects_refraction: bool,
     /// Simulation steps per second: the pulse rate.
@@ -147,6 +150,7 @@ impl Instrument {
             distance_error: device.detector.distance_error.clone(),
             waveform_noise,
             field_of_view: receiver.field_of_view,
+            aperture: Aperture::new(&beam, &footprint, receiver.field_of_view).filter(|_| c.radiometry),
             corrects_refraction: receiver.corrects_refraction,
             step_rate: frequency,
             chirps: receiver.fmcw.map(|wave| Chirps::new(&wave, device.beam.wavelength)),
