@@ -468,3 +468,66 @@ fn columns_of_radial_velocity_are_in_tables_and_point_files() {
     let bytes = fs::read(dir.path().join("plain.las")).unwrap();
     assert!(!bytes.windows(7).any(|found| found == b"Doppler"));
 }
+
+/// Labels of the way of light that a file without columns has.
+const LABELS: &str = "Path,PathOrder,Primitive,SurfaceX,SurfaceY,SurfaceZ";
+
+#[test]
+fn labels_of_light_are_in_every_format() {
+    let dir = folder();
+    let pane = format!("{GROUND}newmtl pane\nvlscan_pane_index 1.5\n");
+    write(dir.path(), &pane, &[("ground", 0.0), ("pane", 50.0)]);
+    let base = ["run", "p.toml", "-q", "--force", "--columns", LABELS];
+    let bytes = |name: &str, more: &[&str]| {
+        succeed(dir.path(), &[&base[..], &["-o", name], more].concat());
+        fs::read(dir.path().join(name)).unwrap()
+    };
+    let numbers = |line: &str, separator: char| -> Vec<f64> {
+        line.split(separator).map(|word| word.parse().unwrap()).collect()
+    };
+    let csv = text(&bytes("a.csv", &[]));
+    let rows: Vec<Vec<f64>> = csv.lines().skip(1).map(|line| numbers(line, ',')).collect();
+    assert!(rows.iter().any(|row| row[0] == 1.0) && rows.iter().any(|row| row[0] == 8.0));
+    let is_near = |one: &[f64], other: &[f64]| one.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-4);
+
+    // The labels are the last extra bytes of a record; with `--labels` the primitive is among these.
+    for (more, primitive) in [(&[][..], 4), (&["--labels"], 0)] {
+        let las = bytes("a.las", more);
+        let word = |at: usize| u32::from_le_bytes(las[at..at + 4].try_into().unwrap()) as usize;
+        let length = usize::from(u16::from_le_bytes([las[105], las[106]]));
+        let records: Vec<&[u8]> = las[word(96)..].chunks_exact(length).take(rows.len()).collect();
+        assert_eq!(records.len(), rows.len());
+        for (record, row) in records.into_iter().zip(&rows) {
+            let own = &record[length - 26 - primitive..];
+            assert_eq!([f64::from(own[0]), f64::from(own[1])], row[..2], "{row:?}");
+            let surface: Vec<f64> = own[2 + primitive..]
+                .chunks_exact(8)
+                .map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap()))
+                .collect();
+            assert!(is_near(&surface, &row[3..]), "{surface:?} is not {row:?}");
+        }
+    }
+    let ply = text(&bytes("a.ply", &["--format", "ply-ascii"]));
+    let at = ply.find("end_header\n").unwrap() + "end_header\n".len();
+    for (line, row) in ply[at..].lines().zip(&rows) {
+        let own = numbers(line, ' ');
+        assert!(is_near(&own[own.len() - 6..], row), "{line} is not {row:?}");
+    }
+    for (name, label) in [
+        ("a.laz", "PathOrder"),
+        ("a.copc.laz", "PathOrder"),
+        ("a.ply", "property uchar scalar_PathOrder"),
+        ("a.pcd", "path path_order primitive surface_x surface_y surface_z"),
+        ("a.e57", "path_order"),
+        ("a.mcap", "path_order"),
+    ] {
+        let found = bytes(name, &[]);
+        assert!(found.windows(label.len()).any(|window| window == label.as_bytes()), "{name}");
+        let plain = ["run", "p.toml", "-q", "--force", "-o", name];
+        succeed(dir.path(), &plain);
+        let plain = fs::read(dir.path().join(name)).unwrap();
+        assert!(!plain.windows(label.len()).any(|window| window == label.as_bytes()), "{name}");
+    }
+    let done = run(dir.path(), &[&base[..], &["-o", "a.raycloud.ply"]].concat());
+    assert_eq!(done.status.code(), Some(2));
+}

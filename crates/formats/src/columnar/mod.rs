@@ -5,11 +5,13 @@
 //! |---|---|
 //! | `rows` | columns in groups of rows, as Arrow record batches |
 //! | `arrow`, `parquet` | Arrow IPC streams and Parquet files |
+//! | `light` | labels of the way of light, which other formats have, too |
 //! | `geoparquet`, `projjson` | GeoParquet, and coordinate reference systems as it names them |
 
 mod arrow;
 #[cfg(feature = "parquet")]
 mod geoparquet;
+mod light;
 #[cfg(feature = "parquet")]
 mod parquet;
 #[cfg(feature = "parquet")]
@@ -18,6 +20,7 @@ mod rows;
 
 pub(crate) use arrow::arrow;
 pub use arrow::{TableColumn, point_schema, schema_of};
+pub(crate) use light::LightColumns;
 pub use rows::Rows;
 #[cfg(feature = "parquet")]
 pub(crate) use {geoparquet::geoparquet, parquet::parquet};
@@ -151,12 +154,12 @@ macro_rules! columns {
             }
 
             /// Appends the values of points, little-endian.
-            fn push_bytes(self, out: &mut Vec<u8>, points: &[PointRecord], origin: DVec3) {
+            pub(crate) fn push_bytes(self, out: &mut Vec<u8>, points: &[PointRecord], origin: DVec3) {
                 match self { $(Column::$name => push_values::<$of>(out, points, origin, $value),)* }
             }
 
             /// Appends the value of a point as text.
-            fn push_text(self, out: &mut Vec<u8>, point: &PointRecord, origin: DVec3) {
+            pub(crate) fn push_text(self, out: &mut Vec<u8>, point: &PointRecord, origin: DVec3) {
                 match self {
                     $(Column::$name => value::<$of>(point, origin, $value).push_text::<$decimals>(out),)*
                 }

@@ -312,7 +312,9 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
         request.cloud.has_colours() && request.sinks.iter().any(|(_, format)| format.has_colours());
     let has_velocities =
         request.cloud.has_velocities() && request.sinks.iter().any(|(_, format)| format.has_velocities());
-    if request.cloud.columns.is_some() && !has_columns && !has_colours && !has_velocities {
+    let has_labels =
+        request.cloud.has_light_labels() && request.sinks.iter().any(|(_, format)| format.has_light_labels());
+    if request.cloud.columns.is_some() && !(has_columns || has_colours || has_velocities || has_labels) {
         problems
             .error(
                 None,

@@ -49,6 +49,7 @@ impl LasFormat {
             true_positions: cloud.true_positions,
             heights: cloud.heights,
             velocities: cloud.has_velocities(),
+            light: cloud.light_columns().without_primitive_if(cloud.labels),
         };
         let highest = cloud.highest_class;
         if settings.version == LasVersion::V10 && highest > MAX_CLASS_1 {
