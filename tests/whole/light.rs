@@ -523,6 +523,10 @@ fn labels_of_light_are_in_every_format() {
     ] {
         let found = bytes(name, &[]);
         assert!(found.windows(label.len()).any(|window| window == label.as_bytes()), "{name}");
+        if name != "a.mcap" {
+            let info = text(&succeed(dir.path(), &["info", name]).stdout);
+            assert!(info.contains("through panes") && info.contains("straight back"), "{name}: {info}");
+        }
         let plain = ["run", "p.toml", "-q", "--force", "-o", name];
         succeed(dir.path(), &plain);
         let plain = fs::read(dir.path().join(name)).unwrap();

@@ -62,6 +62,7 @@ attributes! {
     Leg Source, "leg", "the number of a leg", SHORT;
     Channel Channel, "channel", "the number of a channel", SHORT;
     Time Time, "time", "a time", None;
+    Path LightPath, "path of the light", "the path of the light", BYTE;
 }
 
 impl Attribute {
@@ -73,10 +74,12 @@ impl Attribute {
 
     /// True if values in text need not be numbers.
     pub fn is_optional(self) -> bool {
-        use Attribute::{Channel, Leg, NormalX, NormalY, NormalZ, NumberOfReturns, Object, ScanAngle, Time};
+        use Attribute::{
+            Channel, Leg, NormalX, NormalY, NormalZ, NumberOfReturns, Object, Path, ScanAngle, Time,
+        };
         matches!(
             self,
-            NormalX | NormalY | NormalZ | Object | Leg | Channel | Time | NumberOfReturns | ScanAngle
+            NormalX | NormalY | NormalZ | Object | Leg | Channel | Time | NumberOfReturns | ScanAngle | Path
         )
     }
 
@@ -119,6 +122,8 @@ impl Attribute {
 const OWN_NAME: &str = "pulsenumber";
 /// A name that its tables have if they have pulses without a return.
 const NAME_OF_MISSES: &str = "beamdirectionx";
+/// A name that tables with the path of the light have. In others a path is something else, such as a file.
+const NAME_BESIDE_PATHS: &str = "pathorder";
 
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
@@ -251,6 +256,9 @@ impl Columns {
         if position(OWN_NAME).is_some() {
             let amplitude = ["heliosamplitude", "amplitude"].into_iter().find_map(position);
             columns[Attribute::Intensity as usize] = amplitude.or(columns[Attribute::Intensity as usize]);
+        }
+        if position(NAME_BESIDE_PATHS).is_none() {
+            columns[Attribute::Path as usize] = None;
         }
         let unit = |attribute: Attribute| {
             let column = columns[attribute as usize];
@@ -432,6 +440,7 @@ impl Columns {
             point_source: 0,
             channel: fitted(Attribute::Channel) as u16,
             time: fitted(Attribute::Time) * self.seconds,
+            path: fitted(Attribute::Path) as u8,
             // The conversion saturates, and NaN becomes 0.
             colour: self.colours.map(|columns| columns.map(|column| value(column).round() as u16)),
             misfits,

@@ -1,6 +1,6 @@
 //! Settings of a cloud that formats need before its first point.
 
-use crate::columnar::{Column, LightColumns};
+use crate::columnar::Column;
 use crate::las::LasSettings;
 use crate::objects::ObjectIds;
 use crate::record::PointRecord;
@@ -151,12 +151,7 @@ impl CloudSettings {
 
     /// True if files have labels of the way of light: a column of theirs is chosen.
     pub fn has_light_labels(&self) -> bool {
-        !self.light_columns().is_empty()
-    }
-
-    /// The labels of the way of light among the chosen columns.
-    pub(crate) fn light_columns(&self) -> LightColumns {
-        LightColumns::of(self.columns.as_deref().unwrap_or_default())
+        self.columns.iter().flatten().any(|column| column.is_light_label())
     }
 
     /// The rows of devices.

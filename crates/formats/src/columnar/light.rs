@@ -28,8 +28,9 @@ impl Column {
 }
 
 impl LightColumns {
-    /// The labels among columns. The primitive by itself is none.
-    pub fn of(columns: &[Column]) -> LightColumns {
+    /// The labels among the chosen columns. The primitive by itself is none.
+    pub fn of(columns: Option<&[Column]>) -> LightColumns {
+        let columns = columns.unwrap_or_default();
         if !columns.iter().any(|column| column.is_light_label()) {
             return LightColumns::default();
         }
@@ -85,8 +86,8 @@ mod tests {
     #[test]
     fn labels_are_chosen_and_written_in_one_order() {
         use Column::{Path, Primitive, SurfaceY, X};
-        assert!(LightColumns::of(&[X, Primitive]).is_empty() && LightColumns::default().is_empty());
-        let labels = LightColumns::of(&[SurfaceY, X, Primitive, Path]);
+        assert!(LightColumns::of(Some(&[X, Primitive])).is_empty() && LightColumns::of(None).is_empty());
+        let labels = LightColumns::of(Some(&[SurfaceY, X, Primitive, Path]));
         assert!(labels.iter().eq([Path, Primitive, SurfaceY]));
         assert!(labels.without_primitive_if(false) == labels);
         assert!(labels.without_primitive_if(true).iter().eq([Path, SurfaceY]));

@@ -1,7 +1,7 @@
 //! E57 (ASTM E2807): a scan for each leg, with the pose of the scanner. Points are collected in a temporary
 //! file, because the sections of a scan are completed one after the other.
 
-use super::SCAN_NAME;
+use super::{NAMESPACE, SCAN_NAME};
 use crate::columnar::{Column, ColumnType, LightColumns};
 use crate::encode::{Ending, FileBody, PointEncoder};
 use crate::out::{Offload, OutputStream};
@@ -22,8 +22,8 @@ use vlscan_geom::DVec3;
 /// colour. Labels of the way of light follow.
 const RECORD_BYTES: usize = 2 + 7 * 8 + 4 + 2 + 3;
 
-/// Namespace of the labels of the way of light, and its address.
-const NAMESPACE: [&str; 2] = ["vlscan", env!("CARGO_PKG_HOMEPAGE")];
+/// Address of the namespace of the labels of the way of light.
+const ADDRESS: &str = env!("CARGO_PKG_HOMEPAGE");
 
 /// Bytes of points that are kept in memory.
 const MAX_MEMORY_BYTES: usize = 1 << 16;
@@ -44,7 +44,7 @@ struct E57 {
 /// E57 files.
 pub(crate) fn e57(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let crs = settings.crs.as_deref().map(crs::short_name);
-    let (colours, light) = (settings.has_colours(), settings.light_columns());
+    let (colours, light) = (settings.has_colours(), LightColumns::of(settings.columns.as_deref()));
     Ok(Arc::new(E57 { origin: settings.origin, crs, colours, light }))
 }
 
@@ -149,7 +149,7 @@ impl FileBody for E57Body {
         let mut writer = E57Writer::new(&mut file, &guid(u64::MAX, self.count)).map_err(e57_failed)?;
         writer.set_coordinate_metadata(self.encoder.crs.clone());
         if !light.is_empty() {
-            writer.register_extension(Extension::new(NAMESPACE[0], NAMESPACE[1])).map_err(e57_failed)?;
+            writer.register_extension(Extension::new(NAMESPACE, ADDRESS)).map_err(e57_failed)?;
         }
         let mut scan = 0;
         while let Some(first) = points.next()? {
@@ -233,7 +233,7 @@ fn prototype(colours: bool, light: LightColumns) -> Vec<Record> {
 
 /// The field of a label of the way of light.
 fn label_field(label: Column) -> (RecordName, RecordDataType) {
-    let (namespace, name) = (NAMESPACE[0].to_owned(), LightColumns::small_name(label).to_owned());
+    let (namespace, name) = (NAMESPACE.to_owned(), LightColumns::small_name(label).to_owned());
     let data_type = match label.kind() {
         ColumnType::U8 => RecordDataType::Integer { min: 0, max: i64::from(u8::MAX) },
         ColumnType::U32 => RecordDataType::Integer { min: 0, max: i64::from(u32::MAX) },

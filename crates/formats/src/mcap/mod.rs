@@ -127,7 +127,7 @@ struct Mcap {
 pub(crate) fn mcap(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let (names, rings) = (settings.frame_names.clone(), settings.rows());
     let (colours, velocities) = (settings.has_colours(), settings.has_velocities());
-    let optional = Optional { colours, velocities, light: settings.light_columns() };
+    let optional = Optional { colours, velocities, light: LightColumns::of(settings.columns.as_deref()) };
     Ok(Arc::new(Mcap { origin: settings.origin, names, rings, optional }))
 }
 

@@ -135,7 +135,7 @@ pub(crate) fn pcd(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<d
     let optional = Optional {
         colours: settings.has_colours(),
         velocities: settings.has_velocities(),
-        light: settings.light_columns(),
+        light: LightColumns::of(settings.columns.as_deref()),
     };
     Ok(Arc::new(Pcd { offset, origin, world: settings.origin, rings, stands, optional }))
 }

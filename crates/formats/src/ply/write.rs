@@ -88,7 +88,7 @@ impl<const ASCII: bool> Ply<ASCII> {
             head.push_str(&format!("comment object {number} {}\n", comment(name)));
         }
         let CloudSettings { origin, labels, misses, heights, .. } = *settings;
-        let light = settings.light_columns().without_primitive_if(labels);
+        let light = LightColumns::of(settings.columns.as_deref()).without_primitive_if(labels);
         Ply { origin, labels, directions: misses, heights, colours: settings.has_colours(), light, head }
     }
 
