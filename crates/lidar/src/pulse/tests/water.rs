@@ -258,3 +258,26 @@ fn a_narrow_field_of_view_loses_light_that_water_scatters_forward() {
     assert!((bottom(Some(0.006)) / all / libm::exp(-2.0 * between * 5.0) - 1.0).abs() < 1e-3);
     assert!(bottom(Some(0.006)) < bottom(Some(0.018)));
 }
+
+#[test]
+fn clear_water_has_the_same_echoes_whether_its_light_ends_behind_the_last_surface_or_not() {
+    let windy = Water { slopes: [0.0143; 2], backscatter: Water::BACKSCATTER, attenuation: 1e-5, ..WATER };
+    for water in [windy, Water { slopes: [0.0; 2], ..windy }] {
+        for (depth, reflectance) in [(5.0, 0.5), (60.0, 0.5), (60.0, 0.0)] {
+            let mut scene = lake(water, 100.0, depth);
+            scene.materials[0].reflectance = reflectance;
+            let echoes = |record_waveforms: bool| {
+                let options = PhysicsOptions { record_waveforms, ..PhysicsOptions::refined() };
+                let pulses: Vec<Pulse> = (1..=40).map(|number| Pulse { number, ..turned(8.0)[0] }).collect();
+                simulate_pulses(&scene, &tls(), options, 0, &pulses).echoes
+            };
+            let (bounded, all) = (echoes(false), echoes(true));
+            assert!(!all.is_empty());
+            assert_eq!(bounded.len(), all.len(), "{depth} m, {reflectance}");
+            for (one, other) in bounded.iter().zip(&all) {
+                assert!((one.range - other.range).abs() < 1e-6, "{one:?} {other:?}");
+                assert!((one.intensity / other.intensity - 1.0).abs() < 1e-6, "{one:?} {other:?}");
+            }
+        }
+    }
+}
