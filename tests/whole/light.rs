@@ -535,3 +535,40 @@ fn labels_of_light_are_in_every_format() {
     let done = run(dir.path(), &[&base[..], &["-o", "a.raycloud.ply"]].concat());
     assert_eq!(done.status.code(), Some(2));
 }
+
+#[test]
+fn doubtful_materials_and_levels_are_warnings_that_name_what_was_typed() {
+    let dir = folder();
+    let said = |done: std::process::Output| {
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        text(&done.stderr)
+    };
+    let args = ["run", "p.toml", "--force", "-o", "a.csv"];
+    for (lines, expected) in [
+        ("illum 4\nNi -1\n", "Ni -1 is no refractive index from 1 to 5; the pane has 1.5"),
+        ("d 2\nhelios_reflectance 0.5\n", "d 2 is no share from 0 to 1; it is read as 1"),
+        ("vlscan_mirror 0.5\nvlscan_mirror 0.7\n", "has vlscan_mirror already; the last one counts"),
+    ] {
+        write(dir.path(), &format!("{GROUND}newmtl m\n{lines}"), &[("ground", 0.0), ("m", 50.0)]);
+        let found = said(run(dir.path(), &args));
+        assert!(found.contains(expected), "{lines}: {found}");
+    }
+    let level = |level: &str| {
+        write_lake(dir.path(), SCANNER, "water_secchi_m = 4\n");
+        let pipeline = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+        let pipeline = pipeline.replace("water_level_m = 10", &format!("water_level_m = {level}"));
+        fs::write(dir.path().join("p.toml"), pipeline).unwrap();
+        said(run(dir.path(), &args))
+    };
+    for low in ["-5", "0"] {
+        let found = level(low);
+        let expected = format!("at z {low} m lies below everything else in its area, which begins at z 0 m");
+        assert!(found.contains(&expected), "{found}");
+    }
+    assert!(!level("0.5").contains("lies below"));
+    write_lake(dir.path(), SCANNER, "water_secchi_m = 17\nwater_beam_attenuation = 0.05\n");
+    let done = run(dir.path(), &args);
+    let expected = "its water_beam_attenuation is 0.05, expected a beam attenuation of at least the diffuse \
+                    attenuation, 0.1 per metre";
+    assert!(text(&done.stderr).contains(expected), "{}", text(&done.stderr));
+}

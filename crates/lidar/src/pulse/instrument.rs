@@ -62,8 +62,8 @@ pub(super) struct Instrument {
     pub field_of_view: Option<f64>,
     /// The receiver as it meets light that mirrors send straight back, with the lidar equation.
     pub aperture: Option<Aperture>,
-    /// Amplitude of waveforms below which the light of a column of water no longer counts; `None` if it counts
-    /// up to the last surface of a pulse only.
+    /// Amplitude of waveforms below which the light of a column of water no longer counts; `None` if it
+    /// counts up to the last surface of a pulse only.
     pub lowest_of_column: Option<f64>,
     /// True if points below water are corrected for its refraction and speed of light.
     pub corrects_refraction: bool,

@@ -5,8 +5,9 @@
 //! subrays share, as that of foliage.
 //!
 //! Light from behind the last surface of a pulse only fades: it makes no echo, and changes none. So a column
-//! ends a few lengths of the pulse behind the last surface, unless something else depends on its light: noise,
-//! photons, recorded waveforms. There it ends where the waveform is below a small part of the threshold.
+//! ends a few lengths of the pulse behind the last surface, unless something else depends on its light:
+//! noise, photons, recorded waveforms. There it ends where the waveform is below a small part of the
+//! threshold.
 
 use super::continuum::{cell_width, centroid};
 use super::instrument::Instrument;

@@ -32,6 +32,7 @@ use crate::model::{MovingPart, Part, Scene};
 use crate::pack::Pack;
 use crate::spectra::Spectra;
 use crate::text::{Source, is_wrong_name, printable};
+use crate::water_levels::WaterLevels;
 use crate::{change, instances};
 use mesh::EpochPart;
 pub use mesh::{GltfError, MeshError, OffError, PlyMeshError, StlError};
@@ -135,7 +136,7 @@ fn load_sources(
             scene.parts.push(Part { id: ids.single(part), name, lad: None });
         }
     }
-    let LoadedParts { stored, tiles, frames } = loaded;
+    let LoadedParts { stored, tiles, frames, water } = loaded;
     if stored.is_empty() && tiles.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
         scene
             .diagnostics
@@ -153,6 +154,7 @@ fn load_sources(
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     frames.report(&mut scene);
+    water.report(&mut scene.diagnostics);
     scene.library.issues.report(options.rules, &mut scene.diagnostics);
     let mut reported = std::mem::take(&mut scene.diagnostics);
     let used = || scene.used_materials(tiles.materials());
@@ -175,6 +177,7 @@ struct LoadedParts {
     /// Parts that are loaded again when rays need them.
     tiles: TileIndex,
     frames: PartFrames,
+    water: WaterLevels,
 }
 
 /// Assigns ids: a part without one gets numbers, and each of its files becomes a separate part.
@@ -253,6 +256,8 @@ fn load_part(
         };
         check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
         loaded.frames.add(&id, part.place.as_ref(), bounds);
+        let extent = if let Body::Stored(extent) = &body { Some(extent) } else { None };
+        loaded.water.add(scene, (&id, part.place.as_ref()), bounds, extent);
         mesh::doubts::check(scene, part, files, &body);
         if let Body::Stored(extent) = &body
             && !part.motions.is_empty()
@@ -314,6 +319,7 @@ fn load_pages(
     let bounds = pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page.bounds));
     refuse_far(scene, &id, reach(bounds), part.place.as_ref());
     loaded.frames.add(&id, part.place.as_ref(), bounds);
+    loaded.water.add(scene, (&id, part.place.as_ref()), bounds, None);
     let described = Part { id, name: name_of(part, files.all()), lad: None };
     loaded.tiles.add_raster(scene, &described, (material, materials[0]), raster, pages);
     scene.parts.push(described);
