@@ -566,6 +566,8 @@ fn doubtful_materials_and_levels_are_warnings_that_name_what_was_typed() {
         assert!(found.contains(&expected), "{found}");
     }
     assert!(!level("0.5").contains("lies below"));
+    let found = level("150");
+    assert!(found.contains("is in water: its height is 100.0, the water's 150.0"), "{found}");
     write_lake(dir.path(), SCANNER, "water_secchi_m = 17\nwater_beam_attenuation = 0.05\n");
     let done = run(dir.path(), &args);
     let expected = "its water_beam_attenuation is 0.05, expected a beam attenuation of at least the diffuse \

@@ -360,11 +360,13 @@ impl Columns {
         remarks
     }
 
-    /// The names of the columns that are not read.
+    /// The names of the columns that are not read, or only counted.
     pub fn unread(&self, names: &[&str]) -> Vec<String> {
         let is_colour = |column: &usize| self.colours.iter().flatten().any(|colour| colour == column);
         let is_unread = |(column, name): &(usize, &&str)| {
-            !name.is_empty() && !is_colour(column) && !self.used().any(|(_, used)| used == *column)
+            let is_used =
+                |(attribute, used): (Attribute, usize)| used == *column && attribute != Attribute::Path;
+            !name.is_empty() && !is_colour(column) && !self.used().any(is_used)
         };
         names.iter().enumerate().filter(is_unread).map(|(_, name)| (*name).to_owned()).collect()
     }
