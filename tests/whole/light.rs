@@ -491,8 +491,8 @@ fn labels_of_light_are_in_every_format() {
     let is_near = |one: &[f64], other: &[f64]| one.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-4);
 
     // The labels are the last extra bytes of a record; with `--labels` the primitive is among these.
-    for (more, primitive) in [(&[][..], 4), (&["--labels"], 0)] {
-        let las = bytes("a.las", more);
+    for (more, primitive) in [(vec![], 4), (vec!["--labels"], 0)] {
+        let las = bytes("a.las", &more);
         let word = |at: usize| u32::from_le_bytes(las[at..at + 4].try_into().unwrap()) as usize;
         let length = usize::from(u16::from_le_bytes([las[105], las[106]]));
         let records: Vec<&[u8]> = las[word(96)..].chunks_exact(length).take(rows.len()).collect();

@@ -96,6 +96,6 @@ mod tests {
         let point = PointRecord { cause, primitive: 7, ..PointRecord::default() };
         let mut bytes = Vec::new();
         labels.push_bytes(&mut bytes, &point, DVec3::splat(1.0));
-        assert_eq!(bytes, [&[8, 7, 0, 0, 0][..], &3f64.to_le_bytes()].concat());
+        assert_eq!(bytes, [&[8_u8, 7, 0, 0, 0][..], &3f64.to_le_bytes()].concat());
     }
 }
