@@ -72,8 +72,8 @@ def test_messages_of_ros_have_the_bytes_of_a_run(name, tmp_path):
     points = same(Survey.open(FIXTURES / name), tmp_path, ["mcap", "csv"], options)
     own = pickle.loads(pickle.dumps(points))
     own.write(tmp_path / "half.mcap", frame_s=0.05)
-    # Points with the columns of colours and of radial velocities are written with both.
-    chosen = ["Red", "Green", "Blue", "Doppler"]
+    # Points with the columns of colours, of radial velocities and of the way of light are written with all of them.
+    chosen = ["Red", "Green", "Blue", "Doppler", "Path", "PathOrder", "Primitive", "SurfaceX", "SurfaceY", "SurfaceZ"]
     vlscan.run(FIXTURES / name, to=tmp_path / "c.mcap", frame_s=0.05, seed=1, columns=chosen)
     assert (tmp_path / "half.mcap").read_bytes() == (tmp_path / "c.mcap").read_bytes() != (tmp_path / "own.mcap").read_bytes()
     assert b"/odom" in (tmp_path / "own.mcap").read_bytes()

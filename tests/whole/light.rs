@@ -105,6 +105,11 @@ fn flown(dir: &Path, more: &[&str]) -> Vec<Vec<f64>> {
     table.lines().skip(1).map(numbers).collect()
 }
 
+/// The rows with this path, and the others.
+fn split(rows: Vec<Vec<f64>>, path: f64) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    rows.into_iter().partition(|row| row[5] == path)
+}
+
 #[test]
 fn ground_below_a_pane_is_labelled_farther_and_darker() {
     let dir = folder();
@@ -112,8 +117,12 @@ fn ground_below_a_pane_is_labelled_farther_and_darker() {
     write(dir.path(), &pane, &[("ground", 0.0)]);
     let bare = flown(dir.path(), &[]);
     write(dir.path(), &pane, &[("ground", 0.0), ("pane", 50.0)]);
-    let seen = flown(dir.path(), &[]);
+    let (own, seen) = split(flown(dir.path(), &[]), 8.0);
     assert_eq!((bare.len(), seen.len()), (2001, 2001));
+    // Once per turn the beam points straight down, and the pane sends it back.
+    assert_eq!(own.len(), 5);
+    let is_pane = |row: &Vec<f64>| (row[2] - 50.0).abs() < 1e-3 && row[6..8] == [0.0, 50.0];
+    assert!(own.iter().all(|row| is_pane(row) && row[3] > 1e3 * bare[0][3]), "{own:?}");
     for (bare, seen) in bare.iter().zip(&seen) {
         let cosine = -bare[4];
         let root = (2.25 - (1.0 - cosine * cosine)).sqrt();
@@ -138,7 +147,7 @@ fn glass_of_pictures_lets_light_pass_in_the_refined_physics_only() {
     let dir = folder();
     let glass = format!("{GROUND}newmtl glass\nKd 1 1 1\nhelios_reflectance 0.1\nd 0\nillum 4\nNi 1.5\n");
     write(dir.path(), &glass, &[("ground", 0.0), ("glass", 50.0)]);
-    let refined = flown(dir.path(), &["--physics", "refined"]);
+    let (_, refined) = split(flown(dir.path(), &["--physics", "refined"]), 8.0);
     assert!(refined.iter().all(|row| row[5] == 1.0) && refined.len() == 2001, "{}", refined.len());
     let done =
         run(dir.path(), &["run", "p.toml", "--physics", "helios", "-o", "b.csv", "--columns", COLUMNS]);
@@ -152,7 +161,8 @@ fn facing_mirrors_give_ghosts_up_to_the_maximum_order() {
     let dir = folder();
     let mirror = "newmtl mirror\nKd 1 1 1\nhelios_reflectance 0.1\nvlscan_mirror 1\n";
     write(dir.path(), mirror, &[("mirror", 0.0), ("mirror", 200.0)]);
-    let rows = flown(dir.path(), &[]);
+    let (own, rows) = split(flown(dir.path(), &[]), 8.0);
+    assert!(!own.is_empty() && own.iter().all(|row| row[7].abs() < 1e-3), "{own:?}");
     let greatest = rows.iter().map(|row| row[6]).fold(0.0, f64::max);
     assert_eq!(greatest, 4.0);
     for row in &rows {
@@ -301,10 +311,11 @@ fn points_below_water_are_corrected_for_refraction_and_have_classes_of_bathymetr
     assert_ne!(corrected, SCANNER);
     let flat = "water_attenuation = 0.05\nwater_wind_m_s = 0\nwater_backscatter = 0\n";
     write_lake(dir.path(), SCANNER, flat);
-    let recorded = flown(dir.path(), &[]);
+    // Flat water sends the beam back that points straight down, once per turn.
+    let (surface, recorded) = split(flown(dir.path(), &[]), 3.0);
     write_lake(dir.path(), &corrected, flat);
-    let rows = flown(dir.path(), &[]);
-    assert_eq!((rows.len(), recorded.len()), (2001, 2001));
+    let (_, rows) = split(flown(dir.path(), &[]), 3.0);
+    assert_eq!((rows.len(), recorded.len(), surface.len()), (2001, 2001, 5));
     for (row, recorded) in rows.iter().zip(&recorded) {
         assert!(row[1].abs() < 2e-3 && row[2] == recorded[2], "{row:?} {recorded:?}");
         let (cosine, index) = (-row[4], 1.335035f64);
@@ -456,4 +467,110 @@ fn columns_of_radial_velocity_are_in_tables_and_point_files() {
     succeed(dir.path(), &plain);
     let bytes = fs::read(dir.path().join("plain.las")).unwrap();
     assert!(!bytes.windows(7).any(|found| found == b"Doppler"));
+}
+
+/// Labels of the way of light that a file without columns has.
+const LABELS: &str = "Path,PathOrder,Primitive,SurfaceX,SurfaceY,SurfaceZ";
+
+#[test]
+fn labels_of_light_are_in_every_format() {
+    let dir = folder();
+    let pane = format!("{GROUND}newmtl pane\nvlscan_pane_index 1.5\n");
+    write(dir.path(), &pane, &[("ground", 0.0), ("pane", 50.0)]);
+    let base = ["run", "p.toml", "-q", "--force", "--columns", LABELS];
+    let bytes = |name: &str, more: &[&str]| {
+        succeed(dir.path(), &[&base[..], &["-o", name], more].concat());
+        fs::read(dir.path().join(name)).unwrap()
+    };
+    let numbers = |line: &str, separator: char| -> Vec<f64> {
+        line.split(separator).map(|word| word.parse().unwrap()).collect()
+    };
+    let csv = text(&bytes("a.csv", &[]));
+    let rows: Vec<Vec<f64>> = csv.lines().skip(1).map(|line| numbers(line, ',')).collect();
+    assert!(rows.iter().any(|row| row[0] == 1.0) && rows.iter().any(|row| row[0] == 8.0));
+    let is_near = |one: &[f64], other: &[f64]| one.iter().zip(other).all(|(a, b)| (a - b).abs() < 1e-4);
+
+    // The labels are the last extra bytes of a record; with `--labels` the primitive is among these.
+    for (more, primitive) in [(vec![], 4), (vec!["--labels"], 0)] {
+        let las = bytes("a.las", &more);
+        let word = |at: usize| u32::from_le_bytes(las[at..at + 4].try_into().unwrap()) as usize;
+        let length = usize::from(u16::from_le_bytes([las[105], las[106]]));
+        let records: Vec<&[u8]> = las[word(96)..].chunks_exact(length).take(rows.len()).collect();
+        assert_eq!(records.len(), rows.len());
+        for (record, row) in records.into_iter().zip(&rows) {
+            let own = &record[length - 26 - primitive..];
+            assert_eq!([f64::from(own[0]), f64::from(own[1])], row[..2], "{row:?}");
+            let surface: Vec<f64> = own[2 + primitive..]
+                .chunks_exact(8)
+                .map(|bytes| f64::from_le_bytes(bytes.try_into().unwrap()))
+                .collect();
+            assert!(is_near(&surface, &row[3..]), "{surface:?} is not {row:?}");
+        }
+    }
+    let ply = text(&bytes("a.ply", &["--format", "ply-ascii"]));
+    let at = ply.find("end_header\n").unwrap() + "end_header\n".len();
+    for (line, row) in ply[at..].lines().zip(&rows) {
+        let own = numbers(line, ' ');
+        assert!(is_near(&own[own.len() - 6..], row), "{line} is not {row:?}");
+    }
+    for (name, label) in [
+        ("a.laz", "PathOrder"),
+        ("a.copc.laz", "PathOrder"),
+        ("a.ply", "property uchar scalar_PathOrder"),
+        ("a.pcd", "path path_order primitive surface_x surface_y surface_z"),
+        ("a.e57", "path_order"),
+        ("a.mcap", "path_order"),
+    ] {
+        let found = bytes(name, &[]);
+        assert!(found.windows(label.len()).any(|window| window == label.as_bytes()), "{name}");
+        if name != "a.mcap" {
+            let info = text(&succeed(dir.path(), &["info", name]).stdout);
+            assert!(info.contains("through panes") && info.contains("straight back"), "{name}: {info}");
+        }
+        let plain = ["run", "p.toml", "-q", "--force", "-o", name];
+        succeed(dir.path(), &plain);
+        let plain = fs::read(dir.path().join(name)).unwrap();
+        assert!(!plain.windows(label.len()).any(|window| window == label.as_bytes()), "{name}");
+    }
+    let done = run(dir.path(), &[&base[..], &["-o", "a.raycloud.ply"]].concat());
+    assert_eq!(done.status.code(), Some(2));
+}
+
+#[test]
+fn doubtful_materials_and_levels_are_warnings_that_name_what_was_typed() {
+    let dir = folder();
+    let said = |done: std::process::Output| {
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        text(&done.stderr)
+    };
+    let args = ["run", "p.toml", "--force", "-o", "a.csv"];
+    for (lines, expected) in [
+        ("illum 4\nNi -1\n", "Ni -1 is no refractive index from 1 to 5; the pane has 1.5"),
+        ("d 2\nhelios_reflectance 0.5\n", "d 2 is no share from 0 to 1; it is read as 1"),
+        ("vlscan_mirror 0.5\nvlscan_mirror 0.7\n", "has vlscan_mirror already; the last one counts"),
+    ] {
+        write(dir.path(), &format!("{GROUND}newmtl m\n{lines}"), &[("ground", 0.0), ("m", 50.0)]);
+        let found = said(run(dir.path(), &args));
+        assert!(found.contains(expected), "{lines}: {found}");
+    }
+    let level = |level: &str| {
+        write_lake(dir.path(), SCANNER, "water_secchi_m = 4\n");
+        let pipeline = fs::read_to_string(dir.path().join("p.toml")).unwrap();
+        let pipeline = pipeline.replace("water_level_m = 10", &format!("water_level_m = {level}"));
+        fs::write(dir.path().join("p.toml"), pipeline).unwrap();
+        said(run(dir.path(), &args))
+    };
+    for low in ["-5", "0"] {
+        let found = level(low);
+        let expected = format!("at z {low} m lies below everything else in its area, which begins at z 0 m");
+        assert!(found.contains(&expected), "{found}");
+    }
+    assert!(!level("0.5").contains("lies below"));
+    let found = level("150");
+    assert!(found.contains("is in water: its height is 100.0, the water's 150.0"), "{found}");
+    write_lake(dir.path(), SCANNER, "water_secchi_m = 17\nwater_beam_attenuation = 0.05\n");
+    let done = run(dir.path(), &args);
+    let expected = "its water_beam_attenuation is 0.05, expected a beam attenuation of at least the diffuse \
+                    attenuation, 0.1 per metre";
+    assert!(text(&done.stderr).contains(expected), "{}", text(&done.stderr));
 }

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity;
-use vlscan_formats::read_number_columns;
+use vlscan_formats::{Column, PointFormat, read_number_columns};
 use vlscan_lidar::pulse::PhysicsProfile;
 use vlscan_survey::{
     MAX_DOCUMENT_BYTES, NavigationErrors, PlatformKind, ProjectionGrid, ReadOptions, SceneChoice, Source,
@@ -123,9 +123,14 @@ fn is_pipeline(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// True if columns are chosen and one of them is of colours, which files of other columns have, too.
-fn has_colours(columns: &Option<ColumnList>) -> bool {
-    columns.iter().flat_map(|columns| &columns.0).any(|column| column.needs().colour)
+/// True if columns are chosen and one of them is of those that files of this format have beside their own:
+/// colours and labels of the way of light.
+fn has_column_of(format: PointFormat, columns: &Option<ColumnList>) -> bool {
+    let has = |column: &Column| {
+        (column.needs().colour && format.has_colours())
+            || (column.is_light_label() && format.has_light_labels())
+    };
+    columns.iter().flat_map(|columns| &columns.0).any(has)
 }
 
 impl Options {
@@ -180,8 +185,9 @@ fn read_pipeline(
     }
     // Columns that the file chooses are for its own outputs.
     let sinks = options.sinks()?;
-    let has_colours = has_colours(&options.output.columns) && sinks.iter().any(|(_, f)| f.has_colours());
-    let has_columns = has_colours || sinks.iter().any(|(_, format)| format.has_columns());
+    let columns = &options.output.columns;
+    let has_columns = |format: PointFormat| format.has_columns() || has_column_of(format, columns);
+    let has_columns = sinks.iter().any(|(_, format)| has_columns(*format));
     if replaces_outputs && !typed_columns && !has_columns {
         options.output.columns = None;
     }

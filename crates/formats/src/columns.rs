@@ -62,6 +62,7 @@ attributes! {
     Leg Source, "leg", "the number of a leg", SHORT;
     Channel Channel, "channel", "the number of a channel", SHORT;
     Time Time, "time", "a time", None;
+    Path LightPath, "path of the light", "the path of the light", BYTE;
 }
 
 impl Attribute {
@@ -73,10 +74,12 @@ impl Attribute {
 
     /// True if values in text need not be numbers.
     pub fn is_optional(self) -> bool {
-        use Attribute::{Channel, Leg, NormalX, NormalY, NormalZ, NumberOfReturns, Object, ScanAngle, Time};
+        use Attribute::{
+            Channel, Leg, NormalX, NormalY, NormalZ, NumberOfReturns, Object, Path, ScanAngle, Time,
+        };
         matches!(
             self,
-            NormalX | NormalY | NormalZ | Object | Leg | Channel | Time | NumberOfReturns | ScanAngle
+            NormalX | NormalY | NormalZ | Object | Leg | Channel | Time | NumberOfReturns | ScanAngle | Path
         )
     }
 
@@ -119,6 +122,8 @@ impl Attribute {
 const OWN_NAME: &str = "pulsenumber";
 /// A name that its tables have if they have pulses without a return.
 const NAME_OF_MISSES: &str = "beamdirectionx";
+/// A name that tables with the path of the light have. In others a path is something else, such as a file.
+const NAME_BESIDE_PATHS: &str = "pathorder";
 
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
@@ -267,6 +272,9 @@ impl Columns {
             let amplitude = ["heliosamplitude", "amplitude"].into_iter().find_map(position);
             columns[Attribute::Intensity as usize] = amplitude.or(columns[Attribute::Intensity as usize]);
         }
+        if position(NAME_BESIDE_PATHS).is_none() {
+            columns[Attribute::Path as usize] = None;
+        }
         let unit = |attribute: Attribute| {
             let column = columns[attribute as usize];
             column.and_then(|column| factor(attribute, headings[column])).unwrap_or(1.0)
@@ -367,11 +375,13 @@ impl Columns {
         remarks
     }
 
-    /// The names of the columns that are not read.
+    /// The names of the columns that are not read, or only counted.
     pub fn unread(&self, names: &[&str]) -> Vec<String> {
         let is_colour = |column: &usize| self.colours.iter().flatten().any(|colour| colour == column);
         let is_unread = |(column, name): &(usize, &&str)| {
-            !name.is_empty() && !is_colour(column) && !self.used().any(|(_, used)| used == *column)
+            let is_used =
+                |(attribute, used): (Attribute, usize)| used == *column && attribute != Attribute::Path;
+            !name.is_empty() && !is_colour(column) && !self.used().any(is_used)
         };
         names.iter().enumerate().filter(is_unread).map(|(_, name)| (*name).to_owned()).collect()
     }
@@ -457,6 +467,7 @@ impl Columns {
             point_source: 0,
             channel: fitted(Attribute::Channel) as u16,
             time: fitted(Attribute::Time) * self.seconds,
+            path: fitted(Attribute::Path) as u8,
             // The conversion saturates, and NaN becomes 0.
             colour: self.colours.map(|columns| columns.map(|column| value(column).round() as u16)),
             misfits,

@@ -143,6 +143,8 @@ pub struct PointRow {
     pub channel: u16,
     /// Time of the pulse, s.
     pub time: f64,
+    /// Way of the light, see [`Cause::path`].
+    pub path: u8,
     /// Red, green and blue as the file has them: of 16 bits in LAS, mostly of 8 bits in other formats. `None`
     /// without colours, and for formats whose colours are not read.
     pub colour: Option<[u16; 3]>,

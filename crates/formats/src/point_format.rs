@@ -51,6 +51,8 @@ const LAS: u8 = 8;
 const COLOURS: u8 = 32;
 /// It has a place for radial velocities, which it fills if a column of them is chosen.
 const VELOCITIES: u8 = 64;
+/// It has a place for labels of the way of light, which it fills if a column of them is chosen.
+const LIGHT: u8 = 128;
 /// Its points are in the axes of the scanner, and come in frames.
 const FRAMES: u8 = 16;
 
@@ -93,19 +95,19 @@ formats! {
     Xyz "xyz" ["txt"] "xyz" [TEXT COLUMNS] xyz "Eleven columns of text as HELIOS++ writes them";
     Csv "csv" [] "csv" [TEXT COLUMNS] csv "Comma-separated values with a line of names";
     Bin "bin" [] "bin" [] bin "The text of xyz, compressed";
-    Las "las" [] "las" [CRS LAS COLOURS VELOCITIES] las "LAS";
-    Laz "laz" [] "laz" [CRS LAS COLOURS VELOCITIES] laz "LAS compressed as LAZ";
-    Copc "copc" ["copc.laz"] "copc.laz" [CRS LAS COLOURS VELOCITIES] copc
+    Las "las" [] "las" [CRS LAS COLOURS VELOCITIES LIGHT] las "LAS";
+    Laz "laz" [] "laz" [CRS LAS COLOURS VELOCITIES LIGHT] laz "LAS compressed as LAZ";
+    Copc "copc" ["copc.laz"] "copc.laz" [CRS LAS COLOURS VELOCITIES LIGHT] copc
         "LAZ whose chunks are the nodes of an octree; files end in .copc.laz";
-    PlyBinary "ply" [] "ply" [CRS COLOURS] binary "PLY, little-endian";
-    PlyAscii "ply-ascii" [] "ply" [TEXT CRS COLOURS] ascii "PLY as text";
+    PlyBinary "ply" [] "ply" [CRS COLOURS LIGHT] binary "PLY, little-endian";
+    PlyAscii "ply-ascii" [] "ply" [TEXT CRS COLOURS LIGHT] ascii "PLY as text";
     RayCloud "raycloud" ["raycloud.ply"] "raycloud.ply" [] ray_cloud
         "PLY of rays, as raycloudtools reads it; files end in .raycloud.ply";
-    Pcd "pcd" [] "pcd" [COLOURS VELOCITIES] pcd "PCD of the Point Cloud Library, binary";
+    Pcd "pcd" [] "pcd" [COLOURS VELOCITIES LIGHT] pcd "PCD of the Point Cloud Library, binary";
     #[cfg(feature = "e57")]
-    E57 "e57" [] "e57" [COLOURS] e57 "E57 with a scan and its pose for each leg";
+    E57 "e57" [] "e57" [COLOURS LIGHT] e57 "E57 with a scan and its pose for each leg";
     #[cfg(feature = "mcap")]
-    Mcap "mcap" [] "mcap" [FRAMES COLOURS VELOCITIES] mcap
+    Mcap "mcap" [] "mcap" [FRAMES COLOURS VELOCITIES LIGHT] mcap
         "MCAP with a message `PointCloud2` of ROS 2 for each revolution, in the axes of the scanner";
     Arrow "arrow" ["arrows"] "arrow" [COLUMNS CRS] arrow "Arrow IPC stream with the columns of csv";
     #[cfg(feature = "parquet")]
@@ -241,6 +243,11 @@ impl PointFormat {
     /// True if files of other columns have radial velocities, too, if a column of them is chosen.
     pub fn has_velocities(self) -> bool {
         self.is(VELOCITIES)
+    }
+
+    /// True if files of other columns have labels of the way of light, too, if a column of them is chosen.
+    pub fn has_light_labels(self) -> bool {
+        self.is(LIGHT)
     }
 
     /// True if points come in frames, whose duration can be chosen.

@@ -154,7 +154,8 @@ pub struct Cause {
     /// Number of the strongest subray within the beam, from 0; `u32::MAX` without a surface.
     pub subray: u32,
     /// Way of the light: 0 straight, 1 through panes, 2 over mirrors, 3 to the surface of water, 4 into
-    /// water, 5 through water, 6 into fog, rain, snow or dust, 7 to a single drop or flake.
+    /// water, 5 through water, 6 into fog, rain, snow or dust, 7 to a single drop or flake, 8 to a mirror or
+    /// pane that sends it straight back.
     pub path: u8,
     /// Number of mirrors, panes and surfaces of water on the way.
     pub order: u8,

@@ -149,6 +149,11 @@ impl CloudSettings {
         self.columns.iter().flatten().any(|column| column.needs().velocity)
     }
 
+    /// True if files have labels of the way of light: a column of theirs is chosen.
+    pub fn has_light_labels(&self) -> bool {
+        self.columns.iter().flatten().any(|column| column.is_light_label())
+    }
+
     /// The rows of devices.
     pub(crate) fn rows(&self) -> Rings {
         Rings(self.rings.as_slice().into())

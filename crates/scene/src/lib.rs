@@ -33,6 +33,7 @@
 //! | `pack` | packed scenes |
 //! | `fingerprint`, `heights` | checksums of scenes, and of the heights of their rasters |
 //! | `crs`, `frames` | coordinate reference systems of rasters and meshes; parts in local coordinates beside a grid |
+//! | `water_levels` | water below everything else |
 //! | `inventory`, `part_facts` | count the contents of a scene and of its parts |
 
 #![deny(unsafe_code)]
@@ -85,6 +86,7 @@ mod texture;
 mod tiles;
 mod triangle;
 mod voxel;
+mod water_levels;
 
 pub use builder::{LoadOptions, Sharing};
 pub use colours::Colours;

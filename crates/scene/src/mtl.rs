@@ -36,7 +36,7 @@ pub(super) fn read(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Materi
     for line in Lines::new(source.bytes(), true) {
         statement(source, &line, &mut definitions, &mut optics, &mut problems);
     }
-    optics.finish(definitions.last_mut());
+    optics.finish(definitions.last_mut(), &mut problems);
     problems.report(source, diagnostics);
     definitions
 }
@@ -53,11 +53,13 @@ fn statement(
     let in_file = |at: Range<usize>| line.start + at.start..line.start + at.end;
     let values: Vec<(&[u8], Range<usize>)> = words.collect();
     if keyword == b"newmtl" {
-        std::mem::take(optics).finish(definitions.last_mut());
+        std::mem::take(optics).finish(definitions.last_mut(), problems);
         return begin(source, line, at, definitions, problems);
     }
     let whole_line = || source.place(line.number, in_file(at.start..line.text.len()));
-    if optics.read(keyword, &line.text[operand(&line.text, at.end)], whole_line) {
+    let operand_of_line = &line.text[operand(&line.text, at.end)];
+    let whole = (line.number, in_file(at.start..line.text.len()));
+    if optics.read((keyword, operand_of_line), whole, whole_line, problems) {
         return;
     }
     if keyword == b"map_Kd" {
@@ -75,6 +77,11 @@ fn statement(
             format!("{} before the first newmtl is ignored", shown(keyword))
         });
     };
+    if keyword.starts_with(OPTICAL_PREFIX.as_bytes()) && optics.is_repeated(keyword) {
+        problems.warn(line.number, in_file(at.clone()), || {
+            format!("this material has {} already; the last one counts", shown(keyword))
+        });
+    }
     if keyword == b"helios_spectra" {
         // What begins with `#` is a comment here.
         let last = values.last().map_or(at.end, |(_, at)| at.end);
@@ -363,7 +370,6 @@ mod tests {
             ("Kd 1 1 1\nTr 0.5", ("Tr 0.5", 3)),
             ("d -halo 0.3", ("d -halo 0.3", 2)),
             ("d 0,05", ("d 0,05", 2)),
-            ("d 1\nTr 0.4", ("Tr 0.4", 3)),
             ("illum 7", ("illum 7", 2)),
             ("map_d leaf 1.png", ("map_d leaf 1.png", 2)),
             ("Kd 1 1 1\nTf 0.2 0.2 0.2", ("Tf 0.2 0.2 0.2", 3)),
@@ -386,6 +392,28 @@ mod tests {
             "d 1\nTf 0.2 0.2 0.2",
         ] {
             assert_eq!(optics(opaque), None, "{opaque}");
+        }
+    }
+
+    #[test]
+    fn impossible_contradictory_and_repeated_values_are_warnings() {
+        let found = |lines: &str| read_text(format!("newmtl a\n{lines}\nnewmtl b\n").as_bytes()).1;
+        for (lines, expected) in [
+            ("d -1", "d -1 is no share from 0 to 1; it is read as 0"),
+            ("Tr 7", "Tr 7 is no share from 0 to 1; it is read as 1"),
+            ("d 1\nTr 0.4", "d 1 and Tr 0.4 contradict each other: Tr is 1 - d; Tr counts"),
+            ("Tr 0.9\nd 0.5", "d 0.5 and Tr 0.9 contradict each other: Tr is 1 - d; d counts"),
+            ("illum 4\nNi 0", "Ni 0 is no refractive index from 1 to 5; the pane has 1.5"),
+            ("Ni nan\nd 0.25", "Ni nan is no refractive index from 1 to 5; the pane has 1.5"),
+            ("vlscan_mirror 0.5\nvlscan_mirror 0.7", "has vlscan_mirror already; the last one counts"),
+        ] {
+            let d = found(lines);
+            let [reported] = d.items() else { panic!("{lines}: {}", d.text()) };
+            assert!(reported.severity == Severity::Warning, "{lines}");
+            assert!(reported.message.contains(expected), "{lines}: {}", reported.message);
+        }
+        for usual in ["illum 2\nNi 0", "d 0.5\nTr 0.5", "d 0.3\nTr 0.7", "vlscan_mirror 0.5"] {
+            assert!(found(usual).is_empty(), "{usual}");
         }
     }
 

@@ -3,7 +3,8 @@
 
 use super::number::float;
 use super::optics::GLASS_INDEX;
-use super::text::shown;
+use super::text::{Problems, shown};
+use std::ops::Range;
 use vlscan_base::diag::Place;
 use vlscan_base::quantity::{
     Bounds, MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, RETRO, SECCHI_DEPTH,
@@ -29,6 +30,8 @@ pub(super) const OPTICAL_KEYS: [&str; 14] = [
     "water_wind_deg",
 ];
 
+/// Largest difference of shares that rounding explains.
+const MAX_CONTRADICTION: f64 = 0.02;
 /// The illumination models without transparency and mirrors; those above are glass and mirrors.
 const OPAQUE_MODELS: std::ops::RangeInclusive<f64> = 0.0..=3.0;
 /// Illumination models of glass.
@@ -90,20 +93,44 @@ pub(super) struct Optics {
     statements: [Option<Statement>; 5],
     /// Refractive index `Ni`, which by itself means nothing.
     index: Option<f64>,
+    /// Text and position of an index that no material has.
+    wrong_index: Option<(String, Position)>,
+    /// Keywords of laser scanners so far.
+    own_keywords: Vec<Vec<u8>>,
 }
+
+/// Line, from 1, and bytes of a statement in its file.
+type Position = (usize, Range<usize>);
 
 struct Statement {
     /// As written.
     text: String,
     place: Place,
+    at: Position,
     is_opaque: bool,
     /// The number.
     value: Option<f64>,
 }
 
 impl Optics {
-    /// Reads a line; false for a keyword of something else. A later statement replaces an earlier one.
-    pub fn read(&mut self, keyword: &[u8], operand: &[u8], place: impl FnOnce() -> Place) -> bool {
+    /// True for a keyword that this material has had before, which counts as had from now on.
+    pub fn is_repeated(&mut self, keyword: &[u8]) -> bool {
+        let is_repeated = self.own_keywords.iter().any(|own| own == keyword);
+        if !is_repeated {
+            self.own_keywords.push(keyword.to_vec());
+        }
+        is_repeated
+    }
+
+    /// Reads a line; false for a keyword of something else. A later statement replaces an earlier one. Warns
+    /// of values that cannot be.
+    pub fn read(
+        &mut self,
+        (keyword, operand): (&[u8], &[u8]),
+        at: Position,
+        place: impl FnOnce() -> Place,
+        problems: &mut Problems,
+    ) -> bool {
         let kind = match keyword {
             b"d" => 0,
             b"Tr" | b"tr" => 1,
@@ -112,6 +139,7 @@ impl Optics {
             b"Tf" => 4,
             b"Ni" => {
                 self.index = float(operand).filter(|index| PANE_INDEX.contains(*index));
+                self.wrong_index = self.index.is_none().then(|| (shown(operand), at));
                 return true;
             }
             _ => return false,
@@ -119,7 +147,15 @@ impl Optics {
         let Some(last) = operand.split(u8::is_ascii_whitespace).rfind(|word| !word.is_empty()) else {
             return true;
         };
-        let value = float(last);
+        let value = float(last).filter(|value| value.is_finite());
+        if let (0 | 1, Some(share)) = (kind, value)
+            && !(0.0..=1.0).contains(&share)
+        {
+            let read_as = share.clamp(0.0, 1.0);
+            problems.warn(at.0, at.1.clone(), || {
+                format!("{} {} is no share from 0 to 1; it is read as {read_as}", shown(keyword), shown(last))
+            });
+        }
         let is_opaque = match (kind, value) {
             (0, Some(opacity)) => opacity >= 1.0,
             (1, Some(transparency)) => transparency <= 0.0,
@@ -130,12 +166,28 @@ impl Optics {
             _ => false,
         };
         let text = format!("{} {}", shown(keyword), shown(operand));
-        self.statements[kind] = Some(Statement { text, place: place(), is_opaque, value });
+        self.statements[kind] = Some(Statement { text, place: place(), at, is_opaque, value });
         true
     }
 
+    /// Warns of an opacity and a transparency that are not those of one material: their sum is not 1, and
+    /// they are not the same number, which some programs write for both.
+    fn warn_of_contradiction(&self, problems: &mut Problems) {
+        let [Some(opacity), Some(transparency), ..] = &self.statements else { return };
+        let (Some(d), Some(tr)) = (opacity.value, transparency.value) else { return };
+        let (d, tr) = (d.clamp(0.0, 1.0), tr.clamp(0.0, 1.0));
+        if (d + tr - 1.0).abs() > MAX_CONTRADICTION && (d - tr).abs() > MAX_CONTRADICTION {
+            let (line, bytes) = transparency.at.clone();
+            let counts = if opacity.is_opaque { "Tr" } else { "d" };
+            let texts = format!("{} and {}", opacity.text, transparency.text);
+            problems
+                .warn(line, bytes, || format!("{texts} contradict each other: Tr is 1 - d; {counts} counts"));
+        }
+    }
+
     /// Passes transparency to the material.
-    pub fn finish(mut self, material: Option<&mut MaterialDefinition>) {
+    pub fn finish(mut self, material: Option<&mut MaterialDefinition>, problems: &mut Problems) {
+        self.warn_of_contradiction(problems);
         let is_one = |statement: &Option<Statement>| statement.as_ref().is_some_and(|s| s.value == Some(1.0));
         if is_one(&self.statements[0]) && is_one(&self.statements[1]) {
             // Some programs write the opacity as `Tr`, too.
@@ -146,6 +198,12 @@ impl Optics {
             self.statements[4] = None;
         }
         let meaning = self.meaning(material.as_deref());
+        let is_pane = meaning.is_some_and(|meaning| meaning.index.is_some());
+        if let Some((text, (line, bytes))) = self.wrong_index.take().filter(|_| is_pane) {
+            problems.warn(line, bytes, || {
+                format!("Ni {text} is no refractive index from 1 to 5; the pane has {GLASS_INDEX}")
+            });
+        }
         let mut found: Vec<Statement> = self.statements.into_iter().flatten().collect();
         found.retain(|statement| !statement.is_opaque);
         let properties: Vec<&str> = found.iter().map(|statement| statement.text.as_str()).collect();

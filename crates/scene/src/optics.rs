@@ -140,37 +140,55 @@ pub(super) fn conflict(d: &OpticsDefinition) -> Option<&'static str> {
     }
 }
 
+/// A property beyond its bounds.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("its {key} is {value}, expected {expected}")]
+pub(super) struct OutOfBounds {
+    /// Key in pipeline files and Python; those of MTL files begin with `vlscan_`.
+    key: &'static str,
+    value: f64,
+    expected: String,
+}
+
 /// A property beyond its bounds, for a message: definitions that a program makes are not checked before.
-pub(super) fn out_of_bounds(d: &OpticsDefinition) -> Option<&'static str> {
+pub(super) fn out_of_bounds(d: &OpticsDefinition) -> Option<OutOfBounds> {
     use vlscan_base::quantity::{
         MIRROR, PANE_ABSORPTION, PANE_INDEX, PANE_SHEETS, PANE_THICKNESS, REFLECTANCE, RETRO, SECCHI_DEPTH,
-        WATER_ATTENUATION, WATER_BACKSCATTER, WIND_DIRECTION, WIND_SPEED,
+        WATER_ATTENUATION, WATER_BACKSCATTER, WIND_DIRECTION, WIND_SPEED, number,
     };
     let w = &d.water;
-    let stated = w.attenuation.or(w.secchi.map(|depth| Water::SECCHI_PRODUCT / depth));
-    if w.beam_attenuation.is_some_and(|c| c < stated.unwrap_or(Water::ATTENUATION)) {
-        return Some("a beam attenuation of at least the diffuse attenuation of the water");
+    let all = [
+        ("mirror", d.mirror, MIRROR),
+        ("pane_index", d.index, PANE_INDEX),
+        ("pane_thickness_m", d.thickness, PANE_THICKNESS),
+        ("pane_absorption", d.absorption, PANE_ABSORPTION),
+        ("pane_sheets", d.sheets.map(f64::from), PANE_SHEETS),
+        ("retro", d.retro, RETRO),
+        ("opacity", d.opacity, REFLECTANCE),
+        ("water_index", w.index, PANE_INDEX),
+        ("water_group_index", w.group_index, PANE_INDEX),
+        ("water_attenuation", w.attenuation, WATER_ATTENUATION),
+        ("water_secchi_m", w.secchi, SECCHI_DEPTH),
+        ("water_beam_attenuation", w.beam_attenuation, WATER_ATTENUATION),
+        ("water_backscatter", w.backscatter, WATER_BACKSCATTER),
+        ("water_wind_m_s", w.wind, WIND_SPEED),
+        ("water_wind_deg", w.wind_direction, WIND_DIRECTION),
+    ];
+    for (key, value, bounds) in all {
+        if let Some(value) = value.filter(|value| !bounds.contains(*value)) {
+            return Some(OutOfBounds { key, value, expected: bounds.expected.to_owned() });
+        }
     }
-    [
-        (d.mirror, MIRROR),
-        (d.index, PANE_INDEX),
-        (d.thickness, PANE_THICKNESS),
-        (d.absorption, PANE_ABSORPTION),
-        (d.sheets.map(f64::from), PANE_SHEETS),
-        (d.retro, RETRO),
-        (d.opacity, REFLECTANCE),
-        (w.index, PANE_INDEX),
-        (w.group_index, PANE_INDEX),
-        (w.attenuation, WATER_ATTENUATION),
-        (w.secchi, SECCHI_DEPTH),
-        (w.beam_attenuation, WATER_ATTENUATION),
-        (w.backscatter, WATER_BACKSCATTER),
-        (w.wind, WIND_SPEED),
-        (w.wind_direction, WIND_DIRECTION),
-    ]
-    .iter()
-    .find(|(value, bounds)| value.is_some_and(|value| !bounds.contains(value)))
-    .map(|(_, bounds)| bounds.expected)
+    let stated = w.attenuation.or(w.secchi.map(|depth| Water::SECCHI_PRODUCT / depth));
+    let diffuse = stated.unwrap_or(Water::ATTENUATION);
+    w.beam_attenuation.filter(|beam| *beam < diffuse).map(|value| OutOfBounds {
+        key: "water_beam_attenuation",
+        value,
+        expected: format!(
+            "a beam attenuation of at least the diffuse attenuation, {} per metre",
+            number(diffuse)
+        ),
+    })
 }
 
 /// The mirror, pane or water of a definition whose diffuse reflectance is the fraction `reflectance`.
@@ -281,15 +299,21 @@ mod tests {
         assert!((total / 1.628223e-3 - 1.0).abs() < 1e-6 && (total * salt / 2.090287e-3 - 1.0).abs() < 1e-6);
     }
 
+    /// The message about a property beyond its bounds; empty if there is none.
+    fn said(d: &OpticsDefinition) -> String {
+        out_of_bounds(d).map_or(String::new(), |wrong| wrong.to_string())
+    }
+
     #[test]
     fn impossible_water_is_named() {
         let of = |water: WaterDefinition| OpticsDefinition { water, ..OpticsDefinition::default() };
         let none = WaterDefinition::default();
+        let expected = "a refractive index from 1 to 5";
         for wrong in [0.0, -1.3, 0.99, f64::NAN, f64::INFINITY] {
             let water = of(WaterDefinition { index: Some(wrong), ..none });
-            assert_eq!(out_of_bounds(&water), Some("a refractive index from 1 to 5"), "{wrong}");
+            assert_eq!(said(&water), format!("its water_index is {wrong}, expected {expected}"));
             let water = of(WaterDefinition { group_index: Some(wrong), ..none });
-            assert_eq!(out_of_bounds(&water), Some("a refractive index from 1 to 5"), "{wrong}");
+            assert_eq!(said(&water), format!("its water_group_index is {wrong}, expected {expected}"));
         }
         for wrong in [-0.1, f64::NAN, f64::INFINITY] {
             for water in [
@@ -304,7 +328,9 @@ mod tests {
             }
         }
         let narrow = of(WaterDefinition { attenuation: Some(0.5), beam_attenuation: Some(0.4), ..none });
-        assert!(out_of_bounds(&narrow).is_some_and(|expected| expected.contains("beam attenuation")));
+        let expected = "its water_beam_attenuation is 0.4, expected a beam attenuation of at least the diffuse \
+                        attenuation, 0.5 per metre";
+        assert_eq!(said(&narrow), expected);
         let both = of(WaterDefinition { attenuation: Some(0.5), secchi: Some(3.0), ..none });
         assert_eq!(conflict(&both), Some("water with both an attenuation and a Secchi depth"));
         let both = OpticsDefinition { mirror: Some(1.0), ..of(WaterDefinition { wind: Some(1.0), ..none }) };
@@ -319,7 +345,8 @@ mod tests {
         assert_eq!(conflict(&OpticsDefinition { mirror: Some(0.9), ..none }), None);
         for index in [0.0, -1.5, 0.99, f64::NAN, f64::INFINITY] {
             let pane = OpticsDefinition { index: Some(index), ..none };
-            assert_eq!(out_of_bounds(&pane), Some("a refractive index from 1 to 5"), "{index}");
+            let expected = format!("its pane_index is {index}, expected a refractive index from 1 to 5");
+            assert_eq!(said(&pane), expected);
         }
         assert_eq!(out_of_bounds(&OpticsDefinition { index: Some(1.0), ..none }), None);
         assert!(out_of_bounds(&OpticsDefinition { sheets: Some(3), ..none }).is_some());

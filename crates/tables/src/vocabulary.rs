@@ -78,6 +78,7 @@ quantities! {
     Source "leg" Count, "leg pointsourceid";
     Device "device" Count, "device channel";
     Channel "channel" Count, "device channel userdata scannerchannel ring";
+    LightPath "path" Count, "path";
     DirectionX "dx" Ratio, "dx directionx dirx beamdirectionx";
     DirectionY "dy" Ratio, "dy directiony diry beamdirectiony";
     DirectionZ "dz" Ratio, "dz directionz dirz beamdirectionz";

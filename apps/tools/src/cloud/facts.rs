@@ -58,6 +58,8 @@ pub struct CloudSummary {
     pub time: Option<Span>,
     /// Flight lines by point source id of LAS, or by leg in other formats.
     pub lines: BTreeMap<u16, LineFacts>,
+    /// Number of points by the path of their light.
+    pub by_path: BTreeMap<u8, u64>,
     /// Number of points by channel.
     pub by_channel: BTreeMap<u16, u64>,
     objects: HashSet<u64>,
@@ -209,6 +211,7 @@ impl CloudSummary {
             (&part.by_class, &mut self.by_class),
             (&part.by_return, &mut self.by_return),
             (&part.pulses_by_returns, &mut self.pulses_by_returns),
+            (&part.by_path, &mut self.by_path),
         ] {
             for (number, count) in (0..=u8::MAX).zip(counts.iter()).filter(|(_, count)| **count > 0) {
                 *all.entry(number).or_default() += count;
@@ -243,6 +246,7 @@ impl CloudSummary {
             Attribute::Leg,
             Attribute::Channel,
             Attribute::Object,
+            Attribute::Path,
         ] {
             if self.of_file.has(attribute) && !self.attributes.contains(&attribute) {
                 self.attributes.push(attribute);
@@ -357,12 +361,14 @@ mod tests {
             channel: (i % 300) as u16,
             time: f64::from(i) * 1e-5,
             object: i64::from(i % 40),
+            path: (i % 9) as u8,
             is_miss: i.is_multiple_of(50),
             ..PointRow::default()
         };
         let rows: Vec<PointRow> = (0..5000).map(row).collect();
         let expected = facts_of(&rows, None);
         assert_eq!((expected.points, expected.misses, expected.by_channel.len()), (4900, 100, 294));
+        assert_eq!((expected.by_path.len(), expected.by_path.values().sum::<u64>()), (9, 4900));
         for length in [1, 7, 1000, 5000] {
             let facts = facts_of(&rows, Some(length));
             assert_eq!(facts.json(), expected.json(), "{length}");

@@ -118,6 +118,7 @@ pub(super) struct FactsPart {
     pub by_class: Box<[u64; 256]>,
     pub by_return: Box<[u64; 256]>,
     pub pulses_by_returns: Box<[u64; 256]>,
+    pub by_path: Box<[u64; 256]>,
     /// Numbers of points of the channels below 256, and of the others.
     pub by_channel: Box<[u64; 256]>,
     pub by_high_channel: BTreeMap<u16, u64>,
@@ -147,6 +148,7 @@ impl FactsPart {
             by_class: none(),
             by_return: none(),
             pulses_by_returns: none(),
+            by_path: none(),
             by_channel: none(),
             by_high_channel: BTreeMap::new(),
             intensity: None,
@@ -190,6 +192,9 @@ impl FactsPart {
                 self.pulses_by_returns[usize::from(row.number_of_returns)] += 1;
                 self.without_number += u64::from(row.return_number == 0 && row.number_of_returns == 0);
             }
+        }
+        if has(Attribute::Path) {
+            self.by_path[usize::from(row.path)] += 1;
         }
         if has(Attribute::Intensity) && !row.intensity.is_nan() {
             self.intensity = Span::with(self.intensity, f64::from(row.intensity));
@@ -251,9 +256,13 @@ impl PointPart for FactsPart {
         self.positions.clear();
         self.cells.clear();
         (self.skipped, self.misses, self.without_number) = (0, 0, 0);
-        for counts in
-            [&mut self.by_class, &mut self.by_return, &mut self.pulses_by_returns, &mut self.by_channel]
-        {
+        for counts in [
+            &mut self.by_class,
+            &mut self.by_return,
+            &mut self.pulses_by_returns,
+            &mut self.by_path,
+            &mut self.by_channel,
+        ] {
             counts.fill(0);
         }
         self.by_high_channel.clear();

@@ -106,6 +106,7 @@ impl CloudSummary {
         }
         self.write_classes(&mut out);
         self.write_returns(&mut out);
+        self.write_paths(&mut out);
         self.write_lines(&mut out);
         out
     }
@@ -150,6 +151,17 @@ impl CloudSummary {
             let points = self.by_return.get(&of).copied().unwrap_or(0);
             let pulses = self.pulses_by_returns.get(&of).copied().unwrap_or(0);
             let _ = writeln!(out, "{of:>15} {points:>12}  {pulses:>12}");
+        }
+    }
+
+    /// Writes the table of paths of the light.
+    fn write_paths(&self, out: &mut String) {
+        if !self.has(Attribute::Path) {
+            return;
+        }
+        let _ = writeln!(out, "\npaths of light  {:>12}  name", "points");
+        for (path, points) in &self.by_path {
+            let _ = writeln!(out, "{path:>15} {points:>12}  {}", path_name(*path).unwrap_or("unknown"));
         }
     }
 
@@ -241,6 +253,9 @@ impl CloudSummary {
             "classes": self.by_class.iter().map(|(class, points)| {
                 json!({ "class": class, "name": self.class_name(*class), "points": points })
             }).collect::<Vec<_>>(),
+            "paths": self.by_path.iter().map(|(path, points)| {
+                json!({ "path": path, "name": path_name(*path), "points": points })
+            }).collect::<Vec<_>>(),
             "returns": self.by_return.iter()
                 .map(|(number, points)| json!({ "return": number, "points": points }))
                 .collect::<Vec<_>>(),
@@ -252,6 +267,22 @@ impl CloudSummary {
             }).collect::<Vec<_>>(),
         })
     }
+}
+
+/// Name of a path of the light, as the column `Path` numbers it.
+fn path_name(path: u8) -> Option<&'static str> {
+    const NAMES: [&str; 9] = [
+        "straight to the surface",
+        "through panes",
+        "over mirrors: ghosts",
+        "surface of water",
+        "column of water",
+        "bottom of water",
+        "fog, rain, snow or dust",
+        "single drops or flakes",
+        "straight back from mirrors or panes",
+    ];
+    NAMES.get(usize::from(path)).copied()
 }
 
 /// The name of a file's format: LAZ and COPC are told from LAS.

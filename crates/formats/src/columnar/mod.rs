@@ -5,11 +5,13 @@
 //! |---|---|
 //! | `rows` | columns in groups of rows, as Arrow record batches |
 //! | `arrow`, `parquet` | Arrow IPC streams and Parquet files |
+//! | `light` | labels of the way of light, which other formats have, too |
 //! | `geoparquet`, `projjson` | GeoParquet, and coordinate reference systems as it names them |
 
 mod arrow;
 #[cfg(feature = "parquet")]
 mod geoparquet;
+mod light;
 #[cfg(feature = "parquet")]
 mod parquet;
 #[cfg(feature = "parquet")]
@@ -18,6 +20,7 @@ mod rows;
 
 pub(crate) use arrow::arrow;
 pub use arrow::{TableColumn, point_schema, schema_of};
+pub(crate) use light::LightColumns;
 pub use rows::Rows;
 #[cfg(feature = "parquet")]
 pub(crate) use {geoparquet::geoparquet, parquet::parquet};
@@ -151,12 +154,12 @@ macro_rules! columns {
             }
 
             /// Appends the values of points, little-endian.
-            fn push_bytes(self, out: &mut Vec<u8>, points: &[PointRecord], origin: DVec3) {
+            pub(crate) fn push_bytes(self, out: &mut Vec<u8>, points: &[PointRecord], origin: DVec3) {
                 match self { $(Column::$name => push_values::<$of>(out, points, origin, $value),)* }
             }
 
             /// Appends the value of a point as text.
-            fn push_text(self, out: &mut Vec<u8>, point: &PointRecord, origin: DVec3) {
+            pub(crate) fn push_text(self, out: &mut Vec<u8>, point: &PointRecord, origin: DVec3) {
                 match self {
                     $(Column::$name => value::<$of>(point, origin, $value).push_text::<$decimals>(out),)*
                 }
@@ -223,7 +226,7 @@ columns! {
     ScannerX f64 4 "m" |p, _| p.in_scanner.x, "Position relative to the beam's origin, in the axes of the scanner's mount.";
     ScannerY f64 4 "m" |p, _| p.in_scanner.y, "Position relative to the beam's origin, in the axes of the scanner's mount.";
     ScannerZ f64 4 "m" |p, _| p.in_scanner.z, "Position relative to the beam's origin, in the axes of the scanner's mount.";
-    Path u8 0 "" |p, _| p.cause.path, "Way of the light: 0 straight, 1 through panes, 2 over mirrors (a ghost); 3 surface, 4 column, 5 bottom of water.";
+    Path u8 0 "" |p, _| p.cause.path, "Way of the light: 0 straight, 1 through panes, 2 over mirrors (a ghost); 3 surface, 4 column, 5 bottom of water; 6 fog, rain, snow or dust, 7 a drop or flake; 8 straight back from a mirror or pane.";
     PathOrder u8 0 "" |p, _| p.cause.order, "Number of mirrors, panes and surfaces of water on the way of the light.";
     Red u16 0 "" |p, _| p.colour_u16()[0], "Red of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";
     Green u16 0 "" |p, _| p.colour_u16()[1], "Green of the surface, 256 times the 8 bits of sRGB; 0 in all three for a surface without a colour.";

@@ -10,3 +10,5 @@ pub(crate) use write::e57;
 
 /// Prefix of the leg number in the name of a scan.
 const SCAN_NAME: &str = "leg ";
+/// Namespace of the labels of the way of light.
+const NAMESPACE: &str = "vlscan";

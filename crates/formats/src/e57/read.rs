@@ -1,7 +1,7 @@
 //! E57 (ASTM E2807), all scans of a file with their poses. Points with an invalid state are left out;
 //! spherical coordinates are read where a scan has no Cartesian ones. Positions are metres by the standard.
 
-use super::{E57Error, SCAN_NAME, ScanError};
+use super::{E57Error, NAMESPACE, SCAN_NAME, ScanError};
 use crate::{Attribute, AttributeSet, Misfits, PointRow, Reading};
 use ::e57::{E57Reader, PointCloud, RawValues, RecordDataType, RecordName, Transform};
 use std::io::Cursor;
@@ -73,6 +73,8 @@ struct Scan {
     return_count: Option<usize>,
     time: Option<usize>,
     class: Option<usize>,
+    /// Way of the light.
+    path: Option<usize>,
     /// Red, green and blue.
     colour: Option<[usize; 3]>,
     pose: Transform,
@@ -99,6 +101,10 @@ impl Scan {
             RecordName::Unknown { name, .. } => name.to_ascii_lowercase().contains("classification"),
             _ => false,
         });
+        let path = cloud.prototype.iter().position(|record| match &record.name {
+            RecordName::Unknown { namespace, name } => namespace == NAMESPACE && name == "path",
+            _ => false,
+        });
         Scan {
             position,
             position_state: column(state),
@@ -108,6 +114,7 @@ impl Scan {
             return_count: column(RecordName::ReturnCount),
             time: column(RecordName::TimeStamp),
             class,
+            path,
             colour: all([RecordName::ColorRed, RecordName::ColorGreen, RecordName::ColorBlue]),
             pose: cloud.transform.clone().unwrap_or_default(),
             is_own: cloud.name.as_ref().is_some_and(|name| name.starts_with(SCAN_NAME)),
@@ -122,6 +129,7 @@ impl Scan {
             Attribute::NumberOfReturns => self.return_count.is_some(),
             Attribute::Time => self.time.is_some(),
             Attribute::Class => self.class.is_some(),
+            Attribute::Path => self.path.is_some(),
             _ => false,
         }
     }
@@ -163,6 +171,7 @@ impl Scan {
             is_miss,
             class: fitted(Attribute::Class, self.class, 0.0) as u8,
             time: fitted(Attribute::Time, self.time, 0.0),
+            path: fitted(Attribute::Path, self.path, 0.0) as u8,
             leg: u16::try_from(number).unwrap_or(u16::MAX),
             colour: self.colour.map(|columns| columns.map(|column| value(column).round() as u16)),
             misfits,

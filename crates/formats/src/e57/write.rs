@@ -1,12 +1,15 @@
 //! E57 (ASTM E2807): a scan for each leg, with the pose of the scanner. Points are collected in a temporary
 //! file, because the sections of a scan are completed one after the other.
 
-use super::SCAN_NAME;
+use super::{NAMESPACE, SCAN_NAME};
+use crate::columnar::{Column, ColumnType, LightColumns};
 use crate::encode::{Ending, FileBody, PointEncoder};
 use crate::out::{Offload, OutputStream};
 use crate::record::{EncodedPoints, PointBatch};
 use crate::settings::CloudSettings;
-use ::e57::{E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation};
+use ::e57::{
+    E57Writer, Extension, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation,
+};
 use std::io::{BufReader, Cursor, Read, Seek};
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
@@ -16,8 +19,11 @@ use vlscan_crs as crs;
 use vlscan_geom::DVec3;
 
 /// Bytes of a collected point: leg, position, origin, time, intensity, return number and their number,
-/// colour.
+/// colour. Labels of the way of light follow.
 const RECORD_BYTES: usize = 2 + 7 * 8 + 4 + 2 + 3;
+
+/// Address of the namespace of the labels of the way of light.
+const ADDRESS: &str = env!("CARGO_PKG_HOMEPAGE");
 
 /// Bytes of points that are kept in memory.
 const MAX_MEMORY_BYTES: usize = 1 << 16;
@@ -31,12 +37,15 @@ struct E57 {
     crs: Option<String>,
     /// True if points have the colour of the surface.
     colours: bool,
+    /// Labels of the way of light.
+    light: LightColumns,
 }
 
 /// E57 files.
 pub(crate) fn e57(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let crs = settings.crs.as_deref().map(crs::short_name);
-    Ok(Arc::new(E57 { origin: settings.origin, crs, colours: settings.has_colours() }))
+    let (colours, light) = (settings.has_colours(), LightColumns::of(settings.columns.as_deref()));
+    Ok(Arc::new(E57 { origin: settings.origin, crs, colours, light }))
 }
 
 impl PointEncoder for E57 {
@@ -55,6 +64,7 @@ impl PointEncoder for E57 {
             out.extend((point.amplitude as f32).to_le_bytes());
             out.extend(point.returns());
             out.extend(point.cause.colour);
+            self.light.push_bytes(out, point, self.origin);
             Some(position)
         });
     }
@@ -73,6 +83,8 @@ struct Point {
     intensity: f32,
     returns: [u8; 2],
     colour: [u8; 3],
+    /// Labels of the way of light as they were collected.
+    light: Vec<u8>,
 }
 
 impl Point {
@@ -86,6 +98,7 @@ impl Point {
             intensity: f32::from_le_bytes(std::array::from_fn(|b| bytes[58 + b])),
             returns: [bytes[62], bytes[63]],
             colour: [bytes[64], bytes[65], bytes[66]],
+            light: Vec::new(),
         }
     }
 }
@@ -101,7 +114,7 @@ struct E57Body {
 
 impl FileBody for E57Body {
     fn append(&mut self, points: Vec<u8>, out: &mut OutputStream, _: &dyn Offload) -> Result<()> {
-        self.count += (points.len() / RECORD_BYTES) as u64;
+        self.count += (points.len() / (RECORD_BYTES + self.encoder.light.width())) as u64;
         self.memory.extend_from_slice(&points);
         if self.memory.len() <= MAX_MEMORY_BYTES {
             return Ok(());
@@ -130,14 +143,18 @@ impl FileBody for E57Body {
             }
             None => Box::new(Cursor::new(std::mem::take(&mut self.memory))),
         };
-        let mut points = Points { source, left: self.count, next: None };
+        let (colours, light) = (self.encoder.colours, self.encoder.light);
+        let mut points = Points { source, left: self.count, light_bytes: light.width(), next: None };
         let mut file = out.sibling_scratch()?;
         let mut writer = E57Writer::new(&mut file, &guid(u64::MAX, self.count)).map_err(e57_failed)?;
         writer.set_coordinate_metadata(self.encoder.crs.clone());
+        if !light.is_empty() {
+            writer.register_extension(Extension::new(NAMESPACE, ADDRESS)).map_err(e57_failed)?;
+        }
         let mut scan = 0;
         while let Some(first) = points.next()? {
             let mut cloud = writer
-                .add_pointcloud(&guid(scan, self.count), prototype(self.encoder.colours))
+                .add_pointcloud(&guid(scan, self.count), prototype(colours, light))
                 .map_err(e57_failed)?;
             cloud.set_name(Some(format!("{SCAN_NAME}{}", first.leg)));
             let DVec3 { x, y, z } = first.origin;
@@ -146,7 +163,7 @@ impl FileBody for E57Body {
             let (leg, pose) = (first.leg, first.origin);
             let mut point = first;
             loop {
-                cloud.add_point(values(&point, pose, self.encoder.colours)).map_err(e57_failed)?;
+                cloud.add_point(values(&point, pose, (colours, light))).map_err(e57_failed)?;
                 match points.next()? {
                     Some(next) if next.leg == leg => point = next,
                     next => {
@@ -168,6 +185,8 @@ impl FileBody for E57Body {
 struct Points {
     source: Box<dyn Read>,
     left: u64,
+    /// Bytes of the labels of a point.
+    light_bytes: usize,
     /// A point that has been read ahead.
     next: Option<Point>,
 }
@@ -183,12 +202,14 @@ impl Points {
         self.left -= 1;
         let mut bytes = [0; RECORD_BYTES];
         self.source.read_exact(&mut bytes).map_err(scratch_failed)?;
-        Ok(Some(Point::decode(&bytes)))
+        let mut light = vec![0; self.light_bytes];
+        self.source.read_exact(&mut light).map_err(scratch_failed)?;
+        Ok(Some(Point { light, ..Point::decode(&bytes) }))
     }
 }
 
 /// The fields of a point, in the frame of its scan: axes as in the world, origin at the scanner.
-fn prototype(colours: bool) -> Vec<Record> {
+fn prototype(colours: bool, light: LightColumns) -> Vec<Record> {
     let double = RecordDataType::Double { min: None, max: None };
     let single = RecordDataType::Single { min: None, max: None };
     let count = RecordDataType::Integer { min: 0, max: 255 };
@@ -205,11 +226,42 @@ fn prototype(colours: bool) -> Vec<Record> {
     ]
     .into_iter()
     .chain(colour.into_iter().filter(|_| colours))
+    .chain(light.iter().map(label_field))
     .map(|(name, data_type)| Record { name, data_type })
     .collect()
 }
 
-fn values(point: &Point, pose: DVec3, colours: bool) -> Vec<RecordValue> {
+/// The field of a label of the way of light.
+fn label_field(label: Column) -> (RecordName, RecordDataType) {
+    let (namespace, name) = (NAMESPACE.to_owned(), LightColumns::small_name(label).to_owned());
+    let data_type = match label.kind() {
+        ColumnType::U8 => RecordDataType::Integer { min: 0, max: i64::from(u8::MAX) },
+        ColumnType::U32 => RecordDataType::Integer { min: 0, max: i64::from(u32::MAX) },
+        _ => RecordDataType::Double { min: None, max: None },
+    };
+    (RecordName::Unknown { namespace, name }, data_type)
+}
+
+/// The labels of the way of light of a point, whose positions are in the frame of its scan.
+fn label_values(light: LightColumns, mut bytes: &[u8], pose: DVec3) -> Vec<RecordValue> {
+    let value = |label: Column| {
+        let (own, rest) = bytes.split_at(label.kind().width());
+        bytes = rest;
+        let mut all = [0; 8];
+        all[..own.len()].copy_from_slice(own);
+        let origin = match label {
+            Column::SurfaceX => pose.x,
+            Column::SurfaceY => pose.y,
+            Column::SurfaceZ => pose.z,
+            // Whole numbers are little-endian, so that the bytes behind them are zeros.
+            _ => return RecordValue::Integer(i64::from_le_bytes(all)),
+        };
+        RecordValue::Double(f64::from_le_bytes(all) - origin)
+    };
+    light.iter().map(value).collect()
+}
+
+fn values(point: &Point, pose: DVec3, (colours, light): (bool, LightColumns)) -> Vec<RecordValue> {
     let local = point.position - pose;
     let [number, count] = point.returns;
     let mut values = vec![
@@ -225,6 +277,7 @@ fn values(point: &Point, pose: DVec3, colours: bool) -> Vec<RecordValue> {
     if colours {
         values.extend(point.colour.map(|component| RecordValue::Integer(component.into())));
     }
+    values.extend(label_values(light, &point.light, pose));
     values
 }
 

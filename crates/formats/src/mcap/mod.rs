@@ -21,6 +21,7 @@ mod schemas;
 pub(crate) use merge::merge;
 pub(crate) use read::read_frames;
 
+use crate::columnar::{Column, ColumnType, LightColumns};
 use crate::encode::{Ending, FileBody, PointEncoder};
 use crate::out::{Offload, OutputStream};
 use crate::record::{EncodedPoints, PointBatch};
@@ -43,18 +44,20 @@ const HEAD_BYTES: usize = 16 + POSE_BYTES;
 const POINT_BYTES: usize = 32;
 
 /// Optional fields of points.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Optional {
     /// The colour of the surface.
     colours: bool,
     /// The radial velocity.
     velocities: bool,
+    /// Labels of the way of light; positions are in the world.
+    light: LightColumns,
 }
 
 /// Bytes of a point in a message, with its optional fields.
 fn point_bytes(optional: Optional) -> usize {
     let of = |is_there: bool| if is_there { OPTIONAL_BYTES } else { 0 };
-    POINT_BYTES + of(optional.colours) + of(optional.velocities)
+    POINT_BYTES + of(optional.colours) + of(optional.velocities) + optional.light.width()
 }
 
 /// Place of the time after the start of the frame in a point.
@@ -82,7 +85,18 @@ const OPTIONAL_BYTES: usize = 4;
 const UINT8: u8 = 2;
 const UINT16: u8 = 4;
 const INT32: u8 = 5;
+const UINT32: u8 = 6;
 const FLOAT32: u8 = 7;
+const FLOAT64: u8 = 8;
+
+/// Datatype of a label of the way of light.
+fn datatype_of(label: Column) -> u8 {
+    match label.kind() {
+        ColumnType::U8 => UINT8,
+        ColumnType::U32 => UINT32,
+        _ => FLOAT64,
+    }
+}
 
 /// The channels, by their index.
 const CHANNELS: [ChannelPlan; 3] = [
@@ -112,7 +126,8 @@ struct Mcap {
 /// MCAP files.
 pub(crate) fn mcap(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let (names, rings) = (settings.frame_names.clone(), settings.rows());
-    let optional = Optional { colours: settings.has_colours(), velocities: settings.has_velocities() };
+    let (colours, velocities) = (settings.has_colours(), settings.has_velocities());
+    let optional = Optional { colours, velocities, light: LightColumns::of(settings.columns.as_deref()) };
     Ok(Arc::new(Mcap { origin: settings.origin, names, rings, optional }))
 }
 
@@ -143,6 +158,7 @@ impl PointEncoder for Mcap {
             if self.optional.velocities {
                 out.extend((point.cause.velocity[0] as f32).to_le_bytes());
             }
+            self.optional.light.push_bytes(out, point, self.origin);
             Some(point.position + self.origin)
         });
     }
@@ -236,9 +252,17 @@ impl McapBody {
 /// Returns a message with this many points up to their bytes.
 fn cloud_head(stamp_ns: u64, frame: &str, points: u32, optional: Optional) -> Vec<u8> {
     let more = [optional.colours.then_some(COLOUR), optional.velocities.then_some(VELOCITY)];
-    let at = |i: usize| (POINT_BYTES + i * OPTIONAL_BYTES) as u32;
-    let more = more.into_iter().flatten().enumerate().map(|(i, name)| (name, at(i), FLOAT32));
-    let fields: Vec<(&str, u32, u8)> = FIELDS.into_iter().chain(more).collect();
+    let more = more.into_iter().flatten().map(|name| (name, FLOAT32, OPTIONAL_BYTES));
+    let labels = optional
+        .light
+        .iter()
+        .map(|label| (LightColumns::small_name(label), datatype_of(label), label.kind().width()));
+    let mut fields: Vec<(&str, u32, u8)> = FIELDS.to_vec();
+    let mut at = POINT_BYTES;
+    for (name, datatype, bytes) in more.chain(labels) {
+        fields.push((name, at as u32, datatype));
+        at += bytes;
+    }
     let mut cdr = CdrWriter::new();
     cdr.header(stamp_ns, frame);
     cdr.word(1);
@@ -280,7 +304,7 @@ mod tests {
 
     #[test]
     fn values_of_messages_are_aligned() {
-        let head = cloud_head(3_000_000_007, "lidar", 5, Optional { colours: false, velocities: false });
+        let head = cloud_head(3_000_000_007, "lidar", 5, Optional::default());
         let word = |at: usize| u32::from_le_bytes(head[at..at + 4].try_into().unwrap());
         assert_eq!((word(4), word(8), word(12), &head[16..22]), (3, 7, 6, &b"lidar\0"[..]));
         // Height and width follow the text, aligned.

@@ -1,6 +1,7 @@
 //! PCD 0.7 of the Point Cloud Library, binary. Coordinates are 32-bit floats there, so that points far from
 //! the origin are written relative to a whole thousand metres, which a comment of the header names.
 
+use crate::columnar::{Column, ColumnType, LightColumns};
 use crate::encode::{Counted, FileBody, PointEncoder};
 use crate::out::OutputStream;
 use crate::record::{EncodedPoints, PointBatch, Tally};
@@ -34,6 +35,24 @@ const COLOUR: (&str, u8, char) = ("rgb", 4, 'U');
 /// Radial velocity, m/s, positive away from the sensor.
 const VELOCITY: (&str, u8, char) = ("doppler", 4, 'F');
 
+/// Fields that only some files have.
+#[derive(Clone, Copy, Debug, Default)]
+struct Optional {
+    /// The colour of the surface.
+    colours: bool,
+    /// The radial velocity.
+    velocities: bool,
+    /// Labels of the way of light; positions are in the world.
+    light: LightColumns,
+}
+
+/// The field of a label of the way of light.
+fn label_field(label: Column) -> (&'static str, u8, char) {
+    let kind = label.kind();
+    let letter = if kind == ColumnType::F64 { 'F' } else { 'U' };
+    (LightColumns::small_name(label), kind.width() as u8, letter)
+}
+
 /// The point that coordinates are relative to, for a scene with this box in the world.
 fn offset(world: &Aabb) -> DVec3 {
     let reach = if world.is_empty() { 0.0 } else { world.min.abs().max(world.max.abs()).max_element() };
@@ -66,12 +85,13 @@ fn head(
     count: u64,
     state: &str,
     viewpoint: Option<Option<DVec3>>,
-    (colours, velocities): (bool, bool),
+    optional: Optional,
 ) -> Vec<u8> {
-    let list = |text: &dyn Fn(&(&str, u8, char)) -> String| {
-        let more = [colours.then_some(&COLOUR), velocities.then_some(&VELOCITY)];
-        FIELDS.iter().chain(more.into_iter().flatten()).map(text).collect::<Vec<_>>().join(" ")
-    };
+    let more = [optional.colours.then_some(COLOUR), optional.velocities.then_some(VELOCITY)];
+    let more = more.into_iter().flatten().chain(optional.light.iter().map(label_field));
+    let fields: Vec<(&str, u8, char)> = FIELDS.into_iter().chain(more).collect();
+    let list =
+        |text: &dyn Fn(&(&str, u8, char)) -> String| fields.iter().map(text).collect::<Vec<_>>().join(" ");
     let count = count.to_string();
     let DVec3 { x, y, z } = viewpoint.flatten().unwrap_or(DVec3::ZERO);
     let place = format!("{x} {y} {z}");
@@ -99,22 +119,25 @@ struct Pcd {
     offset: DVec3,
     /// Origin of points in the frame of the file, m.
     origin: DVec3,
+    /// World position of the origin of points, m.
+    world: DVec3,
     rings: Rings,
     /// True if the scanner stands, so that files may have one viewpoint.
     stands: bool,
-    /// True if points have the colour of the surface.
-    colours: bool,
-    /// True if points have their radial velocity.
-    velocities: bool,
+    optional: Optional,
 }
 
 /// PCD files.
 pub(crate) fn pcd(settings: &CloudSettings, _: &mut Diagnostics) -> Result<Arc<dyn PointEncoder>> {
     let offset = offset(&settings.world_bounds());
     let origin = settings.origin - offset;
-    let (rings, stands, colours) = (settings.rows(), settings.stands, settings.has_colours());
-    let velocities = settings.has_velocities();
-    Ok(Arc::new(Pcd { offset, origin, rings, stands, colours, velocities }))
+    let (rings, stands) = (settings.rows(), settings.stands);
+    let optional = Optional {
+        colours: settings.has_colours(),
+        velocities: settings.has_velocities(),
+        light: LightColumns::of(settings.columns.as_deref()),
+    };
+    Ok(Arc::new(Pcd { offset, origin, world: settings.origin, rings, stands, optional }))
 }
 
 impl PointEncoder for Pcd {
@@ -131,13 +154,14 @@ impl PointEncoder for Pcd {
             out.extend(self.rings.of(point).to_le_bytes());
             out.extend(point.returns());
             out.extend(point.class.to_le_bytes());
-            if self.colours {
+            if self.optional.colours {
                 let [red, green, blue] = point.cause.colour;
                 out.extend([blue, green, red, 0]);
             }
-            if self.velocities {
+            if self.optional.velocities {
                 out.extend((point.cause.velocity[0] as f32).to_le_bytes());
             }
+            self.optional.light.push_bytes(out, point, self.world);
             Some(position)
         });
     }
@@ -149,7 +173,7 @@ impl PointEncoder for Pcd {
     fn begin(self: Arc<Self>, out: &mut OutputStream) -> Result<Box<dyn FileBody>> {
         let header = move |tally: &Tally, state: &str| {
             let place = || viewpoint(&tally.origins).map(|place| place + self.origin);
-            head(self.offset, tally.records, state, self.stands.then(place), (self.colours, self.velocities))
+            head(self.offset, tally.records, state, self.stands.then(place), self.optional)
         };
         Counted::begin(header, out)
     }
@@ -170,10 +194,10 @@ mod tests {
         assert_eq!(offset(&far), DVec3::new(477_000.0, 5_430_000.0, 0.0));
         assert_eq!(offset(&Aabb::EMPTY), DVec3::ZERO);
         let west = Aabb { min: DVec3::splat(-9000.0), max: DVec3::splat(8900.0) };
-        let text = String::from_utf8(head(offset(&west), 0, "complete", None, (false, false))).unwrap();
+        let text = String::from_utf8(head(offset(&west), 0, "complete", None, Optional::default())).unwrap();
         assert!(text.contains("# add 0 0 0 to x y z"), "{text}");
-        let length = head(offset(&far), 0, "complete", None, (false, false)).len();
-        assert_eq!(head(offset(&far), u64::MAX, "partial", None, (false, false)).len(), length);
+        let length = head(offset(&far), 0, "complete", None, Optional::default()).len();
+        assert_eq!(head(offset(&far), u64::MAX, "partial", None, Optional::default()).len(), length);
         let sizes: usize = FIELDS.iter().map(|f| usize::from(f.1)).sum();
         assert_eq!(sizes, POINT_BYTES);
     }
@@ -186,7 +210,8 @@ mod tests {
         assert_eq!(viewpoint(&around(at(3.0), at(5.0))), None);
         assert_eq!(viewpoint(&around(DVec3::NEG_INFINITY, DVec3::INFINITY)), None);
         assert_eq!(viewpoint(&Aabb::EMPTY), None);
-        let of = |place| String::from_utf8(head(DVec3::ZERO, 7, "complete", place, (false, false))).unwrap();
+        let of =
+            |place| String::from_utf8(head(DVec3::ZERO, 7, "complete", place, Optional::default())).unwrap();
         let (blank, found) = (of(Some(None)), of(Some(Some(DVec3::new(3.1, -1_234.567_891, 0.25)))));
         assert!(found.contains("\nVIEWPOINT 3.1 -1234.567891 0.25 1 0 0 0\n"), "{found}");
         assert!(blank.contains("\nVIEWPOINT 0 0 0 1 0 0 0\n") && blank.len() == found.len(), "{blank}");

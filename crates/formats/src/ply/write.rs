@@ -1,10 +1,12 @@
 //! PLY: a header that counts the vertices, then one record per point, binary (little-endian) or text.
 
+use crate::columnar::{Column, ColumnType, LightColumns};
 use crate::encode::{Counted, FileBody, PointEncoder};
 use crate::number::{push_fixed, push_integer};
 use crate::out::OutputStream;
 use crate::record::{EncodedPoints, PointBatch, PointRecord};
 use crate::settings::{CloudSettings, SOFTWARE};
+use std::slice;
 use std::sync::Arc;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::Result;
@@ -59,6 +61,8 @@ struct Ply<const ASCII: bool> {
     heights: bool,
     /// Red, green and blue of the surface.
     colours: bool,
+    /// Labels of the way of light.
+    light: LightColumns,
     /// The header before the state and the count.
     head: String,
 }
@@ -84,7 +88,8 @@ impl<const ASCII: bool> Ply<ASCII> {
             head.push_str(&format!("comment object {number} {}\n", comment(name)));
         }
         let CloudSettings { origin, labels, misses, heights, .. } = *settings;
-        Ply { origin, labels, directions: misses, heights, colours: settings.has_colours(), head }
+        let light = LightColumns::of(settings.columns.as_deref()).without_primitive_if(labels);
+        Ply { origin, labels, directions: misses, heights, colours: settings.has_colours(), light, head }
     }
 
     /// Returns the header of a file with `count` vertices. A padded comment makes its length independent of
@@ -100,6 +105,14 @@ impl<const ASCII: bool> Ply<ASCII> {
         let colours = if self.colours { &COLOURS[..] } else { &[] };
         for (kind, name) in PROPERTIES.iter().chain(labels).chain(directions).chain(heights).chain(colours) {
             head.push_str(&format!("property {kind} {name}\n"));
+        }
+        for label in self.light.iter() {
+            let kind = match label.kind() {
+                ColumnType::U8 => "uchar",
+                ColumnType::U32 => "uint",
+                _ => "double",
+            };
+            head.push_str(&format!("property {kind} scalar_{}\n", label.name()));
         }
         head.push_str("end_header\n");
         head.into_bytes()
@@ -135,6 +148,7 @@ impl<const ASCII: bool> Ply<ASCII> {
         if self.colours {
             point.cause.colour.iter().for_each(|component| vertex.integer(*component, &[*component]));
         }
+        self.light.iter().for_each(|label| vertex.column(label, point, self.origin));
         vertex.end();
         position
     }
@@ -183,6 +197,14 @@ impl<const ASCII: bool> Vertex<'_, ASCII> {
             return self.out.extend((value as f32).to_le_bytes());
         }
         self.double::<DECIMALS>(value);
+    }
+
+    fn column(&mut self, column: Column, point: &PointRecord, origin: DVec3) {
+        if !ASCII {
+            return column.push_bytes(self.out, slice::from_ref(point), origin);
+        }
+        column.push_text(self.out, point, origin);
+        self.out.push(b' ');
     }
 
     fn integer(&mut self, value: impl itoa::Integer, bytes: &[u8]) {

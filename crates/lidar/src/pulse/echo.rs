@@ -112,6 +112,8 @@ pub enum PathKind {
     Air = 6,
     /// To a single raindrop or snowflake.
     Drop = 7,
+    /// To a mirror or pane that sends the beam straight back into the receiver.
+    MirrorSurface = 8,
 }
 
 /// Class of the bottom of water in the domain profile of LAS for bathymetry.
@@ -123,7 +125,7 @@ const HIGH_NOISE_CLASS: i32 = 18;
 
 impl PathKind {
     /// Number of kinds.
-    pub(super) const COUNT: usize = 8;
+    pub(super) const COUNT: usize = 9;
 
     /// True for echoes of fog, rain, snow and dust, which have no surface.
     pub fn is_air(self) -> bool {
@@ -172,6 +174,7 @@ impl EchoPath {
             5 => PathKind::WaterBottom,
             6 => PathKind::Air,
             7 => PathKind::Drop,
+            8 => PathKind::MirrorSurface,
             _ => PathKind::Direct,
         };
         EchoPath { kind, order }

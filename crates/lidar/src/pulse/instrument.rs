@@ -14,7 +14,9 @@ use super::receiver::{FalseAlarms, ReceiverModel};
 use super::reception::{Reception, peak_rule};
 use super::selection::ReturnSelection;
 use super::single_bin::SingleBinDetector;
+use super::specular::Aperture;
 use super::subray::Subrays;
+use super::water_column;
 use super::waveform::Waveform;
 use super::weather_drops::WeatherModel;
 use libm::sqrt;
@@ -58,6 +60,11 @@ pub(super) struct Instrument {
     pub waveform_noise: WaveformNoise,
     /// Field of view of the receiver, full angle, rad, as far as it matters to light in water.
     pub field_of_view: Option<f64>,
+    /// The receiver as it meets light that mirrors send straight back, with the lidar equation.
+    pub aperture: Option<Aperture>,
+    /// Amplitude of waveforms below which the light of a column of water no longer counts; `None` if it
+    /// counts up to the last surface of a pulse only.
+    pub lowest_of_column: Option<f64>,
     /// True if points below water are corrected for its refraction and speed of light.
     pub corrects_refraction: bool,
     /// Simulation steps per second: the pulse rate.
@@ -116,6 +123,15 @@ impl Instrument {
             && device.waveform.max_range <= 0.0;
         let single_bin = has_fast_path && !c.fractional_bins && !c.clip_dead_zone;
         let clusters = has_fast_path && c.fractional_bins && c.clip_dead_zone;
+        let counts_photons = counter.is_some();
+        let has_tail = has_noise
+            || counts_photons
+            || model.as_ref().is_some_and(ReceiverModel::has_false_alarms)
+            || o.record_waveforms
+            || o.record_subrays
+            || (o.echo_width && !c.local_fit);
+        let lowest_of_column =
+            has_tail.then(|| water_column::lowest_amplitude(rule.threshold, counts_photons));
         let footprint = footprint(device, half_angles);
         // Only the lidar equation has weather; figures of data sheets hold in the air of the scanner.
         let clear = Weather::CLEAR;
@@ -147,6 +163,8 @@ impl Instrument {
             distance_error: device.detector.distance_error.clone(),
             waveform_noise,
             field_of_view: receiver.field_of_view,
+            lowest_of_column,
+            aperture: Aperture::new(&beam, &footprint, receiver.field_of_view).filter(|_| c.radiometry),
             corrects_refraction: receiver.corrects_refraction,
             step_rate: frequency,
             chirps: receiver.fmcw.map(|wave| Chirps::new(&wave, device.beam.wavelength)),

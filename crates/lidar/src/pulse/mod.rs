@@ -12,7 +12,7 @@
 //! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene at the time of a pulse, and its reflections |
 //! | `tiles` | tracing through the tiles of a scene, which are loaded when rays need them |
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
-//! | `paths`, `pane` | light over mirrors and through panes; the formulas of panes |
+//! | `paths`, `light`, `pane`, `specular` | light over mirrors and through panes; its state; panes; mirrors that face the beam |
 //! | `water`, `water_column` | the surface of water; light that water scatters back |
 //! | `weather`, `weather_drops`, `weather_light`, `beam_volume` | fog, rain, snow and dust; single drops; returned light; volume of the beam |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |
@@ -40,6 +40,7 @@ mod foliage;
 mod footprint;
 mod instrument;
 mod lanes;
+mod light;
 mod maximum;
 mod medium;
 mod noise;
@@ -69,6 +70,7 @@ mod simulator;
 mod single_bin;
 mod slope;
 mod sources;
+mod specular;
 mod subray;
 #[cfg(test)]
 mod testkit;

@@ -5,30 +5,35 @@
 //! length of the path as its range, and the detector receives it like any other: echoes are on the axis of
 //! the beam, as instruments report them.
 //!
+//! Light that mirrors turn back to the receiver is an echo of the last of them ([`super::specular`]): it does
+//! not return the way that it came, and half of its way is its range.
+//!
 //! A subray splits in two at a pane. Paths end at the maximum order, beyond the maximum range, or when
 //! hardly any light is left, and at the first surface in water. Pulses that meet no such surface have no
 //! paths.
 
 use super::continuum::LeafResponse;
 use super::echo::{EchoPath, PathKind};
-use super::foliage::{self, FreePaths, MediumEvent};
+use super::foliage::FreePaths;
 use super::instrument::Instrument;
+use super::light::{Arrival, Departure, Found, Light, next_surface, normal_towards, optics_of, spread_share};
 use super::pane::Pane;
 use super::reflect::ShadedSurface;
 use super::reflections::{PathEnd, Reflections};
+use super::specular::{Image, Mirror};
 use super::traced::{SubrayGains, TracedPulse};
-use super::view::{Interaction, STEP_BEHIND, SceneView};
+use super::view::SceneView;
 use super::water::{self, Refracted, WaterPlane};
 use super::water_column::{ColumnRay, WaterColumn};
 use vlscan_base::rng::Stream;
 use vlscan_geom::{DVec3, unit};
-use vlscan_scene::{Optics, OpticsKind, Water};
+use vlscan_scene::{OpticsKind, Water};
 use vlscan_trace::Hits;
 
 /// Share of the light, one way, below which a path ends: 1e-8 of it would return.
 const MIN_SHARE: f64 = 1e-4;
-/// Minimum radius of a beam that a rough mirror widens, m.
-const MIN_RADIUS: f64 = 1e-3;
+/// Minimum reflectance factor of light that comes straight back.
+const MIN_FACTOR: f64 = 1e-8;
 /// Minimum length in air of light that enters water, m.
 const MIN_AIR: f64 = 1e-3;
 
@@ -45,61 +50,8 @@ pub(super) struct LightPaths {
     intensities: Vec<f64>,
     /// Draws of the pulse so far.
     drawn: u32,
-}
-
-/// Light that arrives at a mirror or pane.
-#[derive(Clone, Copy, Debug)]
-struct Arrival {
-    optics: Optics,
-    /// The mirror or pane.
-    primitive: u32,
-    at: DVec3,
-    direction: DVec3,
-    light: Light,
-}
-
-/// State of the light on a path.
-#[derive(Clone, Copy, Debug)]
-struct Light {
-    subray: u32,
-    /// Optical length so far, m.
-    length: f64,
-    /// Share of the light of the subray, one way.
-    share: f64,
-    path: EchoPath,
-}
-
-/// Light that leaves a mirror or pane.
-#[derive(Clone, Copy, Debug)]
-struct Departure {
-    /// The mirror or pane.
-    primitive: u32,
-    from: DVec3,
-    direction: DVec3,
-    /// Standard deviation of the slopes of the facets that spread the light, rad.
-    roughness: f64,
-    /// Factor by which light is slower than in vacuum.
-    slowness: f64,
-    light: Light,
-}
-
-/// Reflection at the end of a path.
-#[derive(Clone, Copy, Debug)]
-struct Found {
-    end: PathEnd,
-    subray: u32,
-    primitive: u32,
-    cosine: f64,
-    /// Optical length, m.
-    range: f64,
-}
-
-/// The mirror or pane that a primitive is. Voxels are opaque.
-fn optics_of(view: &SceneView, primitive: u32) -> Option<Optics> {
-    if primitive == Hits::MISS || !view.is_triangle(primitive) {
-        return None;
-    }
-    view.scene.materials[view.surface(primitive).material as usize].optics
+    /// Centre of the receiver, m, and axis of the beam.
+    receiver: [DVec3; 2],
 }
 
 impl LightPaths {
@@ -128,6 +80,10 @@ impl LightPaths {
         if let Some(hits) = hits {
             hits.remove_dark(is_optical);
         }
+        self.receiver = [traced.origin, axis_of(&traced)];
+        let image = Image::of_beam(self.receiver[0], self.receiver[1]);
+        let image = Some(image).filter(|_| instrument.aperture.is_some());
+        self.open.iter_mut().for_each(|arrival| arrival.light.image = image);
         self.drawn = 0;
         self.ends.clear();
         self.column.clear();
@@ -141,6 +97,7 @@ impl LightPaths {
             let [mirrored, passed] = self.departures(view, &arrival, slopes, paths);
             // The light that is pushed last goes on first.
             for departure in [mirrored, passed].into_iter().flatten() {
+                self.send_back(view, instrument, &departure, paths);
                 self.send(view, instrument, &departure, max_order, paths);
             }
         }
@@ -179,8 +136,8 @@ impl LightPaths {
             if let Some(optics) = last.1.filter(|_| range <= detector.range_max) {
                 let direction = traced.direction(subray);
                 let at = traced.start(subray) + direction * range;
-                let light =
-                    Light { subray: subray as u32, length: range, share: 1.0, path: EchoPath::DIRECT };
+                let (subray, path) = (subray as u32, EchoPath::DIRECT);
+                let light = Light { subray, length: range, share: 1.0, path, image: None };
                 self.open.push(Arrival { optics, primitive, at, direction, light });
             }
         };
@@ -207,6 +164,7 @@ impl LightPaths {
         let Some(normal) = normal_towards(view, primitive, direction) else { return [None; 2] };
         let cosine = (-normal.dot(direction)).min(1.0);
         let order = light.path.order + 1;
+        let image = light.image.and_then(Image::beyond);
         let pane = match optics.kind {
             OpticsKind::Mirror { .. } | OpticsKind::Water(_) => None,
             OpticsKind::Pane { index, thickness, absorption, sheets } => {
@@ -228,18 +186,21 @@ impl LightPaths {
                 length: light.length + crossing.length,
                 share: light.share * optics.share * shares.transmitted,
                 path: EchoPath { kind, order },
+                image: image.map(|image| image.displaced(crossing.way, direction)),
                 ..light
             };
             Departure { primitive, from: at + crossing.way, direction, roughness: 0.0, slowness: 1.0, light }
         });
-        let facet = self.facet(normal, optics.roughness, slopes, paths);
+        let roughness = optics.roughness;
+        let mirror = Mirror { at, direction, primitive, cosine, roughness, is_water: false };
+        let facet = self.facet(normal, roughness, slopes, paths);
         let direction = unit(direction - facet * (2.0 * facet.dot(direction)));
         let light = Light {
             share: light.share * optics.share * mirrored_share,
             path: EchoPath { kind: PathKind::Mirror, order },
+            image: image.map(|image| image.mirrored(normal, mirror)),
             ..light
         };
-        let roughness = optics.roughness;
         let mirrored = Departure { primitive, from: at, direction, roughness, slowness: 1.0, light };
         // Light that a steep facet throws into the surface is lost.
         [Some(mirrored).filter(|_| direction.dot(normal) > 0.0), passed]
@@ -293,10 +254,16 @@ impl LightPaths {
         if mirrored.dot(normal) > 0.0 {
             let path = EchoPath { kind: PathKind::Mirror, order: light.path.order + 1 };
             let share = light.share * optics.share * mirrored_share;
-            let light = Light { share, path, ..light };
+            // What waves mirror straight back is the glint.
+            let image = light.image.and_then(Image::beyond).filter(|_| water::is_flat(water));
+            let cosine = refracted.cosines[0];
+            let mirror = Mirror { at, direction, primitive, cosine, roughness: 0.0, is_water: true };
+            let image = image.map(|image| image.mirrored(normal, mirror));
+            let light = Light { share, path, image, ..light };
             let roughness = (0.5 * (water.slopes[0] + water.slopes[1])).sqrt();
             let departure =
                 Departure { primitive, from: at, direction: mirrored, roughness, slowness: 1.0, light };
+            self.send_back(view, instrument, &departure, paths);
             self.send(view, instrument, &departure, max_order, paths);
         }
         if refracted.direction.dot(normal) < 0.0 {
@@ -364,6 +331,39 @@ impl LightPaths {
         }
     }
 
+    /// Receives light that mirrors have turned back to the instrument, unless something is before it.
+    fn send_back(
+        &mut self,
+        view: &SceneView,
+        instrument: &Instrument,
+        departure: &Departure,
+        paths: &mut FreePaths,
+    ) {
+        let Departure { from, light, .. } = *departure;
+        let (Some(aperture), Some(image)) = (&instrument.aperture, light.image) else { return };
+        let (Some(mirror), [receiver, axis]) = (image.mirror, self.receiver) else { return };
+        let way = (receiver - from).length();
+        let length = light.length + way;
+        let range = 0.5 * length;
+        let factor = light.share * aperture.factor(&image, (receiver, axis), length);
+        let is_received = factor > MIN_FACTOR && instrument.detector.is_in_range(range);
+        if !is_received {
+            return;
+        }
+        let back = Departure { direction: unit(receiver - from), ..*departure };
+        if next_surface(view, instrument, &back, paths).is_some_and(|(_, free)| free < way) {
+            return;
+        }
+        let Mirror { at, direction, primitive, cosine, is_water, .. } = mirror;
+        let kind = if is_water { PathKind::WaterSurface } else { PathKind::MirrorSurface };
+        // The mirror itself is no mirror on the way.
+        let path = EchoPath { kind, order: light.path.order.saturating_sub(1) };
+        let end = PathEnd { surface: at, direction, path, plane: None };
+        self.ends.push(Found { end, subray: light.subray, primitive, cosine, range });
+        self.ranges.push(range);
+        self.intensities.push(factor);
+    }
+
     /// Follows light to the next surface, which reflects it or passes it on.
     fn send(
         &mut self,
@@ -400,55 +400,12 @@ impl LightPaths {
     }
 }
 
-/// Unit normal of a mirror, pane or surface of water on the side that light of this direction meets.
-fn normal_towards(view: &SceneView, primitive: u32, direction: DVec3) -> Option<DVec3> {
-    let mut surface = ShadedSurface::none(view);
-    surface.load(view, primitive);
-    let normal = surface.normal.filter(|normal| normal.is_finite())?;
-    Some(if normal.dot(direction) > 0.0 { -normal } else { normal })
+/// Axis of a beam, on which its subrays are centred.
+fn axis_of(traced: &TracedPulse) -> DVec3 {
+    unit((0..traced.primitives.len()).fold(DVec3::ZERO, |sum, i| sum + traced.direction(i)))
 }
 
 /// Kind of a path into water: ghosts remain ghosts.
 fn kind_in_water(light: Light, kind: PathKind) -> PathKind {
     if light.path.kind == PathKind::Mirror { PathKind::Mirror } else { kind }
-}
-
-/// The next surface on the way of light, or the foliage that intercepts it, and its distance, m.
-fn next_surface(
-    view: &SceneView,
-    instrument: &Instrument,
-    departure: &Departure,
-    paths: &mut FreePaths,
-) -> Option<(Interaction, f64)> {
-    let Departure { primitive, from, direction, slowness, light, .. } = *departure;
-    let detector = &instrument.detector;
-    let mut way = STEP_BEHIND;
-    loop {
-        let start = from + direction * way;
-        let at = view.nearest_astray((start, direction), |i| i != primitive);
-        // False for a ray that misses, and for one that is not finite.
-        let length = light.length + slowness * way + slowness * at.t;
-        let is_in_reach = at.primitive != Hits::MISS && length <= detector.range_max;
-        if !is_in_reach {
-            return None;
-        }
-        let (scene, local) = view.locate(at.primitive);
-        let ray = (start, direction);
-        match foliage::medium_event(scene, &detector.corrections, local, ray, at.t, paths) {
-            MediumEvent::Scatter(depth) => return Some((at, way + at.t + depth)),
-            MediumEvent::Lost => return None,
-            MediumEvent::Exit(exit) => way += exit + STEP_BEHIND,
-        }
-    }
-}
-
-/// Square root of the share of light that returns from a surface `way` m behind a rough mirror: facets of
-/// slope σ turn rays by 2σ, so that both the spot on the surface, of radius w over a polished mirror, and the
-/// view of the receiver widen by 4σ·way. They overlap by w²/(w² + (4σ·way)²).
-fn spread_share(instrument: &Instrument, roughness: f64, way: f64, length: f64) -> f64 {
-    if roughness == 0.0 {
-        return 1.0;
-    }
-    let radius = (instrument.footprint_angle * length).max(MIN_RADIUS);
-    radius / libm::hypot(radius, 4.0 * roughness * way)
 }

@@ -66,7 +66,8 @@ pub(super) fn facet(water: &Water, normal: DVec3, mut draw: impl FnMut() -> f64)
 
 /// Reflectance factor by which facets of the surface mirror light straight back: f = π·R₀·p/(4·cos⁵θ) with
 /// the density p of the slope that faces the light, given the long waves of `facet`. Over all long waves the
-/// mean of p is the density of Cox and Munk. A flat surface mirrors nothing back.
+/// mean of p is the density of Cox and Munk. A flat surface has no facets: it is a mirror
+/// ([`super::specular`]).
 pub(super) fn glint(water: &Water, normal: DVec3, facet: &Facet, direction: DVec3) -> f64 {
     let cosine = -normal.dot(direction);
     if is_flat(water) || cosine < MIN_COSINE {

@@ -3,6 +3,11 @@
 //! A metre of the way l returns π·β·T²·e^(−2K·l) of a perfect Lambert surface at the effective range, with
 //! the volume scattering function β at 180°. The light of a pulse is collected in range cells that all of its
 //! subrays share, as that of foliage.
+//!
+//! Light from behind the last surface of a pulse only fades: it makes no echo, and changes none. So a column
+//! ends a few lengths of the pulse behind the last surface, unless something else depends on its light:
+//! noise, photons, recorded waveforms. There it ends where the waveform is below a small part of the
+//! threshold.
 
 use super::continuum::{cell_width, centroid};
 use super::instrument::Instrument;
@@ -15,6 +20,12 @@ use vlscan_scene::Water;
 
 /// Optical depth of the way there and back behind which light no longer counts.
 pub(super) const MAX_DEPTH: f64 = 18.4;
+/// Lengths of the pulse by which a column goes on behind the last surface.
+const LENGTHS_BEHIND: f64 = 4.0;
+/// Share of the detection threshold below which a waveform no longer counts: of echoes, and of photons, whose
+/// numbers add up over the column.
+const MIN_ECHO: f64 = 1e-3;
+const MIN_PHOTONS: f64 = 1e-6;
 /// Maximum number of cells of a subray, for water that hardly attenuates.
 const MAX_CELLS: u64 = 1 << 14;
 
@@ -55,6 +66,42 @@ struct Cell {
     strongest: (usize, f64, f64),
 }
 
+/// Amplitude of waveforms below which the light of a column no longer counts, if it counts behind the last
+/// surface of a pulse.
+pub(super) fn lowest_amplitude(threshold: f64, counts_photons: bool) -> f64 {
+    threshold * if counts_photons { MIN_PHOTONS } else { MIN_ECHO }
+}
+
+/// Bounds of the columns of a pulse.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    /// Width of a cell, m of range.
+    width: f64,
+    /// Range at which columns end, m.
+    reach: f64,
+    /// Light of a subray, per metre of range, at which its column ends.
+    lowest: f64,
+}
+
+impl Bounds {
+    /// The bounds for `rays` subrays that enter the water up to the range `air`; `last` is the range of the
+    /// last surface.
+    fn new(instrument: &Instrument, rays: usize, air: f64, last: f64) -> Bounds {
+        let detector = &instrument.detector;
+        let shape = &detector.shape;
+        let behind = LENGTHS_BEHIND * detector.light_speed * shape.duration;
+        let (reach, lowest) = match instrument.lowest_of_column {
+            None => (last.max(air) + behind, 0.0),
+            Some(amplitude) => {
+                // The amplitude of light of 1 per metre.
+                let depth = shape.samples.iter().sum::<f64>() * shape.bin * detector.light_speed;
+                (f64::INFINITY, amplitude / (depth * rays as f64))
+            }
+        };
+        Bounds { width: cell_width(detector), reach: reach.min(detector.range_max), lowest }
+    }
+}
+
 /// The light of a pulse from the water on its way.
 #[derive(Clone, Debug, Default)]
 pub(super) struct WaterColumn {
@@ -89,9 +136,11 @@ impl WaterColumn {
         self.gains.resize(self.rays.len(), 1.0);
         instrument.energy.apply(&self.rings, &self.ranges, &mut self.gains);
         self.cells.clear();
-        let width = cell_width(&instrument.detector);
+        let farthest = |ranges: &[f64]| ranges.iter().copied().fold(0.0, f64::max);
+        let (air, last) = (farthest(&self.ranges), farthest(out.ranges()));
+        let bounds = Bounds::new(instrument, self.rays.len(), air, last);
         for i in 0..self.rays.len() {
-            self.scatter(i, width, instrument);
+            self.scatter(i, &bounds, instrument);
         }
         for cell in &self.cells {
             let (ray, _, way) = cell.strongest;
@@ -105,23 +154,29 @@ impl WaterColumn {
         }
     }
 
-    /// Adds the light of a ray to its cells, which are `width` m of range wide.
-    fn scatter(&mut self, i: usize, width: f64, instrument: &Instrument) {
-        let ray = self.rays[i];
+    /// Adds the light of a ray to its cells.
+    fn scatter(&mut self, i: usize, bounds: &Bounds, instrument: &Instrument) {
+        let (ray, width) = (self.rays[i], bounds.width);
         let (n, k) = (ray.water.group_index, ray.attenuation);
         let beyond = if k > 0.0 { 0.5 * MAX_DEPTH / k } else { f64::INFINITY };
         let limit = ray.way.min(beyond);
         let first = (ray.air / width) as u64;
-        let (mut from, mut at) = (0.0, 0);
+        let whole = WholeCell::new(&ray, width / n);
+        let (mut from, mut at, mut kept) = (0.0, 0, 1.0);
         for number in first..first.saturating_add(MAX_CELLS) {
-            if ray.air + n * from > instrument.detector.range_max {
-                // The light of this cell and of all behind it comes from beyond the maximum range.
+            // The light of this cell and of all behind it comes from beyond the reach, or does not count.
+            let is_last = ray.air + n * from > bounds.reach
+                || self.gains[i] * whole.density(&ray, from, kept) < n * bounds.lowest;
+            if is_last {
                 return;
             }
             let border = ((number + 1) as f64 * width - ray.air) / n;
             let to = border.min(limit);
             if to > from {
-                let (factor, way) = light(&ray, from, to);
+                let is_whole = from > 0.0 && border <= limit;
+                let (factor, way) =
+                    if is_whole { whole.light(&ray, from, kept) } else { light(&ray, from, to) };
+                kept = if is_whole { kept * whole.kept } else { exp(-2.0 * k * to) };
                 let (range, intensity) = (ray.air + n * way, factor * self.gains[i]);
                 // Cells without light have no range.
                 if intensity > 0.0 && instrument.detector.is_in_range(range) {
@@ -150,6 +205,40 @@ impl WaterColumn {
             cell.strongest = added;
         }
         at
+    }
+}
+
+/// Cells of a ray that lie in water with their whole width: from one to the next the light is dimmed by the
+/// same share.
+#[derive(Clone, Copy, Debug)]
+struct WholeCell {
+    /// Length of way, m.
+    step: f64,
+    /// Mean place of the light, as a share of the length.
+    centre: f64,
+    /// Length without attenuation from which as much light returns, m.
+    passed: f64,
+    /// Share of the light there and back that is left behind the cell.
+    kept: f64,
+}
+
+impl WholeCell {
+    fn new(ray: &ColumnRay, step: f64) -> WholeCell {
+        let depth = 2.0 * ray.attenuation * step;
+        let passed = if depth > 0.0 { -expm1(-depth) / (2.0 * ray.attenuation) } else { step };
+        WholeCell { step, centre: centroid(depth), passed, kept: exp(-depth) }
+    }
+
+    /// Light that a metre of way returns at `way`, where the share `kept` of the light is left.
+    fn density(&self, ray: &ColumnRay, way: f64, kept: f64) -> f64 {
+        let squared = effective_range_squared(&ray.water, ray.air, way, ray.cosines);
+        PI * ray.water.backscatter * ray.share * ray.air * ray.air / squared * kept
+    }
+
+    /// As [`light`], for the cell from `from` on, where the share `kept` of the light is left.
+    fn light(&self, ray: &ColumnRay, from: f64, kept: f64) -> (f64, f64) {
+        let way = from + self.step * self.centre;
+        (self.density(ray, way, kept) * self.passed, way)
     }
 }
 
@@ -202,8 +291,51 @@ mod tests {
         out
     }
 
+    /// An instrument for which all light of a column counts.
+    fn sensitive() -> Instrument {
+        Instrument { lowest_of_column: Some(0.0), ..tls_instrument(5.0) }
+    }
+
     fn emitted(rays: &[ColumnRay]) -> Reflections {
-        emitted_by(&tls_instrument(5.0), rays)
+        emitted_by(&sensitive(), rays)
+    }
+
+    #[test]
+    fn a_column_ends_behind_the_last_surface_unless_its_light_counts() {
+        let clear = ray(Water { attenuation: 1e-6, ..water() }, f64::INFINITY);
+        let all = emitted(&[clear]);
+        let instrument = tls_instrument(5.0);
+        assert_eq!(instrument.lowest_of_column, None);
+        let detector = &instrument.detector;
+        let behind = LENGTHS_BEHIND * detector.light_speed * detector.shape.duration;
+        for last in [0.0, 75.0, 90.0] {
+            let (mut column, mut out) = (WaterColumn::default(), Reflections::default());
+            column.push(clear);
+            out.clear(1);
+            out.push_lit(last, 0, 1.0, 1.0);
+            column.emit(&instrument, &mut None, &mut out);
+            let count = out.count() - 1;
+            assert_eq!(out.ranges()[1..], all.ranges()[..count], "{last} m");
+            assert_eq!(out.intensities()[1..], all.intensities()[..count], "{last} m");
+            let end = out.ranges()[count] - last.max(75.0);
+            assert!((end - behind).abs() < 2.0 * cell_width(detector), "{last} m: {end}");
+        }
+    }
+
+    #[test]
+    fn light_ends_where_a_pulse_of_it_is_below_the_lowest_amplitude() {
+        let clear = ray(Water { attenuation: 1e-3, ..water() }, f64::INFINITY);
+        let all = emitted(&[clear, clear]);
+        let instrument = sensitive();
+        let detector = &instrument.detector;
+        let in_pulse = detector.shape.samples.iter().sum::<f64>() * detector.shape.bin * detector.light_speed
+            / cell_width(detector);
+        // The amplitude of the 400th cell and its neighbours, of both subrays.
+        let lowest = all.intensities()[400] * in_pulse;
+        let bounded = emitted_by(&Instrument { lowest_of_column: Some(lowest), ..sensitive() }, &[clear; 2]);
+        assert!((399..=402).contains(&bounded.count()), "{}", bounded.count());
+        assert_eq!(bounded.intensities(), &all.intensities()[..bounded.count()]);
+        assert_eq!((lowest_amplitude(2.0, false), lowest_amplitude(2.0, true)), (2e-3, 2e-6));
     }
 
     #[test]
@@ -221,7 +353,7 @@ mod tests {
     #[test]
     fn light_fades_with_twice_the_attenuation_along_the_slanted_way() {
         let ray = ray(water(), 20.0);
-        let gain = tls_instrument(5.0).energy.of_beam(1, ray.air);
+        let gain = sensitive().energy.of_beam(1, ray.air);
         let out = emitted(&[ray]);
         let width = cell_width(&tls_instrument(5.0).detector);
         let inner = 1..out.count() - 1;
@@ -255,7 +387,7 @@ mod tests {
     fn the_maximum_range_ends_a_column_without_a_change_of_what_is_nearer() {
         // Clear water without a bottom: the cells would end at their maximum number.
         let clear = ray(Water { attenuation: 1e-6, ..water() }, f64::INFINITY);
-        let mut instrument = tls_instrument(5.0);
+        let mut instrument = sensitive();
         let all = emitted_by(&instrument, &[clear]);
         assert!(all.count() as u64 > MAX_CELLS - 2 && all.count() as u64 <= MAX_CELLS, "{}", all.count());
         for range_max in [75.0, 75.5, 90.0] {

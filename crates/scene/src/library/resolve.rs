@@ -67,9 +67,9 @@ impl Library {
             let message = format!("material \"{}\" is {both}", d.name);
             diagnostics.error(d.place.clone(), message).help("give it the properties of one of them");
         }
-        if let Some(expected) = optics::out_of_bounds(&d.optics) {
-            let message = format!("material \"{}\" has an optical property out of range", d.name);
-            diagnostics.error(d.place.clone(), message).help(format!("expected {expected}"));
+        if let Some(wrong) = optics::out_of_bounds(&d.optics) {
+            let message = format!("material \"{}\": {wrong}", d.name);
+            diagnostics.error(d.place.clone(), message);
         }
         let has_meaning = d.unused_optics.as_ref().is_some_and(|optics| optics.meaning.is_some());
         self.relevant_rules.specular_lobe |= has_meaning;

@@ -128,7 +128,7 @@ fn load_sources(
             scene.parts.push(Part { id: ids.single(part), name, lad: None });
         }
     }
-    let part::LoadedParts { stored, tiles, frames } = loaded;
+    let part::LoadedParts { stored, tiles, frames, water } = loaded;
     if stored.is_empty() && tiles.is_empty() && epoch == 0 && !scene.diagnostics.is_fatal(false) {
         scene
             .diagnostics
@@ -146,6 +146,7 @@ fn load_sources(
     let warnings = std::mem::take(&mut scene.diagnostics).finish(false)?;
     scene.diagnostics = warnings;
     frames.report(&mut scene);
+    water.report(&mut scene.diagnostics);
     scene.library.issues.report(options.rules, &mut scene.diagnostics);
     let mut reported = std::mem::take(&mut scene.diagnostics);
     let used = || scene.used_materials(tiles.materials());

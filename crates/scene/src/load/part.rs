@@ -10,6 +10,7 @@ use crate::lad::LadTable;
 use crate::library::Names;
 use crate::model::{MovingPart, Part};
 use crate::text::{Source, printable};
+use crate::water_levels::WaterLevels;
 use crate::{change, instances};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,6 +27,7 @@ pub(super) struct LoadedParts {
     /// Parts that are loaded again when rays need them.
     pub tiles: TileIndex,
     pub frames: PartFrames,
+    pub water: WaterLevels,
 }
 
 /// Assigns ids: a part without one gets numbers, and each of its files becomes a separate part.
@@ -105,6 +107,8 @@ pub(super) fn load_part(
         };
         check_coordinates(scene, &id, bounds, &body, part.place.as_ref());
         loaded.frames.add(&id, part.place.as_ref(), bounds);
+        let extent = if let Body::Stored(extent) = &body { Some(extent) } else { None };
+        loaded.water.add(scene, (&id, part.place.as_ref()), bounds, extent);
         mesh::doubts::check(scene, part, files, &body);
         if let Body::Stored(extent) = &body
             && !part.motions.is_empty()
@@ -166,6 +170,7 @@ fn load_pages(
     let bounds = pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page.bounds));
     refuse_far(scene, &id, reach(bounds), part.place.as_ref());
     loaded.frames.add(&id, part.place.as_ref(), bounds);
+    loaded.water.add(scene, (&id, part.place.as_ref()), bounds, None);
     let described = Part { id, name: name_of(part, files.all()), lad: None };
     loaded.tiles.add_raster(scene, &described, (material, materials[0]), raster, pages);
     scene.parts.push(described);

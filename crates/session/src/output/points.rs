@@ -244,11 +244,14 @@ fn check_columns(
     if format.has_colours() && settings.columns.is_none() && colours.iter().all(|column| rows.has(*column)) {
         settings.columns = Some(colours.to_vec());
     }
-    if format.has_velocities()
-        && rows.has(Column::Doppler)
-        && settings.columns.as_ref().is_none_or(|columns| *columns == colours)
-    {
+    let is_free = settings.columns.as_ref().is_none_or(|columns| *columns == colours);
+    if is_free && format.has_velocities() && rows.has(Column::Doppler) {
         settings.columns.get_or_insert_default().push(Column::Doppler);
+    }
+    if is_free && format.has_light_labels() && rows.has(Column::Path) {
+        let labels = [Column::Path, Column::PathOrder, Column::SurfaceX, Column::SurfaceY, Column::SurfaceZ];
+        let labels = labels.into_iter().chain([Column::Primitive]).filter(|column| rows.has(*column));
+        settings.columns.get_or_insert_default().extend(labels);
     }
     let chosen = if format.has_columns() { settings.columns.as_deref().unwrap_or_default() } else { &[] };
     let missing = |columns: &[Column]| {

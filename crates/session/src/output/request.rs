@@ -204,6 +204,7 @@ impl OutputRequest {
             || has(PointFormat::has_columns)
             || self.cloud.has_colours() && has(PointFormat::has_colours)
             || self.cloud.has_velocities() && has(PointFormat::has_velocities)
+            || self.cloud.has_light_labels() && has(PointFormat::has_light_labels)
     }
 
     /// True if an output has frames.

@@ -63,8 +63,8 @@ impl Selection {
         if attributes.has(Attribute::Time) {
             layers = layers.decompress_gps_time();
         }
-        // Amplitudes, objects and devices of this program.
-        let in_extra_bytes = [Attribute::Intensity, Attribute::Object, Attribute::Channel];
+        // Amplitudes, objects, devices and paths of this program.
+        let in_extra_bytes = [Attribute::Intensity, Attribute::Object, Attribute::Channel, Attribute::Path];
         if in_extra_bytes.into_iter().any(|attribute| attributes.has(attribute)) {
             layers = layers.decompress_extra_bytes();
         }

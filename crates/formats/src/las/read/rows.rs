@@ -18,6 +18,7 @@ struct Shown {
     intensity: Option<ExtraDimension>,
     object: Option<ExtraDimension>,
     device: Option<ExtraDimension>,
+    path: Option<ExtraDimension>,
 }
 
 /// Turns the records of a file into points.
@@ -75,6 +76,7 @@ impl RowFormat {
             Attribute::Object => self.shown.object.is_some(),
             Attribute::Channel => self.shown.device.is_some() || self.header.format >= 6,
             Attribute::Time => self.header.has_time(),
+            Attribute::Path => self.shown.path.is_some(),
             _ => true,
         });
         attributes.with_colours(self.colour_at.is_some())
@@ -117,6 +119,7 @@ impl RowFormat {
             channel: number(Attribute::Channel, shown.device).map_or(header.channel(record), |v| v as u16),
             time,
             object: number(Attribute::Object, shown.object).map_or(0, |v| v as i64),
+            path: number(Attribute::Path, shown.path).map_or(0, |v| v as u8),
             colour: self
                 .colour_at
                 .and_then(|at| record.get(at..at + 6))
@@ -133,7 +136,9 @@ impl Shown {
         let dimension = |attribute| columns.get(attribute).map(|column| numbers[column]);
         let intensity = numbers.iter().copied().find(|(name, _)| name == "heliosAmplitude");
         let (object, device) = (dimension(Attribute::Object), dimension(Attribute::Channel));
-        let rescaled = [intensity, object, device].into_iter().flatten().filter(|(_, d)| d.is_rescaled());
+        let path = dimension(Attribute::Path);
+        let all = [intensity, object, device, path];
+        let rescaled = all.into_iter().flatten().filter(|(_, d)| d.is_rescaled());
         let warning = |(name, _): &(String, ExtraDimension)| {
             format!(
                 "its dimension {name} has a scale of 0, or a scale or an offset that is not finite; 1 and 0 \
@@ -145,6 +150,7 @@ impl Shown {
             intensity: intensity.map(|(_, d)| *d),
             object: object.map(|(_, d)| *d),
             device: device.map(|(_, d)| *d),
+            path: path.map(|(_, d)| *d),
         };
         (shown, warnings)
     }

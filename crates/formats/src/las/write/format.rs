@@ -2,6 +2,7 @@
 
 use super::packets::WavePackets;
 use super::vlr::{self, Groups};
+use crate::columnar::LightColumns;
 use crate::las::{ExtraDimensions, LasVersion, PacketPlace};
 use crate::settings::CloudSettings;
 use vlscan_base::diag::Diagnostics;
@@ -51,6 +52,7 @@ impl LasFormat {
             true_positions: cloud.true_positions,
             heights: cloud.heights,
             velocities: cloud.has_velocities(),
+            light: LightColumns::of(cloud.columns.as_deref()).without_primitive_if(cloud.labels),
         };
         let highest = cloud.highest_class;
         if settings.version == LasVersion::V10 && highest > MAX_CLASS_1 {

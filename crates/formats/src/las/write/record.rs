@@ -12,7 +12,7 @@ const WITHHELD_1: u8 = 1 << 7;
 /// Adjusted standard GPS time is GPS time less this, s.
 const ADJUSTMENT_S: f64 = 1e9;
 
-/// Bytes of a record with all extra bytes.
+/// Bytes of a record with all extra bytes but the labels of the way of light.
 pub(super) const MAX_RECORD_BYTES: usize = 132;
 impl LasFormat {
     /// Appends the record of a point, without the fields of waveform packets. Returns its coordinates as
@@ -24,6 +24,10 @@ impl LasFormat {
         self.put_base(&mut record, stored, point);
         self.put_extra(&mut record, point);
         out.extend_from_slice(&record.bytes[..record.at]);
+        if self.extra == ExtraDimensions::All {
+            // Offset and shift of the format add up to the scene's shift.
+            self.groups.light.push_bytes(out, point, self.offset + self.shift);
+        }
         Some(stored)
     }
 

@@ -1,5 +1,6 @@
 //! Variable length records.
 
+use crate::columnar::{Column, ColumnType, LightColumns};
 use crate::las::{ExtraDimensions, LasSettings, LasVersion};
 use crate::settings::SOFTWARE;
 use las::raw::Vlr;
@@ -8,14 +9,18 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_crs::{EpsgKind, epsg};
 
 /// Data types of extra bytes, as numbered by LAS.
+const U8: u8 = 1;
 const U16: u8 = 3;
 const U32: u8 = 5;
 const I32: u8 = 6;
 const F32: u8 = 9;
 const F64: u8 = 10;
 
-/// Data type, bytes, name and description of the extra dimensions, in order.
-const DIMENSIONS: [(u8, u16, &str, &str); 7] = [
+/// Data type, bytes, name and description of an extra dimension.
+type Dimension = (u8, u16, &'static str, &'static str);
+
+/// The extra dimensions, in order.
+const DIMENSIONS: [Dimension; 7] = [
     (F64, 8, "echo_width", "width of the echo, ns"),
     (I32, 4, "fullwaveIndex", "pulse number, low 32 bits"),
     (I32, 4, "hitObjectId", "scene part that was hit"),
@@ -25,27 +30,27 @@ const DIMENSIONS: [(u8, u16, &str, &str); 7] = [
     (F32, 4, "incidence_angle", "angle to the normal, degrees"),
 ];
 
-const LABELS: [(u8, u16, &str, &str); 3] = [
+const LABELS: [Dimension; 3] = [
     (U32, 4, "part", "index of the part in the scene"),
     (U32, 4, "primitive", "index of triangle or voxel"),
     (F32, 4, "true_range", "range without noise or bins, m"),
 ];
 
-const DIRECTIONS: [(u8, u16, &str, &str); 3] = [
+const DIRECTIONS: [Dimension; 3] = [
     (F32, 4, "BeamDirectionX", "unit vector of the beam"),
     (F32, 4, "BeamDirectionY", "unit vector of the beam"),
     (F32, 4, "BeamDirectionZ", "unit vector of the beam"),
 ];
 
-const TRUE_POSITIONS: [(u8, u16, &str, &str); 3] = [
+const TRUE_POSITIONS: [Dimension; 3] = [
     (F64, 8, "TrueX", "position without navigation errors"),
     (F64, 8, "TrueY", "position without navigation errors"),
     (F64, 8, "TrueZ", "position without navigation errors"),
 ];
 
-const HEIGHTS: [(u8, u16, &str, &str); 1] = [(F32, 4, "HeightAboveGround", "height above the ground, m")];
+const HEIGHTS: [Dimension; 1] = [(F32, 4, "HeightAboveGround", "height above the ground, m")];
 
-const VELOCITIES: [(u8, u16, &str, &str); 2] =
+const VELOCITIES: [Dimension; 2] =
     [(F32, 4, "Doppler", "radial velocity, m/s"), (F32, 4, "DopplerWidth", "spread of Doppler, m/s")];
 
 /// Optional groups of extra dimensions.
@@ -61,12 +66,28 @@ pub struct Groups {
     pub heights: bool,
     /// Radial velocity.
     pub velocities: bool,
+    /// Labels of the way of light that no other group has.
+    pub light: LightColumns,
 }
 
-fn dimensions(
-    extra: ExtraDimensions,
-    groups: Groups,
-) -> impl Iterator<Item = &'static (u8, u16, &'static str, &'static str)> {
+/// The dimension of a label of the way of light.
+fn light_dimension(label: Column) -> Dimension {
+    let data_type = match label.kind() {
+        ColumnType::U8 => U8,
+        ColumnType::U32 => U32,
+        _ => F64,
+    };
+    let (name, description) = match label {
+        Column::Path => (label.name(), "way of the light, 2: ghost"),
+        Column::PathOrder => (label.name(), "mirrors and panes on the way"),
+        // As with other labels.
+        Column::Primitive => ("primitive", "index of triangle or voxel"),
+        _ => (label.name(), "true position of the surface"),
+    };
+    (data_type, label.kind().width() as u16, name, description)
+}
+
+fn dimensions(extra: ExtraDimensions, groups: Groups) -> impl Iterator<Item = Dimension> {
     let base = match extra {
         ExtraDimensions::All => &DIMENSIONS[..],
         ExtraDimensions::Helios => &DIMENSIONS[..4],
@@ -79,7 +100,9 @@ fn dimensions(
     let positions = of(groups.true_positions, &TRUE_POSITIONS);
     let heights = of(groups.heights, &HEIGHTS);
     let velocities = of(groups.velocities, &VELOCITIES);
-    base.iter().chain(labels).chain(directions).chain(positions).chain(heights).chain(velocities)
+    let light = if all { groups.light } else { LightColumns::default() };
+    let groups = base.iter().chain(labels).chain(directions).chain(positions).chain(heights);
+    groups.chain(velocities).copied().chain(light.iter().map(light_dimension))
 }
 
 /// Total extra bytes of a point.
@@ -92,7 +115,7 @@ pub(super) fn extra_bytes(extra: ExtraDimensions, groups: Groups) -> Vec<u8> {
     let mut data = Vec::new();
     for (data_type, _, name, description) in dimensions(extra, groups) {
         // reserved, data type, options
-        data.extend([0, 0, *data_type, 0]);
+        data.extend([0, 0, data_type, 0]);
         data.extend(fixed_text::<32>(name));
         // unused, no data, min, max, scale, offset
         data.extend([0; 4 + 5 * 24]);

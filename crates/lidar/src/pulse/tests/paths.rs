@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::pulse::testkit::*;
-use crate::pulse::{EchoPath, PathKind};
+use crate::pulse::{Echo, EchoPath, PathKind};
 use vlscan_geom::unit;
 use vlscan_scene::{Optics, OpticsKind};
 
@@ -74,9 +74,11 @@ fn a_wall_behind_a_pane_is_farther_and_darker() {
     let scene = scene_of(PANE, 1, &[wall(-30.0, 30.0, 10.0), wall(-30.0, 30.0, 20.0)]);
     for (degrees, parallel, squared) in [(0.0, 2.0, 0.852071), (45.0, 1.146506, 0.823274)] {
         let (seen, alone) = (ray(&scene, degrees), ray(&wall_alone, degrees));
-        let ([seen], [alone], [truth]) = (&seen.echoes[..], &alone.echoes[..], &seen.truths[..]) else {
+        let through = |i: &usize| seen.truths[*i].path.kind == PathKind::Pane;
+        let (Some(i), [alone]) = ((0..seen.echoes.len()).find(through), &alone.echoes[..]) else {
             panic!("{degrees}°: {:?}", seen.echoes)
         };
+        let (truth, seen) = (seen.truths[i], seen.echoes[i]);
         assert!((seen.range - alone.range - parallel * 1e-3).abs() < 1e-9, "{degrees}°");
         let fading = (alone.range / seen.range).powi(2);
         // The air takes a little more on the longer way.
@@ -92,8 +94,10 @@ fn the_light_that_a_pane_mirrors_comes_from_the_room() {
         scene_of(PANE, 1, &[wall(-20.0, 20.0, 10.0), wall(-30.0, 30.0, 20.0), wall(-20.0, 20.0, -5.0)]);
     let batch = ray(&scene, 0.0);
     let kinds: Vec<_> = batch.truths.iter().map(|truth| truth.path.kind).collect();
-    assert_eq!(kinds.len(), 2, "{:?}", batch.echoes);
-    assert!(kinds.contains(&PathKind::Mirror) && kinds.contains(&PathKind::Pane));
+    // And that which it mirrors straight back.
+    assert_eq!(kinds.len(), 3, "{:?}", batch.echoes);
+    let expected = [PathKind::Mirror, PathKind::Pane, PathKind::MirrorSurface];
+    assert!(expected.iter().all(|kind| kinds.contains(kind)), "{kinds:?}");
     let ghost = batch.truths.iter().position(|truth| truth.path.kind == PathKind::Mirror).unwrap();
     assert!((batch.echoes[ghost].range - 25.0).abs() < 1e-9 && batch.echoes[ghost].part == 2);
 }
@@ -106,11 +110,18 @@ fn facing_mirrors_end_at_the_maximum_order() {
         let (survey, options) = one_ray();
         let options = PhysicsOptions { max_order, ..options };
         let batch = simulate(&scene, &survey, options);
-        batch.truths.iter().map(|truth| truth.path.order).collect::<Vec<_>>()
+        let (own, ghosts): (Vec<EchoPath>, Vec<EchoPath>) = batch
+            .truths
+            .iter()
+            .map(|truth| truth.path)
+            .partition(|path| path.kind == PathKind::MirrorSurface);
+        let orders = |of: Vec<EchoPath>| of.iter().map(|path| path.order).collect::<Vec<_>>();
+        (orders(ghosts), orders(own))
     };
-    assert_eq!(orders(4), [0, 1, 2, 3, 4]);
-    assert_eq!(orders(1), [0, 1]);
-    assert_eq!(orders(0), [0]);
+    // Light that comes from the mirror behind does not fall into the receiver.
+    assert_eq!(orders(4), (vec![0, 1, 2, 3, 4], vec![0, 2]));
+    assert_eq!(orders(1), (vec![0, 1], vec![0]));
+    assert_eq!(orders(0), (vec![0], vec![]));
 }
 
 #[test]
@@ -119,7 +130,8 @@ fn the_greatest_order_ends_lossless_mirrors_without_a_maximum_range() {
     scene.materials[1].reflectance = 0.1;
     let (survey, options) = one_ray();
     assert!(survey.scanner.devices[0].detector.range_max > 1e300);
-    for (max_order, expected) in [(PhysicsOptions::GREATEST_ORDER, 65), (u8::MAX, 256)] {
+    // Each second way also comes straight back.
+    for (max_order, expected) in [(PhysicsOptions::GREATEST_ORDER, 65 + 32), (u8::MAX, 256 + 128)] {
         let batch = simulate(&scene, &survey, PhysicsOptions { max_order, ..options });
         assert_eq!(batch.echoes.len(), expected);
         assert_eq!(batch.truths.last().map(|truth| truth.path.order), Some(max_order));
@@ -194,4 +206,74 @@ fn windows_nearer_than_the_minimum_range_let_light_pass() {
     let batch = ray(&scene, 0.0);
     assert_eq!(batch.echoes.len(), 1, "{:?}", batch.echoes);
     assert!((batch.echoes[0].range - 20.002).abs() < 1e-9);
+}
+
+/// The echoes of a mirror or pane itself, with their paths.
+fn own_echoes(batch: &Batch) -> Vec<(Echo, EchoPath)> {
+    let all = batch.echoes.iter().map(|echo| (*echo, echo.truth(&batch.truths).path));
+    all.filter(|(_, path)| path.kind == PathKind::MirrorSurface).collect()
+}
+
+#[test]
+fn a_mirror_that_faces_the_beam_has_an_echo_of_what_falls_on_the_receiver() {
+    let white = rectangles(half_white(), &[wall(-20.0, 20.0, 100.0)]);
+    let scene = scene_of(mirror(), 1, &[wall(-20.0, 20.0, 100.0)]);
+    for quality in [1, 3] {
+        let options =
+            PhysicsOptions { record_truth: true, record_subrays: true, ..PhysicsOptions::refined() };
+        let survey = tls_with(|device| {
+            device.waveform.quality = quality;
+            device.beam.receiver_diameter = 0.05;
+        });
+        let light = |scene: &Scene, degrees: f64| {
+            let aimed = pulse(Rotation::about_z(radians(degrees)));
+            let batch = simulate_pulses(scene, &survey, options, 0, &[aimed]);
+            batch.echoes.iter().map(|echo| echo.intensity).sum::<f64>()
+        };
+        // 1 − e^(−2·(25 mm)²/(30 mm)²) of the light returns, where a white wall sends 0.5·(50 mm/200 m)².
+        let expected = 0.750648 * (200.0f64 / 0.05).powi(2) / 0.5;
+        assert!((light(&scene, 0.0) / light(&white, 0.0) / expected - 1.0).abs() < 1e-6, "{quality}");
+        assert_eq!(light(&scene, 0.1), 0.0);
+    }
+    let batch = ray(&scene, 0.0);
+    let [(echo, path)] = own_echoes(&batch)[..] else { panic!("{:?}", batch.echoes) };
+    assert_eq!((path.order, echo.part), (0, 0));
+    assert!((echo.incidence_cosine - 1.0).abs() < 1e-12);
+    assert!((echo.range - 100.0).abs() < 1e-9 && (echo.position.y + scene.shift.y - 100.0).abs() < 1e-9);
+}
+
+#[test]
+fn mirrors_show_the_receiver_itself_through_panes_and_in_corners_but_not_behind_walls() {
+    // Glass takes T² of the light and makes the way longer by half a sheet of 4 mm.
+    let [bare, glazed] = [scene_of(mirror(), 1, &[wall(-20.0, 20.0, 100.0)]), {
+        let mut scene = scene_of(PANE, 1, &[wall(-20.0, 20.0, 60.0), wall(-20.0, 20.0, 100.0)]);
+        let optics = Optics { kind: mirror(), share: 1.0, roughness: 0.0 };
+        scene.materials.push(Material { reflectance: 0.0, optics: Some(optics), ..half_white() });
+        scene.surfaces[1].material = 2;
+        scene
+    }];
+    let [bare, glazed] = [bare, glazed].map(|scene| own_echoes(&ray(&scene, 0.0)));
+    let ([(bare, _)], [(pane, _), (glazed, path)]) = (&bare[..], &glazed[..]) else {
+        panic!("{bare:?} {glazed:?}")
+    };
+    assert!((pane.range - 60.0).abs() < 1e-9 && pane.part == 0);
+    assert!((glazed.range - 100.002).abs() < 1e-9 && (path.order, glazed.part) == (2, 1));
+    assert!((glazed.intensity / bare.intensity / 0.852071 - 1.0).abs() < 1e-4);
+    // Two mirrors at right angles turn light back beside its way: here the beam meets their edge.
+    let half = 20.0f64;
+    let corner = [
+        [DVec3::new(0.0, 50.0, -20.0), DVec3::new(-half, -half, 0.0), DVec3::Z * 40.0],
+        [DVec3::new(0.0, 50.0, -20.0), DVec3::new(half, -half, 0.0), DVec3::Z * 40.0],
+    ];
+    let aside = |x: f64, walls: &[[DVec3; 3]]| {
+        let scene = scene_of(mirror(), 2, &[&corner[..], walls].concat());
+        let (survey, options) = one_ray();
+        let aimed = Pulse { origin: DVec3::X * x, ..pulse(Rotation::IDENTITY) };
+        own_echoes(&simulate_pulses(&scene, &survey, options, 0, &[aimed]))
+    };
+    let [(echo, path)] = aside(0.01, &[])[..] else { panic!("{:?}", aside(0.01, &[])) };
+    assert!((echo.range - 50.0).abs() < 1e-5 && path.order == 1, "{echo:?} {path:?}");
+    assert!(aside(0.5, &[]).is_empty());
+    // A wall hides the way back, but not the way there.
+    assert!(aside(0.01, &[wall(-1.0, 0.0, 40.0)]).is_empty());
 }

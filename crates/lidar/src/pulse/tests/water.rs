@@ -52,9 +52,11 @@ fn the_bottom_has_the_refracted_place_and_the_light_of_the_closed_form() {
     {
         let [seen, alone] =
             [&scene, &bare].map(|scene| simulate_pulses(scene, &one_ray(), recorded(), 0, &turned(degrees)));
-        let ([bottom], [truth], [surface]) = (&seen.echoes[..], &seen.truths[..], &alone.echoes[..]) else {
+        let is_bottom = |i: &usize| seen.truths[*i].path.kind == PathKind::WaterBottom;
+        let (Some(i), [surface]) = ((0..seen.echoes.len()).find(is_bottom), &alone.echoes[..]) else {
             panic!("{degrees}°: {:?} {:?}", seen.echoes, alone.echoes)
         };
+        let (truth, bottom) = (seen.truths[i], seen.echoes[i]);
         assert_eq!(truth.path, EchoPath { kind: PathKind::WaterBottom, order: 1 });
         let (outer, sine) = (libm::cos(radians(degrees)), libm::sin(radians(degrees)));
         let inner = (1.0 - (sine / 1.34).powi(2)).sqrt();
@@ -122,7 +124,11 @@ fn waves_mirror_light_back_by_cox_and_munk_and_calm_water_drops_out_aside() {
         assert!((found / expected - 1.0).abs() < 0.04, "{degrees}°: {found}");
     }
     assert!(factor(calm, 0.0) > 0.5 && factor(calm, 20.0) < 1e-6);
-    assert_eq!(factor(WATER, 0.0), 0.0);
+    // Flat water is a mirror: the receiver of 150 mm takes its part of a beam of 30 mm at 200 m.
+    let share = 1.0 - libm::exp(-2.0 * (0.075f64 / 0.03).powi(2));
+    let expected = (0.34f64 / 2.34).powi(2) * share * (200.0f64 / 0.15).powi(2);
+    assert!((factor(WATER, 0.0) / expected - 1.0).abs() < 1e-6, "{}", factor(WATER, 0.0));
+    assert_eq!(factor(WATER, 10.0), 0.0);
 }
 
 #[test]
@@ -150,11 +156,11 @@ fn surface_and_bottom_are_returns_with_classes_of_bathymetry() {
 fn water_without_a_bottom_has_a_column() {
     let water = Water { backscatter: Water::BACKSCATTER, ..WATER };
     let mut scene = lake(water, 100.0, 5.0);
-    let kinds = |scene: &Scene| light_by_kind(scene, &tls(), &pulses(1)).map(|light| light > 0.0);
+    let kinds = |scene: &Scene| light_by_kind(scene, &tls(), &turned(10.0)).map(|light| light > 0.0);
     assert_eq!(kinds(&scene), [false, false, false, false, true, true]);
     scene.materials[0].reflectance = 0.0;
     let options = PhysicsOptions { record_truth: true, ..PhysicsOptions::refined() };
-    let batch = simulate(&scene, &tls(), options);
+    let batch = simulate_pulses(&scene, &tls(), options, 0, &turned(10.0));
     assert!(!batch.truths.is_empty(), "no echo of the column");
     assert!(batch.truths.iter().all(|truth| truth.path.kind == PathKind::WaterColumn), "{:?}", batch.truths);
 }
@@ -163,7 +169,7 @@ fn water_without_a_bottom_has_a_column() {
 fn water_that_takes_no_light_returns_none_but_that_of_its_bottom() {
     let clear = Water { backscatter: Water::BACKSCATTER, attenuation: 0.0, beam_attenuation: 0.0, ..WATER };
     let mut scene = lake(clear, 100.0, 5.0);
-    let kinds = |scene: &Scene| light_by_kind(scene, &tls(), &pulses(1)).map(|light| light > 0.0);
+    let kinds = |scene: &Scene| light_by_kind(scene, &tls(), &turned(10.0)).map(|light| light > 0.0);
     assert_eq!(kinds(&scene), [false, false, false, false, false, true]);
     scene.materials[0].reflectance = 0.0;
     assert_eq!(kinds(&scene), [false; 6]);
@@ -251,4 +257,27 @@ fn a_narrow_field_of_view_loses_light_that_water_scatters_forward() {
     let between = 0.4 * libm::exp(-0.85 * 0.5 * 0.006 * 75.0);
     assert!((bottom(Some(0.006)) / all / libm::exp(-2.0 * between * 5.0) - 1.0).abs() < 1e-3);
     assert!(bottom(Some(0.006)) < bottom(Some(0.018)));
+}
+
+#[test]
+fn clear_water_has_the_same_echoes_whether_its_light_ends_behind_the_last_surface_or_not() {
+    let windy = Water { slopes: [0.0143; 2], backscatter: Water::BACKSCATTER, attenuation: 1e-5, ..WATER };
+    for water in [windy, Water { slopes: [0.0; 2], ..windy }] {
+        for (depth, reflectance) in [(5.0, 0.5), (60.0, 0.5), (60.0, 0.0)] {
+            let mut scene = lake(water, 100.0, depth);
+            scene.materials[0].reflectance = reflectance;
+            let echoes = |record_waveforms: bool| {
+                let options = PhysicsOptions { record_waveforms, ..PhysicsOptions::refined() };
+                let pulses: Vec<Pulse> = (1..=40).map(|number| Pulse { number, ..turned(8.0)[0] }).collect();
+                simulate_pulses(&scene, &tls(), options, 0, &pulses).echoes
+            };
+            let (bounded, all) = (echoes(false), echoes(true));
+            assert!(!all.is_empty());
+            assert_eq!(bounded.len(), all.len(), "{depth} m, {reflectance}");
+            for (one, other) in bounded.iter().zip(&all) {
+                assert!((one.range - other.range).abs() < 1e-6, "{one:?} {other:?}");
+                assert!((one.intensity / other.intensity - 1.0).abs() < 1e-6, "{one:?} {other:?}");
+            }
+        }
+    }
 }

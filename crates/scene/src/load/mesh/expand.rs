@@ -103,7 +103,7 @@ fn expand<'r>(
             ..part.clone()
         });
     }
-    warn_of_unknown(scene, file, meshes.unknown);
+    warn_of_unknown(scene, file, (std::mem::take(&mut meshes.unknown), meshes.table.as_ref()));
     doubts::check_document(scene, part, around);
     if parts.is_empty() && !scene.diagnostics.is_fatal(false) {
         let message = "the glTF file shows no triangles and is left out";

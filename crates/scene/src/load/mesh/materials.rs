@@ -79,6 +79,13 @@ impl MaterialTable {
         material.place = row.place.clone();
     }
 
+    /// The names of the materials, in order.
+    pub fn names(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.rows.keys().map(String::as_str).collect();
+        names.sort_unstable();
+        names
+    }
+
     /// The materials, by name.
     pub fn definitions(&self) -> Vec<MaterialDefinition> {
         let mut all: Vec<_> = self.rows.values().cloned().collect();

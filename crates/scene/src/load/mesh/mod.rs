@@ -50,7 +50,7 @@ use materials::MaterialTable;
 use polygon::Fan;
 use std::collections::HashSet;
 use std::path::Path;
-use vlscan_base::diag::Place;
+use vlscan_base::diag::{Place, listed};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::recognise::{Expected, Foreign, foreign, is_off};
 use vlscan_formats::is_ply;
@@ -232,7 +232,7 @@ pub(crate) fn load(
     let table = table_of(scene, source.path(), reading);
     let mut unknown = Vec::new();
     let mesh = finish(scene, source.path(), table.as_ref(), raw, &mut unknown)?;
-    warn_of_unknown(scene, source.path(), unknown);
+    warn_of_unknown(scene, source.path(), (unknown, table.as_ref()));
     let Some(mesh) = mesh else { return Ok(()) };
     let by = DefinedBy::MeshFile(source.path().to_path_buf(), reading.materials.clone());
     let materials = scene.library.of(by, || mesh.materials().to_vec(), &mut scene.diagnostics);
@@ -258,8 +258,15 @@ fn table_of(scene: &mut SceneBuilder, path: &Path, reading: &MeshReading) -> Opt
     Some(table)
 }
 
-/// Warns of materials whose reflectance is not known.
-fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<String>) {
+/// Most names of a table in a message.
+const MAX_NAMES: usize = 8;
+
+/// Warns of materials whose reflectance is not known, and of which the table of the file has no line.
+fn warn_of_unknown(
+    scene: &mut SceneBuilder,
+    path: &Path,
+    (mut unknown, table): (Vec<String>, Option<&MaterialTable>),
+) {
     let mut seen = HashSet::new();
     unknown.retain(|name| seen.insert(name.clone()));
     if unknown.is_empty() {
@@ -267,8 +274,18 @@ fn warn_of_unknown(scene: &mut SceneBuilder, path: &Path, mut unknown: Vec<Strin
     }
     let names: Vec<String> = unknown.iter().map(|n| format!("\"{n}\"")).collect();
     let message = missing(&names, scene.options.rules);
-    let help = "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each \
-                material, gives reflectances from 0 to 1";
+    let help = table.map_or_else(
+        || {
+            "a file materials.csv beside it, with a line name,reflectance,class,ground and one for each \
+             material, gives reflectances from 0 to 1"
+                .to_owned()
+        },
+        |table| {
+            let names = table.names();
+            let names = if names.is_empty() { "none".to_owned() } else { listed(&names, MAX_NAMES) };
+            format!("{} has no line for it, but for: {names}", table.path().display())
+        },
+    );
     scene.diagnostics.warn(Some(Place::of_file(path)), message).help(help);
 }
 

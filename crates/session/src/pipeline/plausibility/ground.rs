@@ -4,7 +4,7 @@ use super::boxes::heights;
 use super::finding::Finding;
 use vlscan_base::quantity::metres;
 use vlscan_geom::{Aabb, DVec3};
-use vlscan_scene::Scene;
+use vlscan_scene::{Material, OpticsKind, Scene};
 use vlscan_trace::Tree;
 
 /// Maximum fraction of positions over the scene that may be below the ground, as in a valley of a coarse
@@ -24,6 +24,9 @@ const MIN_WALLS: usize = 2;
 /// Largest sine of the angle between a wall and the vertical.
 const MAX_LEAN: f64 = 0.3;
 
+/// Minimum fraction of positions in water at which a flight is taken to be in it.
+const MIN_SHARE_IN_WATER: f64 = 0.1;
+
 /// Maximum number of positions that are looked at over a scene of tiles, each of which may have to be loaded.
 const MAX_PLACES_OVER_TILES: usize = 8;
 
@@ -40,9 +43,12 @@ enum Side {
     Elsewhere,
 }
 
-/// Finds scanner positions (scene frame) below the terrain, and flights on its surface. The scanner is
-/// `mount` metres above its platform.
+/// Finds scanner positions (scene frame) in water or below the terrain, and flights on its surface. The
+/// scanner is `mount` metres above its platform.
 pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mount: f64) -> Option<Finding> {
+    if let Some(finding) = in_water(who, scene, tree, places) {
+        return Some(finding);
+    }
     let step = if scene.tiles.is_some() { places.len().div_ceil(MAX_PLACES_OVER_TILES) } else { 1 };
     let sides: Vec<Side> =
         places.iter().step_by(step.max(1)).map(|&place| side(scene, tree, place)).collect();
@@ -75,6 +81,34 @@ pub(super) fn check(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3], mou
             flight.min.z
         );
         Finding::new(message, heights(&platform, 0.0))
+    })
+}
+
+/// Finds scanner positions under the surface of water, where light is taken to be in air.
+fn in_water(who: &str, scene: &Scene, tree: &Tree, places: &[DVec3]) -> Option<Finding> {
+    let is_water = |material: &Material| {
+        material.optics.is_some_and(|optics| matches!(optics.kind, OpticsKind::Water(_)))
+    };
+    // Materials of tiles are not looked up.
+    if scene.tiles.is_some() || !scene.materials.iter().any(is_water) {
+        return None;
+    }
+    let level_above = |place: &DVec3| {
+        let hit = scene.nearest_where(tree, *place, DVec3::Z, |_, _| true)?;
+        is_water(scene.material_of(hit.primitive)).then_some(*place + DVec3::Z * hit.t)
+    };
+    let levels: Vec<(DVec3, DVec3)> = places
+        .iter()
+        .filter(|place| place.is_finite())
+        .filter_map(|place| Some((*place, level_above(place)?)))
+        .collect();
+    let (place, level) = levels.first().copied()?;
+    (levels.len() as f64 > MIN_SHARE_IN_WATER * places.len() as f64).then(|| {
+        let [height, level] = [place, level].map(|point| scene.to_world(point).z);
+        let message = format!("{who} is in water: its height is {height:.1}, the water's {level:.1}");
+        let help = "light is simulated as if the scanner were in air: raise it above the water, or lower the \
+                    level of the water";
+        Finding::new(message, help)
     })
 }
 

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `finding` | an implausible property of the input, with its remedy |
 //! | `boxes` | the box of the flight against that of the scene: zones, units, swapped axes, local coordinates |
-//! | `ground` | rays up and down from places of the flight: below the terrain, or on it |
+//! | `ground` | rays up and down from places of the flight: in water, below the terrain, or on it |
 //! | `angles` | angles as written against the course: radians read as degrees and the reverse |
 //! | `view` | beams of the flight: heights in feet or beyond the range, scanners that look up |
 //! | `poses` | a streamed flight, pose by pose |

@@ -161,9 +161,15 @@ impl YieldCheck<'_> {
         } else if let Some(advice) = self.limits_missed(log, ranges) {
             advice
         } else {
-            "the beams cross the scene's box but hit little: surfaces fill a small part of it; `vlscan scene \
-             info` shows what it contains"
-                .to_owned()
+            let has_optics = self.scene.materials.iter().any(|material| material.optics.is_some());
+            let or = match has_optics {
+                true => ", or are mirrors, panes and water that show nothing within reach",
+                false => "",
+            };
+            format!(
+                "the beams cross the scene's box but hit little: surfaces fill a small part of it{or}; \
+                 `vlscan scene info` shows what it contains"
+            )
         }
     }
 

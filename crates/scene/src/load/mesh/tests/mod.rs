@@ -245,6 +245,21 @@ fn warnings_about_materials_name_the_file_and_the_row_that_define_them() {
 }
 
 #[test]
+fn materials_without_a_line_are_reported_with_the_lines_of_their_table() {
+    for (table, expected) in [
+        ("name,reflectance\nrof,0.4\nwall,0.5\n", "has no line for it, but for: rof, wall"),
+        ("name,reflectance\n", "has no line for it, but for: none"),
+    ] {
+        let mut f = fixture("a.stl", SQUARE_STL.as_bytes());
+        f.file("materials.csv", table.as_bytes());
+        let files: Vec<PathBuf> = vec![f.path().join("a.stl")];
+        f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+        let (_, found) = f.load().unwrap_or_else(|e| panic!("{}", report(&e)));
+        assert!(found.text().contains(expected), "{table}: {}", found.text());
+    }
+}
+
+#[test]
 fn nodes_of_gltf_are_parts_of_shared_meshes() {
     // A parent that turns by 90° about y (up), a child shifted by 1 along x, a child stretched unevenly, one
     // that mirrors.

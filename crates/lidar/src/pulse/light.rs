@@ -1,0 +1,120 @@
+//! Light on its way over mirrors, through panes and into water: its state, and the surfaces that it meets.
+
+use super::echo::EchoPath;
+use super::foliage::{self, FreePaths, MediumEvent};
+use super::instrument::Instrument;
+use super::reflect::ShadedSurface;
+use super::reflections::PathEnd;
+use super::specular::Image;
+use super::view::{Interaction, STEP_BEHIND, SceneView};
+use vlscan_geom::DVec3;
+use vlscan_scene::Optics;
+use vlscan_trace::Hits;
+
+/// Minimum radius of a beam that a rough mirror widens, m.
+const MIN_RADIUS: f64 = 1e-3;
+
+/// Light that arrives at a mirror or pane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrival {
+    pub optics: Optics,
+    /// The mirror or pane.
+    pub primitive: u32,
+    pub at: DVec3,
+    pub direction: DVec3,
+    pub light: Light,
+}
+
+/// State of the light on a path.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Light {
+    pub subray: u32,
+    /// Optical length so far, m.
+    pub length: f64,
+    /// Share of the light of the subray, one way.
+    pub share: f64,
+    pub path: EchoPath,
+    /// Image of the transmitter, as long as it is sharp enough to send light straight back.
+    pub image: Option<Image>,
+}
+
+/// Light that leaves a mirror or pane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Departure {
+    /// The mirror or pane.
+    pub primitive: u32,
+    pub from: DVec3,
+    pub direction: DVec3,
+    /// Standard deviation of the slopes of the facets that spread the light, rad.
+    pub roughness: f64,
+    /// Factor by which light is slower than in vacuum.
+    pub slowness: f64,
+    pub light: Light,
+}
+
+/// Reflection at the end of a path.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    pub end: PathEnd,
+    pub subray: u32,
+    pub primitive: u32,
+    pub cosine: f64,
+    /// Optical length, m.
+    pub range: f64,
+}
+
+/// The mirror or pane that a primitive is. Voxels are opaque.
+pub(super) fn optics_of(view: &SceneView, primitive: u32) -> Option<Optics> {
+    if primitive == Hits::MISS || !view.is_triangle(primitive) {
+        return None;
+    }
+    view.scene.materials[view.surface(primitive).material as usize].optics
+}
+
+/// Unit normal of a mirror, pane or surface of water on the side that light of this direction meets.
+pub(super) fn normal_towards(view: &SceneView, primitive: u32, direction: DVec3) -> Option<DVec3> {
+    let mut surface = ShadedSurface::none(view);
+    surface.load(view, primitive);
+    let normal = surface.normal.filter(|normal| normal.is_finite())?;
+    Some(if normal.dot(direction) > 0.0 { -normal } else { normal })
+}
+
+/// The next surface on the way of light, or the foliage that intercepts it, and its distance, m.
+pub(super) fn next_surface(
+    view: &SceneView,
+    instrument: &Instrument,
+    departure: &Departure,
+    paths: &mut FreePaths,
+) -> Option<(Interaction, f64)> {
+    let Departure { primitive, from, direction, slowness, light, .. } = *departure;
+    let detector = &instrument.detector;
+    let mut way = STEP_BEHIND;
+    loop {
+        let start = from + direction * way;
+        let at = view.nearest_astray((start, direction), |i| i != primitive);
+        // False for a ray that misses, and for one that is not finite.
+        let length = light.length + slowness * way + slowness * at.t;
+        let is_in_reach = at.primitive != Hits::MISS && length <= detector.range_max;
+        if !is_in_reach {
+            return None;
+        }
+        let (scene, local) = view.locate(at.primitive);
+        let ray = (start, direction);
+        match foliage::medium_event(scene, &detector.corrections, local, ray, at.t, paths) {
+            MediumEvent::Scatter(depth) => return Some((at, way + at.t + depth)),
+            MediumEvent::Lost => return None,
+            MediumEvent::Exit(exit) => way += exit + STEP_BEHIND,
+        }
+    }
+}
+
+/// Square root of the share of light that returns from a surface `way` m behind a rough mirror: facets of
+/// slope σ turn rays by 2σ, so that both the spot on the surface, of radius w over a polished mirror, and the
+/// view of the receiver widen by 4σ·way. They overlap by w²/(w² + (4σ·way)²).
+pub(super) fn spread_share(instrument: &Instrument, roughness: f64, way: f64, length: f64) -> f64 {
+    if roughness == 0.0 {
+        return 1.0;
+    }
+    let radius = (instrument.footprint_angle * length).max(MIN_RADIUS);
+    radius / libm::hypot(radius, 4.0 * roughness * way)
+}
