@@ -32,7 +32,7 @@ impl Layout {
     /// then.
     pub fn split(&self, line: &[u8], words: &mut Vec<Range<usize>>) {
         words.clear();
-        words.extend(self.separator.split(line));
+        self.separator.split_into(line, words);
         let is_full = self.named.is_none() && self.columns.get(Attribute::Object) == Some(OBJECT_COLUMN);
         if is_full && words.len() == FULL_COLUMNS - 1 && self.separator == Separator::Blanks {
             words.insert(OBJECT_COLUMN, 0..0);
