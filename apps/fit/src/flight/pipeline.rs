@@ -161,10 +161,11 @@ impl FlightFit {
 
     fn scanner_rows(&self, files: &FlightFiles) -> Vec<Row> {
         let (model, p) = (&self.solution.model, &self.solution.model.parameters);
+        let scan_angle = Row::number("scan_angle_max_deg", degrees(self.scan_angle()));
         let mut rows = vec![
             Row::text("id", "fitted"),
             Row::text("optics", model.mirror.optics()),
-            Row::number("scan_angle_max_deg", degrees(self.scan_angle())),
+            Row { comment: self.doubt_of_sweeps(), ..scan_angle },
         ];
         if model.mirror == Mirror::EllipticCone {
             rows.push(Row::number("scan_angle_along_max_deg", degrees(p.mirror.angle_along.abs())));

@@ -3,7 +3,8 @@
 use super::FlightFit;
 use super::mirror::Mirror;
 use super::model::{MAX_CHANNELS, MAX_FACETS};
-use libm::{hypot, tan};
+use super::recording::Pulse;
+use libm::{atan2, hypot, tan};
 use serde::Serialize;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::fixed;
@@ -118,7 +119,10 @@ impl FlightFit {
                 self.add_facets_and_channels(figures);
             }
             Mirror::Oscillating | Mirror::Turning | Mirror::Sine => {
-                figures.add_angle("half angle", self.half_angle(), Some(of_angle));
+                let [smallest, largest] = self.half_angles();
+                // That of a uniform distribution between the bounds.
+                let of_reversals = (largest - smallest) / 12f64.sqrt();
+                figures.add_angle("half angle", largest, Some(hypot(of_angle, of_reversals)));
                 figures.add("periods", p.rate, Some(d.rate), "1/s");
                 if self.solution.model.mirror == Mirror::Turning {
                     figures.add("share of a sweep in reversals", p.turning, Some(d.turning), "");
@@ -139,6 +143,26 @@ impl FlightFit {
         }
         let pulses_of_sweep = self.rate.mean / (2.0 * mirror.rate.abs());
         mirror.angle.abs() * (1.0 - (REVERSAL / pulses_of_sweep).min(0.5))
+    }
+
+    /// Smallest and largest half angle of an oscillating mirror that explain its lines, rad.
+    ///
+    /// The bounds differ where the ends of sweeps are not in the cloud. The outermost pulse is within the
+    /// half angle, and a mirror that reverses all the time has half the angle of one that moves evenly, if
+    /// both have the same speed in the middle.
+    pub(super) fn half_angles(&self) -> [f64; 2] {
+        let model = &self.solution.model;
+        let (p, phase) = (&model.parameters.mirror, model.parameters.channels[0].phase);
+        let largest = self.half_angle();
+        if model.mirror != Mirror::Oscillating {
+            return [largest; 2];
+        }
+        let angle = |pulse: &Pulse| {
+            let beam = model.mirror.direction(p, phase, pulse.time);
+            atan2(beam.x, -beam.z).abs()
+        };
+        let outermost = self.recording.pulses.iter().map(angle).fold(0.5 * p.angle.abs(), f64::max);
+        [outermost.min(largest), largest]
     }
 
     fn add_facets_and_channels(&self, figures: &mut Figures) {

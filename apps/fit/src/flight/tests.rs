@@ -194,6 +194,16 @@ fn the_rate_of_a_thinned_cloud_is_that_of_the_pulses_that_left() {
 }
 
 #[test]
+fn the_rate_of_every_tenth_pulse_is_that_of_the_pulses_that_left() {
+    let truth = model(Mirror::Polygon, radians(58.0), 90.0);
+    let pulses = flown(&truth, |_| 5e-6, 3.0).into_iter().step_by(10).collect();
+    let recording = Recording::new(pulses).unwrap();
+    let rate = PulseRate::of(&recording, &known(&truth));
+    assert!((rate.mean / 200_000.0 - 1.0).abs() < 1e-4 && rate.is_constant(), "{}", rate.mean);
+    assert!((0.85..0.91).contains(&rate.lost), "{}", rate.lost);
+}
+
+#[test]
 fn a_rate_that_follows_the_mirror_is_told() {
     let truth = model(Mirror::Cone, radians(20.0), 140.0);
     // Longer intervals in a part of the circle, which falls into the square.
