@@ -132,7 +132,10 @@ impl FlightFit {
         );
         document.line("");
         document.comment("scene = \"scene.xml\"         # what is scanned; or vlscan run --scene");
-        let Some(wkt) = &self.recording.wkt else { return };
+        let Some(wkt) = &self.recording.wkt else {
+            document.comment("no crs: the cloud names none, and its coordinates are taken for metres");
+            return;
+        };
         match unit_problem(wkt) {
             None => {
                 let crs = epsg(wkt).map_or_else(|| wkt.clone(), |(_, code)| format!("EPSG:{code}"));

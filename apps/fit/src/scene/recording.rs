@@ -194,8 +194,8 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
     let (recording, by) = assemble(&sink.returns, has_times).map_err(|problem| {
         Error::input_with_help(
             format!("{name}: {problem}"),
-            "use the cloud as the instrument delivered it, with the time of each pulse and the numbers of its \
-             returns",
+            "use the cloud as the instrument delivered it, with the time of each pulse and the numbers of \
+             its returns",
         )
     })?;
     if by == GroupedBy::Order {
