@@ -22,7 +22,7 @@ const MIN_CELLS: usize = 20;
 /// ASPRS class of ground.
 const GROUND: u8 = 2;
 /// Plausible noise of ranges with the roughness of the ground, m.
-const NOISES: std::ops::RangeInclusive<f64> = 0.0002..=0.3;
+const NOISES: std::ops::RangeInclusive<f64> = 0.0002..=0.1;
 /// Maximum plausible standard deviation of the noise, over the noise.
 const MAX_DEVIATION: f64 = 0.25;
 /// A tenth of the cells scatters less than the median cell by this factor where cells lie on surfaces of
@@ -223,7 +223,7 @@ mod tests {
         let all: Vec<usize> = (0..16).collect();
         assert!(spread(&cell(&grid, |_| 0.0), &all).unwrap() < 1e-9);
         // Heights that no surface of second degree follows: signs of a chequerboard.
-        let noise = |k: usize| if (k % 4 + k / 4) % 2 == 0 { 0.01 } else { -0.01 };
+        let noise = |k: usize| if (k % 4 + k / 4).is_multiple_of(2) { 0.01 } else { -0.01 };
         let found = spread(&cell(&grid, noise), &all).unwrap();
         // The sum of x·y·sign and so on is not 0, so that the surface follows some of them.
         assert!((0.010..0.0135).contains(&found), "{found}");
