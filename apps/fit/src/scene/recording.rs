@@ -172,13 +172,15 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
              first, for example: pdal translate {name} classified.laz smrf"
         )));
     }
+    // The one time of returns without numbers is none.
+    let has_times = has(Attribute::Time) && kept().any(|r| r.of > 1 || r.time != first.time);
     let mut warn = |message: &str| {
         found.warn(Some(Place::of_file(path)), message);
     };
     if sink.skipped > 0 {
         warn(&format!("{} points without coordinates are ignored", sink.skipped));
     }
-    if !has(Attribute::Time) {
+    if !has_times {
         warn("the cloud has no times of pulses; each point counts as a separate pulse");
     }
     let has_numbers = has(Attribute::NumberOfReturns) && has(Attribute::ReturnNumber);
@@ -188,7 +190,6 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
              of its pulse",
         );
     }
-    let has_times = has(Attribute::Time);
     let has_scan_angles = has(Attribute::ScanAngle) && kept().any(|r| r.scan_angle != first.scan_angle);
     let noise = sink.noise;
     let (recording, by) = assemble(&sink.returns, has_times).map_err(|problem| {
