@@ -128,7 +128,9 @@ impl PulseRate {
         if rate.dither.iter().all(|factor| (factor - 1.0).abs() < smallest) {
             rate.dither.clear();
         }
-        if let Some(clock) = thinned_clock(recording, finer.error) {
+        // Intervals that repeat are those of the instrument, also where they are multiples of a clock's.
+        let has_pattern = !rate.dither.is_empty() || rate.pattern.is_some();
+        if let Some(clock) = thinned_clock(recording, finer.error).filter(|_| !has_pattern) {
             rate.take_clock(clock);
         }
         rate
