@@ -143,7 +143,7 @@ struct Surface {
 }
 
 impl Surface {
-    /// `None` for too few pulses.
+    /// The surface through the pulses of a cell; `None` for too few pulses.
     fn of(recording: &Recording, cell: &[usize]) -> Option<Surface> {
         let origin = recording.pulses[*cell.first()?].position;
         let offset = |i: &usize| recording.pulses[*i].position - origin;

@@ -86,7 +86,7 @@ impl FlightFit {
         figures.add("course", course, Some(degrees(of_speed / speed)), "deg");
         let above = self.height_above_points();
         // Least squares assume independent errors of the angles; a part of the error is common to all angles.
-        let of_height = hypot(d.position.z, solution.scale_deviation(&self.recording) * above);
+        let of_height = self.with_scale(d.position.z, above);
         figures.add("height of the platform", p.position.z + self.recording.origin.z, Some(of_height), "m");
         figures.add("height above the points", above, Some(of_height), "m");
         figures.add("climb", p.velocity.z, Some(d.velocity.z), "m/s");
@@ -94,10 +94,20 @@ impl FlightFit {
         figures.add_angle("pitch", p.pitch, Some(d.pitch));
     }
 
+    /// Standard deviation of `value`, a height or an angle of the mirror, by that of least squares and by the
+    /// error that all scan angles have in common. Within the rounding to degrees least squares do not see
+    /// the angles, but the rounding bounds them.
+    fn with_scale(&self, deviation: f64, value: f64) -> f64 {
+        let of_scale = self.solution.scale_deviation(&self.recording) * value;
+        match self.recording.has_whole_angles() {
+            true => hypot(deviation.min(of_scale), of_scale),
+            false => hypot(deviation, of_scale),
+        }
+    }
+
     fn add_mirror(&self, figures: &mut Figures) {
         let (p, d) = (&self.solution.model.parameters.mirror, &self.solution.deviations.mirror);
-        let scale = self.solution.scale_deviation(&self.recording);
-        let of_angle = hypot(d.angle, scale * p.angle);
+        let of_angle = self.with_scale(d.angle, p.angle.abs());
         match self.solution.model.mirror {
             Mirror::Cone => {
                 figures.add_angle("half angle of the cone", p.angle, Some(of_angle));
@@ -107,7 +117,7 @@ impl FlightFit {
             }
             Mirror::EllipticCone => {
                 figures.add_angle("half angle across the flight", p.angle.abs(), Some(of_angle));
-                let of_along = hypot(d.angle_along, scale * p.angle_along);
+                let of_along = self.with_scale(d.angle_along, p.angle_along.abs());
                 figures.add_angle("half angle along the flight", p.angle_along.abs(), Some(of_along));
                 figures.add("revolutions", p.rate.abs(), Some(d.rate), "1/s");
                 figures.add_angle("yaw of the ellipse", p.yaw, Some(d.yaw));
