@@ -54,6 +54,13 @@ pub enum PulseGroupsError {
          pulse do not follow each other in the file: its pulses cannot be told"
     )]
     CoarseTimes(usize),
+    /// Returns share times, and none has a number above 1. The number of returns that have the flight line,
+    /// channel and time of another one.
+    #[error(
+        "{0} returns have the flight line, channel and time of another one, but all are the only return of \
+         their pulse: the return numbers are lost, or the times are too coarse"
+    )]
+    NoNumbers(usize),
 }
 
 /// The returns of a cloud, by pulse.
@@ -74,13 +81,17 @@ impl PulseGroups {
     /// the order in the file.
     ///
     /// # Errors
-    /// Times that several pulses share, in files whose returns are not in the order of pulses.
+    /// Times that several pulses share, in files whose returns are not in the order of pulses or have no
+    /// numbers.
     pub fn of(keys: &[PulseKey]) -> Result<PulseGroups, PulseGroupsError> {
         let by_time = PulseGroups::by_time(keys);
         if PulseGroups::are_distinct(by_time.ambiguous, by_time.pulses.len()) {
             return Ok(by_time);
         }
         let ambiguous = by_time.ambiguous;
+        if keys.iter().all(|key| key.number <= 1 && key.of <= 1) {
+            return Err(PulseGroupsError::NoNumbers(ambiguous));
+        }
         let is_first = |i: usize| i == 0 || !keys[i].continues(&keys[i - 1]);
         let starts: Vec<usize> = (0..keys.len()).filter(|i| is_first(*i)).collect();
         let ends = starts.iter().skip(1).copied().chain([keys.len()]);
@@ -180,6 +191,17 @@ mod tests {
         let mut keys = keys(5e-3);
         keys.sort_by_key(|key| (key.source, key.number));
         assert!(matches!(PulseGroups::of(&keys), Err(PulseGroupsError::CoarseTimes(1001..))));
+    }
+
+    /// The only returns of pulses that share times, or several returns that have lost their numbers.
+    #[test]
+    fn only_returns_that_share_times_are_an_error() {
+        let keys = |step: f64| -> Vec<PulseKey> {
+            let time = |i: u16| libm::floor(f64::from(i) / step);
+            (0..1000).map(|i| PulseKey { time: time(i), number: 1, of: 1, ..PulseKey::default() }).collect()
+        };
+        assert_eq!(PulseGroups::of(&keys(1.0)).unwrap().pulses.len(), 1000);
+        assert_eq!(PulseGroups::of(&keys(2.0)), Err(PulseGroupsError::NoNumbers(500)));
     }
 
     #[test]

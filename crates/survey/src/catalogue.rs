@@ -54,11 +54,11 @@ mod tests {
     fn every_entry_loads_without_a_warning() {
         let (catalogue, warnings) = catalogue().unwrap_or_else(|e| panic!("{e}"));
         assert!(warnings.is_empty(), "{}", warnings.render(false));
-        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (56, 12));
+        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (58, 12));
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();
         names.dedup();
-        assert_eq!(names.len(), 56);
+        assert_eq!(names.len(), 58);
     }
 
     #[test]
@@ -98,6 +98,8 @@ mod tests {
             ("#velodyne_hdl-32e", 695e3, 32, (-30.67, 10.67), 905.0),
             ("#hesai_pandar128", 2.304e6, 128, (-25.016, 14.436), 905.0),
             ("#hesai_xt32", 640e3, 32, (-16.0, 15.0), 905.0),
+            ("#hesai_xt32m2x", 640e3, 32, (-20.8, 19.5), 905.0),
+            ("#hesai_xt16", 320e3, 16, (-15.0, 15.0), 905.0),
             ("#ouster_os0-128", 2_621_440.0, 128, (-46.0, 46.0), 865.0),
             ("#ouster_os1-128", 2_621_440.0, 128, (-21.48, 21.48), 865.0),
             ("#ouster_os2-128", 2_621_440.0, 128, (-10.93, 10.93), 865.0),

@@ -7,6 +7,10 @@ use vlscan_base::diag::{Diagnostics, Place};
 /// Minimum share of lost pulses that is checked, and its maximum standard deviation over the share.
 const MIN_LOST: f64 = 0.005;
 const MAX_LOST_DEVIATION: f64 = 0.5;
+/// Share of the pulses without their first return above which points have been removed from the cloud.
+const MAX_PARTIAL: f64 = 0.02;
+/// ASPRS class of ground.
+const GROUND: u8 = 2;
 
 /// A key of the pipeline file whose estimate is not plausible.
 #[derive(Clone, Debug)]
@@ -24,12 +28,16 @@ impl FlightFit {
         }
         let rate = &self.rate;
         let is_uncertain = rate.lost_deviation > MAX_LOST_DEVIATION * rate.lost;
-        if (MIN_LOST..MAX_LOST_SHARE).contains(&rate.lost) && is_uncertain {
-            let reason = format!(
-                "the share of lost pulses, {:.2} %, is uncertain by {:.2} %",
-                100.0 * rate.lost,
-                100.0 * rate.lost_deviation
-            );
+        let removed = self.removed_points().or_else(|| {
+            is_uncertain.then(|| {
+                format!(
+                    "the share of lost pulses, {:.2} %, is uncertain by {:.2} %",
+                    100.0 * rate.lost,
+                    100.0 * rate.lost_deviation
+                )
+            })
+        });
+        if let Some(reason) = removed.filter(|_| (MIN_LOST..MAX_LOST_SHARE).contains(&rate.lost)) {
             doubts.push(Doubt { key: "dropout_rate", reason });
         }
         if self.has_varying_rate() && !rate.has_plausible_range() {
@@ -41,6 +49,22 @@ impl FlightFit {
             doubts.push(Doubt { key: "pulse_times", reason });
         }
         doubts
+    }
+
+    /// The reason why pulses may be missing because their points have been removed from the cloud.
+    fn removed_points(&self) -> Option<String> {
+        let recording = &self.recording;
+        if recording.partial > MAX_PARTIAL {
+            let share = 100.0 * recording.partial;
+            return Some(format!(
+                "{share:.0} % of the pulses lack their first return: points have been removed from the cloud"
+            ));
+        }
+        recording.pulses.iter().all(|pulse| pulse.class == GROUND).then(|| {
+            "all points are of class 2 (ground): points of other surfaces may have been removed from the \
+             cloud"
+                .to_owned()
+        })
     }
 
     /// Warns of each key that is left out.

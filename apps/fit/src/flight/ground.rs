@@ -1,21 +1,28 @@
-//! Noise of ranges, by the heights of points about the ground around them.
+//! Noise of ranges, by the heights of points about the curved ground around them.
 
 use super::recording::{Pulse, Recording};
 use super::solution::Solution;
 use libm::cos;
 use std::collections::HashMap;
-use vlscan_geom::{DVec3, LeastSquares, median};
+use vlscan_geom::{DVec2, DVec3, LeastSquares, median, radians};
 
-/// Width of the cells in which the ground counts as a plane, in mean distances between points.
+/// Width of the cells in which the ground counts as a smooth surface, in mean distances between points.
 const CELL_SPACINGS: f64 = 4.0;
-/// Minimum number of pulses in a cell for a plane.
-const MIN_PULSES: usize = 8;
+/// Unknowns of the surfaces of a cell, in the order in which they are tried: of second degree, plane.
+const SURFACES: [usize; 2] = [6, 3];
+/// Minimum number of pulses in a cell beyond the unknowns of its surface.
+const MIN_FREEDOM: usize = 5;
+/// Pivot, over its diagonal element, below which the pulses of a cell do not determine its surface.
+const MIN_PIVOT: f64 = 1e-9;
+/// Maximum angle of beams from the vertical, degrees: of a more slanted beam, the rounding of heights hides
+/// the noise of its range.
+const MAX_SLANT: f64 = 60.0;
 /// Minimum number of cells.
 const MIN_CELLS: usize = 20;
 /// ASPRS class of ground.
 const GROUND: u8 = 2;
 /// Plausible noise of ranges with the roughness of the ground, m.
-const NOISES: std::ops::RangeInclusive<f64> = 0.0002..=0.3;
+const NOISES: std::ops::RangeInclusive<f64> = 0.0002..=0.1;
 /// Maximum plausible standard deviation of the noise, over the noise.
 const MAX_DEVIATION: f64 = 0.25;
 /// A tenth of the cells scatters less than the median cell by this factor where cells lie on surfaces of
@@ -56,14 +63,17 @@ impl RangeScatter {
 
 /// Standard deviation of ranges to smooth ground, including its roughness; `None` without enough points.
 ///
-/// Planes are fitted to the single returns of small cells, of class ground where there are any; the median of
-/// their residuals counts, corrected for the degrees of freedom, so that cells with bushes have no effect.
+/// Surfaces of second degree are fitted to the single returns of small cells, of class ground where there are
+/// any, or planes where the returns are too few. The median of their residuals counts, corrected for the
+/// degrees of freedom, so that cells with bushes have no effect.
 pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<RangeScatter> {
     let has_ground =
         recording.pulses.iter().filter(|pulse| pulse.class == GROUND).count() > recording.pulses.len() / 10;
     let is_used = |i: &usize| {
         let pulse = &recording.pulses[*i];
-        pulse.returns == 1 && (!has_ground || pulse.class == GROUND)
+        pulse.returns == 1
+            && (!has_ground || pulse.class == GROUND)
+            && -beam(pulse, solution).z >= cos(radians(MAX_SLANT))
     };
     let used: Vec<usize> = recording.lines.iter().flat_map(|line| line.clone()).filter(is_used).collect();
     let spacing = spacing(recording, &used);
@@ -75,9 +85,10 @@ pub fn range_noise(recording: &Recording, solution: &Solution) -> Option<RangeSc
         cells.entry(cell).or_default().push(*i);
     }
     let mut spreads = Vec::new();
-    for cell in cells.values().filter(|cell| cell.len() >= MIN_PULSES) {
-        if let Some(spread) = plane_spread(recording, cell) {
-            spreads.push(spread * slant(&recording.pulses[cell[0]], solution));
+    for cell in cells.values() {
+        if let Some(surface) = Surface::of(recording, cell) {
+            let beam = beam(&recording.pulses[cell[0]], solution);
+            spreads.push(surface.spread / surface.height_by_range(beam));
         }
     }
     scatter_of_cells(spreads, has_ground)
@@ -104,12 +115,9 @@ fn scatter_of_cells(mut spreads: Vec<f64>, has_ground: bool) -> Option<RangeScat
     })
 }
 
-/// Range that changes with a height, per m: the reciprocal of the cosine of the beam's angle from the
-/// vertical.
-fn slant(pulse: &Pulse, solution: &Solution) -> f64 {
-    let attitude = solution.attitude(pulse.time);
-    let beam = solution.model.direction(&attitude, usize::from(pulse.channel), pulse.time);
-    1.0 / (-beam.z).max(cos(1.5))
+/// Direction of the beam of a pulse, unit vector.
+fn beam(pulse: &Pulse, solution: &Solution) -> DVec3 {
+    (pulse.position - solution.model.position(pulse.time)).normalize()
 }
 
 /// Mean distance between points, m, by the cells of a coarse grid that hold any.
@@ -125,18 +133,46 @@ fn spacing(recording: &Recording, used: &[usize]) -> f64 {
     COARSE / median(counts).unwrap_or(1.0).max(1.0).sqrt()
 }
 
-/// Standard deviation of heights from their plane, m.
-fn plane_spread(recording: &Recording, cell: &[usize]) -> Option<f64> {
-    let origin = recording.pulses[cell[0]].position;
-    let offset = |i: &usize| recording.pulses[*i].position - origin;
-    let mut sums = LeastSquares::new(3);
-    for d in cell.iter().map(offset) {
-        sums.add(&[d.x, d.y, 1.0], d.z, 1.0);
+/// A smooth surface through the pulses of a cell.
+#[derive(Clone, Copy, Debug)]
+struct Surface {
+    /// Standard deviation of heights from it, m, such that its median over many cells is that of the heights.
+    spread: f64,
+    /// Its gradient at the first pulse.
+    slope: DVec2,
+}
+
+impl Surface {
+    /// The surface through the pulses of a cell; `None` for too few pulses.
+    fn of(recording: &Recording, cell: &[usize]) -> Option<Surface> {
+        let origin = recording.pulses[*cell.first()?].position;
+        let offset = |i: &usize| recording.pulses[*i].position - origin;
+        let terms = |d: DVec3| [1.0, d.x, d.y, d.x * d.x, d.x * d.y, d.y * d.y];
+        SURFACES.iter().filter(|unknowns| cell.len() >= *unknowns + MIN_FREEDOM).find_map(|unknowns| {
+            let mut sums = LeastSquares::new(*unknowns);
+            for d in cell.iter().map(offset) {
+                sums.add(&terms(d)[..*unknowns], d.z, 1.0);
+            }
+            let surface = sums.matrix.scaled_cholesky(0.0, MIN_PIVOT)?.solve(&sums.right);
+            let height = |d: DVec3| surface.iter().zip(terms(d)).map(|(a, b)| a * b).sum::<f64>();
+            let squares: f64 = cell.iter().map(offset).map(|d| (d.z - height(d)).powi(2)).sum();
+            let freedom = (cell.len() - unknowns) as f64;
+            Some(Surface {
+                spread: (squares / (freedom * median_of_chi_square(freedom))).sqrt(),
+                slope: DVec2::new(surface[1], surface[2]),
+            })
+        })
     }
-    let plane = DVec3::from_slice(&sums.solution()?);
-    let residual = |d: DVec3| d.z - plane.dot(DVec3::new(d.x, d.y, 1.0));
-    let squares: f64 = cell.iter().map(|i| residual(offset(i)).powi(2)).sum();
-    Some((squares / (cell.len() - 3) as f64).sqrt())
+
+    /// Height over the surface of a point that is recorded 1 m too far along the beam, m.
+    fn height_by_range(&self, beam: DVec3) -> f64 {
+        (beam.z - self.slope.dot(beam.truncate())).abs().max(cos(1.5))
+    }
+}
+
+/// Median of χ² over its degrees of freedom (Wilson & Hilferty 1931).
+fn median_of_chi_square(freedom: f64) -> f64 {
+    (1.0 - 2.0 / (9.0 * freedom)).powi(3)
 }
 
 #[cfg(test)]
@@ -157,5 +193,65 @@ mod tests {
         let ground = scatter_of_cells((0..200).map(|k| 0.02 + 1e-4 * f64::from(k % 20)).collect(), false);
         assert!(ground.unwrap().doubt().is_none() && ground.unwrap().deviation > 0.0);
         assert!(scatter_of_cells(vec![0.02; 5], true).is_none());
+    }
+
+    /// A cell of these pulses on a bowl, with residuals of these heights, m.
+    fn cell(places: &[(f64, f64)], residual: impl Fn(usize) -> f64) -> Recording {
+        // Enough pulses for a recording; the others are not in the cell.
+        let place = |k: usize| places.get(k).copied().unwrap_or((1e3 + k as f64, 0.0));
+        let pulse = |k: usize| {
+            let (x, y) = place(k);
+            let height = 0.05 * x * x - 0.03 * x * y + 0.2 * y + residual(k);
+            Pulse {
+                time: 1e-5 * k as f64,
+                position: DVec3::new(x, y, height),
+                angle: 0.0,
+                returns: 1,
+                class: GROUND,
+                last: None,
+                file_channel: 0,
+                channel: 0,
+            }
+        };
+        Recording::new((0..500).map(pulse).collect()).unwrap()
+    }
+
+    #[test]
+    fn curved_ground_is_no_noise() {
+        let spread = |of: &Recording, cell: &[usize]| Surface::of(of, cell).map(|surface| surface.spread);
+        let grid: Vec<(f64, f64)> = (0..16).map(|k| (f64::from(k % 4), f64::from(k / 4))).collect();
+        let all: Vec<usize> = (0..16).collect();
+        assert!(spread(&cell(&grid, |_| 0.0), &all).unwrap() < 1e-9);
+        // Heights that no surface of second degree follows: signs of a chequerboard.
+        let noise = |k: usize| if (k % 4 + k / 4).is_multiple_of(2) { 0.01 } else { -0.01 };
+        let found = spread(&cell(&grid, noise), &all).unwrap();
+        // The sum of x·y·sign and so on is not 0, so that the surface follows some of them.
+        assert!((0.010..0.0135).contains(&found), "{found}");
+        // Planes of fewer pulses, of which the bowl is a part of the noise.
+        let eight: Vec<usize> = (0..8).collect();
+        assert!(spread(&cell(&grid, |_| 0.0), &eight).unwrap() > 0.005);
+        assert!(spread(&cell(&grid, |_| 0.0), &eight[..7]).is_none());
+        assert!(spread(&cell(&grid, |_| 0.0), &[]).is_none());
+        // Two lines determine a plane, but no curvature across.
+        let lines: Vec<(f64, f64)> = (0..16).map(|k| (f64::from(k % 8), f64::from(k / 8))).collect();
+        assert!(spread(&cell(&lines, |_| 0.0), &all).is_some());
+    }
+
+    #[test]
+    fn heights_over_slopes_change_with_the_range_of_beams_from_either_side() {
+        let rising = Surface { spread: 0.0, slope: DVec2::new(0.5, 0.0) };
+        let to_the_right = DVec3::new(0.6, 0.0, -0.8);
+        // 0.8 m down and 0.6 m to the right, where the surface is 0.3 m higher.
+        assert!((rising.height_by_range(to_the_right) - 1.1).abs() < 1e-12);
+        assert!((rising.height_by_range(DVec3::new(-0.6, 0.0, -0.8)) - 0.5).abs() < 1e-12);
+        assert_eq!(rising.height_by_range(-DVec3::Z), 1.0);
+    }
+
+    #[test]
+    fn the_median_of_few_residuals_is_that_of_many() {
+        // Medians of χ² of 5, 10 and 13 degrees of freedom.
+        for (freedom, expected) in [(5.0, 4.351), (10.0, 9.342), (13.0, 12.340)] {
+            assert!((median_of_chi_square(freedom) - expected / freedom).abs() < 3e-3, "{freedom}");
+        }
     }
 }

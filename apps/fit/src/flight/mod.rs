@@ -15,11 +15,13 @@
 //! | `model`, `mirror`, `parameters` | intersection of the beam of a flown scanner with the ground |
 //! | `solve`, `solution` | least squares for parameters and attitudes |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
+//! | `clock` | the pulses of thinned clouds |
 //! | `ground` | noise of ranges |
 //! | `doubts` | estimates that are not plausible, which are left out |
 //! | `error` | reasons why no flight is fitted |
 //! | `report`, `write`, `pipeline` | figures with uncertainties; written files; text of the pipeline file |
 
+mod clock;
 mod cones;
 mod doubts;
 mod error;
@@ -96,6 +98,8 @@ const MAX_EXTENSION: f64 = 86_400.0;
 const DOUBTFUL_RESIDUAL: f64 = 0.15;
 /// Relative deviation of the height above which a warning is issued.
 const DOUBTFUL_SCALE: f64 = 0.01;
+/// Relative difference of the bounds of a half angle above which a warning is issued.
+const DOUBTFUL_SWEEP: f64 = 0.03;
 
 /// Choices of a fit.
 #[derive(Clone, Debug, Default)]
@@ -228,6 +232,22 @@ impl FlightFit {
             );
             found.warn(Some(Place::of_file(&self.cloud)), message).help("fit a wider part of the swath");
         }
+        if let Some(message) = self.doubt_of_sweeps() {
+            found.warn(Some(Place::of_file(&self.cloud)), message).help("fit a wider part of the swath");
+        }
+    }
+
+    /// Bounds of the half angle of an oscillating mirror as text, if they differ.
+    fn doubt_of_sweeps(&self) -> Option<String> {
+        let [smallest, largest] = self.half_angles();
+        (largest - smallest > DOUBTFUL_SWEEP * largest).then(|| {
+            format!(
+                "the reversals of the mirror are not in the cloud: its half angle is between {:.1} and \
+                 {:.1}°, and the larger one is written",
+                degrees(smallest),
+                degrees(largest)
+            )
+        })
     }
 
     /// Warns of a pulse rate or a range noise that is doubtful.

@@ -132,7 +132,10 @@ impl FlightFit {
         );
         document.line("");
         document.comment("scene = \"scene.xml\"         # what is scanned; or vlscan run --scene");
-        let Some(wkt) = &self.recording.wkt else { return };
+        let Some(wkt) = &self.recording.wkt else {
+            document.comment("no crs: the cloud names none, and its coordinates are taken for metres");
+            return;
+        };
         match unit_problem(wkt) {
             None => {
                 let crs = epsg(wkt).map_or_else(|| wkt.clone(), |(_, code)| format!("EPSG:{code}"));
@@ -161,10 +164,11 @@ impl FlightFit {
 
     fn scanner_rows(&self, files: &FlightFiles) -> Vec<Row> {
         let (model, p) = (&self.solution.model, &self.solution.model.parameters);
+        let scan_angle = Row::number("scan_angle_max_deg", degrees(self.scan_angle()));
         let mut rows = vec![
             Row::text("id", "fitted"),
             Row::text("optics", model.mirror.optics()),
-            Row::number("scan_angle_max_deg", degrees(self.scan_angle())),
+            Row { comment: self.doubt_of_sweeps(), ..scan_angle },
         ];
         if model.mirror == Mirror::EllipticCone {
             rows.push(Row::number("scan_angle_along_max_deg", degrees(p.mirror.angle_along.abs())));

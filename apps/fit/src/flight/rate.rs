@@ -1,6 +1,7 @@
 //! Times of pulses: their mean rate, its dependence on the phase of the mirror, its deviations from line to
 //! line, and intervals that repeat.
 
+use super::clock::{Clock, thinned_clock};
 use super::model::Model;
 use super::recording::Recording;
 use super::repeat::{LinePattern, interval_pattern};
@@ -127,7 +128,23 @@ impl PulseRate {
         if rate.dither.iter().all(|factor| (factor - 1.0).abs() < smallest) {
             rate.dither.clear();
         }
+        // Intervals that repeat are those of the instrument, also where they are multiples of a clock's.
+        let has_pattern = !rate.dither.is_empty() || rate.pattern.is_some();
+        if let Some(clock) = thinned_clock(recording, finer.error).filter(|_| !has_pattern) {
+            rate.take_clock(clock);
+        }
         rate
+    }
+
+    /// Replaces the rate of neighbouring pulses of a thinned cloud by that of the pulses that left.
+    fn take_clock(&mut self, clock: Clock) {
+        self.mean = 1.0 / clock.interval;
+        (self.deviation, self.range, self.of_lines) = (f64::NAN, (self.mean, self.mean), 0.0);
+        (self.lost, self.lost_deviation) = (clock.lost, f64::NAN);
+        self.dither.clear();
+        self.pattern = None;
+        self.by_phase.fill(None);
+        self.factors.clear();
     }
 
     /// Relative deviations of intervals from those of their place and line: runs of neighbouring pulses,
@@ -357,12 +374,16 @@ struct FinerTimes {
     times: Vec<f64>,
     /// The step of the times in the file, s, if it is too large to determine the intervals of pulses.
     coarse: Option<f64>,
+    /// Standard deviation of the times in the file from those of the positions, s, without slow changes.
+    error: f64,
 }
 
 /// Times of pulses from the positions of their points, where these are finer than the times in the file:
 /// the time at which the beam of the model passes the point.
 fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
     const STEP: f64 = 1e-7;
+    /// Median of the squared second differences of normal deviates of variance 1.
+    const OF_ROUGHNESS: f64 = 6.0 * 0.4549;
     let by_time: Vec<f64> = recording.pulses.iter().map(|pulse| pulse.time).collect();
     let by_place: Vec<f64> = recording
         .pulses
@@ -389,13 +410,15 @@ fn finer_times(recording: &Recording, solution: &Solution) -> FinerTimes {
         });
         median(changes).unwrap_or(0.0)
     };
+    let differences: Vec<f64> = by_place.iter().zip(&by_time).map(|(place, time)| place - time).collect();
+    let error = (roughness(&differences) / OF_ROUGHNESS).sqrt();
     let step = time_step(recording);
     let coarse = coarse_step(recording, step, &by_place);
     // Few intervals differ from the most frequent one where the steps are large.
     let of_times = coarse.map_or_else(|| roughness(&by_time), |step| 0.5 * step * step);
     match roughness(&by_place) < of_times {
-        true => FinerTimes { step: 0.0, times: by_place, coarse },
-        false => FinerTimes { step: coarse.unwrap_or(step), times: by_time, coarse },
+        true => FinerTimes { step: 0.0, times: by_place, coarse, error },
+        false => FinerTimes { step: coarse.unwrap_or(step), times: by_time, coarse, error },
     }
 }
 

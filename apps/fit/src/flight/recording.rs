@@ -69,6 +69,8 @@ pub struct Recording {
     pub interval: f64,
     /// Smallest step between scan angles, rad.
     pub angle_step: f64,
+    /// Share of the pulses whose first return is not in the cloud: others have been removed from it.
+    pub partial: f64,
 }
 
 /// ASPRS classes of noise, which is not on the ground.
@@ -199,7 +201,7 @@ impl Recording {
         let name = path.display();
         let origin = rows[rows.len() / 2].position.floor();
         let start = rows.iter().map(|row| row.time).fold(f64::INFINITY, f64::min);
-        let (mut pulses, others) = pulses_of(rows, origin, start);
+        let Grouped { mut pulses, others, partial } = pulses_of(rows, origin, start);
         if pulses.len() == 1 && rows.len() > 1 {
             return Err(Error::input_with_help(
                 format!("{name}: all points of the flight line have the GPS time {start}"),
@@ -234,7 +236,8 @@ impl Recording {
             ))
         })?;
         recording.check(path)?;
-        Ok(Recording { origin, start, source: rows[0].source, ..recording })
+        let partial = partial as f64 / count as f64;
+        Ok(Recording { origin, start, source: rows[0].source, partial, ..recording })
     }
 
     /// Rejects points that lie together, and scan angles that do not change across the track.
@@ -303,6 +306,7 @@ impl Recording {
             lines,
             interval,
             angle_step,
+            partial: 0.0,
         })
     }
 
@@ -360,9 +364,18 @@ impl Recording {
     }
 }
 
-/// Pulses of the points of a flight line, in the order of channel of the file and time, and the number of
-/// points that have the time of another pulse.
-fn pulses_of(rows: &[Row], origin: DVec3, start: f64) -> (Vec<Pulse>, usize) {
+/// Points of a flight line, grouped into pulses.
+struct Grouped {
+    /// In the order of channel of the file and time.
+    pulses: Vec<Pulse>,
+    /// Number of points that have the time of another pulse.
+    others: usize,
+    /// Number of pulses without their first return.
+    partial: usize,
+}
+
+/// Pulses of the points of a flight line.
+fn pulses_of(rows: &[Row], origin: DVec3, start: f64) -> Grouped {
     let key = |row: &Row| {
         let (number, of) = (row.number.max(1), row.returns);
         PulseKey { source: row.source, channel: row.channel, time: row.time, number, of }
@@ -386,7 +399,11 @@ fn pulses_of(rows: &[Row], origin: DVec3, start: f64) -> (Vec<Pulse>, usize) {
             channel: 0,
         }
     };
-    (groups.pulses.iter().map(pulse).collect(), groups.ambiguous)
+    Grouped {
+        pulses: groups.pulses.iter().map(pulse).collect(),
+        others: groups.ambiguous,
+        partial: groups.pulses.iter().filter(|group| first(group).number > 1).count(),
+    }
 }
 
 /// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their
@@ -470,6 +487,24 @@ mod tests {
             assert_eq!(sorted, expected);
         }
         assert!(flight_lines(&mut []).is_empty());
+    }
+
+    #[test]
+    fn pulses_without_their_first_return_are_counted() {
+        let row = |(time, number): (f64, u8)| Row {
+            time,
+            position: DVec3::ZERO,
+            angle: 0.0,
+            source: 1,
+            number,
+            returns: 2,
+            class: 2,
+            channel: 0,
+        };
+        let rows: Vec<Row> =
+            [(0.0, 1), (0.0, 2), (1.0, 2), (2.0, 1), (3.0, 0)].into_iter().map(row).collect();
+        let grouped = pulses_of(&rows, DVec3::ZERO, 0.0);
+        assert_eq!((grouped.pulses.len(), grouped.others, grouped.partial), (4, 0, 1));
     }
 
     #[test]

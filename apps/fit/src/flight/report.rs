@@ -3,7 +3,8 @@
 use super::FlightFit;
 use super::mirror::Mirror;
 use super::model::{MAX_CHANNELS, MAX_FACETS};
-use libm::{hypot, tan};
+use super::recording::Pulse;
+use libm::{atan2, hypot, tan};
 use serde::Serialize;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::fixed;
@@ -85,7 +86,7 @@ impl FlightFit {
         figures.add("course", course, Some(degrees(of_speed / speed)), "deg");
         let above = self.height_above_points();
         // Least squares assume independent errors of the angles; a part of the error is common to all angles.
-        let of_height = hypot(d.position.z, solution.scale_deviation(&self.recording) * above);
+        let of_height = self.with_scale(d.position.z, above);
         figures.add("height of the platform", p.position.z + self.recording.origin.z, Some(of_height), "m");
         figures.add("height above the points", above, Some(of_height), "m");
         figures.add("climb", p.velocity.z, Some(d.velocity.z), "m/s");
@@ -93,10 +94,20 @@ impl FlightFit {
         figures.add_angle("pitch", p.pitch, Some(d.pitch));
     }
 
+    /// Standard deviation of `value`, a height or an angle of the mirror, by that of least squares and by the
+    /// error that all scan angles have in common. Within the rounding to degrees least squares do not see
+    /// the angles, but the rounding bounds them.
+    fn with_scale(&self, deviation: f64, value: f64) -> f64 {
+        let of_scale = self.solution.scale_deviation(&self.recording) * value;
+        match self.recording.has_whole_angles() {
+            true => hypot(deviation.min(of_scale), of_scale),
+            false => hypot(deviation, of_scale),
+        }
+    }
+
     fn add_mirror(&self, figures: &mut Figures) {
         let (p, d) = (&self.solution.model.parameters.mirror, &self.solution.deviations.mirror);
-        let scale = self.solution.scale_deviation(&self.recording);
-        let of_angle = hypot(d.angle, scale * p.angle);
+        let of_angle = self.with_scale(d.angle, p.angle.abs());
         match self.solution.model.mirror {
             Mirror::Cone => {
                 figures.add_angle("half angle of the cone", p.angle, Some(of_angle));
@@ -106,7 +117,7 @@ impl FlightFit {
             }
             Mirror::EllipticCone => {
                 figures.add_angle("half angle across the flight", p.angle.abs(), Some(of_angle));
-                let of_along = hypot(d.angle_along, scale * p.angle_along);
+                let of_along = self.with_scale(d.angle_along, p.angle_along.abs());
                 figures.add_angle("half angle along the flight", p.angle_along.abs(), Some(of_along));
                 figures.add("revolutions", p.rate.abs(), Some(d.rate), "1/s");
                 figures.add_angle("yaw of the ellipse", p.yaw, Some(d.yaw));
@@ -118,7 +129,10 @@ impl FlightFit {
                 self.add_facets_and_channels(figures);
             }
             Mirror::Oscillating | Mirror::Turning | Mirror::Sine => {
-                figures.add_angle("half angle", self.half_angle(), Some(of_angle));
+                let [smallest, largest] = self.half_angles();
+                // That of a uniform distribution between the bounds.
+                let of_reversals = (largest - smallest) / 12f64.sqrt();
+                figures.add_angle("half angle", largest, Some(hypot(of_angle, of_reversals)));
                 figures.add("periods", p.rate, Some(d.rate), "1/s");
                 if self.solution.model.mirror == Mirror::Turning {
                     figures.add("share of a sweep in reversals", p.turning, Some(d.turning), "");
@@ -139,6 +153,26 @@ impl FlightFit {
         }
         let pulses_of_sweep = self.rate.mean / (2.0 * mirror.rate.abs());
         mirror.angle.abs() * (1.0 - (REVERSAL / pulses_of_sweep).min(0.5))
+    }
+
+    /// Smallest and largest half angle of an oscillating mirror that explain its lines, rad.
+    ///
+    /// The bounds differ where the ends of sweeps are not in the cloud. The outermost pulse is within the
+    /// half angle, and a mirror that reverses all the time has half the angle of one that moves evenly, if
+    /// both have the same speed in the middle.
+    pub(super) fn half_angles(&self) -> [f64; 2] {
+        let model = &self.solution.model;
+        let (p, phase) = (&model.parameters.mirror, model.parameters.channels[0].phase);
+        let largest = self.half_angle();
+        if model.mirror != Mirror::Oscillating {
+            return [largest; 2];
+        }
+        let angle = |pulse: &Pulse| {
+            let beam = model.mirror.direction(p, phase, pulse.time);
+            atan2(beam.x, -beam.z).abs()
+        };
+        let outermost = self.recording.pulses.iter().map(angle).fold(0.5 * p.angle.abs(), f64::max);
+        [outermost.min(largest), largest]
     }
 
     fn add_facets_and_channels(&self, figures: &mut Figures) {

@@ -19,6 +19,8 @@ const SECTION_WEIGHT: f64 = 20.0;
 /// Residuals beyond this many standard deviations get less weight (Huber).
 const HUBER: f64 = 2.5;
 const MAX_STEPS: usize = 60;
+/// Damping of the equations for standard deviations: a larger one hides what the points do not determine.
+const LEAST_DAMPING: f64 = 1e-14;
 /// Maximum number of steps during which scan angles keep the resolution of their file.
 const STRICT_STEPS: usize = 30;
 /// Standard deviation of attitudes of single lines, rad.
@@ -194,6 +196,13 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
         }
         if !is_strict {
             angle = of_angle;
+        }
+    }
+    if has_attitudes {
+        let mut normal = normal_equations(recording, &model, sections, &attitudes, ground, angle);
+        add_priors(&mut normal, &model, &attitudes, sections, walk, has_attitudes);
+        if let Some(step) = reduce(&normal, sections, walk, LEAST_DAMPING, has_attitudes) {
+            deviations = model.parameters.filled(0.0).with_vector(model.mirror, &step.deviations);
         }
     }
     let (residual, angle_residual) = spreads(recording, &model, sections, &attitudes);

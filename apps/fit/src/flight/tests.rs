@@ -149,6 +149,30 @@ fn lines_of_a_polygon_mirror_are_found() {
     assert!((degrees(solution.model.parameters.mirror.angle) - 58.0).abs() < 0.5);
 }
 
+/// Over flat ground a pitch looks like a place farther along the flight.
+#[test]
+fn a_pitch_over_flat_ground_is_uncertain() {
+    let truth = model(Mirror::Polygon, radians(58.0), 90.0);
+    let pulse = |k: u32| {
+        let time = 5e-6 * f64::from(k);
+        let at = truth.footprint(&Attitude::default(), 0, time, 0.0);
+        (at.x.abs() < 100.0 && at.y.abs() < 100.0).then(|| Pulse {
+            time,
+            position: DVec3::new(at.x, at.y, 0.0),
+            angle: at.angle,
+            returns: 1,
+            class: 2,
+            last: None,
+            file_channel: 0,
+            channel: 0,
+        })
+    };
+    let recording = Recording::new((0..300_000).filter_map(pulse).collect()).unwrap();
+    let solution = trial(&recording, &truth);
+    let pitch = degrees(solution.deviations.pitch);
+    assert!((0.5..2.1).contains(&pitch), "{pitch}");
+}
+
 #[test]
 fn a_mirror_that_swings_is_found() {
     let solution = check(&model(Mirror::Oscillating, radians(25.0), 50.0), 200_000.0);
@@ -191,6 +215,16 @@ fn the_rate_of_a_thinned_cloud_is_that_of_the_pulses_that_left() {
     // Without gaps of more than 20 pulses.
     assert!((0.85..0.91).contains(&rate.lost), "{}", rate.lost);
     assert!((rate.mean / 200_000.0 - 1.0).abs() < 1e-4, "{}", rate.mean);
+}
+
+#[test]
+fn the_rate_of_every_tenth_pulse_is_that_of_the_pulses_that_left() {
+    let truth = model(Mirror::Polygon, radians(58.0), 90.0);
+    let pulses = flown(&truth, |_| 5e-6, 3.0).into_iter().step_by(10).collect();
+    let recording = Recording::new(pulses).unwrap();
+    let rate = PulseRate::of(&recording, &known(&truth));
+    assert!((rate.mean / 200_000.0 - 1.0).abs() < 1e-4 && rate.is_constant(), "{}", rate.mean);
+    assert!((0.85..0.91).contains(&rate.lost), "{}", rate.lost);
 }
 
 #[test]

@@ -172,13 +172,15 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
              first, for example: pdal translate {name} classified.laz smrf"
         )));
     }
+    // The one time of returns without numbers is none.
+    let has_times = has(Attribute::Time) && kept().any(|r| r.of > 1 || r.time != first.time);
     let mut warn = |message: &str| {
         found.warn(Some(Place::of_file(path)), message);
     };
     if sink.skipped > 0 {
         warn(&format!("{} points without coordinates are ignored", sink.skipped));
     }
-    if !has(Attribute::Time) {
+    if !has_times {
         warn("the cloud has no times of pulses; each point counts as a separate pulse");
     }
     let has_numbers = has(Attribute::NumberOfReturns) && has(Attribute::ReturnNumber);
@@ -188,13 +190,13 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
              of its pulse",
         );
     }
-    let has_times = has(Attribute::Time);
     let has_scan_angles = has(Attribute::ScanAngle) && kept().any(|r| r.scan_angle != first.scan_angle);
     let noise = sink.noise;
-    let (recording, by) = assemble(&sink.returns, (has_times, has_numbers)).map_err(|problem| {
+    let (recording, by) = assemble(&sink.returns, has_times).map_err(|problem| {
         Error::input_with_help(
             format!("{name}: {problem}"),
-            "use the cloud as the instrument delivered it, with the time of each pulse",
+            "use the cloud as the instrument delivered it, with the time of each pulse and the numbers of \
+             its returns",
         )
     })?;
     if by == GroupedBy::Order {
@@ -206,14 +208,13 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
     Ok(Recording { has_scan_angles, noise, ..recording })
 }
 
-/// Orders returns into pulses and lines. Each return is a pulse where there are no times or no numbers of
-/// returns.
+/// Orders returns into pulses and lines. Each return is a pulse where there are no times.
 ///
 /// # Errors
-/// Times that several pulses share, in files whose returns are not in the order of pulses.
+/// Times that several pulses share, in files whose returns are not in the order of pulses or have no numbers.
 pub(super) fn assemble(
     returns: &[Return],
-    (has_times, has_numbers): (bool, bool),
+    has_times: bool,
 ) -> std::result::Result<(Recording, GroupedBy), PulseGroupsError> {
     let key = |r: &Return| PulseKey {
         source: r.source,
@@ -223,7 +224,7 @@ pub(super) fn assemble(
         of: r.of,
     };
     let keys: Vec<PulseKey> = returns.iter().map(key).collect();
-    let groups = match has_times && has_numbers {
+    let groups = match has_times {
         true => PulseGroups::of(&keys)?,
         false => PulseGroups::by_time(&keys),
     };
@@ -301,8 +302,8 @@ mod tests {
 
     #[test]
     fn coarse_times_do_not_mix_pulses() {
-        let (fine, by_time) = assemble(&returns(1e-7), (true, true)).unwrap();
-        let (coarse, by_order) = assemble(&returns(5e-3), (true, true)).unwrap();
+        let (fine, by_time) = assemble(&returns(1e-7), true).unwrap();
+        let (coarse, by_order) = assemble(&returns(5e-3), true).unwrap();
         assert_eq!((by_time, by_order), (GroupedBy::Time, GroupedBy::Order));
         assert_eq!((fine.pulses.len(), fine.returns.len(), fine.lines.len()), (1999, 2998, 1));
         assert_eq!((&fine.pulses, &fine.is_held_out), (&coarse.pulses, &coarse.is_held_out));
@@ -313,7 +314,7 @@ mod tests {
 
     #[test]
     fn each_return_is_a_pulse_where_there_are_no_times() {
-        let (all, _) = assemble(&returns(1.0), (false, true)).unwrap();
+        let (all, _) = assemble(&returns(1.0), false).unwrap();
         assert!(all.pulses.iter().all(|pulse| pulse.len() == 1) && all.pulses.len() == 2998);
     }
 }

@@ -193,6 +193,8 @@ mod tests {
         ("tls.xml#panoscanner", &[360.0, 300.0]),
         ("tls.xml#velodyne_hdl-32e", &[360.0, 41.3]),
         ("tls.xml#hesai_xt32", &[360.0, 31.0]),
+        ("tls.xml#hesai_xt32m2x", &[360.0, 40.3]),
+        ("tls.xml#hesai_xt16", &[360.0, 30.0]),
         ("tls.xml#hesai_pandar128", &[360.0, 39.5]),
         ("tls.xml#ouster_os0-128", &[360.0, 92.0]),
         ("tls.xml#ouster_os1-128", &[360.0, 43.0]),

@@ -1,0 +1,133 @@
+//! The clock of a thinned cloud: its pulses leave at multiples of a part of the interval between neighbours.
+
+use super::recording::Recording;
+use libm::cos;
+use std::f64::consts::TAU;
+use vlscan_geom::median;
+
+/// Intervals that differ by less from the usual one, as a share, determine its mean.
+const SAME: f64 = 0.01;
+/// Steps that differ by less from a whole number of intervals are pulses of the same train.
+const WHOLE: f64 = 0.1;
+/// Gaps of more usual intervals are the edge of a reflecting area, not lost pulses.
+const MAX_GAP: f64 = 20.0;
+/// Maximum step from pulse to pulse, in usual intervals: the error of the interval adds up.
+const MAX_STEP: f64 = 2000.0;
+/// Minimum number of steps that are compared.
+const MIN_STEPS: usize = 20;
+/// Maximum number of pulses of the clock in a usual interval.
+const MAX_PULSES: u32 = 64;
+/// Minimum mean cosine of the phases of steps.
+const MIN_COHERENCE: f64 = 0.9;
+/// Maximum share of the steps with one remainder: lines that start in step with the mirror have a clock each.
+const MAX_ALIKE: f64 = 0.9;
+/// Maximum error of times, in intervals of the clock: a larger one is the rounding of times, whose steps look
+/// like a clock.
+const MAX_ERROR: f64 = 0.1;
+
+/// The clock of the pulses of a thinned cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clock {
+    /// Interval of pulses that left, s.
+    pub interval: f64,
+    /// Share of the pulses that are not in the cloud, of those within lines.
+    pub lost: f64,
+}
+
+/// The clock of a thinned cloud; `None` if the usual interval is that of the pulses that left, as far as is
+/// known. `error` is the standard deviation of times, s.
+///
+/// If every tenth pulse is in the cloud, intervals within lines are constant. But the remainder of the steps
+/// from line to line is any number of tenths.
+pub fn thinned_clock(recording: &Recording, error: f64) -> Option<Clock> {
+    let within = recording.lines.iter().flat_map(|line| line.clone().skip(1));
+    let intervals: Vec<f64> = within.map(|i| recording.interval_before(i)).collect();
+    let usual = median(intervals.iter().copied()).filter(|usual| *usual > 0.0)?;
+    let alike = || intervals.iter().filter(|interval| (*interval / usual - 1.0).abs() < SAME);
+    let usual = alike().sum::<f64>() / alike().count().max(1) as f64;
+    let pulse = |i: usize| &recording.pulses[i];
+    let between = recording.lines.windows(2).map(|pair| (pair[0].end - 1, pair[1].start));
+    let between = between
+        .filter(|(last, first)| pulse(*last).file_channel == pulse(*first).file_channel)
+        .map(|(last, first)| (pulse(first).time - pulse(last).time) / usual);
+    let inner = intervals.iter().map(|interval| interval / usual);
+    let inner = inner.filter(|step| (step - step.round()).abs() > WHOLE);
+    let steps: Vec<f64> = between.chain(inner).filter(|step| (0.0..MAX_STEP).contains(step)).collect();
+    if steps.len() < MIN_STEPS {
+        return None;
+    }
+    let is_clock = |pulses: &u32| {
+        error < MAX_ERROR * usual / f64::from(*pulses)
+            && coherence(&steps, *pulses) > MIN_COHERENCE
+            && largest_share(&steps, *pulses) < MAX_ALIKE
+    };
+    let pulses = (2..=MAX_PULSES).find(is_clock)?;
+    let interval = usual / f64::from(pulses);
+    let gaps: Vec<&f64> = intervals.iter().filter(|gap| **gap <= MAX_GAP * usual).collect();
+    let left: f64 = gaps.iter().map(|gap| (**gap / interval).round().max(1.0)).sum();
+    Some(Clock { interval, lost: 1.0 - gaps.len() as f64 / left })
+}
+
+/// Mean cosine of the phases of steps, of a clock with this number of pulses in a usual interval: 1 if all
+/// steps are whole numbers of its intervals.
+fn coherence(steps: &[f64], pulses: u32) -> f64 {
+    let phases = steps.iter().map(|step| TAU * f64::from(pulses) * step);
+    phases.map(cos).sum::<f64>() / steps.len() as f64
+}
+
+/// Share of the steps that have the most frequent remainder.
+fn largest_share(steps: &[f64], pulses: u32) -> f64 {
+    let mut counts = vec![0usize; pulses as usize];
+    for step in steps {
+        let number = (step * f64::from(pulses)).round() as i64;
+        counts[number.rem_euclid(i64::from(pulses)) as usize] += 1;
+    }
+    counts.into_iter().max().unwrap_or(0) as f64 / steps.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::recording::Pulse;
+    use super::*;
+    use vlscan_geom::DVec3;
+
+    /// Lines of 60 to 99 pulses of 1000, at these times, s; of the pulses of all lines every n-th is kept.
+    fn recorded(every: usize, time: impl Fn(usize, usize) -> f64) -> Recording {
+        let of_line = |line: usize| (0..60 + line * 7 % 40).map(move |k| (line, k));
+        let pulses = (0..200).flat_map(of_line).step_by(every).map(|(line, k)| Pulse {
+            time: time(line, k),
+            position: DVec3::new(k as f64, line as f64, 0.0),
+            angle: 0.0,
+            returns: 1,
+            class: 2,
+            last: None,
+            file_channel: 0,
+            channel: 0,
+        });
+        Recording::new(pulses.collect()).unwrap()
+    }
+
+    #[test]
+    fn the_clock_of_every_tenth_pulse_is_found() {
+        let clock = |every| thinned_clock(&recorded(every, |line, k| 5e-6 * (1000 * line + k) as f64), 1e-8);
+        for every in [3, 10] {
+            let found = clock(every).unwrap();
+            assert!((found.interval / 5e-6 - 1.0).abs() < 1e-6, "{found:?}");
+            assert!((found.lost - (1.0 - 1.0 / every as f64)).abs() < 0.01, "{found:?}");
+        }
+        assert_eq!(clock(1), None);
+    }
+
+    #[test]
+    fn lines_that_start_with_the_mirror_and_rounded_times_are_no_clock() {
+        // Each line has a train of its own, half an interval off the one before, or anywhere.
+        let halves = recorded(1, |line, k| 5e-6 * ((1000 * line + k) as f64 + 0.5 * line as f64));
+        assert_eq!(thinned_clock(&halves, 1e-8), None);
+        let shift = |line: usize| ((line * line) as f64 * 0.618_033_988_75).fract();
+        let anywhere = recorded(1, |line, k| 5e-6 * ((1000 * line + k) as f64 + shift(line)));
+        assert_eq!(thinned_clock(&anywhere, 1e-8), None);
+        // Steps of 1 µs in intervals of 5.3 µs, with the error of this rounding.
+        let rounded = recorded(1, |line, k| 1e-6 * (5.3 * (1000 * line + k) as f64).round());
+        assert_eq!(thinned_clock(&rounded, 0.29e-6), None);
+    }
+}
