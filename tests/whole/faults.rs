@@ -302,9 +302,9 @@ fn previews_texts_and_manual_pages() {
     let inputs = Inputs::new();
     let (survey, points, zipped) = (inputs.survey(), inputs.path("a.las"), inputs.path("a.bin"));
     succeed(inputs.folder.path(), &["run", &survey, "-q", "-o", &points, "-o", &zipped]);
-    for picture in ["a.png", "a.html"] {
-        at_every_operation(&["preview", &points, "-q", "-o", picture], &[]);
-    }
+    let small = ["-o", "a.png", "--width", "320", "--height", "240"];
+    at_every_operation(&[&["preview", &points, "-q"], &small[..]].concat(), &[]);
+    at_every_operation(&["preview", &points, "-q", "-o", "a.html"], &[]);
     at_every_operation(&["unzip", &zipped, "a.xyz", "-q"], &[]);
     at_every_operation(&["man", "pages", "-q"], &[]);
 }
