@@ -62,7 +62,7 @@ pub use info::scene_json;
 pub use manual::command as command_line;
 pub use messages::MessageFormat;
 
-use clap::{ArgMatches, FromArgMatches};
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::Path;
@@ -84,9 +84,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     if words.len() < 2 {
         return status(printed(manual::command().print_help()), &console);
     }
-    let parsed = manual::command().try_get_matches_from(words);
-    let parsed = parsed.and_then(|found| Ok((Cli::from_arg_matches(&found)?, name_of(&found))));
-    let (cli, name) = match parsed {
+    let (cli, name) = match parsed(&words) {
         Ok(parsed) => parsed,
         Err(message) if message.use_stderr() && console.is_json() => {
             console.problem(messages::of_usage(&message));
@@ -114,6 +112,17 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     };
     console.finish(outcome.is_ok());
     status(outcome, &console)
+}
+
+/// Parses a command line, and returns it with the full name of its command.
+///
+/// Examples and lists of the manual are only composed where help or an error is the result: composing them
+/// takes longer than parsing.
+fn parsed(words: &[OsString]) -> Result<(Cli, String), clap::Error> {
+    let found = Cli::command()
+        .try_get_matches_from(words)
+        .or_else(|_| manual::command().try_get_matches_from(words))?;
+    Ok((Cli::from_arg_matches(&found)?, name_of(&found)))
 }
 
 /// The format of messages that the words of a command line request, before they are parsed.

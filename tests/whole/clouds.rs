@@ -260,7 +260,8 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
     }
     for (name, content, expected) in cases {
         fs::write(dir.path().join(&name), content).unwrap();
-        for args in [&["compare", &name, &name][..], &["preview", &name, "-o", "a.png", "--force"]] {
+        let picture = ["preview", &name, "-o", "a.png", "--force", "--width", "320", "--height", "240"];
+        for args in [&["compare", &name, &name][..], &picture] {
             let said = text(&succeed(dir.path(), args).stderr);
             assert!(said.contains(expected) && said.contains(&name), "{args:?}: {said}");
             let strict = run(dir.path(), &[args, &["--strict"]].concat());
@@ -275,7 +276,9 @@ fn what_is_not_used_as_written_is_an_error_with_strict() {
         ("sep.txt", b"SEP=;\nX;Y;Z\n1;2;3\n"),
     ] {
         fs::write(dir.path().join(name), content).unwrap();
-        succeed(dir.path(), &["preview", name, "-o", "a.png", "--force", "--strict"]);
+        let size = ["--width", "320", "--height", "240"];
+        let args = [&["preview", name, "-o", "a.png", "--force", "--strict"], &size[..]].concat();
+        succeed(dir.path(), &args);
     }
     let compared = |name: &str| -> serde_json::Value {
         let out = succeed(dir.path(), &["compare", name, name, "--json", "--strict"]);
@@ -421,7 +424,7 @@ fn one_point_far_away_is_left_out_with_a_warning_by_all_commands() {
         assert_eq!(strict.status.code(), Some(2));
         for args in [
             &["info", "far.csv"][..],
-            &["preview", "far.csv", "-o", "far.png", "--force"],
+            &["preview", "far.csv", "-o", "far.png", "--force", "--width", "320", "--height", "240"],
             &["compare", "far.csv", "rest.csv"],
         ] {
             let said = text(&common::succeed(dir.path(), args).stderr);

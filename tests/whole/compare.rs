@@ -130,7 +130,7 @@ fn a_dam_and_a_pit_of_two_epochs_are_told_apart() {
     for (name, is_changed) in [("before", false), ("after", true)] {
         fs::write(dir.path().join(format!("{name}.obj")), mesh(is_changed)).unwrap();
         let (scene, plan, points) = (format!("{name}.obj"), format!("{name}.toml"), format!("{name}.laz"));
-        let flight = ["--scanner", "riegl_vux-1uav", "--height", "60", "--density", "30"];
+        let flight = ["--scanner", "riegl_vux-1uav", "--height", "60", "--density", "10"];
         let plan_args = ["plan", "airborne", "--scene", &scene, "--area", area, "--out", &plan];
         succeed(dir.path(), &[&plan_args[..], &flight[..]].concat());
         succeed(dir.path(), &["run", &plan, "-o", &points, "-q"]);
@@ -201,10 +201,10 @@ fn ground_that_did_not_change_has_volumes_within_their_uncertainties() {
     fs::write(dir.path().join("d.tif"), dem).unwrap();
     let fly =
         ["plan", "airborne", "--scanner", "riegl_vux-1uav22", "--scene", "d.tif", "--height", "60", "-q"];
-    let rates = ["--density", "40", "--pulse-rate", "400000", "-o", "a.toml"];
+    let rates = ["--density", "12", "--pulse-rate", "400000", "-o", "a.toml"];
     succeed(dir.path(), &[&fly[..], &rates].concat());
     let stand = ["plan", "terrestrial", "--scanner", "riegl_vz400", "--scene", "d.tif", "-q", "-o", "t.toml"];
-    let places = ["--around", "475040,5429040", "--radius", "15", "--resolution", "0.28"];
+    let places = ["--around", "475040,5429040", "--radius", "15", "-n", "2", "--resolution", "0.28"];
     succeed(dir.path(), &[&stand[..], &places].concat());
     let run_as = |plan: &str, points: &str, options: &[&str]| {
         succeed(dir.path(), &[&["run", plan, "-o", points, "-q"], options].concat());
@@ -243,7 +243,7 @@ fn a_dam_flown_with_errors_of_navigation_is_within_its_uncertainty() {
     for (name, is_changed) in [("before", false), ("after", true)] {
         fs::write(dir.path().join(format!("{name}.obj")), mesh(is_changed)).unwrap();
         let (scene, plan) = (format!("{name}.obj"), format!("{name}.toml"));
-        let flight = ["--scanner", "riegl_vux-1uav", "--height", "60", "--density", "30", "-q"];
+        let flight = ["--scanner", "riegl_vux-1uav", "--height", "60", "--density", "10", "-q"];
         succeed(
             dir.path(),
             &[&["plan", "airborne", "--scene", &scene, "--out", &plan], &flight[..]].concat(),

@@ -80,7 +80,9 @@ fn forecasts_and_previews_are_the_same_for_any_number_of_threads() {
         assert_eq!(forecasts[0], forecasts[1], "{survey}");
         assert_eq!(forecasts[1], forecasts[2], "{survey}");
         let pictures = ["a.png", "b.png"].map(|name| {
-            succeed(dir.path(), &["preview", survey, "-o", name, "--force", "-q"]);
+            let size = ["--width", "640", "--height", "480"];
+            let args = [&["preview", survey, "-o", name, "--force", "-q"], &size[..]].concat();
+            succeed(dir.path(), &args);
             fs::read(dir.path().join(name)).unwrap()
         });
         assert!(pictures[0] == pictures[1], "{survey}");

@@ -470,8 +470,11 @@ fn previews_show_tables_and_wave_packets() {
         ["-o", "a.arrow", "-o", "a.parquet", "-o", "a.laz", "--wave-packets", "inside", "--waveforms"];
     succeed(dir.path(), &[&["run", &survey, "-q"], &sinks[..]].concat());
     let clouds = ["a.arrow", "a.parquet", "a.laz"].map(|name| {
-        succeed(dir.path(), &["preview", name, "-o", &format!("{name}.png"), "--colour", "return", "-q"]);
-        let picture = std::fs::read(dir.path().join(format!("{name}.png"))).unwrap();
+        let size = ["--width", "800", "--height", "600", "-q"];
+        let picture = format!("{name}.png");
+        let args = ["preview", name, "-o", &picture, "--colour", "return"];
+        succeed(dir.path(), &[&args[..], &size].concat());
+        let picture = std::fs::read(dir.path().join(picture)).unwrap();
         assert!(picture.len() > 5000 && picture.starts_with(b"\x89PNG"));
         vlscan::tools::cloud::read_points(&dir.path().join(name)).unwrap().0
     });

@@ -651,7 +651,8 @@ fn a_preview_of_damaged_points_ends_with_a_message() {
         broken[at..at + 40].fill(0xff);
         std::fs::write(folder.path().join("broken.laz"), broken).unwrap();
         // A picture leaves layers compressed that a description reads.
-        for args in [&["preview", "broken.laz", "-o", "a.png", "--force"][..], &["info", "broken.laz"]] {
+        let small = ["--width", "320", "--height", "240", "-o", "a.png", "--force"];
+        for args in [&[&["preview", "broken.laz"], &small[..]].concat()[..], &["info", "broken.laz"]] {
             let run = common::run(folder.path(), args);
             let said = text(&run.stderr);
             let has_ended = matches!(run.status.code(), Some(0 | 2)) && !said.contains("panicked");

@@ -1,7 +1,7 @@
 //! Instruments and legs that contradict themselves.
 
 use super::inputs::*;
-use super::{Mistake, written};
+use super::{Mistake, typed, written};
 use crate::common::fixture;
 use std::fs;
 
@@ -106,17 +106,21 @@ pub fn instruments() -> Vec<Mistake> {
             "run s.xml -o a.xyz",
             "takes fewer pulses than in the leg before (",
         ),
-        written(
-            "a part that moves at every pulse",
-            "scene.xml",
-            fs::read_to_string(fixture("terrain/scene.xml")).unwrap().replacen(
-                "</part>",
-                "<dmotion id=\"m\" loop=\"0\"><motion type=\"translation\" vec=\"0;0;0.0001\"/></dmotion></part>",
-                1,
-            ),
-            "run survey.xml -o a.xyz",
-            "moves at every pulse",
-        ),
+        // The tree of the ground is built anew for each pulse: strips of 4 m have 600.
+        Mistake {
+            files: vec![
+                (
+                    "scene.xml",
+                    fs::read_to_string(fixture("terrain/scene.xml")).unwrap().replacen(
+                        "</part>",
+                        "<dmotion id=\"m\" loop=\"0\"><motion type=\"translation\" vec=\"0;0;0.0001\"/></dmotion></part>",
+                        1,
+                    ).into_bytes(),
+                ),
+                ("survey.xml", survey().replace("y=\"-132\"", "y=\"-2\"").replace("y=\"132\"", "y=\"2\"").into_bytes()),
+            ],
+            ..typed("a part that moves at every pulse", "run survey.xml -o a.xyz", "moves at every pulse")
+        },
         written(
             "an element that lost its bracket",
             "scene.xml",

@@ -13,7 +13,7 @@
 //! | `phases`, `level` | rates and phases of what recurs; straight flights and their height |
 //! | `guess`, `cones`, `lines`, `facets` | first guesses for each kind of mirror |
 //! | `model`, `mirror`, `parameters` | intersection of the beam of a flown scanner with the ground |
-//! | `solve`, `solution` | least squares for parameters and attitudes |
+//! | `solve`, `residuals`, `solution` | least squares for parameters and attitudes |
 //! | `rate`, `repeat` | when pulses leave: by the place of the mirror, and patterns that repeat |
 //! | `clock` | the pulses of thinned clouds |
 //! | `ground` | noise of ranges |
@@ -39,6 +39,7 @@ mod rate;
 mod recording;
 mod repeat;
 mod report;
+mod residuals;
 mod solution;
 mod solve;
 mod sweeps;

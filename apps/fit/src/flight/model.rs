@@ -1,6 +1,6 @@
 //! Model of the intersection of a flown scanner's beam with the ground.
 
-use super::mirror::Mirror;
+use super::mirror::{Mirror, MirrorParameters};
 use super::parameters::Parameters;
 use libm::{atan2, cos, hypot, sin};
 use vlscan_geom::{DVec2, DVec3};
@@ -104,28 +104,53 @@ impl Model {
     /// Direction of the beam of a channel in the axes right, forward, up of the course, unit vector.
     pub fn direction(&self, attitude: &Attitude, channel: usize, time: f64) -> DVec3 {
         let p = &self.parameters;
-        let channel = &p.channels[self.channel_index(channel)];
-        let mut beam = self.mirror.direction(&p.mirror, channel.phase, time);
-        if !p.facet_tilts.is_empty() {
-            let line = p.mirror.number(channel.phase, time);
-            let tilt = p.facet_tilts[line.rem_euclid(p.facet_tilts.len() as i64) as usize];
-            beam = DVec3::new(beam.x * cos(tilt), sin(tilt), beam.z * cos(tilt));
-        }
-        beam.x *= channel.sense;
-        if self.has_channels() {
-            beam = turned(beam, 0.0, channel.pitch, channel.yaw);
-        }
-        let yaw = if self.mirror.has_yaw() { p.mirror.yaw } else { 0.0 };
-        turned(beam, p.roll + attitude.roll, p.pitch + attitude.pitch, yaw + attitude.yaw)
+        let rotation = |index: usize| Rotation::new(0.0, p.channels[index].pitch, p.channels[index].yaw);
+        let beam = self.beam(channel, time, |facet| SinCos::of(p.facet_tilts[facet]), rotation);
+        self.rotation(attitude).turned(beam)
     }
 
     /// Intersection of the beam of a channel at `time` with `height`.
     pub fn footprint(&self, attitude: &Attitude, channel: usize, time: f64, height: f64) -> Footprint {
-        let beam = self.direction(attitude, channel, time);
+        self.intersection(self.direction(attitude, channel, time), SinCos::of(self.course()), time, height)
+    }
+
+    /// Direction of the beam of a channel in the axes of the scanner, with the tilts of facets and the
+    /// rotations of channels by their indices.
+    fn beam(
+        &self,
+        channel: usize,
+        time: f64,
+        tilt: impl Fn(usize) -> SinCos,
+        rotation: impl Fn(usize) -> Rotation,
+    ) -> DVec3 {
+        let p = &self.parameters;
+        let index = self.channel_index(channel);
+        let channel = &p.channels[index];
+        let mut beam = self.mirror.direction(&p.mirror, channel.phase, time);
+        if !p.facet_tilts.is_empty() {
+            let line = p.mirror.number(channel.phase, time);
+            let tilt = tilt(line.rem_euclid(p.facet_tilts.len() as i64) as usize);
+            beam = DVec3::new(beam.x * tilt.cos, tilt.sin, beam.z * tilt.cos);
+        }
+        beam.x *= channel.sense;
+        if self.has_channels() {
+            beam = rotation(index).turned(beam);
+        }
+        beam
+    }
+
+    /// Rotation from the axes of the scanner to those of the course.
+    fn rotation(&self, attitude: &Attitude) -> Rotation {
+        let p = &self.parameters;
+        let yaw = if self.mirror.has_yaw() { p.mirror.yaw } else { 0.0 };
+        Rotation::new(p.roll + attitude.roll, p.pitch + attitude.pitch, yaw + attitude.yaw)
+    }
+
+    /// Intersection of a beam, in the axes of the course, at `time` with `height`.
+    fn intersection(&self, beam: DVec3, course: SinCos, time: f64, height: f64) -> Footprint {
         let place = self.position(time);
         let scale = (place.z - height) / -beam.z;
-        let course = self.course();
-        let (sin, cos) = (sin(course), cos(course));
+        let SinCos { sin, cos } = course;
         let (x, y) = (beam.x * cos + beam.y * sin, beam.y * cos - beam.x * sin);
         // Scan angles are about the direction of travel at that time.
         let velocity = self.horizontal_velocity(time);
@@ -134,20 +159,108 @@ impl Model {
     }
 }
 
-/// A vector of the body in the axes right, forward, up of the course: first roll (right side down), then
-/// pitch (nose up), then yaw (to the right).
-fn turned(v: DVec3, roll: f64, pitch: f64, yaw: f64) -> DVec3 {
-    let (s, c) = (sin(roll), cos(roll));
-    let v = DVec3::new(c * v.x + s * v.z, v.y, c * v.z - s * v.x);
-    let (s, c) = (sin(pitch), cos(pitch));
-    let v = DVec3::new(v.x, c * v.y - s * v.z, s * v.y + c * v.z);
-    let (s, c) = (sin(yaw), cos(yaw));
-    DVec3::new(c * v.x + s * v.y, c * v.y - s * v.x, v.z)
+/// A model with the sines and cosines that all of its footprints share.
+#[derive(Clone, Debug)]
+pub struct Prepared<'m> {
+    model: &'m Model,
+    course: SinCos,
+    /// Rotations of the channels; empty if there is one channel.
+    channels: Vec<Rotation>,
+    facet_tilts: Vec<SinCos>,
+}
+
+impl Prepared<'_> {
+    /// Computes what the footprints of a model share.
+    pub fn of(model: &Model) -> Prepared<'_> {
+        let p = &model.parameters;
+        let channels = if model.has_channels() { &p.channels[..] } else { &[] };
+        Prepared {
+            model,
+            course: SinCos::of(model.course()),
+            channels: channels.iter().map(|c| Rotation::new(0.0, c.pitch, c.yaw)).collect(),
+            facet_tilts: p.facet_tilts.iter().map(|tilt| SinCos::of(*tilt)).collect(),
+        }
+    }
+
+    /// Direction of the beam of a channel in the axes of the scanner, unit vector.
+    pub fn beam(&self, channel: usize, time: f64) -> DVec3 {
+        self.model.beam(channel, time, |facet| self.facet_tilts[facet], |index| self.channels[index])
+    }
+
+    /// True if the beams of another model have the same directions in the axes of the scanner.
+    pub fn has_beams_of(&self, other: &Prepared) -> bool {
+        let of = |model: &Model| (model.mirror, MirrorParameters { yaw: 0.0, ..model.parameters.mirror });
+        let (p, others) = (&self.model.parameters, &other.model.parameters);
+        of(self.model) == of(other.model)
+            && p.channels == others.channels
+            && p.facet_tilts == others.facet_tilts
+    }
+
+    /// The model at an attitude.
+    pub fn at(&self, attitude: &Attitude) -> Posed<'_> {
+        Posed { prepared: self, rotation: self.model.rotation(attitude) }
+    }
+}
+
+/// A model at an attitude, with the sines and cosines that all of its footprints share.
+#[derive(Clone, Copy, Debug)]
+pub struct Posed<'m> {
+    prepared: &'m Prepared<'m>,
+    rotation: Rotation,
+}
+
+impl Posed<'_> {
+    /// Direction of the beam of a channel in the axes of the scanner, unit vector.
+    pub fn beam(&self, channel: usize, time: f64) -> DVec3 {
+        self.prepared.beam(channel, time)
+    }
+
+    /// Intersection of a beam, in the axes of the scanner, at `time` with `height`.
+    pub fn footprint(&self, beam: DVec3, time: f64, height: f64) -> Footprint {
+        let Prepared { model, course, .. } = self.prepared;
+        model.intersection(self.rotation.turned(beam), *course, time, height)
+    }
+}
+
+/// Sine and cosine of an angle.
+#[derive(Clone, Copy, Debug)]
+struct SinCos {
+    sin: f64,
+    cos: f64,
+}
+
+impl SinCos {
+    fn of(angle: f64) -> SinCos {
+        SinCos { sin: sin(angle), cos: cos(angle) }
+    }
+}
+
+/// Rotation from the axes of a body to the axes right, forward, up of its course: first roll (right side
+/// down), then pitch (nose up), then yaw (to the right).
+#[derive(Clone, Copy, Debug)]
+struct Rotation {
+    roll: SinCos,
+    pitch: SinCos,
+    yaw: SinCos,
+}
+
+impl Rotation {
+    fn new(roll: f64, pitch: f64, yaw: f64) -> Rotation {
+        Rotation { roll: SinCos::of(roll), pitch: SinCos::of(pitch), yaw: SinCos::of(yaw) }
+    }
+
+    fn turned(&self, v: DVec3) -> DVec3 {
+        let SinCos { sin, cos } = self.roll;
+        let v = DVec3::new(cos * v.x + sin * v.z, v.y, cos * v.z - sin * v.x);
+        let SinCos { sin, cos } = self.pitch;
+        let v = DVec3::new(v.x, cos * v.y - sin * v.z, sin * v.y + cos * v.z);
+        let SinCos { sin, cos } = self.yaw;
+        DVec3::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::mirror::MirrorParameters;
     use super::super::parameters::Channel;
     use super::*;
     use vlscan_geom::radians;
@@ -214,5 +327,39 @@ mod tests {
         let ahead = |line: f64| at(&model, 0, 0.01 * line)[1] - 20.0 - 0.5 * line;
         assert!(ahead(0.0).abs() < 1e-6 && ahead(2.0).abs() < 1e-6);
         assert!((ahead(1.0) - 1000.0 * libm::tan(0.01)).abs() < 1e-6, "{}", ahead(1.0));
+    }
+
+    #[test]
+    fn prepared_models_have_the_same_footprints_to_the_bit() {
+        let mut model = northward();
+        let second = Channel { yaw: -0.2, pitch: 0.02, sense: -1.0, ..model.parameters.channels[0] };
+        model.parameters.channels.push(second);
+        let attitude = Attitude { roll: 0.01, pitch: -0.02, yaw: 0.03 };
+        for tilts in [vec![], vec![0.0, 0.01, -0.02]] {
+            model.parameters.facet_tilts = tilts;
+            let prepared = Prepared::of(&model);
+            let posed = prepared.at(&attitude);
+            for (channel, time) in [(0, 0.0), (1, 0.0123), (1, 0.0456), (7, -0.3)] {
+                let expected = model.footprint(&attitude, channel, time, 3.0);
+                let found = posed.footprint(posed.beam(channel, time), time, 3.0);
+                let bits = |at: Footprint| [at.x, at.y, at.angle].map(f64::to_bits);
+                assert_eq!(bits(found), bits(expected), "{channel} {time}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_mirror_channels_and_facets_change_the_beams_of_the_scanner() {
+        let model = northward();
+        let has_beams = |change: &dyn Fn(&mut Parameters)| {
+            let mut other = model.clone();
+            change(&mut other.parameters);
+            Prepared::of(&other).has_beams_of(&Prepared::of(&model))
+        };
+        assert!(has_beams(&|p| (p.position.x, p.velocity.y, p.roll, p.mirror.yaw) = (3.0, 49.0, 0.1, 0.2)));
+        assert!(!has_beams(&|p| p.mirror.angle += 1e-7));
+        assert!(!has_beams(&|p| p.mirror.rate += 1e-7));
+        assert!(!has_beams(&|p| p.channels[0].phase += 1e-7));
+        assert!(!has_beams(&|p| p.facet_tilts.push(0.1)));
     }
 }

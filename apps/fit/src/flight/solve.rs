@@ -5,9 +5,10 @@
 //! tridiagonal and is eliminated (Schur complement): time and memory grow linearly with the number of lines.
 
 use super::mirror::MirrorParameters;
-use super::model::{Attitude, Model};
+use super::model::{Attitude, Model, Posed, Prepared};
 use super::parameters::{Channel, Parameters};
 use super::recording::Recording;
+use super::residuals::{RESIDUALS, beam_of, huber, residuals, scales};
 use super::solution::Solution;
 use vlscan_geom::{DMat3, DVec2, DVec3, LeastSquares, median, radians};
 
@@ -16,8 +17,6 @@ const SECTION_PULSES: usize = 40;
 /// Number of independent pulses that a section is worth: errors of neighbouring pulses are correlated
 /// (terrain height, encoders).
 const SECTION_WEIGHT: f64 = 20.0;
-/// Residuals beyond this many standard deviations get less weight (Huber).
-const HUBER: f64 = 2.5;
 const MAX_STEPS: usize = 60;
 /// Damping of the equations for standard deviations: a larger one hides what the points do not determine.
 const LEAST_DAMPING: f64 = 1e-14;
@@ -94,29 +93,6 @@ fn increments(model: &Model, duration: f64) -> Parameters {
         mirror: MirrorParameters { rate: 1e-7 / t, ..others.mirror },
         ..others
     }
-}
-
-/// Number of residuals of a pulse.
-const RESIDUALS: usize = 5;
-
-/// Residuals of a pulse: on the ground (m), of the scan angle (rad), and at the height of its last return
-/// (m), if it has several.
-///
-/// The residual of an angle that is rounded to degrees is its distance from the interval of the rounding.
-fn residuals(recording: &Recording, model: &Model, attitude: DVec3, i: usize) -> [f64; RESIDUALS] {
-    let pulse = &recording.pulses[i];
-    let channel = usize::from(pulse.channel);
-    let attitude = &Attitude::from_vector(attitude);
-    let at = model.footprint(attitude, channel, pulse.time, pulse.position.z);
-    let mut angle = at.angle - pulse.angle;
-    if recording.has_whole_angles() {
-        angle -= angle.clamp(-0.5 * recording.angle_step, 0.5 * recording.angle_step);
-    }
-    let (x, y) = pulse.last.map_or((0.0, 0.0), |last| {
-        let at = model.footprint(attitude, channel, pulse.time, last.z);
-        (at.x - last.x, at.y - last.y)
-    });
-    [at.x - pulse.position.x, at.y - pulse.position.y, angle, x, y]
 }
 
 /// Normal equations of the parameters and of the attitudes of all sections.
@@ -222,12 +198,23 @@ fn moved(model: &Model, step: &[f64]) -> Model {
     Model { mirror: model.mirror, parameters }
 }
 
+/// The model after the step of each parameter alone.
+fn shifted(model: &Model, steps: &[f64]) -> Vec<Model> {
+    let alone = |k: usize| {
+        let step: Vec<f64> = (0..steps.len()).map(|other| if other == k { steps[k] } else { 0.0 }).collect();
+        moved(model, &step)
+    };
+    (0..steps.len()).map(alone).collect()
+}
+
 /// Robust standard deviations of the residuals on the ground and of the scan angle.
 fn spreads(recording: &Recording, model: &Model, sections: &[Section], attitudes: &[DVec3]) -> (f64, f64) {
     let (mut ground, mut angle) = (Vec::new(), Vec::new());
+    let prepared = Prepared::of(model);
     for (section, attitude) in sections.iter().zip(attitudes) {
+        let model = prepared.at(&Attitude::from_vector(*attitude));
         for i in &section.pulses {
-            let r = residuals(recording, model, *attitude, *i);
+            let r = residuals(recording, &model, beam_of(recording, &model, *i), *i);
             ground.push(r[0].abs());
             ground.push(r[1].abs());
             angle.push(r[2].abs());
@@ -243,17 +230,6 @@ fn min_angle(recording: &Recording) -> f64 {
     radians(if recording.has_whole_angles() { 0.1 } else { 0.01 })
 }
 
-/// Weight of a residual of `ratio` standard deviations, and its share of the cost.
-fn huber(ratio: f64) -> (f64, f64) {
-    let size = ratio.abs();
-    if size <= HUBER { (1.0, ratio * ratio) } else { (HUBER / size, HUBER * (2.0 * size - HUBER)) }
-}
-
-/// Standard deviations of the residuals of a pulse.
-fn scales(ground: f64, angle: f64) -> [f64; RESIDUALS] {
-    [ground, ground, angle, ground, ground]
-}
-
 fn normal_cost(
     recording: &Recording,
     model: &Model,
@@ -263,10 +239,12 @@ fn normal_cost(
     angle: f64,
 ) -> f64 {
     let mut cost = 0.0;
+    let prepared = Prepared::of(model);
     for (section, attitude) in sections.iter().zip(attitudes) {
+        let model = prepared.at(&Attitude::from_vector(*attitude));
         let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
         for i in &section.pulses {
-            let r = residuals(recording, model, *attitude, *i);
+            let r = residuals(recording, &model, beam_of(recording, &model, *i), *i);
             let scaled = r.iter().zip(scales(ground, angle)).map(|(r, scale)| huber(r / scale).1);
             cost += share * scaled.sum::<f64>();
         }
@@ -284,12 +262,11 @@ fn normal_equations(
 ) -> Normal {
     let steps = increments(model, recording.duration()).to_vector(model.mirror);
     let count = steps.len();
-    let shifted: Vec<Model> = (0..count)
-        .map(|k| {
-            let step: Vec<f64> = (0..count).map(|other| if other == k { steps[k] } else { 0.0 }).collect();
-            moved(model, &step)
-        })
-        .collect();
+    let shifted = shifted(model, &steps);
+    let prepared = Prepared::of(model);
+    let shifted: Vec<Prepared> = shifted.iter().map(Prepared::of).collect();
+    // Most steps leave the beams of the scanner as they are.
+    let keep_beams: Vec<bool> = shifted.iter().map(|model| model.has_beams_of(&prepared)).collect();
     let mut normal = Normal {
         sections: vec![SectionEquations::new(count); sections.len()],
         parameters: LeastSquares::new(count),
@@ -297,14 +274,23 @@ fn normal_equations(
     };
     let scale = scales(ground, angle);
     let mut of_parameters = vec![0.0; count];
+    let mut by_parameter: Vec<[f64; RESIDUALS]> = Vec::with_capacity(count);
     for ((section, attitude), equations) in sections.iter().zip(attitudes).zip(&mut normal.sections) {
         let share = (SECTION_WEIGHT / section.pulses.len() as f64).min(1.0);
+        let at = |attitude: DVec3| prepared.at(&Attitude::from_vector(attitude));
+        let here = at(*attitude);
+        let turned = DVec3::AXES.map(|axis| at(*attitude + ATTITUDE_STEP * axis));
+        let of_section = Attitude::from_vector(*attitude);
+        let shifted: Vec<Posed> = shifted.iter().map(|model| model.at(&of_section)).collect();
         for i in &section.pulses {
-            let base = residuals(recording, model, *attitude, *i);
-            let by_parameter: Vec<[f64; RESIDUALS]> =
-                shifted.iter().map(|model| residuals(recording, model, *attitude, *i)).collect();
-            let by_attitude =
-                DVec3::AXES.map(|axis| residuals(recording, model, *attitude + ATTITUDE_STEP * axis, *i));
+            let beam = beam_of(recording, &here, *i);
+            let base = residuals(recording, &here, beam, *i);
+            by_parameter.clear();
+            by_parameter.extend(shifted.iter().zip(&keep_beams).map(|(model, keeps_beam)| {
+                let beam = if *keeps_beam { beam } else { beam_of(recording, model, *i) };
+                residuals(recording, model, beam, *i)
+            }));
+            let by_attitude = turned.map(|model| residuals(recording, &model, beam, *i));
             let count_of = if recording.pulses[*i].last.is_some() { RESIDUALS } else { 3 };
             for j in 0..count_of {
                 let ratio = base[j] / scale[j];

@@ -322,9 +322,8 @@ impl<'a> Pulses<'a> {
     /// The distance of a place from the polyline of a line's first echoes; `None` where the line does not
     /// pass it.
     fn distance_to_line(&self, place: [f64; 2], line: &Range<usize>) -> Option<f64> {
-        let nearest = line
-            .clone()
-            .min_by(|a, b| distance(place, self.place(*a)).total_cmp(&distance(place, self.place(*b))))?;
+        let distances = line.clone().map(|i| (distance(place, self.place(i)), i));
+        let (_, nearest) = distances.min_by(|a, b| a.0.total_cmp(&b.0))?;
         if nearest == line.start || nearest + 1 == line.end {
             return None;
         }
