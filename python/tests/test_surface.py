@@ -230,7 +230,9 @@ def test_parts_are_equal_if_they_are_made_alike():
     tree = Part.obj("beech.obj")
     assert tree == Part.obj("beech.obj") and len({tree, Part.obj("beech.obj")}) == 1
     assert tree != tree.translate(1, 0) and tree != Part.obj("spruce.obj") and tree != "beech.obj"
-    assert tree.translate(1, 0) == tree.translate(1, 0) and ground() != ground()
+    assert tree.translate(1, 0) == tree.translate(1, 0)
+    assert ground() == ground() == pickle.loads(pickle.dumps(ground())) and ground() != ground().with_material(vlscan.Material("soil"))
+    assert ground() != Part.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]) and len({ground(), ground()}) == 1
 
 
 def test_faces_are_chosen_by_a_mask_or_by_numbers():

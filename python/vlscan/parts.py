@@ -17,6 +17,7 @@ from . import _vlscan
 from ._point_file import PointFile
 from ._typing import MeshWithFaces, MeshWithTriangles, PathLike, Vector
 from ._values import renamed
+from .places import place_of, working_folder
 
 _Quaternion = tuple[float, float, float, float]
 
@@ -120,6 +121,7 @@ class Material:
     _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
 
     def __post_init__(self) -> None:
+        self._check_types()
         self._check("reflectance", 1)
         self._check("roughness_deg", 90)
         self._check("element_size_m", 100)
@@ -138,6 +140,22 @@ class Material:
         self._check("water_backscatter", 10)
         self._check("water_wind_m_s", 50)
         self._check("water_wind_deg", 360, -360)
+
+    def _check_types(self) -> None:
+        for name, kind, expected in (("name", str, "a text"), ("spectrum", str, "a text"), ("is_ground", bool, "True or False")):
+            value = getattr(self, name)
+            if not (isinstance(value, (kind, np.bool_) if kind is bool else kind) or name == "spectrum" and value is None):
+                raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected {expected}")
+        for name in ("classification", "pane_sheets"):
+            value = getattr(self, name)
+            if isinstance(value, (float, np.floating)) and value != math.floor(value):
+                raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a whole number")
+        for name in ("diffuse", "specular"):
+            colour = np.asarray(getattr(self, name), float)
+            if colour.shape != (3,) or not np.isfinite(colour).all():
+                raise ValueError(f"{name} of the material {self.name!r} is {getattr(self, name)}, expected three finite numbers")
+        if not math.isfinite(self.specular_exponent):
+            raise ValueError(f"specular_exponent of the material {self.name!r} is {self.specular_exponent}, expected a finite number")
 
     def _check(self, name: str, highest: float, lowest: float = 0) -> None:
         value = getattr(self, name)
@@ -160,6 +178,12 @@ class _Place:
     on_ground: int = 0
     id: str | None = None
     changes: _vlscan.Changes = _vlscan.Changes()
+
+    def is_same(self, other: _Place) -> bool:
+        """Return whether another place has the same values; changes of materials are compared by what they are."""
+        if replace(self, changes=other.changes) != other:
+            return False
+        return self.changes is other.changes or self.changes.parts() == other.changes.parts()
 
     def fields(self) -> dict[str, object]:
         """Return the fields that the engine reads."""
@@ -215,6 +239,7 @@ class Part:
 
     def __init__(self, kind: str, arguments: tuple[object, ...], place: _Place, faces: tuple[int, int] | None = None) -> None:
         self._kind, self._arguments, self._place, self._faces = kind, arguments, place, faces
+        self._folder = working_folder()
 
     @staticmethod
     def mesh(
@@ -462,7 +487,7 @@ class Part:
         Raises
         ------
         ValueError
-            An array of another shape, or with coordinates that are not finite.
+            An array of another shape or with coordinates that are not finite, or voxels of no size.
 
         Examples
         --------
@@ -470,6 +495,8 @@ class Part:
         >>> vlscan.Scene(cloud).primitives
         3
         """
+        if not 0 < float(voxel_size) < math.inf:
+            raise ValueError(f"voxel_size is {voxel_size}, expected metres above 0")
         is_file = isinstance(source, (str, os.PathLike))
         path = os.fspath(source) if is_file else PointFile.of(source)  # type: ignore[arg-type]
         settings = dict(
@@ -585,9 +612,17 @@ class Part:
         -------
         Part
             The moved part, which shares the geometry.
+
+        Raises
+        ------
+        ValueError
+            A number is not finite.
         """
+        way = (float(x), float(y), float(z))
+        if not all(map(math.isfinite, way)):
+            raise ValueError(f"a translation is {way}, expected finite numbers")
         old_x, old_y, old_z = self._place.offset
-        return self._placed(offset=(old_x + float(x), old_y + float(y), old_z + float(z)))
+        return self._placed(offset=(old_x + way[0], old_y + way[1], old_z + way[2]))
 
     def scale(self, factor: float) -> Part:
         """Return the part scaled about the origin.
@@ -767,7 +802,7 @@ class Part:
         Part
             The part, which shares the geometry.
         """
-        return self._placed(id=id)
+        return self._placed(id=None if id is None else str(id))
 
     @property
     def id(self) -> str | None:
@@ -780,20 +815,37 @@ class Part:
         return self._faces[0] if self._faces else None
 
     def _placed(self, **changes: Any) -> Part:
-        return Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
+        part = Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
+        part._folder = self._folder
+        return part
 
     def _made(self) -> _vlscan.Part:
-        arguments = (os.fspath(value) if isinstance(value, PointFile) else value for value in self._arguments)
+        arguments = (self._found(value) for value in self._arguments)
         made: _vlscan.Part = getattr(_vlscan.Part, self._kind)(*arguments, self._place.fields())
         return made
+
+    def _found(self, value: object) -> object:
+        """Return an argument for the engine, with files as they are found from the working directory."""
+        if isinstance(value, PointFile):
+            return os.fspath(value)
+        if isinstance(value, str):
+            # Names of axes and units have no dot.
+            return place_of(value, self._folder) if "." in value else value
+        if isinstance(value, list):
+            return [self._found(item) for item in value]
+        return {key: self._found(item) for key, item in value.items()} if isinstance(value, dict) else value
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Part):
             return NotImplemented
-        return (self._kind, self._arguments, self._place) == (other._kind, other._arguments, other._place)
+        if self._kind != other._kind or not self._place.is_same(other._place):
+            return False
+        pairs = zip(self._arguments, other._arguments, strict=True)
+        return all(one is another or _content(one) == _content(another) for one, another in pairs)
 
     def __hash__(self) -> int:
-        return hash((self._kind, self._place))
+        # Without changes of materials, which are no values.
+        return hash((self._kind, self._place.quaternion, self._place.scale, self._place.offset, self._place.id))
 
     def __repr__(self) -> str:
         place = self._place
@@ -849,11 +901,19 @@ def _fields(material: Material) -> dict[str, Any]:
         fields[key] = [float(v) for v in fields[key]]
     for key in ("specular_exponent", "roughness_deg"):
         fields[key] = float(fields[key])
+    for key in ("classification", "pane_sheets"):
+        fields[key] = None if fields[key] is None else int(fields[key])
+    fields["is_ground"] = bool(fields["is_ground"])
     return fields
 
 
 def _choice(file: PathLike | None, name: str | None) -> dict[str, str | None]:
     return dict(file=None if file is None else os.fspath(file), name=name)
+
+
+def _content(argument: object) -> object:
+    """Return what an argument consists of, which is the same for an object and one that was pickled."""
+    return argument.parts() if isinstance(argument, _vlscan.Mesh) else argument
 
 
 def _mesh_of(*parts: Any) -> _vlscan.Mesh:

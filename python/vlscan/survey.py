@@ -21,6 +21,7 @@ from ._values import values_of
 from .forecast import DryRun
 from .instruments import Platform, Scanner
 from .parts import Part
+from .places import asset_folders, place_of, working_folder
 from .results import Batches, Result
 from .scene import Scene, rays_of
 from .tables import Table
@@ -216,6 +217,8 @@ class Survey(Checked):
         self.waveform = dict(waveform or {})
         self.detector = dict(detector or {})
         self.name = name
+        # Working directory, relative to which files are named.
+        self._folder = working_folder()
         self._file: str | None = None
         self._text: str | None = None
         # Keys of the legs of a file as they were read, and whether they hold all that it has about legs.
@@ -380,14 +383,17 @@ class Survey(Checked):
             return self._text
         keys: dict[str, object] = {}
         if self._file is not None:
-            keys["survey"] = os.path.abspath(self._file)
+            keys["survey"] = os.path.abspath(place_of(self._file, self._folder))
         return _toml.document({**keys, **self._keys()})
 
     def _request(self, options: dict[str, object], pulses: EngineTable | None = None) -> _vlscan.Request:
         """Return what the engine runs; ``options`` are values as :func:`values_of` returns them."""
         trajectory: EngineTable | None = None
+        folders = asset_folders(self._folder)
+        if folders:
+            options = {**options, "assets": [*_listed(options.get("assets")), *folders]}
         if isinstance(self.trajectory, (str, os.PathLike)):
-            options = {**options, "trajectory": os.fspath(self.trajectory)}
+            options = {**options, "trajectory": place_of(os.fspath(self.trajectory), self._folder)}
         elif self.trajectory is not None:
             trajectory = columns_of(self.trajectory, TRAJECTORY_COLUMNS)
         scene = self.scene._scene if self.scene is not None else None
@@ -396,7 +402,8 @@ class Survey(Checked):
         if self._file is not None and self._file.lower().endswith(".toml") and self._keys():
             raise ValueError("a pipeline file cannot be changed by attributes; give them as options of the run, or change the file")
         if self._file is not None and not self._keys():
-            return _vlscan.Request(options, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
+            file = place_of(self._file, self._folder)
+            return _vlscan.Request(options, file=file, scene=scene, trajectory=trajectory, pulses=pulses)
         document = self.document()
         if "output" in options and self.name is None and self._text is None and self._file is None:
             # Its folder has the name of the survey.
@@ -599,9 +606,11 @@ class Survey(Checked):
         True
         """
         values, tables = recorded(to, waveforms, pulses, options)
+        if isinstance(rows, bool) or (seconds is not None and isinstance(seconds, (str, bool))):
+            raise TypeError(f"rows and seconds are numbers, found {rows!r} and {seconds!r}")
         if seconds is not None and not 0 < seconds < float("inf"):
             raise ValueError(f"seconds is {seconds}, expected more than 0")
-        count = operator.index(rows)
+        count = min(operator.index(rows), 2**62)
         if count < 1:
             raise ValueError(f"rows is {count}, expected at least 1")
         beside = [table for table in tables if table != "points"]
@@ -846,6 +855,11 @@ def _keys_of(what: str, value: object, table: str) -> dict[str, object]:
     return dict(value)
 
 
+def _listed(value: object) -> list[object]:
+    """Return a value as a list; none is empty."""
+    return [] if value is None else value if isinstance(value, list) else [value]
+
+
 def _legs(value: object) -> list[Leg]:
     """Return legs as a list."""
     if isinstance(value, Leg) or not isinstance(value, Iterable):
@@ -877,6 +891,8 @@ def recorded(
         return values, ["trajectory"]
     if "output" in values:
         raise ValueError("give either to, the names of files, or output, a folder in the layout of HELIOS++")
+    if not isinstance(to, (str, bytes, os.PathLike, Iterable)):
+        raise TypeError(f"to is the name of a file, or several, found {type(to).__name__}")
     files = [to] if isinstance(to, (str, bytes, os.PathLike)) else list(to)
     if not files:
         raise ValueError("to names no file; without it the points stay in memory")
