@@ -12,13 +12,17 @@ interface; no code of HELIOS++ is contained.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, MutableMapping, Sequence
 from datetime import datetime, timezone
+from enum import IntEnum
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Literal, Optional
+from typing import Annotated, Any, Literal, Optional, Tuple, Union  # noqa: UP035
 
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, validate_call
 
 from vlscan import __version__ as __version__
 
@@ -58,7 +62,11 @@ from .validation import units
 # Names that ``from helios.survey import *`` brings in version 3, whatever the module: those of all modules, and of libraries.
 _SHARED: dict[str, object] = {
     **{"np": np, "datetime": datetime, "timezone": timezone, "Path": Path},
-    **{"Annotated": Annotated, "Literal": Literal, "Optional": Optional},
+    **{"Annotated": Annotated, "Any": Any, "Callable": Callable, "Literal": Literal, "Optional": Optional},
+    **{"Sequence": Sequence, "Tuple": Tuple, "Union": Union, "MutableMapping": MutableMapping},  # noqa: UP006
+    **{"BaseModel": BaseModel, "Field": Field, "validate_call": validate_call, "NDArray": NDArray},
+    **{"PositiveInt": PositiveInt, "PositiveFloat": PositiveFloat, "IntEnum": IntEnum},
+    **{"NonNegativeInt": NonNegativeInt, "NonNegativeFloat": NonNegativeFloat},
 }
 _QUANTITIES = (
     *("Angle", "AngleVelocity", "AssetPath", "CompressionLevel", "CreatedDirectory", "Frequency", "Length", "MultiAssetPath"),

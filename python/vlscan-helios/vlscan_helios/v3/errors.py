@@ -37,7 +37,8 @@ class _Names:
     """
 
     def __init__(self, folder: str) -> None:
-        self._names = {os.path.join(folder, f"{name}.{kind}"): f"<{name}>" for name, kind in (("survey", "xml"), ("trajectory", "csv"))}
+        files = (("survey", "xml"), ("trajectory", "csv")) if folder else ()
+        self._names = {os.path.join(folder, f"{name}.{kind}"): f"<{name}>" for name, kind in files}
 
     def of_text(self, text: str) -> str:
         """Return a text with these names."""
@@ -51,8 +52,8 @@ class _Names:
 
 
 @contextmanager
-def engine_errors(folder: str) -> Iterator[None]:
-    """Raise errors of the engine as :class:`HeliosException`; messages do not name the files in ``folder``."""
+def engine_errors(folder: str = "") -> Iterator[None]:
+    """Raise errors of the engine as :class:`HeliosException`; messages do not name the files in ``folder``, if there is one."""
     names = _Names(folder)
     try:
         yield
@@ -89,6 +90,10 @@ def engine_warnings(folder: str, is_silent: bool) -> Iterator[None]:
                 problem = message.problem and names.of_problem(message.problem)
                 message = VlscanWarning(names.of_text(str(message)), problem)
             warnings.warn_explicit(message, warning.category, warning.filename, warning.lineno, registry=_shown)
+
+
+class WrongTypeError(TypeError, ValueError):
+    """A value of another type: models and checked functions raise ``ValueError``, plain functions ``TypeError``."""
 
 
 def wrong_input(text: str) -> HeliosException:

@@ -11,7 +11,17 @@ from typing import Any, TypeVar
 
 from vlscan.errors import VlscanWarning
 
-from .validation import CreatedDirectory, Length, Model, PositiveInt, ThreadCount, TimeInterval, UpdateableMixin, distribute
+from .validation import (
+    CreatedDirectory,
+    Model,
+    PositiveInt,
+    PositiveLength,
+    PositiveTimeInterval,
+    ThreadCount,
+    TimeInterval,
+    UpdateableMixin,
+    distribute,
+)
 
 # Threads of runs that set none.
 _ALL_THREADS = os.cpu_count() or 1
@@ -111,13 +121,13 @@ class OutputSettings(Model, UpdateableMixin):
     output_dir: CreatedDirectory = Path("output")
     write_waveform: bool = False
     write_pulse: bool = False
-    las_scale: Length = 0.0001
+    las_scale: PositiveLength = 0.0001
 
 
 class FullWaveformSettings(Model):
     """Digitisation of waveforms. ``win_size`` is at least two bins: ``ValueError`` otherwise."""
 
-    bin_size: TimeInterval = 0.25e-9
+    bin_size: PositiveTimeInterval = 0.25e-9
     beam_sample_quality: PositiveInt = 3
     win_size: TimeInterval = 1e-9
     max_fullwave_range: TimeInterval = 0.0

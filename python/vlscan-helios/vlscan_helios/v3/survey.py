@@ -17,6 +17,7 @@ from pydantic import AfterValidator, Field, PrivateAttr
 from vlscan import Result
 from vlscan import Survey as EngineSurvey
 from vlscan.errors import warn
+from vlscan.places import asset_folders, place_of, working_folder
 
 from . import survey_xml, xml_files
 from .callbacks import HookDispatcher, HookPayload, RunFacts, SurveyHook, build_progressbar_callbacks
@@ -98,6 +99,8 @@ class Survey(Model):
     gps_time: Annotated[datetime, AfterValidator(_zoned)] = datetime(2024, 1, 1, tzinfo=timezone.utc)
     full_waveform_settings: FullWaveformSettings = Field(default_factory=FullWaveformSettings)
     _document: Document | None = PrivateAttr(None)
+    # Working directory in which the file was named.
+    _folder: str = PrivateAttr("")
     _as_read: _AsRead | None = PrivateAttr(None)
 
     @classonlymethod
@@ -148,7 +151,7 @@ class Survey(Model):
             Itself.
         """
         legs, waveform = tuple(leg.clone() for leg in self.legs), self.full_waveform_settings.clone()
-        self._document = document
+        self._document, self._folder = document, working_folder()
         self._as_read = _AsRead(self.name, self.scanner.clone(), self.platform.clone(), self.scene, legs, waveform)
         # Settings of the file are not the user's.
         self.__pydantic_fields_set__.discard("full_waveform_settings")
@@ -280,7 +283,8 @@ class Survey(Model):
             The text.
         """
         if self._document is not None and self._is_as_read():
-            return self._document.path.read_text(encoding="utf-8", errors="replace")
+            path = place_of(os.fspath(self._document.path), self._folder)
+            return Path(path).read_text(encoding="utf-8", errors="replace")
         return survey_xml.text_of(survey_xml.write(self, folder))
 
     @property
@@ -329,7 +333,8 @@ class Survey(Model):
         """
         is_scene_of_file = self._as_read is not None and self.scene.source_file == self._as_read.scene.source_file and self.scene.is_as_read
         if self._document is not None and self._is_as_read():
-            return EngineSurvey.open(self._document.path, None if is_scene_of_file else self.scene.engine())
+            path = place_of(os.fspath(self._document.path), self._folder)
+            return EngineSurvey.open(path, None if is_scene_of_file else self.scene.engine())
         file = folder / "survey.xml"
         file.write_text(self.to_xml(folder), encoding="utf-8")
         return EngineSurvey.open(file, None if is_scene_of_file else self.scene.engine())
@@ -337,7 +342,10 @@ class Survey(Model):
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set
         is_chunked = execution.parallelization == ParallelizationStrategy.CHUNK
-        folders = [*engine_directories(), *([] if self._document is None else [Path("assets"), self._document.path.parent])]
+        folders: list[str | Path] = [*engine_directories()]
+        if self._document is not None:
+            folders += [Path("assets"), os.path.dirname(place_of(os.fspath(self._document.path), self._folder))]
+            folders += asset_folders(self._folder)
         options: dict[str, Any] = {
             "threads": execution.num_threads if "num_threads" in given else None,
             "chunk_size": execution.chunk_size if "chunk_size" in given else None,
@@ -490,5 +498,5 @@ class _Run:
     def _result(self, records: NDArray[np.void], result: Result, intensity: NDArray[Any], angle: NDArray[Any]) -> Any:
         poses = pose_records(result.trajectory)
         if self._output.format == OutputFormat.LASPY:
-            return laspy_data(records, intensity, angle, self._output.las_scale or 0.0001), poses
+            return laspy_data(records, intensity, angle, self._output.las_scale), poses
         return records, poses
