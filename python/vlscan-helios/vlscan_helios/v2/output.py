@@ -215,6 +215,8 @@ def outputToNumpy(output: Output) -> tuple[NDArray[np.float64], NDArray[np.float
     poses : numpy.ndarray
         Rows of position, GPS time, roll, pitch, yaw (rad).
     """
+    if not isinstance(output, Output):
+        raise TypeError(f"expected the output of a simulation, found {type(output).__name__}")
     poses = np.empty((0, 7)) if output.poses is None else _array(output.poses, _POSE_COLUMNS)
     poses[:, 4:] = np.radians(poses[:, 4:])
     return _array(output.points, _POINT_COLUMNS), poses

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element, ParseError, parse
@@ -11,6 +12,34 @@ from vlscan_helios.v3.utils import find_file
 from vlscan_helios.v3.xml_files import float_of
 
 from .views import Instrument
+
+
+class Detector:
+    """The detector of a scanner: its accuracy and the ranges that it measures, m.
+
+    Parameters
+    ----------
+    entry : xml.etree.ElementTree.Element
+        The entry of the scanner in its file.
+    """
+
+    def __init__(self, entry: Element) -> None:
+        #: Standard deviation of ranges, m.
+        self.accuracy = float_of(entry.get("accuracy_m"), 0)
+        #: Ranges that are measured, m; infinite without a limit.
+        self.rangeMin, self.rangeMax = float_of(entry.get("rangeMin_m"), 0), float_of(entry.get("rangeMax_m"), math.inf)
+
+    def getAccuracy(self) -> float:
+        """Return the standard deviation of ranges, m."""
+        return self.accuracy
+
+    def getRangeMin(self) -> float:
+        """Return the shortest range, m."""
+        return self.rangeMin
+
+    def getRangeMax(self) -> float:
+        """Return the longest range, m."""
+        return self.rangeMax
 
 
 class ScannerView(Instrument):
@@ -81,6 +110,15 @@ class ScannerView(Instrument):
     def getPulseFreqs(self) -> list[int]:
         """Return the pulse frequencies, Hz."""
         return self.pulseFreqs
+
+    def getDetector(self) -> Detector:
+        """Return the detector."""
+        return self.detector
+
+    @property
+    def detector(self) -> Detector:
+        """The detector."""
+        return Detector(self._entry)
 
     def toString(self) -> str:
         """Return the figures as lines of text."""

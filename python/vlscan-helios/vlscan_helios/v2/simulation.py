@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vlscan import Batches, Points, Result, Survey
+from vlscan.places import place_of, working_folder
 
 from .output import Output
 
 if TYPE_CHECKING:
-    from vlscan_helios.v3 import ScenePart
+    from vlscan_helios.v3 import Leg, ScenePart
     from vlscan_helios.v3 import Survey as Model
 
     from .views import Playback
@@ -40,6 +41,8 @@ class Recipe:
     callback_rows: int = 0
     #: Transforms of parts in their order: the id of a part, or an empty one for all; what is done to them.
     filters: list[tuple[str, Callable[[ScenePart], object]]] = field(default_factory=list)
+    #: Working directory in which the survey was named.
+    folder: str = field(default_factory=working_folder)
 
 
 class Simulation:
@@ -54,6 +57,7 @@ class Simulation:
     def __init__(self, recipe: Recipe) -> None:
         self._recipe = recipe
         self._model: Model | None = None
+        self._as_read: tuple[Leg, ...] = ()
         self._thread: threading.Thread | None = None
         self._batches: Batches | None = None
         self._done, self._is_stopped, self._resumed = threading.Event(), threading.Event(), threading.Event()
@@ -69,7 +73,7 @@ class Simulation:
         """The survey with its legs, scanner and platform, which can be changed before the start."""
         from .views import Playback
 
-        return Playback(self._read(), lambda: self._thread is not None)
+        return Playback(self._read(), lambda: self._thread is not None, self._recipe.survey, self._as_read)
 
     def getSurvey(self) -> Any:
         """Return the survey, as ``sim.getSurvey()`` does."""
@@ -89,7 +93,8 @@ class Simulation:
             from vlscan_helios.v3 import Survey as Model
 
             with self._assets():
-                self._model = Model.from_xml(self._recipe.survey)
+                self._model = Model.from_xml(place_of(self._recipe.survey, self._recipe.folder))
+                self._as_read = self._model.legs
         return self._model
 
     def _apply_filters(self, model: Model) -> None:
@@ -112,7 +117,7 @@ class Simulation:
     def _run(self) -> None:
         try:
             if self._model is None:
-                self._measure(Survey.open(self._recipe.survey), self._recipe.options)
+                self._measure(Survey.open(place_of(self._recipe.survey, self._recipe.folder)), self._recipe.options)
                 return
             with tempfile.TemporaryDirectory() as folder, self._assets():
                 beside = [path for path in ("assets", os.path.dirname(self._recipe.survey)) if path]
@@ -147,18 +152,25 @@ class Simulation:
 
     def pause(self) -> None:
         """Take no more points; the simulation waits after a few batches, and :meth:`resume` lets it go on."""
+        self._check_started("paused")
         self._resumed.clear()
 
     def resume(self) -> None:
         """Go on after :meth:`pause`."""
+        self._check_started("resumed")
         self._resumed.set()
 
     def stop(self) -> None:
         """End the simulation; :meth:`join` then returns the points so far."""
+        self._check_started("stopped")
         self._is_stopped.set()
         self._resumed.set()
         if self._batches is not None:
             self._batches.close()
+
+    def _check_started(self, what: str) -> None:
+        if self._thread is None:
+            raise RuntimeError(f"the simulation has not been started, so it cannot be {what}")
 
     def isStarted(self) -> bool:
         """Return whether it has been started."""
