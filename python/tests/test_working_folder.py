@@ -6,7 +6,7 @@ import pickle
 import pytest
 
 from conftest import ROOT
-from vlscan import InputError, Leg, Part, Scene, Survey
+from vlscan import InputError, Leg, Part, Scene, Survey, plan_airborne
 
 LEG = Leg((0, 0, 4), scan_freq_hz=120, head_rate_deg_per_s=60, head_stop_deg=10)
 
@@ -40,6 +40,13 @@ def test_parts_of_files_and_their_copies_are_found(elsewhere):
     moved = Scene([ground.translate(1, 0)])
     assert moved.bounds[0, 0] == scene.bounds[0, 0] + 1
     assert Survey(pickle.loads(pickle.dumps(ground)), "riegl_vz400", [LEG]).run(seed=1).point_count > 0
+
+
+def test_the_scene_of_a_plan_is_found(elsewhere):
+    plan = plan_airborne("riegl_vux-1uav", height=60, density=5, scene="fixtures/forest/ground.obj")
+    before = plan.run(seed=1).point_count
+    elsewhere()
+    assert plan.run(seed=1).point_count == pickle.loads(pickle.dumps(plan)).run(seed=1).point_count == before
 
 
 def test_messages_name_files_as_the_program_did(elsewhere):

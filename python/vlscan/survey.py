@@ -94,18 +94,24 @@ class Leg(Checked):
         strip: str | None = None,
         **settings: Unpack[LegSettings],
     ) -> None:
-        self.position = [float(v) for v in position]
+        self.position = position
         self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
         self.settings: dict[str, object] = dict(settings)
 
     def _checked(self, name: str, value: object) -> object:
         if name == "position":
-            numbers = np.asarray(value, float)
+            if isinstance(value, (str, bytes, set, frozenset, Mapping)):
+                raise TypeError(f"position of a leg is x, y, z, found {type(value).__name__}")
+            numbers = np.asarray(value if hasattr(value, "__array__") else list(value), float)  # type: ignore[call-overload]
             if numbers.shape != (3,):
                 raise ValueError(f"position of a leg has the shape {numbers.shape}, expected x, y, z")
             return numbers.tolist()
         if name == "settings":
             return _keys_of("Leg", value, "[settings]")
+        if name in ("active", "on_ground"):
+            if not isinstance(value, (bool, np.bool_)) and value not in (0, 1):
+                raise TypeError(f"{name} of a leg is True or False, found {value!r}")
+            return bool(value)
         if name == "strip" and not (value is None or isinstance(value, str)):
             raise TypeError(f"strip of a leg is a name, found {type(value).__name__}")
         return value
@@ -519,6 +525,8 @@ class Survey(Checked):
         ------
         InputError
             Input is invalid.
+        ValueError
+            The interval is not above 0.
 
         Examples
         --------
@@ -526,6 +534,8 @@ class Survey(Checked):
         >>> poses.columns
         ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
         """
+        if interval is not None and not 0 < interval < float("inf"):
+            raise ValueError(f"interval is {interval}, expected seconds above 0")
         return Table(_vlscan.fly(self._request(values_of(options, writes_files=False)), "poses", interval, true))
 
     def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:

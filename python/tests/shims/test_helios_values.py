@@ -93,6 +93,21 @@ def test_dumps_have_the_values_of_settings():
     assert tripod_survey().model_dump()["legs"][0]["platform_settings"]["z"] == 3
 
 
+def test_defaults_of_models_of_the_user_are_checked(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    class Own(helios.validation.Model):
+        angle: helios.validation.Angle = "90 deg"
+        time: helios.validation.TimeInterval = 3 * helios.units.ns
+        place: helios.validation.R3Vector = (1, 2, 3)
+
+    own = Own()
+    assert own.angle == pytest.approx(np.pi / 2) and own.time == pytest.approx(3e-9) and own.place.tolist() == [1, 2, 3]
+    assert own.model_fields_set == set() and own.clone() == own
+    assert str(helios.OutputSettings().output_dir) == "output" and os.listdir() == []
+    assert '"diffuse_components":[0.0,' in Material("a").model_dump_json()
+
+
 def test_colours_of_materials_are_copies():
     colour = np.array([0.1, 0.2, 0.3, 0.4])
     material = Material("a", diffuse_components=colour)

@@ -151,26 +151,19 @@ class Simulation:
         return Output(self._parts, result.trajectory, result.files, folder, result.seconds)
 
     def pause(self) -> None:
-        """Take no more points; the simulation waits after a few batches, and :meth:`resume` lets it go on."""
-        self._check_started("paused")
+        """Take no more points, also before the start; the simulation waits after a few batches, and :meth:`resume` lets it go on."""
         self._resumed.clear()
 
     def resume(self) -> None:
         """Go on after :meth:`pause`."""
-        self._check_started("resumed")
         self._resumed.set()
 
     def stop(self) -> None:
         """End the simulation; :meth:`join` then returns the points so far."""
-        self._check_started("stopped")
         self._is_stopped.set()
         self._resumed.set()
         if self._batches is not None:
             self._batches.close()
-
-    def _check_started(self, what: str) -> None:
-        if self._thread is None:
-            raise RuntimeError(f"the simulation has not been started, so it cannot be {what}")
 
     def isStarted(self) -> bool:
         """Return whether it has been started."""

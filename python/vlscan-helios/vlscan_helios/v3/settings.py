@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from pydantic import Field
+
 from vlscan.errors import VlscanWarning
 
 from .validation import (
@@ -118,7 +120,8 @@ class OutputSettings(Model, UpdateableMixin):
 
     format: OutputFormat = OutputFormat.NPY
     split_by_channel: bool = False
-    output_dir: CreatedDirectory = Path("output")
+    # Checked when it is given: a default would be created by every import.
+    output_dir: CreatedDirectory = Field(Path("output"), validate_default=False)
     write_waveform: bool = False
     write_pulse: bool = False
     las_scale: PositiveLength = 0.0001

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypeAlias
 
 import numpy as np
 import pint
-from pydantic import BeforeValidator, ConfigDict, ValidationError
+from pydantic import BeforeValidator, ConfigDict, PlainSerializer, ValidationError
 from pydantic import PositiveInt as PositiveInt
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
@@ -194,7 +194,7 @@ R3Vector = Annotated[Any, _numbers(3)]
 #: w, x, y, z.
 Quaternion = Annotated[Any, _numbers(4)]
 #: Four components of a colour.
-Components = Annotated[Any, BeforeValidator(_components)]
+Components = Annotated[Any, BeforeValidator(_components), PlainSerializer(np.ndarray.tolist, when_used="json")]
 
 
 def same(a: object, b: object) -> bool:
@@ -223,7 +223,7 @@ class Model(BaseModel):
     Unknown keywords are ``ValueError``. Other attributes can be set, and are not part of copies.
     """
 
-    model_config = ConfigDict(extra="forbid", validate_assignment=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", validate_assignment=True, validate_default=True, arbitrary_types_allowed=True)
 
     def __init__(self, *args: Any, **values: Any) -> None:
         names = list(type(self).model_fields)
