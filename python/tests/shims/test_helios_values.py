@@ -170,3 +170,14 @@ def test_files_are_found_after_the_working_directory_changed(tmp_path, monkeypat
     os.chdir(tmp_path)
     assert [len(each.run()[0]) for each in (survey, changed, of_part)] == before
     assert len(fresh.run()[0]) == before[0] and fresh.to_xml() == (ROOT / "fixtures/room/survey.xml").read_text()
+
+
+def test_names_of_the_engine_and_of_serialization_can_be_imported():
+    names: dict = {}
+    text = "import vlscan.helios; vlscan.helios.install(); from _helios import HeliosException, HookContext; "
+    exec(f"{text}from helios.serialization import to_yaml; import helios.serialization", names)
+    assert names["HeliosException"] is helios.HeliosException and names["HookContext"] is helios.HookContext
+    with pytest.raises(NotImplementedError, match=r"Survey\.to_xml"):
+        names["to_yaml"](3)
+    with pytest.raises(ImportError):
+        exec("from _helios import Scanner")

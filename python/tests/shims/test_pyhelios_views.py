@@ -111,8 +111,11 @@ def test_wrong_values_are_refused_at_once(tmp_path, setter, value, error):
 def test_values_of_numpy_are_taken(tmp_path):
     made = builder(tmp_path, "room/survey.xml").setNumThreads(np.int64(1)).setLasOutput(np.True_).setSeed(np.int64(3)).setChunkSize(-32)
     simulation = made.build()
+    assert repr(made) == repr(simulation).replace("Simulation", "SimulationBuilder").replace(": not started", "")
     simulation.start()
-    assert len(simulation.join().measurements) > 1000
+    output = simulation.join()
+    assert len(output.measurements) > 1000 and repr(simulation).endswith(": finished>")
+    assert repr(output).startswith(f"<Output: {len(output.measurements):,} points, ")
 
 
 def test_wrong_calls_of_simulations_are_refused(tmp_path):

@@ -228,6 +228,9 @@ class SimulationBuilder:
         self._filters.append((str(partId), lambda part: part.translate(offset)))
         return self
 
+    def __repr__(self) -> str:
+        return f"<SimulationBuilder of {self._survey!r}>"
+
     def build(self) -> Simulation:
         """Return the simulation; a missing survey is a ``FileNotFoundError``."""
         places = ["", "assets", *self._assets]

@@ -198,6 +198,10 @@ class Output:
         """The poses as objects; none before the simulation has ended."""
         return Records([] if self._poses is None else [self._poses], Trajectory)
 
+    def __repr__(self) -> str:
+        where = f" in {self.folder!r}" if self.folder else ""
+        return f"<Output: {len(self.measurements):,} points, {len(self.trajectories):,} poses{where}>"
+
 
 def outputToNumpy(output: Output) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the points and the poses of an output as arrays.

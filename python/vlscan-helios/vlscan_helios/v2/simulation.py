@@ -191,6 +191,16 @@ class Simulation:
         twin._recipe, twin._model = self._recipe, None if self._model is None else self._model.clone()
         return twin
 
+    def __repr__(self) -> str:
+        states = (
+            ("stopped", self.isStopped()),
+            ("finished", self.isFinished()),
+            ("paused", self.isPaused()),
+            ("running", self.isRunning()),
+        )
+        state = next((name for name, holds in states if holds), "not started")
+        return f"<Simulation of {self._recipe.survey!r}: {state}>"
+
     def join(self) -> Output:
         """Wait for the end, raise what went wrong, and return the output. Ctrl-C ends the simulation."""
         if self._thread is None:

@@ -26,7 +26,7 @@ from pydantic import BaseModel, Field, NonNegativeFloat, NonNegativeInt, Positiv
 
 from vlscan import __version__ as __version__
 
-from . import callbacks, leg, platforms, scanner, scene, settings, survey, utils, validation
+from . import callbacks, leg, platforms, scanner, scene, serialization, settings, survey, utils, validation
 from .callbacks import HookContext, HookEndOfLegPolicy, HookPayload, HookPoint, SurveyHook
 from .errors import HeliosException
 from .leg import Leg
@@ -140,6 +140,7 @@ __all__ = [
     "scanner",
     "scanner_from_name",
     "scene",
+    "serialization",
     "set_execution_settings",
     "set_output_settings",
     "set_rng_seed",
@@ -167,4 +168,13 @@ def install(name: str = "helios") -> ModuleType:
     package = sys.modules[__name__]
     own = {key: module for key, module in sys.modules.items() if f"{key}.".startswith(f"{__name__}.")}
     sys.modules.update({name + key.removeprefix(__name__): module for key, module in own.items()})
+    if name == "helios":
+        sys.modules.setdefault("_helios", _engine_module())
     return package
+
+
+def _engine_module() -> ModuleType:
+    """Return what scripts import from the engine of HELIOS++ 3: the exception, and what hooks are told."""
+    module = ModuleType("_helios", "The names of HELIOS++'s engine that vlscan has.")
+    module.__dict__.update(HeliosException=HeliosException, HookContext=HookContext)
+    return module

@@ -300,7 +300,7 @@ class Model(BaseModel):
         NotImplementedError
             Always.
         """
-        raise NotImplementedError(_NO_YAML)
+        raise NotImplementedError(NO_YAML)
 
     def to_bundle(self, *args: Any, **values: Any) -> NoReturn:
         """Not offered: see the message.
@@ -315,7 +315,7 @@ class Model(BaseModel):
         NotImplementedError
             Always.
         """
-        raise NotImplementedError(_NO_YAML)
+        raise NotImplementedError(NO_YAML)
 
     @classmethod
     def from_yaml(cls, *args: Any, **values: Any) -> NoReturn:
@@ -331,7 +331,7 @@ class Model(BaseModel):
         NotImplementedError
             Always.
         """
-        raise NotImplementedError(_NO_YAML)
+        raise NotImplementedError(NO_YAML)
 
     @classmethod
     def from_bundle(cls, *args: Any, **values: Any) -> NoReturn:
@@ -347,7 +347,7 @@ class Model(BaseModel):
         NotImplementedError
             Always.
         """
-        raise NotImplementedError(_NO_YAML)
+        raise NotImplementedError(NO_YAML)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -385,8 +385,8 @@ class Model(BaseModel):
     __hash__ = None  # type: ignore[assignment]
 
 
-# What stands for files that are not offered.
-_NO_YAML = (
+#: Advice for files that are not offered.
+NO_YAML = (
     "vlscan has no YAML and no bundles; Survey.to_xml() returns a survey as XML, StaticScene.to_binary() writes a scene, "
     "and all models pickle"
 )
