@@ -30,8 +30,9 @@ def test_an_unknown_keyword_that_resembles_a_field_has_a_suggestion():
     with pytest.raises(ValueError, match="did you mean 'scan_angle'"):
         helios.ScannerSettings(scan_angel=1)
     settings = helios.ScannerSettings()
-    with pytest.warns(VlscanWarning, match="scan_angel"):
-        settings.scan_angel = 1
+    for name in ("scan_angel", "pulse_freq", "scan_freq"):
+        with pytest.warns(VlscanWarning, match=name):
+            setattr(settings, name, 1)
     settings.scan_angle = "30 deg"
     assert settings.scan_angle == pytest.approx(np.pi / 6)
 
@@ -75,6 +76,18 @@ def test_texts_that_are_no_quantities_are_value_errors(text):
 def test_times_of_trajectories_have_units():
     settings = helios.TrajectorySettings("500 ms", 2 * helios.units.s)
     assert (settings.start_time, settings.end_time) == (0.5, 2.0)
+
+
+def test_a_folder_for_all_runs_is_no_fault_of_a_run_to_memory(tmp_path):
+    helios.set_output_settings(format="las", output_dir=tmp_path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert len(tripod_survey().run(format="npy")[0]) > 100
+        with pytest.warns(VlscanWarning, match="output_dir has no effect"):
+            tripod_survey().run(format="npy", output_dir=tmp_path)
+    finally:
+        helios.set_output_settings()
 
 
 def test_faults_of_trajectory_files_name_the_file(tmp_path):

@@ -236,7 +236,7 @@ class Survey(Model):
         execution = compose_execution_settings(execution_settings, for_execution)
         output = compose_output_settings(output_settings, for_output)
         hooks = [SurveyHook.model_validate(hook) for hook in callbacks or ()]
-        _check_output(output)
+        _check_output(output, {*for_output, *(output_settings.model_fields_set if output_settings is not None else ())})
         if execution.log_file or execution.log_file_only:
             warn("log_file has no effect; notes go to the logger 'vlscan', which logging.FileHandler writes to a file")
         self.check_legs()
@@ -422,8 +422,8 @@ def _is_folder(output: OutputSettings) -> bool:
     return output.format in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ)
 
 
-def _check_output(output: OutputSettings) -> None:
-    """Refuse or warn of what the format of a run has no place for."""
+def _check_output(output: OutputSettings, given: set[str]) -> None:
+    """Refuse what the format of a run has no place for, or warn of it, if it was given for this run."""
     if _is_folder(output):
         return
     for name in ("write_waveform", "write_pulse"):
@@ -433,7 +433,7 @@ def _check_output(output: OutputSettings) -> None:
             )
     has_effect = {"las_scale"} if output.format == OutputFormat.LASPY else set()
     for name in ("output_dir", "split_by_channel", "las_scale"):
-        if name in output.model_fields_set - has_effect:
+        if name in given - has_effect:
             warn(f"{name} has no effect on the format {output.format.name}")
 
 

@@ -247,7 +247,7 @@ class Model(BaseModel):
         if name in kind.model_fields or name.startswith("_") or hasattr(kind, name):
             super().__setattr__(name, value)
             return
-        close = get_close_matches(name, kind.model_fields, 1, 0.85)
+        close = get_close_matches(name, kind.model_fields, 1, 0.7)
         if close:
             warn(f"{kind.__name__} has no field {name!r}, which becomes an attribute of your own; did you mean {close[0]!r}?")
         object.__setattr__(self, name, value)
