@@ -42,6 +42,18 @@ def test_parts_of_files_and_their_copies_are_found(elsewhere):
     assert Survey(pickle.loads(pickle.dumps(ground)), "riegl_vz400", [LEG]).run(seed=1).point_count > 0
 
 
+def test_rasters_are_found_by_patterns_and_folders(elsewhere, tmp_path):
+    tiles = tmp_path / "work/dem"
+    tiles.mkdir(parents=True)
+    for number in range(2):
+        grid = f"ncols 2\nnrows 2\nxllcorner {2 * number}\nyllcorner 0\ncellsize 1\nNODATA_value -9\n{number} 1\n2 3\n"
+        (tiles / f"{number}.asc").write_text(grid)
+    os.chdir(tmp_path / "work")
+    parts = [Part.raster("dem/*.asc"), Part.raster("dem"), Part.raster(["dem/0.asc", "dem/1.asc"])]
+    elsewhere()
+    assert len({str(Scene(part).bounds) for part in parts}) == 1
+
+
 def test_the_scene_of_a_plan_is_found(elsewhere):
     plan = plan_airborne("riegl_vux-1uav", height=60, density=5, scene="fixtures/forest/ground.obj")
     before = plan.run(seed=1).point_count

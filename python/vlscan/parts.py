@@ -820,19 +820,19 @@ class Part:
         return part
 
     def _made(self) -> _vlscan.Part:
-        arguments = (self._found(value) for value in self._arguments)
+        arguments = (self._found(value, number == 0) for number, value in enumerate(self._arguments))
         made: _vlscan.Part = getattr(_vlscan.Part, self._kind)(*arguments, self._place.fields())
         return made
 
-    def _found(self, value: object) -> object:
+    def _found(self, value: object, is_path: bool = False) -> object:
         """Return an argument for the engine, with files as they are found from the working directory."""
         if isinstance(value, PointFile):
             return os.fspath(value)
         if isinstance(value, str):
-            # Names of axes and units have no dot.
-            return place_of(value, self._folder) if "." in value else value
+            # Other texts are names of axes, units and materials as well: only files have a dot.
+            return place_of(value, self._folder) if is_path or "." in value else value
         if isinstance(value, list):
-            return [self._found(item) for item in value]
+            return [self._found(item, is_path) for item in value]
         return {key: self._found(item) for key, item in value.items()} if isinstance(value, dict) else value
 
     def __eq__(self, other: object) -> bool:

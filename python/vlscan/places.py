@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from glob import glob, has_magic
 
 
 def working_folder() -> str:
@@ -28,7 +29,7 @@ def place_of(path: str, folder: str) -> str:
     Parameters
     ----------
     path : str
-        The path; ``file#id`` is one, too.
+        The path; ``file#id`` and a pattern such as ``dem/*.tif`` are paths, too.
     folder : str
         The working directory in which it was named; empty if that is not known.
 
@@ -40,7 +41,8 @@ def place_of(path: str, folder: str) -> str:
     if not folder or os.path.isabs(path) or folder == working_folder():
         return path
     joined = os.path.join(folder, path)
-    return joined if os.path.exists(joined) or os.path.exists(joined.partition("#")[0]) else path
+    is_there = os.path.exists(joined) or os.path.exists(joined.partition("#")[0])
+    return joined if is_there or (has_magic(joined) and glob(joined)) else path
 
 
 def asset_folders(folder: str) -> list[str]:

@@ -128,6 +128,11 @@ def test_wrong_calls_of_simulations_are_refused(tmp_path):
         pyhelios.setDefaultRandomnessGeneratorSeed([1])
 
 
+def test_helpers_for_notebooks_are_attributes_of_the_package():
+    text = pyhelios.util.xmldisplayer.display_xml(FIXTURES / "forest/survey.xml", "strip")
+    assert text.startswith('<scannerSettings id="strip"')
+
+
 def test_a_missing_survey_is_an_error_of_the_builder(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such survey"):
         pyhelios.SimulationBuilder("no_such.xml", [str(tmp_path)], str(tmp_path)).build()
