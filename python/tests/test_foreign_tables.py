@@ -108,3 +108,9 @@ def test_an_attribute_that_is_a_column_has_a_hint():
     assert "table[" not in str(error.value)
     with pytest.raises(IndexError, match="to_numpy"):
         points[["X", "Y"]]
+    assert points[np.nonzero(points["X"] > 0)]["X"].tolist() == [1, 2]
+
+
+def test_a_single_column_is_written_by_its_name(tmp_path):
+    Points.of({**COLUMNS, "GpsTime": [1.0, 2.0, 3.0]}).write(tmp_path / "times.csv", columns="GpsTime")
+    assert (tmp_path / "times.csv").read_text().split()[0] == "GpsTime"

@@ -237,7 +237,7 @@ class Points(Table):
         >>> points[points["ReturnNumber"] == 1].write("first.ply")
         """
         options = dict(
-            columns=None if columns is None else list(columns),
+            columns=None if columns is None else [columns] if isinstance(columns, str) else list(columns),
             format=format,
             crs=crs,
             labels=labels,

@@ -92,6 +92,9 @@ class Table:
                 return self._table.slice(start, max(start, stop))
             key = np.arange(start, stop, step)
         single: object = key
+        if isinstance(single, tuple) and len(single) == 1 and isinstance(single[0], np.ndarray):
+            # As numpy.nonzero() returns indices.
+            single = key = single[0]
         if isinstance(single, (int, np.integer)):
             row = int(single)
             raise IndexError(f"rows are chosen by a slice, a mask or indices; a single one is table[{row}:{row + 1}] or table[[{row}]]")
