@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
+import vlscan
 from vlscan import Points, VlscanWarning
 
 COLUMNS = {"X": [0.0, 1.0, 2.0], "Y": [0.0, 1.0, 2.0], "Z": [0.0, 0.0, 0.0]}
@@ -30,6 +31,25 @@ def test_masked_values_are_an_error():
     with pytest.raises(ValueError, match="column X has 1 masked values"):
         Points.of({**COLUMNS, "X": masked})
     assert Points.of({**COLUMNS, "X": masked.filled(7)})["X"].tolist() == [0, 7, 2]
+
+
+def test_masked_geometry_is_an_error():
+    corners = np.ma.masked_array(np.eye(3), np.eye(3) > 0)
+    floor = vlscan.Part.mesh([[-9, -9, 0], [9, -9, 0], [0, 9, 0]], [[0, 1, 2]])
+    calls = [
+        lambda: vlscan.Part.mesh(corners, [[0, 1, 2]]),
+        lambda: vlscan.Part.mesh(np.eye(3), np.ma.masked_array([[0, 1, 2]], [[0, 1, 0]])),
+        lambda: vlscan.Part.points(corners, voxel_size=1),
+        lambda: vlscan.Scene(floor).cast((0, 0, 5), corners),
+        lambda: vlscan.trace(floor, corners, (0, 0, -1)),
+        lambda: vlscan.trace(floor, (0, 0, 5), np.eye(3), time=corners[0]),
+        lambda: vlscan.compare(corners, np.eye(3)),
+    ]
+    for call in calls:
+        with pytest.raises(ValueError, match="masked values"):
+            call()
+    # A mask that hides nothing is none.
+    assert vlscan.Part.mesh(np.ma.masked_array(np.eye(3)), [[0, 1, 2]]).face_count == 1
 
 
 def test_an_index_of_pandas_without_a_name_is_no_column():

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._conversions import columns_of_library
+from ._conversions import columns_of_library, unmasked
 from ._typing import ArrowStream, TableLike
 
 #: A table as the engine takes it: of Arrow, or columns as bytes of doubles, or with their types.
@@ -45,7 +45,7 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
     if isinstance(table, Mapping):
         columns = {str(name): _column(str(name), values) for name, values in table.items()}
     else:
-        array = _unmasked("the array", table)
+        array = unmasked("the array", table)
         if array.dtype.kind in "OSU":
             raise TypeError(f"expected a table{_shape_of(names)}, found {type(table).__name__}")
         if array.dtype.names:
@@ -68,20 +68,12 @@ def _shape_of(names: tuple[str, ...]) -> str:
 
 def _column(name: str, values: Any) -> NDArray[Any]:
     """Return the values of a column: one dimension, nothing masked, no complex numbers."""
-    column = np.atleast_1d(_unmasked(f"column {name}", values))
+    column = np.atleast_1d(unmasked(f"column {name}", values))
     if column.ndim != 1:
         raise ValueError(f"column {name} has the shape {column.shape}, expected one value per row")
     if column.dtype.kind == "c":
         raise TypeError(f"column {name} is of {column.dtype}, expected real numbers")
     return column
-
-
-def _unmasked(what: str, values: Any) -> NDArray[Any]:
-    if isinstance(values, np.ma.MaskedArray):
-        count = int(np.ma.getmaskarray(values).sum())
-        if count:
-            raise ValueError(f"{what} has {count} masked values; fill them (values.filled(0)), or leave these rows out")
-    return np.asarray(values)
 
 
 # Types of numbers that the engine does not have, and the next wider ones.

@@ -49,6 +49,15 @@ _NORMALS = ("NormalX", "NormalY", "NormalZ")
 _COLOUR_STEP = 256
 
 
+def unmasked(what: str, values: Any) -> NDArray[Any]:
+    """Return values as an array; masked ones are a ``ValueError``, since an array without a mask would have any number there."""
+    if isinstance(values, np.ma.MaskedArray):
+        count = int(np.ma.getmaskarray(values).sum())
+        if count:
+            raise ValueError(f"{what} has {count} masked values; fill them (values.filled(0)), or leave these rows out")
+    return np.asarray(values)
+
+
 def columns_of_library(table: Any) -> Any:
     """Return a cloud of laspy, xarray, GeoPandas or Open3D as columns, and a table of pandas without its index; all else as it is."""
     if _is_laspy(table):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._conversions import unmasked
 from .errors import kept_folder
 
 
@@ -23,7 +24,7 @@ class PointFile:
     @staticmethod
     def of(points: ArrayLike) -> PointFile:
         """Return the file of rows of x, y, z and more columns."""
-        rows: NDArray[np.float64] = np.asarray(points, dtype=np.float64)
+        rows: NDArray[np.float64] = np.asarray(unmasked("points", points), dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
         wrong = np.flatnonzero(~np.isfinite(rows[:, :3]).all(axis=1))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vlscan
+from ._conversions import unmasked
 from ._point_file import PointFile
 from ._typing import MeshWithFaces, MeshWithTriangles, PathLike, Vector
 from ._values import renamed
@@ -280,10 +281,10 @@ class Part:
         >>> leaf, bark = vlscan.Material("leaf"), vlscan.Material("bark")
         >>> part = vlscan.Part.mesh(vertices, [[0, 1, 2], [0, 2, 3]], [leaf, bark], material_of=[0, 1])
         """
-        points = np.asarray(vertices, dtype="<f8")
+        points = np.asarray(unmasked("vertices", vertices), dtype="<f8")
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"vertices has the shape {points.shape}, expected n by 3")
-        corners = np.asarray(faces)
+        corners = unmasked("faces", faces)
         if corners.ndim != 2 or corners.shape[1] not in (3, 4):
             raise ValueError(f"faces has the shape {corners.shape}, expected n by 3 or n by 4")
         if corners.size and corners.dtype.kind not in "iu":

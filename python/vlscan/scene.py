@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _toml, _vlscan
+from ._conversions import unmasked
 from ._libraries import refuse_existing
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, SceneFacts
@@ -340,9 +341,10 @@ def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float
     Raises
     ------
     ValueError
-        Arrays of another shape.
+        Arrays of another shape, or masked values.
     """
-    starts, ways = np.atleast_2d(np.asarray(origins, float)), np.atleast_2d(np.asarray(directions, float))
+    given = (unmasked("origins", origins), unmasked("directions", directions))
+    starts, ways = (np.atleast_2d(np.asarray(rays, float)) for rays in given)
     try:
         starts, ways = np.broadcast_arrays(starts, ways)
         fits = ways.ndim == 2 and ways.shape[1] == 3

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from . import _toml, _vlscan
 from ._checked import Checked
 from ._columns import EngineTable, columns_of
+from ._conversions import unmasked
 from ._keys import check_keys
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress, TableLike, Vector
@@ -845,7 +846,7 @@ def trace(
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
-            times = np.asarray(time, float)
+            times = np.asarray(unmasked("time", time), float)
             if times.shape not in ((), (1,), (len(ends),)):
                 raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")
             columns["time"] = np.broadcast_to(times, len(ends))

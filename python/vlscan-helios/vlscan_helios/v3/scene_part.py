@@ -441,6 +441,8 @@ class ScenePart(Model):
         >>> vlscan.helios.ScenePart.from_numpy_array(corners, 0.5).bbox.bounds[0].tolist()
         [0.0, 0.0, 0.0]
         """
+        if np.ma.is_masked(points):
+            raise ValueError("points has masked values; leave these rows out")
         rows = np.asarray(points, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
