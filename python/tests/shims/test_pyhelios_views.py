@@ -86,6 +86,18 @@ def test_the_detector_has_accuracy_and_ranges(tmp_path):
     detector = builder(tmp_path, "room/survey.xml").build().sim.getScanner().getDetector()
     assert (detector.accuracy, detector.rangeMin, detector.rangeMax) == (0.003, 0.3, math.inf)
     assert detector.getAccuracy() == detector.accuracy and detector.getRangeMin() == 0.3 and detector.getRangeMax() == math.inf
+    with pytest.raises(AttributeError, match="rangeMax"):
+        detector.range
+    with pytest.raises(AttributeError, match="cannot be set"):
+        detector.accuracy = 0.1
+
+
+def test_the_head_and_the_deflector_have_limits(tmp_path):
+    scanner = builder(tmp_path, "room/survey.xml").build().sim.getScanner()
+    assert math.degrees(scanner.getScannerHead().rotatePerSecMax) == pytest.approx(3600)
+    deflector = scanner.getBeamDeflector()
+    assert (deflector.scanFreqMin, deflector.getScanFreqMax()) == (4, 420)
+    assert math.degrees(deflector.scanAngleMax) == pytest.approx(52.5)
 
 
 @pytest.mark.parametrize(

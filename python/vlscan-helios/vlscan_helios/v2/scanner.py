@@ -14,8 +14,8 @@ from vlscan_helios.v3.xml_files import float_of
 from .views import Instrument
 
 
-class Detector:
-    """The detector of a scanner: its accuracy and the ranges that it measures, m.
+class Figures:
+    """Figures of a part of a scanner, which can be read, also by functions ``getName()``; SI units, angles in rad.
 
     Parameters
     ----------
@@ -23,23 +23,48 @@ class Detector:
         The entry of the scanner in its file.
     """
 
+    #: Figures: attribute of XML, value without it, divisor.
+    FIGURES: ClassVar[dict[str, tuple[str, float, float]]] = {}
+
     def __init__(self, entry: Element) -> None:
-        #: Standard deviation of ranges, m.
-        self.accuracy = float_of(entry.get("accuracy_m"), 0)
-        #: Ranges that are measured, m; infinite without a limit.
-        self.rangeMin, self.rangeMax = float_of(entry.get("rangeMin_m"), 0), float_of(entry.get("rangeMax_m"), math.inf)
+        object.__setattr__(self, "_entry", entry)
 
-    def getAccuracy(self) -> float:
-        """Return the standard deviation of ranges, m."""
-        return self.accuracy
+    def __getattr__(self, name: str) -> Any:
+        figures = type(self).FIGURES
+        if name.startswith("get") and (own := name[3:4].lower() + name[4:]) in figures:
+            return lambda: getattr(self, own)
+        if name not in figures:
+            raise AttributeError(f"no figure {name!r} of a {type(self).__name__}; there are {', '.join(figures)}")
+        attribute, default, divisor = figures[name]
+        return float_of(self._entry.get(attribute), default) / divisor
 
-    def getRangeMin(self) -> float:
-        """Return the shortest range, m."""
-        return self.rangeMin
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"figures of a scanner cannot be set, found {name}; change its entry in its file")
 
-    def getRangeMax(self) -> float:
-        """Return the longest range, m."""
-        return self.rangeMax
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *type(self).FIGURES]
+
+
+class Detector(Figures):
+    """Accuracy and ranges of a scanner, m; a range without a limit is infinite."""
+
+    FIGURES = {"accuracy": ("accuracy_m", 0, 1), "rangeMin": ("rangeMin_m", 0, 1), "rangeMax": ("rangeMax_m", math.inf, 1)}
+
+
+class ScannerHead(Figures):
+    """Limit of the turns of a scanner's head."""
+
+    FIGURES = {"rotatePerSecMax": ("headRotatePerSecMax_deg", 0, 180 / math.pi)}
+
+
+class BeamDeflector(Figures):
+    """Limits of a scanner's mirror."""
+
+    FIGURES = {
+        "scanFreqMin": ("scanFreqMin_Hz", 0, 1),
+        "scanFreqMax": ("scanFreqMax_Hz", 0, 1),
+        "scanAngleMax": ("scanAngleMax_deg", 0, 180 / math.pi),
+    }
 
 
 class ScannerView(Instrument):
@@ -110,6 +135,14 @@ class ScannerView(Instrument):
     def getPulseFreqs(self) -> list[int]:
         """Return the pulse frequencies, Hz."""
         return self.pulseFreqs
+
+    def getScannerHead(self) -> ScannerHead:
+        """Return the head."""
+        return ScannerHead(self._entry)
+
+    def getBeamDeflector(self) -> BeamDeflector:
+        """Return the deflector."""
+        return BeamDeflector(self._entry)
 
     def getDetector(self) -> Detector:
         """Return the detector."""
