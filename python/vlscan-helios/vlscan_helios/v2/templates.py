@@ -9,7 +9,6 @@ from typing import Any
 from xml.etree.ElementTree import Element, ParseError, parse
 
 from vlscan_helios.v3.utils import find_file
-from vlscan_helios.v3.xml_files import float_of, truth_of
 
 # Values of settings: attribute of XML, value without it, divisor.
 _SCANNER: Mapping[str, tuple[str, float | bool, float]] = {
@@ -57,13 +56,23 @@ class Template:
             raise AttributeError(f"no attribute {name!r} of a template; there are id, {', '.join(known)}")
         attribute, default, divisor = known[name]
         text = self._element.get(attribute)
-        return truth_of(text, default) if isinstance(default, bool) else float_of(text, default) / divisor
+        if isinstance(default, bool):
+            return {"true": True, "1": True, "false": False, "0": False}.get((text or "").strip().lower(), default)
+        return _number(text, default) / divisor
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"templates cannot be changed, found {name}; change the settings of the leg")
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *_KINDS[self._element.tag]]
+
+
+def _number(text: str | None, default: float) -> float:
+    """Return a number, or the default for what is none, which the engine tells about."""
+    try:
+        return default if text is None else float(text)
+    except ValueError:
+        return default
 
 
 def template_of(survey: str, leg: int, tag: str) -> Template | None:
