@@ -6,6 +6,7 @@ use crate::watch::interruptible;
 use arrow_array::cast::AsArray;
 use arrow_array::ffi::{FFI_ArrowArray, FFI_ArrowSchema, to_ffi};
 use arrow_array::ffi_stream::{FFI_ArrowArrayStream, RecordBatchStreamReader};
+use arrow_array::types::{Float32Type, Float64Type};
 use arrow_array::{
     Array, ArrayRef, Float32Array, Float64Array, Int8Array, Int16Array, Int32Array, Int64Array, RecordBatch,
     RecordBatchIterator, RecordBatchReader, StructArray, UInt8Array, UInt16Array, UInt32Array, UInt64Array,
@@ -134,7 +135,7 @@ impl Table {
     #[staticmethod]
     fn of_columns(py: Python<'_>, table: &Bound<'_, PyAny>, crs: Option<&str>) -> PyResult<Table> {
         let (schema, batches) = batches(table)?;
-        let batch = concat_batches(&schema, &batches).map_err(wrong)?;
+        let batch = without_nulls(concat_batches(&schema, &batches).map_err(wrong)?)?;
         let Some(crs) = crs else { return Ok(Table::new(batch)) };
         let mut metadata = schema.metadata().clone();
         metadata.insert("crs".to_owned(), wkt(crs).map_err(|error| exception(py, error))?);
@@ -381,6 +382,41 @@ pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatc
     let schema = reader.schema();
     let batches: Result<Vec<RecordBatch>, _> = reader.collect();
     Ok((schema, batches.map_err(wrong)?))
+}
+
+/// A batch whose columns of numbers have no missing values, for which NumPy has no place: NaN stands for those
+/// of floating-point numbers, and those of whole numbers are an error.
+fn without_nulls(batch: RecordBatch) -> PyResult<RecordBatch> {
+    if batch.columns().iter().all(|column| column.null_count() == 0) {
+        return Ok(batch);
+    }
+    let schema = batch.schema();
+    let columns = schema.fields().iter().zip(batch.columns());
+    let columns: PyResult<Vec<ArrayRef>> =
+        columns.map(|(field, column)| filled(field.name(), column)).collect();
+    RecordBatch::try_new(schema, columns?).map_err(wrong)
+}
+
+/// A column of [`without_nulls`].
+fn filled(name: &str, column: &ArrayRef) -> PyResult<ArrayRef> {
+    let missing = column.null_count();
+    if missing == 0 {
+        return Ok(column.clone());
+    }
+    if let Some(values) = column.as_primitive_opt::<Float64Type>() {
+        let values = values.iter().map(|value| value.unwrap_or(f64::NAN));
+        return Ok(Arc::new(Float64Array::from_iter_values(values)));
+    }
+    if let Some(values) = column.as_primitive_opt::<Float32Type>() {
+        let values = values.iter().map(|value| value.unwrap_or(f32::NAN));
+        return Ok(Arc::new(Float32Array::from_iter_values(values)));
+    }
+    if column.data_type().is_numeric() {
+        let message =
+            format!("column {name} has {missing} missing values; fill them, or leave these rows out");
+        return Err(PyValueError::new_err(message));
+    }
+    Ok(column.clone())
 }
 
 /// The rows of an Arrow stream in memory.

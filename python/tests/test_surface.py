@@ -1,5 +1,6 @@
 """The edges of the module: typos, types, arrays, files without names, warnings, what objects print."""
 
+import datetime
 import io
 import logging
 import pickle
@@ -230,7 +231,56 @@ def test_parts_are_equal_if_they_are_made_alike():
     tree = Part.obj("beech.obj")
     assert tree == Part.obj("beech.obj") and len({tree, Part.obj("beech.obj")}) == 1
     assert tree != tree.translate(1, 0) and tree != Part.obj("spruce.obj") and tree != "beech.obj"
-    assert tree.translate(1, 0) == tree.translate(1, 0) and ground() != ground()
+    assert tree.translate(1, 0) == tree.translate(1, 0)
+    assert ground() == ground() == pickle.loads(pickle.dumps(ground())) and ground() != ground().with_material(vlscan.Material("soil"))
+    assert ground() != Part.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]) and len({ground(), ground()}) == 1
+
+
+def test_values_of_legs_are_checked():
+    assert Leg(np.array([0, 1, 2], ">f4"), active=np.False_).position == [0, 1, 2]
+    for wrong in ("002", {0, 1, 2}, None):
+        with pytest.raises(TypeError):
+            Leg(wrong)
+    for name in ("active", "on_ground"):
+        with pytest.raises(TypeError, match=f"{name} of a leg is True or False"):
+            Leg(**{name: "no"})
+
+
+def test_values_of_materials_places_and_intervals_are_checked():
+    for wrong in (
+        {"name": 3},
+        {"is_ground": "no"},
+        {"spectrum": 3},
+        {"classification": 1.5},
+        {"diffuse": (1, 2)},
+        {"diffuse": (np.nan, 0, 0)},
+    ):
+        with pytest.raises((TypeError, ValueError), match="of the material"):
+            vlscan.Material(**wrong)
+    assert vlscan.Material("a", classification=np.uint8(5), is_ground=np.True_).classification == 5
+    with pytest.raises(ValueError, match="finite"):
+        ground().translate(np.nan, 0)
+    for size in (0, -1, np.nan):
+        with pytest.raises(ValueError, match="voxel_size"):
+            Part.points([[0, 0, 0]], voxel_size=size)
+    with pytest.raises(ValueError, match="above 0"):
+        vlscan.trajectory(FIXTURES / "room/survey.xml", interval=0)
+    with pytest.raises(TypeError, match="name of a file"):
+        vlscan.run(FIXTURES / "room/survey.xml", to=3)
+    with pytest.raises(ValueError, match="names no column"):
+        vlscan.run(FIXTURES / "room/survey.xml", columns=[])
+
+
+def test_times_of_other_kinds_start_the_clock():
+    room = FIXTURES / "room/survey.xml"
+    times = ["2024-05-06 00:00:00", datetime.date(2024, 5, 6), np.datetime64("2024-05-06"), np.datetime64("2024-05-06T00:00:00", "ns")]
+    first = {vlscan.run(room, seed=1, gps_start=time).points["GpsTime"][0] for time in times}
+    assert len(first) == 1
+
+
+def test_unknown_facts_of_clouds_have_a_suggestion():
+    with pytest.raises(KeyError, match="did you mean 'bounds_m'"):
+        vlscan.cloud_info([[0, 0, 0], [1, 1, 1]])["bounds"]
 
 
 def test_faces_are_chosen_by_a_mask_or_by_numbers():

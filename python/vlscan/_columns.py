@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._conversions import columns_of_library
+from ._conversions import columns_of_library, unmasked
 from ._typing import ArrowStream, TableLike
 
 #: A table as the engine takes it: of Arrow, or columns as bytes of doubles, or with their types.
@@ -35,30 +35,30 @@ def columns_of(table: TableLike | ArrayLike, names: tuple[str, ...], keep_types:
     Raises
     ------
     TypeError
-        No table.
+        No table, or a column without real numbers.
     ValueError
-        An array of another shape, or columns of different lengths.
+        An array of another shape, columns of different lengths, or masked values.
     """
     table = columns_of_library(table)
     if isinstance(table, ArrowStream):
         return table
     if isinstance(table, Mapping):
-        columns = {str(name): np.asarray(values) for name, values in table.items()}
+        columns = {str(name): _column(str(name), values) for name, values in table.items()}
     else:
-        array = np.asarray(table)
+        array = unmasked("the array", table)
         if array.dtype.kind in "OSU":
             raise TypeError(f"expected a table{_shape_of(names)}, found {type(table).__name__}")
         if array.dtype.names:
-            columns = {name: array[name] for name in array.dtype.names}
+            columns = {name: _column(name, array[name]) for name in array.dtype.names}
         elif names and array.ndim == 2 and array.shape[1] == len(names):
             columns = {name: array[:, index] for index, name in enumerate(names)}
         else:
             raise ValueError(f"an array has the shape {array.shape}, expected n by {len(names)}: {', '.join(names)}")
-    lengths = {name: len(np.atleast_1d(values)) for name, values in columns.items()}
+    lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise ValueError(f"columns of a table have different lengths: {lengths}")
     if keep_types:
-        return {name: _typed(np.asarray(values)) for name, values in columns.items()}
+        return {name: _typed(name, values) for name, values in columns.items()}
     return {name: np.asarray(values, dtype="<f8").tobytes() for name, values in columns.items()}
 
 
@@ -66,6 +66,26 @@ def _shape_of(names: tuple[str, ...]) -> str:
     return f" with the columns {', '.join(names)}, or an array of n by {len(names)}" if names else " of columns"
 
 
-def _typed(values: NDArray[Any]) -> tuple[str, bytes]:
-    kind = np.dtype(np.uint8) if values.dtype == bool else values.dtype.newbyteorder("<")
+def _column(name: str, values: Any) -> NDArray[Any]:
+    """Return the values of a column: one dimension, nothing masked, no complex numbers."""
+    column = np.atleast_1d(unmasked(f"column {name}", values))
+    if column.ndim != 1:
+        raise ValueError(f"column {name} has the shape {column.shape}, expected one value per row")
+    if column.dtype.kind == "c":
+        raise TypeError(f"column {name} is of {column.dtype}, expected real numbers")
+    return column
+
+
+# Types of numbers that the engine does not have, and the next wider ones.
+_WIDER: dict[np.dtype[Any], np.dtype[Any]] = {
+    np.dtype(bool): np.dtype("u1"),
+    np.dtype(np.float16): np.dtype("f4"),
+    np.dtype(np.longdouble): np.dtype("f8"),
+}
+
+
+def _typed(name: str, values: NDArray[Any]) -> tuple[str, bytes]:
+    kind = _WIDER.get(values.dtype.newbyteorder("="), values.dtype).newbyteorder("<")
+    if kind.kind not in "iuf":
+        raise TypeError(f"column {name} is of {values.dtype}, expected numbers")
     return kind.str, values.astype(kind, copy=False).tobytes()

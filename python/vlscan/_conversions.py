@@ -49,8 +49,17 @@ _NORMALS = ("NormalX", "NormalY", "NormalZ")
 _COLOUR_STEP = 256
 
 
+def unmasked(what: str, values: Any) -> NDArray[Any]:
+    """Return values as an array; masked ones are a ``ValueError``, since an array without a mask would have any number there."""
+    if isinstance(values, np.ma.MaskedArray):
+        count = int(np.ma.getmaskarray(values).sum())
+        if count:
+            raise ValueError(f"{what} has {count} masked values; fill them (values.filled(0)), or leave these rows out")
+    return np.asarray(values)
+
+
 def columns_of_library(table: Any) -> Any:
-    """Return a cloud of laspy, xarray, GeoPandas or Open3D as columns; all else as it is."""
+    """Return a cloud of laspy, xarray, GeoPandas or Open3D as columns, and a table of pandas without its index; all else as it is."""
     if _is_laspy(table):
         return _of_laspy(table)
     if _is_xarray(table):
@@ -62,6 +71,11 @@ def columns_of_library(table: Any) -> Any:
         columns = {axis.upper(): places[axis].to_numpy() for axis in "xyz"}
         others = {str(name): table[name].to_numpy() for name in getattr(table, "columns", ()) if name != table.geometry.name}
         return columns | {name: values for name, values in others.items() if values.dtype.kind in "biuf"}
+    if hasattr(table, "reset_index") and hasattr(table, "dtypes"):
+        # Arrow has an index without a name as a column, and truth values and half floats, which are no numbers of the engine.
+        kinds = {name: kind for name, kind in table.dtypes.items() if str(kind) in ("bool", "float16")}
+        table = table.reset_index(drop=all(name is None for name in table.index.names))
+        return table.astype({name: "uint8" if str(kind) == "bool" else "float32" for name, kind in kinds.items()}) if kinds else table
     if hasattr(table, "point") and hasattr(table, "to_legacy"):
         # A cloud of tensors of Open3D.
         table = table.to_legacy()

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
-import weakref
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._conversions import unmasked
+from .errors import kept_folder
+
 
 class PointFile:
     """Points as text in a folder of its own, which lives as long as the parts that read it and is pickled with them."""
 
     def __init__(self, content: bytes) -> None:
-        folder = tempfile.mkdtemp(prefix="vlscan-")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        self._path = os.path.join(folder, "points.xyz")
+        self._path = os.path.join(kept_folder(self), "points.xyz")
         with open(self._path, "wb") as file:
             file.write(content)
 
     @staticmethod
     def of(points: ArrayLike) -> PointFile:
         """Return the file of rows of x, y, z and more columns."""
-        rows: NDArray[np.float64] = np.asarray(points, dtype=np.float64)
+        rows: NDArray[np.float64] = np.asarray(unmasked("points", points), dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
         wrong = np.flatnonzero(~np.isfinite(rows[:, :3]).all(axis=1))
@@ -41,6 +39,11 @@ class PointFile:
     def __reduce__(self) -> tuple[Callable[[bytes], PointFile], tuple[Any, ...]]:
         with open(self._path, "rb") as file:
             return PointFile, (file.read(),)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PointFile) and self.__reduce__() == other.__reduce__()
+
+    __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
         return "array"

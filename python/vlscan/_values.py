@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from datetime import datetime, timezone
+from datetime import date, datetime, timezone
 from difflib import get_close_matches
 from functools import wraps
 from typing import TypeVar, cast
@@ -51,6 +51,8 @@ def values_of(options: Mapping[str, object], *, writes_files: bool = True) -> di
         if isinstance(value, Mapping) and name == "columns":
             # The columns that `vlscan.columns()` lists.
             value = list(value)
+        if name == "columns" and value == []:
+            raise ValueError("columns names no column; leave it out for those of a run by default")
         values[name] = [value] if known[name].is_list and not isinstance(value, (dict, list)) else value
     return values
 
@@ -74,6 +76,11 @@ def _value(value: object) -> object:
     """Return a value with the types of Python: numbers, texts, lists and dictionaries."""
     if isinstance(value, (os.PathLike, bytes)):
         return os.fsdecode(value)
+    if isinstance(value, np.datetime64):
+        # The finest step of times in Python.
+        value = value.astype("datetime64[us]").tolist()
+    if isinstance(value, date) and not isinstance(value, datetime):
+        value = datetime(value.year, value.month, value.day)
     if isinstance(value, datetime):
         return str(value if value.tzinfo is None else value.astimezone(timezone.utc).replace(tzinfo=None))
     if hasattr(value, "tolist"):

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -38,6 +39,10 @@ class CloudInfo(Mapping[str, Any]):
         self._text = text
 
     def __getitem__(self, key: str) -> Any:
+        if key not in self._facts:
+            close = get_close_matches(str(key), self._facts, 1)
+            hint = f"did you mean {close[0]!r}? There" if close else "there"
+            raise KeyError(f"nothing is known of {key!r}; {hint} are {', '.join(self._facts)}")
         return self._facts[key]
 
     def __iter__(self) -> Iterator[str]:

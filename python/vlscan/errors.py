@@ -7,14 +7,16 @@ import inspect
 import logging
 import os
 import re
+import shutil
 import sys
 import warnings
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
 
 from ._options import RunOptions
@@ -58,19 +60,45 @@ def _keyword(option: re.Match[str]) -> str:
     return f"{name}={rest}"
 
 
-# Folders of files that the package makes of objects for the engine.
-_folders: set[str] = set()
+# Folders of files that the package makes of objects for the engine, and names of their files in messages.
+_folders: dict[str, str] = {}
 
 
 @contextmanager
 def temporary_folder() -> Iterator[str]:
     """Yield a folder for files of objects in memory, which messages name as ``<points>`` instead of ``/tmp/…/points.laz``."""
     with TemporaryDirectory(prefix="vlscan-") as folder:
-        _folders.add(folder)
+        _folders[folder] = ""
         try:
             yield folder
         finally:
-            _folders.discard(folder)
+            del _folders[folder]
+
+
+def kept_folder(owner: object, name: str = "") -> str:
+    """Return a folder for files of an object, which lives as long as the object.
+
+    Parameters
+    ----------
+    owner : object
+        The object.
+    name : str
+        Name of the files in messages; ``<points>`` for a file ``points.xyz`` by default.
+
+    Returns
+    -------
+    str
+        The folder.
+    """
+    folder = mkdtemp(prefix="vlscan-")
+    _folders[folder] = name
+    weakref.finalize(owner, _remove_folder, folder)
+    return folder
+
+
+def _remove_folder(folder: str) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    _folders.pop(folder, None)
 
 
 def without_folders(text: str) -> str:
@@ -86,9 +114,13 @@ def without_folders(text: str) -> str:
     str
         The text without names of :func:`temporary_folder`.
     """
-    for folder in tuple(_folders):
-        text = re.sub(re.escape(os.path.join(folder, "")) + r"(\w+)(?:\.\w+)*", r"<\1>", text)
+    for folder, name in tuple(_folders.items()):
+        text = re.sub(re.escape(os.path.join(folder, "")) + r"(\w+)(?:\.\w+)*", partial(_name_of_file, name), text)
     return text
+
+
+def _name_of_file(name: str, found: re.Match[str]) -> str:
+    return name or f"<{found[1]}>"
 
 
 def in_python(text: str) -> str:

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar, SupportsFloat
 
+import numpy as np
+
 from . import _vlscan
 from ._typing import PathLike
 
@@ -111,6 +113,7 @@ class Material:
     _USUAL_REFLECTANCE: ClassVar[float | None] = 0.5
 
     def __post_init__(self) -> None:
+        self._check_types()
         self._check("reflectance", 1)
         self._check("roughness_deg", 90)
         self._check("element_size_m", 100)
@@ -164,6 +167,22 @@ class Material:
         for fields in _vlscan.materials_of_file(name, name.lower().endswith(".obj")):
             found.setdefault(fields["name"], FileMaterial.of_fields(fields))
         return found
+
+    def _check_types(self) -> None:
+        for name, kind, expected in (("name", str, "a text"), ("spectrum", str, "a text"), ("is_ground", bool, "True or False")):
+            value = getattr(self, name)
+            if not (isinstance(value, (kind, np.bool_) if kind is bool else kind) or name == "spectrum" and value is None):
+                raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected {expected}")
+        for name in ("classification", "pane_sheets"):
+            value = getattr(self, name)
+            if isinstance(value, (float, np.floating)) and value != math.floor(value):
+                raise TypeError(f"{name} of the material {self.name!r} is {value!r}, expected a whole number")
+        for name in ("diffuse", "specular"):
+            colour = np.asarray(getattr(self, name), float)
+            if colour.shape != (3,) or not np.isfinite(colour).all():
+                raise ValueError(f"{name} of the material {self.name!r} is {getattr(self, name)}, expected three finite numbers")
+        if not math.isfinite(self.specular_exponent):
+            raise ValueError(f"specular_exponent of the material {self.name!r} is {self.specular_exponent}, expected a finite number")
 
     def _check(self, name: str, highest: float, lowest: float = 0) -> None:
         value = getattr(self, name)
@@ -240,4 +259,7 @@ def fields_of(material: Material) -> dict[str, Any]:
         fields[key] = [float(v) for v in fields[key]]
     for key in ("specular_exponent", "roughness_deg"):
         fields[key] = float(fields[key])
+    for key in ("classification", "pane_sheets"):
+        fields[key] = None if fields[key] is None else int(fields[key])
+    fields["is_ground"] = bool(fields["is_ground"])
     return fields

@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _vlscan
+from ._conversions import unmasked
 from ._point_file import PointFile
 from ._typing import MeshWithFaces, MeshWithTriangles, PathLike, Vector
 from ._values import renamed
 from .materials import FileMaterial, Material, fields_of
+from .places import place_of, working_folder
 
 _Quaternion = tuple[float, float, float, float]
 
@@ -32,6 +34,12 @@ class _Place:
     on_ground: int = 0
     id: str | None = None
     changes: _vlscan.Changes = _vlscan.Changes()
+
+    def is_same(self, other: _Place) -> bool:
+        """Return whether another place has the same values; changes of materials are compared by what they are."""
+        if replace(self, changes=other.changes) != other:
+            return False
+        return self.changes is other.changes or self.changes.parts() == other.changes.parts()
 
     def fields(self) -> dict[str, object]:
         """Return the fields that the engine reads."""
@@ -87,6 +95,7 @@ class Part:
 
     def __init__(self, kind: str, arguments: tuple[object, ...], place: _Place, faces: tuple[int, int] | None = None) -> None:
         self._kind, self._arguments, self._place, self._faces = kind, arguments, place, faces
+        self._folder = working_folder()
 
     @staticmethod
     def mesh(
@@ -127,10 +136,10 @@ class Part:
         >>> leaf, bark = vlscan.Material("leaf"), vlscan.Material("bark")
         >>> part = vlscan.Part.mesh(vertices, [[0, 1, 2], [0, 2, 3]], [leaf, bark], material_of=[0, 1])
         """
-        points = np.asarray(vertices, dtype="<f8")
+        points = np.asarray(unmasked("vertices", vertices), dtype="<f8")
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"vertices has the shape {points.shape}, expected n by 3")
-        corners = np.asarray(faces)
+        corners = unmasked("faces", faces)
         if corners.ndim != 2 or corners.shape[1] not in (3, 4):
             raise ValueError(f"faces has the shape {corners.shape}, expected n by 3 or n by 4")
         if corners.size and corners.dtype.kind not in "iu":
@@ -334,7 +343,7 @@ class Part:
         Raises
         ------
         ValueError
-            An array of another shape, or with coordinates that are not finite.
+            An array of another shape or with coordinates that are not finite, or voxels of no size.
 
         Examples
         --------
@@ -342,6 +351,8 @@ class Part:
         >>> vlscan.Scene(cloud).primitives
         3
         """
+        if not 0 < float(voxel_size) < math.inf:
+            raise ValueError(f"voxel_size is {voxel_size}, expected metres above 0")
         is_file = isinstance(source, (str, os.PathLike))
         path = os.fspath(source) if is_file else PointFile.of(source)  # type: ignore[arg-type]
         settings = dict(
@@ -457,9 +468,17 @@ class Part:
         -------
         Part
             The moved part, which shares the geometry.
+
+        Raises
+        ------
+        ValueError
+            A number is not finite.
         """
+        way = (float(x), float(y), float(z))
+        if not all(map(math.isfinite, way)):
+            raise ValueError(f"a translation is {way}, expected finite numbers")
         old_x, old_y, old_z = self._place.offset
-        return self._placed(offset=(old_x + float(x), old_y + float(y), old_z + float(z)))
+        return self._placed(offset=(old_x + way[0], old_y + way[1], old_z + way[2]))
 
     def scale(self, factor: float) -> Part:
         """Return the part scaled about the origin.
@@ -639,7 +658,7 @@ class Part:
         Part
             The part, which shares the geometry.
         """
-        return self._placed(id=id)
+        return self._placed(id=None if id is None else str(id))
 
     @property
     def id(self) -> str | None:
@@ -702,22 +721,39 @@ class Part:
         return self._faces[0] if self._faces else None
 
     def _placed(self, **changes: Any) -> Part:
-        return Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
+        part = Part(self._kind, self._arguments, replace(self._place, **changes), self._faces)
+        part._folder = self._folder
+        return part
 
     def _made(self) -> _vlscan.Part:
         if self.only_in_scene is not None:
             raise NotImplementedError(f"the part {self.id} exists only in its scene: {self.only_in_scene}")
-        arguments = (os.fspath(value) if isinstance(value, PointFile) else value for value in self._arguments)
+        arguments = (self._found(value, number == 0) for number, value in enumerate(self._arguments))
         made: _vlscan.Part = getattr(_vlscan.Part, self._kind)(*arguments, self._place.fields())
         return made
+
+    def _found(self, value: object, is_path: bool = False) -> object:
+        """Return an argument for the engine, with files as they are found from the working directory."""
+        if isinstance(value, PointFile):
+            return os.fspath(value)
+        if isinstance(value, str):
+            # Other texts are names of axes, units and materials as well: only files have a dot.
+            return place_of(value, self._folder) if is_path or "." in value else value
+        if isinstance(value, list):
+            return [self._found(item, is_path) for item in value]
+        return {key: self._found(item) for key, item in value.items()} if isinstance(value, dict) else value
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Part):
             return NotImplemented
-        return (self._kind, self._arguments, self._place) == (other._kind, other._arguments, other._place)
+        if self._kind != other._kind or not self._place.is_same(other._place):
+            return False
+        pairs = zip(self._arguments, other._arguments, strict=True)
+        return all(one is another or _content(one) == _content(another) for one, another in pairs)
 
     def __hash__(self) -> int:
-        return hash((self._kind, self._place))
+        # Without changes of materials, which are no values.
+        return hash((self._kind, self._place.quaternion, self._place.scale, self._place.offset, self._place.id))
 
     def __repr__(self) -> str:
         place = self._place
@@ -771,6 +807,11 @@ def parts_of(scene: _vlscan.Scene) -> list[Part]:
 
 def _choice(file: PathLike | None, name: str | None) -> dict[str, str | None]:
     return dict(file=None if file is None else os.fspath(file), name=name)
+
+
+def _content(argument: object) -> object:
+    """Return what an argument consists of, which is the same for an object and one that was pickled."""
+    return argument.parts() if isinstance(argument, _vlscan.Mesh) else argument
 
 
 def _mesh_of(*parts: Any) -> _vlscan.Mesh:

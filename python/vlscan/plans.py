@@ -16,6 +16,7 @@ from ._typing import Geometry, PathLike, Progress
 from .errors import temporary_folder, without_folders
 from .forecast import DryRun
 from .parts import Part
+from .places import working_folder
 from .results import Result
 from .scene import Scene
 from .survey import Survey
@@ -89,6 +90,7 @@ class Plan:
     crs: str | None = field(default=None, repr=False)
     platform: str = ""
     scanner: str = ""
+    _folder: str = field(default_factory=working_folder, init=False, repr=False, compare=False)
 
     def survey(self) -> Survey:
         """Return the planned survey.
@@ -98,7 +100,10 @@ class Plan:
         Survey
             The survey, over the scene that it was planned for.
         """
-        return Survey.from_document(self.text, self.scene)
+        survey = Survey.from_document(self.text, self.scene)
+        # Files of the plan are relative to the working directory in which it was made.
+        survey._folder = self._folder
+        return survey
 
     def run(
         self, to: PathLike | Iterable[PathLike] | None = None, *, progress: Progress | bool | None = None, **options: Unpack[RunOptions]

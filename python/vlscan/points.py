@@ -35,6 +35,13 @@ _LOSSLESS_M = 1e-3 * 2.0**24
 # Extensions of the formats whose names are none.
 _EXTENSIONS = {"copc": "copc.laz", "ply-ascii": "ply", "raycloud": "ply", "geoparquet": "geo.parquet"}
 
+# Columns of whole numbers, and the types that files have at most.
+_WHOLE: dict[str, np.dtype[np.integer[Any]]] = {
+    **{"Intensity": np.dtype("u2"), "ReturnNumber": np.dtype("u1"), "NumberOfReturns": np.dtype("u1")},
+    **{"Classification": np.dtype("u1"), "PointSourceId": np.dtype("u2"), "Device": np.dtype("u2")},
+    **{"ObjectId": np.dtype("i4"), "Part": np.dtype("u4"), "Primitive": np.dtype("u4")},
+}
+
 
 class Points(Table):
     """Points, one per row. :func:`vlscan.columns` lists the columns. Shows itself in a notebook.
@@ -155,9 +162,11 @@ class Points(Table):
         >>> len(vlscan.Points.read("room.laz")) == result.point_count
         True
         """
-        if isinstance(path, (str, os.PathLike)):
-            return Points(_vlscan.read_points(os.fspath(path)))
+        if isinstance(path, (str, bytes, os.PathLike)):
+            return Points(_vlscan.read_points(os.fsdecode(path)))
         source: object = path
+        if not hasattr(source, "read"):
+            raise TypeError(f"expected a file, or a binary file object, found {type(source).__name__}")
         if isinstance(source, io.TextIOBase):
             raise TypeError('points are read from binary file objects, such as open(name, "rb")')
         with temporary_folder() as folder:
@@ -228,7 +237,7 @@ class Points(Table):
         >>> points[points["ReturnNumber"] == 1].write("first.ply")
         """
         options = dict(
-            columns=None if columns is None else list(columns),
+            columns=None if columns is None else [columns] if isinstance(columns, str) else list(columns),
             format=format,
             crs=crs,
             labels=labels,
@@ -239,19 +248,41 @@ class Points(Table):
             frame_s=frame_s,
             force=force or None,
         )
-        if isinstance(path, (str, os.PathLike)):
-            self._table.write({**values_of(options), "out": [os.fspath(path)]})
+        if isinstance(path, (str, bytes, os.PathLike)):
+            self._warn_of_limits(os.fsdecode(path))
+            self._table.write({**values_of(options), "out": [os.fsdecode(path)]})
             return
         target: object = path
+        if not hasattr(target, "write"):
+            raise TypeError(f"expected a file, or a binary file object, found {type(target).__name__}")
         if isinstance(target, io.TextIOBase):
             raise TypeError('points are written to binary file objects, such as open(name, "wb")')
         if format is None:
             raise ValueError('a file object has no extension; give its format, for example format="laz"')
+        self._warn_of_limits("points")
         with temporary_folder() as folder:
             name = os.path.join(folder, f"points.{_EXTENSIONS.get(format, format)}")
             self._table.write({**values_of(options), "out": [name]})
             with open(name, "rb") as written:
                 shutil.copyfileobj(written, path)
+
+    def _warn_of_limits(self, file: str) -> None:
+        """Warn of values that the columns of files have no place for, such as those of a table of another library."""
+        for name, kind in _WHOLE.items():
+            try:
+                values = self[name] if name in self else np.empty(0, kind)
+            except TypeError:
+                # Of no numbers, which the engine refuses.
+                continue
+            if values.dtype == kind:
+                continue
+            limits = np.iinfo(kind)
+            with np.errstate(invalid="ignore"):
+                rows = np.flatnonzero(~((values >= limits.min) & (values <= limits.max) & (values == np.floor(values))))
+            if len(rows):
+                first = f"{values[rows[0]]:g} in row {rows[0]}"
+                more = f" and {len(rows) - 1:,} more" if len(rows) > 1 else ""
+                warn(f"{file}: {name} holds {first}{more}; files have whole numbers from {limits.min} to {limits.max}, so others change")
 
     @property
     def crs(self) -> str | None:

@@ -135,6 +135,7 @@ class Batches(Iterator[Points]):
     def __init__(self, start: Callable[[], _vlscan.BatchIterator]) -> None:
         self._start: Callable[[], _vlscan.BatchIterator] | None = start
         self._batches: _vlscan.BatchIterator | None = None
+        self._is_closed = False
 
     def __next__(self) -> Points:
         if self._start is not None:
@@ -145,7 +146,7 @@ class Batches(Iterator[Points]):
 
     def close(self) -> None:
         """End the run."""
-        self._start = None
+        self._start, self._is_closed = None, True
         if self._batches is not None:
             self._batches.close()
 
@@ -167,7 +168,7 @@ class Batches(Iterator[Points]):
             return "<Batches: not begun>"
         if self.is_complete:
             return f"<Batches of {self.result!r}>"
-        return "<Batches: closed>" if self._batches is None else "<Batches: begun>"
+        return "<Batches: closed>" if self._is_closed or self._batches is None else "<Batches: begun>"
 
     def __enter__(self) -> Self:
         return self

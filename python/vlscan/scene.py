@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _toml, _vlscan
+from ._conversions import unmasked
 from ._libraries import refuse_existing
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, SceneFacts
 from ._values import values_of
 from .instruments import Scanner
 from .parts import Part, parts_of
+from .places import asset_folders, place_of, working_folder
 from .points import Points
 
 if TYPE_CHECKING:
@@ -82,17 +84,25 @@ class Scene:
     """
 
     def __init__(self, source: PathLike | Part | Iterable[Part], assets: Iterable[PathLike] = ()) -> None:
-        folders = [os.fspath(folder) for folder in assets]
-        self._assets = folders
-        if isinstance(source, (str, os.PathLike)):
-            self._name = os.fspath(source)
-            self._source: str | list[Part] = self._name
-            self._scene = _vlscan.Scene.read(self._name, folders)
-        else:
-            parts = _parts(source)
-            self._source = parts
-            self._name = f"{len(parts)} parts"
-            self._scene = _vlscan.Scene.of_parts([part._made() for part in parts], [*folders, ".", "assets"])
+        self._assets = [os.fspath(folder) for folder in assets]
+        self._source: str | list[Part] = os.fspath(source) if isinstance(source, (str, os.PathLike)) else _parts(source)
+        self._name = self._source if isinstance(self._source, str) else f"{len(self._source)} parts"
+        # Working directories: in which files were named, and for which the engine has the scene.
+        self._folder = self._engine_folder = working_folder()
+        self._engine = self._made()
+
+    def _made(self) -> _vlscan.Scene:
+        folders = [*(place_of(folder, self._folder) for folder in self._assets), *asset_folders(self._folder)]
+        if isinstance(self._source, str):
+            return _vlscan.Scene.read(place_of(self._source, self._folder), folders)
+        return _vlscan.Scene.of_parts([part._made() for part in self._source], [*folders, ".", "assets"])
+
+    @property
+    def _scene(self) -> _vlscan.Scene:
+        """The scene of the engine, which reads the files that were named even if the working directory has changed."""
+        if self._engine_folder != working_folder() and not self._engine.is_loaded:
+            self._engine, self._engine_folder = self._made(), working_folder()
+        return self._engine
 
     def load(self, scanner: str | None = None, **options: Unpack[RunOptions]) -> Scene:
         """Load scene and tree now.
@@ -349,9 +359,10 @@ def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[NDArray[np.float
     Raises
     ------
     ValueError
-        Arrays of another shape.
+        Arrays of another shape, or masked values.
     """
-    starts, ways = np.atleast_2d(np.asarray(origins, float)), np.atleast_2d(np.asarray(directions, float))
+    given = (unmasked("origins", origins), unmasked("directions", directions))
+    starts, ways = (np.atleast_2d(np.asarray(rays, float)) for rays in given)
     try:
         starts, ways = np.broadcast_arrays(starts, ways)
         fits = ways.ndim == 2 and ways.shape[1] == 3

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from . import _toml, _vlscan
 from ._checked import Checked
 from ._columns import EngineTable, columns_of
+from ._conversions import unmasked
 from ._keys import check_keys
 from ._libraries import shown_progress
 from ._typing import PathLike, Progress, TableLike, Vector
@@ -21,6 +22,7 @@ from ._values import values_of
 from .forecast import DryRun
 from .instruments import Platform, Scanner
 from .parts import Part
+from .places import asset_folders, place_of, working_folder
 from .results import Batches, Result
 from .scene import Scene, rays_of
 from .tables import Table
@@ -109,7 +111,7 @@ class Leg(Checked):
         strip: str | None = None,
         **settings: Unpack[LegSettings],
     ) -> None:
-        self.position = [float(v) for v in position]
+        self.position = position
         self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
         self.settings: dict[str, object] = dict(settings)
         self._flown: FlownPart | None = None
@@ -129,12 +131,18 @@ class Leg(Checked):
 
     def _checked(self, name: str, value: object) -> object:
         if name == "position":
-            numbers = np.asarray(value, float)
+            if isinstance(value, (str, bytes, set, frozenset, Mapping)):
+                raise TypeError(f"position of a leg is x, y, z, found {type(value).__name__}")
+            numbers = np.asarray(value if hasattr(value, "__array__") else list(value), float)  # type: ignore[call-overload]
             if numbers.shape != (3,):
                 raise ValueError(f"position of a leg has the shape {numbers.shape}, expected x, y, z")
             return numbers.tolist()
         if name == "settings":
             return _keys_of("Leg", value, "[settings]")
+        if name in ("active", "on_ground"):
+            if not isinstance(value, (bool, np.bool_)) and value not in (0, 1):
+                raise TypeError(f"{name} of a leg is True or False, found {value!r}")
+            return bool(value)
         if name == "strip" and not (value is None or isinstance(value, str)):
             raise TypeError(f"strip of a leg is a name, found {type(value).__name__}")
         return value
@@ -253,6 +261,8 @@ class Survey(Checked):
         self.waveform = dict(waveform or {})
         self.detector = dict(detector or {})
         self.name = name
+        # Working directory, relative to which files are named.
+        self._folder = working_folder()
         self._file: str | None = None
         self._text: str | None = None
         # Keys of the legs of a file as they were read, and whether they hold all that it has about legs.
@@ -423,14 +433,17 @@ class Survey(Checked):
             return self._text
         keys: dict[str, object] = {}
         if self._file is not None:
-            keys["survey"] = os.path.abspath(self._file)
+            keys["survey"] = os.path.abspath(place_of(self._file, self._folder))
         return _toml.document({**keys, **self._keys()})
 
     def _request(self, options: dict[str, object], pulses: EngineTable | None = None) -> _vlscan.Request:
         """Return what the engine runs; ``options`` are values as :func:`values_of` returns them."""
         trajectory: EngineTable | None = None
+        folders = asset_folders(self._folder)
+        if folders:
+            options = {**options, "assets": [*_listed(options.get("assets")), *folders]}
         if isinstance(self.trajectory, (str, os.PathLike)):
-            options = {**options, "trajectory": os.fspath(self.trajectory)}
+            options = {**options, "trajectory": place_of(os.fspath(self.trajectory), self._folder)}
         elif self.trajectory is not None:
             trajectory = columns_of(self.trajectory, TRAJECTORY_COLUMNS)
         scene = self.scene._scene if self.scene is not None else None
@@ -439,7 +452,8 @@ class Survey(Checked):
         if self._file is not None and self._file.lower().endswith(".toml") and self._keys():
             raise ValueError("a pipeline file cannot be changed by attributes; give them as options of the run, or change the file")
         if self._file is not None and not self._keys():
-            return _vlscan.Request(options, file=self._file, scene=scene, trajectory=trajectory, pulses=pulses)
+            file = place_of(self._file, self._folder)
+            return _vlscan.Request(options, file=file, scene=scene, trajectory=trajectory, pulses=pulses)
         document = self.document()
         if "output" in options and self.name is None and self._text is None and self._file is None:
             # Its folder has the name of the survey.
@@ -555,6 +569,8 @@ class Survey(Checked):
         ------
         InputError
             Input is invalid.
+        ValueError
+            The interval is not above 0.
 
         Examples
         --------
@@ -562,6 +578,8 @@ class Survey(Checked):
         >>> poses.columns
         ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
         """
+        if interval is not None and not 0 < interval < float("inf"):
+            raise ValueError(f"interval is {interval}, expected seconds above 0")
         return Table(_vlscan.fly(self._request(values_of(options, writes_files=False)), "poses", interval, true))
 
     def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
@@ -642,9 +660,11 @@ class Survey(Checked):
         True
         """
         values, tables = recorded(to, waveforms, pulses, options)
+        if isinstance(rows, bool) or (seconds is not None and isinstance(seconds, (str, bool))):
+            raise TypeError(f"rows and seconds are numbers, found {rows!r} and {seconds!r}")
         if seconds is not None and not 0 < seconds < float("inf"):
             raise ValueError(f"seconds is {seconds}, expected more than 0")
-        count = operator.index(rows)
+        count = min(operator.index(rows), 2**62)
         if count < 1:
             raise ValueError(f"rows is {count}, expected at least 1")
         beside = [table for table in tables if table != "points"]
@@ -869,7 +889,7 @@ def trace(
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
-            times = np.asarray(time, float)
+            times = np.asarray(unmasked("time", time), float)
             if times.shape not in ((), (1,), (len(ends),)):
                 raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")
             columns["time"] = np.broadcast_to(times, len(ends))
@@ -887,6 +907,11 @@ def _keys_of(what: str, value: object, table: str) -> dict[str, object]:
         raise TypeError(f"{what} is a mapping of keys, found {type(value).__name__}")
     check_keys(what, value, table)
     return dict(value)
+
+
+def _listed(value: object) -> list[object]:
+    """Return a value as a list; none is empty."""
+    return [] if value is None else value if isinstance(value, list) else [value]
 
 
 def _legs(value: object) -> list[Leg]:
@@ -920,6 +945,8 @@ def recorded(
         return values, ["trajectory"]
     if "output" in values:
         raise ValueError("give either to, the names of files, or output, a folder in the layout of HELIOS++")
+    if not isinstance(to, (str, bytes, os.PathLike, Iterable)):
+        raise TypeError(f"to is the name of a file, or several, found {type(to).__name__}")
     files = [to] if isinstance(to, (str, bytes, os.PathLike)) else list(to)
     if not files:
         raise ValueError("to names no file; without it the points stay in memory")

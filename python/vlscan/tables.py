@@ -92,10 +92,15 @@ class Table:
                 return self._table.slice(start, max(start, stop))
             key = np.arange(start, stop, step)
         single: object = key
+        if isinstance(single, tuple) and len(single) == 1 and isinstance(single[0], np.ndarray):
+            # As numpy.nonzero() returns indices.
+            single = key = single[0]
         if isinstance(single, (int, np.integer)):
             row = int(single)
             raise IndexError(f"rows are chosen by a slice, a mask or indices; a single one is table[{row}:{row + 1}] or table[[{row}]]")
         chosen = np.asarray(key)
+        if chosen.ndim == 1 and chosen.dtype.kind in "UO" and chosen.size:
+            raise IndexError("rows are chosen by a slice, a mask or indices; several columns are table.to_numpy([name, name])")
         if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "biu"):
             raise IndexError(f"rows are chosen by a slice, a mask or indices, found {chosen.dtype} of the shape {chosen.shape}")
         if chosen.dtype == bool:
@@ -106,6 +111,13 @@ class Table:
             raise IndexError(f"indices of rows are {chosen.min()} to {chosen.max()}, and there are {count} rows")
         indices = np.where(chosen < 0, chosen + count, chosen) if chosen.size else np.zeros(0)
         return self._table.take(indices.astype("<u8").tobytes())
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            # A table without columns is one that is being made or unpickled.
+            hint = f"; a column is table[{name!r}]" if "_table" in self.__dict__ and name in self._table.names else ""
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{hint}")
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import math
+import operator
 import os
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from .functions import default_seed
+import numpy as np
+
+from .functions import checked_seed, default_seed
 from .output import COLUMNS, Output
 from .simulation import Recipe, Simulation, folders
 
@@ -21,6 +26,20 @@ _SCHEDULES = {0: "dynamic", 1: "warehouse"}
 
 # Options of files, which have no meaning without them.
 _OF_FILES = ("las_output", "las10", "zip_output", "split_by_channel", "las_scale")
+
+
+def _truth(name: str, value: object) -> bool:
+    """Return a switch: a truth value, 0 or 1. A text such as ``"false"`` is none."""
+    if isinstance(value, (bool, np.bool_)) or (isinstance(value, (int, np.integer)) and value in (0, 1)):
+        return bool(value)
+    raise TypeError(f"{name} is True or False, found {value!r}")
+
+
+def _count(name: str, value: int, lowest: int) -> int:
+    number = operator.index(value)
+    if number < lowest:
+        raise ValueError(f"{name} is {number}, expected at least {lowest}")
+    return number
 
 
 class SimulationBuilder:
@@ -62,12 +81,12 @@ class SimulationBuilder:
 
     def setExportToFile(self, exportToFile: bool) -> SimulationBuilder:
         """Write files, as by default; else results are in memory only."""
-        self._has_files = bool(exportToFile)
+        self._has_files = _truth("exportToFile", exportToFile)
         return self
 
     def setNumThreads(self, numThreads: int) -> SimulationBuilder:
         """Set the number of threads; 0 is all."""
-        return self._set("threads", int(numThreads) or None)
+        return self._set("threads", _count("numThreads", numThreads, 0) or None)
 
     def setKDTFactory(self, kdtFactory: int) -> SimulationBuilder:
         """Set the tree: 1 median, 2 SAH, 3 SAH with the best axis, 4 fast SAH. The points are the same."""
@@ -81,7 +100,7 @@ class SimulationBuilder:
 
     def setKDTJobs(self, kdtJobs: int) -> SimulationBuilder:
         """Set the number of threads that build the tree; 0 is all."""
-        return self._set("tree_jobs", int(kdtJobs))
+        return self._set("tree_jobs", _count("kdtJobs", kdtJobs, 0))
 
     def setKDTGeometricJobs(self, kdtGeometricJobs: int) -> SimulationBuilder:
         """Without effect: the threads of :meth:`setKDTJobs` do this work, too."""
@@ -98,36 +117,38 @@ class SimulationBuilder:
         return self._set("schedule", _SCHEDULES[parallelizationStrategy])
 
     def setChunkSize(self, chunkSize: int) -> SimulationBuilder:
-        """Set the number of pulses of a chunk."""
-        return self._set("chunk_size", int(chunkSize))
+        """Set the number of pulses of a chunk; a negative one is that number, too, since chunks are always handed out as threads ask."""
+        return self._set("chunk_size", abs(operator.index(chunkSize)))
 
     def setWarehouseFactor(self, warehouseFactor: int) -> SimulationBuilder:
         """Set how many chunks may wait for each thread."""
-        return self._set("warehouse_factor", int(warehouseFactor))
+        return self._set("warehouse_factor", _count("warehouseFactor", warehouseFactor, 1))
 
     def setLasOutput(self, lasOutput: bool) -> SimulationBuilder:
         """Write LAS instead of text."""
-        return self._set("las_output", bool(lasOutput))
+        return self._set("las_output", _truth("lasOutput", lasOutput))
 
     def setLas10(self, las10: bool) -> SimulationBuilder:
         """Write LAS 1.0 instead of 1.4."""
-        return self._set("las10", bool(las10))
+        return self._set("las10", _truth("las10", las10))
 
     def setZipOutput(self, zipOutput: bool) -> SimulationBuilder:
         """Compress outputs."""
-        return self._set("zip_output", bool(zipOutput))
+        return self._set("zip_output", _truth("zipOutput", zipOutput))
 
     def setSplitByChannel(self, splitByChannel: bool) -> SimulationBuilder:
         """Write a file per channel."""
-        return self._set("split_by_channel", bool(splitByChannel))
+        return self._set("split_by_channel", _truth("splitByChannel", splitByChannel))
 
     def setLasScale(self, lasScale: float) -> SimulationBuilder:
         """Set the resolution of LAS coordinates, m."""
+        if not 0 < lasScale < math.inf:
+            raise ValueError(f"lasScale is {lasScale}, expected metres above 0")
         return self._set("las_scale", float(lasScale))
 
     def setSeed(self, seed: int | str) -> SimulationBuilder:
-        """Set the seed of all random draws."""
-        return self._set("seed", seed)
+        """Set the seed of all random draws; an empty text is none."""
+        return self._set("seed", checked_seed(seed) if seed != "" else None)
 
     def setFixedGpsTimeStart(self, fixedGpsTimeStart: str) -> SimulationBuilder:
         """Set the start of the clock: ``"YYYY-MM-DD hh:mm:ss"`` or POSIX seconds."""
@@ -135,21 +156,21 @@ class SimulationBuilder:
 
     def setWriteWaveform(self, writeWaveform: bool) -> SimulationBuilder:
         """Write waveforms."""
-        self._recorded["waveforms"] = bool(writeWaveform)
+        self._recorded["waveforms"] = _truth("writeWaveform", writeWaveform)
         return self
 
     def setWritePulse(self, writePulse: bool) -> SimulationBuilder:
         """Write pulses."""
-        self._recorded["pulses"] = bool(writePulse)
+        self._recorded["pulses"] = _truth("writePulse", writePulse)
         return self
 
     def setCalcEchowidth(self, calcEchowidth: bool) -> SimulationBuilder:
         """Fit the widths of echoes."""
-        return self._set("echo_width", bool(calcEchowidth))
+        return self._set("echo_width", _truth("calcEchowidth", calcEchowidth))
 
     def setFullwaveNoise(self, fullwaveNoise: bool) -> SimulationBuilder:
         """Add noise to waveforms."""
-        return self._set("waveform_noise", bool(fullwaveNoise))
+        return self._set("waveform_noise", _truth("fullwaveNoise", fullwaveNoise))
 
     def setFullWaveNoise(self, fullWaveNoise: bool) -> SimulationBuilder:
         """Add noise to waveforms, as :meth:`setFullwaveNoise`."""
@@ -157,15 +178,15 @@ class SimulationBuilder:
 
     def setPlatformNoiseDisabled(self, platformNoiseDisabled: bool) -> SimulationBuilder:
         """Ignore the noise of the platform."""
-        return self._set("no_platform_noise", bool(platformNoiseDisabled))
+        return self._set("no_platform_noise", _truth("platformNoiseDisabled", platformNoiseDisabled))
 
     def setLegNoiseDisabled(self, legNoiseDisabled: bool) -> SimulationBuilder:
         """Ignore random offsets of legs."""
-        return self._set("no_leg_noise", bool(legNoiseDisabled))
+        return self._set("no_leg_noise", _truth("legNoiseDisabled", legNoiseDisabled))
 
     def setLegacyEnergyModel(self, legacyEnergyModel: bool) -> SimulationBuilder:
         """Compute echo strengths with the older energy model."""
-        return self._set("legacy_energy", bool(legacyEnergyModel))
+        return self._set("legacy_energy", _truth("legacyEnergyModel", legacyEnergyModel))
 
     def setRebuildScene(self, rebuildScene: bool) -> SimulationBuilder:
         """Without effect: vlscan keeps no scenes beside their files."""
@@ -177,9 +198,7 @@ class SimulationBuilder:
 
     def setCallbackFrequency(self, callbackFrequency: int) -> SimulationBuilder:
         """Set after how many points the callback is called; 0 leaves that to vlscan."""
-        if callbackFrequency < 0:
-            raise ValueError(f"callbackFrequency is {callbackFrequency}, expected at least 0")
-        self._callback_rows = int(callbackFrequency)
+        self._callback_rows = _count("callbackFrequency", callbackFrequency, 0)
         return self
 
     def setCallback(self, callback: Callable[[Output], object] | None) -> SimulationBuilder:
@@ -198,6 +217,8 @@ class SimulationBuilder:
     def addScaleFilter(self, scaleFactor: float, partId: str = "") -> SimulationBuilder:
         """Scale a part, or all parts without an id."""
         factor = float(scaleFactor)
+        if not 0 < factor < math.inf:
+            raise ValueError(f"scaleFactor is {factor}, expected a number above 0")
         self._filters.append((str(partId), lambda part: part.scale(factor)))
         return self
 
@@ -207,8 +228,15 @@ class SimulationBuilder:
         self._filters.append((str(partId), lambda part: part.translate(offset)))
         return self
 
+    def __repr__(self) -> str:
+        return f"<SimulationBuilder of {self._survey!r}>"
+
     def build(self) -> Simulation:
-        """Return the simulation."""
+        """Return the simulation; a missing survey is a ``FileNotFoundError``."""
+        places = ["", "assets", *self._assets]
+        if not any(os.path.isfile(os.path.join(folder, self._survey)) for folder in places):
+            searched = ", ".join(folder or "." for folder in places)
+            raise FileNotFoundError(errno.ENOENT, f"there is no such survey in {searched}", self._survey)
         options = {"seed": default_seed(), **self._options, "assets": self._assets}
         is_text = self._has_files and not (self._options.get("las_output") or self._options.get("las10"))
         if not is_text:

@@ -50,7 +50,14 @@ def loggingVerbose2() -> None:
 
 def setDefaultRandomnessGeneratorSeed(seed: int | str) -> None:
     """Set the seed of later simulations whose builder has none."""
-    _seed[:] = [seed]
+    _seed[:] = [checked_seed(seed)]
+
+
+def checked_seed(seed: int | str) -> int | str:
+    """Return a seed; a value that is no number and no text is a ``TypeError``."""
+    if isinstance(seed, bool) or not isinstance(seed, (int, float, str, np.integer, np.floating)):
+        raise TypeError(f"a seed is a whole number or a text, found {seed!r}")
+    return seed.item() if isinstance(seed, np.generic) else seed
 
 
 #: Another name of :func:`setDefaultRandomnessGeneratorSeed`.

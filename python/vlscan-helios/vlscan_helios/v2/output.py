@@ -198,6 +198,10 @@ class Output:
         """The poses as objects; none before the simulation has ended."""
         return Records([] if self._poses is None else [self._poses], Trajectory)
 
+    def __repr__(self) -> str:
+        where = f" in {self.folder!r}" if self.folder else ""
+        return f"<Output: {len(self.measurements):,} points, {len(self.trajectories):,} poses{where}>"
+
 
 def outputToNumpy(output: Output) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the points and the poses of an output as arrays.
@@ -215,6 +219,8 @@ def outputToNumpy(output: Output) -> tuple[NDArray[np.float64], NDArray[np.float
     poses : numpy.ndarray
         Rows of position, GPS time, roll, pitch, yaw (rad).
     """
+    if not isinstance(output, Output):
+        raise TypeError(f"expected the output of a simulation, found {type(output).__name__}")
     poses = np.empty((0, 7)) if output.poses is None else _array(output.poses, _POSE_COLUMNS)
     poses[:, 4:] = np.radians(poses[:, 4:])
     return _array(output.points, _POINT_COLUMNS), poses

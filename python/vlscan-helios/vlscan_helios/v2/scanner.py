@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element, ParseError, parse
@@ -10,6 +11,59 @@ from vlscan.errors import InputError
 from vlscan_helios.v3.utils import find_file
 
 from .views import Instrument
+
+
+class Figures:
+    """Figures of a part of a scanner, which can be read, also by functions ``getName()``; SI units, angles in rad.
+
+    Parameters
+    ----------
+    entry : xml.etree.ElementTree.Element
+        The entry of the scanner in its file.
+    """
+
+    #: Figures: attribute of XML, value without it, divisor.
+    FIGURES: ClassVar[dict[str, tuple[str, float, float]]] = {}
+
+    def __init__(self, entry: Element) -> None:
+        object.__setattr__(self, "_entry", entry)
+
+    def __getattr__(self, name: str) -> Any:
+        figures = type(self).FIGURES
+        if name.startswith("get") and (own := name[3:4].lower() + name[4:]) in figures:
+            return lambda: getattr(self, own)
+        if name not in figures:
+            raise AttributeError(f"no figure {name!r} of a {type(self).__name__}; there are {', '.join(figures)}")
+        attribute, default, divisor = figures[name]
+        return _number(self._entry.get(attribute), default) / divisor
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"figures of a scanner cannot be set, found {name}; change its entry in its file")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *type(self).FIGURES]
+
+
+class Detector(Figures):
+    """Accuracy and ranges of a scanner, m; a range without a limit is infinite."""
+
+    FIGURES = {"accuracy": ("accuracy_m", 0, 1), "rangeMin": ("rangeMin_m", 0, 1), "rangeMax": ("rangeMax_m", math.inf, 1)}
+
+
+class ScannerHead(Figures):
+    """Limit of the turns of a scanner's head."""
+
+    FIGURES = {"rotatePerSecMax": ("headRotatePerSecMax_deg", 0, 180 / math.pi)}
+
+
+class BeamDeflector(Figures):
+    """Limits of a scanner's mirror."""
+
+    FIGURES = {
+        "scanFreqMin": ("scanFreqMin_Hz", 0, 1),
+        "scanFreqMax": ("scanFreqMax_Hz", 0, 1),
+        "scanAngleMax": ("scanAngleMax_deg", 0, 180 / math.pi),
+    }
 
 
 class ScannerView(Instrument):
@@ -80,6 +134,23 @@ class ScannerView(Instrument):
     def getPulseFreqs(self) -> list[int]:
         """Return the pulse frequencies, Hz."""
         return self.pulseFreqs
+
+    def getScannerHead(self) -> ScannerHead:
+        """Return the head."""
+        return ScannerHead(self._entry)
+
+    def getBeamDeflector(self) -> BeamDeflector:
+        """Return the deflector."""
+        return BeamDeflector(self._entry)
+
+    def getDetector(self) -> Detector:
+        """Return the detector."""
+        return self.detector
+
+    @property
+    def detector(self) -> Detector:
+        """The detector."""
+        return Detector(self._entry)
 
     def toString(self) -> str:
         """Return the figures as lines of text."""

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vlscan import Batches, Points, Result, Survey
+from vlscan.places import place_of, working_folder
 
 from .output import Output
 
 if TYPE_CHECKING:
-    from vlscan_helios.v3 import ScenePart
+    from vlscan_helios.v3 import Leg, ScenePart
     from vlscan_helios.v3 import Survey as Model
 
     from .views import Playback
@@ -40,6 +41,8 @@ class Recipe:
     callback_rows: int = 0
     #: Transforms of parts in their order: the id of a part, or an empty one for all; what is done to them.
     filters: list[tuple[str, Callable[[ScenePart], object]]] = field(default_factory=list)
+    #: Working directory in which the survey was named.
+    folder: str = field(default_factory=working_folder)
 
 
 class Simulation:
@@ -54,6 +57,7 @@ class Simulation:
     def __init__(self, recipe: Recipe) -> None:
         self._recipe = recipe
         self._model: Model | None = None
+        self._as_read: tuple[Leg, ...] = ()
         self._thread: threading.Thread | None = None
         self._batches: Batches | None = None
         self._done, self._is_stopped, self._resumed = threading.Event(), threading.Event(), threading.Event()
@@ -69,7 +73,7 @@ class Simulation:
         """The survey with its legs, scanner and platform, which can be changed before the start."""
         from .views import Playback
 
-        return Playback(self._read(), lambda: self._thread is not None)
+        return Playback(self._read(), lambda: self._thread is not None, self._recipe.survey, self._as_read)
 
     def getSurvey(self) -> Any:
         """Return the survey, as ``sim.getSurvey()`` does."""
@@ -89,7 +93,8 @@ class Simulation:
             from vlscan_helios.v3 import Survey as Model
 
             with self._assets():
-                self._model = Model.from_xml(self._recipe.survey)
+                self._model = Model.from_xml(place_of(self._recipe.survey, self._recipe.folder))
+                self._as_read = self._model.legs
         return self._model
 
     def _apply_filters(self, model: Model) -> None:
@@ -112,7 +117,7 @@ class Simulation:
     def _run(self) -> None:
         try:
             if self._model is None:
-                self._measure(Survey.open(self._recipe.survey), self._recipe.options)
+                self._measure(Survey.open(place_of(self._recipe.survey, self._recipe.folder)), self._recipe.options)
                 return
             with tempfile.TemporaryDirectory() as folder, self._assets():
                 beside = [path for path in ("assets", os.path.dirname(self._recipe.survey)) if path]
@@ -146,7 +151,7 @@ class Simulation:
         return Output(self._parts, result.trajectory, result.files, folder, result.seconds)
 
     def pause(self) -> None:
-        """Take no more points; the simulation waits after a few batches, and :meth:`resume` lets it go on."""
+        """Take no more points, also before the start; the simulation waits after a few batches, and :meth:`resume` lets it go on."""
         self._resumed.clear()
 
     def resume(self) -> None:
@@ -185,6 +190,16 @@ class Simulation:
         twin = Simulation(replace(self._recipe, filters=[]))
         twin._recipe, twin._model = self._recipe, None if self._model is None else self._model.clone()
         return twin
+
+    def __repr__(self) -> str:
+        states = (
+            ("stopped", self.isStopped()),
+            ("finished", self.isFinished()),
+            ("paused", self.isPaused()),
+            ("running", self.isRunning()),
+        )
+        state = next((name for name, holds in states if holds), "not started")
+        return f"<Simulation of {self._recipe.survey!r}: {state}>"
 
     def join(self) -> Output:
         """Wait for the end, raise what went wrong, and return the output. Ctrl-C ends the simulation."""

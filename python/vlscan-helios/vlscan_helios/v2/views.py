@@ -9,7 +9,10 @@ from itertools import pairwise
 from math import dist
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from vlscan_helios.v3 import Leg, Survey
+from vlscan_helios.v3 import DynamicPlatformSettings, Leg, Survey
+
+from .scene import SceneView
+from .templates import Template, template_of
 
 if TYPE_CHECKING:
     from .scanner import ScannerView
@@ -52,6 +55,10 @@ class View:
     def __setattr__(self, name: str, value: Any) -> None:
         if self._is_started():
             raise RuntimeError("the simulation has been started; change its survey before")
+        own = getattr(type(self), name, None)
+        if isinstance(own, property):
+            own.__set__(self, value)
+            return
         setattr(self._model, self._known(name), value)
 
     def __dir__(self) -> list[str]:
@@ -61,7 +68,36 @@ class View:
         return f"<{type(self).__name__} of {self._model!r}>"
 
 
-class ScannerSettings(View):
+class Settings(View):
+    """Settings of a leg, which may name a template in the file of the survey.
+
+    Parameters
+    ----------
+    model : object
+        The settings.
+    is_started : callable
+        Returns whether the simulation has been started.
+    template : callable
+        Returns the template.
+    """
+
+    def __init__(self, model: Any, is_started: Callable[[], bool], template: Callable[[], Template | None] = lambda: None) -> None:
+        super().__init__(model, is_started)
+        object.__setattr__(self, "_template", template)
+
+    def hasTemplate(self) -> bool:
+        """Return whether the settings name a template; their values are those that hold, the template's included."""
+        return self._template() is not None
+
+    def getTemplate(self) -> Template:
+        """Return the template."""
+        found: Template | None = self._template()
+        if found is None:
+            raise ValueError("the settings name no template; hasTemplate() tells")
+        return found
+
+
+class ScannerSettings(Settings):
     """What the scanner does on a leg; SI units, angles in rad."""
 
     NAMES: ClassVar[dict[str, str]] = {
@@ -74,7 +110,7 @@ class ScannerSettings(View):
     }
 
 
-class PlatformSettings(View):
+class PlatformSettings(Settings):
     """Where a leg begins, m, and how fast the platform moves, m/s."""
 
     NAMES: ClassVar[dict[str, str]] = {
@@ -87,6 +123,16 @@ class PlatformSettings(View):
         """The place, m."""
         return self.x, self.y, self.z
 
+    @position.setter
+    def position(self, position: Any) -> None:
+        self.x, self.y, self.z = position
+
+    def __getattr__(self, name: str) -> Any:
+        if type(self).NAMES.get(name) == "speed_m_s" and not hasattr(self._model, "speed_m_s"):
+            # Of a platform that stands, which has no speed.
+            return float(DynamicPlatformSettings().speed_m_s)
+        return super().__getattr__(name)
+
     def getPosition(self) -> tuple[float, float, float]:
         """Return the place, m."""
         return self.position
@@ -97,19 +143,56 @@ class PlatformSettings(View):
 
 
 class LegView(View):
-    """A leg."""
+    """A leg.
+
+    Parameters
+    ----------
+    model : vlscan_helios.v3.Leg
+        The leg.
+    is_started : callable
+        Returns whether the simulation has been started.
+    survey : SurveyView, optional
+        The survey whose leg it is.
+    """
 
     NAMES: ClassVar[dict[str, str]] = {}
+
+    def __init__(self, model: Any, is_started: Callable[[], bool], survey: SurveyView | None = None) -> None:
+        super().__init__(model, is_started)
+        object.__setattr__(self, "_survey", survey)
+
+    @property
+    def serialId(self) -> int:
+        """Number of the leg, from 0. Setting it has no effect: it follows from the order of the legs."""
+        return -1 if self._survey is None else self._survey.index_of(self._model)
+
+    @serialId.setter
+    def serialId(self, number: int) -> None:
+        pass
+
+    @property
+    def length(self) -> float:
+        """Length of the way to the next leg, m; 0 of the last one."""
+        legs = [] if self._survey is None else self._survey.legs
+        following = legs[self.serialId + 1 : self.serialId + 2]
+        return dist(self.platformSettings.position, following[0].platformSettings.position) if following else 0.0
+
+    def getLength(self) -> float:
+        """Return the length of the way to the next leg, m; 0 of the last one."""
+        return self.length
+
+    def _template(self, tag: str) -> Template | None:
+        return None if self._survey is None else self._survey.template(self._model, tag)
 
     @property
     def scannerSettings(self) -> ScannerSettings:
         """What the scanner does."""
-        return ScannerSettings(self._model.scanner_settings, self._is_started)
+        return ScannerSettings(self._model.scanner_settings, self._is_started, partial(self._template, "scannerSettings"))
 
     @property
     def platformSettings(self) -> PlatformSettings:
         """Where it begins."""
-        return PlatformSettings(self._model.platform_settings, self._is_started)
+        return PlatformSettings(self._model.platform_settings, self._is_started, partial(self._template, "platformSettings"))
 
     def getScannerSettings(self) -> ScannerSettings:
         """Return what the scanner does."""
@@ -136,14 +219,39 @@ class Instrument(View):
 
 
 class SurveyView(View):
-    """A survey."""
+    """A survey.
+
+    Parameters
+    ----------
+    model : vlscan_helios.v3.Survey
+        The survey.
+    is_started : callable
+        Returns whether the simulation has been started.
+    file : str
+        Its file.
+    as_read : sequence of Leg
+        Its legs as they were read from the file.
+    """
 
     NAMES: ClassVar[dict[str, str]] = {"name": "name"}
+
+    def __init__(self, model: Any, is_started: Callable[[], bool], file: str = "", as_read: Sequence[Leg] = ()) -> None:
+        super().__init__(model, is_started)
+        object.__setattr__(self, "_file", file)
+        object.__setattr__(self, "_as_read", as_read)
+
+    def index_of(self, leg: Leg) -> int:
+        """Return the number of a leg, from 0; -1 for one that was removed."""
+        return _index_of(leg, self._model.legs)
+
+    def template(self, leg: Leg, tag: str) -> Template | None:
+        """Return the template that settings of a leg name in the file of the survey; ``None`` for none."""
+        return template_of(self._file, _index_of(leg, self._as_read), tag)
 
     @property
     def legs(self) -> Sequence[LegView]:
         """The legs."""
-        return [LegView(leg, self._is_started) for leg in self._model.legs]
+        return [LegView(leg, self._is_started, self) for leg in self._model.legs]
 
     @property
     def scanner(self) -> ScannerView:
@@ -198,11 +306,16 @@ class SurveyView(View):
         return self.legs[index]
 
     def newLeg(self, index: int) -> LegView:
-        """Insert a copy of the leg before, or of the first one, at an index and return it."""
+        """Insert a copy of the leg before, or of the first one, at an index and return it; the first leg of all has defaults."""
         legs: list[Leg] = list(self._model.legs)
-        if not 0 <= index <= len(legs) or not legs:
+        if not 0 <= index <= len(legs):
             raise IndexError(f"index of a new leg is {index}, expected 0 to {len(legs)}")
-        self._replace([*legs[:index], legs[max(index - 1, 0)].clone(), *legs[index:]])
+        if legs:
+            self._replace([*legs[:index], legs[max(index - 1, 0)].clone(), *legs[index:]])
+        elif self._is_started():
+            raise RuntimeError("the simulation has been started; change its survey before")
+        else:
+            self._model.add_leg()
         return self.legs[index]
 
     def removeLeg(self, index: int) -> None:
@@ -220,6 +333,10 @@ class SurveyView(View):
             raise IndexError(f"index of a leg is {index}, and there are {self.numLegs} legs")
 
 
+def _index_of(leg: Leg, legs: Sequence[Leg]) -> int:
+    return next((number for number, other in enumerate(legs) if other is leg), -1)
+
+
 class Playback:
     """What a simulation plays: its survey.
 
@@ -229,10 +346,35 @@ class Playback:
         The survey.
     is_started : callable
         Returns whether the simulation has been started.
+    file : str
+        Its file.
+    as_read : sequence of Leg
+        Its legs as they were read from the file.
     """
 
-    def __init__(self, model: Survey, is_started: Callable[[], bool]) -> None:
-        self._survey = SurveyView(model, is_started)
+    def __init__(self, model: Survey, is_started: Callable[[], bool], file: str = "", as_read: Sequence[Leg] = ()) -> None:
+        self._survey, self._scene, self._file = SurveyView(model, is_started, file, as_read), SceneView(model.scene), file
+
+    def getSurveyPath(self) -> str:
+        """Return the file of the survey."""
+        return self._file
+
+    def getScene(self) -> SceneView:
+        """Return the scene."""
+        return self._scene
+
+    @property
+    def scene(self) -> SceneView:
+        """The scene."""
+        return self._scene
+
+    def newLeg(self, index: int) -> LegView:
+        """Insert a leg, as :meth:`SurveyView.newLeg` does."""
+        return self._survey.newLeg(index)
+
+    def removeLeg(self, index: int) -> None:
+        """Remove a leg."""
+        self._survey.removeLeg(index)
 
     def getSurvey(self) -> SurveyView:
         """Return the survey."""
@@ -262,4 +404,5 @@ class Playback:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            raise AttributeError(f"sim has no {name!r}; it has getSurvey(), getScanner(), getPlatform(), getNumLegs() and getLeg(index)")
+            known = [key for key in dir(type(self)) if not key.startswith("_")]
+            raise AttributeError(f"sim has no {name!r}; it has {', '.join(known)}")

@@ -12,17 +12,21 @@ interface; no code of HELIOS++ is contained.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, MutableMapping, Sequence
 from datetime import datetime, timezone
+from enum import IntEnum
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Literal, Optional
+from typing import Annotated, Any, Literal, Optional, Tuple, Union  # noqa: UP035
 
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, validate_call
 
 from vlscan import __version__ as __version__
 
-from . import callbacks, leg, platforms, scanner, scene, settings, survey, utils, validation
+from . import callbacks, leg, platforms, scanner, scene, serialization, settings, survey, utils, validation
 from .callbacks import HookContext, HookEndOfLegPolicy, HookPayload, HookPoint, SurveyHook
 from .errors import HeliosException
 from .leg import Leg
@@ -58,7 +62,11 @@ from .validation import units
 # Names that ``from helios.survey import *`` brings in version 3, whatever the module: those of all modules, and of libraries.
 _SHARED: dict[str, object] = {
     **{"np": np, "datetime": datetime, "timezone": timezone, "Path": Path},
-    **{"Annotated": Annotated, "Literal": Literal, "Optional": Optional},
+    **{"Annotated": Annotated, "Any": Any, "Callable": Callable, "Literal": Literal, "Optional": Optional},
+    **{"Sequence": Sequence, "Tuple": Tuple, "Union": Union, "MutableMapping": MutableMapping},  # noqa: UP006
+    **{"BaseModel": BaseModel, "Field": Field, "validate_call": validate_call, "NDArray": NDArray},
+    **{"PositiveInt": PositiveInt, "PositiveFloat": PositiveFloat, "IntEnum": IntEnum},
+    **{"NonNegativeInt": NonNegativeInt, "NonNegativeFloat": NonNegativeFloat},
 }
 _QUANTITIES = (
     *("Angle", "AngleVelocity", "AssetPath", "CompressionLevel", "CreatedDirectory", "Frequency", "Length", "MultiAssetPath"),
@@ -132,6 +140,7 @@ __all__ = [
     "scanner",
     "scanner_from_name",
     "scene",
+    "serialization",
     "set_execution_settings",
     "set_output_settings",
     "set_rng_seed",
@@ -159,4 +168,13 @@ def install(name: str = "helios") -> ModuleType:
     package = sys.modules[__name__]
     own = {key: module for key, module in sys.modules.items() if f"{key}.".startswith(f"{__name__}.")}
     sys.modules.update({name + key.removeprefix(__name__): module for key, module in own.items()})
+    if name == "helios":
+        sys.modules.setdefault("_helios", _engine_module())
     return package
+
+
+def _engine_module() -> ModuleType:
+    """Return what scripts import from the engine of HELIOS++ 3: the exception, and what hooks are told."""
+    module = ModuleType("_helios", "The names of HELIOS++'s engine that vlscan has.")
+    module.__dict__.update(HeliosException=HeliosException, HookContext=HookContext)
+    return module

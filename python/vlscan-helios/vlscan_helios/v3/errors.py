@@ -37,7 +37,9 @@ class _Names:
     """
 
     def __init__(self, folder: str) -> None:
-        self._names = {"<python>": "<survey>", os.path.join(folder, "trajectory.csv"): "<trajectory>"}
+        self._names = {"<python>": "<survey>"}
+        if folder:
+            self._names[os.path.join(folder, "trajectory.csv")] = "<trajectory>"
 
     def of_text(self, text: str) -> str:
         """Return a text with these names."""
@@ -51,8 +53,8 @@ class _Names:
 
 
 @contextmanager
-def engine_errors(folder: str) -> Iterator[None]:
-    """Raise errors of the engine as :class:`HeliosException`; messages do not name the trajectory in ``folder``."""
+def engine_errors(folder: str = "") -> Iterator[None]:
+    """Raise errors of the engine as :class:`HeliosException`; messages do not name the trajectory in ``folder``, if there is one."""
     names = _Names(folder)
     try:
         yield
@@ -89,6 +91,10 @@ def engine_warnings(folder: str, is_silent: bool) -> Iterator[None]:
                 problem = message.problem and names.of_problem(message.problem)
                 message = VlscanWarning(names.of_text(str(message)), problem)
             warnings.warn_explicit(message, warning.category, warning.filename, warning.lineno, registry=_shown)
+
+
+class WrongTypeError(TypeError, ValueError):
+    """A value of another type: models and checked functions raise ``ValueError``, plain functions ``TypeError``."""
 
 
 def wrong_input(text: str) -> HeliosException:

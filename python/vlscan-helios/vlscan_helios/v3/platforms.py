@@ -12,10 +12,10 @@ from typing_extensions import Self
 
 from vlscan import Error, catalogue
 
-from .errors import wrong_input
+from .errors import WrongTypeError, engine_errors, wrong_input
 from .scanner import Named, by_attribute, check_id, find, instrument_function, reference_in
 from .utils import classonlymethod, existing_file
-from .validation import Coordinate, Model, Speed, UpdateableMixin
+from .validation import Coordinate, Model, Speed, TimePoint, UpdateableMixin
 
 if TYPE_CHECKING:
     from .scene import StaticScene
@@ -58,8 +58,8 @@ class PlatformSettingsBase(Printable, Model, UpdateableMixin):
 class TrajectorySettings(PlatformSettingsBase):
     """The part of a trajectory that a leg flies, on the trajectory's own time; 0 to 0 is all of it."""
 
-    start_time: float = 0
-    end_time: float = 0
+    start_time: TimePoint = 0
+    end_time: TimePoint = 0
     teleport_to_start: bool = False
 
 
@@ -83,7 +83,8 @@ class PlatformSettings(PlatformSettingsBase):
         ValueError
             The scene has no ground at ``x``, ``y``.
         """
-        height = scene.engine().ground_height(self.x, self.y)
+        with engine_errors():
+            height = scene.engine().ground_height(self.x, self.y)
         if height is None:
             raise ValueError(f"the scene has no ground at x = {self.x:g}, y = {self.y:g}; a part is ground if a material has is_ground")
         self.z = height
@@ -292,6 +293,8 @@ def _stands(reference: str) -> bool:
 def _poses(trajectory: ArrayLike) -> NDArray[np.void]:
     """Return a copy of a trajectory as :data:`traj_csv_dtype`."""
     given = np.asarray(trajectory)
+    if given.ndim == 0:
+        raise WrongTypeError(f"a trajectory is an array of poses, found {type(trajectory).__name__}")
     names = set(given.dtype.names or ())
     poses = np.empty(len(given), dtype=traj_csv_dtype)
     columns: dict[str, Any]
@@ -344,7 +347,7 @@ def load_traj_csv(
     Raises
     ------
     ValueError
-        Too few columns, or a column that is used twice.
+        No poses, words that are no numbers, too few columns, or a column that is used twice.
     FileNotFoundError
         There is no such file.
     """
@@ -353,7 +356,12 @@ def load_traj_csv(
         lines = [line for line in file if line.strip() and not line.lstrip().startswith("#")]
     if lines and not any(map(_is_number, lines[0].split(separator))):
         del lines[0]
-    numbers = np.loadtxt(lines, delimiter=separator, ndmin=2)
+    if not lines:
+        raise ValueError(f"{os.fspath(csv)} has no poses")
+    try:
+        numbers = np.loadtxt(lines, delimiter=separator, ndmin=2)
+    except ValueError as problem:
+        raise ValueError(f"{os.fspath(csv)}: {problem} The columns are separated by {trajectory_separator!r}.") from None
     indices = dict(zip(traj_csv_dtype.names or (), (tIndex, rollIndex, pitchIndex, yawIndex, xIndex, yIndex, zIndex), strict=True))
     if len(set(indices.values())) < len(indices):
         raise ValueError(f"columns of a trajectory are {indices}, expected another one for each")

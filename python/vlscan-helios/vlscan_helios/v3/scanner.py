@@ -13,6 +13,7 @@ from pydantic import PrivateAttr
 
 from vlscan import InputError, catalogue
 
+from .errors import WrongTypeError
 from .settings import FullWaveformSettings
 from .utils import classonlymethod, existing_file
 from .validation import Angle, AngleVelocity, Frequency, Model, ScanFrequency, TimeInterval, UpdateableMixin
@@ -217,6 +218,8 @@ def _plain(name: str) -> str:
 
 def find(name: str, names: Mapping[str, str], ids: Iterable[str], kind: str) -> str:
     """Return the id of a name, whatever its hyphens, underscores and capitals; ids of the catalogue are names, too."""
+    if not isinstance(name, str):
+        raise WrongTypeError(f"the name of a {kind} is a text, found {name!r}")
     known = {_plain(id): id for id in ids} | {_plain(key): id for key, id in names.items()}
     if _plain(name) in known:
         return known[_plain(name)]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
+from collections.abc import Iterable
 from copy import copy
 from pathlib import Path
 from typing import Any
@@ -12,8 +14,11 @@ from typing import Any
 from pydantic import PrivateAttr, validate_call
 from typing_extensions import Self
 
+from vlscan.errors import kept_folder
+from vlscan.places import asset_folders, place_of, working_folder
 from vlscan.scene import Scene
 
+from .errors import engine_errors
 from .materials import Material, MaterialDict
 from .scene_part import BoundingBox, ScenePart
 from .utils import classonlymethod, engine_directories, existing_file
@@ -29,7 +34,9 @@ class StaticScene(Model):
     # The file, and its parts as read.
     _file: str | None = PrivateAttr(None)
     _as_read: list[tuple[object, ...]] = PrivateAttr(default_factory=list)
-    _kept: object = PrivateAttr(None)
+    # Working directory in which the file was named.
+    _folder: str = PrivateAttr("")
+    _is_packed: bool = PrivateAttr(False)
 
     @classonlymethod
     def from_xml(cls, scene_file: str | os.PathLike[str]) -> StaticScene:
@@ -77,37 +84,31 @@ class StaticScene(Model):
         ------
         FileNotFoundError
             There is no such file.
+        HeliosException
+            The file is no packed scene.
         """
-        path = existing_file(binary_file)
-        folder = None
-        if path.suffix != _PACKED:
-            # The engine knows packed scenes by this extension.
-            folder = tempfile.TemporaryDirectory(prefix="vlscan-")
-            link = Path(folder.name) / f"scene{_PACKED}"
-            try:
-                link.symlink_to(path.resolve())
-            except OSError:
-                # Windows allows links to some users only.
-                shutil.copy(path, link)
-            path = link
-        return cls().read_from(os.fspath(path), folder)
+        scene = cls().read_from(os.fspath(existing_file(binary_file)), is_packed=True)
+        with engine_errors():
+            scene.engine().load()
+        return scene
 
-    def read_from(self, file: str, kept: object = None) -> Self:
+    def read_from(self, file: str, is_packed: bool = False) -> Self:
         """Become the scene of a file, with the parts that it has now.
 
         Parameters
         ----------
         file : str
             The file, or ``file.xml#id``.
-        kept : object
-            What has to live as long as the scene.
+        is_packed : bool
+            Whether it is a packed scene, whatever its extension.
 
         Returns
         -------
         StaticScene
             Itself.
         """
-        self._file, self._kept, self._as_read = file, kept, [part.state() for part in self.scene_parts]
+        self._is_packed = is_packed
+        self._file, self._folder, self._as_read = file, working_folder(), [part.state() for part in self.scene_parts]
         return self
 
     @property
@@ -127,9 +128,12 @@ class StaticScene(Model):
             Without effect: packed scenes are mapped into memory as they are.
         """
         if binary_file.suffix == _PACKED:
-            self.engine().pack(binary_file, physics="helios", force=True)
+            with engine_errors():
+                self.engine().pack(binary_file, physics="helios", force=True)
             return
-        with tempfile.TemporaryDirectory(prefix=".vlscan-", dir=binary_file.parent) as folder:
+        if not binary_file.parent.is_dir():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), os.fspath(binary_file))
+        with tempfile.TemporaryDirectory(prefix=".vlscan-", dir=binary_file.parent) as folder, engine_errors():
             packed = Path(folder) / f"scene{_PACKED}"
             self.engine().pack(packed, physics="helios")
             os.replace(packed, binary_file)
@@ -147,7 +151,8 @@ class StaticScene(Model):
     @property
     def bbox(self) -> BoundingBox:
         """The box around all parts."""
-        return BoundingBox.of_bounds(self.engine().bounds)
+        with engine_errors():
+            return BoundingBox.of_bounds(self.engine().bounds)
 
     @property
     def is_loaded(self) -> bool:
@@ -181,13 +186,18 @@ class StaticScene(Model):
         if self._scene is not None and state == self._state:
             return self._scene
         if self._file is not None and state == self._as_read:
-            scene = Scene(self._file, engine_directories())
+            scene = self._of_file(self._file)
         elif self._file is not None and not self._as_read:
             raise NotImplementedError(f"{self._file} cannot be extended; build the scene of parts, and write it anew by to_binary()")
         else:
             scene = Scene([part.engine() for part in self.scene_parts], engine_directories())
         self._scene, self._state = scene, state
         return scene
+
+    def _of_file(self, file: str) -> Scene:
+        path = place_of(file, self._folder)
+        folders: list[str | Path] = [*engine_directories(), *asset_folders(self._folder)]
+        return _PackedScene(path, folders) if self._is_packed and not path.endswith(_PACKED) else Scene(path, folders)
 
     def _identity(self) -> object:
         return self._file
@@ -206,5 +216,31 @@ class StaticScene(Model):
 
 
 _PACKED = ".vlscene"
+
+
+class _PackedScene(Scene):
+    """A packed scene by a name with an extension by which the engine does not know it.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    assets : iterable of str or path-like
+        Folders in which files are searched.
+    """
+
+    def __init__(self, path: str, assets: Iterable[str | os.PathLike[str]] = ()) -> None:
+        link = Path(kept_folder(self, path)) / f"scene{_PACKED}"
+        self._path = os.path.abspath(path)
+        try:
+            link.symlink_to(self._path)
+        except OSError:
+            # Windows allows links to some users only.
+            shutil.copy(path, link)
+        super().__init__(link, assets)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _PackedScene, (self._path, self._assets)
+
 
 __all__ = ["BoundingBox", "Material", "MaterialDict", "ScenePart", "StaticScene"]

@@ -16,6 +16,7 @@ from typing_extensions import Self
 from vlscan.parts import Part
 from vlscan.scene import Scene
 
+from .errors import engine_errors
 from .materials import Material, MaterialDict
 from .settings import ForceOnGroundStrategy
 from .utils import classonlymethod, detect_separator, engine_directories, existing_file
@@ -63,6 +64,12 @@ class BoundingBox(Model):
 
     def _identity(self) -> object:
         return self._bounds.tobytes()
+
+    def __repr__(self) -> str:
+        lowest, highest = self._bounds.tolist()
+        return f"<BoundingBox {lowest} to {highest}>"
+
+    __str__ = __repr__
 
 
 class ScenePart(Model):
@@ -405,6 +412,8 @@ class ScenePart(Model):
         >>> vlscan.helios.ScenePart.from_numpy_array(corners, 0.5).bbox.bounds[0].tolist()
         [0.0, 0.0, 0.0]
         """
+        if np.ma.is_masked(points):
+            raise ValueError("points has masked values; leave these rows out")
         rows = np.asarray(points, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
@@ -588,16 +597,16 @@ class ScenePart(Model):
         Raises
         ------
         ValueError
-            None of these ways, or several.
+            None of these ways, several, a direction of length 0, or an angle that is not finite.
         """
         ways: tuple[Any, ...] = (quaternion, axis, angle, from_axis, to_axis)
         given = [way is not None for way in ways]
         turn, about, angle_rad, start, end = ways
         if given == [False, True, True, False, False]:
-            direction, half = about / np.linalg.norm(about), angle_rad / 2
+            direction, half = _direction("axis", about), angle_rad / 2
             turn = (math.cos(half), *(direction * math.sin(half)))
         elif given == [False, False, False, True, True]:
-            turn = _between(start, end)
+            turn = _between(_direction("from_axis", start), _direction("to_axis", end))
         elif given != [True, False, False, False, False]:
             raise ValueError("rotate() needs a quaternion, an axis and an angle, or from_axis and to_axis")
         part, centre = self.known_part(), (0.0, 0.0, 0.0) if rotation_center is None else rotation_center.tolist()
@@ -682,7 +691,8 @@ class ScenePart(Model):
         """The box around the part where it stands now."""
         state = (self.state(), engine_directories())
         if self._measured is None or self._measured[0] != state:
-            self._measured = (state, Scene([self.engine()], engine_directories()).bounds)
+            with engine_errors():
+                self._measured = (state, Scene([self.engine()], engine_directories()).bounds)
         return BoundingBox.of_bounds(self._measured[1])
 
     @property
@@ -836,9 +846,16 @@ def _check_faces(part: Part, indices: Any) -> None:
         raise _FaceIndexError(f"indices of faces are {chosen.min()} to {chosen.max()}, expected 0 to {part.face_count - 1}")
 
 
+def _direction(name: str, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a vector of length 1."""
+    length = np.linalg.norm(vector)
+    if length == 0:
+        raise ValueError(f"{name} is {vector.tolist()}, expected a direction: numbers that are not all 0")
+    return vector / length
+
+
 def _between(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, ...]:
-    """Return the quaternion of the shortest rotation from one direction to another."""
-    a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
+    """Return the quaternion of the shortest rotation from one direction, of length 1, to another."""
     w = 1 + float(a @ b)
     if w < 1e-12:
         aside = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.9 else [0.0, 1.0, 0.0])

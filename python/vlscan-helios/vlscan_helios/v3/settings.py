@@ -9,9 +9,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from pydantic import Field
+
 from vlscan.errors import VlscanWarning
 
-from .validation import CreatedDirectory, Length, Model, PositiveInt, ThreadCount, TimeInterval, UpdateableMixin, distribute
+from .validation import (
+    CreatedDirectory,
+    Model,
+    PositiveInt,
+    PositiveLength,
+    PositiveTimeInterval,
+    ThreadCount,
+    TimeInterval,
+    UpdateableMixin,
+    distribute,
+)
 
 # Threads of runs that set none.
 _ALL_THREADS = os.cpu_count() or 1
@@ -108,16 +120,17 @@ class OutputSettings(Model, UpdateableMixin):
 
     format: OutputFormat = OutputFormat.NPY
     split_by_channel: bool = False
-    output_dir: CreatedDirectory = Path("output")
+    # Checked when it is given: a default would be created by every import.
+    output_dir: CreatedDirectory = Field(Path("output"), validate_default=False)
     write_waveform: bool = False
     write_pulse: bool = False
-    las_scale: Length = 0.0001
+    las_scale: PositiveLength = 0.0001
 
 
 class FullWaveformSettings(Model):
     """Digitisation of waveforms. ``win_size`` is at least two bins: ``ValueError`` otherwise."""
 
-    bin_size: TimeInterval = 0.25e-9
+    bin_size: PositiveTimeInterval = 0.25e-9
     beam_sample_quality: PositiveInt = 3
     win_size: TimeInterval = 1e-9
     max_fullwave_range: TimeInterval = 0.0

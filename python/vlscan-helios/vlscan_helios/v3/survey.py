@@ -17,6 +17,7 @@ from pydantic import AfterValidator, Field, PrivateAttr
 from vlscan import Result
 from vlscan import Survey as EngineSurvey
 from vlscan.errors import warn
+from vlscan.places import asset_folders, place_of, working_folder
 
 from . import survey_xml, xml_files
 from .callbacks import HookDispatcher, HookPayload, RunFacts, SurveyHook, build_progressbar_callbacks
@@ -98,6 +99,8 @@ class Survey(Model):
     gps_time: Annotated[datetime, AfterValidator(_zoned)] = datetime(2024, 1, 1, tzinfo=timezone.utc)
     full_waveform_settings: FullWaveformSettings = Field(default_factory=FullWaveformSettings)
     _document: Document | None = PrivateAttr(None)
+    # Working directory in which the file was named.
+    _folder: str = PrivateAttr("")
     _as_read: _AsRead | None = PrivateAttr(None)
 
     @classonlymethod
@@ -149,7 +152,7 @@ class Survey(Model):
             Itself.
         """
         legs, waveform = tuple(leg.clone() for leg in self.legs), self.full_waveform_settings.clone()
-        self._document = document
+        self._document, self._folder = document, working_folder()
         self._as_read = _AsRead(self.name, self.scanner.clone(), self.platform.clone(), self.scene, legs, waveform)
         # Settings of the file are not the user's.
         self.__pydantic_fields_set__.discard("full_waveform_settings")
@@ -234,7 +237,7 @@ class Survey(Model):
         execution = compose_execution_settings(execution_settings, for_execution)
         output = compose_output_settings(output_settings, for_output)
         hooks = [SurveyHook.model_validate(hook) for hook in callbacks or ()]
-        _check_output(output)
+        _check_output(output, {*for_output, *(output_settings.model_fields_set if output_settings is not None else ())})
         if execution.log_file or execution.log_file_only:
             warn("log_file has no effect; notes go to the logger 'vlscan', which logging.FileHandler writes to a file")
         self.check_legs()
@@ -281,7 +284,8 @@ class Survey(Model):
             The text.
         """
         if self._document is not None and self._is_as_read():
-            return self._document.path.read_text(encoding="utf-8", errors="replace")
+            path = place_of(os.fspath(self._document.path), self._folder)
+            return Path(path).read_text(encoding="utf-8", errors="replace")
         return survey_xml.text_of(survey_xml.write(self, folder))
 
     @property
@@ -332,7 +336,8 @@ class Survey(Model):
         is_scene_of_file = old is not None and self.scene.source_file == old.scene.source_file and self.scene.is_as_read
         scene = None if is_scene_of_file else self.scene.engine()
         if self._document is not None and self._is_as_read():
-            return EngineSurvey.open(self._document.path, scene)
+            path = place_of(os.fspath(self._document.path), self._folder)
+            return EngineSurvey.open(path, scene)
         return EngineSurvey.from_document(self.to_xml(folder), scene)
 
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
@@ -347,7 +352,7 @@ class Survey(Model):
             "tree_jobs": execution.kdt_num_threads if "kdt_num_threads" in given else None,
             "seed": rng_seed(),
             "gps_start": self.gps_time if "gps_time" in self.model_fields_set else None,
-            "assets": _folders(self._document),
+            "assets": _folders(self._document, self._folder),
         }
         options = {name: value for name, value in options.items() if value is not None}
         if _is_folder(output):
@@ -410,17 +415,20 @@ class Survey(Model):
     __str__ = __repr__
 
 
-def _folders(document: Document | None) -> list[Path]:
-    """Return the folders in which the engine searches the files of a survey."""
-    return [*engine_directories(), *([] if document is None else [Path("assets"), document.path.parent])]
+def _folders(document: Document | None, folder: str = "") -> list[str | Path]:
+    """Return the folders in which the engine searches the files of a survey that was read in the working directory ``folder``."""
+    found: list[str | Path] = [*engine_directories()]
+    if document is not None:
+        found += [Path("assets"), Path(place_of(os.fspath(document.path), folder)).parent, *asset_folders(folder)]
+    return found
 
 
 def _is_folder(output: OutputSettings) -> bool:
     return output.format in (OutputFormat.LAS, OutputFormat.LAZ, OutputFormat.XYZ)
 
 
-def _check_output(output: OutputSettings) -> None:
-    """Refuse or warn of what the format of a run has no place for."""
+def _check_output(output: OutputSettings, given: set[str]) -> None:
+    """Refuse what the format of a run has no place for, or warn of it, if it was given for this run."""
     if _is_folder(output):
         return
     for name in ("write_waveform", "write_pulse"):
@@ -430,7 +438,7 @@ def _check_output(output: OutputSettings) -> None:
             )
     has_effect = {"las_scale"} if output.format == OutputFormat.LASPY else set()
     for name in ("output_dir", "split_by_channel", "las_scale"):
-        if name in output.model_fields_set - has_effect:
+        if name in given - has_effect:
             warn(f"{name} has no effect on the format {output.format.name}")
 
 
@@ -495,5 +503,5 @@ class _Run:
     def _result(self, records: NDArray[np.void], result: Result, intensity: NDArray[Any], angle: NDArray[Any]) -> Any:
         poses = pose_records(result.trajectory)
         if self._output.format == OutputFormat.LASPY:
-            return laspy_data(records, intensity, angle, self._output.las_scale or 0.0001), poses
+            return laspy_data(records, intensity, angle, self._output.las_scale), poses
         return records, poses

@@ -21,6 +21,8 @@ import numpy as np
 
 from vlscan import Spectrum, catalogue
 
+from .errors import WrongTypeError
+
 if TYPE_CHECKING:
     from types import TracebackType
 
@@ -71,7 +73,7 @@ meas_dtype = np.dtype(
 traj_dtype = np.dtype([("gps_time", "<f8"), ("position", "<f8", (3,)), ("roll", "<f8"), ("pitch", "<f8"), ("yaw", "<f8")])
 
 _asset_directories: list[Path] = []
-_seed: list[int | str] = []
+_seed: list[int | float | str] = []
 
 
 class _AssetDirectoryRegistration:
@@ -212,6 +214,8 @@ def named_file(filename: str | os.PathLike[str], fatal: bool = True, *, by_bare_
 
     ``by_bare_name`` is whether the folders of the package are searched, too, so that ``platforms.xml`` is ``data/platforms.xml``.
     """
+    if not isinstance(filename, (str, os.PathLike)):
+        raise WrongTypeError(f"expected the name of a file, found {type(filename).__name__}")
     path = Path(filename)
     for folder in search_folders():
         if (folder / path).exists():
@@ -272,20 +276,27 @@ def _shipped_files() -> set[str]:
     return {reference.split("#")[0] for reference in references}
 
 
-def set_rng_seed(seed: int | str | datetime | None = None) -> None:
+def set_rng_seed(seed: int | float | str | datetime | None = None) -> None:
     """Set the seed of all random draws of later runs; without a call it is that of the survey, else 0.
 
     Parameters
     ----------
-    seed : int, str or datetime, optional
+    seed : int, float, str or datetime, optional
         The seed; by default the current time.
+
+    Raises
+    ------
+    TypeError
+        A value of another type.
     """
     if seed is None:
         seed = datetime.now(timezone.utc)
-    _seed[:] = [int(seed.timestamp()) if isinstance(seed, datetime) else seed]
+    if isinstance(seed, bool) or not isinstance(seed, (int, float, str, datetime, np.integer, np.floating)):
+        raise WrongTypeError(f"a seed is a whole number, a text or a time, found {seed!r}")
+    _seed[:] = [int(seed.timestamp()) if isinstance(seed, datetime) else seed.item() if isinstance(seed, np.generic) else seed]
 
 
-def rng_seed() -> int | str | None:
+def rng_seed() -> int | float | str | None:
     """Return the seed that was set."""
     return _seed[0] if _seed else None
 

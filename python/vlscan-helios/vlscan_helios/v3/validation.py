@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypeAlias
 
 import numpy as np
 import pint
-from pydantic import BeforeValidator, ConfigDict
+from pydantic import BeforeValidator, ConfigDict, PlainSerializer, ValidationError
 from pydantic import PositiveInt as PositiveInt
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from vlscan.errors import warn
 
-from .utils import find_files, named_file
+from .errors import WrongTypeError
+from .utils import find_files, is_real_iterable, named_file
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
@@ -37,6 +39,9 @@ if TYPE_CHECKING:
         def __iter__(self) -> Iterator[tuple[str, Any]]: ...
         def __copy__(self) -> Self: ...
         def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self: ...
+        def model_dump(self, **options: Any) -> dict[str, Any]:
+            """Return the values."""
+
         @classmethod
         def model_validate(cls, obj: Any) -> Self:
             """Return a model of values."""
@@ -75,15 +80,17 @@ def number(value: object, unit: str) -> float:
         if isinstance(value, pint.Quantity):
             return float(value.to(unit).magnitude)
         return float(value)  # type: ignore[arg-type]
-    except (pint.errors.PintError, TypeError, ValueError) as problem:
-        raise ValueError(f"expected a number or a quantity in {unit}: {problem}") from None
+    except Exception as problem:
+        # Parsing of texts raises errors of many kinds.
+        reason = str(problem) or f"{value!r} is no quantity"
+        raise ValueError(f"expected a number or a quantity in {unit}: {reason}") from None
 
 
-def _quantity(unit: str, lowest: float | None = None) -> BeforeValidator:
+def _quantity(unit: str, lowest: float | None = None, *, is_above: bool = False) -> BeforeValidator:
     def validate(value: object) -> float:
         found = number(value, unit)
-        if lowest is not None and not lowest <= found < math.inf:
-            raise ValueError(f"expected at least {lowest:g} {unit}, found {found:g}")
+        if lowest is not None and (not lowest <= found < math.inf or is_above and found == lowest):
+            raise ValueError(f"expected {'more than' if is_above else 'at least'} {lowest:g} {unit}, found {found:g}")
         return found
 
     return BeforeValidator(validate)
@@ -101,7 +108,12 @@ def _numbers(count: int) -> BeforeValidator:
     def validate(value: Any) -> Any:
         if isinstance(value, pint.Quantity):
             value = _magnitudes(value, "m")
-        found = np.array([number(part, "m") for part in value]) if isinstance(value, (list, tuple)) else np.asarray(value, dtype=float)
+        if isinstance(value, (list, tuple)):
+            found = np.array([number(part, "m") for part in value])
+        elif isinstance(value, (set, dict)):
+            raise ValueError(f"expected {count} numbers in order, found {value!r}")
+        else:
+            found = np.asarray(value, dtype=float)
         if found.shape != (count,) or not np.isfinite(found).all():
             raise ValueError(f"expected {count} finite numbers, found {value!r}")
         return found
@@ -110,6 +122,8 @@ def _numbers(count: int) -> BeforeValidator:
 
 
 def _directory(value: Any) -> Path:
+    if not isinstance(value, (str, os.PathLike)):
+        raise ValueError(f"expected a folder, found {type(value).__name__}")
     path = Path(value)
     path.mkdir(parents=True, exist_ok=True)
     return path
@@ -119,6 +133,8 @@ def existing_files(value: Any) -> list[Path]:
     """Return the files of a pattern, or of several names and patterns; a missing one is a ``FileNotFoundError``."""
     if isinstance(value, (str, os.PathLike)):
         return find_files(value)
+    if not is_real_iterable(value):
+        raise WrongTypeError(f"expected a file, a pattern or several of them, found {type(value).__name__}")
     return [path for each in value for path in find_files(each)]
 
 
@@ -134,7 +150,8 @@ def _compression(value: Any) -> int:
 
 
 def _components(value: Any) -> Any:
-    found = np.asarray(value, dtype=np.float64)
+    # A copy: an array of the program may change, and may be that of several materials.
+    found = np.array(value, dtype=np.float64)
     if found.shape == (3,):
         found = np.append(found, 0.0)
     if found.shape != (4,):
@@ -148,7 +165,11 @@ AngleVelocity = Annotated[float, _quantity("rad/s")]
 Frequency = Annotated[float, _quantity("Hz", 0)]
 ScanFrequency = Annotated[float, _quantity("Hz", 0)]
 TimeInterval = Annotated[float, _quantity("s", 0)]
+PositiveTimeInterval = Annotated[float, _quantity("s", 0, is_above=True)]
+#: A time on the clock of a trajectory.
+TimePoint = Annotated[float, _quantity("s")]
 Length = Annotated[float, _quantity("m", 0)]
+PositiveLength = Annotated[float, _quantity("m", 0, is_above=True)]
 Coordinate = Annotated[float, _quantity("m")]
 Speed = Annotated[float, _quantity("m/s", 0)]
 #: Number of threads; ``None`` is all.
@@ -173,7 +194,7 @@ R3Vector = Annotated[Any, _numbers(3)]
 #: w, x, y, z.
 Quaternion = Annotated[Any, _numbers(4)]
 #: Four components of a colour.
-Components = Annotated[Any, BeforeValidator(_components)]
+Components = Annotated[Any, BeforeValidator(_components), PlainSerializer(np.ndarray.tolist, when_used="json")]
 
 
 def same(a: object, b: object) -> bool:
@@ -202,7 +223,7 @@ class Model(BaseModel):
     Unknown keywords are ``ValueError``. Other attributes can be set, and are not part of copies.
     """
 
-    model_config = ConfigDict(extra="forbid", validate_assignment=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", validate_assignment=True, validate_default=True, arbitrary_types_allowed=True)
 
     def __init__(self, *args: Any, **values: Any) -> None:
         names = list(type(self).model_fields)
@@ -212,6 +233,13 @@ class Model(BaseModel):
             if name in values:
                 raise TypeError(f"{type(self).__name__}() got two values of {name}")
             values[name] = value
+        for name in values.keys() - set(names):
+            close = get_close_matches(name, names, 1)
+            if close:
+                # Other unknown keywords are refused by pydantic.
+                fault = PydanticCustomError("extra_forbidden", f"there is no such field; did you mean {close[0]!r}?")
+                details = InitErrorDetails(type=fault, loc=(name,), input=values[name])
+                raise ValidationError.from_exception_data(type(self).__name__, [details])
         super().__init__(**values)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -219,7 +247,7 @@ class Model(BaseModel):
         if name in kind.model_fields or name.startswith("_") or hasattr(kind, name):
             super().__setattr__(name, value)
             return
-        close = get_close_matches(name, kind.model_fields, 1, 0.85)
+        close = get_close_matches(name, kind.model_fields, 1, 0.7)
         if close:
             warn(f"{kind.__name__} has no field {name!r}, which becomes an attribute of your own; did you mean {close[0]!r}?")
         object.__setattr__(self, name, value)
@@ -243,6 +271,22 @@ class Model(BaseModel):
             del twin.__dict__[name]
         return twin
 
+    def model_dump(self, **options: Any) -> dict[str, Any]:
+        """Return the values as a dictionary, those of settings by their own type.
+
+        Parameters
+        ----------
+        **options : Any
+            Options of ``pydantic.BaseModel.model_dump``.
+
+        Returns
+        -------
+        dict
+            The values.
+        """
+        found: dict[str, Any] = super().model_dump(**{"serialize_as_any": True, **options})
+        return found
+
     def to_yaml(self, *args: Any, **values: Any) -> NoReturn:
         """Not offered: see the message.
 
@@ -256,7 +300,7 @@ class Model(BaseModel):
         NotImplementedError
             Always.
         """
-        raise NotImplementedError(_NO_YAML)
+        raise NotImplementedError(NO_YAML)
 
     def to_bundle(self, *args: Any, **values: Any) -> NoReturn:
         """Not offered: see the message.
@@ -271,7 +315,7 @@ class Model(BaseModel):
         NotImplementedError
             Always.
         """
-        raise NotImplementedError(_NO_YAML)
+        raise NotImplementedError(NO_YAML)
 
     @classmethod
     def from_yaml(cls, *args: Any, **values: Any) -> NoReturn:
@@ -287,7 +331,7 @@ class Model(BaseModel):
         NotImplementedError
             Always.
         """
-        raise NotImplementedError(_NO_YAML)
+        raise NotImplementedError(NO_YAML)
 
     @classmethod
     def from_bundle(cls, *args: Any, **values: Any) -> NoReturn:
@@ -303,7 +347,7 @@ class Model(BaseModel):
         NotImplementedError
             Always.
         """
-        raise NotImplementedError(_NO_YAML)
+        raise NotImplementedError(NO_YAML)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -341,8 +385,8 @@ class Model(BaseModel):
     __hash__ = None  # type: ignore[assignment]
 
 
-# What stands for files that are not offered.
-_NO_YAML = (
+#: Advice for files that are not offered.
+NO_YAML = (
     "vlscan has no YAML and no bundles; Survey.to_xml() returns a survey as XML, StaticScene.to_binary() writes a scene, "
     "and all models pickle"
 )
@@ -398,8 +442,10 @@ class UpdateableMixin:
         Raises
         ------
         ValueError
-            Unknown keywords, or invalid values.
+            Unknown keywords, invalid values, or an object that has no settings.
         """
+        if not isinstance(other, BaseModel):
+            raise WrongTypeError(f"expected {type(self).__name__}, found {type(other).__name__}")
         given = (name for name in type(other).model_fields if name in other.model_fields_set)
         self.update_from_dict({name: getattr(other, name) for name in given}, skip_exceptions)
 

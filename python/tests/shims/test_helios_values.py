@@ -1,0 +1,196 @@
+"""Values that HELIOS++ 3's models and functions take and refuse; copies; the working directory."""
+
+import os
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+from vlscan.helios.scene import Material
+
+from conftest import ROOT
+from vlscan import VlscanWarning, helios
+
+SQUARE = [[-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]]
+
+
+def ground():
+    """Return a square."""
+    return helios.ScenePart.from_mesh(SQUARE, [[0, 1, 2, 3]], Material("ground", is_ground=True, reflectance=0.5))
+
+
+def tripod_survey(scene=None):
+    """Return a survey of one leg."""
+    survey = helios.Survey(helios.scanner.riegl_vz_400(), helios.platforms.tripod(), scene or helios.StaticScene([ground()]))
+    survey.add_leg(x=0, y=0, z=3, head_rotation="50 deg/s", rotation_stop_angle="20 deg", scan_frequency="120 Hz", pulse_frequency=100_000)
+    return survey
+
+
+def test_an_unknown_keyword_that_resembles_a_field_has_a_suggestion():
+    with pytest.raises(ValueError, match="did you mean 'scan_angle'"):
+        helios.ScannerSettings(scan_angel=1)
+    settings = helios.ScannerSettings()
+    for name in ("scan_angel", "pulse_freq", "scan_freq"):
+        with pytest.warns(VlscanWarning, match=name):
+            setattr(settings, name, 1)
+    settings.scan_angle = "30 deg"
+    assert settings.scan_angle == pytest.approx(np.pi / 6)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: helios.OutputSettings(las_scale=0), "more than 0 m"),
+        (lambda: helios.OutputSettings(output_dir=3), "expected a folder"),
+        (lambda: helios.FullWaveformSettings(bin_size=0), "more than 0 s"),
+        (lambda: helios.set_execution_settings({"num_threads": 1}), "expected ExecutionSettings, found dict"),
+        (lambda: helios.set_output_settings("las"), "expected OutputSettings, found str"),
+        (lambda: tripod_survey().run("las"), "expected ExecutionSettings, found str"),
+        (lambda: helios.ScannerSettings().update_from_object(None), "expected ScannerSettings, found NoneType"),
+        (lambda: helios.set_rng_seed([1]), "a seed is"),
+        (lambda: helios.set_rng_seed(True), "a seed is"),
+        (lambda: helios.scanner_from_name(None), "name of a scanner"),
+        (lambda: helios.platform_from_name(3), "name of a platform"),
+        (lambda: helios.ScenePart.from_obj(None), "the name of a file"),
+        (lambda: helios.ScenePart.from_objs(3), "a pattern"),
+        (lambda: helios.utils.find_file(3), "the name of a file"),
+        (lambda: ground().rotate(axis=[0, 0, 0], angle=1), "axis is .* expected a direction"),
+        (lambda: ground().rotate(from_axis=[1, 0, 0], to_axis=[0, 0, 0]), "to_axis is .* expected a direction"),
+        (lambda: ground().translate({1, 2, 3}), "in order"),
+        (lambda: helios.Platform.load_interpolate_platform("poses", "data/platforms.xml"), "an array of poses"),
+    ],
+)
+def test_wrong_values_are_refused_at_once_as_value_errors(make, match):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ValueError, match=match):
+            make()
+
+
+@pytest.mark.parametrize("text", ["ten", "((", "1/0 rad", "a b c", "10 deg/", "10 m", "len('a')", "", "None", "10 deg;20"])
+def test_texts_that_are_no_quantities_are_value_errors(text):
+    with pytest.raises(ValueError, match="expected a number or a quantity in rad/s"):
+        helios.ScannerSettings(head_rotation=text)
+
+
+def test_times_of_trajectories_have_units():
+    settings = helios.TrajectorySettings("500 ms", 2 * helios.units.s)
+    assert (settings.start_time, settings.end_time) == (0.5, 2.0)
+
+
+def test_a_folder_for_all_runs_is_no_fault_of_a_run_to_memory(tmp_path):
+    helios.set_output_settings(format="las", output_dir=tmp_path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert len(tripod_survey().run(format="npy")[0]) > 100
+        with pytest.warns(VlscanWarning, match="output_dir has no effect"):
+            tripod_survey().run(format="npy", output_dir=tmp_path)
+    finally:
+        helios.set_output_settings()
+
+
+def test_faults_of_trajectory_files_name_the_file(tmp_path):
+    (tmp_path / "empty.csv").write_text("# nothing\n")
+    with pytest.raises(ValueError, match=r"empty\.csv has no poses"):
+        helios.load_traj_csv(tmp_path / "empty.csv")
+    (tmp_path / "wrong.csv").write_text("1,2,3,4,5,6,x\n")
+    with pytest.raises(ValueError, match=r"wrong\.csv.*'x'"):
+        helios.load_traj_csv(tmp_path / "wrong.csv")
+
+
+def test_dumps_have_the_values_of_settings():
+    leg = helios.Leg(helios.ScannerSettings(scan_angle=0.5), helios.DynamicPlatformSettings(1, 2, 3, speed_m_s=4))
+    values = leg.model_dump()
+    assert values["scanner_settings"]["scan_angle"] == 0.5 and values["platform_settings"]["speed_m_s"] == 4
+    assert tripod_survey().model_dump()["legs"][0]["platform_settings"]["z"] == 3
+
+
+def test_defaults_of_models_of_the_user_are_checked(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    class Own(helios.validation.Model):
+        angle: helios.validation.Angle = "90 deg"
+        time: helios.validation.TimeInterval = 3 * helios.units.ns
+        place: helios.validation.R3Vector = (1, 2, 3)
+
+    own = Own()
+    assert own.angle == pytest.approx(np.pi / 2) and own.time == pytest.approx(3e-9) and own.place.tolist() == [1, 2, 3]
+    assert own.model_fields_set == set() and own.clone() == own
+    assert str(helios.OutputSettings().output_dir) == "output" and os.listdir() == []
+    assert '"diffuse_components":[0.0,' in Material("a").model_dump_json()
+
+
+def test_colours_of_materials_are_copies():
+    colour = np.array([0.1, 0.2, 0.3, 0.4])
+    material = Material("a", diffuse_components=colour)
+    colour[0] = 9
+    assert material.diffuse_components[0] == 0.1
+
+
+def test_parts_and_scenes_equal_their_pickles():
+    part = ground().translate([1, 2, 3]).update_material(Material("wet", reflectance=0.1))
+    cloud = helios.ScenePart.from_numpy_array(np.random.default_rng(1).uniform(0, 5, (20, 3)), 0.5)
+    for model in (part, cloud, helios.StaticScene([part, cloud])):
+        assert pickle.loads(pickle.dumps(model)) == model
+    assert ground() == ground() and ground() != part
+
+
+def test_scenes_of_binary_files_are_loaded_pickle_and_leave_no_warnings(tmp_path):
+    helios.StaticScene([ground()]).to_binary(tmp_path / "scene.bin")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = helios.StaticScene.from_binary(tmp_path / "scene.bin")
+        assert helios.utils.is_finalized(scene) and scene.source_file == str(tmp_path / "scene.bin")
+        copy = pickle.loads(pickle.dumps(scene))
+        assert copy.bbox.bounds[1].tolist() == [20, 20, 0] and len(tripod_survey(copy).run()[0]) > 100
+        del scene, copy
+    (tmp_path / "text.bin").write_text("hello")
+    with pytest.raises(helios.HeliosException, match=r"text\.bin") as error:
+        helios.StaticScene.from_binary(tmp_path / "text.bin")
+    assert "vlscan-" not in str(error.value)
+    with pytest.raises(FileNotFoundError, match=r"nowhere/scene\.bin"):
+        helios.StaticScene([ground()]).to_binary(tmp_path / "nowhere/scene.bin")
+
+
+def test_errors_of_scenes_are_those_of_helios_and_name_no_temporary_files():
+    with pytest.raises(helios.HeliosException, match="is empty"):
+        helios.StaticScene().bbox
+    with pytest.raises(helios.HeliosException, match="<points>:1:1"):
+        helios.ScenePart.from_numpy_array([[1e300, 0, 0]], 1.0).bbox
+
+
+def test_boxes_print_their_corners():
+    assert repr(ground().bbox) == "<BoundingBox [-20.0, -20.0, 0.0] to [20.0, 20.0, 0.0]>"
+
+
+def test_stars_bring_what_annotations_of_version_3_need():
+    names: dict = {}
+    exec("import vlscan.helios; vlscan.helios.install(); from helios.validation import *", names)
+    expected = "validate_call Field BaseModel PositiveInt PositiveFloat NonNegativeInt NonNegativeFloat Union Tuple Sequence NDArray"
+    assert [name for name in expected.split() if name not in names] == []
+
+
+def test_files_are_found_after_the_working_directory_changed(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    survey = helios.Survey.from_xml("fixtures/room/survey.xml")
+    changed = survey.clone()
+    changed.legs[0].scanner_settings.pulse_frequency = 9200
+    changed.name = "renamed"
+    of_part = tripod_survey(helios.StaticScene([helios.ScenePart.from_obj("fixtures/forest/ground.obj")]))
+    before = [len(each.run()[0]) for each in (survey, changed, of_part)]
+    fresh = helios.Survey.from_xml("fixtures/room/survey.xml")
+    os.chdir(tmp_path)
+    assert [len(each.run()[0]) for each in (survey, changed, of_part)] == before
+    assert len(fresh.run()[0]) == before[0] and fresh.to_xml() == (ROOT / "fixtures/room/survey.xml").read_text()
+
+
+def test_names_of_the_engine_and_of_serialization_can_be_imported():
+    names: dict = {}
+    text = "import vlscan.helios; vlscan.helios.install(); from _helios import HeliosException, HookContext; "
+    exec(f"{text}from helios.serialization import to_yaml; import helios.serialization", names)
+    assert names["HeliosException"] is helios.HeliosException and names["HookContext"] is helios.HookContext
+    with pytest.raises(NotImplementedError, match=r"Survey\.to_xml"):
+        names["to_yaml"](3)
+    with pytest.raises(ImportError):
+        exec("from _helios import Scanner")
