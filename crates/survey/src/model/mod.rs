@@ -9,7 +9,7 @@
 //! | `navigation` | errors of navigation |
 //! | `scan_motion` | sense, phase, tilt, wander and swing of deflectors |
 //! | `pattern` | scan patterns of tables |
-//! | `pulse_times` | when pulses leave, where that is no constant rate |
+//! | `pulse_times` | times at which pulses leave, in place of a constant rate |
 //! | `receiver` | pulse shape, noise and detector of a receiver |
 //! | `weather` | fog, rain, snow and dust along the beam |
 
@@ -131,7 +131,7 @@ impl PlatformKind {
     }
 
     /// True if a platform of this kind can carry the scanner in a leg of a survey whose platform is `other`:
-    /// it moves in the same way, or `other` follows poses, along which anything moves.
+    /// it moves in the same way, or `other` follows poses, along which any platform can move.
     pub(super) fn can_fly_for(&self, other: &PlatformKind) -> bool {
         match (self, other) {
             (_, PlatformKind::Interpolated(_) | PlatformKind::Stream(_)) => true,
@@ -307,9 +307,9 @@ pub struct LegTrajectory {
 pub struct ScannerSettings {
     /// True if the scanner fires; inactive legs emit no pulses.
     pub active: bool,
-    /// Pulses per second; with pulse times of their own the mean, rounded.
+    /// Pulses per second; the rounded mean if `pulse_times` is given.
     pub pulse_freq: u32,
-    /// When pulses leave, in place of the constant rate.
+    /// Times at which pulses leave, in place of the constant rate.
     pub pulse_times: Option<PulseTimes>,
     /// Lines (rotating) or periods (oscillating) per second.
     pub scan_freq: f64,
@@ -355,7 +355,7 @@ impl ScannerSettings {
         (self.vertical_min, self.vertical_max) = (Some(radians(min)), Some(radians(max)));
     }
 
-    /// Pulses per second, on average where they have times of their own.
+    /// Mean number of pulses per second.
     pub fn pulse_rate(&self) -> f64 {
         self.pulse_times.as_ref().map_or(f64::from(self.pulse_freq), PulseTimes::mean_rate)
     }
@@ -375,13 +375,13 @@ pub struct Scanner {
     /// True if the devices come from `<channels>`. Such scanners never use the legacy energy model (spec
     /// pulse-physics §0.4).
     pub multi_channel: bool,
-    /// Keys of the user's files that not every physics makes use of.
+    /// Keys in the user's files that some physics ignores.
     pub written: Vec<WrittenKey>,
-    /// Sources of its figures.
+    /// Sources of the instrument's figures.
     pub sources: Vec<FigureSource>,
-    /// How the head turns in legs that state nothing of it; `None`: it does not.
+    /// Rotation of the head in legs that do not set it; `None` if the head does not turn.
     pub turn: Option<HeadTurn>,
-    /// When pulses leave in legs that state nothing of it; `None`: at the first pulse rate.
+    /// Times at which pulses leave in legs that do not set them; `None`: at the first pulse rate.
     pub pulse_times: Option<PulseTimes>,
 }
 
@@ -440,8 +440,9 @@ pub struct Device {
     pub stated: StatedFigures,
 }
 
-/// Figures of an instrument of the built-in catalogue that differ from those of HELIOS++'s catalogue. Surveys
-/// in XML keep the latter, so that their bytes stay; pipelines take these ([`Device::take_stated_figures`]).
+/// Figures of an instrument of the built-in catalogue that differ from those of HELIOS++'s catalogue. XML
+/// surveys keep the latter, so that their output does not change; pipelines use these
+/// ([`Device::take_stated_figures`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StatedFigures {
     /// True for an instrument of the built-in catalogue.
@@ -539,14 +540,14 @@ pub enum Deflector {
 /// ```
 pub trait ScanPattern: std::fmt::Debug + Send + Sync {
     /// The direction of the beam, of any length above 0, in the frame of the emitter: x to the right, y
-    /// forward, z up. `time` is that since the first step of the leg, s.
+    /// forward, z up. `time` is the time since the first step of the leg, s.
     ///
-    /// A direction that is 0 or not finite ends the run with an error if the beam fires then: that of
-    /// [`ScanPattern::error`].
+    /// A direction that is 0 or not finite ends the run with the error of [`ScanPattern::error`] if the beam
+    /// fires at that time.
     fn direction(&self, time: f64) -> DVec3;
 
-    /// The reason why the pattern has no direction at that time; without one, the error of the run describes
-    /// what the direction is.
+    /// Reason why the pattern has no direction at that time; without one, the error of the run describes the
+    /// direction.
     fn error(&self, time: f64) -> Option<Box<dyn std::error::Error + Send + Sync>> {
         let _ = time;
         None
@@ -592,8 +593,8 @@ pub struct Beam {
     pub aperture: f64,
     /// Pulse length, ns, in the reference's measure.
     pub pulse_length: f64,
-    /// Full width of the pulse at half maximum as the data sheet of an instrument that ships states it, ns;
-    /// the reference takes the same number as `pulse_length`, whose pulses are half as wide.
+    /// Full width of the pulse at half maximum as stated in the data sheet of a built-in instrument, ns; the
+    /// reference takes the same number as `pulse_length`, whose pulses are half as wide.
     pub stated_width: Option<f64>,
     /// Wavelength, nm.
     pub wavelength: f64,
@@ -616,8 +617,8 @@ pub struct Beam {
 }
 
 impl Beam {
-    /// Pulse length, ns, in the reference's measure: from the stated width, if there is one and `by_width`
-    /// says so.
+    /// Pulse length, ns, in the reference's measure: from the stated width, if there is one and `by_width` is
+    /// set.
     pub fn length(&self, by_width: bool) -> f64 {
         let stated = self.stated_width.filter(|_| by_width);
         stated.map_or(self.pulse_length, pulse_length_of_width)
@@ -631,7 +632,7 @@ impl Beam {
 }
 
 impl StatedFigures {
-    /// True if there are figures that have not been taken: those of HELIOS++'s catalogue apply.
+    /// True if stated figures have not been applied yet, so that those of HELIOS++'s catalogue apply.
     pub fn are_left(&self) -> bool {
         let times = [self.pulse_width, self.dead_time];
         let others = [self.wavelength, self.range_min, self.accuracy, self.divergence];
@@ -640,7 +641,7 @@ impl StatedFigures {
 }
 
 impl Device {
-    /// Takes the stated figures of an instrument of the built-in catalogue, whatever the physics.
+    /// Applies the stated figures of an instrument of the built-in catalogue, in every physics.
     pub fn take_stated_figures(&mut self) {
         let (is_built_in, sources) = (self.stated.is_built_in, self.stated.sources.clone());
         let taken = StatedFigures { is_built_in, sources, ..StatedFigures::default() };
