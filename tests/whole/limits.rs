@@ -314,7 +314,8 @@ fn every_stated_limit_ends_a_run_with_its_message() {
                 .push(format!("{limit}: status {status:?}, expected 2 and {message:?}, found\n{messages}"));
         }
     }
-    complaints.extend(cases.keys().map(|limit| format!("{limit}: a case without a row in docs/dev/limits.md")));
+    complaints
+        .extend(cases.keys().map(|limit| format!("{limit}: a case without a row in docs/dev/limits.md")));
     assert!(complaints.is_empty(), "{}", complaints.join("\n\n"));
 }
 

@@ -415,7 +415,10 @@ fn every_correction_is_used_and_described() {
             source.path != TABLE && words.any(is_name)
         };
         assert!(sources.iter().any(is_used), "{name} changes nothing");
-        assert!(physics.contains(&format!("`{}`", name.replace('_', "-"))), "docs/dev/physics.md lacks {name}");
+        assert!(
+            physics.contains(&format!("`{}`", name.replace('_', "-"))),
+            "docs/dev/physics.md lacks {name}"
+        );
     }
 }
 

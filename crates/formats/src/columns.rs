@@ -123,8 +123,9 @@ const NAME_OF_MISSES: &str = "beamdirectionx";
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
 
-/// Two names of an attribute that tables usually have together, with different values, so that both are no
-/// mistake: those of this program's own tables, and intensity and amplitude of other scanners' programs.
+/// Two names of an attribute that tables usually have together, with different values, so that having both is
+/// not a mistake: those of this program's own tables, and intensity and amplitude of other scanners'
+/// programs.
 const COMMON_PAIRS: [[&str; 2]; 5] = [
     ["intensity", "amplitude"],
     ["intensity", "heliosamplitude"],

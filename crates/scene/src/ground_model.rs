@@ -65,7 +65,7 @@ impl GroundModel {
         self.has_ground
     }
 
-    /// True if a leg at x, y, world coordinates, finds ground, as a run looks for it.
+    /// True if a leg at x, y (world coordinates) has ground below it, by the rules of a run.
     pub fn is_under(&self, x: f64, y: f64) -> bool {
         let place = self.scene.to_local(DVec3::new(x, y, 0.0));
         self.scene.ground_height(place.x, place.y).is_some()

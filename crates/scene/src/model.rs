@@ -169,7 +169,7 @@ impl Scene {
         self.numbers() - self.geometry.missing_before(self.geometry.triangle_count()) + in_tiles
     }
 
-    /// How many numbers the primitives that are no part of a tile have: one for each, and for each missing
+    /// Count of the numbers of primitives outside of tiles: one for each primitive, and for each missing
     /// triangle of a height field.
     pub fn numbers(&self) -> usize {
         self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
@@ -210,7 +210,7 @@ impl Scene {
         surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives()))
     }
 
-    /// The corners of primitive `i` if it is a triangle that is there.
+    /// The corners of primitive `i` if it is an existing triangle.
     #[inline]
     pub fn triangle(&self, i: u32) -> Option<[DVec3; 3]> {
         self.corners_of(self.primitive(i)?)

@@ -21,7 +21,7 @@ const AS_GOOD: f64 = 1.5;
 /// Multiples of the rate of lines at which their phases agree to this share of the best one's are as good.
 const COHERENT: f64 = 0.97;
 
-/// A line: when it looks straight down, and how far ahead of its expected place it lies.
+/// A line: the time at which it points straight down, and its distance ahead of the expected position.
 struct Line {
     /// s.
     time: f64,

@@ -6,9 +6,9 @@ use std::collections::HashMap;
 const MIN_SIDE: f64 = 0.25;
 /// Cells along the side of a block, whose cells are the bits of one word per row.
 const BLOCK_CELLS: i64 = 64;
-/// Most blocks of 520 bytes that are kept; beyond it cells get twice as large.
+/// Maximum number of blocks of 520 bytes that are kept; beyond it the side of cells doubles.
 const MAX_BLOCKS: usize = 1 << 17;
-/// Least number of points per occupied cell at which empty cells within the cover are rare: of points that
+/// Minimum number of points per occupied cell at which empty cells within the cover are rare: of points that
 /// are strewn at random, 1 in 22 000 cells is empty.
 const MIN_POINTS_PER_CELL: f64 = 10.0;
 

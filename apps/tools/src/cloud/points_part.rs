@@ -3,7 +3,7 @@
 use vlscan_formats::{PointPart, PointRow};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
-/// Values of a point that a cloud may keep beside its position.
+/// Values of a point that a cloud may keep in addition to its position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KeptValues {
     pub time: f64,

@@ -53,7 +53,7 @@ pub struct Change {
     pub cells_left_out: usize,
     /// Number of these cells, and of cells without points of both between cells with a difference.
     pub cells_unmeasured: usize,
-    /// Number of cells with points of the first, and of the second cloud alone.
+    /// Number of cells with points of only the first, and of only the second cloud.
     pub cells_of_one: [usize; 2],
     /// Mean difference, m.
     pub mean_m: f64,

@@ -28,9 +28,9 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Of ascending values, none of them empty. Classes are as wide as the rule of Freedman and Diaconis
-    /// (1981) says, rounded down to 1, 2 or 5 × 10ⁿ; where a few values lie far off, the range is that of the
-    /// others.
+    /// Of ascending values, none of them empty. The width of classes follows the rule of Freedman and
+    /// Diaconis (1981), rounded down to 1, 2 or 5 × 10ⁿ; where a few values lie far off, the range is that of
+    /// the others.
     pub(super) fn of(sorted: [&[f64]; 2], is_whole: bool) -> Histogram {
         let (from, width, count) = match is_whole {
             true => whole_classes(sorted),

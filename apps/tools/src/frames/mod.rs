@@ -168,9 +168,9 @@ fn rounded_down(value: f64) -> String {
 /// a table of objects of which there are no points, are reported to `observer`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for a malformed table
-/// of objects, for numbers that the files cannot hold, for folders of the layout that exist, and for warnings
-/// of a strict observer.
+/// [`Error::Io`]; [`Error::Input`] for a source that is not an MCAP file with points and poses, for a
+/// malformed table of objects, for numbers that the files cannot hold, for folders of the layout that exist,
+/// and for warnings of a strict observer.
 pub fn write_frames(
     source: &mut dyn Read,
     name: &Path,

@@ -10,7 +10,7 @@ use super::swath::{Scan, SwathModel};
 use vlscan_geom::MAX_COORDINATE;
 use vlscan_survey::Mount;
 
-/// Most flight lines of a plan.
+/// Maximum number of flight lines of a plan.
 const MAX_LINES: f64 = 10_000.0;
 /// Overlap of neighbouring strips if none is requested, percent.
 const DEFAULT_OVERLAP: f64 = 30.0;

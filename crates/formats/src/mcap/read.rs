@@ -14,7 +14,7 @@ use vlscan_base::recognise::{Expected, FIRST_BYTES, foreign};
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 /// Kind and length before the content of a record, bytes.
 const HEAD_BYTES: usize = 9;
-/// Longest record that is read, bytes.
+/// Maximum length of a record, bytes.
 const MAX_RECORD_BYTES: u64 = 1 << 31;
 
 const FOOTER: u8 = 0x02;
@@ -310,7 +310,7 @@ impl Reader {
 
     /// Collects the transforms of a message.
     fn transforms(&mut self, message: &[u8]) -> Option<()> {
-        /// Most poses of a frame that are kept.
+        /// Maximum number of poses that are kept per frame.
         const MAX_POSES: usize = 1 << 16;
         let mut cdr = CdrReader::new(message)?;
         for _ in 0..cdr.word()? {

@@ -284,8 +284,8 @@ fn load_part(
     Ok(())
 }
 
-/// Loads a raster for what must be known of its pages while they are not in memory. Returns `false` for one
-/// that has to be in memory as a whole: each page would hold the texture of the raster.
+/// Loads the facts about the pages of a raster that are needed while the pages are not in memory. Returns
+/// `false` for a raster that must stay in memory as a whole: each page would hold the texture of the raster.
 fn load_pages(
     scene: &mut SceneBuilder,
     part: &PartRecipe,

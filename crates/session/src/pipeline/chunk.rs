@@ -228,8 +228,8 @@ fn feed_poses_within(
     true
 }
 
-/// Waits for poses and appends them, or ends the flight where none are to come. Returns early when
-/// `is_stopped` does.
+/// Waits for poses and appends them, or ends the flight if no more will come. Returns early when `is_stopped`
+/// returns true.
 pub(super) fn wait_for_poses(
     plan: &FlightPlan,
     poses: &mut Option<PoseReader>,

@@ -177,7 +177,7 @@ impl ShardRunner<'_> {
     }
 
     /// Opens the file of a shard after comparing all its checksums; `None` if there is no such file, or only
-    /// a damaged one, which the observer is told of.
+    /// a damaged one, which is reported to the observer.
     ///
     /// # Errors
     /// [`Error::Input`] for a shard of another run, with the difference, and for a file of another kind.

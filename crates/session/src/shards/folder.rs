@@ -73,7 +73,7 @@ pub struct ShardSet {
     pub echoes: u64,
 }
 
-/// Most problems of one kind that are listed.
+/// Maximum number of problems of one kind that are listed.
 const MAX_LISTED: usize = 20;
 
 impl ShardSet {

@@ -116,8 +116,8 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         let cell = self.grid.cell_of(point.position);
         let is_collected = self.range.contains(&self.grid.order(cell));
         match (&self.dense, &self.occupied) {
-            // A file that changes between two readings, which is told afterwards, may have other cells than
-            // the first one found.
+            // A file that changes between two readings, which is reported later, may have other cells than in
+            // the first reading.
             (Some(dense), Some(occupied)) if is_collected && occupied.contains(cell) => {
                 sorted[(occupied.rank(cell) - dense.first) / dense.shard_cells()].push(point);
             }
@@ -164,7 +164,7 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         }
     }
 
-    /// The cells of this reading in their order, with the sums over their points, and how many they are.
+    /// The cells of this reading in order, with the sums over their points, and their number.
     pub fn found(&self) -> (usize, Box<dyn Iterator<Item = (Cell, S)> + '_>) {
         if let (Some(dense), Some(occupied)) = (&self.dense, &self.occupied) {
             let cells = occupied.cells_from(dense.first).zip(dense.sums.iter().copied());
@@ -240,8 +240,8 @@ mod tests {
         (0..3 * CELLS).map(point).collect()
     }
 
-    /// The cells in order with what a function finds in their sums, the number of readings, and whether all
-    /// cells were known before the last one.
+    /// The cells in order with the result of a function of their sums, the number of readings, and whether
+    /// all cells were known before the last one.
     fn sorted<S: CellSums, T>(
         points: &[PointRow],
         size: [f64; 3],

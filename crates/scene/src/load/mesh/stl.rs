@@ -9,7 +9,7 @@ use vlscan_geom::DVec3;
 
 /// Bytes before the triangles of a binary file: 80 of any content, then their number.
 const HEADER_BYTES: usize = 84;
-/// Offset up to which the first facet of a text file is looked for.
+/// Offset up to which the first facet of a text file is searched for.
 const MAX_FACET_OFFSET: usize = 1 << 12;
 /// Bytes of a triangle: normal and corners as twelve floats, and two bytes more.
 const TRIANGLE_BYTES: usize = 50;

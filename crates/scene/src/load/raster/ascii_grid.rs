@@ -1,5 +1,5 @@
 //! ESRI ASCII grids: heights as text, read as the GeoTIFF of 32-bit floats that `gdal_translate` makes of
-//! them, so that all that holds for rasters holds for them.
+//! them, so that they behave like other rasters.
 
 use super::error::GridError;
 use std::io::Cursor;

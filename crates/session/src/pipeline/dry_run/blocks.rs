@@ -1,5 +1,5 @@
-//! The blocks of a flight from which its coverage is measured: a period of the scan pattern, which stands for
-//! the periods half way to the blocks before and behind it.
+//! The blocks of a flight from which its coverage is measured: a period of the scan pattern, which represents
+//! the periods half way to the blocks before and after it.
 
 use super::super::chunk::Chunk;
 use super::cells::Repeats;
@@ -26,7 +26,7 @@ const UNEVEN_S: f64 = 0.05;
 /// A chunk of a block.
 pub struct BlockChunk {
     pub chunk: Chunk,
-    /// Pulses that each of its measured pulses stands for.
+    /// Number of pulses that each of its measured pulses represents.
     pub repeats: Repeats,
     /// Remainder of the numbers of its measured pulses, divided by the pulses for which one is measured.
     pub phase: u64,
@@ -92,7 +92,7 @@ impl Blocks<'_> {
             let from = self.state.position();
             let (chunks, measured) = self.measure(period)?;
             if measured.steps < u64::from(period) {
-                // A part of a period stands for itself only.
+                // A part of a period represents only itself.
                 waiting.around[1] += std::mem::take(&mut before);
             }
             waiting.put(stride.pulses, put)?;
@@ -183,7 +183,7 @@ impl Passed {
 struct Block {
     chunks: Vec<Chunk>,
     steps: u64,
-    /// Steps before it and behind it that it stands for.
+    /// Number of steps before and after it that it represents.
     around: [u64; 2],
     /// Way of the platform, m.
     drift: DVec3,

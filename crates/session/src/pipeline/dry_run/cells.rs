@@ -1,8 +1,8 @@
 //! Returns of a flight, summed in square cells.
 //!
-//! A measured pulse stands for those that are fired before and behind it, and for the pulses of the same
-//! phase in the scan periods around it. Within these beam and platform move evenly, so its returns are spread
-//! over that way. Sums are whole numbers, which do not depend on the order in which threads add to them.
+//! A measured pulse represents the pulses fired before and after it, and the pulses of the same phase in the
+//! scan periods around it. Within these beam and platform move evenly, so its returns are spread over that
+//! way. Sums are whole numbers, which do not depend on the order in which threads add to them.
 
 use std::collections::HashMap;
 use vlscan_geom::{DVec3, HeightModel, degrees};
@@ -28,13 +28,13 @@ const MAX_APPROACHES: u32 = 12;
 const MAX_CROSSINGS: u32 = 100_000;
 /// Change of direction beyond which the next beam is that of another scan line.
 const MAX_SWING: f64 = 0.05;
-/// How much longer the way of a beam over level ground may be than across the beam.
+/// Maximum ratio of the path of a beam over level ground to its path across the beam.
 const MAX_STRETCH: f64 = 5.0;
 
-/// The pulses that a measured pulse stands for.
+/// The pulses that a measured pulse represents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repeats {
-    /// Number of scan periods before its own and behind it.
+    /// Number of scan periods before and after its own.
     pub around: [f64; 2],
     /// Horizontal way of the platform in a period, m.
     pub drift: [f64; 2],
@@ -146,7 +146,7 @@ impl CoverageCells {
         self.places.iter().map(|(place, index)| (*place, &self.sums[*index]))
     }
 
-    /// Adds the echoes of pulses of a strip, each of which stands for the same repeats. `swing` is the change
+    /// Adds the echoes of pulses of a strip, each of which represents the same repeats. `swing` is the change
     /// of direction from the beam of an echo to the next one. Without `ground`, in the scene frame, pulses
     /// are not followed to the ground.
     pub fn add(
@@ -205,7 +205,7 @@ impl CoverageCells {
         let part = self.side / PARTS as f64;
         let Repeats { around: [before, behind], drift, pulses } = *repeats;
         let periods = repeats.periods();
-        // A period stands for the way from half a period before it to half a period behind it.
+        // A period represents the way from half a period before it to half a period after it.
         let (first, last) = if periods > 1.0 { (-0.5 - before, 0.5 + behind) } else { (0.0, 0.0) };
         for pulse in 0..pulses.max(1) {
             let off = f64::from(pulse) - 0.5 * f64::from(pulses.max(1) - 1);

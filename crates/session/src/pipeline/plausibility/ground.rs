@@ -24,7 +24,7 @@ const MIN_WALLS: usize = 2;
 /// Largest sine of the angle between a wall and the vertical.
 const MAX_LEAN: f64 = 0.3;
 
-/// Maximum number of positions that are looked at over a scene of tiles, each of which may have to be loaded.
+/// Maximum number of positions that are checked over a scene of tiles, each of which may have to be loaded.
 const MAX_PLACES_OVER_TILES: usize = 8;
 
 /// Location of a position relative to the surfaces.
