@@ -134,7 +134,7 @@ const COMMON_PAIRS: [[&str; 2]; 5] = [
     ["hitobjectid", "part"],
 ];
 
-/// The attributes of a point whose values in the file are other than their types here can hold.
+/// The attributes of a point whose values in the file do not fit their types here.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Misfits(u16);
 

@@ -124,7 +124,7 @@ fn read_binary(bytes: &[u8], format: CloudFormat, reading: &mut Reading) {
     }
 }
 
-/// A file of points whose bytes are at hand, and may be read several times.
+/// A file of points whose bytes are available, and may be read several times.
 pub struct PointFile<'a> {
     path: &'a Path,
     bytes: &'a [u8],

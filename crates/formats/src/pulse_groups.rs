@@ -6,7 +6,7 @@ use std::ops::Range;
 /// Maximum number of returns, per pulse, that share flight line, channel, time and number with another
 /// return.
 const MAX_AMBIGUOUS: f64 = 0.01;
-/// Smallest share of the returns whose pulse is complete in the order of the file.
+/// Minimum share of returns whose pulse is complete in the order of the file.
 const MIN_COMPLETE: f64 = 0.9;
 
 /// Values of a return by which it belongs to a pulse.

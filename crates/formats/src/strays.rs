@@ -16,8 +16,8 @@ const MAX_STRAYS: usize = 63;
 const MIN_PLACE: usize = 8;
 /// Maximum distance between the points of a place, as a share of the distance from most points.
 const PLACE_REACH: f64 = 0.5;
-/// Largest share of the points that are strays at one end of an axis, and share that the extent of most
-/// points leaves out there.
+/// Maximum share of the points that are strays at one end of an axis, and the share that the extent of most
+/// points excludes there.
 const MAX_SHARE: f64 = 0.05;
 /// Fewest points of which some can lie far from the others.
 const MIN_POINTS: u64 = 10;

@@ -59,8 +59,8 @@ pub struct LoadOptions {
     /// True if surfaces have [colours](super::Colours), which take memory: the texels of textures, and the
     /// texture coordinates of triangles.
     pub colours: bool,
-    /// How parts at rest are loaded when rays need them and dropped when they do not; `None` loads the whole
-    /// scene. Does not change the points of a survey.
+    /// Options for loading parts at rest when rays need them, and dropping them otherwise; `None` loads the
+    /// whole scene. Does not change the points of a survey.
     pub tiles: Option<TileOptions>,
     /// Ends the loading soon after it is set, with [`Error::Interrupted`].
     pub stop: Option<Arc<AtomicBool>>,

@@ -46,7 +46,7 @@ impl GroundModel {
     }
 
     /// The corners of the box of the scene's ground, which crowns and roofs may reach beyond, world
-    /// coordinates, m; in scenes without a ground material those of the scene's box.
+    /// coordinates, m; in scenes without a ground material the corners of the scene's box.
     pub fn extent(&self) -> [[f64; 2]; 2] {
         let bounds = self.scene.ground_bounds().unwrap_or(self.scene.bounds);
         [bounds.min, bounds.max].map(|corner| {

@@ -271,8 +271,8 @@ impl Library {
         index
     }
 
-    /// The materials that primitives have, given those that they have themselves; with each counts the one
-    /// that it differs from in its class or its colours only.
+    /// The materials in use, given those that primitives refer to: each also includes the material from which
+    /// it differs only in its class or its colours.
     pub fn with_bases(&self, mut used: Vec<bool>) -> Vec<bool> {
         for material in (0..self.materials.len()).filter(|m| used[*m]).collect::<Vec<_>>() {
             let mut next = self.base_of.get(&(material as u32));

@@ -365,7 +365,7 @@ impl Scene {
             .reduce(|best, next| if next.0 < best.0 { next } else { best })
     }
 
-    /// For each tile, the height of its lowest ground at (x, y) to compare, and the one to return.
+    /// For each tile, the height of its lowest ground at (x, y) for comparison, and the height to return.
     fn ground_of_tiles(&self, x: f64, y: f64) -> Vec<(f64, f64)> {
         let Some(tiles) = &self.tiles else { return Vec::new() };
         let is_ground = |m: &u32| self.materials[*m as usize].is_ground;

@@ -19,7 +19,7 @@ const HEADER_LINES: usize = 26;
 /// Maximum wavelength and reflectance of a table.
 const MAX_VALUE: f64 = 1e6;
 
-/// Wavelength from which on all of a table is taken to be in nanometres, µm: scanners have up to 20 µm.
+/// Wavelength, µm, from which a whole table is taken to be in nanometres: scanners have up to 20 µm.
 const MIN_NANOMETRES: f32 = 100.0;
 
 /// A row of a table.
@@ -261,7 +261,7 @@ fn warn_of_doubts(rows: &[Row], wavelengths: &[f32], problems: &mut Problems) {
     }
 }
 
-/// Warns of the first row of which something is said that is also so of others.
+/// Warns of the first of several rows with the same problem.
 fn warn_of_first(wrong: &[&Row], problems: &mut Problems, message: impl FnOnce(&Row, &str) -> String) {
     let Some(row) = wrong.first() else { return };
     let others = match wrong.len() {

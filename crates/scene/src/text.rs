@@ -94,7 +94,7 @@ impl Source {
         self.data.release(self.begin + part.start..self.begin + part.end);
     }
 
-    /// True if the file is text that may be in the expected format; otherwise reports its kind, or an error
+    /// True if the file is text and possibly in the expected format; otherwise reports its kind, or an error
     /// at the first line that is not text.
     pub fn is_text(&self, sought: &Expected, diagnostics: &mut Diagnostics) -> bool {
         let (bytes, what) = (self.bytes(), sought.what);

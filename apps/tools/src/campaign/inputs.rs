@@ -17,8 +17,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Inputs among which files and folders of these names are none, although folders that hold them are
-    /// listed.
+    /// Inputs that exclude files and folders of these names, even in listed folders.
     pub fn without(excluded: impl IntoIterator<Item = PathBuf>) -> Inputs {
         let excluded = excluded.into_iter().map(|path| identity(&path)).collect();
         Inputs { excluded, known: BTreeMap::new() }

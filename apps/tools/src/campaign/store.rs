@@ -120,7 +120,7 @@ impl Store {
         reads::read_own(&self.hidden(MARK)).is_ok_and(|text| text == MARK_TEXT.as_bytes())
     }
 
-    /// Refuses a folder in which files of others have the names that a data set needs.
+    /// Rejects a folder in which files of others have the names that a data set needs.
     fn check_names(&self) -> Result<()> {
         let foreign = |path: &Path, what: &str| {
             Error::input(format!(
@@ -342,7 +342,7 @@ impl Store {
         Ok(())
     }
 
-    /// Keeps nothing of a cell that has failed, so that the next start computes it.
+    /// Removes everything of a failed cell, so that the next start computes it.
     ///
     /// # Errors
     /// [`Error::Io`].

@@ -134,7 +134,7 @@ mod tests {
             || (0..320 * 160).map(|i| [f64::from(i % 320), f64::from(i / 320)].map(|v| 0.2 * v + 0.1));
         places().for_each(|[x, y]| cover.mark(Occupancy::smallest_cell(x - 32.0, y - 16.0)));
         assert_eq!(cover.area(320 * 160), Some((64.0 * 32.0, 1.0)));
-        // Whatever the order of points, cells that are too many get larger.
+        // Too many cells get larger, in any order of points.
         let mut few = [false, true].map(|is_reversed| {
             let mut few = Occupancy { max_blocks: 4, ..Occupancy::default() };
             let mut all: Vec<[f64; 2]> = places().collect();

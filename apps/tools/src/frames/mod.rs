@@ -227,7 +227,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_file(path, false, bytes)
 }
 
-/// Refuses a folder of a layout that exists: frames of another run would be among those that are written.
+/// Rejects a folder of a layout that exists: frames of another run would be among those that are written.
 fn refuse_existing(folder: &Path) -> Result<()> {
     if is_taken(folder) {
         return Err(Error::input_with_help(

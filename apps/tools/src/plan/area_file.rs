@@ -130,7 +130,7 @@ struct Source<'s> {
 }
 
 impl<'s> Source<'s> {
-    /// Reads the first geometry that is wanted, and warns of all that is not used.
+    /// Reads the first geometry of the requested kind, and warns of everything unused.
     fn read(name: &'s str, wanted: Expected) -> Result<Source<'s>> {
         let failed = |what: String| Error::input(format!("{name}: {what}"));
         let (read, place) = match is_well_known_text(name) {

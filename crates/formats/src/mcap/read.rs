@@ -385,7 +385,7 @@ fn size_of_kind(kind: u8) -> usize {
     }
 }
 
-/// A whole number of such a type; 0 for floats. The bytes are at hand.
+/// A whole number of such a type; 0 for floats. The bytes are available.
 fn whole(bytes: &[u8], kind: u8) -> i64 {
     let four = || std::array::from_fn::<u8, 4, _>(|i| bytes[i]);
     match kind {

@@ -282,7 +282,7 @@ fn check_columns(
     Ok(())
 }
 
-/// Runs jobs of writers in threads that have nothing else to do.
+/// Runs jobs of writers in idle threads.
 struct IdleThreads;
 
 impl Offload for IdleThreads {

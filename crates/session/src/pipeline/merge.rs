@@ -279,7 +279,7 @@ fn encode(
     Ok(Pieces(pieces))
 }
 
-/// Refuses outputs that need records which the shards do not hold.
+/// Rejects outputs that need records which the shards do not hold.
 pub(super) fn check_records(shards: &ShardSet, outputs: &OutputRequest) -> Result<()> {
     let (held, needed) = (shards.head.records, outputs.records());
     let mut problems = Diagnostics::default();

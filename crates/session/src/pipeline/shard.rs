@@ -306,7 +306,7 @@ impl ShardRunner<'_> {
     }
 }
 
-/// Refuses heights above ground, for which a merge has no scene.
+/// Rejects heights above ground, for which a merge has no scene.
 pub(super) fn check_outputs(outputs: &OutputRequest) -> Result<()> {
     if !outputs.wants_heights() {
         return Ok(());
@@ -319,7 +319,7 @@ pub(super) fn check_outputs(outputs: &OutputRequest) -> Result<()> {
     ))
 }
 
-/// Refuses poses that cannot be read more than once.
+/// Rejects poses that cannot be read more than once.
 fn check_platform(survey: &Survey) -> Result<()> {
     let PlatformKind::Stream(stream) = &survey.platform.kind else { return Ok(()) };
     if stream.path.is_file() {

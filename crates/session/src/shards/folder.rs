@@ -77,7 +77,7 @@ pub struct ShardSet {
 const MAX_LISTED: usize = 20;
 
 impl ShardSet {
-    /// Numbers of shards of which there are files in a folder, with the numbers of the shards that exist.
+    /// Total numbers of shards by the files in a folder, with the numbers of the existing shards.
     ///
     /// # Errors
     /// [`Error::Io`] for a folder that cannot be read.

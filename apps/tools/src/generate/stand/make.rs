@@ -174,7 +174,7 @@ fn doubts(inventory: &Path, trees: usize, made: &StandMade) -> Diagnostics {
     warnings
 }
 
-/// Refuses an inventory none of whose trees is on the terrain: the two are not in one coordinate system.
+/// Rejects an inventory none of whose trees is on the terrain: the two are not in one coordinate system.
 fn refuse_all_beside(
     inventory: &Inventory,
     terrain: &[GroundModel],

@@ -10,8 +10,7 @@ use std::ops::Range;
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::PointRow;
 
-/// Memory of all tables of cells of which a cloud has at least so many that it is read several times, bytes;
-/// few in tests.
+/// Memory of all tables of cells, bytes, beyond which a cloud is read several times; small in tests.
 const MIN_TABLE_BYTES: u64 = if cfg!(test) { 1 << 20 } else { 400 << 20 };
 
 /// The tables of cells may take this fraction of the memory if that is more.
@@ -39,7 +38,7 @@ pub(super) struct Sorter<'a, S> {
     table_bytes: u64,
     /// The cells that this reading collects, by their [`CloudGrid::order`].
     range: Range<u128>,
-    /// The cells that there are, from the moment on when the first reading has too many.
+    /// The existing cells, once the first reading has too many.
     occupied: Option<Occupancy>,
     /// In place of shards when all occupied cells are known.
     dense: Option<DenseSums<S>>,
@@ -127,8 +126,8 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         }
     }
 
-    /// Leaves cells to the next reading until there is room for more points. Tables keep the size that very
-    /// many points at once have given them.
+    /// Leaves cells to the next reading until there is room for more points. Tables keep the size that they
+    /// reached.
     fn make_room(&mut self, sorted: &[[Vec<PointRow>; SHARDS]]) {
         let more: Vec<usize> =
             (0..SHARDS).map(|shard| sorted.iter().map(|batch| batch[shard].len()).sum()).collect();

@@ -13,8 +13,8 @@ const MAX_PLACED: usize = 1 << 22;
 pub(super) struct PlacedMesh {
     /// Index of the mesh.
     pub mesh: usize,
-    /// Name of the node, or of the nearest node above it that has one; instances of a node have their number
-    /// behind it.
+    /// Name of the node, or of the nearest node above it that has one; instances of a node append their
+    /// number.
     pub name: Option<String>,
     /// From the frame of the mesh to that of the document.
     pub transform: DAffine3,

@@ -21,7 +21,7 @@ pub(super) fn is_stl(bytes: &[u8]) -> bool {
             && bytes.windows(5).take(MAX_FACET_OFFSET).any(|word| word.eq_ignore_ascii_case(b"facet")))
 }
 
-/// True if a file begins as a text file does: binary files may, too.
+/// True if a file begins like a text file, which binary files may also do.
 fn begins_as_text(bytes: &[u8]) -> bool {
     let start = bytes.trim_ascii_start();
     start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))

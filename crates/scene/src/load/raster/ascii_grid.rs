@@ -135,7 +135,7 @@ impl<'t> Grid<'t> {
     }
 }
 
-/// Refuses grids with other numbers of heights than the header states. Rows may continue in further lines.
+/// Rejects grids with other numbers of heights than the header states. Rows may continue in further lines.
 fn check_counts(grid: &Grid, counts: &[(usize, usize)], last: usize, cells: usize) -> Result<(), GridError> {
     if grid.heights.len() == cells {
         return Ok(());

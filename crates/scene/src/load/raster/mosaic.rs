@@ -343,7 +343,7 @@ pub(super) fn check_same(first: &Raster, other: &Raster) -> Result<(), Refusal> 
     Ok(())
 }
 
-/// How a raster differs from a grid of which it should be a tile.
+/// Difference of a raster from the grid of which it should be a tile.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 pub(super) enum Misalignment {
     /// Pixels of other sizes.

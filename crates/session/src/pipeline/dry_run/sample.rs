@@ -16,8 +16,8 @@ use vlscan_lidar::pulse::Echo;
 use vlscan_scene::MotionState;
 use vlscan_warehouse::Tasks;
 
-/// Work after which no further stratum is begun, as a number of rays. Not a time, so that samples are always
-/// the same.
+/// Number of rays after which no further stratum is begun. A count instead of a time, so that samples are
+/// always the same.
 const MAX_RAYS: u64 = 3_000_000;
 /// Cost of a stratum in scenes whose tiles are loaded for it, as a number of rays.
 const RAYS_PER_TILED_STRATUM: u64 = MAX_RAYS / 16;

@@ -117,7 +117,7 @@ pub(super) fn check(
     )
 }
 
-/// A scanner in the air of which much points above the horizon and nothing down.
+/// A scanner in the air whose beams mostly point above the horizon and never down.
 fn upwards(who: &str, beams: &[SampledBeam], height: f64) -> Option<Finding> {
     let share = share_of(beams, |beam| beam.direction.z > 0.0);
     let looks_down = beams.iter().any(|beam| beam.direction.z < STEEP);
