@@ -68,7 +68,7 @@ class Spectrum(NamedTuple):
 
 
 def spectra() -> dict[str, Spectrum]:
-    """List the built-in spectra of common surfaces (docs/light.md names their sources).
+    """List the built-in spectra of common surfaces (docs/dev/light.md names their sources).
 
     Returns
     -------

@@ -539,10 +539,10 @@ fn every_correction_has_its_row() {
     let (list, _) = list.split_once("\nExamples").unwrap();
     let entries = list.lines().filter_map(|line| line.strip_prefix("  "));
     let names = entries.filter(|line| line.starts_with(|c: char| c.is_ascii_lowercase()));
-    let page = fs::read_to_string(root().join("docs/physics.md")).unwrap();
+    let page = fs::read_to_string(root().join("docs/dev/physics.md")).unwrap();
     let mut count = 0;
     for name in names.map(|line| line.split(' ').next().unwrap()) {
-        assert!(page.contains(&format!("\n| `{name}`")), "docs/physics.md has no row of {name}");
+        assert!(page.contains(&format!("\n| `{name}`")), "docs/dev/physics.md has no row of {name}");
         count += 1;
     }
     assert!(count > 50, "{count} corrections");

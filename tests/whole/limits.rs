@@ -1,4 +1,4 @@
-//! Every limit that docs/limits.md states is exceeded, and ends the run with the stated message.
+//! Every limit that docs/dev/limits.md states is exceeded, and ends the run with the stated message.
 
 use crate::common::{folder, run, succeed, text};
 use crate::hostile::raster;
@@ -303,9 +303,9 @@ fn outcome(case: &Case) -> (Option<i32>, String) {
 #[test]
 fn every_stated_limit_ends_a_run_with_its_message() {
     let (mut cases, mut complaints) = (cases(), Vec::new());
-    for (limit, message) in rows(include_str!("../../docs/limits.md")) {
+    for (limit, message) in rows(include_str!("../../docs/dev/limits.md")) {
         let Some(case) = cases.remove(limit) else {
-            complaints.push(format!("{limit}: a row of docs/limits.md without a case here"));
+            complaints.push(format!("{limit}: a row of docs/dev/limits.md without a case here"));
             continue;
         };
         let (status, messages) = outcome(&case);
@@ -314,7 +314,8 @@ fn every_stated_limit_ends_a_run_with_its_message() {
                 .push(format!("{limit}: status {status:?}, expected 2 and {message:?}, found\n{messages}"));
         }
     }
-    complaints.extend(cases.keys().map(|limit| format!("{limit}: a case without a row in docs/limits.md")));
+    complaints
+        .extend(cases.keys().map(|limit| format!("{limit}: a case without a row in docs/dev/limits.md")));
     assert!(complaints.is_empty(), "{}", complaints.join("\n\n"));
 }
 

@@ -405,7 +405,7 @@ fn every_correction_is_used_and_described() {
     let sources: Vec<Source> = crates().iter().flat_map(|of| sources(of)).collect();
     let table = &sources.iter().find(|source| source.path == TABLE).unwrap().code;
     let rows = table.split_once("corrections! {").unwrap().1.split_once("\n}").unwrap().0;
-    let physics = fs::read_to_string(root().join("docs/physics.md")).unwrap();
+    let physics = fs::read_to_string(root().join("docs/dev/physics.md")).unwrap();
     let names: Vec<&str> = rows.lines().filter_map(|row| row.trim().split([' ', ':']).nth(1)).collect();
     assert!(names.len() > 50, "{names:?}");
     for name in names {
@@ -415,7 +415,10 @@ fn every_correction_is_used_and_described() {
             source.path != TABLE && words.any(is_name)
         };
         assert!(sources.iter().any(is_used), "{name} changes nothing");
-        assert!(physics.contains(&format!("`{}`", name.replace('_', "-"))), "docs/physics.md lacks {name}");
+        assert!(
+            physics.contains(&format!("`{}`", name.replace('_', "-"))),
+            "docs/dev/physics.md lacks {name}"
+        );
     }
 }
 

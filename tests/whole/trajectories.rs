@@ -266,7 +266,7 @@ fn attitudes_are_those_of_aeronautics_and_offsets_turn_with_them() {
     let row = |t: f64| format!("{t:.1},476000,5429000,500,30,30,90\n");
     let plain = format!("time,x,y,z,roll,pitch,heading\n{}{}", row(1.0), row(2.0));
     // Roll innermost: the nose points to the east and 30° up; right, forward and up as in
-    // docs/trajectories.md.
+    // docs/dev/details.md.
     let (r, f, u) = ([0.25, -0.8660254, -0.4330127], [0.8660254, 0.0, 0.5], [-0.4330127, -0.5, 0.75]);
     let found = first_pulse(dir.path(), &plain, &[]);
     for i in 0..3 {

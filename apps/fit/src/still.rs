@@ -91,7 +91,7 @@ impl PointSink for Points {
 }
 
 impl StillFiles {
-    /// The pipeline file, and the pattern beside it.
+    /// The pipeline file, and the pattern next to it.
     pub fn new(pipeline: &Path) -> StillFiles {
         StillFiles { pipeline: pipeline.to_path_buf(), pattern: pipeline.with_extension(PATTERN) }
     }

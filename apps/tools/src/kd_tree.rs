@@ -34,8 +34,8 @@ impl Places for [[f64; 3]] {
     }
 }
 
-/// A k-d tree. Where the points lie makes no difference to its depth. Searches take the points of which the
-/// tree was made; their results do not depend on the order of the tree.
+/// A k-d tree. Its depth does not depend on the positions of the points. Searches take the points of which
+/// the tree was made; their results do not depend on the order of the tree.
 pub(crate) struct KdTree {
     /// Indices of the points, leaf by leaf.
     order: Vec<u32>,

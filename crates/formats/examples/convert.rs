@@ -1,5 +1,5 @@
-//! Converts a cloud to the format that the name of the second file tells:
-//! `cargo run -p vlscan-formats --example convert -- cloud.laz cloud.parquet`.
+//! Converts a cloud to the format that the extension of the second file names: `cargo run -p vlscan-formats
+//! --example convert -- cloud.laz cloud.parquet`.
 
 use std::path::Path;
 use vlscan_base::{Error, Result};

@@ -24,9 +24,9 @@ const MAX_BLOCKS_FRACTION: u64 = 8;
 pub(crate) type Emit<'e, B> = dyn FnMut(&mut B) -> ControlFlow<()> + 'e;
 
 /// Calls `make` for all items on `threads` threads, or fewer where memory is short, and `take` with the
-/// blocks that it emits, in the order of the items and on this thread, until `take` breaks. The block that
-/// `make` gets has any content. A single item, and all of them for a single thread, are decoded on this
-/// thread.
+/// blocks that it emits, in the order of the items and on this thread, until `take` breaks. The content of
+/// the block passed to `make` is arbitrary. A single item, and all of them for a single thread, are decoded
+/// on this thread.
 ///
 /// # Errors
 /// [`Error::Io`](vlscan_base::error::Error::Io) if a thread cannot be started.

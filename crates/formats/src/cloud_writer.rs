@@ -11,8 +11,8 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, refuse_existing};
 
-/// A cloud that is being written. The file has its name once it is [finished](CloudWriter::finish); before,
-/// and if the writer is dropped, there is none.
+/// A cloud that is being written. The file appears under its name once it is [finished](CloudWriter::finish);
+/// if the writer is dropped, there is no file.
 pub struct CloudWriter {
     encoder: Arc<dyn PointEncoder>,
     file: EncodedFile,

@@ -128,8 +128,9 @@ const NAME_BESIDE_PATHS: &str = "pathorder";
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
 
-/// Two names of an attribute that tables usually have together, with different values, so that both are no
-/// mistake: those of this program's own tables, and intensity and amplitude of other scanners' programs.
+/// Two names of an attribute that tables usually have together, with different values, so that having both is
+/// not a mistake: those of this program's own tables, and intensity and amplitude of other scanners'
+/// programs.
 const COMMON_PAIRS: [[&str; 2]; 5] = [
     ["intensity", "amplitude"],
     ["intensity", "heliosamplitude"],
@@ -138,7 +139,7 @@ const COMMON_PAIRS: [[&str; 2]; 5] = [
     ["hitobjectid", "part"],
 ];
 
-/// The attributes of a point whose values in the file are other than their types here can hold.
+/// The attributes of a point whose values in the file do not fit their types here.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Misfits(u16);
 

@@ -18,7 +18,7 @@ const BLOCK_POINTS: usize = 4096;
 /// Copies a cloud to a new file, whose extension names its format; the file is read twice. Bounds, origin and
 /// coordinate reference system are those of the cloud unless the settings have them. Returns the counts of
 /// the points, and warnings: one for each attribute that the copy lacks. From LAS to LAS everything is copied
-/// but near infrared, waveform packets and extra dimensions of other programs. Colours of 8 bits are 256
+/// except near infrared, waveform packets and extra dimensions of other programs. Colours of 8 bits are 256
 /// times as large in formats with 16 bits.
 ///
 /// # Errors

@@ -22,7 +22,7 @@ const MAX_WHOLE_BYTES: u64 = 128 << 20;
 /// interpreted.
 ///
 /// # Errors
-/// [`Error::Input`] with all problems when the file does not exist, is of no format that is read, or damaged:
+/// [`Error::Input`] with all problems when the file does not exist, has no supported format, or is damaged:
 /// the points before the damage may have been passed to the sink. [`Error::Io`] when it cannot be read. The
 /// errors of the sink.
 pub fn read_points(path: &Path, sink: &mut dyn PointSink) -> Result<Diagnostics> {
@@ -124,7 +124,7 @@ fn read_binary(bytes: &[u8], format: CloudFormat, reading: &mut Reading) {
     }
 }
 
-/// A file of points whose bytes are at hand, and may be read several times.
+/// A file of points whose bytes are available, and may be read several times.
 pub struct PointFile<'a> {
     path: &'a Path,
     bytes: &'a [u8],
@@ -150,8 +150,8 @@ impl<'a> PointFile<'a> {
         self.format
     }
 
-    /// Decodes on this number of threads instead of as many as the machine runs at once; 0 stands for these.
-    /// Points, their order and warnings do not depend on it.
+    /// Decodes on this number of threads; 0, the default, is the number of threads that the machine runs at
+    /// once. Points, their order and warnings do not depend on it.
     #[must_use]
     pub fn on_threads(self, threads: usize) -> PointFile<'a> {
         PointFile { threads, ..self }

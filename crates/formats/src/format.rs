@@ -60,8 +60,7 @@ impl CloudFormat {
         }
     }
 
-    /// True if it is read from its beginning to its end, so that it may come through a pipe without being
-    /// stored.
+    /// True if the format is read sequentially, so that a file may come through a pipe without being stored.
     pub(super) fn is_stream(self) -> bool {
         matches!(self, CloudFormat::Text | CloudFormat::Pts | CloudFormat::Ptx | CloudFormat::Arrow)
     }

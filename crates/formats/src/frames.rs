@@ -1,5 +1,5 @@
 //! Frames: the points of a revolution of a scanner, or of a span of time, with the poses of the scanner
-//! meanwhile.
+//! during that time.
 
 use std::io::Read;
 use std::path::Path;

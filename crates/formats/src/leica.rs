@@ -1,8 +1,8 @@
-//! PTS and PTX, the texts of Leica Cyclone. PTS: a line with the number of points, then as many lines
-//! `x y z`, optionally with an intensity (-2048 to 2047) and `r g b`; further scans follow likewise. PTX: for
-//! each scan two lines with the columns and rows of its raster, four with the scanner's pose, four with the
-//! matrix that its points are multiplied by (as rows of four numbers, from the left), then a line
-//! `x y z intensity`, optionally with `r g b`, for every place of the raster; 0 0 0 is no point.
+//! PTS and PTX, the texts of Leica Cyclone. PTS: a line with the number of points, then as many lines `x y
+//! z`, optionally with an intensity (-2048 to 2047) and `r g b`; further scans follow likewise. PTX: for each
+//! scan two lines with the columns and rows of its raster, four with the scanner's pose, four with the matrix
+//! that its points are multiplied by (as rows of four numbers, from the left), then a line `x y z intensity`,
+//! optionally with `r g b`, for every place of the raster; 0 0 0 is not a point.
 
 use super::text::{float, is_line_end, is_skipped, read_line};
 use super::{Attribute, AttributeSet, PointRow, Reading};

@@ -160,8 +160,8 @@ impl PointRow {
     }
 }
 
-/// Attributes of a point beside those of its [`PointRow`], for sinks that
-/// [take them](PointSink::takes_details).
+/// Attributes of a point in addition to those of its [`PointRow`], for sinks that [take
+/// them](PointSink::takes_details).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointDetails {
     /// Fields of the record as LAS has them.
@@ -310,7 +310,7 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// Decodes on this number of threads where the format has blocks; on one unless it is called.
+    /// Decodes on this number of threads where the format has blocks; by default on one.
     fn on(self, threads: usize) -> Reading<'a> {
         Reading { threads, ..self }
     }
@@ -378,8 +378,7 @@ impl<'a> Reading<'a> {
         self.take_from(row, None, |_| Place::of_file(path))
     }
 
-    /// Passes a point to the sink, with the name of its object; `place` is where the value of an attribute
-    /// stands.
+    /// Passes a point to the sink, with the name of its object; `place` is the place of an attribute's value.
     fn take_from(
         &mut self,
         row: &PointRow,

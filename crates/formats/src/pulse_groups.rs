@@ -1,11 +1,12 @@
 //! Returns of a cloud grouped into pulses: by their times, or by their order in the file where times are too
-//! coarse to tell pulses.
+//! coarse to distinguish pulses.
 
 use std::ops::Range;
 
-/// Largest number of returns with the flight line, channel, time and number of another one, per pulse.
+/// Maximum number of returns, per pulse, that share flight line, channel, time and number with another
+/// return.
 const MAX_AMBIGUOUS: f64 = 0.01;
-/// Smallest share of the returns whose pulse is complete in the order of the file.
+/// Minimum share of returns whose pulse is complete in the order of the file.
 const MIN_COMPLETE: f64 = 0.9;
 
 /// Values of a return by which it belongs to a pulse.
@@ -47,8 +48,8 @@ pub enum GroupedBy {
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PulseGroupsError {
-    /// Pulses share times, and their returns are not in order. The number of returns that have the flight
-    /// line, channel, time and number of another one.
+    /// Pulses share times, and their returns are not in order. The number of returns that share flight line,
+    /// channel, time and number with another one.
     #[error(
         "{0} returns have the flight line, channel, time and number of another one, and the returns of a \
          pulse do not follow each other in the file: its pulses cannot be told"
@@ -72,12 +73,12 @@ pub struct PulseGroups {
     pub pulses: Vec<Range<usize>>,
     /// Source of the grouping.
     pub by: GroupedBy,
-    /// Number of returns that have the flight line, channel, time and number of another one.
+    /// Number of returns that share flight line, channel, time and number with another one.
     pub ambiguous: usize,
 }
 
 impl PulseGroups {
-    /// Groups `keys`, those of the returns in the order of the file: by time if times tell pulses, else by
+    /// Groups the `keys` of returns in the order of the file: by time if times distinguish pulses, else by
     /// the order in the file.
     ///
     /// # Errors
@@ -116,12 +117,13 @@ impl PulseGroups {
         Ok(PulseGroups { order, pulses, by: GroupedBy::Order, ambiguous })
     }
 
-    /// True if times tell pulses: few returns have the flight line, channel, time and number of another one.
+    /// True if times distinguish pulses: few returns share flight line, channel, time and number with another
+    /// one.
     pub fn are_distinct(ambiguous: usize, pulses: usize) -> bool {
         ambiguous as f64 <= MAX_AMBIGUOUS * pulses as f64
     }
 
-    /// Groups `keys` by time alone. `ambiguous` says how well times tell pulses.
+    /// Groups `keys` by time alone. `ambiguous` describes how well times distinguish pulses.
     pub fn by_time(keys: &[PulseKey]) -> PulseGroups {
         let mut order: Vec<usize> = (0..keys.len()).collect();
         order.sort_by(|a, b| {

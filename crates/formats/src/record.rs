@@ -216,7 +216,7 @@ impl Default for PointRecord {
 }
 
 impl PointRecord {
-    /// True if it stands for a pulse without echo.
+    /// True if the record represents a pulse without echo.
     #[inline]
     pub fn is_miss(&self) -> bool {
         self.number_of_returns == 0
@@ -485,8 +485,8 @@ impl Tally {
 }
 
 impl From<&PointRow> for PointRecord {
-    /// The point as it was read, with its position in the world; one of return 0 of 0 that is no miss is the
-    /// only return of its pulse.
+    /// The point as it was read, with its position in the world; a point of return 0 of 0 that is not a miss
+    /// becomes the only return of its pulse.
     fn from(row: &PointRow) -> PointRecord {
         PointRecord {
             position: row.position,

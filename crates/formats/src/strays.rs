@@ -1,5 +1,5 @@
-//! The few points of a cloud that lie far from all others, as bad fixes of GNSS, damaged files and birds give
-//! them: they are found in one pass over points in any number, and in memory that does not grow with it.
+//! The few points of a cloud that lie far from all others, caused by bad GNSS fixes, damaged files or birds.
+//! They are found in one pass and in constant memory.
 //!
 //! A stray lies behind a gap without points along x, y or z that is wider than three times the extent of most
 //! points, and wider than the way from these to the gap: the points of a tripod thin out with their distance.
@@ -16,18 +16,18 @@ const MAX_STRAYS: usize = 63;
 const MIN_PLACE: usize = 8;
 /// Maximum distance between the points of a place, as a share of the distance from most points.
 const PLACE_REACH: f64 = 0.5;
-/// Largest share of the points that are strays at one end of an axis, and share that the extent of most
-/// points leaves out there.
+/// Maximum share of the points that are strays at one end of an axis, and the share that the extent of most
+/// points excludes there.
 const MAX_SHARE: f64 = 0.05;
 /// Fewest points of which some can lie far from the others.
 const MIN_POINTS: u64 = 10;
 /// Width of the gap before a stray, in extents of most points.
 const GAP_EXTENTS: f64 = 3.0;
-/// Least extents for this: horizontally and vertically, m.
+/// Minimum extents for this: horizontally and vertically, m.
 const MIN_EXTENTS: [f64; 2] = [10.0, 50.0];
 /// Minimum width of the gap before points that lie apart, as a share of the extent.
 const MIN_APART: f64 = 0.5;
-/// Most points by which the extent of most points is estimated, evenly chosen.
+/// Maximum number of points, evenly sampled, from which the extent of most points is estimated.
 const MAX_SAMPLE: usize = 1 << 14;
 
 /// Takes the points of a cloud to find its strays.

@@ -33,9 +33,9 @@ pub(super) const MAX_ELEMENTS: usize = u32::MAX as usize - 1;
 pub struct LoadOptions {
     /// Wavelength of the first device, nm, at which spectra are evaluated.
     pub wavelength_nm: f64,
-    /// Wavelengths of other devices, nm, at which spectra are evaluated, too
-    /// ([`Material::further_reflectances`](super::Material::further_reflectances)). None is equal to the
-    /// first or to another one.
+    /// Wavelengths of other devices, nm, at which spectra are also evaluated
+    /// ([`Material::further_reflectances`](super::Material::further_reflectances)). All differ from each
+    /// other and from the first.
     pub further_wavelengths_nm: Vec<f64>,
     /// Seed of random materials and random voxel shifts.
     pub seed: u64,
@@ -59,8 +59,8 @@ pub struct LoadOptions {
     /// True if surfaces have [colours](super::Colours), which take memory: the texels of textures, and the
     /// texture coordinates of triangles.
     pub colours: bool,
-    /// How parts at rest are loaded when rays need them and dropped when they do not; `None` loads the whole
-    /// scene. Does not change the points of a survey.
+    /// Options for loading parts at rest when rays need them, and dropping them otherwise; `None` loads the
+    /// whole scene. Does not change the points of a survey.
     pub tiles: Option<TileOptions>,
     /// Ends the loading soon after it is set, with [`Error::Interrupted`].
     pub stop: Option<Arc<AtomicBool>>,
@@ -130,7 +130,7 @@ pub(super) enum MeshFile {
     Memory(Identity, Option<Identity>),
 }
 
-/// Meshes that several parts share, as far as they have been loaded.
+/// Meshes that several parts share, those loaded so far.
 #[derive(Default)]
 pub(super) struct SharedMeshes {
     /// Shared files, with the index of the model once it is loaded.
@@ -161,7 +161,7 @@ impl SharedMeshes {
     }
 }
 
-/// Geometry and materials as far as they have been loaded.
+/// Geometry and materials loaded so far.
 pub(super) struct SceneBuilder<'a> {
     pub options: &'a LoadOptions,
     /// Primitives, world frame.
@@ -197,7 +197,7 @@ pub(super) struct SceneBuilder<'a> {
     pub diagnostics: Diagnostics,
     /// Numbers of the faces of the part being loaded.
     pub faces: FaceNumbers,
-    /// Mesh files whose unit and axes have been looked at.
+    /// Mesh files whose unit and axes have been checked.
     pub doubted: HashSet<PathBuf>,
     surface_numbers: HashMap<Surface, u32>,
 }

@@ -8,8 +8,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use vlscan_geom::DVec3;
 use vlscan_trace::Geometry;
 
-/// Number of triangles of a scene that are looked at first: a few repeated ones cost less than a search among
-/// all.
+/// Number of triangles of a scene that are checked first: a few duplicates cost less than a search among all.
 const SAMPLE: usize = 4096;
 /// Stride of the sample, prime to the number of triangles in nearly all scenes.
 const STRIDE: usize = 2_654_435_761;

@@ -139,8 +139,8 @@ impl SceneBuilder<'_> {
         texture
     }
 
-    /// Reads the file of a texture. Programs write absolute names, and those of other systems, so a file of
-    /// the same name beside the one that names it replaces a missing one, with a warning.
+    /// Reads a texture file. Programs write absolute names, also of other systems, so a file of the same name
+    /// next to the referring file replaces a missing one, with a warning.
     fn texture_file(
         &mut self,
         folder: &Path,

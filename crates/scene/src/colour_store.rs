@@ -1,4 +1,4 @@
-//! Colours of a scene under construction, as far as they have been loaded.
+//! Colours loaded so far of a scene under construction.
 
 use super::colours::{ColouredCubes, ColouredField, ColouredMesh, Colours, NONE, SurfaceColour};
 use super::texture::Texture;
@@ -81,7 +81,7 @@ impl ColourBuilder {
         self.grids.truncate(start.grids);
         let used = self.drop_unused_textures();
         self.numbers.retain(|_, number| *number == NONE || used.contains(number));
-        // Those that cannot be read were warned of.
+        // Unreadable ones have caused a warning.
         self.textures.retain(|_, texture| texture.is_none());
         self.texture_bytes = self.texture_bytes_of(&used);
     }
@@ -116,7 +116,7 @@ impl ColourBuilder {
         self.grids.push(colours);
     }
 
-    /// The number of the colour of materials without one whose triangles have colours.
+    /// Index of the colour of materials without a colour whose triangles have colours.
     pub fn white(&mut self) -> u32 {
         let palette = &mut self.palette;
         let definition = ColourDefinition::stored([1.0; 3]);

@@ -42,7 +42,7 @@ pub(super) struct SurfaceColour {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ColouredMesh {
     pub triangles: Range<usize>,
-    /// Colours by their number in the palette, or [`NONE`], each with the triangle from which on it applies,
+    /// Colours by their number in the palette, or [`NONE`], each with the first triangle to which it applies,
     /// counted within the range.
     pub runs: Vec<(u32, u32)>,
     pub colours: MeshColours,

@@ -10,9 +10,9 @@ use vlscan_base::store::Checksum;
 use vlscan_survey::{Loader, MaterialChoice, SceneRecipe};
 use vlscan_trace::Geometry;
 
-/// Checksum of the scene of the first epoch, `scene`, and of the replacements of its parts. Neither the names
-/// of files nor the tree count; colours count if they were loaded. That of a packed scene follows from the
-/// checksums within it, so that it need not be read.
+/// Checksum of the scene of the first epoch, `scene`, and of the replacements of its parts. File names and
+/// the tree are excluded; colours are included if they were loaded. The checksum of a packed scene is derived
+/// from the checksums within it, so the scene is not read.
 ///
 /// # Errors
 /// [`Error::Io`] for files of swapped parts that cannot be read; the errors of packed scenes.

@@ -166,7 +166,7 @@ impl GridSurfaces {
         }
     }
 
-    /// All surfaces of `count` voxels, and how many have each.
+    /// The surfaces of `count` voxels, and the number of voxels with each.
     pub fn counts(&self, count: usize) -> Vec<(u32, u64)> {
         match self {
             GridSurfaces::InTurn(all) => {

@@ -46,7 +46,7 @@ impl GroundModel {
     }
 
     /// The corners of the box of the scene's ground, which crowns and roofs may reach beyond, world
-    /// coordinates, m; in scenes without a ground material those of the scene's box.
+    /// coordinates, m; in scenes without a ground material the corners of the scene's box.
     pub fn extent(&self) -> [[f64; 2]; 2] {
         let bounds = self.scene.ground_bounds().unwrap_or(self.scene.bounds);
         [bounds.min, bounds.max].map(|corner| {
@@ -65,7 +65,7 @@ impl GroundModel {
         self.has_ground
     }
 
-    /// True if a leg at x, y, world coordinates, finds ground, as a run looks for it.
+    /// True if a leg at x, y (world coordinates) has ground below it, by the rules of a run.
     pub fn is_under(&self, x: f64, y: f64) -> bool {
         let place = self.scene.to_local(DVec3::new(x, y, 0.0));
         self.scene.ground_height(place.x, place.y).is_some()

@@ -142,8 +142,8 @@ pub(super) fn freeze(meshes: SharedMeshes, own: usize) -> Result<Option<Instance
     Ok(Some(InstanceSet { instances: Arc::new(instances), materials: meshes.materials, parts: meshes.parts }))
 }
 
-/// A box around an instance, world frame, m, larger than the exact one by up to an eighth of its size:
-/// thousands of instances need no look at every vertex.
+/// A box around an instance, world frame, m, larger than the exact one by up to an eighth of its size: with
+/// thousands of instances not every vertex is visited.
 pub(super) fn outer_bounds(meshes: &SharedMeshes, instance: usize) -> Aabb {
     let (model, _, placement) = meshes.placements[instance];
     meshes.models[model as usize].box_at(&placement, DVec3::ZERO)

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! A scene is immutable once it is loaded. Moving parts have a plan and a state outside it, and scenes with
-//! swapped parts are loaded anew for every epoch:
+//! swapped parts are reloaded for every epoch:
 //!
 //! ```text
 //! SceneRecipe, Scene ─► MotionPlan, MotionState ─► DynamicScene: moving parts in the poses that rays hit

@@ -37,11 +37,11 @@ pub(super) struct Library {
     files: Vec<MtlFile>,
     /// Index in `files`.
     file_of: HashMap<DefinedBy, usize>,
-    /// Definitions without a source and without their places, by name, with their materials: meshes with
-    /// equal ones share them.
+    /// Definitions without a source and places, by name, with their materials: meshes with equal definitions
+    /// share materials.
     of_memory: HashMap<String, Vec<(MaterialDefinition, u32)>>,
     index_of: HashMap<Key, u32>,
-    /// The material that another one differs from in its class or its colours only.
+    /// The material from which another one differs only in its class or its colours.
     base_of: HashMap<u32, u32>,
     /// Colours of materials that have one, with the places of their definitions.
     colours: HashMap<u32, (ColourDefinition, Option<Place>)>,
@@ -271,8 +271,8 @@ impl Library {
         index
     }
 
-    /// The materials that primitives have, given those that they have themselves; with each counts the one
-    /// that it differs from in its class or its colours only.
+    /// The materials in use, given those that primitives refer to: each also includes the material from which
+    /// it differs only in its class or its colours.
     pub fn with_bases(&self, mut used: Vec<bool>) -> Vec<bool> {
         for material in (0..self.materials.len()).filter(|m| used[*m]).collect::<Vec<_>>() {
             let mut next = self.base_of.get(&(material as u32));

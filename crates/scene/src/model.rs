@@ -169,7 +169,7 @@ impl Scene {
         self.numbers() - self.geometry.missing_before(self.geometry.triangle_count()) + in_tiles
     }
 
-    /// How many numbers the primitives that are no part of a tile have: one for each, and for each missing
+    /// Count of the numbers of primitives outside of tiles: one for each primitive, and for each missing
     /// triangle of a height field.
     pub fn numbers(&self) -> usize {
         self.geometry.len() + self.instances.as_ref().map_or(0, |p| p.instances.triangles() as usize)
@@ -210,7 +210,7 @@ impl Scene {
         surface.unwrap_or_else(|| panic!("primitive {i} of {}", self.primitives()))
     }
 
-    /// The corners of primitive `i` if it is a triangle that is there.
+    /// The corners of primitive `i` if it is an existing triangle.
     #[inline]
     pub fn triangle(&self, i: u32) -> Option<[DVec3; 3]> {
         self.corners_of(self.primitive(i)?)
@@ -365,7 +365,7 @@ impl Scene {
             .reduce(|best, next| if next.0 < best.0 { next } else { best })
     }
 
-    /// For each tile, the height of its lowest ground at (x, y) to compare, and the one to return.
+    /// For each tile, the height of its lowest ground at (x, y) for comparison, and the height to return.
     fn ground_of_tiles(&self, x: f64, y: f64) -> Vec<(f64, f64)> {
         let Some(tiles) = &self.tiles else { return Vec::new() };
         let is_ground = |m: &u32| self.materials[*m as usize].is_ground;

@@ -157,7 +157,7 @@ fn report_value(
     });
 }
 
-/// Keywords that matter beside [`OPTICAL_KEYS`].
+/// Keywords that are used, in addition to [`OPTICAL_KEYS`].
 const KNOWN: [&str; 10] = [
     "Kd",
     "Ks",
@@ -187,8 +187,7 @@ fn optical_key(keyword: &[u8]) -> Option<&[u8]> {
     keyword.strip_prefix(OPTICAL_PREFIX.as_bytes())
 }
 
-/// Warns of an unknown keyword that looks like one of those that matter here: what is for pictures only is
-/// skipped.
+/// Warns of an unknown keyword that is similar to a used one; keywords for rendering only are skipped.
 fn warn_of_unknown(line: usize, keyword: &[u8], at: Range<usize>, problems: &mut Problems) {
     let keyword = shown(keyword);
     let lower = keyword.to_ascii_lowercase();

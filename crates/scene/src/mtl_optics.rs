@@ -219,7 +219,8 @@ impl Optics {
     fn meaning(&self, material: Option<&MaterialDefinition>) -> Option<OpticsDefinition> {
         let number = |i: usize| self.statements[i].as_ref().filter(|s| !s.is_opaque).and_then(|s| s.value);
         let opacity = number(0).or(number(1).map(|transparency| 1.0 - transparency));
-        // A file that states full opacity beside a model of glass contradicts itself. Mirrors are opaque.
+        // A file that states full opacity together with a model of glass contradicts itself. Mirrors are
+        // opaque.
         let is_opaque = self.statements[..2].iter().flatten().any(|s| s.is_opaque) && opacity.is_none();
         if self.statements[3].is_some() {
             return None;

@@ -19,7 +19,7 @@ const HEADER_LINES: usize = 26;
 /// Maximum wavelength and reflectance of a table.
 const MAX_VALUE: f64 = 1e6;
 
-/// Wavelength from which on all of a table is taken to be in nanometres, µm: scanners have up to 20 µm.
+/// Wavelength, µm, from which a whole table is taken to be in nanometres: scanners have up to 20 µm.
 const MIN_NANOMETRES: f32 = 100.0;
 
 /// A row of a table.
@@ -43,7 +43,7 @@ impl Row {
 #[derive(Clone)]
 pub(super) struct Spectra {
     folders: Vec<PathBuf>,
-    /// Folders of an installation of HELIOS++ around the scene, which come after the others.
+    /// Folders of an installation of HELIOS++ around the scene, which are searched last.
     installed: Vec<PathBuf>,
     /// The first is that of the first device.
     wavelengths_um: Vec<f32>,
@@ -63,8 +63,8 @@ impl Spectra {
         }
     }
 
-    /// Reflectances of the spectrum `name`, which the material at `place` has, at the wavelengths in per
-    /// cent; `None` if there is no such spectrum.
+    /// Reflectances of the spectrum `name`, used by the material at `place`, at the wavelengths in per cent;
+    /// `None` if there is no such spectrum.
     pub fn reflectances(
         &mut self,
         name: &str,
@@ -122,8 +122,8 @@ impl Spectra {
         }
     }
 
-    /// The first file of this name; others are warned of. The assets around the file of the material come
-    /// last.
+    /// The first file of this name; further ones cause a warning. The assets around the file of the material
+    /// are searched last.
     fn find(&self, name: &str, place: Option<&Place>, diagnostics: &mut Diagnostics) -> Option<PathBuf> {
         let found = Spectra::find_in(&self.folders, name, diagnostics);
         let found = found.or_else(|| Spectra::find_in(&self.installed, name, diagnostics));
@@ -261,7 +261,7 @@ fn warn_of_doubts(rows: &[Row], wavelengths: &[f32], problems: &mut Problems) {
     }
 }
 
-/// Warns of the first row of which something is said that is also so of others.
+/// Warns of the first of several rows with the same problem.
 fn warn_of_first(wrong: &[&Row], problems: &mut Problems, message: impl FnOnce(&Row, &str) -> String) {
     let Some(row) = wrong.first() else { return };
     let others = match wrong.len() {
@@ -300,7 +300,7 @@ fn warn_of_numbers(rows: &[Row], used: &str, problems: &mut Problems) {
 
 /// Warns of rows that do not ascend; `false` if all do.
 fn warn_of_order(rows: &[Row], used: &str, problems: &mut Problems) -> bool {
-    // A row may be there twice, as where two instruments meet.
+    // A row may be duplicated, as where the data of two instruments meet.
     let is_misplaced = |row: &Row, before: &Row| {
         row.wavelength < before.wavelength
             || row.wavelength == before.wavelength && row.per_cent != before.per_cent

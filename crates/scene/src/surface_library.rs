@@ -1,6 +1,6 @@
 //! Reflectance and transmittance of common surfaces at the wavelengths of lidars, for materials that name
-//! them as their spectrum. A file of the same name in an asset folder comes first. docs/light.md lists the
-//! values, docs/dev/light.md their sources.
+//! them as their spectrum. A file of the same name in an asset folder comes first. docs/dev/light.md lists
+//! the values and their sources.
 
 /// A surface of the library.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -16,7 +16,7 @@ pub(super) const MAX_SHOWN_PROBLEMS: usize = 20;
 /// Maximum length of a line, bytes.
 const MAX_LINE_BYTES: usize = 1 << 20;
 
-/// Bytes of a mapped file that are looked at before their memory is released.
+/// Number of bytes of a mapped file that are read before their memory is released.
 const RELEASED_BYTES: usize = 1 << 26;
 
 /// Maximum length of the excerpt of a line in a message, bytes.
@@ -67,8 +67,8 @@ impl Source {
         &self.path
     }
 
-    /// The same text with line feeds for the carriage returns that end a line alone, so that places in it are
-    /// those in the file; `None` if there are none.
+    /// The text with line feeds in place of lone carriage returns, which keeps all positions; `None` if there
+    /// are none.
     pub fn with_line_feeds(&self) -> Option<Source> {
         let is_alone = |at: &usize| self.data.get(at + 1) != Some(&b'\n');
         memchr::memchr_iter(b'\r', &self.data).find(is_alone)?;
@@ -94,7 +94,7 @@ impl Source {
         self.data.release(self.begin + part.start..self.begin + part.end);
     }
 
-    /// True if the file is text that may be in the expected format; otherwise reports its kind, or an error
+    /// True if the file is text and possibly in the expected format; otherwise reports its kind, or an error
     /// at the first line that is not text.
     pub fn is_text(&self, sought: &Expected, diagnostics: &mut Diagnostics) -> bool {
         let (bytes, what) = (self.bytes(), sought.what);

@@ -36,7 +36,7 @@ pub(crate) enum TextureError {
     /// Bytes of another format.
     #[error("expected a PNG or JPEG image")]
     Format,
-    /// An image that a decoder refuses.
+    /// An image that a decoder rejects.
     #[error("the image is damaged: {0}")]
     Damaged(String),
     /// An image without texels, or with too many.

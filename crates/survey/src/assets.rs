@@ -41,7 +41,7 @@ pub(super) struct Located<T> {
     pub respelled: Option<String>,
 }
 
-/// Why `efilepath` yields no files.
+/// Reason why `efilepath` yields no files.
 #[derive(Debug)]
 pub(super) enum NoMatch {
     /// The regular expression is invalid.
@@ -80,7 +80,7 @@ impl Assets {
             .collect()
     }
 
-    /// From now on files that documents of `folder` name are looked for there first.
+    /// Searches `folder` first for the files that documents in it name.
     pub fn prefer_folder(&self, folder: &Path) {
         self.preferred.borrow_mut().insert(folder.to_path_buf());
     }
@@ -132,7 +132,7 @@ impl Assets {
             Err(problem) => problem,
         };
         // A `\` of an expression separates folders or escapes a character: the longest folder with matching
-        // files counts.
+        // files is used.
         let mut separators = expression.match_indices('\\').map(|(at, _)| at).rev();
         separators
             .find_map(|at| {
@@ -162,8 +162,8 @@ impl Assets {
         if files.is_empty() { Err(NoMatch::Nothing) } else { Ok(files.into_values().collect()) }
     }
 
-    /// A name that is probably meant by `name`, which denotes no file: without the blanks around it, in other
-    /// case, or the nearest one in the same folder.
+    /// The likely intended name if `name` matches no file: trimmed, in another case, or the nearest name in
+    /// the same folder.
     fn meant(&self, name: &str, referring: &Path) -> Option<String> {
         let spelling = slashes(name.trim());
         if spelling != name && self.exact_file(&spelling, referring).is_some() {
@@ -174,14 +174,14 @@ impl Assets {
         in_other_case.or_else(|| bases().find_map(|base| near_name(base, Path::new(&*spelling))))
     }
 
-    /// The help for a name that denotes no file: how to write paths of Windows, the name that is probably
-    /// meant, and the folders that are searched.
+    /// The help for a name that matches no file: how to write Windows paths, the likely intended name, and
+    /// the searched folders.
     pub fn help_for_missing(&self, name: &str, referring: &Path) -> String {
         let hint = hint_for_name(name);
         if hint.is_empty() { self.searched(name, referring) } else { hint }
     }
 
-    /// The name that is probably meant and the folders that are searched for `name`, for messages.
+    /// The likely intended name and the folders searched for `name`, for messages.
     pub fn searched(&self, name: &str, referring: &Path) -> String {
         let searched = self.searched_folders(name, referring);
         match self.meant(name, referring) {
@@ -206,7 +206,7 @@ impl Assets {
     }
 }
 
-/// Result of `find` for a name as written, otherwise with `/` in place of `\`.
+/// Result of `find` for the name as written, or else with `/` in place of `\`.
 fn located<T>(name: &str, find: impl Fn(&str) -> Option<T>) -> Option<Located<T>> {
     if let Some(found) = find(name) {
         return Some(Located { found, respelled: None });
@@ -229,7 +229,7 @@ pub(super) fn slashes(name: &str) -> Cow<'_, str> {
     if name.contains('\\') { Cow::Owned(name.replace('\\', "/")) } else { Cow::Borrowed(name) }
 }
 
-/// The name of an existing file in `base` that is equal to `name` but for capitals.
+/// The name of an existing file in `base` that equals `name` except for case.
 fn in_any_case(base: &Path, name: &Path) -> Option<String> {
     let mut path = PathBuf::new();
     for component in name.components() {
@@ -245,7 +245,7 @@ fn in_any_case(base: &Path, name: &Path) -> Option<String> {
     base.join(&path).is_file().then(|| path.to_string_lossy().into_owned())
 }
 
-/// The name of an existing file in the folder of `name` that resembles it and has the same ending.
+/// The name of an existing file in the folder of `name` that is similar and has the same extension.
 fn near_name(base: &Path, name: &Path) -> Option<String> {
     let folder = name.parent()?;
     let parts = |name: &Path| {
@@ -265,13 +265,13 @@ fn near_name(base: &Path, name: &Path) -> Option<String> {
     base.join(&found).is_file().then(|| found.to_string_lossy().into_owned())
 }
 
-/// The names in a folder, sorted; none of a folder that cannot be read.
+/// The sorted names in a folder; empty if the folder cannot be read.
 fn names_in(folder: &Path) -> Vec<String> {
     let paths = reads::list(folder).unwrap_or_default().into_iter().take(MAX_LISTED_NAMES);
     paths.map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect()
 }
 
-/// Maximum number of names of a folder among which a resembling one is looked for.
+/// Maximum number of names in a folder that are searched for a similar one.
 const MAX_LISTED_NAMES: usize = 10_000;
 
 fn identity(folder: &Path) -> Option<PathBuf> {
@@ -333,7 +333,7 @@ mod tests {
         }
         let own = assets.file(r"my data\own.obj", here).unwrap();
         assert_eq!((own.found.is_file(), own.respelled), (true, None));
-        // As an expression it is invalid: there are no classes of Unicode.
+        // Invalid as an expression: Unicode classes are not supported.
         let named = assets.matching(r"my data\parts\[a].obj", here).unwrap();
         assert_eq!((named.found.len(), named.respelled.as_deref()), (1, Some("my data/parts/[a].obj")));
         let all = assets.matching(r"my data\parts\.*\.obj", here).unwrap();

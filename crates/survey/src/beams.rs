@@ -14,7 +14,7 @@ pub(super) struct Beams {
 }
 
 /// Channels like `base` that differ by elevation and azimuth (degrees) of their beams, by the distance of
-/// their origin (m) and by the time of their pulse (µs); lists of one value hold for all.
+/// their origin (m) and by the time of their pulse (µs); a list of one value applies to all channels.
 pub(super) fn channels_of_beams(
     base: &Device,
     elevations: &[f64],
@@ -35,7 +35,7 @@ pub(super) fn channels_of_beams(
 }
 
 /// Pose of an emitter whose beam leaves at an altitude and an azimuth (degrees, clockwise seen from above)
-/// relative to that of `base`, from where that one begins.
+/// relative to the beam of `base`, with the origin of `base`.
 pub(super) fn beam_pose(base: &Mount, altitude: f64, azimuth: f64) -> Mount {
     let turn = Rotation::about_x(radians(altitude));
     let turn = match azimuth {

@@ -13,8 +13,8 @@ const K: SettingsKeys = SettingsKeys::KEYS;
 /// Place of a setting of a leg, by the index of the leg.
 pub(super) type Places<'a> = &'a dyn Fn(usize, Key) -> Option<Place>;
 
-/// Checks every leg against the scanner and the platform. `places` gives the place of a setting: in a
-/// pipeline, whose legs may come from a survey of XML, or in such a survey.
+/// Checks every leg against the scanner and the platform. `places` returns the place of a setting: in a
+/// pipeline file, whose legs may come from an XML survey, or in that survey.
 pub(super) fn check_legs(context: &Context, survey: &Survey, places: Places, in_pipeline: bool) {
     for (index, leg) in survey.legs.iter().enumerate() {
         let check = LegCheck { context, survey, leg, index, places, in_pipeline };

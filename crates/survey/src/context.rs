@@ -42,9 +42,9 @@ pub struct ReadOptions {
     /// flyable.
     pub is_traced: bool,
     /// Maximum number of bytes that the survey and its scene may need. Files that certainly need more are
-    /// refused before they are read.
+    /// rejected before they are read.
     pub max_memory: Option<u64>,
-    /// Reader of Parquet files; `None`: they are refused.
+    /// Reader of Parquet files; `None` rejects them.
     pub number_columns: Option<NumberColumns>,
 }
 

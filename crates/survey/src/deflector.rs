@@ -65,7 +65,7 @@ pub(super) fn change_deflector(fields: &mut Fields, device: &mut Device, in_chan
     for (own, keys) in OWN_KEYS.iter().filter(|(own, _)| *own != optics) {
         keys.iter().for_each(|keys| refuse_unused(fields, keys, own, optics));
     }
-    // In XML scanners of all optics have it in their channels only.
+    // In XML, only channels have an incident beam, for all optics.
     let beam = (is_toml || in_channel).then(|| fields.xyz(K.incident_beam)).flatten().map(unit);
     if beam.is_some_and(|beam| !beam.is_finite()) {
         fields.error(K.incident_beam, "must have a direction");
@@ -97,7 +97,7 @@ fn change_optics(fields: &mut Fields, device: &mut Device, in_channel: bool) -> 
         unread(),
     ]
     .map(|kind| (kind.optics(), kind));
-    // XML has no patterns, and a channel has that of its scanner.
+    // XML has no patterns, and a channel inherits the pattern of its scanner.
     let known = if is_toml && !in_channel { &kinds[..] } else { &kinds[..kinds.len() - 1] };
     let chosen = fields.choice(K.optics, known, None);
     if chosen.is_none() && (fields.has(K.optics) || !is_toml && !in_channel) {
@@ -181,7 +181,7 @@ fn change_parameters(
     }
 }
 
-/// Refuses an ellipse without its larger angle.
+/// Rejects an ellipse without its larger angle.
 fn check_cone(fields: &Fields, device: &Device) {
     if matches!(device.deflector, Deflector::EllipticConic { .. }) && device.scan_angle_max <= 0.0 {
         let [along, other] = [K.scan_angle_along_max_deg, K.scan_angle_max_deg];
@@ -192,8 +192,8 @@ fn check_cone(fields: &Fields, device: &Device) {
     }
 }
 
-/// Reports keys that only the optics `own` have: an error in TOML, a warning in XML. Numbers are checked all
-/// the same.
+/// Reports keys that only the optics `own` have: an error in TOML, a warning in XML. Numbers are checked
+/// anyway.
 pub(super) fn refuse_unused(fields: &mut Fields, keys: &[Key], own: &str, optics: &str) {
     if fields.is_toml() {
         for key in keys.iter().filter(|key| fields.has(**key)) {
@@ -293,7 +293,7 @@ fn check_half_angles(fields: &Fields, device: &Device) {
     }
 }
 
-/// Warns of a mirror or of prisms whose settings prevent all pulses or leave the beam as it is, and refuses a
+/// Warns of a mirror or of prisms whose settings prevent all pulses or leave the beam as it is, and rejects a
 /// cone that XML describes incompletely.
 pub(super) fn check_deflector(fields: &Fields, device: &Device, in_channel: bool) {
     check_half_angles(fields, device);
@@ -311,7 +311,7 @@ pub(super) fn check_deflector(fields: &Fields, device: &Device, in_channel: bool
                 fields.context.warn(fields.place(*key), message);
             }
         }
-        // Channels differ by their beams, which nothing has to deflect.
+        // Channels differ by the directions of their beams, so no deflector is needed.
         Deflector::Conic | Deflector::Fibres { .. } if !in_channel && !can_deflect(device) => {
             let optics = device.deflector.optics();
             let message = format!(

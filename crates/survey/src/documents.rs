@@ -219,8 +219,8 @@ impl Context {
     }
 
     /// The existing file of a name, which may have no place. A missing file is an error that lists the
-    /// searched folders; a file of the working directory that hides another one beside the referring file is
-    /// warned of.
+    /// searched folders; a file in the working directory that hides a file next to the referring one causes a
+    /// warning.
     pub fn file(&self, name: &str, folder: &Path, place: impl Into<Option<Place>>) -> Option<PathBuf> {
         let place = place.into();
         let Some(Located { found, respelled }) = self.assets.file(name, folder) else {

@@ -15,7 +15,7 @@ const YAW_AT_DEPARTURE: Key = Key::attribute("yawAtDeparture_deg", &NUMBER);
 
 /// Speed of legs that name none, m/s.
 const DEFAULT_SPEED: f64 = 70.0;
-/// Largest angle that is looked at as one in radians: a turn.
+/// Maximum angle that is checked for being in radians by mistake: one turn.
 const MAX_RADIANS: f64 = 6.3;
 /// Ratio from which a scan angle is far below the scanner's.
 const FAR_BELOW: f64 = 20.0;
@@ -124,7 +124,7 @@ impl LegCheck<'_> {
         );
     }
 
-    /// Angles that are round numbers of degrees if they are read as radians.
+    /// Warns of angles that are round numbers of degrees when read as radians.
     fn radians(&self) {
         let s = &self.leg.scanner;
         let max = self.devices().iter().map(|d| d.scan_angle_max).fold(0.0, f64::max);
@@ -256,8 +256,8 @@ impl LegCheck<'_> {
     }
 }
 
-/// True if an angle (rad) was written as a number that is no round number of degrees, and a round one if it
-/// stands for radians.
+/// True if the written number of an angle (rad) is not a round number of degrees, but would be one if it were
+/// in radians.
 fn looks_like_radians(angle: f64) -> bool {
     let written = degrees(angle).abs();
     let is_multiple =

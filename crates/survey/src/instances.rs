@@ -183,8 +183,8 @@ impl Reader<'_> {
         (!is_fatal).then_some(headings)
     }
 
-    /// The instance of a line; `None` after errors. `is_cut`: the line has no end and fewer fields than the
-    /// line before.
+    /// The instance of a line; `None` after errors. `is_cut` is true if the line has no line break and fewer
+    /// fields than the previous line.
     fn row(&mut self, table: &TextTable, line: &mut Line, is_cut: bool) -> Option<Row> {
         let context = self.context;
         let width = line.fields.len();

@@ -153,7 +153,7 @@ fn read_channels(
 }
 
 /// Channels that differ by the elevation of their beams, `elevations_deg`, from channel 0 on, by their
-/// azimuth, `azimuths_deg`, by where they begin, `originRadii_m`, and by when they fire within a cycle,
+/// azimuth, `azimuths_deg`, their origin, `originRadii_m`, and their firing time within a cycle,
 /// `firingOffsets_us`. `None` without elevations.
 fn channels_of_table(fields: &mut Fields, base: &Device) -> Option<Vec<Device>> {
     let elevations = fields.text("elevations_deg");
@@ -237,7 +237,7 @@ pub(super) fn scanner_named(
     read_scanner(context, &element)
 }
 
-/// Numbers within `range` that are separated by semicolons, or evenly spaced as `first;...;last;count` says.
+/// Parses numbers within `range`, separated by semicolons or evenly spaced as `first;...;last;count`.
 fn listed(text: &str, range: RangeInclusive<f64>) -> Option<Vec<f64>> {
     let words: Vec<&str> = text.split(';').map(str::trim).collect();
     let number = |word: &str| word.parse::<f64>().ok().filter(|value| range.contains(value));
@@ -270,8 +270,8 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
             let name = fields.near_name(K.catalogue)?;
             let place = Some(fields.place(K.catalogue));
             let mut scanner = scanner_named(fields.context, &name, fields.folder(), place)?;
-            // Data sheets count here whatever the physics; surveys in XML keep the reference's figures and
-            // its meaning of pulse lengths.
+            // Figures of data sheets apply here in every physics; XML surveys keep the reference's figures
+            // and its definition of pulse lengths.
             scanner.devices.iter_mut().for_each(Device::take_stated_figures);
             Some(scanner)
         }
@@ -282,7 +282,7 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         let message = "[scanner] needs `catalogue`, or both `optics` and `pulse_freqs_hz`";
         let help = "`vlscan catalogue` lists the scanners";
         fields.context.error_help(fields.own_place(), message, help);
-        // What the other keys say is checked all the same.
+        // The other keys are checked anyway.
         let _ = change_device(fields, &mut Device::new(Deflector::Conic), false);
         return None;
     }
@@ -334,7 +334,7 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
         check_deflector(fields, &scanner.devices[0], true);
         (scanner.devices, scanner.multi_channel) = (listed?, true);
     }
-    // Firing times are those of all channels, listed ones too.
+    // Firing times apply to all channels, including listed ones.
     if let Some(corrected) = corrected_channels(fields, &scanner, read_beams) {
         (scanner.devices, scanner.multi_channel) = (corrected?, true);
     }

@@ -55,8 +55,7 @@ impl<'c> LegReader<'c> {
         Leg { number, strip, platform, scanner, place: Some(element.place()) }
     }
 
-    /// Gives `leg` the mount of the platform that `element` names instead of that of the survey, unless it
-    /// has a mount.
+    /// Sets the mount of `leg` to that of the platform that `element` names, unless the leg has a mount.
     pub fn use_other_platform(context: &Context, leg: &mut Leg, element: &Element, platform: &Platform) {
         if element.value("platform").is_none() {
             return;

@@ -1,16 +1,18 @@
 //! Surveys of virtual laser scanning as plain values, with every template, default and unit resolved: from
 //! HELIOS++ XML and from TOML. Geometry is not loaded here.
 //!
-//! * [`read_survey`] reads a survey of XML, [`read_pipeline_survey`] that of a pipeline file: a [`Survey`] of
+//! * [`read_survey`] reads an XML survey, [`read_pipeline_survey`] a pipeline file. Both return a [`Survey`]:
 //!   a [`Scanner`], a [`Platform`], [`Leg`]s and a [`SceneRecipe`].
-//! * [`read_scene`], [`find_scanner`] and [`find_platform`] read one of these alone,
-//!   [`catalogue`](fn@catalogue) all that are built in.
-//! * All readers return the warnings to be shown with the value, and all problems of all files at once as an
-//!   error: each with its place, the found and the expected value.
-//! * [`INSTRUMENT_KEYS`] and [`SURVEY_TABLES`] list what can be stated, with names in both formats and
+//! * [`read_scene`], [`find_scanner`] and [`find_platform`] read only one of these,
+//!   [`catalogue`](fn@catalogue) reads all built-in scanners and platforms.
+//! * Every reader returns its value with warnings, or one error that lists all problems of all files, each
+//!   with its place, the found and the expected value.
+//! * [`INSTRUMENT_KEYS`] and [`SURVEY_TABLES`] list all settings, with their names in both formats and their
 //!   bounds.
 //!
-//! Angles are radians, lengths metres, frequencies hertz, positions world coordinates.
+//! Angles are radians, lengths metres, frequencies hertz, positions world coordinates. Comments cite sections
+//! of `docs/dev/spec`, for example `spec input-formats §2.5`; *the reference* is HELIOS++, whose behaviour
+//! these pages describe.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -25,7 +27,7 @@
 //! | `follow` | surveys that follow a stream of poses; scanners and legs with default settings |
 //! | `checks`, `effects` | checks that need the complete survey: limits, legs that never end; settings that are limited or have no effect |
 //! | `instrument`, `device`, `deflector`, `scan_motion`, `receiver`, `pulse_file` | instruments of both formats |
-//! | `pulse_times` | when pulses leave, where that is no constant rate |
+//! | `pulse_times` | times at which pulses leave, in place of a constant rate |
 //! | `beams` | channels that differ by the directions of their beams |
 //! | `weather` | fog, rain, snow and dust along the beam |
 //! | `rings` | rows of channels, by elevation |
@@ -105,7 +107,7 @@ pub use seed::{SeedError, parse_seed};
 pub use text::{NotText, decode_table};
 pub use xml_limits::MAX_DOCUMENT_BYTES;
 
-/// The example of the README.
+/// The example in the README.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 pub struct Readme;

@@ -24,7 +24,7 @@ pub(super) fn read_loader(kind: &str, mut params: Fields) -> Option<Loader> {
 }
 
 impl Loader {
-    /// Splits the loader into one for each of its files, but for rasters, whose files are tiles of one grid.
+    /// Splits the loader into one per file, except for rasters, whose files are tiles of one grid.
     pub(super) fn per_file(self) -> Vec<Loader> {
         let one = |file: &PathBuf| {
             let mut loader = self.clone();

@@ -185,8 +185,8 @@ fn check_steps(context: &Context, part: &Element, scene: &Element) {
 const STEPS: [&str; 2] = ["dynStep", "kdtDynStep"];
 const TIMES: [&str; 2] = ["dynTimeStep", "kdtDynTimeStep"];
 
-/// Warns of timing of a `<part>` that has no effect or is no whole number of the steps that it is counted in.
-/// `scene` is the `dynTimeStep` of the scene.
+/// Warns of timing of a `<part>` that has no effect or is not a whole number of the steps in which it is
+/// counted. `scene` is the `dynTimeStep` of the scene.
 pub(super) fn check_timing(context: &Context, part: &Element, scene_element: &Element, scene: Option<f64>) {
     let unused = |names: &[&str], why: &str| {
         for name in names.iter().filter(|name| part.value(name).is_some()) {

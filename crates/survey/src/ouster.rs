@@ -1,7 +1,7 @@
 //! Calibration files of Ouster sensors as instruments.
 //!
-//! The sensor writes one JSON file of itself. Its beams have altitudes and azimuths relative to the column
-//! that fires, and all of them leave from a circle around the axis:
+//! The sensor exports its calibration as one JSON file. Its beams have altitudes and azimuths relative to the
+//! column that fires, and all of them leave from a circle around the axis:
 //!
 //! ```text
 //! position = n·ê(θ) + (r − n)·d(θ − azimuth, altitude)      θ = −2π·column/columns
@@ -10,7 +10,7 @@
 //! with the range r that the sensor reports and the distance n of the beams' origin from the axis (Ouster,
 //! "Sensor Data: Coordinate Frames and XYZ Calculation"). The axes here are those of an emitter: the sensor's
 //! x axis, towards its connector, where column 0 fires, is y (forward); the sensor turns clockwise seen from
-//! above. Ranges count from the origin of the beam, so that they are r − n.
+//! above. Ranges are measured from the origin of the beam, so they are r − n.
 //!
 //! The file does not describe beam and receiver: they come from the built-in entry of its product line.
 
@@ -29,7 +29,7 @@ use vlscan_geom::DVec3;
 /// Maximum size of a file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 22;
 const MAX_BEAMS: usize = 1024;
-/// Most columns of a revolution, eight times those of today's sensors.
+/// Maximum number of columns per revolution, eight times that of today's sensors.
 const MAX_COLUMNS: f64 = 16384.0;
 const MAX_FRAME_RATE: f64 = 100.0;
 /// Largest distance of a beam's origin from the centre of the sensor, mm.
@@ -43,7 +43,7 @@ const PRODUCTS: [(&str, &str); 3] =
 /// The entry of other product lines.
 const OTHER_PRODUCT: &str = "ouster_os1-128";
 
-/// True if a reference to a scanner is one to a calibration file.
+/// True if a scanner reference names a calibration file.
 pub(super) fn is_calibration(reference: &str) -> bool {
     Path::new(reference).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
 }
@@ -59,7 +59,7 @@ pub(super) fn read_calibration(
     with_calibration(context, name, folder, place, |calibration| calibration.scanner())
 }
 
-/// Reads the beams alone of a calibration file, as [`read_calibration`]; it may lack the mode.
+/// Reads only the beams of a calibration file, like [`read_calibration`]; the file may lack the mode.
 pub(super) fn read_beams(context: &Context, name: &str, folder: &Path, place: Place) -> Option<Beams> {
     with_calibration(context, name, folder, Some(place), |calibration| calibration.beams())
 }
@@ -262,7 +262,7 @@ impl Calibration<'_> {
         }
     }
 
-    /// Warns of a sensor that sends a part of its columns alone.
+    /// Warns of a sensor that sends only some of its columns.
     fn warn_of_window(&self, frame: &Frame) {
         let Some((name, value)) = self.value(&["column_window"]) else { return };
         let last = f64::from(frame.columns - 1);

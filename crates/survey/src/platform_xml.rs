@@ -19,7 +19,7 @@ pub(super) const NOISE: [&str; 6] = [
     "attitudeZNoise",
 ];
 
-/// The other parameters of multicopters; a ground vehicle has the drag alone.
+/// The other parameters of multicopters; a ground vehicle only has drag.
 const MULTICOPTER: [&str; 9] = [
     "engine_max_force",
     "speedup_magnitude",
@@ -131,7 +131,7 @@ fn read_noise(context: &Context, element: &Element) -> Noise {
         true => fields.without_effect(&["mean", "stdev"], "with uniform noise, which has `min` and `max`"),
         false => fields.without_effect(&["min", "max"], "with normal noise, which has `mean` and `stdev`"),
     }
-    // What has no effect is not limited.
+    // Values without effect are not limited.
     let stdev = Key::attribute("stdev", if uniform { &NUMBER } else { &DEVIATION });
     let (mean, stdev) = (fields.number("mean", 0.0), fields.number(stdev, 1.0));
     let (min, max) = (fields.number("min", 0.0), fields.number("max", 1.0));

@@ -1,4 +1,4 @@
-//! When pulses leave: a file of times, or intervals that repeat.
+//! Emission times of pulses: a file of times, or repeating intervals.
 
 use super::PulseTimes;
 use super::fields::Fields;
@@ -10,11 +10,11 @@ const K: SettingsKeys = SettingsKeys::KEYS;
 
 /// Interval between two pulses, µs.
 const INTERVAL_US: Bounds = Bounds::new(1e-3, 1e12, "a number from 1e-3 to 1e12 µs");
-/// Maximum number of intervals that repeat.
+/// Maximum number of repeating intervals.
 const MAX_INTERVALS: usize = 65_536;
 
-/// Applies the keys of pulse times. A pulse frequency beside them has no effect; in a table of its own it
-/// replaces them.
+/// Applies the keys of pulse times. A pulse frequency in the same table has no effect; one in another table
+/// replaces inherited times.
 pub(super) fn change_pulse_times(fields: &mut Fields, times: &mut Option<PulseTimes>) {
     fields.either(K.pulse_times, K.pulse_intervals_us);
     let given = [K.pulse_times, K.pulse_intervals_us].into_iter().find(|key| fields.has(*key));

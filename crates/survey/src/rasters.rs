@@ -28,8 +28,7 @@ pub fn find_raster(name: &str, options: &ReadOptions) -> Result<(RasterFiles, Di
     context.finish(files)
 }
 
-/// True if a path is that of a raster by its ending or its contents, or that of a folder, which can hold
-/// tiles.
+/// True if a path is a raster, by its extension or contents, or a folder, which may contain tiles.
 pub fn names_raster(path: &Path) -> bool {
     has_ending(path, &TILE_ENDINGS) || is_virtual(path) || path.is_dir() || holds_raster(path)
 }
@@ -39,7 +38,7 @@ fn holds_raster(path: &Path) -> bool {
     first_bytes(path).is_some_and(|bytes| foreign(path, &bytes, &Expected::RASTER).is_none())
 }
 
-/// True if a name ends like a raster's.
+/// True if a name has the extension of a raster.
 pub(super) fn is_raster(name: &str) -> bool {
     has_ending(Path::new(name), &TILE_ENDINGS) || is_virtual(Path::new(name))
 }
@@ -83,8 +82,7 @@ impl Context {
         self.assets.folder(name, folder).is_some() && self.assets.file(name, folder).is_none()
     }
 
-    /// True if a name that is relative to the working directory is that of a folder, or a pattern of names of
-    /// files.
+    /// True if a name, relative to the working directory, is a folder or a pattern of file names.
     pub fn are_tiles(&self, name: &str) -> bool {
         let matches = |name: &str| self.assets.matching(&of_wildcards(name), Path::new("")).is_ok();
         Path::new(name).is_dir() || has_wildcards(name) && matches(name)

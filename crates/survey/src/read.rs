@@ -64,8 +64,8 @@ pub fn read_scene(reference: &str, options: &ReadOptions) -> Result<(SceneRecipe
 }
 
 /// Reads a scanner: `file.xml#id`, `file.xml` for its first scanner, the calibration file of an Ouster sensor
-/// (.json), or the id of a built-in scanner. An id that two built-in scanners have is an error that tells
-/// their full references. `catalogue:` before an id or reference skips all files but the built-in ones.
+/// (.json), or the id of a built-in scanner. An id of two built-in scanners is an error that lists their full
+/// references. `catalogue:` before an id or reference skips all files but the built-in ones.
 ///
 /// # Errors
 /// The errors of [`read_survey`].
@@ -75,7 +75,7 @@ pub fn find_scanner(reference: &str, options: &ReadOptions) -> Result<(Scanner, 
     context.finish(scanner)
 }
 
-/// Reads a platform, which is named as [`find_scanner`] says.
+/// Reads a platform; references have the forms of [`find_scanner`].
 ///
 /// # Errors
 /// The errors of [`read_survey`].
@@ -98,8 +98,8 @@ pub(super) fn chosen_scene(
     }
 }
 
-/// As [`find_scene`]; a raster that the reference names is terrain, of soil. Scenes of XML surveys are as
-/// HELIOS++ has them: rasters without a material are not ground.
+/// Like [`find_scene`], but a raster is terrain, of soil. Scenes of XML surveys follow HELIOS++: rasters
+/// without a material are not ground.
 pub(super) fn find_scene_on_soil(
     context: &Context,
     reference: &str,

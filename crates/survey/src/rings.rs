@@ -4,7 +4,7 @@ use crate::{Deflector, Device, Scanner};
 use std::f64::consts::PI;
 use vlscan_geom::{DVec3, Rotation};
 
-/// Smallest difference between elevations, rad, that are not the same.
+/// Minimum difference between distinct elevations, rad.
 const STEP: f64 = 1e-9;
 
 impl Scanner {

@@ -10,7 +10,7 @@ pub(super) const MAX_FILE_BYTES: u64 = 1 << 24;
 /// Maximum size of a file of a line per pulse, bytes.
 pub(super) const MAX_LONG_FILE_BYTES: u64 = 1 << 31;
 
-/// A row that is not expected in its file; the text of each error is the expectation.
+/// An unexpected row of a file; the text of each error is the expectation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(super) enum RowProblem {
     /// Other columns.

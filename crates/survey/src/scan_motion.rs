@@ -48,7 +48,7 @@ pub(super) fn change_scan_motion(fields: &mut Fields, device: &mut Device) {
     };
 }
 
-/// Refuses the motion and the limits of something that turns, which a table of beams is not.
+/// Rejects keys of a motion and its limits, which a table of beams does not have.
 fn refuse_of_pattern(fields: &Fields) {
     let motion = [K.scan_reverse, K.scan_phase_deg, K.scan_wander];
     let limits = [K.scan_angle_max_deg, K.scan_freq_min_hz, K.scan_freq_max_hz];
@@ -57,7 +57,7 @@ fn refuse_of_pattern(fields: &Fields) {
     }
 }
 
-/// How an oscillating mirror swings, which is as before unless the keys say otherwise.
+/// Reads the swing of an oscillating mirror, which stays `before` unless the keys change it.
 fn read_swing(fields: &mut Fields, before: Swing) -> Swing {
     let kinds = [("even", Swing::TurningPulses), ("sine", Swing::Sine)];
     let kind = fields.choice(K.mirror_motion, &kinds, None);
@@ -87,7 +87,7 @@ fn read_wander(fields: &mut Fields) -> Option<Wander> {
     Some(Wander::Sine { amplitude: radians(amplitude?), freq: freq?, phase })
 }
 
-/// Lines of a time, s, later than the one before, and an angle, degrees.
+/// Lines of a time, s, ascending, and an angle, degrees.
 fn read_angles(fields: &Fields, name: &str) -> Option<AngleTable> {
     let mut table = AngleTable { times: Vec::new(), degrees: Vec::new() };
     let columns = "two finite numbers: time in s and angle in degrees";

@@ -51,7 +51,7 @@ pub(super) fn read_scene_element(context: &Context, element: &Element) -> Option
     })
 }
 
-/// Warns of elements that have the id of an earlier one, so that outputs cannot tell them apart.
+/// Warns of elements with the id of an earlier one, which outputs cannot distinguish.
 pub(super) fn warn_of_repeated_ids(context: &Context, what: &str, elements: impl Iterator<Item = Element>) {
     let mut ids = HashSet::new();
     for element in elements {

@@ -40,9 +40,9 @@ macro_rules! settings {
             $(pub $field: f64,)*
             /// `beam_divergence` as written, NaN where it is not: here no value is reserved for "not given".
             own_divergence: f64,
-            /// When pulses leave, in place of a constant rate; only pipeline files say so.
+            /// Times at which pulses leave, in place of a constant rate; only in pipeline files.
             pulse_times: Option<PulseTimes>,
-            /// Fog, rain, snow and dust; only pipeline files say so.
+            /// Fog, rain, snow and dust; only in pipeline files.
             weather: Weather,
             /// Place and name of a scan angle of 0, which counts as not given.
             zero_angle: Option<(Place, &'static str)>,
@@ -231,7 +231,7 @@ impl ScannerLayer {
         }
     }
 
-    /// Warns of a scan angle of 0 where the widest of the scanner takes its place.
+    /// Warns of a scan angle of 0 where the scanner's maximum is used instead.
     pub fn report_zero_angle(&self, context: &Context, scanner: &Scanner) {
         let Some((place, name)) = self.zero_angle.clone().filter(|_| self.active && self.scan_angle == 0.0)
         else {
@@ -260,8 +260,8 @@ impl ScannerLayer {
         }
     }
 
-    /// Computes scan frequency and head speed from the angular resolutions (spec input-formats §2.6), which
-    /// `fields` have.
+    /// Computes scan frequency and head speed from the angular resolutions in `fields` (spec input-formats
+    /// §2.6).
     pub fn apply_resolution(&mut self, fields: &Fields, scanner: &Scanner) {
         let keys = [K.vertical_resolution_deg, K.horizontal_resolution_deg];
         let angles = [self.vertical_resolution, self.horizontal_resolution];
@@ -371,7 +371,7 @@ impl PlatformLayer {
             on_ground: fields.flag(keys.on_ground, default.on_ground),
             speed: fields.number(keys.speed_m_per_s, default.speed),
             has_speed: default.has_speed || speed_is_given,
-            // A template with smooth turns passes on that the platform does not stop.
+            // With smooth turns of a template the platform does not stop either.
             stop_and_turn: fields.flag("stopAndTurn", default.stop_and_turn) && !smooth_turn,
             smooth_turn,
             slowdown: fields.flag("slowdownEnabled", default.slowdown),

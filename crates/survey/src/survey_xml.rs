@@ -207,8 +207,8 @@ fn warn_of_first_channel(context: &Context, element: &Element, channels: usize) 
     }
 }
 
-/// Sets the receiver of all devices but for the pulse shape. HELIOS++ does not have these settings, so there
-/// does not restrict them to device 0.
+/// Sets the receiver of all devices but for the pulse shape. HELIOS++ does not have these settings, so its
+/// restriction to device 0 does not apply to them.
 fn set_receiver(scanner: &mut Scanner, receiver: &Receiver) {
     for device in &mut scanner.devices {
         let pulse_shape = device.receiver.pulse_shape.take();

@@ -206,7 +206,7 @@ fn check_columns(context: &Context, leg: &Element, says: &TrajectoryLayer) {
         }
         let earlier = (0..i).find(|&j| is_read(j) && columns[j] == columns[i]);
         if let Some(j) = earlier {
-            // The one whose number is a default is the surprise.
+            // Report the column that has its default number: the user may not know of it.
             let at = if written(i) || !written(j) { name } else { COLUMNS[j].0 };
             let message = format!("{} and {quantity} are both column {}", COLUMNS[j].1, columns[i]);
             let help = if i == 0 || j == 0 {

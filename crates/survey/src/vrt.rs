@@ -1,6 +1,6 @@
 //! Virtual rasters of GDAL (VRT, <https://gdal.org/en/stable/drivers/raster/vrt.html>): windows of files,
-//! pixel by pixel, in one grid. What would change numbers or positions of pixels, such as resampling, warping
-//! and lookup tables, is an error.
+//! pixel by pixel, in one grid. Anything that would change values or positions of pixels, such as resampling,
+//! warping or lookup tables, is an error.
 
 use super::context::Context;
 use super::xml::{Element, XmlDocument};
@@ -308,7 +308,7 @@ impl Reader<'_> {
         number
     }
 
-    /// Refuses warped, pansharpened and derived rasters and bands.
+    /// Rejects warped, pansharpened and derived rasters and bands.
     fn refuse_kind(&self, element: &Element) -> Option<()> {
         let Some(kind) = element.value("subClass") else { return Some(()) };
         let message = format!("<{}> of the kind `{kind}` is not supported", element.name());
@@ -322,7 +322,7 @@ impl Reader<'_> {
         unknown.is_empty().then_some(())
     }
 
-    /// Refuses open options of a source that may change its pixels.
+    /// Rejects open options of a source that may change its pixels.
     fn refuse_options(&self, source: &Element) -> Option<()> {
         let Some(options) = source.child(OPEN_OPTIONS) else { return Some(()) };
         for option in options.children() {

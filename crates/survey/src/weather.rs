@@ -6,7 +6,7 @@ use super::rows::{MAX_FILE_BYTES, RowProblem, read_rows};
 use super::{AirState, Weather};
 use vlscan_base::quantity::{DUST, OPTICAL_RANGE, RAIN_RATE, SNOW_RATE, TIME};
 
-/// Applies the keys of `weather`: those of a leg change that of all legs.
+/// Applies the keys of `weather`; those of a leg override those of all legs.
 pub(super) fn change_weather(fields: &mut Fields, weather: &mut Weather) {
     let Some(mut table) = fields.child(SettingsKeys::KEYS.weather, &WeatherKeys::TABLE) else { return };
     let keys = WeatherKeys::KEYS;
@@ -35,7 +35,7 @@ pub(super) fn change_weather(fields: &mut Fields, weather: &mut Weather) {
     table.done(&[]);
 }
 
-/// Lines of a time, s, later than the one before, and the weather at that time.
+/// Lines of a time, s, ascending, and the weather at that time.
 fn read_weather(fields: &Fields, name: &str) -> Option<Vec<(f64, AirState)>> {
     let mut rows: Vec<(f64, AirState)> = Vec::new();
     let row = |&[time, range, rain, snow, dust]: &[f64; 5]| {

@@ -113,8 +113,8 @@ impl XmlDocument {
     }
 }
 
-/// The text without an XML declaration that follows blank lines, which XML forbids and the reference reads:
-/// blanks take its place, so that positions stay the same.
+/// The text with blanks in place of an XML declaration that follows blank lines. XML forbids such a
+/// declaration, but the reference accepts it; the blanks keep all positions.
 fn without_late_declaration<'t>(path: &Path, text: &'t str, problems: &mut Diagnostics) -> Cow<'t, str> {
     let start = text.len() - text.trim_start().len();
     if start == 0 || !text[start..].starts_with("<?xml ") {

@@ -1,5 +1,5 @@
 //! Limits of XML documents, checked before they are parsed: the parser compares each attribute of an element
-//! with all others, and writes out what an entity stands for wherever it is named.
+//! with all others, and expands every reference to an entity.
 
 use memchr::{memchr, memchr2, memchr3, memmem};
 use std::collections::HashMap;

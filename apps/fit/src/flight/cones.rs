@@ -109,7 +109,7 @@ impl Arc {
     }
 }
 
-/// The circle whose arcs are lines that come once in a revolution: its radius follows from their speed on the
+/// The circle whose arcs are lines that occur once per revolution: its radius follows from their speed on the
 /// ground, its centre lies at right angles to them, on the right for `sense` 1 and on the left for −1.
 fn arcs(recording: &Recording, sense: f64) -> Option<Circle> {
     let long = recording.lines.iter().filter(|line| line.len() >= MIN_ARC_PULSES);

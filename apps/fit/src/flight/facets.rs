@@ -16,12 +16,12 @@ use vlscan_geom::{LeastSquares, median};
 const MIN_LINES: usize = 3;
 /// Maximum residual of the positions of lines by facets, as a share of that by one facet.
 const MAX_RESIDUAL: f64 = 0.3;
-/// The smallest number of facets is taken whose residual is at most this many times the smallest one.
+/// The smallest number of facets is used whose residual is at most this many times the smallest residual.
 const AS_GOOD: f64 = 1.5;
 /// Multiples of the rate of lines at which their phases agree to this share of the best one's are as good.
 const COHERENT: f64 = 0.97;
 
-/// A line: when it looks straight down, and how far ahead of its expected place it lies.
+/// A line: the time at which it points straight down, and its distance ahead of the expected position.
 struct Line {
     /// s.
     time: f64,

@@ -19,7 +19,7 @@ pub fn guesses(recording: &Recording) -> Vec<Model> {
     found
 }
 
-/// Guesses of mirrors that swing otherwise than evenly, if the lines go to and fro.
+/// Guesses of mirrors that swing unevenly, if the lines go to and fro.
 pub fn swings(recording: &Recording) -> Vec<Model> {
     [Mirror::Turning, Mirror::Sine].iter().filter_map(|mirror| lines::guess(recording, *mirror, 1)).collect()
 }

@@ -76,8 +76,8 @@ const MAX_SECTIONS: usize = 20_000;
 const SECTIONS_PER_TURN: f64 = 8.0;
 /// Residuals of a kind of mirror that are larger than the best by this factor rule it out.
 const RULED_OUT: f64 = 3.0;
-/// Mirrors that swing otherwise than evenly have to leave this share of what the others leave unexplained, or
-/// less: in the middle of a swath all swings look alike.
+/// Maximum ratio of the residuals of mirrors that swing unevenly to those of the others: in the middle of a
+/// swath all swings look alike.
 const CLEARLY_BETTER: f64 = 0.7;
 /// Maximum residual of a flight, m on the ground.
 const MAX_RESIDUAL: f64 = 0.5;
@@ -175,7 +175,7 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     Ok(fit)
 }
 
-/// An error for a scanner that stands and turns.
+/// The error for a scanner that turns at a fixed position.
 fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
     let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) else { return Ok(()) };
     let message = format!(

@@ -23,8 +23,8 @@ const MAX_LOST: f64 = 20.0;
 /// intervals for which it is determined: the rate may change along a line.
 const WINDOW: usize = 32;
 const WINDOW_STEP: usize = 16;
-/// Minimum share of a window's intervals that are about as long as its usual one. Fewer are those of a
-/// thinned cloud, whose windows have too few neighbouring pulses.
+/// Minimum share of a window's intervals that are about as long as its usual one. Thinned clouds have fewer,
+/// because their windows have too few neighbouring pulses.
 const MIN_USUAL_SHARE: f64 = 0.5;
 /// Plausible pulse rates, 1/s.
 const RATES: std::ops::RangeInclusive<f64> = 100.0..=2e7;

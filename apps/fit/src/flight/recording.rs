@@ -448,7 +448,7 @@ fn flight_lines(rows: &mut [Row]) -> Vec<Range<usize>> {
         let by_time = a.source.cmp(&b.source).then(a.time.total_cmp(&b.time));
         by_time.then(a.number.cmp(&b.number))
     };
-    // Most recordings are in order, and sorting takes half of their memory again.
+    // Most recordings are in order, and sorting takes half as much memory again.
     if !rows.is_sorted_by(|a, b| order(a, b).is_le()) {
         rows.sort_by(order);
     }

@@ -1,4 +1,4 @@
-//! Detects recordings of a scanner that stands and turns: their scan lines turn steadily.
+//! Detects recordings of a scanner that turns at a fixed position: their scan lines turn steadily.
 
 use super::phases::StraightLine;
 use super::recording::Pulse;

@@ -31,13 +31,13 @@ pub struct FlightFiles {
     pub simulated: PathBuf,
 }
 
-/// Extensions of the files beside a pipeline file.
+/// Extensions of the files next to a pipeline file.
 const TRAJECTORY: &str = "trajectory.csv";
 const WANDER: &str = "wander.txt";
 const PULSE_TIMES: &str = "pulses.txt";
 
 impl FlightFiles {
-    /// Checks that the pipeline file and any file that a fit may write beside it can be written. Call it
+    /// Checks that the pipeline file and any file that a fit may write next to it can be written. Call it
     /// before a fit, which takes long.
     ///
     /// # Errors
@@ -50,7 +50,7 @@ impl FlightFiles {
         Ok(())
     }
 
-    /// The pipeline file and all files that a fit may write beside it.
+    /// The pipeline file and all files that a fit may write next to it.
     fn possible(pipeline: &Path) -> [PathBuf; 4] {
         let beside = |extension: &str| pipeline.with_extension(extension);
         [pipeline.to_path_buf(), beside(TRAJECTORY), beside(WANDER), beside(PULSE_TIMES)]
@@ -63,7 +63,7 @@ impl FlightFiles {
 }
 
 impl FlightFit {
-    /// Writes the pipeline file at `path`, and beside it the trajectory and, if the pulse rate is not
+    /// Writes the pipeline file at `path`, and next to it the trajectory and, if the pulse rate is not
     /// constant, the times of pulses. `command` is the command line that made it. With `force`, files of an
     /// earlier fit are replaced, and removed if this fit does not have them.
     ///

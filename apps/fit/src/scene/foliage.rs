@@ -1,6 +1,6 @@
 //! Foliage as voxels: leaf area density by the law of Beer and Lambert from the losses of beams.
 //!
-//! A return k of a pulse with n returns has intercepted 1/n of the beam, and (n − k)/n goes on. In every
+//! A return k of a pulse with n returns has intercepted 1/n of the beam, and (n − k)/n continues. In every
 //! voxel the intercepted shares are added up, and so are the lengths of the beams within it, each weighted by
 //! the share that is left there. Their ratio is the estimate of the extinction σ with the greatest likelihood
 //! where paths are exponentially distributed (Pimont et al. 2018, *Estimators and confidence intervals for

@@ -141,7 +141,7 @@ pub struct ReconstructedScene {
     pub divergence: f64,
 }
 
-/// Reports what each stage has made and how long it took.
+/// Reports the result and the duration of each stage.
 struct Stages<'a> {
     observer: &'a Observer,
     begun: Instant,
@@ -158,7 +158,7 @@ impl Stages<'_> {
 /// Estimates a scene from a classified point cloud. `observer` receives warnings of doubtful results.
 ///
 /// # Errors
-/// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that are no point cloud or have no
+/// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that are not point clouds or have no
 /// ground, and for warnings of a strict observer.
 pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
     let mut found = Diagnostics::default();

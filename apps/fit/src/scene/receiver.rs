@@ -1,4 +1,4 @@
-//! The receiver and the grain of foliage, by how many returns pulses through foliage have.
+//! The receiver and the size of foliage elements, from the number of returns of pulses through foliage.
 //!
 //! The resolution is the minimum distance between two returns of a pulse in the recording. The threshold is
 //! the minimum share of the energy that makes a return. The size of the elements of foliage (shoots, clusters
@@ -53,7 +53,7 @@ pub struct Receiver {
     pub resolution: f64,
     /// Pairs of returns by which it is known; 0: it is assumed.
     pub pairs: usize,
-    /// Least share of the beam's energy that is a return.
+    /// Minimum share of the beam's energy that makes a return.
     pub threshold: f64,
     /// Size of the elements of foliage, m.
     pub element_size: f64,
@@ -305,8 +305,8 @@ type Ranges = [(f64, u8); SUBRAYS];
 /// In place of a layer: the surface below the foliage.
 const SURFACE: u8 = u8::MAX;
 
-/// Sends the beams of samples through foliage. Trials differ in few settings, so that what is common to
-/// several of them is computed once.
+/// Sends the beams of samples through foliage. Trials differ in few settings, so results that several of them
+/// share are computed once.
 struct Simulator<'s> {
     samples: &'s [Sample],
     /// Minimum distance between two returns, m.

@@ -127,7 +127,7 @@ fn plane(
     Cell { height, slope, class }
 }
 
-/// Points near a centre with their squared distances from a place beside it.
+/// Points near a centre with their squared distances from a nearby place.
 fn shifted(points: &[DVec3], near: &[(f64, usize)], centre: [f64; 2], by: [f64; 2]) -> Vec<(f64, usize)> {
     let place = [centre[0] + by[0], centre[1] + by[1]];
     let mut found: Vec<(f64, usize)> = near

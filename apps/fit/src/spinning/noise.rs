@@ -42,7 +42,7 @@ fn dot(a: &[f64; PARTS], b: &[f64; PARTS]) -> f64 {
 }
 
 /// The law that fits most patches. Patches with more scatter than its noise explains are surfaces that are
-/// not plane, and do not count: least trimmed squares, with the limit by the distribution of χ².
+/// not plane, and are ignored: least trimmed squares, with the limit by the distribution of χ².
 pub(super) fn noise_law(patches: &[Patch], threshold: f64, divergence: f64) -> Option<NoiseLaw> {
     let rows: Vec<[f64; PARTS]> = patches.iter().map(|p| terms(p, threshold, divergence)).collect();
     let mut variances: Vec<f64> = rows.iter().map(|row| FIRST_NOISE * FIRST_NOISE + row[3]).collect();

@@ -31,14 +31,13 @@ pub struct Cell {
     pub variant_index: usize,
     /// Seed of the run.
     pub seed: u64,
-    /// The group that it belongs to, and what that group is for: train, validation or test; empty without a
-    /// split.
+    /// Its group, and the use of that group: train, validation or test; empty without a split.
     pub group: String,
     /// Subset of the split: `train`, `validation` or `test`; empty without a split.
     pub split: &'static str,
 }
 
-/// All cells, scene by scene, and what there is to say of the files of their areas.
+/// All cells, scene by scene, and messages about the files of their areas.
 #[derive(Clone, Debug)]
 pub struct Cells(pub Vec<Cell>, Diagnostics);
 
@@ -46,7 +45,7 @@ impl Cells {
     /// The cells of a campaign; areas are read.
     ///
     /// # Errors
-    /// [`Error::Input`] for areas that cannot be read, plots that do not fit and names that are there twice.
+    /// [`Error::Input`] for areas that cannot be read, plots that do not fit and duplicate names.
     pub fn of(file: &File) -> Result<Cells> {
         let (scenes, found) = scenes_of(file)?;
         let seeds = file.seeds.all();
@@ -102,7 +101,7 @@ struct ScenePart {
     area: Option<Arc<Area>>,
 }
 
-/// The scenes of a campaign, divided into plots; areas are read. Also returns what the user should know.
+/// The scenes of a campaign, divided into plots; areas are read. Also returns notes for the user.
 fn scenes_of(file: &File) -> Result<(Vec<ScenePart>, Diagnostics)> {
     let (mut scenes, mut found) = (Vec::new(), Diagnostics::default());
     for (index, scene) in file.scenes.iter().enumerate() {

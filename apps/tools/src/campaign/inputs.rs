@@ -17,8 +17,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Inputs among which files and folders of these names are none, although folders that hold them are
-    /// listed.
+    /// Inputs that exclude files and folders of these names, even in listed folders.
     pub fn without(excluded: impl IntoIterator<Item = PathBuf>) -> Inputs {
         let excluded = excluded.into_iter().map(|path| identity(&path)).collect();
         Inputs { excluded, known: BTreeMap::new() }
@@ -59,10 +58,10 @@ impl Inputs {
             && record.folders.iter().all(|(path, sum)| self.sum_of_names(Path::new(path)) == *sum)
     }
 
-    /// Notes in a record what was read for it, but for what lies in the folder `work`. Paths below `folder`,
-    /// the working directory, become relative. Returns the files that were written, touched or removed since
-    /// they were read, which are not noted: what the cell was computed from is no longer there, so that
-    /// neither what it gave nor why it failed is to be kept.
+    /// Adds the inputs that were read for a cell to its record, except those in the folder `work`. Paths
+    /// below `folder`, the working directory, become relative. Returns the files that were written, touched
+    /// or removed since they were read, which are not recorded: without the original inputs neither the
+    /// result of the cell nor its failure may be kept.
     pub fn note(&mut self, reads: &Reads, record: &mut Record, work: &Path, folder: &Path) -> Vec<String> {
         let name = |path: &Path| -> Option<String> {
             let is_own = path.starts_with(work);

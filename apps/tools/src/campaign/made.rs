@@ -8,8 +8,9 @@ use std::path::{Component, Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{Stamp, reads};
 
-/// The note of what was written for a cell, beside the record in its folder: so that the files are known when
-/// that record is damaged, and with the sizes and times that they had when their checksums were right.
+/// The note of the files that were written for a cell, in addition to the record in its folder. The note
+/// identifies the files if the record is damaged, and contains the sizes and times that they had when their
+/// checksums were verified.
 #[derive(Debug)]
 pub(super) struct Made {
     pub record: Record,
@@ -25,7 +26,7 @@ impl Made {
         Made { record: record.clone(), stamps: stamps.collect() }
     }
 
-    /// Reads a note; `None` unless there is one whose record is as it was written.
+    /// Reads a note; `None` unless there is one whose record is unmodified.
     pub fn read(path: &Path) -> Option<Made> {
         let text = reads::read_own(path).ok()?;
         let mut lines = text.split_inclusive(|byte| *byte == b'\n');
@@ -83,7 +84,7 @@ impl Owned {
         Owned { place: place.to_path_buf(), files }
     }
 
-    /// Describes what is in the place and was not written by a campaign; `None` if there is nothing else.
+    /// Describes foreign content in the place, which no campaign has written; `None` if there is none.
     pub fn foreign(&self) -> Option<String> {
         match self.place.symlink_metadata() {
             Err(_) => None,

@@ -23,11 +23,11 @@ pub struct Record {
     pub split: String,
     /// Version of vlscan.
     pub version: String,
-    /// Scene, variant and options as the campaign's file says them.
+    /// Scene, variant and options as written in the campaign file.
     pub options: serde_json::Value,
     /// The files that were read, with checksums of their contents (XXH3, 64 bits).
     pub inputs: BTreeMap<String, String>,
-    /// The files that were looked for and not found.
+    /// The files that were searched for and not found.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub absent: BTreeSet<String>,
     /// The folders whose files were listed, with checksums of the names in them.
@@ -86,7 +86,7 @@ impl Record {
         Ok(format!("{open}{SUM_KEY}{sum:016x}{SUM_END}\n"))
     }
 
-    /// The record of a line; `None` unless every byte of it is as it was written.
+    /// The record of a line; `None` if any byte of it has changed.
     pub fn parse(line: &[u8]) -> Option<Record> {
         let text = std::str::from_utf8(line).ok()?.strip_suffix('\n')?;
         let (open, sum) = text.strip_suffix(SUM_END)?.rsplit_once(SUM_KEY)?;
@@ -98,7 +98,8 @@ impl Record {
     }
 
     /// True if the same cell, described by `wanted`, would have this record again: version, options, group,
-    /// the contents of all files that were read, and the absence of those that were looked for and not found.
+    /// the contents of all files that were read, and the absence of those that were searched for and not
+    /// found.
     pub fn is_current(&self, wanted: &Record, inputs: &mut Inputs) -> bool {
         let head = |record: &Record| {
             let Record { cell, scene, variant, seed, group, split, version, .. } = record.clone();

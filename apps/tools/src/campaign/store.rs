@@ -99,8 +99,8 @@ impl Drop for CellLock {
 }
 
 impl Store {
-    /// Creates the folder if it is missing. `needs_no_locks` tells that this process has cells of its own;
-    /// `verifies` has the checksums of all files compared.
+    /// Creates the folder if it is missing. `needs_no_locks` is true if this process has cells of its own;
+    /// with `verifies` the checksums of all files are compared.
     ///
     /// # Errors
     /// [`Error::Input`] if the folder holds files of these names that no campaign has written; [`Error::Io`].
@@ -120,7 +120,7 @@ impl Store {
         reads::read_own(&self.hidden(MARK)).is_ok_and(|text| text == MARK_TEXT.as_bytes())
     }
 
-    /// Refuses a folder in which files of others have the names that a data set needs.
+    /// Rejects a folder in which files of others have the names that a data set needs.
     fn check_names(&self) -> Result<()> {
         let foreign = |path: &Path, what: &str| {
             Error::input(format!(
@@ -136,8 +136,8 @@ impl Store {
         let hidden = self.folder.join(".campaign");
         let mut names = fs::read_dir(&hidden).into_iter().flatten().flatten().map(|entry| entry.file_name());
         let is_empty = names.all(|name| is_temporary_name(&name));
-        // A damaged mark is replaced where the state of a cell tells the same. Another process that begins at
-        // the same time may be writing the mark, which is therefore looked for last.
+        // A damaged mark is replaced where the state of a cell proves the same. Another process that begins
+        // at the same time may be writing the mark, which is therefore looked for last.
         let is_known =
             hidden.symlink_metadata().is_err() || is_empty || made::is_in(&hidden) || self.is_marked();
         let is_marked = self.is_marked();
@@ -255,8 +255,8 @@ impl Store {
         made::Owned::new(&self.folder, &self.cell(cell), records)
     }
 
-    /// Why a cell cannot be computed: in the place of one of its files or folders there is something that no
-    /// campaign has written.
+    /// Reason why a cell cannot be computed: there is something in the place of one of its files or folders
+    /// that no campaign has written.
     fn obstruction(&self, cell: &Cell) -> Option<String> {
         for path in
             [self.failed_path(cell), self.made_path(cell), self.hidden(&format!("{}.lock", cell.name))]
@@ -299,7 +299,7 @@ impl Store {
         Ok(Some(CellLock { _lock: lock, work }))
     }
 
-    /// True if a cell is this process's own after the attempt to lock it.
+    /// True if this process holds a cell after the attempt to lock it.
     fn is_locked(&self, attempt: std::result::Result<(), TryLockError>) -> Result<bool> {
         match attempt {
             Ok(()) => Ok(true),
@@ -329,7 +329,7 @@ impl Store {
         remove_file(&self.failed_path(cell))
     }
 
-    /// Keeps why a cell has failed, and removes its unfinished files and those of an earlier state of the
+    /// Records the failure of a cell, and removes its unfinished files and those of an earlier state of the
     /// campaign.
     ///
     /// # Errors
@@ -342,7 +342,7 @@ impl Store {
         Ok(())
     }
 
-    /// Keeps nothing of a cell that has failed, so that the next start computes it.
+    /// Removes everything of a failed cell, so that the next start computes it.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -378,7 +378,7 @@ impl Store {
         remove_file(&self.folder.join("manifest.jsonl"))
     }
 
-    /// Notes what a cell took; a line that cannot be written is left out.
+    /// Records the duration of a cell; a line that cannot be written is left out.
     pub fn note_time(&self, cell: &Cell, seconds: f64, threads: usize) {
         let line = serde_json::json!({ "cell": cell.name, "seconds": seconds, "threads": threads });
         let path = self.folder.join("times.jsonl");
@@ -411,8 +411,8 @@ fn is_work(work: &Path) -> bool {
     is_folder && (is_marked() || is_empty())
 }
 
-/// Removes a folder with unfinished files, if it exists. Its mark is the last file: what a process leaves
-/// that is killed meanwhile is known by it.
+/// Removes a folder with unfinished files, if it exists. Its mark is removed last, so that the remains of a
+/// killed process are recognised by it.
 fn remove_work(work: &Path) -> io::Result<()> {
     if work.symlink_metadata().is_err() {
         return Ok(());

@@ -12,7 +12,7 @@ use vlscan_survey::{Deflector, Device, Scanner, ScannerSettings};
 const SAMPLES: u32 = 2000;
 /// Time over which they are spread, s.
 const SAMPLED_S: f64 = 1.0;
-/// Half angle of a scan above which elevations do not tell its field, rad.
+/// Half angle of a scan above which elevations do not describe its field, rad.
 const MAX_ELEVATION: f64 = 1.5;
 
 /// Full angles of the field of view, degrees, each at most 360: one of scanners that draw lines or cones; all
@@ -77,7 +77,7 @@ fn half_angle(device: &Device) -> f64 {
     half.min(PI)
 }
 
-/// True if a mirror moves the beams. Channels that the head alone turns have none, though they state the
+/// True if a mirror moves the beams. Channels that only the head turns have no mirror, though they state the
 /// angle of one.
 fn has_mirror(scanner: &Scanner) -> bool {
     scanner.devices[0].scan_freq.1 > 0.0 || !scanner.multi_channel

@@ -28,8 +28,8 @@ pub enum Theme {
     Reader,
 }
 
-/// Colours of the series, light on dark and dark on white; those on white can be told apart with most kinds
-/// of colour vision.
+/// Colours of the series, light on dark and dark on white; those on white can be distinguished with most
+/// kinds of colour vision.
 const SERIES: [[Rgb; 2]; Role::SERIES] = [
     [[106, 176, 243], [0, 114, 178]],
     [[246, 174, 66], [213, 94, 0]],
@@ -124,12 +124,12 @@ pub enum Mark {
         path: Vec<[f64; 2]>,
         /// Height of the horizontal line.
         floor: f64,
-        /// How much of what is below is hidden, 0 to 1.
+        /// Opacity, 0 to 1.
         opacity: f64,
         /// Decides the colour.
         role: Role,
     },
-    /// A disc that says something when it is pointed at.
+    /// A disc with a tooltip.
     Dot {
         /// The centre.
         at: [f64; 2],
@@ -202,7 +202,7 @@ impl Drawing {
         self.element(&format!("{size} role=\"img\" aria-label=\"{}\"", escaped(label)), "")
     }
 
-    /// The drawing as a file of its own.
+    /// The drawing as a standalone file.
     pub fn file(&self, theme: Theme) -> String {
         let (width, height) = (self.width, self.height);
         let head = format!(

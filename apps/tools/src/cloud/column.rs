@@ -89,7 +89,7 @@ pub(crate) struct Column<T> {
 }
 
 impl<T: Clone> Clone for Column<T> {
-    /// A copy, whose next parts are in a file of its own.
+    /// A copy, whose further parts go to a separate file.
     fn clone(&self) -> Column<T> {
         Column {
             parts: self.parts.clone(),

@@ -18,7 +18,7 @@ use vlscan_formats::{
 };
 use vlscan_geom::{Aabb, MAX_COORDINATE};
 
-/// Most different objects that are counted.
+/// Maximum number of distinct objects that are counted.
 const MAX_OBJECTS: usize = 1 << 20;
 
 /// Number of points of a file that are counted together, unless the file has blocks.
@@ -65,16 +65,16 @@ pub struct CloudSummary {
     objects: HashSet<u64>,
     cover: Occupancy,
     strays: StrayFinder,
-    /// True if the file that is being read is LAS, and what its points have.
+    /// True if the current file is LAS, and the attributes of its points.
     is_las: bool,
     of_file: AttributeSet,
 }
 
-/// Describes the points of some clouds as if they were one. Returns also what there is to say of the clouds.
+/// Describes the points of some clouds as if they were one. Also returns messages about the clouds.
 ///
 /// # Errors
-/// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) when a file is of no
-/// format that is read or damaged.
+/// [`Error::Io`](vlscan_base::Error::Io); [`Error::Input`](vlscan_base::Error::Input) when a file has no
+/// supported format or is damaged.
 pub fn cloud_facts(clouds: &[CloudSource]) -> Result<(CloudSummary, Diagnostics)> {
     let (mut facts, mut all) = (CloudSummary::default(), Diagnostics::default());
     for cloud in clouds {

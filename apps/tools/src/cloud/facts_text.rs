@@ -12,7 +12,7 @@ use vlscan_formats::{Attribute, FileFacts};
 /// Maximum number of flight lines and of files that are listed as text; JSON has all.
 const MAX_LISTED: usize = 40;
 
-/// Most channels that are listed with their points as text.
+/// Maximum number of channels that are listed with their points as text.
 const MAX_LISTED_CHANNELS: usize = 8;
 
 /// Seconds from the epoch of GPS, 6 January 1980, that adjusted standard GPS time leaves out.
@@ -285,7 +285,7 @@ fn path_name(path: u8) -> Option<&'static str> {
     NAMES.get(usize::from(path)).copied()
 }
 
-/// The name of a file's format: LAZ and COPC are told from LAS.
+/// The name of a file's format: LAZ and COPC are distinguished from LAS.
 fn format_name(file: &FileFacts) -> &'static str {
     match &file.las {
         Some(las) if las.is_copc => "COPC",

@@ -11,7 +11,7 @@
 //! | `source` | where a cloud comes from |
 //! | `read` | reads files and tables of points |
 //! | `wave`, `read_packets` | waveforms from text and from LAS |
-//! | `facts`, `facts_part` | what a cloud is, in bounded memory; of a block of points |
+//! | `facts`, `facts_part` | facts about a cloud, in bounded memory; of a block of points |
 //! | `facts_text` | facts as text and as JSON |
 //! | `occupancy` | the area that points cover |
 //! | `classes` | names of point classes |

@@ -6,9 +6,9 @@ use std::collections::HashMap;
 const MIN_SIDE: f64 = 0.25;
 /// Cells along the side of a block, whose cells are the bits of one word per row.
 const BLOCK_CELLS: i64 = 64;
-/// Most blocks of 520 bytes that are kept; beyond it cells get twice as large.
+/// Maximum number of blocks of 520 bytes that are kept; beyond it the side of cells doubles.
 const MAX_BLOCKS: usize = 1 << 17;
-/// Least number of points per occupied cell at which empty cells within the cover are rare: of points that
+/// Minimum number of points per occupied cell at which empty cells within the cover are rare: of points that
 /// are strewn at random, 1 in 22 000 cells is empty.
 const MIN_POINTS_PER_CELL: f64 = 10.0;
 
@@ -134,7 +134,7 @@ mod tests {
             || (0..320 * 160).map(|i| [f64::from(i % 320), f64::from(i / 320)].map(|v| 0.2 * v + 0.1));
         places().for_each(|[x, y]| cover.mark(Occupancy::smallest_cell(x - 32.0, y - 16.0)));
         assert_eq!(cover.area(320 * 160), Some((64.0 * 32.0, 1.0)));
-        // Whatever the order of points, cells that are too many get larger.
+        // Too many cells get larger, in any order of points.
         let mut few = [false, true].map(|is_reversed| {
             let mut few = Occupancy { max_blocks: 4, ..Occupancy::default() };
             let mut all: Vec<[f64; 2]> = places().collect();

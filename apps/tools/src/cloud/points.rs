@@ -55,7 +55,7 @@ pub struct Points {
     /// System of the coordinates as WKT.
     crs: Option<String>,
     bounds: Aabb,
-    /// True if legs are flight lines, numbered from 1, and 0 stands for none.
+    /// True if legs are flight lines, numbered from 1, and 0 means none.
     legs_from_one: bool,
     object_numbers: HashMap<String, u16>,
     latest_object: u16,
@@ -280,7 +280,7 @@ impl Points {
         self.latest_object
     }
 
-    /// From now on legs of the points are flight lines, numbered from 1, and 0 stands for none.
+    /// Treats the legs of further points as flight lines, numbered from 1; 0 means none.
     pub fn count_legs_from_one(&mut self) {
         self.legs_from_one = true;
     }

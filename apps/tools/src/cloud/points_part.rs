@@ -4,7 +4,7 @@ use super::column::HeldValues;
 use vlscan_formats::{Attribute, AttributeSet, PointPart, PointRow};
 use vlscan_geom::{DVec3, MAX_COORDINATE};
 
-/// Values of a point that a cloud may keep beside its position.
+/// Values of a point that a cloud may keep in addition to its position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KeptValues {
     pub time: f64,

@@ -8,11 +8,11 @@ use vlscan_base::error::{Error, Result};
 use vlscan_formats::AttributeSet;
 use vlscan_geom::MAX_COORDINATE;
 
-/// Reads a point cloud in any format of [`vlscan_formats`]; `-` is stdin. Returns the points and what is to
-/// be said of them: warnings, also of points that are left out, and notes on how the file was interpreted.
+/// Reads a point cloud in any format of [`vlscan_formats`]; `-` is stdin. Returns the points and messages:
+/// warnings, also about points that are left out, and notes on how the file was interpreted.
 ///
 /// # Errors
-/// [`Error::Input`] when the file is of no format that is read or damaged, with the invalid lines of text.
+/// [`Error::Input`] when the file has no supported format or is damaged, with the invalid lines of text.
 pub fn read_points(path: &Path) -> Result<(Points, Diagnostics)> {
     read_within(path, None, None)
 }
@@ -42,7 +42,7 @@ pub fn read_within(
     checked(points, path, found)
 }
 
-/// The points of a table in memory, and what is to be said of them as [`read_points`] does.
+/// The points of a table in memory, and messages as of [`read_points`].
 ///
 /// # Errors
 /// [`Error::Input`] for tables without the columns X, Y and Z, for columns of other numbers than integers and
@@ -190,7 +190,7 @@ mod tests {
         }
         let points = read(text).unwrap();
         assert_eq!(points.class.to_vec(), [255, 0, 2, 0, 5]);
-        // Names of objects are no numbers.
+        // Names of objects are not numbers.
         assert_eq!(said(b"x,y,z,object,class\n1,2,3,oak,5\n1,2,3,2.5,255\n", "a.csv"), "");
         let ply = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
                    property float label\nend_header\n1 2 3 0.5\n4 5 6 7\n";

@@ -16,7 +16,7 @@ use vlscan_base::rng::{Purpose, Stream};
 
 /// Number of splits whose largest difference is the bound.
 pub(super) const SPLITS: u64 = 39;
-/// Least number of blocks that tell what chance gives.
+/// Minimum number of blocks for an estimate of chance.
 pub(super) const MIN_BLOCKS: u32 = 16;
 const SEED: u64 = 0;
 

@@ -53,7 +53,7 @@ pub struct Change {
     pub cells_left_out: usize,
     /// Number of these cells, and of cells without points of both between cells with a difference.
     pub cells_unmeasured: usize,
-    /// Number of cells with points of the first, and of the second cloud alone.
+    /// Number of cells with points of only the first, and of only the second cloud.
     pub cells_of_one: [usize; 2],
     /// Mean difference, m.
     pub mean_m: f64,
@@ -91,7 +91,7 @@ impl Change {
         const LEFT_OUT: f64 = 0.1;
         /// Minimum share of cells left out or filled that is mentioned.
         const WITHOUT_SURFACE: f64 = 0.25;
-        /// Minimum share of a volume that cells left out may add and that is mentioned.
+        /// Minimum share of a volume, added by cells left out, that is reported.
         const UNMEASURED: f64 = 0.05;
         let [left_out, filled] = [self.cells_unmeasured, self.cells_interpolated];
         let all = self.cells + left_out;

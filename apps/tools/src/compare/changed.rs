@@ -1,9 +1,9 @@
 //! Points that are new or gone: far from all points of the other epoch, as measured by the spacing there.
 //!
 //! A point is new if its distance from the nearest point of the first cloud is more than twice the distance
-//! of that point from its eighth neighbour, and gone if the same is so the other way round. Of points that
-//! are scattered evenly over a surface one in 10¹³ lies so far from the others by chance (a Poisson process:
-//! exp(−4 · 8)). Only places count that both clouds saw: cells where both have points.
+//! of that point from its eighth neighbour, and gone if the same holds in reverse. Of points that are
+//! scattered evenly over a surface one in 10¹³ lies so far from the others by chance (a Poisson process:
+//! exp(−4 · 8)). Only cells where both clouds have points are compared.
 
 use super::comparison::common_box;
 use super::cut::{CellGrid, Cut};
@@ -20,7 +20,7 @@ use vlscan_geom::{Aabb, radians};
 
 /// Neighbour whose distance is the spacing of a place.
 const NEIGHBOUR: usize = 8;
-/// Least distance of a changed point, in spacings.
+/// Minimum distance of a changed point, in spacings.
 const SPACINGS: f64 = 2.0;
 /// Classes of gone and of new points in files: two of those that LAS leaves to users.
 const CLASSES: [u8; 2] = [65, 64];

@@ -43,7 +43,7 @@ pub struct Cloud {
     pub density_per_m2: f64,
     /// Median intensity of the points in the box, in the unit of the file; `None` without intensities.
     pub intensity_median: Option<f64>,
-    /// Pulses and scan lines with points in the box; `None` if they cannot be told.
+    /// Pulses and scan lines with points in the box; `None` if they cannot be distinguished.
     pub pulses_and_lines: Option<[usize; 2]>,
 }
 
@@ -82,7 +82,7 @@ pub struct Comparison {
     /// Agreement of both clouds.
     #[serde(flatten)]
     pub agreement: Agreement,
-    /// The same of two halves of the first cloud, if what chance gives is told.
+    /// The same of two halves of the first cloud, if chance is estimated.
     pub agreement_of_halves: Option<Agreement>,
     /// Change from the first to the second cloud.
     pub change: Change,
@@ -160,7 +160,7 @@ pub fn compare(
     })
 }
 
-/// The attributes of points that a comparison uses beside their positions.
+/// The attributes of points that a comparison uses in addition to their positions.
 pub fn compared_attributes() -> AttributeSet {
     AttributeSet::of(|attribute| {
         use Attribute::{Channel, Class, Intensity, Leg, NumberOfReturns, ReturnNumber, ScanAngle, Time};
@@ -237,7 +237,7 @@ fn agreement_of_halves(setting: &Setting, options: &CompareOptions) -> Option<Ag
     Some(agreement(setting, [&first, &second], options))
 }
 
-/// All quantities; `tell` is told what is measured.
+/// All quantities; `tell` is called with the quantity that is measured next.
 fn findings(setting: &Setting, tell: &dyn Fn(&str, &'static str)) -> Findings {
     let mut found = Findings::default();
     type Part = (&'static str, &'static str, fn(&Setting, &mut Findings));

@@ -6,8 +6,7 @@ use serde::Serialize;
 
 /// Numbers of classes that a histogram has at least and at most, if its values are not whole numbers.
 const CLASSES: [f64; 2] = [12.0, 80.0];
-/// Fractions at both ends that are left out at first, and more and more of them while classes would be too
-/// many.
+/// Fractions at both ends that are left out at first, and increasingly while there would be too many classes.
 const TAILS: [f64; 5] = [0.002, 0.005, 0.01, 0.025, 0.05];
 
 /// A histogram of both clouds with the same classes.
@@ -28,9 +27,9 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Of ascending values, none of them empty. Classes are as wide as the rule of Freedman and Diaconis
-    /// (1981) says, rounded down to 1, 2 or 5 × 10ⁿ; where a few values lie far off, the range is that of the
-    /// others.
+    /// Of ascending values, none of them empty. The width of classes follows the rule of Freedman and
+    /// Diaconis (1981), rounded down to 1, 2 or 5 × 10ⁿ; where a few values lie far off, the range is that of
+    /// the others.
     pub(super) fn of(sorted: [&[f64]; 2], is_whole: bool) -> Histogram {
         let (from, width, count) = match is_whole {
             true => whole_classes(sorted),

@@ -5,7 +5,7 @@ use super::statistic::quantile;
 use crate::chart::label::{metres, round_below};
 use crate::chart::{Frame, NORTH_HEIGHT, Picture, Rgb, font};
 
-/// From lower to higher: blue over white to red, told apart with all usual kinds of colour vision
+/// From lower to higher: blue over white to red, distinguishable with all usual kinds of colour vision
 /// (ColorBrewer RdBu).
 const DIVERGING: [Rgb; 9] = [
     [5, 48, 97],

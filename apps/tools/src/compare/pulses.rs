@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use std::ops::Range;
 use vlscan_formats::PulseGroups;
 
-/// Least number of pulses of a line whose figures count.
+/// Minimum number of pulses of a line whose figures are used.
 const MIN_LINE_PULSES: usize = 5;
-/// Least number of lines that recognise a pattern.
+/// Minimum number of lines for recognising a pattern.
 const MIN_LINES: usize = 10;
 /// Largest ratio of the time between two lines to the usual one; a longer one lies between strips.
 const MAX_LINE_GAP: f64 = 3.0;
@@ -396,14 +396,14 @@ fn lines_of(track: &Track) -> Vec<Range<usize>> {
 
 /// The shortest time between two lines, s: intervals fall into those of pulses, with a few lost ones, and
 /// those of lines. Their limit is the widest step of the ascending intervals on a logarithmic scale, weighted
-/// by the logarithm of the number of intervals beyond, so that a few pauses between strips are no lines.
-/// Infinite without such a step.
+/// by the logarithm of the number of intervals beyond, so that a few pauses between strips are not taken for
+/// lines. Infinite without such a step.
 fn gap_between_lines(times: &[f64]) -> f64 {
     /// Ratio beyond which a wider step says nothing more.
     const CLEAR: f64 = 10.0;
     /// Least ratio of a step.
     const LEAST: f64 = 2.0;
-    /// Least ratio of the time between lines and the usual interval.
+    /// Minimum ratio of the time between lines to the usual interval.
     const BEYOND: f64 = 10.0;
     let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     intervals.retain(|interval| *interval > 0.0);

@@ -8,9 +8,9 @@ use super::statistic::Statistic::{self, Frequency, Mean, Quantile, Share, Spread
 use rayon::prelude::*;
 use vlscan_formats::Attribute;
 
-/// Edges of the classes of heights above the terrain whose shares are told, m.
+/// Edges of the reported classes of heights above the terrain, m.
 const STRATA: [f64; 8] = [f64::NEG_INFINITY, -0.5, 0.5, 2.0, 5.0, 10.0, 20.0, f64::INFINITY];
-/// Least share of a class of points in either cloud that is told, percent.
+/// Minimum share, in either cloud, of a reported class of points, percent.
 const MIN_SHARE: f64 = 0.01;
 const QUARTILES: [Statistic; 6] =
     [Mean, Quantile(0.05), Quantile(0.25), Quantile(0.5), Quantile(0.75), Quantile(0.95)];

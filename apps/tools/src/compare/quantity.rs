@@ -1,4 +1,4 @@
-//! A quantity of both clouds: figures of its distribution, and what chance gives.
+//! A quantity of both clouds: figures of its distribution, and differences due to chance.
 
 use super::chance::{Halves, SPLITS};
 use super::histogram::Histogram;

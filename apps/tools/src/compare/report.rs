@@ -26,7 +26,7 @@ pub(super) struct Row {
     pub second: String,
     pub difference: String,
     pub chance: String,
-    /// True if the difference is within what chance gives, if that is told.
+    /// True if the difference is within chance, if that is estimated.
     pub is_within: Option<bool>,
 }
 
@@ -166,7 +166,7 @@ fn clouds(c: &Comparison) -> Section {
 fn agreement(c: &Comparison) -> Section {
     let mut rows = Vec::new();
     let halves = c.agreement_of_halves.as_ref();
-    // Whether a value that is small where clouds agree is at most that of halves.
+    // True if a value that is small where clouds agree is at most that of halves.
     let mut row = |name: String, of: &dyn Fn(&Agreement) -> f64, decimals: usize, is_small: Option<bool>| {
         let value = of(&c.agreement);
         let chance = halves.map(of);

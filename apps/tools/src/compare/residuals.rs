@@ -6,11 +6,11 @@ use super::statistic::Statistic::{self, Mean, Quantile, Spread};
 use super::terrain::{GROUND, Terrain};
 use rayon::prelude::*;
 
-/// Width of the classes of scan angles by which residuals are told, degrees.
+/// Width of the reported classes of scan angles, degrees.
 const ANGLE_CLASS: f64 = 5.0;
 /// Number of classes of elevations with equal numbers of points of the first cloud.
 const ELEVATION_CLASSES: usize = 4;
-/// Least number of residuals of each cloud in a class that is told.
+/// Minimum number of residuals of each cloud in a reported class.
 const MIN_CLASS: usize = 100;
 /// Largest distance of an unclassified last return from the terrain that counts as ground, m.
 const MAX_GROUND_DISTANCE: f64 = 1.0;

@@ -1,4 +1,4 @@
-//! Both clouds, ready to be measured, and what is found.
+//! Both clouds, prepared for measurement, and the results.
 
 use super::chance::Halves;
 use super::cut::{CellGrid, Cut, of_both};
@@ -22,7 +22,7 @@ pub(super) struct Setting<'a> {
     pub wide_grid: CellGrid,
     pub lowest: Vec<f64>,
     pub terrain: Option<Terrain<'a>>,
-    /// Most points of each cloud whose height above the terrain is computed.
+    /// Maximum number of points of each cloud whose height above the terrain is computed.
     pub most: usize,
 }
 

@@ -126,7 +126,7 @@ impl<'c> Planes<'c> {
         Some(Planes { tree: KdTree::new(&ground), ground, lines })
     }
 
-    /// Height of the least-squares plane through the nearest ground points, and whether it is no
+    /// Height of the least-squares plane through the nearest ground points, and true if it is not an
     /// extrapolation; otherwise it is their mean height. The nearest ground point is left out with its scan
     /// line: of a point that makes the terrain that is itself, and other points lie as far from the lines
     /// that remain as it does.

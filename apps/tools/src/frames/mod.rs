@@ -168,9 +168,9 @@ fn rounded_down(value: f64) -> String {
 /// a table of objects of which there are no points, are reported to `observer`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Input`] for a source that is no MCAP with points and poses, for a malformed table
-/// of objects, for numbers that the files cannot hold, for folders of the layout that exist, and for warnings
-/// of a strict observer.
+/// [`Error::Io`]; [`Error::Input`] for a source that is not an MCAP file with points and poses, for a
+/// malformed table of objects, for numbers that the files cannot hold, for folders of the layout that exist,
+/// and for warnings of a strict observer.
 pub fn write_frames(
     source: &mut dyn Read,
     name: &Path,
@@ -227,7 +227,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_file(path, false, bytes)
 }
 
-/// Refuses a folder of a layout that exists: frames of another run would be among those that are written.
+/// Rejects a folder of a layout that exists: frames of another run would be among those that are written.
 fn refuse_existing(folder: &Path) -> Result<()> {
     if is_taken(folder) {
         return Err(Error::input_with_help(

@@ -11,8 +11,8 @@
 //! ```
 //!
 //! Boxes of objects are in the tables of annotations (instance, sample_annotation, visibility), which are
-//! empty without them, as is the table of attributes. There is no table lidarseg: with it the devkit refuses
-//! classes that are not those of nuScenes. The token in the name of labels is that of `sample_data`.
+//! empty without them, as is the table of attributes. There is no table lidarseg: with it the devkit rejects
+//! classes other than those of nuScenes. The token in the name of labels is that of `sample_data`.
 
 use super::boxes::FrameBox;
 use super::categories::Names;

@@ -18,7 +18,7 @@ pub(super) struct SurveyTexts {
 /// ordinary reflectance are seen from flying heights with it, and not with the reference's default of 0.0001.
 const DETECTION_THRESHOLD_W: f64 = 1e-9;
 const XML: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-/// The root of a document whose files are those beside it, whatever lies in the working directory.
+/// The root of a document whose files are next to it, regardless of the working directory.
 pub(super) const DOCUMENT: &str = "<document paths=\"beside\">";
 
 /// Text of `scene.xml` with its parts in order; their ids are 0, 1, ….

@@ -3,7 +3,7 @@
 use vlscan_base::quantity::{COORDINATE, number};
 use vlscan_geom::is_inside;
 
-/// Most corners of an outline whose sides are compared with each other.
+/// Maximum number of corners of an outline whose sides are compared with each other.
 const MAX_COMPARED: usize = 20_000;
 /// Distance by which the ends of a side are on either side of another that it crosses, m: sides may touch.
 const MIN_CROSSING: f64 = 1e-6;
@@ -93,7 +93,7 @@ impl Area {
         self.corners.iter().zip(next).map(|(a, b)| [*a, *b])
     }
 
-    /// Intersection of two sides; not looked for in outlines of very many corners.
+    /// Intersection of two sides; not searched for in outlines of very many corners.
     fn crossing(&self) -> Option<[f64; 2]> {
         if self.corners.len() > MAX_COMPARED {
             return None;
@@ -188,7 +188,7 @@ fn crossing(one: [[f64; 2]; 2], other: [[f64; 2]; 2]) -> Option<[f64; 2]> {
 }
 
 /// # Errors
-/// A sentence that tells which coordinate is no metre.
+/// A sentence that names the coordinate that is not in metres.
 pub(super) fn check_coordinates(points: &[[f64; 2]]) -> Result<(), AreaError> {
     match points.iter().flatten().find(|v| !COORDINATE.contains(**v)) {
         Some(wrong) => Err(AreaError::Coordinate(*wrong)),

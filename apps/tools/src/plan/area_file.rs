@@ -20,9 +20,9 @@ const MAX_DEGREES: f64 = 1.0;
 
 /// Reads an area: a file of GeoJSON, KML, KMZ, GPX or well-known text, a shapefile, a GeoPackage, or
 /// well-known text itself. Its first polygon or closed track counts, without its holes; with `buffer` (m)
-/// what is no farther from its first line. `scene_crs` is the system of the scene as WKT, if its files name
-/// one: coordinates of other systems are projected to it, if it is a UTM zone. Also returns what the user
-/// should know.
+/// everything within that distance of its first line. `scene_crs` is the system of the scene as WKT, if its
+/// files name one: coordinates of other systems are projected to it, if it is a UTM zone. Also returns notes
+/// for the user.
 ///
 /// # Errors
 /// [`Error::Input`], [`Error::Io`].
@@ -130,7 +130,7 @@ struct Source<'s> {
 }
 
 impl<'s> Source<'s> {
-    /// Reads the first geometry that is wanted, and warns of all that is not used.
+    /// Reads the first geometry of the requested kind, and warns of everything unused.
     fn read(name: &'s str, wanted: Expected) -> Result<Source<'s>> {
         let failed = |what: String| Error::input(format!("{name}: {what}"));
         let (read, place) = match is_well_known_text(name) {
@@ -236,7 +236,7 @@ impl<'s> Source<'s> {
         }
     }
 
-    /// Decides what the coordinates are, and tells it where they can be understood otherwise.
+    /// Decides what the coordinates are, with a note where they are ambiguous.
     fn coordinates(&mut self, scene_crs: Option<&str>) -> Result<Coordinates, SystemError> {
         match self.system.clone() {
             System::OfScene => Ok(Coordinates::OfScene),
@@ -393,7 +393,7 @@ fn is_closed(track: &Line) -> bool {
     track.positions.len() > 3 && distance(first, last) <= MAX_GAP * length
 }
 
-/// The geometries of a file, or what is wrong with them.
+/// The geometries of a file, or its problem.
 type ReadGeometries = Result<(Format, Vec<Geometry>), VectorError>;
 
 fn read_file_of(path: &Path) -> Result<ReadGeometries> {

@@ -1,5 +1,5 @@
 //! Places where the beams of an instrument meet flat ground, sampled from the optics that the simulator
-//! turns: whatever deflector, channels, facets and head an instrument has, no formula of its own is needed.
+//! turns: whatever deflector, channels, facets and head an instrument has, no separate formula is needed.
 
 use super::error::PlanError;
 use super::reach::{Reach, Seen};
@@ -9,7 +9,7 @@ use vlscan_geom::{DVec3, Rotation};
 use vlscan_lidar::scanner::{DevicePlan, DeviceState};
 use vlscan_survey::{Device, Mount, ScannerSettings};
 
-/// Most samples, all devices together.
+/// Maximum number of samples of all devices together.
 const MAX_SAMPLES: f64 = 60_000.0;
 /// Intervals of the profile across a strip.
 const BINS: usize = 256;
@@ -305,7 +305,7 @@ impl QuarterTurns {
     }
 }
 
-/// How well a field serves a strip below a flight: the width of the strip times the share of the pulses in
+/// Suitability of a field for a strip below a flight: the width of the strip times the share of the pulses in
 /// its middle half.
 fn merit(field: &Field) -> f64 {
     if !field.is_symmetric() { 0.0 } else { field.width() * field.share_within(0.25 * field.width()) }

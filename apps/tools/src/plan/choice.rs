@@ -10,7 +10,7 @@ use super::swath::{Scan, SwathModel};
 use vlscan_geom::MAX_COORDINATE;
 use vlscan_survey::Mount;
 
-/// Most flight lines of a plan.
+/// Maximum number of flight lines of a plan.
 const MAX_LINES: f64 = 10_000.0;
 /// Overlap of neighbouring strips if none is requested, percent.
 const DEFAULT_OVERLAP: f64 = 30.0;
@@ -113,7 +113,7 @@ impl Choice {
     }
 }
 
-/// Refuses ground that is nearer than the instrument measures.
+/// Rejects ground that is nearer than the instrument measures.
 pub(super) fn check_clearance(
     instrument: &SwathModel,
     options: &AirborneOptions,
@@ -175,7 +175,7 @@ fn choose_rate(
         match choose_at(area, frame, instrument, carrier, &given, rate) {
             Ok(choice) if choice.density >= density * (1.0 - 1e-9) => return Ok(choice),
             Ok(choice) => densest = Some((rate, choice.density)),
-            // Pulses of a higher rate are weaker, but scan frequencies may be in reach.
+            // Pulses at a higher rate are weaker, but the scan frequency may be feasible.
             Err(problem) => refused = refused.or(Some(problem)),
         }
     }
@@ -262,7 +262,7 @@ fn mount(
     Ok((Mount { rotation: turns.rotation(), ..carrier.mount }, Some(turned)))
 }
 
-/// Refuses strips that the instrument's reach cuts off.
+/// Rejects strips that the instrument's reach cuts off.
 fn check_ranges(instrument: &SwathModel, options: &AirborneOptions, field: &Field) -> Result<(), PlanError> {
     let name = || instrument.name().to_owned();
     let [near, far] = instrument.ranges();

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Angle between the points of a round corner, rad.
 const CORNER_STEP: f64 = PI / 12.0;
-/// Most points of a corridor's edge.
+/// Maximum number of points of a corridor's edge.
 const MAX_POINTS: f64 = 100_000.0;
 
 /// The area no farther than `distance` m from a line of at least two different positions: its edges run

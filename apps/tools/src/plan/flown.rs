@@ -1,4 +1,4 @@
-//! Flies a sample of a planned flight and compares it with what the plan promises of flat ground.
+//! Flies a sample of a planned flight and compares it with the plan's figures for flat ground.
 
 use super::area::Area;
 use super::document::{PlannedSurvey, Promise, Waypoint};
@@ -11,11 +11,11 @@ use vlscan_lidar::flight::{FlightPlan, FlightSink, FlightState, PoseSample, Puls
 
 /// Pulses that are computed.
 const MAX_SAMPLES: f64 = 12_000.0;
-/// Least number of sampled steps.
+/// Minimum number of sampled steps.
 const MIN_SAMPLES: f64 = 3000.0;
-/// Relative departure of density and width above which the plan is refused.
+/// Relative departure of density and width above which the plan is rejected.
 const MAX_DEPARTURE: f64 = 0.05;
-/// Standard deviations of the sampled density that are no departure.
+/// Standard deviations of the sampled density that do not count as a departure.
 const MAX_DEVIATIONS: f64 = 4.0;
 /// Distances between the outermost samples of a strip and the next ones that its edge may lie farther out.
 const MAX_GAPS: f64 = 4.0;
@@ -145,7 +145,7 @@ impl<'a> Strip<'a> {
         (self.inside_now, self.across_now) = (0.0, [f64::NEG_INFINITY; 2]);
     }
 
-    /// `weight` is the number of pulses that each sampled one stands for.
+    /// `weight` is the number of pulses that each sampled one represents.
     fn result(&self, weight: f64) -> Flown {
         let square = self.area.square_metres();
         Flown {
@@ -180,7 +180,7 @@ impl FlightSink for Strip<'_> {
 }
 
 impl Flown {
-    /// Compares what was flown with what was promised.
+    /// Compares the flown sample with the plan.
     ///
     /// # Errors
     /// [`Error::Input`] with both.

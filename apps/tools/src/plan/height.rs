@@ -5,7 +5,7 @@ use super::error::PlanError;
 use super::line::Line;
 use vlscan_geom::{DVec3, HeightModel};
 
-/// Most waypoints of a line that follows the ground.
+/// Maximum number of waypoints of a line that follows the ground.
 const MAX_STEPS: f64 = 100_000.0;
 
 /// Largest distance of the ground-following line from one with all waypoints, a part of the height above the

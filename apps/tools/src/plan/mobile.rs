@@ -11,7 +11,7 @@ use vlscan_geom::DVec3;
 
 /// Most waypoints of a plan.
 const MAX_WAYPOINTS: f64 = 1e6;
-/// Distance for which the spacing of points is told, m.
+/// Distance for which the spacing of points is reported, m.
 const POINT_DISTANCE: f64 = 10.0;
 
 /// Requirements of a mobile survey.

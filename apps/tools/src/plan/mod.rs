@@ -1,7 +1,7 @@
 //! Plans surveys: legs from an area, a plot or a line, with overlap, density, spacing and height above the
 //! ground. What an instrument sees is sampled from the optics that the simulator turns, and a sample of the
-//! planned flight is flown to check what the plan promises. A plan is written as a pipeline file that tells
-//! its figures in comments.
+//! planned flight is flown to check the plan's figures. A plan is written as a pipeline file with its figures
+//! in comments.
 //!
 //! | file | what it does |
 //! |---|---|

@@ -25,7 +25,7 @@ const MAX_HALF_ANGLE: f64 = 75.0;
 const DEFAULT_HALF_ANGLE: f64 = 30.0;
 /// Turns per second of a spinning head if none are requested.
 const DEFAULT_TURNS: f64 = 10.0;
-/// Turns per second that a head must reach to be one that spins all the time.
+/// Minimum number of turns per second of a head that spins continuously.
 const MIN_SPIN: f64 = 5.0;
 /// Scan lines that are sampled, at least.
 const SAMPLED_LINES: f64 = 12.0;

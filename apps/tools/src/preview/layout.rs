@@ -209,7 +209,7 @@ struct Room {
     legend: u32,
     /// Height of a legend below a view.
     legend_height: u32,
-    /// Least widths of the views, for their captions.
+    /// Minimum widths of the views, for their captions.
     captions: [u32; 2],
 }
 

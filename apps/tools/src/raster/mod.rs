@@ -200,10 +200,10 @@ fn check_points(sink: &Sink, kinds: &[RasterKind], name: &str, input: &str) -> R
 
 impl CloudRasters {
     /// Reads point clouds as one, for rasters of some kinds. `crs` is the system of clouds that name none, as
-    /// WKT; `max_bytes` the memory that the cells may take. Returns also what there is to say of the clouds.
+    /// WKT; `max_bytes` the memory that the cells may take. Also returns messages about the clouds.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, clouds in different systems, no
+    /// [`Error::Io`]; [`Error::Input`] for files that are not point clouds, clouds in different systems, no
     /// points, too many cells, and without ground points if they are needed.
     pub fn read(
         clouds: &[CloudSource],

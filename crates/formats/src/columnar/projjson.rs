@@ -276,7 +276,7 @@ fn geographic(element: &Element) -> Option<Value> {
 }
 
 fn projected(element: &Element) -> Option<Value> {
-    // Definitions in other terms, as of Web Mercator on a sphere, say another thing than the projection.
+    // Definitions in other terms, as of Web Mercator on a sphere, contradict the projection.
     if element.element("EXTENSION").is_some() {
         return None;
     }

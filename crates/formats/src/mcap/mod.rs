@@ -170,7 +170,7 @@ impl PointEncoder for Mcap {
     }
 }
 
-/// The attitude of a scanner of which it is not known; it has no poses.
+/// The attitude of a scanner with an unknown attitude, which has no poses.
 const UNKNOWN: Rotation = Rotation { w: 0.0, u: DVec3::ZERO };
 
 /// A file that is being written, with the points of the frame that is not complete.

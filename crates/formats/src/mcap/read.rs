@@ -14,7 +14,7 @@ use vlscan_base::recognise::{Expected, FIRST_BYTES, foreign};
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 /// Kind and length before the content of a record, bytes.
 const HEAD_BYTES: usize = 9;
-/// Longest record that is read, bytes.
+/// Maximum length of a record, bytes.
 const MAX_RECORD_BYTES: u64 = 1 << 31;
 
 const FOOTER: u8 = 0x02;
@@ -332,7 +332,7 @@ impl Reader {
 
     /// Collects the transforms of a message.
     fn transforms(&mut self, message: &[u8]) -> Option<()> {
-        /// Most poses of a frame that are kept.
+        /// Maximum number of poses that are kept per frame.
         const MAX_POSES: usize = 1 << 16;
         let mut cdr = CdrReader::new(message)?;
         for _ in 0..cdr.word()? {
@@ -407,7 +407,7 @@ fn size_of_kind(kind: u8) -> usize {
     }
 }
 
-/// A whole number of such a type; 0 for floats. The bytes are at hand.
+/// A whole number of such a type; 0 for floats. The bytes are available.
 fn whole(bytes: &[u8], kind: u8) -> i64 {
     let four = || std::array::from_fn::<u8, 4, _>(|i| bytes[i]);
     match kind {

@@ -6,7 +6,7 @@ pub type Job = Box<dyn FnOnce() + Send>;
 /// Executor of the writer's jobs, compressing and writing: normally the worker pool.
 pub trait Offload: Send + Sync {
     /// Queues the job for another thread, or returns it when the queue is full; the writer then runs it.
-    /// Never blocks. A queued job may be dropped: the writer does itself what no worker has begun.
+    /// Never blocks. A queued job may be dropped: the writer runs the jobs that no worker has begun.
     fn try_run(&self, job: Job) -> Result<(), Job>;
 
     /// Threads that run jobs.

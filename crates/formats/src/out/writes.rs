@@ -6,7 +6,7 @@ use std::io;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use vlscan_base::files::PositionedFile;
 
-/// Most bytes that wait to be written.
+/// Maximum number of bytes that wait to be written.
 const MAX_WAITING_BYTES: usize = 16 << 20;
 /// Threads for each thread that writes to a file. Most file systems (ext4, XFS, tmpfs) let one write at a
 /// time change a file, and the others would only wait, spinning; those that allow several are fast enough for

@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use vlscan_base::columns::{Separator, is_blank};
 use vlscan_geom::DVec3;
 
-/// Bytes that LZF can make of one byte, at most.
+/// Maximum number of bytes to which LZF expands one byte.
 const MAX_EXPANSION: usize = 132;
 
 /// True if a file begins as PCD does: a line VERSION, FIELDS or COLUMNS after comments.

@@ -63,13 +63,13 @@ fn offset(world: &Aabb) -> DVec3 {
     DVec3::from(world.centre().to_array().map(|c| (c / 1000.0).round() * 1000.0 + 0.0))
 }
 
-/// Room in the header for the place of a scanner that stands, bytes.
+/// Space in the header for the position of a static scanner, bytes.
 const VIEWPOINT_BYTES: usize = 3 * 24;
 
 /// Largest distance between beams of a scanner at rest, m: lasers lie next to each other in its head.
 const MAX_HEAD_M: f64 = 1.0;
 
-/// The place of a scanner that stands, by the box around the origins of its beams.
+/// The position of a static scanner, from the box around the origins of its beams.
 fn viewpoint(origins: &Aabb) -> Option<DVec3> {
     let size = origins.size();
     let stands = !origins.is_empty() && size.max_element() <= MAX_HEAD_M;
@@ -78,8 +78,8 @@ fn viewpoint(origins: &Aabb) -> Option<DVec3> {
 }
 
 /// Returns the header of a file with `count` points, whose length does not depend on the count. `viewpoint`
-/// is where the scanner stands; `Some(None)` stands for one that moves after all, and `None` leaves no room
-/// for such a place.
+/// is the position of the scanner; `Some(None)` means that the scanner moves after all, and `None` reserves
+/// no space for a position.
 fn head(
     offset: DVec3,
     count: u64,
@@ -122,7 +122,7 @@ struct Pcd {
     /// World position of the origin of points, m.
     world: DVec3,
     rings: Rings,
-    /// True if the scanner stands, so that files may have one viewpoint.
+    /// True if the scanner is static, so that files may have one viewpoint.
     stands: bool,
     optional: Optional,
 }

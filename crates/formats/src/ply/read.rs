@@ -40,7 +40,7 @@ struct PlyReader<'a> {
     is_last: bool,
     /// The attributes of the vertices; the column of each is the number of the attribute.
     columns: Columns,
-    /// True if vertices are the ends of rays, of which those of the opacity 0 end in free space.
+    /// True if vertices are the ends of rays; rays of opacity 0 end in free space.
     is_ray_cloud: bool,
     remarks: Vec<String>,
 }

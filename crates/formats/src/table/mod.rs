@@ -84,7 +84,7 @@ pub(super) fn read_arrow(mut source: impl Read, reading: &mut Reading) -> Result
     decoder.end()
 }
 
-/// Reads the points of a table in memory; `name` stands for it in messages.
+/// Reads the points of a table in memory; `name` is its name in messages.
 ///
 /// # Errors
 /// [`Error::Input`] for tables without the columns X, Y and Z, and for columns of other numbers than integers

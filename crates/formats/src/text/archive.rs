@@ -149,7 +149,7 @@ impl<'n, R: BufRead> Archive<'n, R> {
         let found = foreign(name, first, &Expected::COMPRESSED)
             .filter(|found| !matches!(found.kind.family, Family::Binary | Family::Empty));
         let mut archive = Archive { name, bytes: ZlibDecoder::new(file), at: 0 };
-        // Compressed bytes can look like numbers: an archive is known by what it expands to.
+        // Compressed bytes can look like numbers: an archive is recognised by its expanded content.
         match (archive.check_head(), found) {
             (Ok(()), _) => Ok(archive),
             (Err(_), Some(found)) => Err(found.error(name)),

@@ -16,7 +16,7 @@ const MAX_PROBLEMS: usize = 10;
 /// Bytes of a block.
 const BLOCK_BYTES: usize = if cfg!(test) { 1 << 8 } else { 1 << 20 };
 
-/// Counts what is wrong with the lines of a file.
+/// Counts the problems of the lines of a file.
 #[derive(Default)]
 pub(super) struct LineTaker {
     problems: usize,
@@ -42,7 +42,7 @@ pub(super) fn take_row(
 }
 
 impl LineTaker {
-    /// Records why a line is no point.
+    /// Records why a line is not a point.
     pub fn take_problem(
         &mut self,
         (number, text): (usize, &[u8]),

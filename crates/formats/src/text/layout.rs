@@ -1,4 +1,4 @@
-//! Finds out how the lines of a text file are split and what their columns hold: by names where the first
+//! Determines how the lines of a text file are split and what their columns contain: by names where the first
 //! line, or the last comment before the points, consists of names; else by the number of columns.
 
 use super::lines::{is_heading, is_skipped};

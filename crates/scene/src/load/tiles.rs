@@ -74,7 +74,7 @@ pub(super) fn is_tile(options: &LoadOptions, part: &PartRecipe) -> bool {
         Loader::MeshFiles { .. } | Loader::Xyz(_) => true,
         // Cubes of many sizes, see MAX_CUBE_SIZES.
         Loader::DetailedVoxels(voxels) => !matches!(voxels.mode, VoxelMode::Scaled(_)),
-        // Rasters are divided into pages; meshes in memory are there.
+        // Rasters are divided into pages; meshes in memory are already loaded.
         Loader::GeoTiff { .. } | Loader::Mesh(_) => false,
     };
     options.tiles.is_some() && is_readable && part.motions.is_empty() && part.swaps.is_empty()
@@ -214,7 +214,8 @@ impl TileIndex {
         self.tiles.iter().fold(Aabb::EMPTY, |all, tile| all.union(tile.bounds(shift)))
     }
 
-    /// The tiles of the complete scene with its origin at `shift`, which has `own` primitives of its own.
+    /// The tiles of the complete scene with its origin at `shift`, which has `own` primitives outside of
+    /// tiles.
     ///
     /// # Errors
     /// [`Error::Input`] if their primitives cannot be numbered.
@@ -322,7 +323,7 @@ impl TileLoader {
         scene.first_part = facts.part;
         let start = scene.end();
         load_files(&mut scene, &source.recipe, &source.files, &mut source.names.first(source.known_names))?;
-        // What there is to warn of was told when the scene was loaded.
+        // Warnings were reported when the scene was loaded.
         std::mem::take(&mut scene.diagnostics).finish(false)?;
         let extent = scene.since(&start);
         let changed = || {

@@ -5,7 +5,8 @@ use super::state::front;
 use crate::{PartFacts, Scene};
 use vlscan_geom::{Aabb, DVec3, Rotation};
 
-/// The box around an object in its initial pose: upright, along the way on which the object begins to go.
+/// The box around an object in its initial pose: upright, aligned with the direction in which the object
+/// begins to move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyBox {
     /// Its centre, scene frame, m.

@@ -119,8 +119,8 @@ const MIN_WAY: f64 = 1e-6;
 /// Number of moves after which a part that went nowhere has no front.
 const MAX_FRONT_MOVES: usize = 100_000;
 
-/// The horizontal direction of the front of a part in its initial pose, a unit vector: that in which the part
-/// begins to go; x if it goes nowhere.
+/// The horizontal direction of the front of a part in its initial pose, a unit vector: the direction in which
+/// the part begins to move; x if it does not move.
 pub(super) fn front(part: &PlannedPart) -> DVec3 {
     let mut state = PartState::start(part);
     let mut way = DVec3::ZERO;

@@ -168,7 +168,7 @@ impl StoredColour {
         };
         let texture = Some(images.get(image)?.clone());
         let wrap = [wrap_of(u)?, wrap_of(v)?];
-        // The name is not needed: the image is there.
+        // The name is not needed: the image is stored.
         let image = TextureImage::File(PathBuf::new(), String::new());
         let map = TextureDefinition { image, transform, wrap, is_upward };
         Some(SurfaceColour {

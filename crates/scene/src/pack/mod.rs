@@ -3,7 +3,7 @@
 //! For every epoch a pack contains the finished scene and its tree, as arrays that are read into memory as
 //! they are, and compared with their checksums. Parts, materials and motions, the settings on which the scene
 //! depends (wavelength, seed, rules) and its source files are stored with the arrays. Tiles of a scene have
-//! arrays of their own, which are read when rays need them. What the numbers in the arrays name is left to
+//! arrays of their own, which are read when rays need them. References in the arrays are checked only by
 //! [`Pack::verify`].
 //!
 //! | file | what it does |

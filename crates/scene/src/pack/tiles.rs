@@ -115,7 +115,7 @@ pub(super) struct PackedTiles {
 }
 
 impl PackedTiles {
-    /// Reads what is known of all tiles of `scene`, which was read from the arrays whose names begin with
+    /// Reads the facts about all tiles of `scene`, which was read from the arrays whose names begin with
     /// `prefix`.
     ///
     /// # Errors
@@ -154,7 +154,7 @@ impl PackedTiles {
         }
     }
 
-    /// The tiles of a scene which has `own` primitives of its own. Without options of tiles they stay in
+    /// The tiles of a scene with `own` primitives outside of tiles. Without options of tiles they stay in
     /// memory.
     ///
     /// # Errors

@@ -1,10 +1,10 @@
 //! Tiles: parts of a scene that are in memory only while rays need them.
 //!
-//! Every tile is a separate scene with its tree, in the frame of the complete scene. The scene knows of each
-//! tile what does not depend on whether it is in memory: its box, its part, its materials and the numbers of
-//! its primitives, which follow those of the scene's own primitives and instances. So a tile's primitives are
-//! told apart, ordered at equal distances and described as if they were stored in the scene, and what is in
-//! memory only decides how long a run takes.
+//! Every tile is a separate scene with its tree, in the frame of the complete scene. For each tile the scene
+//! stores the facts that are needed while the tile is not in memory: its box, its part, its materials and the
+//! numbers of its primitives, which follow those of the scene's own primitives and instances. So a tile's
+//! primitives are distinguished, ordered at equal distances and described as if they were stored in the
+//! scene, and the set of tiles in memory only affects the duration of a run.
 
 mod place;
 mod reader;
@@ -259,7 +259,7 @@ impl Tiles {
         });
         let stored = |numbers: u32| numbers - g.missing_before(numbers as usize) as u32;
         let Some((tile, local)) = self.locate(i) else {
-            // How many primitives of tiles come before one of the scene.
+            // Number of primitives of tiles before a primitive of the scene.
             let at = |is_before: &dyn Fn(&Before) -> bool| {
                 let next = self.facts.get(self.facts.partition_point(|tile| is_before(&tile.before)));
                 next.map_or(end, |tile| [tile.before.triangles, tile.before.cubes])

@@ -27,7 +27,7 @@ impl TileReader {
     }
 
     /// A tile, which is loaded if it is not in memory. `None` if that fails or if there is no room for it;
-    /// [`TileReader::release`] tells.
+    /// [`TileReader::release`] returns the reason.
     #[inline]
     pub fn get(&self, tile: usize) -> Option<&Tile> {
         self.pins.get(&self.tiles.items, tile)
@@ -55,8 +55,8 @@ impl TileReader {
     /// Allows the tiles to be dropped.
     ///
     /// # Errors
-    /// When one of them could not be loaded, or all together need too much memory: what was traced through
-    /// them does not count.
+    /// When one of them could not be loaded, or all together need too much memory: rays traced through them
+    /// are then invalid.
     pub fn release(&mut self) -> Result<()> {
         self.pins.release().map_err(|error| error_of(&error))
     }

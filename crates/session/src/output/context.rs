@@ -35,7 +35,8 @@ pub struct OutputContext {
     /// The time that times of records count from, s, along a trajectory in adjusted standard GPS time; 0
     /// where they are seconds of the week.
     pub time_origin: f64,
-    /// True if the scene is there, whose ground heights count from: not where the facts come from shards.
+    /// True if the scene is available, from whose ground heights are measured; false if the facts come from
+    /// shards.
     #[serde(skip)]
     pub has_ground: bool,
 }

@@ -24,7 +24,7 @@ impl Piece {
 pub(super) trait OpenOutput: Send {
     fn append(&mut self, piece: Piece, offload: &dyn Offload) -> Result<()>;
 
-    /// Passes all bytes to the operating system. Tables pass complete batches alone.
+    /// Passes all bytes to the operating system. Tables pass only complete batches.
     fn flush(&mut self, _is_live: bool) -> Result<()> {
         Ok(())
     }

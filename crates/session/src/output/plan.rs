@@ -50,7 +50,7 @@ pub struct CheckedOutputs {
     layout: OutputLayout,
     divider: Option<Divider>,
     formats: Formats,
-    /// Warnings of formats; requests and files have errors alone.
+    /// Warnings of formats; requests and files only cause errors.
     warnings: Diagnostics,
     /// Coordinate reference system and time origin of the context, on which formats depend.
     place: (Option<String>, f64),

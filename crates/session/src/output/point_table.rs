@@ -95,7 +95,7 @@ pub(super) struct PointTable<'t> {
 }
 
 impl<'t> PointTable<'t> {
-    /// The columns of `table`, and those of `exact` beside it.
+    /// The columns of `table`, and those of `exact`.
     ///
     /// # Errors
     /// [`Error::Input`] for columns that are not numeric, have empty values or unknown names.

@@ -95,7 +95,7 @@ impl CloudFacts {
 /// Writes the points of a table to the file of a request, which has no other outputs. `exact` are the columns
 /// [`Column::EXACT`] of the same rows, as far as they are known: with them, and if the table has the columns
 /// that a run writes by default, the bytes are those that the run would have written. Returns the counts and
-/// what there is to know.
+/// notes for the user.
 ///
 /// # Errors
 /// [`Error::Input`] for a file that exists unless it is to be replaced, for columns that the format needs and
@@ -285,7 +285,7 @@ fn check_columns(
     Ok(())
 }
 
-/// Runs jobs of writers in threads that have nothing else to do.
+/// Runs jobs of writers in idle threads.
 struct IdleThreads;
 
 impl Offload for IdleThreads {

@@ -218,7 +218,7 @@ impl OutputRequest {
     }
 
     /// Records in addition to echoes and poses that all outputs need: the only place where formats, columns
-    /// and tables state their needs. A run records it, a merge refuses shards without it.
+    /// and tables state their needs. A run records it, a merge rejects shards without it.
     pub fn records(&self) -> Records {
         let has_table = |content| self.tables.iter().any(|table| table.content == content);
         let own = Records {

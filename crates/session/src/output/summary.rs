@@ -11,7 +11,7 @@ pub struct OutputSummary {
     pub files: Vec<FileSummary>,
     /// Run directories of [`Target::Helios`](super::Target::Helios), one per epoch.
     pub directories: Vec<PathBuf>,
-    /// Points in the first point cloud requested whose reader has not gone away.
+    /// Points in the first requested point cloud whose reader has not closed it.
     pub points: u64,
     /// Points by part of the scene, if they are counted; parts beyond the last one that was hit are missing.
     pub points_of_part: Vec<u64>,

@@ -311,7 +311,7 @@ impl Writer {
                 file.content,
                 Content::Points(_) | Content::Shard | Content::Table(TableContent::Points)
             );
-            // Points are counted in the first sink whose reader has not gone away.
+            // Points are counted in the first sink whose reader has not closed it.
             let is_closed = |sink: usize| {
                 self.closed_pipes.iter().any(|&slot| plan.layout.files[slot as usize].sink == sink)
             };

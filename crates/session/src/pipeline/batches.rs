@@ -47,8 +47,8 @@ impl TableSink for Sender {
 }
 
 impl Session {
-    /// Runs the session on another thread and returns the points, `rows` at a time, beside what else
-    /// `outputs` asks for. The run waits while its batches wait, so memory stays flat. The columns are
+    /// Runs the session on another thread and returns the points, `rows` at a time, in addition to the other
+    /// `outputs`. The run waits while its batches wait, so memory stays flat. The columns are
     /// [`CloudSettings::columns`](crate::output::CloudSettings::columns).
     pub fn into_batches(mut self, mut outputs: OutputRequest, rows: usize) -> Batches {
         let (stop, progress) = (Arc::new(Stop::new()), Arc::new(Progress::default()));

@@ -7,8 +7,8 @@ use vlscan_lidar::platform::{PollResult, PoseReader};
 use vlscan_scene::{MotionPlan, MotionState};
 use vlscan_warehouse::{Feed, Outcome, Stop, Tasks};
 
-/// Maximum steps per chunk, however few of them emit pulses, because a requested stop is checked between
-/// chunks.
+/// Maximum number of steps per chunk, even if few of them emit pulses, because a requested stop is checked
+/// between chunks.
 const MAX_STEPS: u32 = 1 << 16;
 /// Interval between checks for a requested stop while no pose arrives.
 const STOP_CHECK_PERIOD: Duration = Duration::from_millis(100);
@@ -228,8 +228,8 @@ fn feed_poses_within(
     true
 }
 
-/// Waits for poses and appends them, or ends the flight where none are to come. Returns early when
-/// `is_stopped` does.
+/// Waits for poses and appends them, or ends the flight if no more will come. Returns early when `is_stopped`
+/// returns true.
 pub(super) fn wait_for_poses(
     plan: &FlightPlan,
     poses: &mut Option<PoseReader>,

@@ -15,8 +15,8 @@ use vlscan_warehouse::Stop;
 const MIN_PROJECTED_COORDINATE: f64 = 100_000.0;
 
 /// Sets the system of the survey to the one that the scene's files name, unless one is chosen, and the grid
-/// of its flight to its UTM zone. Returns contradictions as warnings, and where a chosen system puts a scene
-/// whose files name none.
+/// of its flight to its UTM zone. Returns contradictions as warnings, and a note on the place of a scene
+/// whose files name no system, by the chosen one.
 pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Option<String>) {
     let (mut found, mut note) = (Diagnostics::default(), None);
     let survey = &mut settings.survey;

@@ -1,4 +1,4 @@
-//! Loading of an epoch's scene and construction of its tree, both refused when they would exceed the memory
+//! Loading of an epoch's scene and construction of its tree, both rejected if they would exceed the memory
 //! limit.
 
 use std::sync::Arc;
@@ -86,7 +86,7 @@ fn too_large(message: String) -> Error {
     Error::input_of(ProblemKind::TooLarge, message)
 }
 
-/// Reports the memory that large rasters and the trees over them will need, and refuses more than the limit,
+/// Reports the memory that large rasters and the trees over them will need, and rejects more than the limit,
 /// before any of it is loaded.
 ///
 /// # Errors

@@ -186,7 +186,7 @@ pub fn merge(
 /// All echoes, and everything else that shards hold.
 const ALL_ECHOES: Range<u64> = 0..u64::MAX;
 
-/// [`merge`] of the echoes of a range alone, counted from 0 over all shards.
+/// [`merge`] of only the echoes in a range, counted from 0 over all shards.
 pub(super) fn merge_echoes(
     shards: &ShardSet,
     outputs: OutputRequest,
@@ -279,7 +279,7 @@ fn encode(
     Ok(Pieces(pieces))
 }
 
-/// Refuses outputs that need records which the shards do not hold.
+/// Rejects outputs that need records which the shards do not hold.
 pub(super) fn check_records(shards: &ShardSet, outputs: &OutputRequest) -> Result<()> {
     let (held, needed) = (shards.head.records, outputs.records());
     let mut problems = Diagnostics::default();

@@ -1,7 +1,8 @@
-//! The folder with the shards of a run that can be resumed. A mark in it says that a run has made it, how far
-//! that run is, and which outputs it writes. The mark is the first file in a new folder and the last one that
-//! is removed: a folder with files and without a mark is the user's. Only files of runs are removed: the
-//! mark, the lock, which is empty, and shards, which are known by their names and by their first bytes.
+//! The folder with the shards of a run that can be resumed. A mark in it records that a run has created the
+//! folder, the progress of the run, and its outputs. The mark is the first file in a new folder and the last
+//! one to be removed: a folder that has files but no mark belongs to the user. Only files of runs are
+//! removed: the mark, the lock, which is empty, and shards, which are recognised by their names and first
+//! bytes.
 
 use crate::output::{OutputRequest, OutputSummary, Target};
 use crate::shards::{Fingerprint, PrivateFolder, is_file_of_shards};
@@ -125,7 +126,7 @@ impl ResumeFolder {
         &self.state
     }
 
-    /// Notes how far the run is.
+    /// Records the progress of the run.
     ///
     /// # Errors
     /// [`Error::Io`].

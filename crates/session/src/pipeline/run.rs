@@ -42,8 +42,7 @@ pub struct Report {
     pub seconds: f64,
     /// True if the run was stopped: the outputs contain the points until then, and are marked as partial.
     pub interrupted: bool,
-    /// All warnings of the session so far, with an observer or without one: of loading its scene and of its
-    /// runs.
+    /// All warnings of the session so far, with or without an observer: of loading its scene and of its runs.
     pub warnings: Diagnostics,
 }
 
@@ -117,8 +116,8 @@ impl Session {
         })
     }
 
-    /// Plans the flight over the first epoch's scene, checks it and the instrument, and reports what is
-    /// hardly intended. Returns whether the flight is.
+    /// Plans the flight over the first epoch's scene, checks flight and instrument, and reports implausible
+    /// inputs. Returns true if the flight is implausible.
     pub(super) fn plan_checked_flight(&mut self, stop: &Stop) -> Result<(FlightPlan, bool)> {
         self.enter_epoch(0, stop)?;
         let flight = self.plan_flight()?;
@@ -130,8 +129,8 @@ impl Session {
         Ok((flight, is_doubted))
     }
 
-    /// Checks a flight over the scene of the first epoch and reports what is hardly intended. Returns whether
-    /// anything is.
+    /// Checks a flight over the scene of the first epoch and reports implausible inputs. Returns true if
+    /// there are any.
     pub(super) fn check_flight(&self, flight: &FlightPlan, stop: &Stop) -> Result<bool> {
         let found = self.flight_warnings(flight, stop)?;
         let is_doubted = !found.is_empty();
@@ -192,8 +191,8 @@ impl Session {
         OutputRequest { epochs: self.epochs(), inputs, ..outputs }
     }
 
-    /// Plans complete outputs of all epochs over the scene of the first, and reports warnings of them. They
-    /// are checked unless they have been.
+    /// Plans complete outputs of all epochs over the scene of the first, and reports warnings of them. Checks
+    /// them unless that has been done.
     fn plan_outputs(
         &self,
         outputs: OutputRequest,

@@ -184,7 +184,8 @@ impl Scan {
         Scan { is_strict: true, ..self }
     }
 
-    /// Passes warnings and notes to `observer` as they come; they are also in the [report](Report::warnings).
+    /// Passes warnings and notes to `observer` as they occur; they are also in the
+    /// [report](Report::warnings).
     pub fn observer(self, observer: impl Fn(Notice) + Send + Sync + 'static) -> Scan {
         Scan { observer: Arc::new(observer), ..self }
     }

@@ -19,11 +19,11 @@ use vlscan_trace::{BuildOptions, Hit, TraceScratch, Tree};
 /// Rays that a thread traces at a time.
 const CAST_RAYS: usize = 16_384;
 
-/// A scene in memory, with the tree over it once that is needed. Clones share both, and so do all sessions
-/// over it: a scene that many surveys measure is loaded once.
+/// A scene in memory, with its tree once the tree is needed. Clones share both, and so do all sessions over
+/// it: a scene that many surveys measure is loaded once.
 ///
 /// A scene with swapped parts has several epochs; this is the scene of one of them, the first unless a
-/// session has gone on.
+/// session has advanced to a later one.
 #[derive(Clone)]
 pub struct LoadedScene {
     scene: Arc<Scene>,
@@ -103,9 +103,9 @@ impl LoadedScene {
         })
     }
 
-    /// True if a session with these settings can be opened over the scene: not if they ask for spectra at
-    /// another wavelength, other random materials, another kind of tree. That the settings describe this very
-    /// scene is up to the caller.
+    /// True if a session with these settings can be opened over the scene: false if they request spectra at
+    /// another wavelength, other random materials, or another kind of tree. The caller ensures that the
+    /// settings describe this scene.
     pub fn suits(&self, settings: &Settings) -> bool {
         self.check(settings).is_ok()
     }
@@ -126,7 +126,7 @@ impl LoadedScene {
         }
     }
 
-    /// True if the colours of its surfaces were loaded, as far as it has any.
+    /// True if the colours of its surfaces were loaded, if it has any.
     pub(super) fn has_colours(&self) -> bool {
         self.scene.colours.is_some()
     }

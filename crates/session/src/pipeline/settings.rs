@@ -100,9 +100,9 @@ impl Settings {
         self.load = std::mem::take(&mut self.load).with_wavelengths_of(&self.survey.scanner);
     }
 
-    /// Sets what is an error in a flight. A leg on the ground needs ground below it, unless a survey of
-    /// HELIOS++ is flown with the physics of HELIOS++, which then takes the height of the scene's centre. A
-    /// pipeline or a program has a separate flight.
+    /// Sets which problems of a flight are errors. A leg on the ground needs ground below it, unless a survey
+    /// of HELIOS++ is flown with the physics of HELIOS++, which then takes the height of the scene's centre.
+    /// A pipeline or a program has a separate flight.
     pub fn set_flight_rules(&mut self, has_own_flight: bool, profile: PhysicsProfile) {
         self.flight.needs_ground = has_own_flight || profile == PhysicsProfile::Refined;
     }

@@ -177,7 +177,7 @@ impl ShardRunner<'_> {
     }
 
     /// Opens the file of a shard after comparing all its checksums; `None` if there is no such file, or only
-    /// a damaged one, which the observer is told of.
+    /// a damaged one, which is reported to the observer.
     ///
     /// # Errors
     /// [`Error::Input`] for a shard of another run, with the difference, and for a file of another kind.
@@ -310,7 +310,7 @@ pub(super) fn of_another_run(shard: &Path, what: &str) -> Error {
     )
 }
 
-/// Refuses heights above ground, for which a merge has no scene.
+/// Rejects heights above ground, for which a merge has no scene.
 pub(super) fn check_outputs(outputs: &OutputRequest) -> Result<()> {
     if !outputs.wants_heights() {
         return Ok(());
@@ -323,7 +323,7 @@ pub(super) fn check_outputs(outputs: &OutputRequest) -> Result<()> {
     ))
 }
 
-/// Refuses poses that cannot be read more than once.
+/// Rejects poses that cannot be read more than once.
 fn check_platform(survey: &Survey) -> Result<()> {
     let PlatformKind::Stream(stream) = &survey.platform.kind else { return Ok(()) };
     if stream.path.is_file() {

@@ -41,7 +41,7 @@ impl Measured {
 }
 
 /// The pieces of a chunk in pulse order, one per run of pulses of the same leg. The last one is the failure
-/// of what follows, if there is any.
+/// that ended the chunk, if there is one.
 pub(super) struct Pieces(pub Vec<Result<Measured>>);
 
 impl Outcome for Pieces {

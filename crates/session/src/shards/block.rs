@@ -106,7 +106,7 @@ impl BlockHead {
         let words = bytes.get(..HEAD_BYTES)?.strip_prefix(MAGIC)?;
         let mut words = words.as_chunks().0.iter().map(|word| u64::from_le_bytes(*word));
         let head = BlockHead::take(&mut || words.next().unwrap_or_default());
-        // Numbers of fewer bits stand in words, too.
+        // Numbers of fewer bits are stored in words, too.
         (head.bytes() == bytes[..HEAD_BYTES]).then_some(head)
     }
 

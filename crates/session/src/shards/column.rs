@@ -121,7 +121,7 @@ pub(super) fn put_records<R: Words>(out: &mut Vec<u8>, records: &[R]) {
 }
 
 /// Reads columns of this many `rows` into `records` and returns the bytes after them; `None` if the bytes are
-/// no such columns.
+/// not such columns.
 pub(super) fn get_records<'b, R: Words>(
     mut bytes: &'b [u8],
     records: &mut Vec<R>,

@@ -73,11 +73,11 @@ pub struct ShardSet {
     pub echoes: u64,
 }
 
-/// Most problems of one kind that are listed.
+/// Maximum number of problems of one kind that are listed.
 const MAX_LISTED: usize = 20;
 
 impl ShardSet {
-    /// Numbers of shards of which there are files in a folder, with the numbers of the shards that exist.
+    /// Total numbers of shards by the files in a folder, with the numbers of the existing shards.
     ///
     /// # Errors
     /// [`Error::Io`] for a folder that cannot be read.

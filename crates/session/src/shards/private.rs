@@ -11,8 +11,8 @@ use vlscan_base::files::{NewFolder, publish};
 const PREFIX: &str = "unfinished-";
 
 /// A folder for the unfinished files of this process. Processes on other machines leave it alone: unlike
-/// locks, names are shared on every file system. Dropping it removes it, and so does the end of the process
-/// that a signal causes.
+/// locks, names are shared on every file system. The folder is removed when it is dropped, and when a signal
+/// ends the process.
 pub struct PrivateFolder {
     path: PathBuf,
     shared: PathBuf,

@@ -171,7 +171,7 @@ impl RowBlock {
     }
 
     /// Appends the rows as pulses in the frame whose origin is at `shift` in the world. `check` accepts or
-    /// refuses each pulse.
+    /// rejects each pulse.
     ///
     /// # Errors
     /// [`Error::Input`] for the first row that is not a valid pulse, with its place.

@@ -29,7 +29,7 @@ use vlscan_base::quantity::number;
 /// Maximum number of unknown elements in an element that are reported.
 const MAX_UNKNOWN_CHILDREN: usize = 1000;
 
-/// Elements of which an element may have several.
+/// Child elements that may occur several times.
 const REPEATED: [&str; 11] =
     ["channel", "dmotion", "filter", "leg", "motion", "param", "part", "rot", "source", "stated", "swap"];
 /// Settings that XML has in child elements; all others are attributes.
@@ -47,7 +47,7 @@ const IN_CHILDREN: [&str; 12] = [
     "scannerMount",
     "snr",
 ];
-/// The root, whose elements are told apart by their ids.
+/// The root element, whose children are distinguished by their ids.
 const ROOT: &str = "document";
 
 /// The values of one element, table or filter while they are read.
@@ -165,7 +165,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// A parameter; one whose declared type is not among `types` is warned of.
+    /// Returns a parameter; a declared type that is not among `types` causes a warning.
     pub fn declared_param(&mut self, name: &'static str, types: &[&str]) -> Option<Element> {
         self.known.push(name);
         let param = self.param(name)?.clone();
@@ -190,7 +190,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// True if a key is there: in XML its attribute, or its child element if it has one.
+    /// True if a key is present: in XML its attribute, or its child element if it has one.
     pub fn has(&self, key: impl Into<Key>) -> bool {
         let name = self.name(key);
         match &self.origin {
@@ -216,8 +216,8 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// The place of the value or of the name of a key; that of the element, filter or table if it is not
-    /// there.
+    /// The place of the value or of the name of a key; the place of the element, filter or table if the key
+    /// is missing.
     fn place_of(&self, name: &str, of_name: bool) -> Place {
         match &self.origin {
             Origin::Element(element) => match element.child(name) {
@@ -242,7 +242,7 @@ impl<'c> Fields<'c> {
         self.place_of(self.name(key), false)
     }
 
-    /// The place of a value, unless it is not there.
+    /// The place of a value, unless the value is missing.
     pub fn place_if_written(&self, key: impl Into<Key>) -> Option<Place> {
         let key = key.into();
         self.has(key).then(|| self.place(key))
@@ -261,7 +261,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Adds names of keys to those that may be meant by an unknown one.
+    /// Adds names of keys that may be suggested for an unknown one.
     pub fn suggest(&mut self, names: &[&'static str]) {
         self.known.extend(names);
     }
@@ -327,7 +327,7 @@ impl<'c> Fields<'c> {
         self.context.warn_help(place, message, help);
     }
 
-    /// Warns of second children of a kind of which the first one counts.
+    /// Warns of repeated children of a kind of which only the first is used.
     fn report_repeated(&self, element: &Element, children: &[&'static str]) {
         if element.name() == ROOT {
             return;
@@ -341,8 +341,7 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// The keys of an instrument that not every physics makes use of; none in the built-in catalogue, which
-    /// serves all.
+    /// The keys of an instrument that some physics ignores; none in the built-in catalogue, which serves all.
     pub fn written_keys(&self, channel: Option<usize>) -> Vec<WrittenKey> {
         let all: Vec<(Option<&'static Key>, Place)> = match &self.origin {
             Origin::Element(element) if !element.is_built_in() => {
@@ -395,7 +394,7 @@ impl<'c> Fields<'c> {
         self.without_effect(&rest, why);
     }
 
-    /// Refuses two keys of which each replaces the other.
+    /// Rejects two mutually exclusive keys.
     pub fn either(&self, one: Key, other: Key) {
         if self.has(one) && self.has(other) {
             let (one_name, other_name) = (self.name(one), self.name(other));
@@ -404,8 +403,8 @@ impl<'c> Fields<'c> {
         }
     }
 
-    /// Refuses a lower limit above the upper one, at the key that states one of them; an inherited
-    /// contradiction has been reported.
+    /// Rejects a lower limit above the upper one, at the key of one of them; an inherited contradiction has
+    /// been reported.
     pub fn in_order<K: Into<Key> + Copy>(&self, (least, most): (f64, f64), [lower, upper]: [K; 2], or: &str) {
         let (low, high) = (self.name(lower), self.name(upper));
         if least > most && self.has(upper) {
@@ -424,7 +423,7 @@ impl<'c> Fields<'c> {
         self.context.error(self.place(key), message);
     }
 
-    /// Reports a value that cannot be read; TOML has done so.
+    /// Reports a value that cannot be read; for TOML that has already been done.
     fn replaced(&self, key: Key, expected: &str, used: &str) {
         match self.reading {
             _ if self.is_toml() => {}
@@ -440,8 +439,7 @@ impl<'c> Fields<'c> {
     }
 }
 
-/// Warns of tables whose text of a key, an id, is that of an earlier one, so that outputs cannot tell them
-/// apart.
+/// Warns of tables with the id of an earlier table, which outputs cannot distinguish.
 pub(super) fn warn_of_repeated_keys(tables: &[Fields], key: Key) {
     let mut ids = HashSet::new();
     for table in tables {

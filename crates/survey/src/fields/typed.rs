@@ -15,7 +15,7 @@ use vlscan_base::quantity::{self, NUMBER, number};
 use vlscan_geom::{DVec3, degrees, radians};
 
 impl<'c> Fields<'c> {
-    /// The value of a key, unless it is not there; `Some(None)` if it cannot be read, which TOML has then
+    /// The value of a key, unless it is missing; `Some(None)` if it cannot be read, which TOML has then
     /// reported.
     fn parsed<T: Value>(&mut self, key: Key) -> Option<Option<T>> {
         let name = self.name(key);
@@ -33,8 +33,8 @@ impl<'c> Fields<'c> {
         source.report_value(error, Some(span), &mut self.context.problems.borrow_mut());
     }
 
-    /// The number of a key, in the unit of its name; `None` if it is not there or unusable. `default` counts
-    /// instead; if it is NaN, nothing does.
+    /// The number of a key, in the unit of its name; `None` if it is missing or unusable. Then `default` is
+    /// used, unless it is NaN.
     fn number_or<T: Number>(&mut self, key: Key, default: f64) -> Option<f64> {
         match self.parsed::<T>(key)?.map(T::to_f64) {
             Some(value) if key.bounds.contains(value) => {
@@ -71,7 +71,7 @@ impl<'c> Fields<'c> {
         self.number_or::<f64>(key.into(), default).unwrap_or(default)
     }
 
-    /// The number of a key, unless it is not there or unusable.
+    /// The number of a key, unless it is missing or unusable.
     pub fn optional(&mut self, key: impl Into<Key>) -> Option<f64> {
         self.number_or::<f64>(key.into(), f64::NAN)
     }
@@ -81,7 +81,7 @@ impl<'c> Fields<'c> {
         self.needed_number(key.into(), Reading::Required)
     }
 
-    /// As [`Fields::required_number`]; blanks around it make it unreadable.
+    /// Like [`Fields::required_number`], but surrounding blanks are an error.
     pub fn exact_number(&mut self, key: impl Into<Key>) -> Option<f64> {
         self.needed_number(key.into(), Reading::Exact)
     }
@@ -96,7 +96,7 @@ impl<'c> Fields<'c> {
         number
     }
 
-    /// True if an attribute is infinite, as "unlimited" may be written out.
+    /// True if an attribute is infinite, which some programs write for "unlimited".
     pub fn is_infinite(&mut self, key: Key) -> bool {
         let text = self.written_text(self.name(key)).filter(|_| !self.is_toml());
         let is_infinite = matches!(text, Some("inf" | "Inf" | "INF" | "infinity"));

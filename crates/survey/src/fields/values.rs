@@ -26,7 +26,7 @@ pub(crate) trait Value: DeserializeOwned {
 
 /// A type of numbers.
 pub(crate) trait Number: Value {
-    /// The number as all bounds have it.
+    /// The number as `f64`, the type of all bounds.
     fn to_f64(self) -> f64;
 
     /// The number at the beginning of a text.

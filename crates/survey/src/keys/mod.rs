@@ -1,5 +1,5 @@
-//! Every setting that a survey may state: its names in pipeline files and in XML, its bounds, and which
-//! physics makes use of it. Readers of both formats take names and bounds from here.
+//! Every setting that a survey may state: its names in pipeline files and in XML, its bounds, and the physics
+//! that uses it. Readers of both formats take names and bounds from here.
 
 mod tables;
 
@@ -157,7 +157,7 @@ pub fn named_as_in(place: Option<&Place>, text: &str) -> String {
     let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let key_of = |word: &str| {
         let mut keys = tables.iter().flat_map(|keys| keys.iter());
-        // Short names such as `x` are words of English, too.
+        // Short names such as `x` are also English words.
         keys.find(|key| key.attribute == word && word.chars().any(char::is_uppercase) && !key.key.is_empty())
     };
     let mut named = String::new();
@@ -174,7 +174,7 @@ pub fn named_as_in(place: Option<&Place>, text: &str) -> String {
 /// A key as the user wrote it.
 #[derive(Clone, Debug)]
 pub struct WrittenKey {
-    /// Kind of the entry.
+    /// The key.
     pub key: &'static Key,
     /// Its name as written.
     pub name: &'static str,

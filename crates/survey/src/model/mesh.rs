@@ -85,7 +85,7 @@ impl Mesh {
     /// The mesh with colours of its triangles.
     ///
     /// # Errors
-    /// [`Error::Input`] if they are not those of as many triangles as the mesh has.
+    /// [`Error::Input`] if their number differs from the number of triangles.
     pub fn with_colours(self, colours: MeshColours) -> Result<Mesh> {
         let count = self.triangles.len();
         for found in [colours.texels.len(), colours.tints.len()] {

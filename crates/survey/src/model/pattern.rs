@@ -125,7 +125,7 @@ impl PatternTable {
         self.attitudes.get(row as usize).copied().unwrap_or(Rotation::IDENTITY)
     }
 
-    /// True if some beams have origins of their own.
+    /// True if some beams have an individual origin.
     #[inline]
     pub fn has_origins(&self) -> bool {
         !self.origins.is_empty()

@@ -56,8 +56,8 @@ impl PulseTimes {
         }
     }
 
-    /// The number of the first pulse at `time` or later, counted from 0; beyond the last recorded one as
-    /// [`PulseTimes::at`] continues.
+    /// The number of the first pulse at `time` or later, counted from 0; beyond the last recorded time,
+    /// numbers continue as in [`PulseTimes::at`].
     pub fn first_from(&self, time: f64) -> u64 {
         let near = match self {
             PulseTimes::Recorded(times) if time <= times[times.len() - 1] => {

@@ -102,7 +102,7 @@ impl PixelType {
         ("Float64", PixelType::Float(64)),
     ];
 
-    /// True if every number of the other type is one of this.
+    /// True if this type can represent every number of `other`.
     pub fn holds(self, other: PixelType) -> bool {
         // Digits of the significand, with the hidden one (IEEE 754).
         let digits = |bits: u32| match bits {

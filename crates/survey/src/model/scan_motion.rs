@@ -1,9 +1,9 @@
-//! How a deflector moves, in addition to its frequency: sense, phase, tilt of its axis, wander.
+//! Motion of a deflector, in addition to its frequency: sense, phase, tilt of its axis, wander.
 
 use std::sync::Arc;
 use vlscan_geom::radians;
 
-/// How a deflector moves. The default is the reference's: forward, from phase 0, about an axis of the
+/// Motion of a deflector. The default is the reference's: forward, from phase 0, about an axis of the
 /// emitter, evenly.
 ///
 /// Phases are angles, rad, in which 2π are a revolution (`conic`), a facet (`rotating`), a period
@@ -20,7 +20,7 @@ pub struct ScanMotion {
     pub axis_tilt: [f64; 2],
     /// Angle that is added to the phase over time.
     pub wander: Option<Wander>,
-    /// How an oscillating mirror swings.
+    /// Motion of an oscillating mirror.
     pub swing: Swing,
 }
 

@@ -25,7 +25,7 @@ pub(crate) type ReadBeams = fn(&Context, &str, &Path, Place) -> Option<Beams>;
 const ANGLES_HELP: &str = "a row is the channel, its elevation and its azimuth in degrees, such as `1, \
                            14.9, -1.04`; a column `firing_time_us` may follow";
 const TIMES_HELP: &str = "a row is the channel and its firing time in µs, such as `1, 5.6`";
-/// Length of a checksum at least, characters.
+/// Minimum length of a checksum, characters.
 const MIN_CHECKSUM: usize = 16;
 
 /// Rows by channel: of firing times if `TIMES` is set, else of angles.

@@ -109,7 +109,8 @@ fn read_rows(fields: &mut Fields, place: &Place, rows: &mut PatternRows) -> Opti
     file.read(rows)
 }
 
-/// The times at which the pulses of a pattern leave; inner `None` if a rate says when. `None` after an error.
+/// The times at which the pulses of a pattern leave; inner `None` if a pulse rate is given. `None` after an
+/// error.
 fn when(
     fields: &Fields,
     scanner: &mut Scanner,

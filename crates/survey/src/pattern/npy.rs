@@ -107,7 +107,7 @@ impl NpyArray<'_> {
         let shape: Option<Vec<usize>> = sizes.map(|size| size.parse().ok()).collect();
         let shape = shape.ok_or(NpyError::Header)?;
         let (names, columns) = match (part(r"'descr'\s*:\s*'([^']*)'"), &shape[..]) {
-            // More columns than any table has are no table.
+            // No table has more columns.
             (Ok(kind), [_, width @ 1..=64]) => (None, vec![Scalar::parse(&kind)?; *width]),
             (Err(_), [_]) => {
                 let fields = part(r"'descr'\s*:\s*\[(.*)\]")?;
@@ -151,7 +151,7 @@ fn fields_of(text: &str) -> Result<(Vec<String>, Vec<Scalar>), NpyError> {
         names.push(found[1].to_owned());
         kinds.push(Scalar::parse(&found[2])?);
     }
-    // Fields of other forms, such as arrays, have not been found.
+    // Fields of other forms, such as arrays, do not match.
     match !names.is_empty() && text.matches('(').count() == names.len() {
         true => Ok((names, kinds)),
         false => Err(NpyError::Type(text.chars().take(40).collect())),

@@ -1,4 +1,4 @@
-//! Rows of a scan pattern, checked one by one, and the beams that they are.
+//! Rows of a scan pattern, checked one by one and converted to beams.
 
 use super::columns::{Column, Row};
 use super::sink::{AngleRange, MAX_CHANNEL, MAX_CHANNELS, PatternProblem, RowResult, RowSink, check_columns};
@@ -43,7 +43,7 @@ pub(super) struct PatternRows {
     is_mirrored: Option<bool>,
     /// True if rows of tables without channels are in the order of the table, whatever their times.
     ignores_times: bool,
-    /// The time of the last row, where it is ignored, and true if all so far count the rows.
+    /// Time of the last row if times are ignored, and true if all times so far are row numbers.
     ignored: Option<(f64, bool)>,
     has_zenith: bool,
     has_channels: bool,
@@ -313,12 +313,12 @@ impl RowSink for PatternRows {
     }
 }
 
-/// True if times are the whole numbers that follow each other, as tables of Livox count their rows.
+/// True if times are consecutive integers, as in tables of Livox, where they are row numbers.
 fn are_counts(times: &[f64]) -> bool {
     times.len() > 1 && times.windows(2).all(|pair| pair[1] - pair[0] == 1.0)
 }
 
-/// When the pulses of a pattern leave whose steps have these times, s, from 0 on.
+/// Emission times of the pulses of a pattern whose steps have these times, s, from 0 on.
 ///
 /// # Errors
 /// Times from which no rate of pulses follows.

@@ -104,7 +104,7 @@ pub(super) trait RowSink {
     /// The column and its problem.
     fn add(&mut self, row: &Row) -> RowResult;
 
-    /// True if a line of text with a first field without numbers is skipped, as correction files have them.
+    /// True if a line of text is skipped whose first field is not a number; correction files have such lines.
     fn skips(_: &str) -> bool {
         false
     }

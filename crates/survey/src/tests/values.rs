@@ -1,5 +1,5 @@
 //! Every attribute of surveys, scanners and platforms, with every kind of value: each has an effect, is
-//! refused, or is warned of by its name.
+//! rejected, or is warned of by its name.
 
 use super::*;
 
@@ -11,7 +11,7 @@ fn model(survey: &Survey) -> String {
     format!("{:?}\n{:?}\n{legs:?}\n{:?}\n{parts:?}", survey.scanner, survey.platform, survey.leg_offset)
 }
 
-/// Reads a document: its model and its warnings, or `None` if it was refused.
+/// Reads a document: its model and its warnings, or `None` if it was rejected.
 pub(super) fn read(text: &str) -> Option<(String, String)> {
     let folder = Folder::new(&[("survey.xml", text), ("a.obj", ""), ("way.txt", "")]);
     let (survey, warnings) = folder.read(&ReadOptions::default()).ok()?;
@@ -235,7 +235,7 @@ fn cases() -> Vec<(Case, &'static str)> {
     all
 }
 
-/// Checks that the document of a case is read as it stands: all of its values would pass if it were refused.
+/// Checks that the document of a case is read as it stands: all of its values would pass if it were rejected.
 fn check_base(case: &Case, about: &str) {
     let folder =
         Folder::new(&[("survey.xml", &case.text.replace("HERE", "")), ("a.obj", ""), ("way.txt", "")]);

@@ -252,7 +252,7 @@ fn set_legs(
     let tables = match &options.trajectory {
         Some(stream) => {
             survey.follow(stream.clone());
-            // What the legs say of the settings is checked all the same.
+            // The settings of legs are checked anyway.
             let own = tables.iter_mut().filter_map(|tables| tables.settings.as_mut());
             own.for_each(|own| ScannerLayer::DEFAULT.clone().change(own));
             &mut []
@@ -266,7 +266,7 @@ fn set_legs(
     }
     let times = survey.scanner.pulse_times.clone();
     for (i, leg) in survey.legs.iter_mut().enumerate() {
-        // Legs of a survey in XML know nothing of the times of a pattern.
+        // Legs of an XML survey do not have the times of a pattern.
         leg.scanner.pulse_times = leg.scanner.pulse_times.take().or_else(|| times.clone());
         let mut layer = ScannerLayer::of_leg(&leg.scanner);
         if let Some(common) = common.as_deref_mut() {

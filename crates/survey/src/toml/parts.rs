@@ -36,7 +36,7 @@ pub(super) fn read_parts(fields: &Fields, source: &Source, tables: Vec<Fields>) 
     }
 }
 
-/// Checks parts that another scene replaces; their files are not looked for.
+/// Checks parts that another scene replaces; their files are not searched for.
 pub(super) fn check_parts(tables: Vec<Fields>) {
     let keys = PartKeys::KEYS;
     for mut table in tables {

@@ -90,7 +90,7 @@ fn found_value(text: &str) -> String {
     }
 }
 
-/// An error of the form of a file, `at` bytes from its beginning.
+/// A syntax error of a file, `at` bytes from its beginning.
 pub(crate) fn of_form(message: &str, text: &str, at: Option<usize>) -> Wording {
     let message = format!("not well-formed TOML: {message}");
     let at = at.unwrap_or(0).min(text.len());

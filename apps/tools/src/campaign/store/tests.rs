@@ -40,7 +40,7 @@ fn cells_are_complete_or_absent_and_one_process_has_them() {
     assert!(store.lock(&cell).unwrap().is_none());
     fs::write(lock.work.join("out/points.laz"), "unfinished").unwrap();
     std::mem::forget(lock);
-    // What a process that was killed has left is gone; its lock ends with it.
+    // The remains of a killed process are removed; its lock ends with it.
     fs::remove_file(store.hidden(&format!("{}.lock", cell.name))).unwrap();
     let lock = store.lock(&cell).unwrap().unwrap();
     assert!(!lock.work.join("out/points.laz").exists());
@@ -135,7 +135,7 @@ fn files_of_others_are_never_removed() {
         assert!(open(other.path()).is_err(), "{name}");
         assert_eq!(fs::read(&path).unwrap(), b"precious");
     }
-    // A mark does not make a manifest of the user's the campaign's own.
+    // A mark does not make a manifest of the user one of the campaign.
     let other = tempfile::tempdir().unwrap();
     open(other.path()).unwrap();
     let manifest = other.path().join("manifest.jsonl");

@@ -4,12 +4,13 @@ use super::inventory::Tree;
 use super::models::Model;
 use vlscan_base::rng::{Purpose, Stream};
 
-/// Most models among which is drawn, so that neighbours of one size differ.
+/// Maximum number of models to draw from, so that neighbouring trees of one size differ.
 const MAX_CANDIDATES: usize = 3;
-/// Weight of the difference in size, which does not change proportions, beside that in shape, which does.
+/// Weight of the difference in size, which does not change proportions, relative to that in shape, which
+/// does.
 const SIZE_WEIGHT: f64 = 0.3;
 
-/// A model as it stands for a tree.
+/// A model placed for a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Choice {
     /// Index among the models.

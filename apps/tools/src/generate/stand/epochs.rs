@@ -1,4 +1,4 @@
-//! How a stand develops from epoch to epoch.
+//! Development of a stand from epoch to epoch.
 
 use super::inventory::Tree;
 use crate::args;

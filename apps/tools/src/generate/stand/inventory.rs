@@ -65,7 +65,7 @@ impl Inventory {
     /// Reads a table of text with headings: `x`, `y` and `height` are needed; `crown`, `crown_radius`, `dbh`,
     /// `species`, `id` and `z` may be there, others are ignored, with a warning. Lengths are m unless the
     /// heading has another unit; a `dbh` without a unit whose largest value is above 3 is cm. Numbers may
-    /// have decimal commas. Also returns what the user should know.
+    /// have decimal commas. Also returns notes for the user.
     ///
     /// # Errors
     /// [`Error::Input`] with all problems of the headings and those of up to five lines, [`Error::Io`].
@@ -199,7 +199,7 @@ impl Table<'_> {
         self.problems.warn(heading.cloned(), message).help(help);
     }
 
-    /// Warns of trees that are there twice and of coordinates in degrees.
+    /// Warns of duplicate trees and of coordinates in degrees.
     fn check_places(&mut self, heading: Option<&Place>) {
         let cell =
             |tree: &Tree| [tree.position[0], tree.position[1]].map(|v| (v / SAME_PLACE).round() as i64);
@@ -288,7 +288,7 @@ impl Row<'_> {
                 Quantity::CrownRadius if !is_missing => radius = value(RADIUS),
                 Quantity::Stem if !is_missing => {
                     let bounds = if factor.is_some() { STEM } else { STEM_WITHOUT_UNIT };
-                    // 0 stands for trees that were not measured.
+                    // 0 means trees that were not measured.
                     tree.stem = value(bounds).filter(|stem| *stem > 0.0);
                 }
                 _ => {}

@@ -143,7 +143,7 @@ fn flat_ground(inventory: &Inventory, path: &Path) -> Result<(Terrain, f64)> {
     Ok((Terrain { path: PathBuf::new(), surface }, z.0))
 }
 
-/// Warns of trees of the first epoch that stand as others, or beside the terrain.
+/// Warns of trees of the first epoch that other species represent, or that stand outside of the terrain.
 fn doubts(inventory: &Path, trees: usize, made: &StandMade) -> Diagnostics {
     let mut warnings = Diagnostics::default();
     let place = || Some(Place::of_file(inventory));
@@ -174,7 +174,7 @@ fn doubts(inventory: &Path, trees: usize, made: &StandMade) -> Diagnostics {
     warnings
 }
 
-/// Refuses an inventory none of whose trees is on the terrain: the two are not in one coordinate system.
+/// Rejects an inventory none of whose trees is on the terrain: the two are not in one coordinate system.
 fn refuse_all_beside(
     inventory: &Inventory,
     terrain: &[GroundModel],
@@ -208,8 +208,8 @@ fn refuse_all_beside(
     Err(Error::input_with_help(message, help))
 }
 
-/// Reads the height of a terrain, and decides what it is made of: of the material that is asked for; of its
-/// own, if that is ground; else of soil, since that is what the option says that it is.
+/// Reads the heights of a terrain, and chooses its material: the requested one, else its own if that is
+/// ground, else soil, as the option documents.
 fn read_terrain(
     path: &Path,
     named: Option<&TerrainSurface>,
@@ -245,7 +245,7 @@ fn read_terrain(
         ));
     }
     if is_raster {
-        // A raster has no material, and what is said about that is not so in the stand.
+        // A raster has no material; the message about that does not apply to a stand.
         warnings = Diagnostics::default();
     } else if !is_own && named.is_none() {
         let message = "none of its materials is ground, so the whole terrain becomes soil in the stand \

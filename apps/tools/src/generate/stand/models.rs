@@ -74,7 +74,7 @@ pub fn make_models(files: &SceneFolder, seed: u64) -> Result<(Vec<Model>, Vec<St
     Ok((models, names))
 }
 
-/// The species of a model that is made which stands for a species, by a word of its English, German or Latin
+/// The species of the generated model that represents a species, by a word of its English, German or Latin
 /// name.
 pub fn stands_for(word: &str) -> Option<&'static str> {
     const SPRUCES: [&str; 16] = [
@@ -126,7 +126,7 @@ pub fn stands_for(word: &str) -> Option<&'static str> {
     made.into_iter().find(|(words, _)| words.contains(&word)).map(|(_, species)| species.name())
 }
 
-/// True if a word is a name of a species of the models that are made, not of one that they stand for.
+/// True if a word names a species of the generated models, not one that they only represent.
 pub fn is_own_name(word: &str) -> bool {
     ["spruce", "fichte", "picea", "birch", "birke", "betula", "beech", "rotbuche", "buche", "fagus"]
         .contains(&word)

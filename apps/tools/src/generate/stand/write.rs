@@ -29,7 +29,7 @@ pub(super) struct StandSite<'o> {
     /// True if a tree at x, y stands. Others keep their numbers, so that those that stand are the same models
     /// without them.
     pub stands: &'o dyn Fn([f64; 2]) -> bool,
-    /// Is told of the trees of the first epoch, by their number, before anything is written.
+    /// Called with the trees of the first epoch, by their number, before anything is written.
     pub told: &'o dyn Fn(usize, &StandMade) -> Result<()>,
 }
 
@@ -47,7 +47,7 @@ pub(super) struct Terrain {
 pub(super) enum TerrainSurface {
     /// The materials that its file has.
     Own,
-    /// Bare soil, which the stand brings along.
+    /// Bare soil, which is part of the stand.
     Soil,
     /// A rectangle of bare soil without a file.
     Flat {
@@ -88,7 +88,7 @@ pub struct Substitute {
     pub trees: usize,
     /// The species of their models.
     pub models: BTreeSet<String>,
-    /// True if these models are meant to stand for the species.
+    /// True if these models represent the species.
     pub is_meant: bool,
 }
 
@@ -107,7 +107,7 @@ pub struct StandMade {
     pub off_terrain: usize,
 }
 
-/// Writes a stand. Without `models` they are made.
+/// Writes a stand. Without `models` they are generated.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Input`] if a file exists or a name is not UTF-8.
@@ -194,13 +194,13 @@ struct ModelSet<'m> {
     models: &'m [Model],
     /// Their names in the tables.
     names: &'m [String],
-    /// True if they are those of the generator, which stand for trees of other species, too.
+    /// True if they are those of the generator, which also represent trees of other species.
     are_made: bool,
 }
 
 impl ModelSet<'_> {
-    /// Chooses the model for the tree with that number in the inventory, and tells whether it is meant to
-    /// stand for another species.
+    /// Chooses the model for the tree with that number in the inventory, and returns true if it represents
+    /// another species.
     fn choose(&self, tree: &Tree, number: usize, stream: &Stream) -> (Choice, bool) {
         let species = tree.species.as_deref().filter(|_| self.are_made).map(str::to_lowercase);
         let words = species.iter().flat_map(|species| species.split(|c: char| !c.is_alphabetic()));

@@ -71,6 +71,6 @@ pub(super) fn read_file_geometries(
     if bytes.len() as u64 > MAX_TEXT_BYTES {
         return Err(VectorError::TooLarge);
     }
-    // Names and descriptions are not used, so that letters of other encodings do no harm.
+    // Names and descriptions are not used, so letters of other encodings are harmless.
     Ok(read_geometries(String::from_utf8_lossy(bytes).trim_start_matches('\u{feff}'))?)
 }

@@ -1,4 +1,4 @@
-//! Areas and lines in files that are not text are those of GeoJSON; damaged ones are refused.
+//! Areas and lines in files that are not text are those of GeoJSON; damaged ones are rejected.
 
 use super::super::geometries::{Geometry, Line, Shape as Found, System};
 use super::super::{read_area, read_line};

@@ -1,5 +1,5 @@
 //! Extra dimensions of the points (LAS 1.4, extra bytes): their place in a record, type, scale, offset and
-//! the value that stands for none.
+//! no-data value.
 
 /// Bytes of a descriptor.
 const DESCRIPTOR_BYTES: usize = 192;
@@ -64,7 +64,8 @@ impl ExtraDimension {
         self.is_rescaled
     }
 
-    /// Its value in a record, with scale and offset; `None` if it stands for none or is not a single number.
+    /// Its value in a record, with scale and offset; `None` if it is the no-data value or not a single
+    /// number.
     pub fn value(self, record: &[u8]) -> Option<f64> {
         let bytes = record.get(self.offset..self.offset + size_of_kind(self.kind))?;
         let raw = match self.kind {

@@ -85,7 +85,7 @@ impl Header {
         let Some(fields) = fields else {
             return Err(LasError::Version { major, minor, format });
         };
-        // Some writers of LAS 1.4 fill in the field of earlier versions alone.
+        // Some writers of LAS 1.4 only fill in the field of earlier versions.
         let large = raw.large_file.filter(|_| raw.header_size >= HEADER_BYTES_1_4);
         let count = large.map(|large| large.number_of_point_records).filter(|count| *count > 0);
         let header = Header {

@@ -1,4 +1,4 @@
-//! LAS and LAZ files (ASPRS LAS 1.0 to 1.5, point formats 0 to 10). Bounds in headers are not looked at: they
+//! LAS and LAZ files (ASPRS LAS 1.0 to 1.5, point formats 0 to 10). Bounds in headers are ignored, since they
 //! are often wrong.
 //!
 //! | file | what it does |

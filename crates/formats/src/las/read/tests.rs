@@ -51,7 +51,7 @@ fn records(count: i32) -> Vec<[u8; 20]> {
     (1..=count).map(record).collect()
 }
 
-/// The points of a file and what is said of it.
+/// The points of a file and the messages about it.
 fn read(bytes: &[u8]) -> (Vec<PointRow>, Vec<String>) {
     let (rows, found) = read_with_causes(bytes);
     (rows, found.items().iter().map(|item| item.message.clone()).collect())
@@ -378,8 +378,8 @@ fn irregular(count: u32, length: usize) -> Vec<Vec<u8>> {
     (0..count).map(record).collect()
 }
 
-/// Checks that the points and what is said of a file do not depend on the number of threads, nor on parts of
-/// blocks; returns both.
+/// Checks that the points and the messages about a file do not depend on the number of threads, nor on parts
+/// of blocks; returns both.
 fn same_on_threads(bytes: &[u8], what: &str) -> (Vec<PointRow>, String) {
     let (rows, found) = read_on(bytes, 1);
     for threads in [2, 5] {

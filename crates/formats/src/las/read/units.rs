@@ -31,7 +31,7 @@ pub(super) struct PositionUnits {
     pub metres: Option<DVec3>,
     /// True if horizontal coordinates are angles.
     pub is_angle: bool,
-    /// The system of the coordinates as WKT, as far as the file names it.
+    /// The system of the coordinates as WKT, if the file names one.
     pub crs: Option<String>,
     /// How the units were taken.
     pub note: Option<String>,
@@ -85,7 +85,7 @@ impl Keys<'_> {
         self.words.chunks_exact(4).skip(1).find(|entry| entry[0] == key)
     }
 
-    /// The code that is the value of a key; `None` for those that say that there is none.
+    /// The code that is the value of a key; `None` for codes that mean "none".
     fn code(&self, key: u16) -> Option<u16> {
         let code = self.entry(key).filter(|entry| entry[1] == 0).map(|entry| entry[3]);
         code.filter(|code| !matches!(*code, 0 | USER_DEFINED))

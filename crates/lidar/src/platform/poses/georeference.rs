@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn a_point_is_georeferenced_as_by_hand() {
-        // r_world = r_nav + R (l + B r_scanner), computed by hand in docs/trajectories.md.
+        // r_world = r_nav + R (l + B r_scanner), computed by hand in docs/dev/details.md.
         let [quarter, eighth] = [90.0, 30.0].map(radians);
         let mut georeference = Georeference::new(&PoseStream {
             lever_arm: DVec3::new(0.4, 1.0, -0.2),

@@ -279,7 +279,7 @@ impl<S: CellSums> Cells<S> {
         Self::bytes_of((self.0.len() + more).max(self.0.capacity().saturating_sub(1)))
     }
 
-    /// Bytes of a table of this many cells: with a power of two of places, seven eighths of which are filled.
+    /// Bytes of a table of this many cells: a power of two of slots, seven eighths of which may be filled.
     pub fn bytes_of(cells: usize) -> usize {
         Self::CELL_BYTES * (cells * 8 / 7 + 1).next_power_of_two()
     }

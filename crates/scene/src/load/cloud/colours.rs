@@ -22,13 +22,13 @@ struct Sums {
 }
 
 impl Voxels<'_> {
-    /// The mean colour of the points in each of the cells; none if the points have no colours. Black stands
-    /// for a cell of points without.
+    /// The mean colour of the points in each of the cells; empty if the points have no colours. Cells whose
+    /// points have no colour are black.
     pub(super) fn mean_colours(&self, scene: &SceneBuilder, cells: &[Cell]) -> Result<Vec<[u8; 3]>> {
         let index_of: HashMap<Cell, usize> = cells.iter().copied().zip(0..).collect();
         let mut sums = vec![Sums::default(); cells.len()];
         let (mut max, mut failure) = (0u16, Ok(()));
-        // What there is to say was said when the extent was looked for.
+        // Warnings were reported when the extent was determined.
         let mut found = Diagnostics::default();
         self.cloud.each_batch(self.source, Selection::All, &mut found, |batches| {
             failure = scene.options.check_stop();

@@ -117,7 +117,7 @@ impl Voxels<'_> {
         let mut sorter = Sorter::<S>::new(self.grid, self.settings, scene.free_memory());
         loop {
             let mut failure = Ok(());
-            // What there is to say was said when the extent was looked for.
+            // Warnings were reported when the extent was determined.
             self.cloud.each_batch(self.source, CELLS, &mut Diagnostics::default(), |batches| {
                 failure = scene.options.check_stop().and_then(|()| sorter.sort(scene, self.source, batches));
                 failure.is_ok()
@@ -201,8 +201,8 @@ impl<'s> Cloud<'s> {
         format.filter(|_| !is_wrong).map(|format| Cloud::Text { pieces, format: Box::new(format) })
     }
 
-    /// The box around all points, and whether any of them has a normal; `None` after an error. Says what
-    /// there is to say of the points.
+    /// Returns the box around all points, and true if any point has a normal; `None` after an error. Reports
+    /// warnings about the points.
     fn look_at(
         &self,
         source: &Source,
@@ -436,7 +436,7 @@ impl Settings {
         seen
     }
 
-    /// True if a point has no normal, or one of a direction; normals that are not looked at are usable.
+    /// True if a point has no normal, or one of a direction; normals that are not used are valid.
     fn has_usable_normal(&self, point: &PointRow) -> bool {
         self.rule == NormalRule::Plane || point.normal.is_none_or(|n| n.is_finite() && n != DVec3::ZERO)
     }

@@ -10,8 +10,7 @@ use std::ops::Range;
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::PointRow;
 
-/// Memory of all tables of cells of which a cloud has at least so many that it is read several times, bytes;
-/// few in tests.
+/// Memory of all tables of cells, bytes, beyond which a cloud is read several times; small in tests.
 const MIN_TABLE_BYTES: u64 = if cfg!(test) { 1 << 20 } else { 400 << 20 };
 
 /// The tables of cells may take this fraction of the memory if that is more.
@@ -39,7 +38,7 @@ pub(super) struct Sorter<'a, S> {
     table_bytes: u64,
     /// The cells that this reading collects, by their [`CloudGrid::order`].
     range: Range<u128>,
-    /// The cells that there are, from the moment on when the first reading has too many.
+    /// The existing cells, once the first reading has too many.
     occupied: Option<Occupancy>,
     /// In place of shards when all occupied cells are known.
     dense: Option<DenseSums<S>>,
@@ -116,8 +115,8 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         let cell = self.grid.cell_of(point.position);
         let is_collected = self.range.contains(&self.grid.order(cell));
         match (&self.dense, &self.occupied) {
-            // A file that changes between two readings, which is told afterwards, may have other cells than
-            // the first one found.
+            // A file that changes between two readings, which is reported later, may have other cells than in
+            // the first reading.
             (Some(dense), Some(occupied)) if is_collected && occupied.contains(cell) => {
                 sorted[(occupied.rank(cell) - dense.first) / dense.shard_cells()].push(point);
             }
@@ -127,8 +126,8 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         }
     }
 
-    /// Leaves cells to the next reading until there is room for more points. Tables keep the size that very
-    /// many points at once have given them.
+    /// Leaves cells to the next reading until there is room for more points. Tables keep the size that they
+    /// reached.
     fn make_room(&mut self, sorted: &[[Vec<PointRow>; SHARDS]]) {
         let more: Vec<usize> =
             (0..SHARDS).map(|shard| sorted.iter().map(|batch| batch[shard].len()).sum()).collect();
@@ -164,7 +163,7 @@ impl<'a, S: CellSums> Sorter<'a, S> {
         }
     }
 
-    /// The cells of this reading in their order, with the sums over their points, and how many they are.
+    /// The cells of this reading in order, with the sums over their points, and their number.
     pub fn found(&self) -> (usize, Box<dyn Iterator<Item = (Cell, S)> + '_>) {
         if let (Some(dense), Some(occupied)) = (&self.dense, &self.occupied) {
             let cells = occupied.cells_from(dense.first).zip(dense.sums.iter().copied());
@@ -240,8 +239,8 @@ mod tests {
         (0..3 * CELLS).map(point).collect()
     }
 
-    /// The cells in order with what a function finds in their sums, the number of readings, and whether all
-    /// cells were known before the last one.
+    /// The cells in order with the result of a function of their sums, the number of readings, and whether
+    /// all cells were known before the last one.
     fn sorted<S: CellSums, T>(
         points: &[PointRow],
         size: [f64; 3],

@@ -27,8 +27,8 @@ const DEFAULT_NORMAL: [usize; 3] = [3, 4, 5];
 
 impl RowFormat {
     /// The format of a file: columns by their names if its first line has any, else by their order. The
-    /// default columns of the normal are not looked at if they contain colours or have names. `None` for a
-    /// file without points.
+    /// default columns of the normal are ignored if they contain colours or have names. `None` for a file
+    /// without points.
     pub fn new(
         loader: &XyzLoader,
         (has_normals, has_colours): (bool, bool),

@@ -1,6 +1,6 @@
 //! Meshes that are probably read in the wrong unit or with the wrong axis up: coordinates in millimetres are
-//! taken as metres, and a mesh whose y is up lies on its side. Both can be told from the extent of most
-//! meshes, and are warned of unless the scene states unit or axis.
+//! taken as metres, and a mesh whose y is up lies on its side. The extent of most meshes reveals both; they
+//! cause a warning unless the scene states unit or axis.
 
 use crate::builder::SceneBuilder;
 use crate::ground::{Body, bounds_of};

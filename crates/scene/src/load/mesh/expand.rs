@@ -57,7 +57,7 @@ pub(crate) fn parts_in_epoch<'r>(
 }
 
 /// The parts of a glTF file; `None` for a part that does not change. `are_gltf` are the files that have been
-/// looked at.
+/// checked.
 fn expand<'r>(
     scene: &mut SceneBuilder,
     part: &'r PartRecipe,

@@ -35,8 +35,8 @@ const EXTENSIONS_WITHOUT_GEOMETRY: [&str; 22] = [
 pub(super) const COMPRESSIONS: [&str; 3] =
     ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// Why a file that requires an extension is refused; `None` if the extension changes nothing that a ray hits,
-/// or is read.
+/// Reason why a file that requires an extension is rejected; `None` if the extension changes nothing that a
+/// ray hits, or is read.
 pub(super) fn refused(extension: &str) -> Option<GltfError> {
     if COMPRESSIONS.contains(&extension) {
         return Some(compressed(extension));

@@ -13,8 +13,8 @@ const MAX_PLACED: usize = 1 << 22;
 pub(super) struct PlacedMesh {
     /// Index of the mesh.
     pub mesh: usize,
-    /// Name of the node, or of the nearest node above it that has one; instances of a node have their number
-    /// behind it.
+    /// Name of the node, or of the nearest node above it that has one; instances of a node append their
+    /// number.
     pub name: Option<String>,
     /// From the frame of the mesh to that of the document.
     pub transform: DAffine3,
@@ -132,8 +132,8 @@ fn trs(translation: Option<[f64; 3]>, rotation: Option<[f64; 4]>, scale: Option<
     DAffine3::from_scale_rotation_translation(DVec3::from(scale), rotation, DVec3::from(translation))
 }
 
-/// Splits a linear map into a rotation and a factor, which is negative if the map mirrors; `None` if it is no
-/// similarity.
+/// Splits a linear map into a rotation and a factor, which is negative if the map mirrors; `None` if it is
+/// not a similarity.
 pub(super) fn similarity(map: DMat3) -> Option<(DQuat, f64)> {
     const TOLERANCE: f64 = 1e-7;
     let size = map.x_axis.length();

@@ -24,7 +24,7 @@ use vlscan_tables::{Line, TextTable};
 
 /// Name of the table that is searched next to a mesh file.
 const FILE_NAME: &str = "materials.csv";
-/// Columns beside those of optical properties.
+/// Columns other than those of optical properties.
 const COLUMNS: [&str; 6] = ["name", "reflectance", "class", "ground", "leaf", "spectrum"];
 const HELP: &str = "the columns are name, reflectance (0 to 1), class (0 to 255), ground (true or false), \
                     leaf (true or false), spectrum, and those of mirrors and panes: mirror, pane_index, \

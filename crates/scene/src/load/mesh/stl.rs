@@ -9,7 +9,7 @@ use vlscan_geom::DVec3;
 
 /// Bytes before the triangles of a binary file: 80 of any content, then their number.
 const HEADER_BYTES: usize = 84;
-/// Offset up to which the first facet of a text file is looked for.
+/// Offset up to which the first facet of a text file is searched for.
 const MAX_FACET_OFFSET: usize = 1 << 12;
 /// Bytes of a triangle: normal and corners as twelve floats, and two bytes more.
 const TRIANGLE_BYTES: usize = 50;
@@ -21,7 +21,7 @@ pub(super) fn is_stl(bytes: &[u8]) -> bool {
             && bytes.windows(5).take(MAX_FACET_OFFSET).any(|word| word.eq_ignore_ascii_case(b"facet")))
 }
 
-/// True if a file begins as a text file does: binary files may, too.
+/// True if a file begins like a text file, which binary files may also do.
 fn begins_as_text(bytes: &[u8]) -> bool {
     let start = bytes.trim_ascii_start();
     start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))

@@ -1,5 +1,5 @@
 //! ESRI ASCII grids: heights as text, read as the GeoTIFF of 32-bit floats that `gdal_translate` makes of
-//! them, so that all that holds for rasters holds for them.
+//! them, so that they behave like other rasters.
 
 use super::error::GridError;
 use std::io::Cursor;
@@ -135,7 +135,7 @@ impl<'t> Grid<'t> {
     }
 }
 
-/// Refuses grids with other numbers of heights than the header states. Rows may continue in further lines.
+/// Rejects grids with other numbers of heights than the header states. Rows may continue in further lines.
 fn check_counts(grid: &Grid, counts: &[(usize, usize)], last: usize, cells: usize) -> Result<(), GridError> {
     if grid.heights.len() == cells {
         return Ok(());

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `mosaic`, `virtual_mosaic` | files, and virtual rasters of GDAL, as tiles of one grid |
 //! | `pages` | rasters that are in memory only where rays need them |
-//! | `tile` | one file: what it says of its pixels, and the numbers in a window |
+//! | `tile` | one file: the description of its pixels, and the numbers in a window |
 //! | `file` | files of which parts are read |
 //! | `ascii_grid` | ESRI ASCII grids, read as the GeoTIFF of the same heights |
 //! | `blocks`, `unpack` | strips and tiles: predictors and types of numbers; compressions |

@@ -1,7 +1,7 @@
 //! Rasters that are tiles of one grid: which pixel of which file each pixel of the grid is.
 //!
 //! The grid reaches from the first to the last column and row of any tile. Its pixels lie exactly where those
-//! of a single raster would that begins with the first of them. Where tiles overlap, the later one counts
+//! of a single raster would that begins with the first of them. Where tiles overlap, the later one is used
 //! where it has data; where there is no tile, there is no data.
 
 use super::blocks::Window;
@@ -23,8 +23,7 @@ const MAX_OFFSET: f64 = 0.01;
 /// Maximum relative difference of lengths of pixels that round-off can explain.
 const MAX_SIZE_DIFFERENCE: f64 = 1e-6;
 
-/// Maximum number of tiles among which those that overlap are looked for; of more, all are read as if they
-/// did.
+/// Maximum number of tiles that are checked for overlaps; more tiles are all read as if they overlapped.
 const MAX_COMPARED_TILES: usize = 10_000;
 
 /// A grid of pixels and its tiles.
@@ -70,7 +69,7 @@ impl Tile {
     }
 }
 
-/// Why there is no grid, and where a virtual raster names the cause.
+/// Reason why there is no grid, and the place of the cause in a virtual raster.
 pub(super) type Misplaced = (Option<Box<Place>>, Refusal);
 
 impl Mosaic {
@@ -344,7 +343,7 @@ pub(super) fn check_same(first: &Raster, other: &Raster) -> Result<(), Refusal> 
     Ok(())
 }
 
-/// How a raster differs from a grid of which it should be a tile.
+/// Difference of a raster from the grid of which it should be a tile.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 pub(super) enum Misalignment {
     /// Pixels of other sizes.

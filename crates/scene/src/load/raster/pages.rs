@@ -1,8 +1,8 @@
 //! Rasters that are in memory only where rays need them: they are divided into pages, height fields over a
 //! part of the grid each.
 //!
-//! All heights are read once when the scene is loaded, page by page, for what must be known of pages that are
-//! not in memory: their boxes, and how many triangles are missing before each row.
+//! All heights are read once when the scene is loaded, page by page, to determine the facts needed about
+//! pages that are not in memory: their boxes, and the number of missing triangles before each row.
 
 use super::blocks::Window;
 use super::error::RasterError;

@@ -17,7 +17,7 @@ pub(super) enum Refusal {
     Changed(PathBuf, io::Error),
     /// Problem of a file, and its solution.
     Unusable(PathBuf, Box<RasterError>, Cow<'static, str>),
-    /// How two files do not go together, and what to do about it.
+    /// Incompatibility of two files, and its remedy.
     Apart(String, &'static str),
 }
 

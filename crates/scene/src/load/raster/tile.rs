@@ -15,7 +15,7 @@ use vlscan_base::recognise::{Expected, foreign, recognise};
 
 /// Photometric interpretation of images whose numbers are colours.
 const PALETTE: u64 = 3;
-/// Bytes of a file by which formats are told apart.
+/// Number of bytes of a file by which formats are distinguished.
 const START_BYTES: usize = 1 << 10;
 /// How to convert a raster that cannot be read.
 pub(super) const HELP: &str = "strips or tiles of any number type, not compressed or with Deflate, LZW, \

@@ -19,7 +19,7 @@ const COMMON_NO_DATA: [f64; 5] = [-9999.0, -99_999.0, -32_768.0, -32_767.0, 65_5
 const IS_MASK: u64 = 4;
 /// Photometric interpretation of masks.
 const TRANSPARENCY_MASK: u64 = 4;
-/// Maximum number of images of a file in which a mask is looked for.
+/// Maximum number of images of a file that are searched for a mask.
 const MAX_IMAGES: usize = 64;
 
 /// The mask of a raster: pixels where it is 0 have no data.

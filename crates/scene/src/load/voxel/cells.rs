@@ -71,7 +71,7 @@ impl CellCheck {
         self.repeated += later.repeated;
     }
 
-    /// True if as many rows as there are cells do not have each cell once, as sums show.
+    /// True if the rows, as many as there are cells, do not contain each cell once, by their sums.
     fn is_incomplete(&self, cells: u64) -> bool {
         let count = u128::from(self.rows);
         let expected = [count * count.saturating_sub(1) / 2, squares_below(count)];

@@ -6,7 +6,7 @@ use vlscan_lidar::flight::FlightPlan;
 
 /// Cells along the longer side of the scene's box.
 const CELLS_PER_SIDE: f64 = 400.0;
-/// Most positions of a leg, and of all legs.
+/// Maximum number of positions of a leg, and of all legs.
 const MAX_PLACES_PER_LEG: u32 = 17;
 const MAX_PLACES: u32 = 20_000;
 
@@ -22,7 +22,7 @@ pub struct Coverage {
     pub scene: f64,
 }
 
-/// The swaths of legs, or the sectors around positions that stand still.
+/// The swaths of legs, or the sectors around static positions.
 pub fn swaths(flight: &FlightPlan, strata: &[Stratum]) -> Vec<(u32, Quad)> {
     let seen = |s: &&Stratum| s.hits > 0.0;
     if strata.iter().filter(seen).all(|s| s.view.right == DVec3::ZERO) {

@@ -96,7 +96,7 @@ impl Blocks<'_> {
             let from = self.state.position();
             let (chunks, measured) = self.measure(period)?;
             if measured.steps < u64::from(period) {
-                // A part of a period stands for itself only.
+                // A part of a period represents only itself.
                 waiting.around[1] += std::mem::take(&mut before);
             }
             waiting.put(stride.pulses, put)?;
@@ -187,7 +187,7 @@ impl Passed {
 struct Block {
     chunks: Vec<Chunk>,
     steps: u64,
-    /// Steps before it and behind it that it stands for.
+    /// Number of steps before and after it that it represents.
     around: [u64; 2],
     /// Way of the platform, m.
     drift: DVec3,

@@ -28,7 +28,7 @@ const MIN_DESCENT: f64 = 0.02;
 const MAX_APPROACHES: u32 = 12;
 /// Change of direction from pulse to pulse beyond which a beam is that of another scan line.
 const MAX_SWING: f64 = 0.05;
-/// How much longer the way of a beam over level ground may be than across the beam.
+/// Maximum ratio of the path of a beam over level ground to its path across the beam.
 const MAX_STRETCH: f64 = 5.0;
 
 /// Changes of direction to the pulses that a pulse stands for which stands for itself only.

@@ -25,12 +25,12 @@ use vlscan_survey::{PlatformKind, Survey};
 const MIN_RAYS: f64 = 3_000_000.0;
 /// Part of the rays of the run that are traced, if these are more.
 const SHARE_OF_RAYS: f64 = 0.012;
-/// Most pulses of a scan line of which one is measured: lines near each other show more than all of their
-/// pulses.
+/// Maximum number of pulses of a scan line of which one is measured: neighbouring lines add more information
+/// than all pulses of one line.
 const MAX_THINNING: u32 = 8;
 /// Limits of the side of a cell, m.
 const SIDES: [f64; 2] = [0.01, 100_000.0];
-/// Most cells with returns, and most cells of the map.
+/// Maximum number of cells with returns, and of cells of the map.
 const MAX_CELLS: usize = 4_000_000;
 const MAX_MAP: f64 = 2e7;
 
@@ -203,7 +203,7 @@ impl Session {
         let crs = context.crs.clone();
         let output = Arc::new(OutputPlan::new(nothing, &context)?);
         let epochs = Epochs { range: 0..=0, options, is_checked: false };
-        // The pulses of the sample are no part of a run.
+        // The pulses of the sample are not part of a run.
         let progress = Progress::default();
         let control = RunContext { progress: &progress, ..control };
         let shift = self.scene().shift;

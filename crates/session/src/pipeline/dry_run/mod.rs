@@ -75,7 +75,7 @@ pub struct LegEstimate {
     pub range_m: Option<f64>,
     /// Diameter of the beam there, m.
     pub footprint_m: Option<f64>,
-    /// Distance of points along the flight, of scan lines of a scanner that stands, m.
+    /// Distance of points along the flight, of scan lines of a static scanner, m.
     pub along_m: Option<f64>,
     /// Distance of successive points, m.
     pub across_m: Option<f64>,
@@ -222,7 +222,7 @@ impl Session {
         Ok((report, map))
     }
 
-    /// Checks the outputs of the run. Files that exist are noted and not refused, since a dry run does not
+    /// Checks the outputs of the run. Existing files cause a note and no error, since a dry run does not
     /// write them.
     fn check_outputs(&self, outputs: &OutputRequest, context: &OutputContext) -> Result<()> {
         match self.check_output(outputs.clone(), context) {

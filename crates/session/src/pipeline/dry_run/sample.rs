@@ -16,8 +16,8 @@ use vlscan_lidar::pulse::Echo;
 use vlscan_scene::MotionState;
 use vlscan_warehouse::Tasks;
 
-/// Work after which no further stratum is begun, as a number of rays. Not a time, so that samples are always
-/// the same.
+/// Number of rays after which no further stratum is begun. A count instead of a time, so that samples are
+/// always the same.
 const MAX_RAYS: u64 = 3_000_000;
 /// Cost of a stratum in scenes whose tiles are loaded for it, as a number of rays.
 const RAYS_PER_TILED_STRATUM: u64 = MAX_RAYS / 16;
@@ -42,7 +42,7 @@ pub struct Stratum {
     pub ranges: f64,
     /// Typical angle between successive beams of a device, rad.
     pub beam_angle: f64,
-    /// Horizontal way, m, and time, s, that the platform took.
+    /// Horizontal distance, m, and duration, s, of the platform's movement.
     pub way: f64,
     pub flown_s: f64,
     pub view: View,
@@ -53,7 +53,7 @@ pub struct Stratum {
 pub struct View {
     /// Origin of the first pulse.
     pub origin: DVec3,
-    /// Horizontal unit vector to the right of the way; 0 if the platform stands.
+    /// Horizontal unit vector to the right of the direction of movement; 0 if the platform is static.
     pub right: DVec3,
     /// How far to the left and to the right echoes are.
     pub across: [f64; 2],

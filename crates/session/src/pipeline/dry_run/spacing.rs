@@ -17,7 +17,7 @@ pub struct Spacing {
 ///
 /// With the mean range R, beam diameter d at the instrument, divergence γ, speed v, f scan lines per second,
 /// the angle α between successive beams and the head's speed ω: footprint sqrt(d² + (R·γ)²), across R·α,
-/// along v/f or, of a scanner that stands, R·ω/f.
+/// along v/f or, of a static scanner, R·ω/f.
 pub fn of_leg(survey: &Survey, number: u32, strata: &[Stratum]) -> Spacing {
     let (ranges, hits) = strata.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.ranges, sum.1 + s.hits));
     let Some(leg) = survey.legs.iter().find(|leg| leg.number == number).filter(|_| hits > 0.0) else {

@@ -17,17 +17,18 @@ pub const MAX_STRATUM_PULSES: u64 = 2048;
 const MIN_STRATUM_PULSES: u64 = 512;
 /// Number of strata; up to twice as many in flights that are stepped.
 pub const STRATA: usize = 128;
-/// Most steps through a flight, about 0.2 s. Not a time, so that the same flight is always counted or never.
+/// Maximum number of steps through a flight, about 0.2 s. A count instead of a time, so that the same flight
+/// is always or never stepped through.
 const MAX_STEPS: u64 = 100_000_000;
-/// How many steps at once take as long as one alone.
+/// Number of steps at once that take as long as a single step.
 const STEPS_PER_SINGLE: u64 = 16;
 /// Steps between looks at a requested stop.
 const STEPS_PER_LOOK: u32 = 1 << 16;
-/// Most steps in which the share of fired pulses is counted, over all legs.
+/// Maximum number of steps, over all legs, in which the share of fired pulses is counted.
 const MAX_COUNTED_STEPS: u64 = 20_000_000;
 /// Poses of a stream that a sample is given.
 const MAX_WINDOW: usize = 4096;
-/// Most poses of a stream, all of which are kept; almost 3 hours at 1000 per second.
+/// Maximum number of poses of a stream, all of which are kept; almost 3 hours at 1000 per second.
 const MAX_POSES: usize = 10_000_000;
 const POLL: Duration = Duration::from_millis(100);
 

@@ -27,7 +27,7 @@ const MAX_LEAN: f64 = 0.3;
 /// Minimum fraction of positions in water at which a flight is taken to be in it.
 const MIN_SHARE_IN_WATER: f64 = 0.1;
 
-/// Maximum number of positions that are looked at over a scene of tiles, each of which may have to be loaded.
+/// Maximum number of positions that are checked over a scene of tiles, each of which may have to be loaded.
 const MAX_PLACES_OVER_TILES: usize = 8;
 
 /// Location of a position relative to the surfaces.

@@ -10,7 +10,7 @@
 //! | `angles` | angles as written against the course: radians read as degrees and the reverse |
 //! | `view` | beams of the flight: heights in feet or beyond the range, scanners that look up |
 //! | `poses` | a streamed flight, pose by pose |
-//! | `instrument` | settings of the scanner that the physics passes over or replaces |
+//! | `instrument` | settings of the scanner that the physics ignores or replaces |
 //! | `pace` | times of a recorded flight: milliseconds read as seconds |
 //! | `mirror` | pulses that a mirror does not fire |
 //! | `points` | points per pulse, and where the beams pointed |
@@ -115,8 +115,8 @@ fn check_view(
 }
 
 /// Checks a recorded flight before it is flown: all poses of a trajectory that can be read a second time, in
-/// the same way as those of a stream, and what the beams see from them. Nothing is found in a file with
-/// errors, which the flight reports where they stand.
+/// the same way as those of a stream, and the surfaces that the beams hit from them. A file with errors has
+/// no findings: the flight reports the errors with their places.
 pub fn check_recording(
     survey: &Survey,
     scene: &Scene,

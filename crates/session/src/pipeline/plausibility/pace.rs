@@ -9,9 +9,9 @@ use vlscan_geom::DVec3;
 const MAX_DURATION: f64 = 86_400.0;
 /// Speed below which a flight is reported, m/s.
 const MIN_SPEED: f64 = 0.1;
-/// Length of a flight from which its speed counts, m: below it a platform stands, and its motion is noise.
+/// Minimum length of a flight whose speed is checked, m: a shorter flight is a static platform with noise.
 const MIN_LENGTH: f64 = 10.0;
-/// Minimum distance between two poses for which their speed alone counts, m.
+/// Minimum distance between two poses whose speed is checked on its own, m.
 const MIN_STEP: f64 = 0.5;
 /// Steps of a flight from whose pace alone milliseconds are recognised while it is flown.
 const EARLY_STEPS: u32 = 3;
@@ -91,8 +91,8 @@ impl Pace {
         }
     }
 
-    /// Finds what the poses so far show: all steps take too long, over more than a platform that stands
-    /// drifts, or all are too fast.
+    /// Finds what the poses so far show: all steps take too long, over more than the drift of a static
+    /// platform, or all are too fast.
     pub fn find_early(&self) -> Option<Finding> {
         let (count, seconds, length) = self.slow;
         let is_slow = count >= EARLY_STEPS && length >= MIN_LENGTH && !self.has_moved;

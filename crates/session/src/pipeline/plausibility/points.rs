@@ -179,7 +179,7 @@ impl YieldCheck<'_> {
         matches!(kind, PlatformKind::Stream(stream) if !is_recording(stream))
     }
 
-    /// The finding of a run whose pulses hit, and whose detector needs more light than comes back.
+    /// The finding of a run whose pulses hit, and whose detector needs more light than is returned.
     fn too_weak(
         &self,
         pulses: u64,

@@ -26,7 +26,7 @@ pub struct PoseCheck {
     scene: Aabb,
     /// Box around all poses. A flight past the scene is detected by its points per pulse instead.
     flight: Aabb,
-    /// True if the user has been told that the flight has not come near the scene so far.
+    /// True if it has been reported that the flight has not come near the scene so far.
     is_noted: bool,
     angles: AngleCheck,
     pace: Pace,

@@ -14,7 +14,7 @@ use vlscan_trace::Tree;
 const FOOT: f64 = 0.3048;
 /// Height above the scene from which heights are compared with ones in feet, m.
 const MIN_SUSPECT_HEIGHT: f64 = 100.0;
-/// Share of the downward beams that meet the scene, below which a height is doubted.
+/// Share of the downward beams that meet the scene, below which a height is considered doubtful.
 pub(super) const MIN_SHARE: f64 = 0.3;
 /// Factor by which more of them meet it where the heights are read as feet; a swath is at most 3.28 times as
 /// wide.
@@ -34,7 +34,8 @@ const MAX_SHARE_UP: f64 = 0.4;
 const STEEP: f64 = -0.866;
 /// Height above the ground from which a scanner is expected to look down, m.
 const MIN_AIRBORNE: f64 = 30.0;
-/// Places at which a flight is looked at, and over a scene of tiles, each of which may have to be loaded.
+/// Number of positions at which a flight is checked, and that number over a scene of tiles, each of which may
+/// have to be loaded.
 pub(super) const PLACES: usize = 48;
 const PLACES_OVER_TILES: usize = 8;
 
@@ -116,7 +117,7 @@ pub(super) fn check(
     )
 }
 
-/// A scanner in the air of which much points above the horizon and nothing down.
+/// A scanner in the air whose beams mostly point above the horizon and never down.
 fn upwards(who: &str, beams: &[SampledBeam], height: f64) -> Option<Finding> {
     let share = share_of(beams, |beam| beam.direction.z > 0.0);
     let looks_down = beams.iter().any(|beam| beam.direction.z < STEEP);

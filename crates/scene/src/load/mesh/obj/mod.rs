@@ -37,7 +37,7 @@ const PIECE_BYTES: usize = 1 << 20;
 /// Pieces per thread that are read before they are appended; limits the memory held twice.
 const PIECES_PER_THREAD: usize = 4;
 
-/// Maximum number of names of a folder among which a similar one is looked for.
+/// Maximum number of names in a folder that are searched for a similar one.
 const MAX_LISTED_NAMES: usize = 10_000;
 
 /// Appends the triangles of an OBJ file to the scene. `names` holds the materials known to the part's files.
