@@ -153,7 +153,7 @@ mod tests {
     use vlscan_survey::catalogue;
 
     /// The fields of all instruments of the catalogue, as their data sheets state them where those are known.
-    const FIELDS: [(&str, &[f64]); 56] = [
+    const FIELDS: [(&str, &[f64]); 58] = [
         ("als.xml#leica_als50", &[75.0]),
         ("als.xml#leica_als50-ii", &[75.0]),
         ("als.xml#optech_2033", &[40.0]),
