@@ -381,7 +381,7 @@ const MISTAKES: [(&str, &str); 42] = [
     ("fly 'for (i = 2; i < 5; i++) $i /= 0.3048'", "read as feet"),
     (
         "awk -F, -v OFS=, 'NR > 1 { $1 = sprintf(\"%d\", 1000 * $1) } NR < 40' flight.csv > slow.csv; \
-         timeout 20 vlscan run site.toml --trajectory slow.csv -o slow.laz",
+         sed 's/50000/100/' site.toml > rare.toml; vlscan run rare.toml --trajectory slow.csv -o slow.laz",
         "0.010 m/s on average",
     ),
     (
