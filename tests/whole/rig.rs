@@ -205,9 +205,8 @@ fn outputs_of_all_scanners_are_checked_before_the_first_pulse() {
     let nowhere = refused(&rig(LEGS).replace("rear.las", "none/rear.las"), &["run", "rig.toml", "-q"]);
     assert!(nowhere.contains("scanner `rear`: none is not a directory"), "{nowhere}");
     // So are flight and instrument, if warnings are errors.
-    let low =
-        refused(&rig(LEGS).replace("offset_m = [0, -0.4, 2.1], ", ""), &["run", "rig.toml", "--strict"]);
-    assert!(low.contains("scanner `rear`: the flight runs on the surface"), "{low}");
+    let low = refused(&rig(LEGS).replace("-0.4, 2.1]", "-0.4, -1.1]"), &["run", "rig.toml", "--strict"]);
+    assert!(low.contains("scanner `rear`: the flight is below the terrain"), "{low}");
     let piped = refused(&rig(TRAJECTORY).replace("way.csv", "-"), &["run", "rig.toml", "-q"]);
     assert!(piped.contains("can be read only once"), "{piped}");
     assert_eq!(files(dir.path()).len(), before + 1);

@@ -128,9 +128,8 @@ impl Aperture {
 /// chords of half length h = √(radius² − u²), with u = radius·sin t.
 fn disc_share(off: f64, radius: f64, sigma: f64) -> f64 {
     let (from, to) = ((off - CUT_OFF * sigma).max(-radius), (off + CUT_OFF * sigma).min(radius));
-    // False for NaN, too.
-    let is_met = from < to;
-    if !is_met {
+    // The bounds are numbers even if `off` is none.
+    if off.is_nan() || from >= to {
         return 0.0;
     }
     let (from, to) = (asin((from / radius).clamp(-1.0, 1.0)), asin((to / radius).clamp(-1.0, 1.0)));
