@@ -2,8 +2,9 @@
 
 /// The candidate that a misspelt `word` probably means: at most a third of its letters differ (an inserted,
 /// missing, wrong or swapped letter counts once; case is ignored). Among equally near candidates the first is
-/// returned. If none is as near, it is the shortest one of which `word` is a part, whatever the signs between
-/// its letters.
+/// returned. If more than one letter differs, the shortest one that goes on after `word` with an underscore
+/// comes first: it may lack only a unit. If none is as near, it is the shortest one of which `word` is a
+/// part, whatever the signs between its letters.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = word.to_lowercase();
     let length = lower.chars().count();
@@ -17,11 +18,25 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     });
     let near =
         distances.filter(|(distance, letters, _)| *distance <= (length / 3).max(1) && distance < letters);
-    near.min_by_key(|near| near.0).map(|near| near.2).or_else(|| part_of(word, &candidates))
+    let near = near.min_by_key(|near| near.0);
+    if let Some((0 | 1, _, candidate)) = near {
+        return Some(candidate);
+    }
+    longer(&lower, &candidates).or(near.map(|near| near.2)).or_else(|| part_of(word, &candidates))
 }
 
 /// Letters and digits that a part of a name must have.
 const MIN_PART: usize = 3;
+
+/// The shortest candidate that goes on after the name `lower`, in lower case, with an underscore.
+fn longer<'a>(lower: &str, candidates: &[&'a str]) -> Option<&'a str> {
+    let is_longer = |candidate: &&&str| {
+        let other = candidate.to_lowercase();
+        other.strip_prefix(lower).is_some_and(|end| end.starts_with('_'))
+    };
+    let longer = candidates.iter().filter(is_longer).min_by_key(|candidate| candidate.len());
+    longer.copied().filter(|_| lower.chars().count() >= MIN_PART)
+}
 
 /// The shortest candidate of which `word` is a part; only letters and digits count.
 fn part_of<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
@@ -43,6 +58,10 @@ mod tests {
         assert_eq!(nearest("pulsFreq_hz", names), Some("pulseFreq_hz"));
         assert_eq!(nearest("dI", names), Some("id"));
         assert_eq!(nearest("colour", names), None);
+        // The unit is missing, but `water_index` has fewer other letters.
+        let water = ["water_index", "water_level_m", "water_wind_m_s", "water_wind_deg"];
+        assert_eq!(nearest("water_wind", water), Some("water_wind_m_s"));
+        assert_eq!(nearest("water_indx", water), Some("water_index"));
         let ids = ["riegl_vux-1uav22", "riegl_vux-1uav", "velodyne_hdl-64e"];
         assert_eq!([nearest("VUX-1UAV", ids), nearest("hdl64", ids)], [Some(ids[1]), Some(ids[2])]);
         assert_eq!(nearest("1u", ids), None);

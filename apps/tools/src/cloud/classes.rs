@@ -27,6 +27,18 @@ const NAMES: [&str; 23] = [
     "temporal exclusion",
 ];
 
+/// First class of [`BATHYMETRIC_NAMES`].
+const FIRST_BATHYMETRIC: u8 = 40;
+/// Names of the classes of water and what is below.
+const BATHYMETRIC_NAMES: [&str; 6] = [
+    "bathymetric point (bottom)",
+    "water surface",
+    "derived water surface",
+    "submerged object",
+    "IHO S-57 object",
+    "no bottom found",
+];
+
 /// Classes of points that are noise.
 pub(crate) const NOISE: [u8; 2] = [7, 18];
 
@@ -42,7 +54,8 @@ pub(super) fn class_name_in_old_formats(class: u8) -> Option<&'static str> {
 
 /// The name of a point class; `None` for reserved and user-defined ones.
 pub fn class_name(class: u8) -> Option<&'static str> {
-    NAMES.get(usize::from(class)).copied()
+    let bathymetric = || BATHYMETRIC_NAMES.get(usize::from(class.checked_sub(FIRST_BATHYMETRIC)?)).copied();
+    NAMES.get(usize::from(class)).copied().or_else(bathymetric)
 }
 
 #[cfg(test)]
@@ -54,7 +67,10 @@ mod tests {
         let named = [2, 6, 9, 17, 22].map(class_name);
         let expected = ["ground", "building", "water", "bridge", "temporal exclusion"].map(Some);
         assert_eq!(named, expected);
-        assert!([23, 64, 255].map(class_name).iter().all(Option::is_none));
+        let named = [40, 41, 42, 43, 44, 45].map(class_name);
+        assert_eq!(named, BATHYMETRIC_NAMES.map(Some));
+        assert_eq!(class_name(41), Some("water surface"));
+        assert!([23, 39, 46, 64, 255].map(class_name).iter().all(Option::is_none));
         // Tower, rail and wires came with point format 6; 31 classes are all that the older ones hold.
         let old = [2, 12, 15, 10, 13, 18].map(class_name_in_old_formats);
         assert_eq!(old, [Some("ground"), Some("overlap"), None, None, None, None]);

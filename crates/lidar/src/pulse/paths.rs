@@ -331,7 +331,8 @@ impl LightPaths {
         }
     }
 
-    /// Receives light that mirrors have turned back to the instrument, unless something is before it.
+    /// Receives light that mirrors have turned back to the instrument, unless something is before it. Light
+    /// that has passed the instrument counts where it passed: surfaces behind send it away from there.
     fn send_back(
         &mut self,
         view: &SceneView,
@@ -346,7 +347,8 @@ impl LightPaths {
         let length = light.length + way;
         let range = 0.5 * length;
         let factor = light.share * aperture.factor(&image, (receiver, axis), length);
-        let is_received = factor > MIN_FACTOR && instrument.detector.is_in_range(range);
+        let is_received =
+            image.leads_to(from, receiver) && factor > MIN_FACTOR && instrument.detector.is_in_range(range);
         if !is_received {
             return;
         }

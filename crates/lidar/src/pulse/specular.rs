@@ -84,6 +84,12 @@ impl Image {
         Image { origin: self.origin + crossed - direction * crossed.dot(direction), ..self }
     }
 
+    /// Light of the image that leaves a surface at `from` comes nearer to `place` on its further way, instead
+    /// of being past it.
+    pub fn leads_to(&self, from: DVec3, place: DVec3) -> bool {
+        (place - from).dot(self.axis) > 0.0
+    }
+
     /// The image behind a surface; facets of a rough mirror give none that further surfaces could show.
     pub fn beyond(self) -> Option<Image> {
         self.mirror.is_none_or(|mirror| mirror.roughness == 0.0).then_some(self)
@@ -208,6 +214,9 @@ mod tests {
         near(factor(&faced(100.0, 0.0, 1e-3)) / (width * width) / expected, 1.0, 1e-6);
         assert!(faced(100.0, 0.0, 1e-3).beyond().is_none() && faced(100.0, 0.0, 0.0).beyond().is_some());
         let image = faced(100.0, 0.0, 0.0);
+        // Back from the mirror, light passes the receiver and goes on.
+        assert!(image.leads_to(DVec3::Y * 100.0, DVec3::ZERO) && image.leads_to(DVec3::Y, DVec3::ZERO));
+        assert!(!image.leads_to(DVec3::Y * -2.0, DVec3::ZERO));
         assert_eq!(aperture().factor(&image, (DVec3::ZERO, DVec3::X), 200.0), 0.0);
         assert_eq!(factor(&Image::of_beam(DVec3::ZERO, DVec3::Y)), 0.0);
     }

@@ -277,3 +277,31 @@ fn mirrors_show_the_receiver_itself_through_panes_and_in_corners_but_not_behind_
     // A wall hides the way back, but not the way there.
     assert!(aside(0.01, &[wall(-1.0, 0.0, 40.0)]).is_empty());
 }
+
+#[test]
+fn light_that_passed_the_receiver_is_not_received_again_from_the_panes_behind_it() {
+    // A mirror at 5 m, panes 2 m and 4 m behind the receiver; the axis meets no edge of a triangle.
+    let rectangles = [5.0, -2.0, -4.0].map(|y| wall(-20.0, 10.0, y));
+    let mut scene = scene_of(PANE, 3, &rectangles);
+    let optics = Optics { kind: mirror(), share: 1.0, roughness: 0.0 };
+    scene.materials.push(Material { reflectance: 0.0, optics: Some(optics), ..half_white() });
+    scene.surfaces[0].material = 2;
+    let found = |max_order: u8| {
+        let (survey, options) = one_ray();
+        let options = PhysicsOptions { max_order, ..options };
+        let mut own = own_echoes(&simulate(&scene, &survey, options));
+        own.sort_by(|a, b| a.0.range.total_cmp(&b.0.range));
+        own
+    };
+    // Light comes from the mirror each time: at once, after it was at the pane at −2 m (24 m in all), at that
+    // at −4 m (28 m, with 2 mm more for each way through the other), and twice at that at −2 m (38 m).
+    let expected = [(5.0, 0), (12.0, 2), (14.002, 4), (19.0, 4)];
+    for (max_order, count) in [(2, 1), (4, 2), (6, 4)] {
+        let own = found(max_order);
+        assert_eq!(own.len(), count, "{max_order}: {own:?}");
+        for ((echo, path), (range, order)) in own.iter().zip(expected) {
+            assert!((echo.range - range).abs() < 1e-9 && path.order == order, "{echo:?} {path:?}");
+            assert_eq!(echo.part, 0);
+        }
+    }
+}
