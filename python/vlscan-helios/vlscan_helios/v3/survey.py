@@ -126,7 +126,7 @@ class Survey(Model):
         """
         document = xml_files.read(survey_file)
         element = document.asset("survey")
-        contents = EngineSurvey.open(document.path).contents(assets=_folders(document))
+        contents = survey_xml.contents_of(document, _folders(document))
         platform = survey_xml.platform_of(document, contents)
         survey = cls(
             scanner=survey_xml.scanner_of(document),

@@ -17,6 +17,7 @@ import numpy as np
 
 from vlscan import Error, scanner_figures
 from vlscan import Leg as EngineLeg
+from vlscan import Survey as EngineSurvey
 from vlscan.survey import FlownPart, SurveyContents
 
 from .leg import Leg, flown_part
@@ -115,6 +116,17 @@ def waveform_of(document: Document, contents: SurveyContents) -> FullWaveformSet
         # The window is not checked: the file is run as it stands.
         setattr(settings, name, contents.waveform[key] if key == "quality" else contents.waveform[key] / _WAVEFORM[name][1])
     return settings
+
+
+def contents_of(document: Document, folders: list[str | Path]) -> SurveyContents:
+    """Return what the engine reads in a survey; one without legs, which the engine refuses, may get them later."""
+    if document.asset("survey").find("leg") is not None:
+        return EngineSurvey.open(document.path).contents(assets=folders)
+    root = deepcopy(document.root)
+    leg = SubElement(Document(document.path, root).asset("survey"), "leg")
+    SubElement(leg, "platformSettings", x="0", y="0", z="0", movePerSec_m="1")
+    SubElement(leg, "scannerSettings", active="false")
+    return EngineSurvey.from_document(tostring(root, encoding="unicode")).contents(assets=folders)._replace(legs=[])
 
 
 def legs_of(document: Document, contents: SurveyContents, platform: Platform) -> tuple[Leg, ...]:
