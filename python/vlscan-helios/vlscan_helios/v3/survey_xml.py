@@ -124,8 +124,8 @@ def contents_of(document: Document, folders: list[str | Path]) -> SurveyContents
         return EngineSurvey.open(document.path).contents(assets=folders)
     root = deepcopy(document.root)
     leg = SubElement(Document(document.path, root).asset("survey"), "leg")
-    SubElement(leg, "platformSettings", x="0", y="0", z="0", movePerSec_m="1")
-    SubElement(leg, "scannerSettings", active="false")
+    SubElement(leg, "platformSettings", x="0", y="0", z="0")
+    SubElement(leg, "scannerSettings", active="false", maxDuration_s="1")
     return EngineSurvey.from_document(tostring(root, encoding="unicode")).contents(assets=folders)._replace(legs=[])
 
 
