@@ -34,6 +34,11 @@ pub(super) fn channels_of_beams(
     elevations.iter().enumerate().map(channel).collect()
 }
 
+/// The pose of a channel of an entry without its rotation, which is that of the nominal angles of its beam.
+pub(super) fn level(mount: &Mount) -> Mount {
+    Mount { offset: mount.offset, ..Mount::IDENTITY }
+}
+
 /// Pose of an emitter whose beam leaves at an altitude and an azimuth (degrees, clockwise seen from above)
 /// relative to the beam of `base`, with the origin of `base`.
 pub(super) fn beam_pose(base: &Mount, altitude: f64, azimuth: f64) -> Mount {

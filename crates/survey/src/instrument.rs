@@ -1,6 +1,6 @@
 //! Scanners and their channels, from XML and TOML (spec input-formats §6).
 
-use super::beams::channels_of_beams;
+use super::beams::{channels_of_beams, level};
 use super::context::Context;
 use super::deflector::{DEFLECTING, check_deflector, leave_out_flat_prisms};
 use super::device::{MULTI_CHANNEL_PULSE_LENGTH, change_device, change_waveform_of};
@@ -196,7 +196,7 @@ fn channels_of_table(fields: &mut Fields, base: &Device) -> Option<Vec<Device>> 
 
 /// The channels that `elevations_deg` of a pipeline file lists, or `None` where they cannot be read. Outer
 /// `None` without elevations.
-fn listed_channels(fields: &mut Fields, base: &Device) -> Option<Option<Vec<Device>>> {
+fn listed_channels(fields: &mut Fields, scanner: &Scanner) -> Option<Option<Vec<Device>>> {
     let others = [K.azimuths_deg, K.origin_radii_m];
     if !fields.has(K.elevations_deg) {
         for key in others.iter().filter(|key| fields.has(**key)) {
@@ -218,8 +218,16 @@ fn listed_channels(fields: &mut Fields, base: &Device) -> Option<Option<Vec<Devi
         |list: &[f64]| (list.len() == 1 || list.len() == count) && within(MAX_ORIGIN_RADIUS)(list);
     let radii = fields.numbers(K.origin_radii_m, is_radius, &expected);
     let [azimuths, radii] = [azimuths, radii].map(|list| list.unwrap_or_else(|| vec![0.0]));
+    let mut base = scanner.devices[0].clone();
+    if scanner.multi_channel && !fields.has(K.beam_origin) {
+        // Angles count from the axes of the scanner, not from the nominal ones of the entry's first channel.
+        base.beam_origin = level(&base.beam_origin);
+        if fields.has(K.origin_radii_m) {
+            base.beam_origin.offset.y = 0.0;
+        }
+    }
     let offsets = [base.firing_offset * 1e6];
-    Some(elevations.map(|elevations| channels_of_beams(base, &elevations, &azimuths, &radii, &offsets)))
+    Some(elevations.map(|elevations| channels_of_beams(&base, &elevations, &azimuths, &radii, &offsets)))
 }
 
 /// The scanner of a reference: `file.xml#id`, a calibration file, or the id of a built-in one. Files are
@@ -324,7 +332,7 @@ pub(super) fn read_instrument(fields: &mut Fields, inherited: Option<Scanner>) -
                        `elevations_deg`";
         fields.error(K.pattern, message);
     }
-    if let Some(listed) = listed_channels(fields, &scanner.devices[0]) {
+    if let Some(listed) = listed_channels(fields, &scanner) {
         if !channels.is_empty() {
             fields.error(
                 K.elevations_deg,

@@ -243,8 +243,8 @@ impl McapBody {
 
     /// Writes the odometry of the pose before `next`.
     fn publish_odometry(&mut self, next: Option<Pose>, out: &mut OutputStream) -> Result<()> {
-        let Some((pose, next)) = self.track.odometry(next) else { return Ok(()) };
-        let message = poses::odometry(&pose, next.as_ref(), &self.names);
+        let Some((pose, step)) = self.track.odometry(next) else { return Ok(()) };
+        let message = poses::odometry(&pose, &step, &self.names);
         self.container.message(ODOMETRY, pose.time_ns, &[&message], out)
     }
 }

@@ -42,6 +42,8 @@ pub struct PoseTrack {
     latest: Option<Pose>,
     /// The pose whose velocity is that to the next one.
     waiting: Option<Pose>,
+    /// The pose before `waiting`.
+    before: Option<Pose>,
 }
 
 impl PoseTrack {
@@ -68,12 +70,17 @@ impl PoseTrack {
         pose
     }
 
-    /// The pose before `next`, with its velocities until then; the last one without `next`, with those of
-    /// `before`.
-    pub fn odometry(&mut self, next: Option<Pose>) -> Option<(Pose, Option<Pose>)> {
-        let waiting = self.waiting;
-        self.waiting = next;
-        waiting.map(|pose| (pose, next))
+    /// The pose before `next` and the step that has its velocities: to `next`, or from the pose before to the
+    /// last pose, which has no `next`.
+    pub fn odometry(&mut self, next: Option<Pose>) -> Option<(Pose, [Pose; 2])> {
+        let (before, waiting) = (self.before, self.waiting);
+        (self.before, self.waiting) = (waiting, next);
+        let pose = waiting?;
+        let step = match next {
+            Some(next) => [pose, next],
+            None => [before.unwrap_or(pose), pose],
+        };
+        Some((pose, step))
     }
 }
 
@@ -88,10 +95,10 @@ pub fn transform(pose: &Pose, names: &FrameNames) -> Vec<u8> {
     out.0
 }
 
-/// Odometry as a message: velocities from a pose to the next one, in the axes of the scanner; 0 without a
-/// next one. Covariances are 0: the poses are those by which points are placed.
-pub fn odometry(pose: &Pose, next: Option<&Pose>, names: &FrameNames) -> Vec<u8> {
-    let [linear, angular] = next.map_or([DVec3::ZERO; 2], |next| velocities(pose, next));
+/// Odometry as a message: a pose and the velocities of a step that begins or ends there, in the axes of the
+/// scanner. Covariances are 0: the poses are those by which points are placed.
+pub fn odometry(pose: &Pose, step: &[Pose; 2], names: &FrameNames) -> Vec<u8> {
+    let [linear, angular] = velocities(pose.rotation, step);
     let mut out = CdrWriter::new();
     out.header(pose.time_ns, &names.world);
     out.string(&names.sensor);
@@ -104,15 +111,15 @@ pub fn odometry(pose: &Pose, next: Option<&Pose>, names: &FrameNames) -> Vec<u8>
     out.0
 }
 
-/// Velocity, m/s, and angular velocity, rad/s, in the axes of the scanner.
-fn velocities(pose: &Pose, next: &Pose) -> [DVec3; 2] {
-    let seconds = next.time_ns.saturating_sub(pose.time_ns) as f64 / 1e9;
+/// Velocity, m/s, and angular velocity, rad/s, of a step in the axes of its first or last pose; the axis of
+/// the turn is the same in both. Zero for a step without duration.
+fn velocities(axes: Rotation, [from, to]: &[Pose; 2]) -> [DVec3; 2] {
+    let seconds = to.time_ns.saturating_sub(from.time_ns) as f64 / 1e9;
     if seconds <= 0.0 {
         return [DVec3::ZERO; 2];
     }
-    let back = pose.rotation.inverse();
-    let (axis, angle) = back.after(next.rotation).axis_angle();
-    [back.apply(next.position - pose.position) / seconds, axis * (angle / seconds)]
+    let (axis, angle) = from.rotation.inverse().after(to.rotation).axis_angle();
+    [axes.inverse().apply(to.position - from.position) / seconds, axis * (angle / seconds)]
 }
 
 #[cfg(test)]
@@ -128,10 +135,37 @@ mod tests {
             rotation: Rotation::about_z(angle),
         };
         let east = -std::f64::consts::FRAC_PI_2;
-        let [linear, angular] = velocities(&at(0, 5.0, east), &at(100_000_000, 6.0, east + 0.02));
+        let step = [at(0, 5.0, east), at(100_000_000, 6.0, east + 0.02)];
+        let [linear, angular] = velocities(step[0].rotation, &step);
         assert!((linear - DVec3::new(0.0, 10.0, 0.0)).length() < 1e-12, "{linear}");
         assert!((angular - DVec3::new(0.0, 0.0, 0.2)).length() < 1e-12, "{angular}");
-        assert_eq!(velocities(&at(5, 0.0, 0.0), &at(5, 1.0, 0.0)), [DVec3::ZERO; 2]);
+        let [linear, angular] = velocities(step[1].rotation, &step);
+        let turned = DVec3::new(10.0 * libm::sin(0.02), 10.0 * libm::cos(0.02), 0.0);
+        assert!((linear - turned).length() < 1e-12, "{linear}");
+        assert!((angular - DVec3::new(0.0, 0.0, 0.2)).length() < 1e-12, "{angular}");
+        let standing = [at(5, 0.0, 0.0), at(5, 1.0, 0.0)];
+        assert_eq!(velocities(Rotation::IDENTITY, &standing), [DVec3::ZERO; 2]);
+    }
+
+    #[test]
+    fn the_last_pose_has_the_velocity_of_the_step_to_it() {
+        let pose = |time_ns| Pose {
+            time_ns,
+            position: DVec3::new(0.0, 1e-8 * time_ns as f64, 0.0),
+            rotation: Rotation::IDENTITY,
+        };
+        let mut track = PoseTrack::default();
+        assert_eq!(track.odometry(Some(pose(0))), None);
+        let (first, last) = (pose(0), pose(10_000_000));
+        assert_eq!(track.odometry(Some(last)), Some((first, [first, last])));
+        let (end, step) = track.odometry(None).unwrap();
+        assert_eq!((end, step), (last, [first, last]));
+        assert!((velocities(end.rotation, &step)[0] - DVec3::new(0.0, 10.0, 0.0)).length() < 1e-12);
+        // A single pose has no step.
+        let mut alone = PoseTrack::default();
+        assert_eq!(alone.odometry(Some(first)), None);
+        assert_eq!(alone.odometry(None), Some((first, [first, first])));
+        assert_eq!(velocities(Rotation::IDENTITY, &[first, first]), [DVec3::ZERO; 2]);
     }
 
     #[test]

@@ -58,9 +58,11 @@ impl ReflectionSources {
         (traced, beam): (&TracedPulse, [DVec3; 2]),
         (reflections, triangles): (&Reflections, &mut TriangleCache),
     ) -> EchoTruth {
-        let kind_of = |i: usize| reflections.end_of(i).map(|end| end.path.kind);
-        let medium = kind_of(source).filter(|kind| kind.is_of_medium());
-        let is_alike = |i: &usize| medium.is_none() || kind_of(*i) == medium;
+        let medium_of =
+            |i: usize| reflections.end_of(i).map(|end| end.path.kind).filter(|kind| kind.is_of_medium());
+        let medium = medium_of(source);
+        // A raindrop in front of a surface may outshine each of its subrays, but not the surface.
+        let is_alike = |i: &usize| medium_of(*i) == medium;
         let own = || (0..self.returns.len()).filter(|i| self.returns[*i] == number).filter(is_alike);
         let intensities = reflections.intensities();
         let strongest = own().max_by(|a, b| intensities[*a].total_cmp(&intensities[*b])).unwrap_or(source);

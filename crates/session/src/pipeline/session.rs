@@ -129,12 +129,8 @@ impl Session {
         observer(Notice::Warnings(found.finish(settings.strict)?));
         note.into_iter().for_each(|note| observer(Notice::Note(note)));
         let motion = plan_motion(&settings, scene.scene());
-        if motion.is_some() && settings.survey.legs.iter().any(|leg| leg.scanner.pulse_times.is_some()) {
-            return Err(Error::input_with_help(
-                "moving parts of a scene need a constant pulse rate, but a leg has pulse times",
-                "give the legs pulse_freq_hz in place of pulse_times and pulse_intervals_us, or the scene no \
-                 moving parts",
-            ));
+        if motion.is_some() {
+            check_pulse_rate(&settings.survey)?;
         }
         let rate = first_pulse_rate(&settings);
         let found = vlscan_scene::check_time_step(scene.scene(), &settings.survey.scene.path, rate);
@@ -326,4 +322,49 @@ fn plan_motion(settings: &Settings, scene: &Scene) -> Option<MotionPlan> {
 /// Pulse rate of the first leg, Hz.
 fn first_pulse_rate(settings: &Settings) -> f64 {
     settings.survey.legs.first().map_or(0.0, |leg| f64::from(leg.scanner.pulse_freq))
+}
+
+/// Moving parts need legs without pulse times.
+fn check_pulse_rate(survey: &Survey) -> Result<()> {
+    let mut timed = survey.legs.iter().filter_map(|leg| leg.scanner.pulse_times.as_ref());
+    let Some(times) = timed.next() else { return Ok(()) };
+    if survey.scanner.pulse_times.as_ref() == Some(times) {
+        return Err(Error::input_with_help(
+            format!(
+                "moving parts of a scene need a constant pulse rate, but the pattern of the scanner `{}` has \
+                 the times of its pulses",
+                survey.scanner.id
+            ),
+            "give pulse_freq_hz in the settings of the scanner (each pulse takes the next row), or the scene \
+             no moving parts",
+        ));
+    }
+    Err(Error::input_with_help(
+        "moving parts of a scene need a constant pulse rate, but a leg has pulse times",
+        "give the legs pulse_freq_hz in place of pulse_times and pulse_intervals_us, or the scene no moving \
+         parts",
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vlscan_survey::{PulseTimes, testkit};
+
+    #[test]
+    fn the_error_of_pulse_times_beside_moving_parts_names_their_source() {
+        let mut survey = testkit::survey(vec![testkit::device()]);
+        survey.legs = vec![testkit::leg(0, testkit::scanner_settings(1000))];
+        assert!(check_pulse_rate(&survey).is_ok());
+        let shown = |survey: &Survey| match check_pulse_rate(survey) {
+            Err(Error::Input(found)) => found.text(),
+            other => panic!("{other:?}"),
+        };
+        let times = PulseTimes::of_intervals(&[1e-3, 2e-3]);
+        survey.legs[0].scanner.pulse_times = Some(times.clone());
+        assert!(shown(&survey).contains("a leg has pulse times"), "{}", shown(&survey));
+        survey.scanner.pulse_times = Some(times);
+        assert!(shown(&survey).contains("the pattern of the scanner `"), "{}", shown(&survey));
+        assert!(shown(&survey).contains("pulse_freq_hz in the settings"), "{}", shown(&survey));
+    }
 }

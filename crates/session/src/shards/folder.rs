@@ -24,6 +24,23 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
     (number < of).then_some((number, of))
 }
 
+/// The error of a folder without shards, which may contain the folders of several scanners.
+fn no_shards(folder: &Path) -> Error {
+    let message = format!("{} contains no shards (shard-…-of-….vlshard)", folder.display());
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut inside: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
+    inside.retain(|path| ShardSet::list(path).is_ok_and(|shards| !shards.is_empty()));
+    inside.sort();
+    match inside.first() {
+        Some(first) => {
+            let help =
+                format!("merge the shards of each scanner on their own: vlscan merge {} …", first.display());
+            Error::input_with_help(message, help)
+        }
+        None => Error::input(message),
+    }
+}
+
 /// True if a file begins as every shard does: a file of another kind does not belong to the program.
 pub fn is_shard(path: &Path) -> bool {
     begins_with(path, file::MAGIC)
@@ -112,10 +129,7 @@ impl ShardSet {
             ));
         }
         let Some((of, present)) = listed.into_iter().next() else {
-            return Err(Error::input(format!(
-                "{} contains no shards (shard-…-of-….vlshard)",
-                folder.display()
-            )));
+            return Err(no_shards(folder));
         };
         let mut damaged = BTreeMap::new();
         let mut runs = Runs::default();
@@ -302,6 +316,15 @@ mod tests {
             other => other.to_string(),
         };
         assert!(shown(refused()).contains("contains no shards"));
+        assert!(!shown(refused()).contains("vlscan merge"));
+        // The shards of a scanner of several.
+        let roof = dir.path().join("roof");
+        fs::create_dir(&roof).unwrap();
+        assert!(!shown(refused()).contains("vlscan merge"));
+        fs::write(shard_path(&roof, OneOf { number: 0, of: 8 }), shard(&head(0, 8))).unwrap();
+        let advice = format!("vlscan merge {}", roof.display());
+        assert!(shown(refused()).contains(&advice), "{}", shown(refused()));
+        fs::remove_dir_all(&roof).unwrap();
         let put = |head: &ShardHead| {
             fs::write(shard_path(dir.path(), OneOf { number: head.number, of: head.of }), shard(head))
                 .unwrap()

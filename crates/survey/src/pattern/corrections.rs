@@ -7,11 +7,11 @@
 use super::columns::{Column, Row};
 use super::sink::{AngleRange, MAX_CHANNEL, MAX_CHANNELS, PatternProblem, RowResult, RowSink, check_columns};
 use super::table::TableFile;
-use crate::beams::{Beams, beam_pose, channels_of_beams};
+use crate::beams::{Beams, beam_pose, channels_of_beams, level};
 use crate::context::Context;
 use crate::fields::Fields;
 use crate::keys::{InstrumentKeys, Key};
-use crate::{Device, Mount, Scanner};
+use crate::{Device, Scanner};
 use std::collections::BTreeMap;
 use std::path::Path;
 use vlscan_base::diag::Place;
@@ -231,9 +231,9 @@ fn corrected(fields: &mut Fields, scanner: &Scanner, ouster: ReadBeams) -> Optio
                 return None;
             }
             let angles = elevations.iter().zip(&azimuths);
+            let states_pose = fields.has(K.beam_origin);
             let turned = |(device, (elevation, azimuth)): (&Device, (&f64, &f64))| {
-                // The rotation of the entry is that of the nominal angles.
-                let base = Mount { offset: device.beam_origin.offset, ..Mount::IDENTITY };
+                let base = if states_pose { device.beam_origin } else { level(&device.beam_origin) };
                 Device { beam_origin: beam_pose(&base, *elevation, *azimuth), ..device.clone() }
             };
             scanner.devices.iter().zip(angles).map(turned).collect()

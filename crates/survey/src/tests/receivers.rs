@@ -528,3 +528,36 @@ fn channels_are_listed_by_the_angles_of_their_beams() {
         assert!(error.contains(said), "{said} is missing from\n{error}");
     }
 }
+
+#[test]
+fn listed_angles_replace_those_of_an_entry() {
+    let found = |name: &str, keys: &str| -> Vec<[f64; 3]> {
+        let (scanner, _) = shipped(name, keys).unwrap_or_else(|e| panic!("{}", report(&e)));
+        let of = |device: &Device| {
+            let (d, o) = (device.beam_origin.rotation.forward(), device.beam_origin.offset);
+            [d.z.asin().to_degrees(), d.x.atan2(d.y).to_degrees(), o.y]
+        };
+        scanner.devices.iter().map(of).collect()
+    };
+    let listed = "elevations_deg = [-20, 0, 10]\nazimuths_deg = [1, 0, -2]\n";
+    let plain = "elevations_deg = [-20, 0, 10]\n";
+    let tilt = "beam_origin = { rotate_deg = [{ x = 5 }] }\n";
+    for (name, keys, expected) in [
+        // The first channel of the entry looks down by 15°.
+        ("vlp16", listed.to_owned(), [[-20.0, 1.0, 0.0], [0.0, 0.0, 0.0], [10.0, -2.0, 0.0]]),
+        // That of this one looks aside by 4.25°.
+        ("ouster_os1-128", plain.to_owned(), [-20.0, 0.0, 10.0].map(|angle| [angle, 0.0, 0.015806])),
+        (
+            "ouster_os1-128",
+            format!("{plain}origin_radii_m = [0.02]\n"),
+            [-20.0, 0.0, 10.0].map(|angle| [angle, 0.0, 0.02]),
+        ),
+        ("vlp16", format!("{plain}{tilt}"), [-15.0, 5.0, 15.0].map(|angle| [angle, 0.0, 0.0])),
+    ] {
+        let found = found(name, &keys);
+        assert_eq!(found.len(), 3, "{keys}");
+        for (a, b) in found.iter().flatten().zip(expected.iter().flatten()) {
+            assert!((a - b).abs() < 1e-9, "{name}, {keys}: {found:?}");
+        }
+    }
+}

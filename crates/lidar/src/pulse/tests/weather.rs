@@ -121,6 +121,22 @@ fn raindrops_are_labelled_and_each_pulse_meets_others() {
 }
 
 #[test]
+fn labels_and_class_of_an_echo_are_of_the_same_surface() {
+    let survey = survey_in(rain(25.0), |device| {
+        (device.beam.divergence, device.waveform.quality) = (0.001, 4);
+    });
+    let batch = simulate_pulses(&wall_at(4.0), &survey, recorded(), 0, &pulses(3000));
+    assert!(batch.echoes.len() >= 3000, "{}", batch.echoes.len());
+    for echo in &batch.echoes {
+        let truth = echo.truth(&batch.truths);
+        let is_air = truth.path.kind.is_air();
+        assert_eq!(is_air, echo.classification == 18, "{echo:?} {truth:?}");
+        assert_eq!(is_air, echo.part == u32::MAX, "{echo:?} {truth:?}");
+        assert!(is_air || truth.fraction <= 1.0 + 1e-9, "{truth:?}");
+    }
+}
+
+#[test]
 fn pulses_into_the_sky_meet_fog() {
     let away = [pulse(Rotation::about_z(radians(180.0)))];
     for width in [1.0, 4.0, 20.0] {
