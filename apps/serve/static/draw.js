@@ -52,7 +52,8 @@
       this.picture.addEventListener('load', () => this.zoom(0));
       this.sheet.addEventListener('click', (event) => this.click(event));
       this.sheet.addEventListener('keydown', (event) => this.key(event));
-      this.picture.addEventListener('load', () => this.draw());
+      // When it is loaded, and when it is shown again: a map that is not shown has no width to draw for.
+      new ResizeObserver(() => this.draw()).observe(this.picture);
       this.field.addEventListener('input', () => this.read());
       this.form.elements.scene.addEventListener('change', () => this.load());
       this.load();
@@ -180,13 +181,13 @@
     }
 
     draw() {
-      const { naturalWidth: width, naturalHeight: height } = this.picture;
-      if (!this.frame || !width) return;
+      const { naturalWidth: width, naturalHeight: height, clientWidth: shown } = this.picture;
+      if (!this.frame || !width || !shown) return;
       this.svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
       this.svg.replaceChildren();
       const places = this.corners.map((corner) => this.pixels(corner));
       const points = places.map((place) => place.join(',')).join(' ');
-      const unit = width / this.picture.clientWidth;
+      const unit = width / shown;
       const stroke = { 'stroke-width': 2 * unit };
       if (this.kind === KINDS.polygon) element('polygon', { points, class: 'area', ...stroke }, this.svg);
       else if (this.kind === KINDS.line) element('polyline', { points, class: 'line', ...stroke }, this.svg);
