@@ -8,8 +8,8 @@ use vlscan::geom::degrees;
 use vlscan::survey::{Leg, PlatformKind, Survey};
 
 /// Name of a survey; id and name of its scanner; id and type of its platform; ids of the parts that its scene
-/// names; keys of its waveform settings; its legs with the keywords of `vlscan.Leg`. The last value is true if
-/// these keywords hold all that the file has about legs.
+/// names; keys of its waveform settings; its legs with the keywords of `vlscan.Leg`. The last value is true
+/// if these keywords hold all that the file has about legs.
 #[pyfunction]
 #[allow(clippy::type_complexity, reason = "unpacked by the package")]
 pub fn contents<'py>(

@@ -1,4 +1,4 @@
-//! What scene files say of their parts, and files of materials, as values.
+//! The parts of scene files and the materials of files, as values.
 
 use crate::errors::{Notices, exception};
 use crate::scene::{Scene, fields_of};

@@ -143,8 +143,8 @@ impl Table {
         Ok(Table::new(RecordBatch::try_new(schema, batch.columns().to_vec()).map_err(wrong)?))
     }
 
-    /// The rows of tables with the same columns, one after the other. What is known of the points beside their
-    /// columns, and metadata, is kept where all tables agree.
+    /// The rows of tables with the same columns, one after the other. What is known of the points beside
+    /// their columns, and metadata, is kept where all tables agree.
     #[staticmethod]
     fn concat(py: Python<'_>, tables: Vec<Py<Table>>) -> PyResult<Table> {
         let all: Vec<&Table> = tables.iter().map(|table| table.get()).collect();
@@ -384,8 +384,8 @@ pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatc
     Ok((schema, batches.map_err(wrong)?))
 }
 
-/// A batch whose columns of numbers have no missing values, for which NumPy has no place: NaN stands for those
-/// of floating-point numbers, and those of whole numbers are an error.
+/// A batch whose columns of numbers have no missing values, for which NumPy has no place: NaN stands for
+/// those of floating-point numbers, and those of whole numbers are an error.
 fn without_nulls(batch: RecordBatch) -> PyResult<RecordBatch> {
     if batch.columns().iter().all(|column| column.null_count() == 0) {
         return Ok(batch);

@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element, ParseError, parse
 from vlscan.errors import InputError
 from vlscan_helios.v3.utils import find_file
 
+from .templates import number_or
 from .views import Instrument
 
 
@@ -35,7 +36,7 @@ class Figures:
         if name not in figures:
             raise AttributeError(f"no figure {name!r} of a {type(self).__name__}; there are {', '.join(figures)}")
         attribute, default, divisor = figures[name]
-        return _number(self._entry.get(attribute), default) / divisor
+        return number_or(self._entry.get(attribute), default) / divisor
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"figures of a scanner cannot be set, found {name}; change its entry in its file")
@@ -95,7 +96,7 @@ class ScannerView(Instrument):
     def __getattr__(self, name: str) -> Any:
         if name in type(self).FIGURES:
             attribute, default, divisor = type(self).FIGURES[name]
-            return _number(self._entry.get(attribute), default) / divisor
+            return number_or(self._entry.get(attribute), default) / divisor
         return super().__getattr__(name)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -125,7 +126,7 @@ class ScannerView(Instrument):
     @property
     def pulseFreqs(self) -> list[int]:
         """Pulse frequencies, Hz."""
-        return [int(_number(word, 0)) for word in self._entry.get("pulseFreqs_Hz", "0").split(",")]
+        return [int(number_or(word, 0)) for word in self._entry.get("pulseFreqs_Hz", "0").split(",")]
 
     def getSupportedPulseFrequencies(self) -> list[int]:
         """Return the pulse frequencies, Hz."""
@@ -156,11 +157,3 @@ class ScannerView(Instrument):
         """Return the figures as lines of text."""
         rows = {"Device": self.id, **{name: getattr(self, name) for name in type(self).FIGURES}, "pulseFreqs": self.pulseFreqs}
         return "\n".join(f"{name}: {value}" for name, value in rows.items())
-
-
-def _number(text: str | None, default: float) -> float:
-    """Return a number, or the default for what is none: the engine tells about it when the file is run."""
-    try:
-        return default if text is None else float(text)
-    except ValueError:
-        return default

@@ -58,7 +58,7 @@ class Template:
         text = self._element.get(attribute)
         if isinstance(default, bool):
             return {"true": True, "1": True, "false": False, "0": False}.get((text or "").strip().lower(), default)
-        return _number(text, default) / divisor
+        return number_or(text, default) / divisor
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"templates cannot be changed, found {name}; change the settings of the leg")
@@ -67,8 +67,8 @@ class Template:
         return [*super().__dir__(), *_KINDS[self._element.tag]]
 
 
-def _number(text: str | None, default: float) -> float:
-    """Return a number, or the default for what is none, which the engine tells about."""
+def number_or(text: str | None, default: float) -> float:
+    """Return a number, or the default for a text that is none: the engine tells about it when the file is run."""
     try:
         return default if text is None else float(text)
     except ValueError:
