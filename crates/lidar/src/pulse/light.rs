@@ -1,5 +1,6 @@
 //! Light on its way over mirrors, through panes and into water: its state, and the surfaces that it meets.
 
+use super::ahead::NextHits;
 use super::echo::EchoPath;
 use super::foliage::{self, FreePaths, MediumEvent};
 use super::instrument::Instrument;
@@ -7,9 +8,9 @@ use super::reflect::ShadedSurface;
 use super::reflections::PathEnd;
 use super::specular::Image;
 use super::view::{Interaction, STEP_BEHIND, SceneView};
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, unit};
 use vlscan_scene::Optics;
-use vlscan_trace::Hits;
+use vlscan_trace::{Hit, Hits};
 
 /// Minimum radius of a beam that a rough mirror widens, m.
 const MIN_RADIUS: f64 = 1e-3;
@@ -23,6 +24,8 @@ pub(super) struct Arrival {
     pub at: DVec3,
     pub direction: DVec3,
     pub light: Light,
+    /// What the light meets next, as far as it is traced ahead.
+    pub next: NextHits,
 }
 
 /// State of the light on a path.
@@ -50,6 +53,8 @@ pub(super) struct Departure {
     /// Factor by which light is slower than in vacuum.
     pub slowness: f64,
     pub light: Light,
+    /// The first hit, if it is traced ahead.
+    pub next: Option<Hit>,
 }
 
 /// Reflection at the end of a path.
@@ -75,8 +80,18 @@ pub(super) fn optics_of(view: &SceneView, primitive: u32) -> Option<Optics> {
 pub(super) fn normal_towards(view: &SceneView, primitive: u32, direction: DVec3) -> Option<DVec3> {
     let mut surface = ShadedSurface::none(view);
     surface.load(view, primitive);
-    let normal = surface.normal.filter(|normal| normal.is_finite())?;
+    normal_on_side(surface.normal, direction)
+}
+
+/// The unit normal of a surface, if it has one, on the side that light of this direction meets.
+pub(super) fn normal_on_side(normal: Option<DVec3>, direction: DVec3) -> Option<DVec3> {
+    let normal = normal.filter(|normal| normal.is_finite())?;
     Some(if normal.dot(direction) > 0.0 { -normal } else { normal })
+}
+
+/// Direction of light that a facet with this unit normal mirrors.
+pub(super) fn mirrored(direction: DVec3, facet: DVec3) -> DVec3 {
+    unit(direction - facet * (2.0 * facet.dot(direction)))
 }
 
 /// The next surface on the way of light, or the foliage that intercepts it, and its distance, m.
@@ -86,12 +101,15 @@ pub(super) fn next_surface(
     departure: &Departure,
     paths: &mut FreePaths,
 ) -> Option<(Interaction, f64)> {
-    let Departure { primitive, from, direction, slowness, light, .. } = *departure;
+    let Departure { primitive, from, direction, slowness, light, mut next, .. } = *departure;
     let detector = &instrument.detector;
     let mut way = STEP_BEHIND;
     loop {
         let start = from + direction * way;
-        let at = view.nearest_astray((start, direction), |i| i != primitive);
+        let at = match next.take().filter(|hit| hit.primitive != primitive) {
+            Some(hit) => Interaction::at_hit((start, direction), start, hit),
+            None => view.nearest_astray((start, direction), |i| i != primitive),
+        };
         // False for a ray that misses, and for one that is not finite.
         let length = light.length + slowness * way + slowness * at.t;
         let is_in_reach = at.primitive != Hits::MISS && length <= detector.range_max;

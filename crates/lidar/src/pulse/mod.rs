@@ -26,6 +26,7 @@
 //! | `sources`, `velocity`, `range_noise` | true causes of echoes; their radial velocities; noise of ranges |
 //! | `echo`, `batch` | the records |
 
+mod ahead;
 mod batch;
 mod beam_volume;
 mod cluster;

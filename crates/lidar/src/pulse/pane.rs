@@ -2,6 +2,7 @@
 
 use libm::exp;
 use vlscan_geom::DVec3;
+use vlscan_scene::OpticsKind;
 
 /// Minimum cosine of the incidence angle: without light that comes in along the surface all formulas are
 /// finite.
@@ -48,6 +49,16 @@ pub(super) fn fresnel(index: f64, cosine: f64) -> [f64; 2] {
 }
 
 impl Pane {
+    /// The pane that an optical surface is.
+    pub fn of(kind: OpticsKind) -> Option<Pane> {
+        match kind {
+            OpticsKind::Mirror { .. } | OpticsKind::Water(_) => None,
+            OpticsKind::Pane { index, thickness, absorption, sheets } => {
+                Some(Pane { index, thickness, absorption, sheets })
+            }
+        }
+    }
+
     /// Cosine of the angle between the normal and a ray in the glass.
     fn inner_cosine(&self, cosine: f64) -> f64 {
         (1.0 - (1.0 - cosine * cosine) / (self.index * self.index)).max(0.0).sqrt()

@@ -12,11 +12,14 @@
 //! hardly any light is left, and at the first surface in water. Pulses that meet no such surface have no
 //! paths.
 
+use super::ahead::NextHits;
 use super::continuum::LeafResponse;
 use super::echo::{EchoPath, PathKind};
 use super::foliage::FreePaths;
 use super::instrument::Instrument;
-use super::light::{Arrival, Departure, Found, Light, next_surface, normal_towards, optics_of, spread_share};
+use super::light::{
+    Arrival, Departure, Found, Light, mirrored, next_surface, normal_towards, optics_of, spread_share,
+};
 use super::pane::Pane;
 use super::reflect::ShadedSurface;
 use super::reflections::{PathEnd, Reflections};
@@ -138,7 +141,11 @@ impl LightPaths {
                 let at = traced.start(subray) + direction * range;
                 let (subray, path) = (subray as u32, EchoPath::DIRECT);
                 let light = Light { subray, length: range, share: 1.0, path, image: None };
-                self.open.push(Arrival { optics, primitive, at, direction, light });
+                let is_first = primitive == traced.primitives[subray as usize]
+                    && range.to_bits() == gains.ranges[subray as usize].to_bits();
+                let next = traced.ahead.get(subray as usize).filter(|_| is_first).copied();
+                let next = next.unwrap_or_default();
+                self.open.push(Arrival { optics, primitive, at, direction, light, next });
             }
         };
         for (subray, (primitive, range)) in traced.primitives.iter().zip(gains.ranges).enumerate() {
@@ -160,17 +167,12 @@ impl LightPaths {
         slopes: &Stream,
         paths: &FreePaths,
     ) -> [Option<Departure>; 2] {
-        let Arrival { optics, primitive, at, direction, light } = *arrival;
+        let Arrival { optics, primitive, at, direction, light, next } = *arrival;
         let Some(normal) = normal_towards(view, primitive, direction) else { return [None; 2] };
         let cosine = (-normal.dot(direction)).min(1.0);
         let order = light.path.order + 1;
         let image = light.image.and_then(Image::beyond);
-        let pane = match optics.kind {
-            OpticsKind::Mirror { .. } | OpticsKind::Water(_) => None,
-            OpticsKind::Pane { index, thickness, absorption, sheets } => {
-                Some(Pane { index, thickness, absorption, sheets })
-            }
-        };
+        let pane = Pane::of(optics.kind);
         let shares = pane.map(|pane| pane.shares(cosine));
         let mirrored_share = match optics.kind {
             OpticsKind::Mirror { reflectance } => reflectance,
@@ -189,19 +191,21 @@ impl LightPaths {
                 image: image.map(|image| image.displaced(crossing.way, direction)),
                 ..light
             };
-            Departure { primitive, from: at + crossing.way, direction, roughness: 0.0, slowness: 1.0, light }
+            let (from, next) = (at + crossing.way, next[1]);
+            Departure { primitive, from, direction, roughness: 0.0, slowness: 1.0, light, next }
         });
         let roughness = optics.roughness;
         let mirror = Mirror { at, direction, primitive, cosine, roughness, is_water: false };
         let facet = self.facet(normal, roughness, slopes, paths);
-        let direction = unit(direction - facet * (2.0 * facet.dot(direction)));
+        let direction = mirrored(direction, facet);
         let light = Light {
             share: light.share * optics.share * mirrored_share,
             path: EchoPath { kind: PathKind::Mirror, order },
             image: image.map(|image| image.mirrored(normal, mirror)),
             ..light
         };
-        let mirrored = Departure { primitive, from: at, direction, roughness, slowness: 1.0, light };
+        let next = next[0];
+        let mirrored = Departure { primitive, from: at, direction, roughness, slowness: 1.0, light, next };
         // Light that a steep facet throws into the surface is lost.
         [Some(mirrored).filter(|_| direction.dot(normal) > 0.0), passed]
     }
@@ -236,7 +240,7 @@ impl LightPaths {
         (max_order, slopes): (u8, &Stream),
         paths: &mut FreePaths,
     ) {
-        let Arrival { optics, primitive, at, direction, light } = *arrival;
+        let Arrival { optics, primitive, at, direction, light, .. } = *arrival;
         let Some(normal) = normal_towards(view, primitive, direction) else { return };
         let facet = water::facet(water, normal, || self.draw(slopes, paths));
         let glint = optics.share * water::glint(water, normal, &facet, direction);
@@ -250,7 +254,7 @@ impl LightPaths {
         }
         let Some(refracted) = water::refract(water, facet.normal, direction) else { return };
         let mirrored_share = water::mirrored_share(water, refracted.cosines[0]);
-        let mirrored = unit(direction - facet.normal * (2.0 * facet.normal.dot(direction)));
+        let mirrored = mirrored(direction, facet.normal);
         if mirrored.dot(normal) > 0.0 {
             let path = EchoPath { kind: PathKind::Mirror, order: light.path.order + 1 };
             let share = light.share * optics.share * mirrored_share;
@@ -261,8 +265,8 @@ impl LightPaths {
             let image = image.map(|image| image.mirrored(normal, mirror));
             let light = Light { share, path, image, ..light };
             let roughness = (0.5 * (water.slopes[0] + water.slopes[1])).sqrt();
-            let departure =
-                Departure { primitive, from: at, direction: mirrored, roughness, slowness: 1.0, light };
+            let (from, direction, next) = (at, mirrored, None);
+            let departure = Departure { primitive, from, direction, roughness, slowness: 1.0, light, next };
             self.send_back(view, instrument, &departure, paths);
             self.send(view, instrument, &departure, max_order, paths);
         }
@@ -291,7 +295,8 @@ impl LightPaths {
         let WaterPlane { point: from, water, .. } = *plane;
         let Refracted { direction, cosines } = *refracted;
         let slowness = water.group_index;
-        let departure = Departure { primitive, from, direction, roughness: 0.0, slowness, light };
+        let (roughness, next) = (0.0, None);
+        let departure = Departure { primitive, from, direction, roughness, slowness, light, next };
         let bottom = next_surface(view, instrument, &departure, paths);
         let air = light.length.max(MIN_AIR);
         let attenuation = water::attenuation(&water, instrument.field_of_view, air);
@@ -352,7 +357,7 @@ impl LightPaths {
         if !is_received {
             return;
         }
-        let back = Departure { direction: unit(receiver - from), ..*departure };
+        let back = Departure { direction: unit(receiver - from), next: None, ..*departure };
         if next_surface(view, instrument, &back, paths).is_some_and(|(_, free)| free < way) {
             return;
         }
@@ -397,7 +402,8 @@ impl LightPaths {
         }
         if let Some(optics) = optics_of(view, at.primitive).filter(|_| light.path.order < max_order) {
             let light = Light { length, share, ..light };
-            self.open.push(Arrival { optics, primitive: at.primitive, at: point, direction, light });
+            let (primitive, next) = (at.primitive, NextHits::default());
+            self.open.push(Arrival { optics, primitive, at: point, direction, light, next });
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The simulation of pulses: ray generation, traversal and detection for many pulses at a time.
 
+use super::ahead::Ahead;
 use super::batch::Batch;
 use super::echo::Echo;
 use super::instrument::InstrumentTable;
@@ -43,6 +44,7 @@ pub struct PulseSimulator<'p> {
     /// Index of each pulse in the batch of its device; `None` if it is culled.
     slots: Vec<Option<usize>>,
     gain_buffer: GainBuffer,
+    ahead: Ahead,
     /// Triangles that some pulses hit and that are not cached.
     missing: Vec<SceneTriangle<'p>>,
     detection: Detection,
@@ -74,6 +76,7 @@ impl<'p> PulseSimulator<'p> {
             dynamic_batch: RayBatch::default(),
             slots: Vec::new(),
             gain_buffer: GainBuffer::default(),
+            ahead: Ahead::default(),
             missing: Vec::new(),
             detection: Detection::default(),
             trace_scratch: TraceScratch::default(),
@@ -323,7 +326,17 @@ impl<'p> PulseSimulator<'p> {
                 }
             }
             self.missing.iter().for_each(SceneTriangle::prefetch_corners);
-            let mut first_block = 0;
+            if view.has_optics {
+                let mut first_block = 0;
+                let traced = pulses.iter().zip(slots).filter_map(|(pulse, slot)| {
+                    let traced = TracedPulse::of(&self.batches[pulse.device as usize], (*slot)?);
+                    let gains = self.gain_buffer.of(first_block, &traced);
+                    first_block += traced.blocks();
+                    Some((traced, gains))
+                });
+                self.ahead.find(&view, traced, &mut self.trace_scratch);
+            }
+            let (mut first_block, mut row) = (0, 0);
             for (pulse, slot) in pulses.iter().zip(slots) {
                 if physics.options.record_pulses {
                     batch.pulses.push(pulse_record(pulse));
@@ -331,12 +344,13 @@ impl<'p> PulseSimulator<'p> {
                 if let Some(slot) = *slot {
                     let traced = &self.batches[pulse.device as usize];
                     let instrument = self.instruments.instrument(leg, pulse.device)?;
-                    let traced = TracedPulse::of(traced, slot);
+                    let traced = TracedPulse { ahead: self.ahead.of(row), ..TracedPulse::of(traced, slot) };
                     let gains = self.gain_buffer.of(first_block, &traced);
                     view.wavelength = physics.wavelengths.get(pulse.device as usize).copied().unwrap_or(0);
                     let pulse = (instrument, pulse);
                     self.detection.detect(simd, physics, &view, pulse, (traced, gains), batch)?;
                     first_block += traced.blocks();
+                    row += 1;
                 }
             }
         }

@@ -1,5 +1,6 @@
 //! Ranges of the subrays of a pulse, and the gain of the instrument there.
 
+use super::ahead::NextHits;
 use super::instrument::Instrument;
 use super::lanes::{Block, LANES};
 use super::ray_batch::RayBatch;
@@ -19,6 +20,8 @@ pub(super) struct TracedPulse<'a> {
     pub primitives: &'a [u32],
     /// Primitive that each subray hit, padded to whole blocks.
     pub primitive_blocks: &'a [[u32; LANES]],
+    /// What the light of each subray meets behind a mirror or pane, as far as it is traced ahead.
+    pub ahead: &'a [NextHits],
 }
 
 impl<'a> TracedPulse<'a> {
@@ -33,6 +36,7 @@ impl<'a> TracedPulse<'a> {
             t: hits.t[row..row + group.stride()].as_chunks().0,
             primitives: &hits.primitive[row..row + group.rays()],
             primitive_blocks: hits.primitive[row..row + group.stride()].as_chunks().0,
+            ahead: &[],
         }
     }
 

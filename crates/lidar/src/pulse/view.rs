@@ -99,6 +99,17 @@ pub(super) struct Interaction {
 }
 
 impl Interaction {
+    /// The interaction of a ray at its hit, see [`Hits::MISS`]; ranges are distances from `origin`.
+    pub fn at_hit(
+        (from, direction): (DVec3, DVec3),
+        origin: DVec3,
+        Hit { t, primitive }: Hit,
+    ) -> Interaction {
+        let is_miss = primitive == Hits::MISS;
+        let range = if is_miss { f64::INFINITY } else { distance((from + direction * t) - origin) };
+        Interaction { from, t, primitive, range, scatter_range: range }
+    }
+
     pub fn point(&self, direction: DVec3) -> DVec3 {
         self.from + direction * self.t
     }
@@ -268,11 +279,8 @@ impl<'a> SceneView<'a> {
             let order = |hit: Hit| self.number_when_stored(hit.primitive);
             nearer(best, hit.map(|h| Hit { primitive: object.to_scene_index(h.primitive), ..h }), order)
         });
-        let (t, primitive, range) = match hit {
-            Some(hit) => (hit.t, hit.primitive, distance((from + direction * hit.t) - origin)),
-            None => (f64::INFINITY, Hits::MISS, f64::INFINITY),
-        };
-        Interaction { from, t, primitive, range, scatter_range: range }
+        let miss = Hit { t: f64::INFINITY, primitive: Hits::MISS };
+        Interaction::at_hit((from, direction), origin, hit.unwrap_or(miss))
     }
 }
 
