@@ -142,7 +142,7 @@ mod tests {
                 }
             }
         }
-        assert!(100 * sourced >= 63 * stated, "{sourced} of {stated}; without a source: {missing:?}");
+        assert!(100 * sourced >= 64 * stated, "{sourced} of {stated}; without a source: {missing:?}");
     }
 
     #[test]
