@@ -48,17 +48,18 @@ mod tests {
     use super::*;
     use crate::shipped::find;
     use crate::{Deflector, PlatformKind};
+    use vlscan_geom::Rotation;
     use vlscan_render::Render as _;
 
     #[test]
     fn every_entry_loads_without_a_warning() {
         let (catalogue, warnings) = catalogue().unwrap_or_else(|e| panic!("{e}"));
         assert!(warnings.is_empty(), "{}", warnings.render(false));
-        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (58, 12));
+        assert_eq!((catalogue.scanners.len(), catalogue.platforms.len()), (60, 12));
         let mut names: Vec<_> = catalogue.scanners.iter().map(|s| &s.0).collect();
         names.sort();
         names.dedup();
-        assert_eq!(names.len(), 58);
+        assert_eq!(names.len(), 60);
     }
 
     #[test]
@@ -112,6 +113,8 @@ mod tests {
             ("#riegl_vq-840-g", 200e3, 1, (-20.0, 20.0), 532.0),
             ("#riegl_vux-120", 1.8e6, 1, (-50.0, 50.0), 1550.0),
             ("#velodyne_alpha_prime", 2.4e6, 128, (-25.0, 15.0), 903.0),
+            ("#velodyne_vlp-32c", 578_704.0, 32, (-25.0, 15.0), 903.0),
+            ("#livox_hap", 452e3, 1, (-60.0, 60.0), 905.0),
             ("#livox_mid-360", 200e3, 1, (-29.5, 29.5), 905.0),
             ("#hovermap", 300e3, 16, (-180.0, 180.0), 903.0),
         ] {
@@ -157,6 +160,7 @@ mod tests {
             ("#velodyne_hdl-32e", (2, 2.304), 35.712, 46.08),
             ("#hesai_xt32", (10, 15.12), 46.872, 50.0),
             ("#velodyne_alpha_prime", (64, 23.985), 42.64, 53.3),
+            ("#velodyne_vlp-32c", (24, 27.648), 34.56, 55.296),
             ("#ouster_os1-128", (1, 0.0), 0.0, 48.828125),
         ] {
             let scanner = &catalogue.scanners.iter().find(|s| s.0.ends_with(name)).unwrap().1;
@@ -167,6 +171,41 @@ mod tests {
             let period_us = 1e6 / f64::from(scanner.pulse_freqs[0]);
             assert!(last < period_us && (period_us / cycle_us - 1.0).abs() < 0.04, "{name}");
         }
+    }
+
+    #[test]
+    fn entries_state_a_pulse_length_or_have_the_default() {
+        let (catalogue, _) = catalogue().unwrap();
+        for (reference, scanner) in &catalogue.scanners {
+            let (path, id) = reference.split_once('#').unwrap();
+            let text = catalogue_files().find(|file| file.0 == path).unwrap().1;
+            let entry = &text[text.find(&format!("<scanner id=\"{id}\"")).unwrap()..];
+            let is_stated = entry[..entry.find('>').unwrap()].contains("pulseLength_ns=");
+            let is_default = scanner.sources.iter().any(|source| {
+                source.name.starts_with("default") && source.figures.iter().any(|own| own == "pulseLength_ns")
+            });
+            assert_ne!(is_stated, is_default, "{reference}");
+            if is_default {
+                let beam = &scanner.devices[0].beam;
+                assert_eq!((beam.pulse_length, beam.stated_width), (4.0, Some(4.0)), "{reference}");
+            }
+        }
+    }
+
+    #[test]
+    fn lines_of_the_hap_fill_its_field() {
+        let (catalogue, _) = catalogue().unwrap();
+        let hap = &catalogue.scanners.iter().find(|s| s.0.ends_with("#livox_hap")).unwrap().1.devices[0];
+        let Deflector::Polygon { facet_tilts, .. } = &hap.deflector else { panic!("the HAP has lines") };
+        let elevation = |tilt: &f64| {
+            // A facet turns the beam towards +x of the emitter.
+            let beam = hap.beam_origin.rotation.apply(Rotation::about_z(-tilt).forward());
+            libm::asin(beam.z).to_degrees()
+        };
+        let elevations: Vec<f64> = facet_tilts.iter().map(elevation).collect();
+        let (low, high) = elevations.iter().fold((f64::MAX, f64::MIN), |(l, h), &e| (l.min(e), h.max(e)));
+        assert_eq!(elevations.len(), 64);
+        assert!((low + 12.5).abs() < 1e-9 && (high - 12.5).abs() < 1e-9, "{low} to {high}");
     }
 
     #[test]

@@ -153,7 +153,7 @@ mod tests {
     use vlscan_survey::catalogue;
 
     /// The fields of all instruments of the catalogue, as their data sheets state them where those are known.
-    const FIELDS: [(&str, &[f64]); 58] = [
+    const FIELDS: [(&str, &[f64]); 60] = [
         ("als.xml#leica_als50", &[75.0]),
         ("als.xml#leica_als50-ii", &[75.0]),
         ("als.xml#optech_2033", &[40.0]),
@@ -208,9 +208,11 @@ mod tests {
         ("tls.xml#livox_mid-40", &[38.4, 38.4]),
         ("tls.xml#livox_mid-70", &[70.4, 70.4]),
         ("tls.xml#livox_mid-360", &[360.0, 59.0]),
+        ("tls.xml#livox_hap", &[120.0]),
         ("tls.xml#livox_mid-100", &[98.4, 38.4]),
         ("tls.xml#livox-avia-non-repetitive", &[77.2, 70.4]),
         ("tls.xml#velodyne_alpha_prime", &[360.0, 40.0]),
+        ("tls.xml#velodyne_vlp-32c", &[360.0, 40.0]),
         ("tls.xml#hovermap", &[360.0, 360.0]),
     ];
 

@@ -33,10 +33,11 @@ ouster_os1-128-rev7 | 10240 0.1 109, 10240 0.8 206 | Ouster OS1, data sheet of r
 ouster_os2-128-rev7 | 10240 0.1 243, 10240 0.8 425 | Ouster OS2, data sheet of revision 7: 200 and 350 m, as above; the entry's range gate ends at 404 m
 hesai_xt32 | 20000 0.1 80 | Hesai PandarXT-32, specifications: 80 m at 10 %
 hesai_xt16 | 20000 0.1 80 | Hesai PandarXT-16, user manual: 80 m at 10 % within 7 degrees of the horizontal
+livox_hap | 452000 0.1 150 | Livox HAP, user manual: 150 m at 10 % and 100 klx
 livox_mid-360 | 200000 0.1 40, 200000 0.8 70 | Livox Mid-360, data sheet: 40 m at 10 %, 70 m at 80 %
 leica_als50 leica_als50-ii optech_2033 | | flying heights alone are published, without reflectance; the entries are left as they are
 riegl_vq_780i riegl_vq-1560i riegl_vq-880g riegl_vq-880g-infrared | | no figures at hand that are certain; the entries are left as they are
-riegl_vq-1560ii riegl_vq-840-g riegl_vq-840-gl velodyne_hdl-32e hesai_pandar128 hesai_xt32m2x leica_rtc360 leica_blk360 leica_blk360-g2 riegl_vz400i riegl_vux-120 velodyne_alpha_prime hovermap | | no figures at hand that are certain; the entries have range gates alone
+riegl_vq-1560ii riegl_vq-840-g riegl_vq-840-gl velodyne_hdl-32e hesai_pandar128 hesai_xt32m2x leica_rtc360 leica_blk360 leica_blk360-g2 riegl_vz400i riegl_vux-120 velodyne_alpha_prime velodyne_vlp-32c hovermap | | no figures at hand that are certain; the entries have range gates alone
 tractorscanner panoscanner | | prototypes without a data sheet; the entries are left as they are";
 
 /// Distance of the farthest wall of that reflectance that the scanner's first device detects at a pulse rate,
