@@ -324,8 +324,9 @@ impl Session {
         }
         let (scene, options) = (self.scene(), &self.settings().flight);
         let ground = |x, y| scene.ground_height(x, y);
-        let (coarse, _) =
+        let (mut coarse, _) =
             FlightPlan::new(&coarse, scene.shift, &ground, &FlightOptions { ..options.clone() })?;
+        coarse.end_as(flight);
         timeline::estimate(flight, &coarse, control.stop)
     }
 }
