@@ -144,7 +144,7 @@ fn boxes_hold_all_points_of_their_objects() {
     }
 
     let names = ["--category", "64=Bus", "--category", "65=Misc"];
-    let objects = ["--objects", "objects.csv", "--deskew-objects", "-q"];
+    let objects = ["--objects", "objects.csv", "-q"];
     for layout in ["kitti", "nuscenes"] {
         let args = ["frames", "a.mcap", "-o", layout, "--layout", layout];
         succeed(dir.path(), &[&args[..], &objects, &names].concat());
@@ -224,6 +224,27 @@ fn nuscenes(tables: &Path, boxes: &[BTreeMap<String, String>]) {
 }
 
 #[test]
+fn points_of_moving_objects_can_be_left_where_they_were_measured() {
+    let dir = folder();
+    street(dir.path());
+    succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "a.mcap", "--objects", "objects.csv"]);
+    let kitti = ["--layout", "kitti", "-q"];
+    let left = ["--objects", "objects.csv", "--skewed-objects"];
+    succeed(dir.path(), &[&["frames", "a.mcap", "-o", "plain"][..], &kitti].concat());
+    succeed(dir.path(), &[&["frames", "a.mcap", "-o", "left"][..], &kitti, &left].concat());
+    succeed(dir.path(), &[&["frames", "a.mcap", "-o", "moved"][..], &kitti, &left[..2]].concat());
+    let of = |folder: &str| dir.path().join(folder).join("sequences/00");
+    let points = |folder: &str| fs::read(of(folder).join("velodyne/000001.bin")).unwrap();
+    assert!(points("left") == points("plain") && points("moved") != points("plain"));
+    let sums = |folder: &str| {
+        let boxes = rows(&of(folder).join("boxes.csv"));
+        ["points", "inside"].map(|name| boxes.iter().map(|row| number(row, name)).sum::<f64>())
+    };
+    let ([all, inside], moved) = (sums("left"), sums("moved"));
+    assert!(inside < all && moved == [all, all], "{inside} of {all}, {moved:?}");
+}
+
+#[test]
 fn tables_of_objects_that_cannot_be_are_refused() {
     let dir = folder();
     street(dir.path());
@@ -238,7 +259,7 @@ fn tables_of_objects_that_cannot_be_are_refused() {
         (&["--objects", "text.csv"][..], "no columns"),
         (&["--objects", "wrong.csv"], "wrong.csv:3"),
         (&["--objects", "none.csv"], "none.csv"),
-        (&["--deskew-objects"], "--objects"),
+        (&["--skewed-objects"], "--objects"),
         (&["--category", "300=Car"], "CLASS=NAME"),
         (&["--objects", "other.csv", "--strict"], "no point of a.mcap"),
     ] {
