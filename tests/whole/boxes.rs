@@ -245,6 +245,34 @@ fn points_of_moving_objects_can_be_left_where_they_were_measured() {
 }
 
 #[test]
+fn each_of_several_scanners_has_a_table_of_objects() {
+    let dir = folder();
+    street(dir.path());
+    succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "a.mcap", "--objects", "objects.csv"]);
+    let (before, rest) = DRIVE.split_once("[scanner]\n").unwrap();
+    let (scanner, after) = rest.split_once("[settings]").unwrap();
+    let table = |name: &str| format!("[[scanner]]\nname = \"{name}\"\noutput = \"{name}.mcap\"\n{scanner}");
+    let rig = format!("{before}{}{}[settings]{after}", table("roof"), table("rear"));
+    fs::write(dir.path().join("rig.toml"), rig).unwrap();
+    // The table of the single run stays.
+    succeed(dir.path(), &["run", "rig.toml", "-q", "--objects", "objects.csv"]);
+    let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    for name in ["objects_roof.csv", "objects_rear.csv"] {
+        assert!(read(name) == read("objects.csv"), "{name}");
+    }
+    let objects = ["--layout", "kitti", "-q", "--objects", "objects_rear.csv"];
+    succeed(dir.path(), &[&["frames", "rear.mcap", "-o", "kitti"][..], &objects].concat());
+    assert!(!rows(&dir.path().join("kitti/sequences/00/boxes.csv")).is_empty());
+    for name in ["roof.mcap", "rear.mcap"] {
+        fs::remove_file(dir.path().join(name)).unwrap();
+    }
+    let refused = run(dir.path(), &["run", "rig.toml", "-q", "--objects", "objects.csv"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("objects_roof.csv exists"), "{}", text(&refused.stderr));
+    assert!(!dir.path().join("roof.mcap").exists());
+}
+
+#[test]
 fn tables_of_objects_that_cannot_be_are_refused() {
     let dir = folder();
     street(dir.path());

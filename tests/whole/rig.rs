@@ -176,11 +176,35 @@ fn a_dry_run_forecasts_each_scanner() {
         "{shown}"
     );
     assert_eq!(fs::read(dir.path().join("front.laz")).unwrap(), b"mine");
-    for (option, file) in [("--coverage", "c.tif"), ("--objects", "c.csv")] {
-        let refused = run(dir.path(), &["run", "rig.toml", "--dry-run", option, file]);
+    let refused = run(dir.path(), &["run", "rig.toml", "--dry-run", "--objects", "c.csv"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("no moving parts"), "{}", text(&refused.stderr));
+}
+
+#[test]
+fn scanners_have_their_coverage_alone_and_together() {
+    let dir = site();
+    fs::write(dir.path().join("rig.toml"), rig(LEGS)).unwrap();
+    let dry = ["--dry-run", "-q", "--coverage-cell", "1"];
+    succeed(dir.path(), &[&["run", "rig.toml", "--coverage", "c.tif"][..], &dry].concat());
+    let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    for scanner in &SCANNERS {
+        let name = scanner.name;
+        fs::write(dir.path().join("one.toml"), single(scanner, LEGS)).unwrap();
+        let file = format!("{name}.tif");
+        succeed(dir.path(), &[&["run", "one.toml", "--coverage", file.as_str()][..], &dry].concat());
+        assert!(read(&format!("c_{name}.tif")) == read(&file), "{name}");
+        assert!(read("c.tif") != read(&file), "{name}");
+    }
+    let before = files(dir.path()).len();
+    for (coverage, expected) in [
+        (&["--coverage", "c_rear.tif"][..], "c_rear.tif exists"),
+        (&["--coverage", "d.tif", "--coverage", "d_rear.tif"], "d_rear.tif is the file of the scanner"),
+    ] {
+        let refused = run(dir.path(), &[&["run", "rig.toml"][..], coverage, &dry].concat());
         assert_eq!(refused.status.code(), Some(2));
-        let expected = format!("{option} takes one scanner");
-        assert!(text(&refused.stderr).contains(&expected), "{}", text(&refused.stderr));
+        assert!(text(&refused.stderr).contains(expected), "{}", text(&refused.stderr));
+        assert_eq!(files(dir.path()).len(), before);
     }
 }
 
