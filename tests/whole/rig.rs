@@ -139,7 +139,8 @@ fn two_scanners_in_one_run_give_the_bytes_of_two_runs() {
 #[test]
 fn shards_of_several_scanners_are_merged_one_by_one() {
     let dir = site();
-    let mut expected = of_single_runs(dir.path(), LEGS);
+    let all = of_single_runs(dir.path(), LEGS);
+    let mut expected = all.clone();
     expected.retain(|name, _| name.extension().is_some_and(|e| e != "mcap" && e != "txt"));
     fs::write(dir.path().join("rig.toml"), rig(LEGS)).unwrap();
     succeed(dir.path(), &["index-shards", "rig.toml", "-q", "-o", "shards"]);
@@ -156,6 +157,21 @@ fn shards_of_several_scanners_are_merged_one_by_one() {
         succeed(&merged, &["merge", &folder, "-q", "-o", outputs[0], "-o", outputs[1]]);
     }
     assert_same(&contents(&merged), &expected, "merged");
+    // The pipeline has the outputs of all scanners, and of one.
+    let by_pipeline = |name: &str, folder: &str| {
+        let work = dir.path().join(name);
+        fs::create_dir(&work).unwrap();
+        succeed(&work, &["merge", folder, "-q", "--pipeline", "../rig.toml"]);
+        contents(&work)
+    };
+    assert_same(&by_pipeline("both", "../shards"), &all, "both scanners");
+    let mut front = all.clone();
+    front.retain(|name, _| name.to_string_lossy().starts_with("front"));
+    assert_same(&by_pipeline("one", "../shards/front"), &front, "one scanner");
+    let refused = run(dir.path(), &["merge", "merged", "--pipeline", "rig.toml"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let said = text(&refused.stderr);
+    assert!(said.contains("has the shards of no scanner of rig.toml"), "{said}");
 }
 
 #[test]
