@@ -50,15 +50,21 @@ impl Surroundings<'_> {
             return None;
         }
         let at_height = |z: f64| origin + direction * ((z - origin.z) / direction.z);
-        let low = at_height(lowest);
-        let edge = self.nearest([low.x, low.y]);
-        let reach = way + MAX_STRETCH * swing * (low - origin).length() + EDGE;
-        if self.has([low.x, low.y]) || (edge[0] - low.x).hypot(edge[1] - low.y) > reach {
+        let ends = [lowest, self.bounds.max.z.min(origin.z)].map(at_height);
+        // A slanted beam may be outside at the height of the edge only.
+        let outside = ends.into_iter().find(|end| !self.has([end.x, end.y]))?;
+        let off = |place: DVec3| {
+            let [x, y] = self.nearest([place.x, place.y]);
+            (x - place.x).hypot(y - place.y)
+        };
+        let reach = way + MAX_STRETCH * swing * (ends[0] - origin).length() + EDGE;
+        if off(ends[0]).min(off(ends[1])) > reach {
             return None;
         }
+        let edge = self.nearest([outside.x, outside.y]);
         let ground = self.heights.height(edge[0], edge[1]).filter(|z| *z < origin.z)?;
         let place = at_height(ground);
-        (!self.has([place.x, place.y])).then_some((place, edge))
+        (!self.has([place.x, place.y]) && off(place) <= reach).then_some((place, edge))
     }
 
     /// The nearest place of the box in plan.
@@ -258,6 +264,10 @@ mod tests {
         // The next beam 0.02 rad beside it would be 2.1 m farther on, or five times as far on a slope.
         assert!(scene.past_edge(&down(41.5), 0.0, 1.4).is_none());
         assert!(scene.past_edge(&down(41.5), 0.02, 0.0).is_some());
+        // One that comes from outside, and is below the scene farther on.
+        let slanted = Beam { origin: DVec3::new(116.0, 7.0, 105.0), direction: DVec3::new(-0.6, 0.0, -0.8) };
+        let (place, _) = scene.past_edge(&slanted, 0.0, 2.0).unwrap();
+        assert!((place - DVec3::new(41.0, 7.0, 5.0)).length() < 1e-9, "{place}");
         // A beam in the scene has no return for another reason; others rise, or begin below it.
         assert!(scene.past_edge(&down(20.0), 0.02, 2.0).is_none());
         let up = Beam { direction: DVec3::Z, ..down(41.5) };
