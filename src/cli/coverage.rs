@@ -31,24 +31,33 @@ pub fn check(
     survey: &Path,
     replace: bool,
 ) -> Result<()> {
+    check_names(args, scanner, replace)?;
+    for path in &args.coverage {
+        for path in scanner.map(|name| file_of(path, name)).iter().chain([path]) {
+            reads::refuse_input_of(path, session.inputs().chain([survey.to_path_buf()]))?;
+        }
+    }
+    Ok(())
+}
+
+/// [`check`] without the inputs, which a scene that is not loaded may have.
+pub fn check_names(args: &DryRunArgs, scanner: Option<&str>, replace: bool) -> Result<()> {
     for (i, path) in args.coverage.iter().enumerate() {
-        let own = scanner.map(|name| file_of(path, name));
+        let refuse = |text: &str| Err(Error::input(format!("--coverage {}{text}", path.display())));
         if !is_raster(path) && !has_extension(path, &["png"]) {
-            let path = path.display();
-            return Err(Error::input(format!(
-                "--coverage {path}: expected a name that ends in .tif or .png"
-            )));
+            return refuse(": expected a name that ends in .tif or .png");
         }
         if args.coverage[..i].contains(path) {
-            return Err(Error::input(format!("--coverage {} is given twice", path.display())));
+            return refuse(" is given twice");
         }
-        if let Some((own, name)) = own.as_ref().zip(scanner).filter(|(own, _)| args.coverage.contains(own)) {
-            let own = own.display();
-            return Err(Error::input(format!("--coverage {own} is the file of the scanner `{name}` alone")));
-        }
-        for path in own.iter().chain([path]) {
-            refuse_existing(path, replace)?;
-            reads::refuse_input_of(path, session.inputs().chain([survey.to_path_buf()]))?;
+        refuse_existing(path, replace)?;
+        if let Some(name) = scanner {
+            let own = file_of(path, name);
+            if args.coverage.contains(&own) {
+                let own = own.display();
+                return refuse(&format!(": {own} is the file of the scanner `{name}` alone"));
+            }
+            refuse_existing(&own, replace)?;
         }
     }
     Ok(())

@@ -53,6 +53,9 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
 
 /// Forecasts the run of one scanner after the other.
 fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &Console) -> Result<()> {
+    for job in &jobs {
+        coverage::check_names(&args.dry, job.scanner.as_deref(), job.output.force)?;
+    }
     let shared = SharedPaths::of(jobs.iter().map(|job| &job.output));
     let mut scene = SharedScene::of(&jobs);
     let mut others = Others { places: OutputPlaces::default(), shared: &shared, steps: Vec::new() };

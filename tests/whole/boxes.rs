@@ -224,6 +224,25 @@ fn nuscenes(tables: &Path, boxes: &[BTreeMap<String, String>]) {
 }
 
 #[test]
+fn objects_and_forecasts_end_with_the_last_pulse() {
+    let dir = folder();
+    street(dir.path());
+    // Of 0.43 s to the waypoint, where the head would turn for 0.3 s more.
+    let limited = "head_rate_deg_per_s = 3600\nhead_stop_deg = 3600\nmax_duration_s = 0.3";
+    fs::write(dir.path().join("drive.toml"), DRIVE.replace("head_rate_deg_per_s = 3600", limited)).unwrap();
+    succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "a.csv", "--objects", "objects.csv"]);
+    let poses = rows(&dir.path().join("objects.csv"));
+    let times: Vec<f64> = poses.iter().map(|row| number(row, "time")).collect();
+    let flown = times.last().unwrap() - times[0];
+    assert!((0.28..0.301).contains(&flown), "{flown}");
+    let json = succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "b.csv", "--dry-run", "--json"]);
+    let forecast: Value = serde_json::from_slice(&json.stdout).unwrap();
+    let duration = forecast["duration_s"].as_f64().unwrap();
+    assert!((duration - 0.3).abs() < 1e-3, "{forecast}");
+    assert_eq!(forecast["legs"].as_array().unwrap().len(), 1, "{forecast}");
+}
+
+#[test]
 fn points_of_moving_objects_can_be_left_where_they_were_measured() {
     let dir = folder();
     street(dir.path());
