@@ -41,9 +41,9 @@ impl Surroundings<'_> {
         (min.x..=max.x).contains(&x) && (min.y..=max.y).contains(&y)
     }
 
-    /// For a beam without a return that passes the box, the place where it would meet the ground if that went
-    /// on level beyond its edge, and the place of the edge next to it; `None` for other beams, and for those
-    /// farther from the box than `way` m and than beams reach whose direction differs by `swing`.
+    /// The place where a beam that passes the box would meet the ground if that went on level beyond its
+    /// edge, and a place at this edge. `None` for other beams, and for those farther from the box than `way`
+    /// m and than beams reach whose direction differs by `swing`.
     pub fn past_edge(&self, beam: &Beam, swing: f64, way: f64) -> Option<(DVec3, [f64; 2])> {
         let (Beam { origin, direction }, lowest) = (*beam, self.bounds.min.z);
         if direction.z > -MIN_DESCENT || origin.z <= lowest {
