@@ -248,7 +248,7 @@ pub fn write_frames(
         intensity_factor: get(fields, "intensity_factor")?,
         objects: ObjectOptions {
             objects: get(fields, "objects")?,
-            deskew_objects: get(fields, "deskew_objects")?,
+            skewed_objects: get(fields, "skewed_objects")?,
             categories: get::<Vec<(u8, String)>>(fields, "categories")?
                 .into_iter()
                 .map(|(class, name)| Category { class, name })

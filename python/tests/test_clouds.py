@@ -81,7 +81,7 @@ def test_frames_are_those_of_the_command(command, tmp_path):
         ({"layout": "waymo"}, "layout"),
         ({"forward": "z"}, "forward"),
         ({"sequence": 100}, "0 to 99"),
-        ({"deskew_objects": True}, "needs objects"),
+        ({"skewed_objects": True}, "needs objects"),
         ({"categories": {300: "Car"}}, "0 to 255"),
     ]:
         with pytest.raises(ValueError, match=message):

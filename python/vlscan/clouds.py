@@ -249,7 +249,7 @@ def write_frames(
     intensity_factor: float = 1.0,
     frame_s: float | None = None,
     objects: PathLike | None = None,
-    deskew_objects: bool = False,
+    skewed_objects: bool = False,
     categories: Mapping[int, str] | None = None,
 ) -> FrameCounts:
     """Write the frames of a scanner in the layout of KITTI odometry with SemanticKITTI's labels, or of nuScenes with lidarseg.
@@ -271,9 +271,9 @@ def write_frames(
     frame_s : float, optional
         Duration of a frame of points in memory, s; by default that of a revolution.
     objects : str or path-like, optional
-        A table of ``vlscan run --objects`` for the same points: boxes of the moving objects are written, too.
-    deskew_objects : bool
-        Move the points of moving objects to where they are at the time of the box.
+        A table of ``vlscan run --objects`` for the same points: boxes of the moving objects are written, too, and their points are moved to where they are at the time of the box.
+    skewed_objects : bool
+        Leave the points of moving objects where they were measured, smeared along their way.
     categories : mapping of int to str, optional
         Names of classes in the labels of KITTI and the categories of nuScenes, such as ``{64: "Car"}``.
 
@@ -287,7 +287,7 @@ def write_frames(
     InputError
         The file is no MCAP with points and poses, or the folder of the layout exists.
     ValueError
-        Another layout, axis, sequence, factor or class, or ``deskew_objects`` without ``objects``.
+        Another layout, axis, sequence, factor or class, or ``skewed_objects`` without ``objects``.
 
     Examples
     --------
@@ -304,8 +304,8 @@ def write_frames(
         raise ValueError(f"sequence is {sequence}, expected 0 to 99")
     if not (math.isfinite(intensity_factor) and intensity_factor > 0):
         raise ValueError(f"intensity_factor is {intensity_factor}, expected a number above 0")
-    if deskew_objects and objects is None:
-        raise ValueError("deskew_objects needs objects")
+    if skewed_objects and objects is None:
+        raise ValueError("skewed_objects needs objects")
     names = dict(categories or {})
     for number, name in names.items():
         if not 0 <= number <= 255 or not name.strip() or not name.isprintable():
@@ -316,7 +316,7 @@ def write_frames(
         "sequence": sequence,
         "intensity_factor": intensity_factor,
         "objects": None if objects is None else os.fspath(objects),
-        "deskew_objects": deskew_objects,
+        "skewed_objects": skewed_objects,
         "categories": list(names.items()),
     }
     if not isinstance(points, Points):

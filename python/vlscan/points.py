@@ -136,7 +136,7 @@ class Points(Table):
 
     @staticmethod
     def read(path: PathLike | IO[bytes]) -> Points:
-        """Read a point cloud: LAS, LAZ, PLY, PCD, E57, PTS, text, Arrow or Parquet.
+        """Read a point cloud: LAS, LAZ, PLY, PCD, E57, PTS, MCAP, text, Arrow or Parquet.
 
         Parameters
         ----------

@@ -1,8 +1,9 @@
 //! `vlscan run --dry-run --coverage`: densities, strips, gaps, incidence and occlusion as files.
 
 use super::args::DryRunArgs;
+use super::rig::file_of;
 use super::{Console, messages};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileGroup, reads, refuse_existing};
 use vlscan_base::quantity::{amount, number};
@@ -21,40 +22,89 @@ pub fn side(args: &DryRunArgs) -> Option<f64> {
     (!args.coverage.is_empty()).then_some(side)
 }
 
-/// Rejects files that cannot be written, before anything is measured. `survey` is the file of the survey.
-pub fn check(args: &DryRunArgs, session: &Session, survey: &Path, replace: bool) -> Result<()> {
-    for (i, path) in args.coverage.iter().enumerate() {
-        if !is_raster(path) && !has_extension(path, &["png"]) {
-            let path = path.display();
-            return Err(Error::input(format!(
-                "--coverage {path}: expected a name that ends in .tif or .png"
-            )));
+/// Rejects files that cannot be written, before anything is measured. `scanner` is the name of one of several
+/// scanners, each of which has files, too; `survey` is the file of the survey.
+pub fn check(
+    args: &DryRunArgs,
+    scanner: Option<&str>,
+    session: &Session,
+    survey: &Path,
+    replace: bool,
+) -> Result<()> {
+    check_names(args, scanner, replace)?;
+    for path in &args.coverage {
+        for path in scanner.map(|name| file_of(path, name)).iter().chain([path]) {
+            reads::refuse_input_of(path, session.inputs().chain([survey.to_path_buf()]))?;
         }
-        if args.coverage[..i].contains(path) {
-            return Err(Error::input(format!("--coverage {} is given twice", path.display())));
-        }
-        refuse_existing(path, replace)?;
-        reads::refuse_input_of(path, session.inputs().chain([survey.to_path_buf()]))?;
     }
     Ok(())
 }
 
-/// Writes the files of a coverage.
-pub fn write(args: &DryRunArgs, map: &CoverageMap, replace: bool, console: &Console) -> Result<()> {
-    if map.columns == 0 {
-        return Err(Error::input(
-            "no pulse of the sample has a return, so that there is no coverage to write",
-        ));
+/// [`check`] without the inputs, which a scene that is not loaded may have.
+pub fn check_names(args: &DryRunArgs, scanner: Option<&str>, replace: bool) -> Result<()> {
+    for (i, path) in args.coverage.iter().enumerate() {
+        let refuse = |text: &str| Err(Error::input(format!("--coverage {}{text}", path.display())));
+        if !is_raster(path) && !has_extension(path, &["png"]) {
+            return refuse(": expected a name that ends in .tif or .png");
+        }
+        if args.coverage[..i].contains(path) {
+            return refuse(" is given twice");
+        }
+        refuse_existing(path, replace)?;
+        if let Some(name) = scanner {
+            let own = file_of(path, name);
+            if args.coverage.contains(&own) {
+                let own = own.display();
+                return refuse(&format!(": {own} is the file of the scanner `{name}` alone"));
+            }
+            refuse_existing(&own, replace)?;
+        }
     }
+    Ok(())
+}
+
+/// Writes the files of the coverage by several scanners: by each alone, and by all together.
+pub fn write_each(
+    args: &DryRunArgs,
+    scanners: &[String],
+    maps: &[CoverageMap],
+    replace: bool,
+    console: &Console,
+) -> Result<()> {
+    let all = CoverageMap::together(maps)?;
+    let alone = scanners.iter().map(|name| Some(name.as_str())).zip(maps);
+    write(args, &alone.chain([(None, &all)]).collect::<Vec<_>>(), replace, console)
+}
+
+/// Writes the files of maps: those with the name of a scanner have it in the names of their files.
+pub fn write(
+    args: &DryRunArgs,
+    maps: &[(Option<&str>, &CoverageMap)],
+    replace: bool,
+    console: &Console,
+) -> Result<()> {
     let mut group = FileGroup::default();
-    for path in &args.coverage {
-        let bytes = if is_raster(path) { raster(map)? } else { picture(map)? };
-        group.write(path, replace, &bytes)?;
+    let mut written: Vec<(PathBuf, String)> = Vec::new();
+    for (scanner, map) in maps {
+        if map.columns == 0 {
+            let text = "no pulse of the sample has a return, so that there is no coverage to write";
+            let error = Error::input(text);
+            return Err(match scanner {
+                Some(name) => error.named(&format!("scanner `{name}`")),
+                None => error,
+            });
+        }
+        for path in &args.coverage {
+            let bytes = if is_raster(path) { raster(map)? } else { picture(map)? };
+            let path = scanner.map_or_else(|| path.clone(), |name| file_of(path, name));
+            group.write(&path, replace, &bytes)?;
+            written.push((path, summary(map)));
+        }
     }
     group.commit()?;
-    for path in &args.coverage {
-        let text = format!("{}: {}", path.display(), summary(map));
-        console.wrote(messages::written(path, "coverage"), text);
+    for (path, summary) in written {
+        let text = format!("{}: {summary}", path.display());
+        console.wrote(messages::written(&path, "coverage"), text);
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use super::args::RunArgs;
 use super::companions::open;
 use super::coverage;
-use super::rig::{OutputPlaces, SharedScene, different_steps, resolve_outputs, takes_one_scanner};
+use super::rig::{OutputPlaces, SharedScene, different_steps, file_of, resolve_outputs};
 use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
@@ -14,7 +14,7 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
 use vlscan_base::quantity::{amount, bytes, duration, metres};
 use vlscan_options::ResolvedRun;
-use vlscan_session::{DryRunReport, LegEstimate, Progress, RunContext};
+use vlscan_session::{CoverageMap, DryRunReport, LegEstimate, Progress, RunContext};
 
 /// Legs that are listed as text; `--json` lists all.
 const MAX_LISTED_LEGS: usize = 20;
@@ -39,8 +39,11 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
         return run_each(args, jobs, started, console);
     }
     let Some(job) = jobs.pop() else { return Ok(()) };
-    let mut scene = SharedScene::of(&jobs);
-    let forecast = forecast(args, job, started, (&mut scene, None), console)?;
+    let (mut scene, replace) = (SharedScene::of(&jobs), job.output.force);
+    let (forecast, map) = forecast(args, job, started, (&mut scene, None), console)?;
+    if let Some(map) = map {
+        coverage::write(&args.dry, &[(None, &map)], replace, console)?;
+    }
     let text = match args.dry.json {
         true => json_of(&forecast)?,
         false => text(&forecast),
@@ -50,25 +53,28 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
 
 /// Forecasts the run of one scanner after the other.
 fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &Console) -> Result<()> {
-    if !args.dry.coverage.is_empty() {
-        return Err(takes_one_scanner("--coverage"));
-    }
-    if args.objects.is_some() {
-        return Err(takes_one_scanner("--objects"));
+    for job in &jobs {
+        coverage::check_names(&args.dry, job.scanner.as_deref(), job.output.force)?;
     }
     let shared = SharedPaths::of(jobs.iter().map(|job| &job.output));
     let mut scene = SharedScene::of(&jobs);
     let mut others = Others { places: OutputPlaces::default(), shared: &shared, steps: Vec::new() };
-    let (mut scanners, mut started_one) = (Vec::new(), started);
+    let replace = jobs.iter().any(|job| job.output.force);
+    let (mut scanners, mut maps, mut started_one) = (Vec::new(), Vec::new(), started);
     for mut job in jobs {
         let name = job.scanner.clone().unwrap_or_default();
         shared.prepare(&name, false, &mut job.output)?;
-        let forecast = forecast(args, job, started_one, (&mut scene, Some(&mut others)), console)?;
+        let (forecast, map) = forecast(args, job, started_one, (&mut scene, Some(&mut others)), console)?;
         scanners.push(Forecast { name, forecast });
+        maps.extend(map);
         // Only the first scanner loads the scene.
         started_one = Instant::now();
     }
     console.warnings(&different_steps(&args.file, &others.steps))?;
+    if !maps.is_empty() {
+        let names: Vec<String> = scanners.iter().map(|of| of.name.clone()).collect();
+        coverage::write_each(&args.dry, &names, &maps, replace, console)?;
+    }
     let text = match args.dry.json {
         true => json_of(&Forecasts { scanners })?,
         false => {
@@ -92,7 +98,7 @@ struct Others<'a> {
     steps: Vec<(String, Option<f64>)>,
 }
 
-/// Forecasts a run, and writes its coverage if that is requested. The outputs of several scanners are added
+/// Forecasts a run, and measures its coverage if that is requested. The outputs of several scanners are added
 /// to their places, except for files that they share.
 fn forecast(
     args: &RunArgs,
@@ -100,10 +106,13 @@ fn forecast(
     started: Instant,
     (scene, others): (&mut SharedScene, Option<&mut Others<'_>>),
     console: &Console,
-) -> Result<DryRunReport> {
+) -> Result<(DryRunReport, Option<CoverageMap>)> {
     let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, .. } = job;
+    let name = scanner.as_deref().filter(|_| others.is_some());
+    let objects = args.objects.as_deref();
+    let objects = objects.map(|path| name.map_or_else(|| path.to_path_buf(), |name| file_of(path, name)));
     output.inputs.push(args.file.clone());
-    output.companions.extend(schedule_log.into_iter().chain(part_table).chain(args.objects.clone()));
+    output.companions.extend(schedule_log.into_iter().chain(part_table).chain(objects));
     let mut session = scene.open(settings, console, open)?;
     if args.objects.is_some() {
         session.check_objects()?;
@@ -112,23 +121,21 @@ fn forecast(
         // The forecast notes files that exist.
         let mut checked = output.clone();
         checked.force = true;
-        let name = scanner.as_deref().unwrap_or_default();
+        let name = name.unwrap_or_default();
         let named = |error: Error| error.named(&format!("scanner `{name}`"));
         places.add(name, shared.without_shared(session.output_places(&checked).map_err(named)?))?;
         steps.push((name.to_owned(), session.scene_step_s()));
     }
     let progress = Progress::default();
     let context = RunContext::new(&progress, &interrupt::STOP);
-    coverage::check(&args.dry, &session, &args.file, output.force)?;
-    match coverage::side(&args.dry) {
-        None => during(console, "trying the survey", || session.dry_run(&output, started, context)),
+    coverage::check(&args.dry, name, &session, &args.file, output.force)?;
+    during(console, "trying the survey", || match coverage::side(&args.dry) {
+        None => session.dry_run(&output, started, context).map(|forecast| (forecast, None)),
         Some(side) => {
-            let measure = || session.dry_run_with_coverage(&output, side, started, context);
-            let (forecast, map) = during(console, "trying the survey", measure)?;
-            coverage::write(&args.dry, &map, output.force, console)?;
-            Ok(forecast)
+            let measured = session.dry_run_with_coverage(&output, side, started, context);
+            measured.map(|(forecast, map)| (forecast, Some(map)))
         }
-    }
+    })
 }
 
 fn text(f: &DryRunReport) -> String {

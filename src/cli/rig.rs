@@ -32,12 +32,16 @@ pub fn resolve_outputs(file: &Path, options: &Options, console: &Console) -> Res
     Ok(jobs)
 }
 
-/// The error of an option that takes one scanner, for a pipeline with several.
-pub fn takes_one_scanner(option: &str) -> Error {
-    Error::input_with_help(
-        format!("{option} takes one scanner, but the pipeline has several"),
-        "copy the pipeline with a single [scanner] table",
-    )
+/// The file of one of several scanners, `NAME_SCANNER.EXT`, for an option that names the file `NAME.EXT`.
+pub fn file_of(path: &Path, scanner: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_os_string();
+    name.push("_");
+    name.push(scanner);
+    if let Some(ending) = path.extension() {
+        name.push(".");
+        name.push(ending);
+    }
+    path.with_file_name(name)
 }
 
 /// The scene that the runs of several scanners share.
@@ -50,6 +54,11 @@ impl SharedScene {
     /// The scene of these runs, not loaded yet.
     pub fn of(jobs: &[ResolvedRun]) -> SharedScene {
         SharedScene { scene: None, has_several: jobs.len() > 1 }
+    }
+
+    /// True if several runs share the scene.
+    pub fn has_several(&self) -> bool {
+        self.has_several
     }
 
     /// Opens a session over the scene of the first run, or with `load` if that scene does not suit the
@@ -136,6 +145,17 @@ mod tests {
         let found = warning([Some(0.02), Some(0.02), Some(0.019995)]);
         let expected = "every 20 ms for the scanner `front` and every 19.995 ms for `top`";
         assert!(found.contains(expected) && found.contains("dynTimeStep"), "{found}");
+    }
+
+    #[test]
+    fn files_of_scanners_have_their_names_before_the_extension() {
+        for (path, expected) in [
+            ("a/objects.csv", "a/objects_roof.csv"),
+            ("b.c/objects", "b.c/objects_roof"),
+            ("c.cog.tif", "c.cog_roof.tif"),
+        ] {
+            assert_eq!(file_of(Path::new(path), "roof"), Path::new(expected));
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::args::RunArgs;
 use super::companions::{Companions, open};
-use super::rig::{OutputPlaces, SharedScene, different_steps, resolve_outputs, takes_one_scanner};
+use super::rig::{OutputPlaces, SharedScene, different_steps, file_of, resolve_outputs};
 use super::shards::open_without_tree;
 use super::shared_logs::{SharedPaths, is_part};
 use super::watch::during;
@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
+use vlscan_base::files::{identity, reads, refuse_existing};
 use vlscan_base::quantity::{amount, amount_of, counted, duration};
 use vlscan_options::ResolvedRun;
 use vlscan_session::output::{FileKind, OutputRequest, Target};
@@ -29,9 +30,6 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     }
     let started = Instant::now();
     let jobs = resolve_outputs(&args.file, &args.options, console)?;
-    if jobs.len() > 1 && args.objects.is_some() {
-        return Err(takes_one_scanner("--objects"));
-    }
     let mut scene = SharedScene::of(&jobs);
     let ready = jobs.into_iter().map(|job| Ready::open(args, job, &mut scene, console));
     let ready = ready.collect::<Result<Vec<_>>>()?;
@@ -118,16 +116,20 @@ impl Ready {
         let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, progress_lines, .. } = job;
         output.inputs.push(args.file.clone());
         let mut companions = Companions::of(schedule_log, part_table, &mut output);
-        output.companions.extend(args.objects.clone());
+        let name = scanner.as_deref().filter(|_| scene.has_several());
+        let objects = args.objects.as_deref();
+        let objects = objects.map(|path| name.map_or_else(|| path.to_path_buf(), |name| file_of(path, name)));
         let resumption =
             args.shards.resume.map(|pulses| ResumeOptions::next_to(&output, pulses.0)).transpose()?;
+        // A repeated run recognises the scanners that are complete by their points.
+        let is_apart = scene.has_several() && resumption.is_some();
+        output.companions.extend(objects.clone().filter(|_| !is_apart));
         let load = if resumption.is_some() { open_without_tree } else { open };
         let session = scene.open(settings, console, load)?;
         companions.describe(session.scene())?;
-        if args.objects.is_some() {
+        if objects.is_some() {
             session.check_objects()?;
         }
-        let objects = args.objects.clone();
         Ok(Ready { scanner, session, output, companions, objects, resumption, progress_lines })
     }
 
@@ -139,10 +141,19 @@ impl Ready {
     /// Checks a run that begins later, and returns the files and folders that its outputs fill.
     fn check(&mut self) -> Result<BTreeSet<PathBuf>> {
         self.session.check(&interrupt::STOP)?;
-        match &self.resumption {
-            Some(how) => self.session.check_resumable(&self.output, how),
-            None => self.session.output_places(&self.output),
+        let mut places = match &self.resumption {
+            Some(how) => self.session.check_resumable(&self.output, how)?,
+            None => self.session.output_places(&self.output)?,
+        };
+        if let Some(path) = &self.objects {
+            let is_begun = self.resumption.as_ref().is_some_and(|how| how.folder.is_dir());
+            refuse_existing(path, self.output.force || is_begun)?;
+            reads::refuse_input_of(path, self.session.inputs().chain(self.output.inputs.iter().cloned()))?;
+            if !places.insert(identity(path)) {
+                return Err(Error::input(format!("two outputs would be written to {}", path.display())));
+            }
         }
+        Ok(places)
     }
 
     /// Measures the survey and shows the summary, with the time since `started`.
@@ -163,7 +174,9 @@ impl Ready {
             warn_of_few_points(console, &report)?;
         }
         if let Some(path) = objects.filter(|_| !report.interrupted) {
-            let write = || session.write_objects(&path, force, &interrupt::STOP);
+            // An earlier start of the run may have written the file of a scanner that was complete.
+            let replace = force || resumption.as_ref().is_some_and(|how| how.keeps_mark);
+            let write = || session.write_objects(&path, replace, &interrupt::STOP);
             let rows = during(console, "writing the poses of objects", write)?;
             let text = format!("{}  {}", path.display(), counted(rows, "pose"));
             console.wrote(messages::written(&path, "objects"), text);

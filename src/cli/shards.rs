@@ -1,9 +1,10 @@
 //! `vlscan run --shard`, `vlscan index-shards` and `vlscan merge`: a run that is divided among processes.
 
 use super::args::{IndexShardsArgs, MergeArgs, RunArgs};
-use super::companions::{Companions, resolve};
-use super::rig::{SharedScene, resolve_all};
+use super::companions::Companions;
+use super::rig::{SharedScene, resolve_all, resolve_outputs};
 use super::run::{show_report, warn_of_few_points};
+use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt, messages};
 use std::path::{Path, PathBuf};
@@ -12,11 +13,13 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_taken, reads};
 use vlscan_base::quantity::{amount, amount_of, counted};
 use vlscan_options::{OneOf, Options, ResolvedRun, schedule_of};
+use vlscan_session::output::OutputRequest;
 use vlscan_session::shards::{ShardSet, shard_path};
 use vlscan_session::{
     LoadedScene, Session, Settings, join_segments, merge as merge_shards, merge_segment, merge_warnings,
     output_context,
 };
+use vlscan_warehouse::Schedule;
 
 /// Runs `vlscan run --shard K/N`.
 pub fn run_shard(args: &RunArgs, shard: OneOf, console: &Console) -> Result<()> {
@@ -126,24 +129,12 @@ pub fn index(args: &IndexShardsArgs, console: &Console) -> Result<()> {
 
 /// Runs `vlscan merge`.
 pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
-    let started = Instant::now();
+    let mut started = Instant::now();
     if args.output.subrays.is_on() {
         return Err(Error::input("--subrays determines what shards contain: give it to vlscan run --shard"));
     }
-    let shards = ShardSet::open(&args.folder)?;
     if args.check {
-        shards.verify(&interrupt::STOP)?;
-        if interrupt::STOP.is_requested() {
-            return Err(Error::Interrupted);
-        }
-        console.say(format!(
-            "{}  {}, {}, {} echoes: complete",
-            args.folder.display(),
-            counted(shards.head.of, "shard"),
-            amount_of(shards.head.total as f64, "pulse"),
-            amount(shards.echoes as f64)
-        ));
-        return Ok(());
+        return verify(&args.folder, console);
     }
     let mut options = Options {
         output: args.output.clone(),
@@ -151,31 +142,104 @@ pub fn merge(args: &MergeArgs, console: &Console) -> Result<()> {
         ..Options::default()
     };
     options.schedule.threads = args.threads;
-    let (outputs, schedule, companions) = match &args.pipeline {
+    let merges = match &args.pipeline {
         None => {
+            let shards = ShardSet::open(&args.folder)?;
             let outputs = options.output_request(shards.head.creation)?;
-            (outputs, schedule_of(&options), Companions::default())
+            let (schedule, companions) = (schedule_of(&options), Companions::default());
+            vec![Merge { scanner: None, shards, outputs, schedule, companions }]
         }
-        Some(file) => {
-            let ResolvedRun { settings, mut output, schedule_log, part_table, .. } =
-                resolve(file, &options, console)?;
-            refuse_part_table(part_table.as_deref())?;
-            output.inputs.push(file.clone());
-            let companions = Companions::of(schedule_log, None, &mut output);
-            (output, settings.schedule, companions)
-        }
+        Some(file) => merges_of(args, file, &options, console)?,
     };
-    console.warnings(&merge_warnings(&shards, &outputs)?)?;
-    let legs = output_context(&shards)?.legs.len();
-    let report = companions.run(console, args.progress, legs, |control| match args.segment {
-        Some(segment) => merge_segment(&shards, &outputs, segment, schedule, control),
-        None if args.join => join_segments(&shards, &outputs, control),
-        None => merge_shards(&shards, outputs, schedule, control),
-    })?;
-    if args.segment.is_none() {
-        warn_of_few_points(console, &report)?;
+    for Merge { shards, outputs, .. } in &merges {
+        console.warnings(&merge_warnings(shards, outputs)?)?;
     }
-    show_report(console, &report, started)
+    for merge in merges {
+        merge.run(args, started, console)?;
+        started = Instant::now();
+    }
+    Ok(())
+}
+
+/// Verifies the checksums of all shards of a folder.
+fn verify(folder: &Path, console: &Console) -> Result<()> {
+    let shards = ShardSet::open(folder)?;
+    shards.verify(&interrupt::STOP)?;
+    if interrupt::STOP.is_requested() {
+        return Err(Error::Interrupted);
+    }
+    console.say(format!(
+        "{}  {}, {}, {} echoes: complete",
+        folder.display(),
+        counted(shards.head.of, "shard"),
+        amount_of(shards.head.total as f64, "pulse"),
+        amount(shards.echoes as f64)
+    ));
+    Ok(())
+}
+
+/// The shards of a run, and the outputs to be made from them.
+struct Merge {
+    /// Name of the scanner, if shards of several scanners are merged.
+    scanner: Option<String>,
+    shards: ShardSet,
+    outputs: OutputRequest,
+    schedule: Schedule,
+    companions: Companions,
+}
+
+impl Merge {
+    /// Writes the outputs, and shows the summary with the time since `started`.
+    fn run(self, args: &MergeArgs, started: Instant, console: &Console) -> Result<()> {
+        let Merge { scanner, shards, outputs, schedule, companions } = self;
+        if let Some(name) = scanner {
+            console.say(format!("scanner {name}"));
+        }
+        let legs = output_context(&shards)?.legs.len();
+        let report = companions.run(console, args.progress, legs, |control| match args.segment {
+            Some(segment) => merge_segment(&shards, &outputs, segment, schedule, control),
+            None if args.join => join_segments(&shards, &outputs, control),
+            None => merge_shards(&shards, outputs, schedule, control),
+        })?;
+        if args.segment.is_none() {
+            warn_of_few_points(console, &report)?;
+        }
+        show_report(console, &report, started)
+    }
+}
+
+/// The outputs of a pipeline file or survey. Those of several scanners are made from the folder of each
+/// scanner within that of the shards, or of one scanner from its folder.
+fn merges_of(args: &MergeArgs, file: &Path, options: &Options, console: &Console) -> Result<Vec<Merge>> {
+    let mut jobs = resolve_outputs(file, options, console)?;
+    let mut folders = folders_of(&args.folder, &jobs);
+    let has_several = jobs.len() > 1;
+    if has_several && SharedPaths::of(jobs.iter().map(|job| &job.output)).any() {
+        return Err(Error::input_with_help(
+            "scanners that share an MCAP file cannot be merged from shards",
+            "give each [[scanner]] an `output` of its own",
+        ));
+    }
+    if has_several && !folders.iter().any(|folder| folder.is_dir()) {
+        let name = args.folder.file_name().unwrap_or_default();
+        jobs.retain(|job| job.scanner.as_deref().is_some_and(|scanner| name == scanner));
+        folders = vec![args.folder.clone()];
+    }
+    if jobs.is_empty() {
+        return Err(Error::input_with_help(
+            format!("{} has the shards of no scanner of {}", args.folder.display(), file.display()),
+            "name the folder of `vlscan run --shard`, or the folder of a scanner in it",
+        ));
+    }
+    let merge = |(job, folder): (ResolvedRun, PathBuf)| -> Result<Merge> {
+        let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, .. } = job;
+        refuse_part_table(part_table.as_deref())?;
+        output.inputs.push(file.to_path_buf());
+        let companions = Companions::of(schedule_log, None, &mut output);
+        let (shards, scanner) = (ShardSet::open(&folder)?, scanner.filter(|_| has_several));
+        Ok(Merge { scanner, shards, outputs: output, schedule: settings.schedule, companions })
+    };
+    jobs.into_iter().zip(folders).map(merge).collect()
 }
 
 /// The folder that -o names, and the options without it.

@@ -45,6 +45,11 @@ impl SharedPaths {
         SharedPaths(shared)
     }
 
+    /// True if files are shared.
+    pub fn any(&self) -> bool {
+        !self.0.is_empty()
+    }
+
     /// True if an output goes to a shared file.
     fn has(&self, sink: &(Target, PointFormat)) -> bool {
         log_of(sink).is_some_and(|log| self.0.contains_key(&log))

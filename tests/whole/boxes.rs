@@ -144,7 +144,7 @@ fn boxes_hold_all_points_of_their_objects() {
     }
 
     let names = ["--category", "64=Bus", "--category", "65=Misc"];
-    let objects = ["--objects", "objects.csv", "--deskew-objects", "-q"];
+    let objects = ["--objects", "objects.csv", "-q"];
     for layout in ["kitti", "nuscenes"] {
         let args = ["frames", "a.mcap", "-o", layout, "--layout", layout];
         succeed(dir.path(), &[&args[..], &objects, &names].concat());
@@ -224,6 +224,74 @@ fn nuscenes(tables: &Path, boxes: &[BTreeMap<String, String>]) {
 }
 
 #[test]
+fn objects_and_forecasts_end_with_the_last_pulse() {
+    let dir = folder();
+    street(dir.path());
+    // Of 0.43 s to the waypoint, where the head would turn for 0.3 s more.
+    let limited = "head_rate_deg_per_s = 3600\nhead_stop_deg = 3600\nmax_duration_s = 0.3";
+    fs::write(dir.path().join("drive.toml"), DRIVE.replace("head_rate_deg_per_s = 3600", limited)).unwrap();
+    succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "a.csv", "--objects", "objects.csv"]);
+    let poses = rows(&dir.path().join("objects.csv"));
+    let times: Vec<f64> = poses.iter().map(|row| number(row, "time")).collect();
+    let flown = times.last().unwrap() - times[0];
+    assert!((0.28..0.301).contains(&flown), "{flown}");
+    let json = succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "b.csv", "--dry-run", "--json"]);
+    let forecast: Value = serde_json::from_slice(&json.stdout).unwrap();
+    let duration = forecast["duration_s"].as_f64().unwrap();
+    assert!((duration - 0.3).abs() < 1e-3, "{forecast}");
+    assert_eq!(forecast["legs"].as_array().unwrap().len(), 1, "{forecast}");
+}
+
+#[test]
+fn points_of_moving_objects_can_be_left_where_they_were_measured() {
+    let dir = folder();
+    street(dir.path());
+    succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "a.mcap", "--objects", "objects.csv"]);
+    let kitti = ["--layout", "kitti", "-q"];
+    let left = ["--objects", "objects.csv", "--skewed-objects"];
+    succeed(dir.path(), &[&["frames", "a.mcap", "-o", "plain"][..], &kitti].concat());
+    succeed(dir.path(), &[&["frames", "a.mcap", "-o", "left"][..], &kitti, &left].concat());
+    succeed(dir.path(), &[&["frames", "a.mcap", "-o", "moved"][..], &kitti, &left[..2]].concat());
+    let of = |folder: &str| dir.path().join(folder).join("sequences/00");
+    let points = |folder: &str| fs::read(of(folder).join("velodyne/000001.bin")).unwrap();
+    assert!(points("left") == points("plain") && points("moved") != points("plain"));
+    let sums = |folder: &str| {
+        let boxes = rows(&of(folder).join("boxes.csv"));
+        ["points", "inside"].map(|name| boxes.iter().map(|row| number(row, name)).sum::<f64>())
+    };
+    let ([all, inside], moved) = (sums("left"), sums("moved"));
+    assert!(inside < all && moved == [all, all], "{inside} of {all}, {moved:?}");
+}
+
+#[test]
+fn each_of_several_scanners_has_a_table_of_objects() {
+    let dir = folder();
+    street(dir.path());
+    succeed(dir.path(), &["run", "drive.toml", "-q", "-o", "a.mcap", "--objects", "objects.csv"]);
+    let (before, rest) = DRIVE.split_once("[scanner]\n").unwrap();
+    let (scanner, after) = rest.split_once("[settings]").unwrap();
+    let table = |name: &str| format!("[[scanner]]\nname = \"{name}\"\noutput = \"{name}.mcap\"\n{scanner}");
+    let rig = format!("{before}{}{}[settings]{after}", table("roof"), table("rear"));
+    fs::write(dir.path().join("rig.toml"), rig).unwrap();
+    // The table of the single run stays.
+    succeed(dir.path(), &["run", "rig.toml", "-q", "--objects", "objects.csv"]);
+    let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    for name in ["objects_roof.csv", "objects_rear.csv"] {
+        assert!(read(name) == read("objects.csv"), "{name}");
+    }
+    let objects = ["--layout", "kitti", "-q", "--objects", "objects_rear.csv"];
+    succeed(dir.path(), &[&["frames", "rear.mcap", "-o", "kitti"][..], &objects].concat());
+    assert!(!rows(&dir.path().join("kitti/sequences/00/boxes.csv")).is_empty());
+    for name in ["roof.mcap", "rear.mcap"] {
+        fs::remove_file(dir.path().join(name)).unwrap();
+    }
+    let refused = run(dir.path(), &["run", "rig.toml", "-q", "--objects", "objects.csv"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("objects_roof.csv exists"), "{}", text(&refused.stderr));
+    assert!(!dir.path().join("roof.mcap").exists());
+}
+
+#[test]
 fn tables_of_objects_that_cannot_be_are_refused() {
     let dir = folder();
     street(dir.path());
@@ -238,7 +306,7 @@ fn tables_of_objects_that_cannot_be_are_refused() {
         (&["--objects", "text.csv"][..], "no columns"),
         (&["--objects", "wrong.csv"], "wrong.csv:3"),
         (&["--objects", "none.csv"], "none.csv"),
-        (&["--deskew-objects"], "--objects"),
+        (&["--skewed-objects"], "--objects"),
         (&["--category", "300=Car"], "CLASS=NAME"),
         (&["--objects", "other.csv", "--strict"], "no point of a.mcap"),
     ] {

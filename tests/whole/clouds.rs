@@ -205,8 +205,7 @@ fn a_cloud_is_like_itself_to_its_last_point() {
 fn what_is_not_read_is_named() {
     let dir = folder();
     for (name, content, expected) in [
-        ("a.mcap", &b"\x89MCAP0\r\n\x01\x02\x03"[..], "an MCAP log"),
-        ("a.rdbx", b"RIEGL LMS RDB 2 POINTCLOUD FILE\0\0", "rdbconvert"),
+        ("a.rdbx", &b"RIEGL LMS RDB 2 POINTCLOUD FILE\0\0"[..], "rdbconvert"),
         ("a.xyz.gz", b"\x1f\x8b\x08\0\0\0", "gunzip"),
         ("a.xyz", b"\xff\xfe1\x002\x003\x00", "UTF-16"),
         ("a.bin", b"\x07\0\0\0\x01\x02", "binary and in no known format"),

@@ -37,6 +37,7 @@ fn kinds() -> Vec<Kind> {
     // Pulses of LAS have waveforms.
     const LASERS: &[&str] =
         &["info", "info -", "raster", "compare", "preview", "pulse", "fit", "reconstruct"];
+    const LOGS: &[&str] = &["info", "info -", "raster", "compare", "preview", "fit", "reconstruct", "frames"];
     const SCENES: &[&str] = &["scene", "scene info", "scene pack", "trace scene"];
     vec![
         ("site.laz", las(0x83), "a LAZ point cloud", LASERS),
@@ -52,7 +53,7 @@ fn kinds() -> Vec<Kind> {
         kind("plot.h5", b"\x89HDF\r\n\x1a\n", "an HDF5 or NetCDF 4 file", &[]),
         kind("plot.shx", b"\0\0\x27\x0a", "shapefile", &["area", "line"]),
         ("plot.xlsx", zip("[Content_Types].xml"), "an Excel workbook", &[]),
-        kind("log.mcap", b"\x89MCAP0\r\n", "an MCAP log", &["frames"]),
+        kind("log.mcap", b"\x89MCAP0\r\n", "an MCAP log", LOGS),
         kind("log.bag", b"#ROSBAG V2.0\n", "a ROS bag", &[]),
         kind("log.pcap", b"\xd4\xc3\xb2\xa1\x02\0\x04\0", "a packet capture (pcap)", &[]),
         ("flight.out", sbet, "an SBET trajectory", &["trajectory", "trajectory -"]),

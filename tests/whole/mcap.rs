@@ -66,6 +66,30 @@ fn spinning() -> String {
 }
 
 #[test]
+fn points_are_read_in_the_world() {
+    let dir = folder();
+    fs::write(dir.path().join("s.xml"), spinning()).unwrap();
+    succeed(dir.path(), &["run", "s.xml", "-q", "-o", "a.mcap", "-o", "a.laz"]);
+    let facts = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&succeed(dir.path(), &["info", name, "--json"]).stdout).unwrap()
+    };
+    let [log, cloud] = ["a.mcap", "a.laz"].map(facts);
+    for name in ["points", "classes", "returns"] {
+        assert_eq!(log[name], cloud[name], "{name}");
+        assert!(!log[name].is_null(), "{name}: {log}");
+    }
+    let found = succeed(dir.path(), &["compare", "a.mcap", "a.laz", "--json"]);
+    let found: serde_json::Value = serde_json::from_slice(&found.stdout).unwrap();
+    let far = found["first_to_second"]["max_m"].as_f64().unwrap();
+    assert!(far < 0.005, "{far}");
+    let first = fs::read(dir.path().join("a.mcap")).unwrap();
+    fs::write(dir.path().join("cut.mcap"), &first[..first.len() / 2]).unwrap();
+    let cut = common::run(dir.path(), &["info", "cut.mcap"]);
+    assert_eq!(cut.status.code(), Some(2));
+    assert!(text(&cut.stderr).contains("is it truncated?"), "{}", text(&cut.stderr));
+}
+
+#[test]
 fn a_message_is_a_revolution_or_a_span_of_time() {
     let Some(python) = common::python("mcap, mcap_ros2, numpy") else { return };
     for (more, expected) in [(&[][..], "10 0.2 0.2"), (&["--frame-s", "0.5"], "4 0.5 0.5")] {

@@ -139,7 +139,8 @@ fn two_scanners_in_one_run_give_the_bytes_of_two_runs() {
 #[test]
 fn shards_of_several_scanners_are_merged_one_by_one() {
     let dir = site();
-    let mut expected = of_single_runs(dir.path(), LEGS);
+    let all = of_single_runs(dir.path(), LEGS);
+    let mut expected = all.clone();
     expected.retain(|name, _| name.extension().is_some_and(|e| e != "mcap" && e != "txt"));
     fs::write(dir.path().join("rig.toml"), rig(LEGS)).unwrap();
     succeed(dir.path(), &["index-shards", "rig.toml", "-q", "-o", "shards"]);
@@ -156,6 +157,21 @@ fn shards_of_several_scanners_are_merged_one_by_one() {
         succeed(&merged, &["merge", &folder, "-q", "-o", outputs[0], "-o", outputs[1]]);
     }
     assert_same(&contents(&merged), &expected, "merged");
+    // The pipeline has the outputs of all scanners, and of one.
+    let by_pipeline = |name: &str, folder: &str| {
+        let work = dir.path().join(name);
+        fs::create_dir(&work).unwrap();
+        succeed(&work, &["merge", folder, "-q", "--pipeline", "../rig.toml"]);
+        contents(&work)
+    };
+    assert_same(&by_pipeline("both", "../shards"), &all, "both scanners");
+    let mut front = all.clone();
+    front.retain(|name, _| name.to_string_lossy().starts_with("front"));
+    assert_same(&by_pipeline("one", "../shards/front"), &front, "one scanner");
+    let refused = run(dir.path(), &["merge", "merged", "--pipeline", "rig.toml"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let said = text(&refused.stderr);
+    assert!(said.contains("has the shards of no scanner of rig.toml"), "{said}");
 }
 
 #[test]
@@ -176,11 +192,35 @@ fn a_dry_run_forecasts_each_scanner() {
         "{shown}"
     );
     assert_eq!(fs::read(dir.path().join("front.laz")).unwrap(), b"mine");
-    for (option, file) in [("--coverage", "c.tif"), ("--objects", "c.csv")] {
-        let refused = run(dir.path(), &["run", "rig.toml", "--dry-run", option, file]);
+    let refused = run(dir.path(), &["run", "rig.toml", "--dry-run", "--objects", "c.csv"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("no moving parts"), "{}", text(&refused.stderr));
+}
+
+#[test]
+fn scanners_have_their_coverage_alone_and_together() {
+    let dir = site();
+    fs::write(dir.path().join("rig.toml"), rig(LEGS)).unwrap();
+    let dry = ["--dry-run", "-q", "--coverage-cell", "1"];
+    succeed(dir.path(), &[&["run", "rig.toml", "--coverage", "c.tif"][..], &dry].concat());
+    let read = |name: &str| fs::read(dir.path().join(name)).unwrap();
+    for scanner in &SCANNERS {
+        let name = scanner.name;
+        fs::write(dir.path().join("one.toml"), single(scanner, LEGS)).unwrap();
+        let file = format!("{name}.tif");
+        succeed(dir.path(), &[&["run", "one.toml", "--coverage", file.as_str()][..], &dry].concat());
+        assert!(read(&format!("c_{name}.tif")) == read(&file), "{name}");
+        assert!(read("c.tif") != read(&file), "{name}");
+    }
+    let before = files(dir.path()).len();
+    for (coverage, expected) in [
+        (&["--coverage", "c_rear.tif"][..], "c_rear.tif exists"),
+        (&["--coverage", "d.tif", "--coverage", "d_rear.tif"], "d_rear.tif is the file of the scanner"),
+    ] {
+        let refused = run(dir.path(), &[&["run", "rig.toml"][..], coverage, &dry].concat());
         assert_eq!(refused.status.code(), Some(2));
-        let expected = format!("{option} takes one scanner");
-        assert!(text(&refused.stderr).contains(&expected), "{}", text(&refused.stderr));
+        assert!(text(&refused.stderr).contains(expected), "{}", text(&refused.stderr));
+        assert_eq!(files(dir.path()).len(), before);
     }
 }
 

@@ -77,7 +77,7 @@ pub(super) fn check_several(options: &Options) -> Result<()> {
 pub(super) fn refuse_several(source: &Source, count: usize) -> Error {
     let mut problems = Diagnostics::default();
     let message = format!("the file has {count} [[scanner]] tables, but this command takes a single scanner");
-    let help = "only `vlscan run` and `vlscan index-shards` take several scanners";
+    let help = "only `vlscan run`, `index-shards` and `merge --pipeline` take several scanners";
     problems.error(Some(source.place(0..0)), message).help(help);
     Error::Input(Box::new(problems))
 }

@@ -97,6 +97,11 @@ fn read_stream(source: impl BufRead, format: CloudFormat, reading: &mut Reading)
     match format {
         CloudFormat::Arrow => table::read_arrow(source, reading),
         CloudFormat::Pts | CloudFormat::Ptx => leica::read(source, format == CloudFormat::Ptx, reading),
+        #[cfg(feature = "mcap")]
+        CloudFormat::Mcap => {
+            let mut source = source;
+            super::mcap::read_points(&mut source, reading)
+        }
         _ => text::read(source, reading),
     }
 }

@@ -29,12 +29,17 @@ pub enum CloudFormat {
     Pts,
     /// Leica PTX: scans with their headers and transformations.
     Ptx,
+    /// MCAP with messages of ROS 2: points of a scanner, and its poses.
+    Mcap,
     /// Lines of columns.
     Text,
 }
 
 /// The formats that are read, for messages.
 const READ_FORMATS: &str = match (cfg!(feature = "e57"), cfg!(feature = "parquet")) {
+    (true, true) if cfg!(feature = "mcap") => {
+        "LAS, LAZ, PLY, PCD, E57, PTS, PTX, MCAP, text, Arrow and Parquet"
+    }
     (true, true) => "LAS, LAZ, PLY, PCD, E57, PTS, PTX, text, Arrow and Parquet",
     (true, false) => "LAS, LAZ, PLY, PCD, E57, PTS, PTX, text and Arrow",
     (false, true) => "LAS, LAZ, PLY, PCD, PTS, PTX, text, Arrow and Parquet",
@@ -56,13 +61,15 @@ impl CloudFormat {
             CloudFormat::Parquet => "Parquet",
             CloudFormat::Pts => "PTS",
             CloudFormat::Ptx => "PTX",
+            CloudFormat::Mcap => "MCAP",
             CloudFormat::Text => "text",
         }
     }
 
     /// True if the format is read sequentially, so that a file may come through a pipe without being stored.
     pub(super) fn is_stream(self) -> bool {
-        matches!(self, CloudFormat::Text | CloudFormat::Pts | CloudFormat::Ptx | CloudFormat::Arrow)
+        use CloudFormat::{Arrow, Mcap, Pts, Ptx, Text};
+        matches!(self, Text | Pts | Ptx | Arrow | Mcap)
     }
 
     /// Recognises a format by the beginning of a file, at least 4096 bytes if it has them.
@@ -78,6 +85,8 @@ impl CloudFormat {
             CloudFormat::E57
         } else if first.starts_with(b"PAR1") {
             CloudFormat::Parquet
+        } else if first.starts_with(b"\x89MCAP0\r\n") {
+            CloudFormat::Mcap
         } else if detect_arrow(first) == ArrowDetection::Arrow {
             CloudFormat::Arrow
         } else if super::pcd::is_pcd(first) {
@@ -93,6 +102,7 @@ impl CloudFormat {
         let (name, feature) = match self {
             CloudFormat::E57 if !cfg!(feature = "e57") => ("E57", "e57"),
             CloudFormat::Parquet if !cfg!(feature = "parquet") => ("Parquet", "parquet"),
+            CloudFormat::Mcap if !cfg!(feature = "mcap") => ("MCAP", "mcap"),
             _ => return Ok(self),
         };
         Err(UnreadFormat::NotBuilt { name, feature })
@@ -205,6 +215,8 @@ mod tests {
             (b"ASTM-E57\x01", CloudFormat::E57),
             #[cfg(feature = "parquet")]
             (b"PAR1\x15", CloudFormat::Parquet),
+            #[cfg(feature = "mcap")]
+            (b"\x89MCAP0\r\n", CloudFormat::Mcap),
             (b"\xff\xff\xff\xff\x80\0\0\0", CloudFormat::Arrow),
             (b"# .PCD v.7 - Point Cloud\nVERSION .7\n", CloudFormat::Pcd),
             (b"VERSION 0.7\nFIELDS x y z\n", CloudFormat::Pcd),
@@ -224,8 +236,7 @@ mod tests {
     #[test]
     fn other_formats_are_named() {
         for (first, expected) in [
-            (&b"\x89MCAP0\r\n"[..], "an MCAP log"),
-            (b"RIEGL LMS RDB 2 POINTCLOUD FILE", "rdbconvert"),
+            (&b"RIEGL LMS RDB 2 POINTCLOUD FILE"[..], "rdbconvert"),
             (b"\x1f\x8b\x08", "gunzip"),
             (b"\xff\xfe1\x002\x00", "UTF-16"),
             (b"\xef\xbb\xbf<?xml", "an XML file"),

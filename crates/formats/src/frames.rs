@@ -1,6 +1,7 @@
 //! Frames: the points of a revolution of a scanner, or of a span of time, with the poses of the scanner
 //! during that time.
 
+use crate::AttributeSet;
 use std::io::Read;
 use std::path::Path;
 use vlscan_base::error::Result;
@@ -21,6 +22,12 @@ pub struct FramePoint {
     pub class: i64,
     /// Number of the object.
     pub instance: i64,
+    /// Number of the return, from 1; 0 if it is unknown.
+    pub return_number: i64,
+    /// Number of returns of the pulse; 0 if it is unknown.
+    pub number_of_returns: i64,
+    /// Way of the light, see [`Cause::path`](crate::Cause::path).
+    pub path: i64,
 }
 
 /// Pose of a scanner at a time.
@@ -39,6 +46,8 @@ pub struct FramePose {
 pub struct Frame {
     /// Its start, ns.
     pub time_ns: u64,
+    /// Attributes that its points have; others are 0.
+    pub attributes: AttributeSet,
     /// Its points.
     pub points: Vec<FramePoint>,
     /// Poses in the order of time: the last one of the frame before, and those of this frame.
@@ -95,8 +104,8 @@ mod tests {
             position: DVec3::new(x, 0.0, 0.0),
             rotation: Rotation::about_z(angle),
         };
-        let frame =
-            Frame { time_ns: 0, points: Vec::new(), poses: vec![pose(10, 1.0, 0.0), pose(20, 3.0, 0.4)] };
+        let poses = vec![pose(10, 1.0, 0.0), pose(20, 3.0, 0.4)];
+        let frame = Frame { time_ns: 0, attributes: AttributeSet::default(), points: Vec::new(), poses };
         let middle = frame.pose_at(15.0).unwrap();
         assert_eq!(middle.position.x, 2.0);
         let turned = middle.rotation.apply(DVec3::X);

@@ -9,8 +9,8 @@ use vlscan_tools::raster::{RasterFiles, RasterOptions};
 /// `vlscan info`.
 #[derive(Debug, Args)]
 pub struct CloudInfoArgs {
-    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin. Several are
-    /// described as one.
+    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, MCAP, text, Arrow or Parquet, - for stdin. Several
+    /// are described as one.
     #[arg(required = true, value_name = "CLOUD")]
     pub clouds: Vec<PathBuf>,
     /// As JSON.
@@ -37,8 +37,8 @@ impl PointMemory {
 /// `vlscan raster`.
 #[derive(Debug, Args)]
 pub struct RasterArgs {
-    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for stdin. Several are
-    /// rasterised as one.
+    /// Point clouds: LAS, LAZ, COPC, PLY, PCD, E57, PTS, MCAP, text, Arrow or Parquet, - for stdin. Several
+    /// are rasterised as one.
     #[arg(required = true, value_name = "CLOUD")]
     pub clouds: Vec<PathBuf>,
     /// The rasters.

@@ -8,8 +8,8 @@ use vlscan_tools::compare::CompareOptions;
 /// `vlscan compare`.
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// The first cloud, usually the measured one: LAS, LAZ, PLY, PCD, E57, PTS, text, Arrow or Parquet, - for
-    /// stdin.
+    /// The first cloud, usually the measured one: LAS, LAZ, PLY, PCD, E57, PTS, MCAP, text, Arrow or
+    /// Parquet, - for stdin.
     pub first: PathBuf,
     /// The second cloud, usually the simulated one.
     pub second: PathBuf,

@@ -53,7 +53,8 @@ pub struct RunArgs {
     #[command(flatten)]
     pub options: Options,
     /// Write the boxes, poses and velocities of the moving parts of the scene as CSV: a row for each part
-    /// before the first pulse and after each of its moves. vlscan frames --objects reads it.
+    /// before the first pulse and after each of its moves. vlscan frames --objects reads it. With several
+    /// scanners each has a file, objects_NAME.csv for objects.csv.
     #[arg(
         long,
         value_name = "PATH",
@@ -89,7 +90,8 @@ pub struct DryRunArgs {
     ///
     /// The bands are pulses with a return per m², returns per m², the number of strips, the share of the cell
     /// without returns, the mean angle of incidence in degrees, and the share of the pulses aimed at the
-    /// ground that have no echo from it.
+    /// ground that have no echo from it. With several scanners the file has their coverage together, and each
+    /// has another one, coverage_NAME.tif for coverage.tif.
     #[arg(long, value_name = "FILE", requires = "dry_run")]
     pub coverage: Vec<PathBuf>,
     /// Side of a cell of the coverage in metres. [default: 10]

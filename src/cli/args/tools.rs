@@ -115,8 +115,8 @@ pub struct UnzipArgs {
 #[derive(Debug, Args)]
 pub struct PreviewArgs {
     /// A survey (.xml) or pipeline (.toml), whose scene, flight lines and swaths are drawn; or points: text,
-    /// LAS, LAZ, PLY, PCD, E57, PTS, Arrow, Parquet, - for stdin; with --pulse waveforms (*_fullwave.txt,
-    /// also .gz or .bin) or LAS and LAZ with waveform packets.
+    /// LAS, LAZ, PLY, PCD, E57, PTS, MCAP, Arrow, Parquet, - for stdin; with --pulse waveforms
+    /// (*_fullwave.txt, also .gz or .bin) or LAS and LAZ with waveform packets.
     pub points: PathBuf,
     /// A picture (.png), an interactive page for a browser (.html), or all points as COPC for viewers that
     /// read ranges (.copc.laz); - writes the picture to stdout.

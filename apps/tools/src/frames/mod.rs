@@ -84,9 +84,10 @@ pub struct ObjectOptions {
     /// same points: label_2 and calib in KITTI, sample_annotation and instance in nuScenes, and boxes.csv.
     #[arg(long, value_name = "FILE")]
     pub objects: Option<PathBuf>,
-    /// Move the points of moving objects to where they are at the time of the box, so that they lie in it.
+    /// Leave the points of moving objects where they were measured, smeared along their way. Without it they
+    /// are moved to where they are at the time of the box, and lie in it.
     #[arg(long, requires = "objects")]
-    pub deskew_objects: bool,
+    pub skewed_objects: bool,
     /// Name of a class in label_2 and in the categories of nuScenes, such as 64=Car or 64=vehicle.car; may be
     /// given more than once. [default: the name of the LAS specification, or class 64]
     #[arg(long = "category", value_name = "CLASS=NAME")]
@@ -198,7 +199,7 @@ pub fn write_frames(
         counts.frames += 1;
         counts.points += placed.points.len() as u64;
         intensities.add(&placed.points, most);
-        let found = objects.as_ref().map(|objects| boxes(&mut placed, objects, requested.deskew_objects));
+        let found = objects.as_ref().map(|objects| boxes(&mut placed, objects, !requested.skewed_objects));
         if let (Some(table), Some(found)) = (&mut table, &found) {
             table.frame(found)?;
             counts.boxes += found.len() as u64;

@@ -83,7 +83,7 @@ pub(super) fn place(frame: &Frame, forward: ForwardAxis, intensity_factor: f64) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_formats::FramePoint;
+    use vlscan_formats::{AttributeSet, FramePoint};
 
     #[test]
     fn a_wall_is_where_it_is_however_the_scanner_moves() {
@@ -105,9 +105,13 @@ mod tests {
                 ring: 0,
                 class: 0,
                 instance: 0,
+                return_number: 1,
+                number_of_returns: 1,
+                path: 0,
             }
         });
-        let frame = Frame { time_ns: 0, points: points.collect(), poses };
+        let (attributes, points) = (AttributeSet::default(), points.collect());
+        let frame = Frame { time_ns: 0, attributes, points, poses };
         let placed = place(&frame, ForwardAxis::X, 0.5).unwrap();
         assert_eq!(placed.pose.position.y, 0.0);
         for point in &placed.points {

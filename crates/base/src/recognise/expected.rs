@@ -254,8 +254,8 @@ fn use_of(kind: &Kind) -> &'static str {
         System => "`--crs {f}` takes coordinate reference systems",
         Flight => "`vlscan run PIPELINE --trajectory {f}` flies it",
         Log => {
-            "`vlscan frames {f} -o DIR --layout kitti` writes the frames of an MCAP log that vlscan wrote; \
-                `vlscan run -o a.mcap -o a.laz` also writes the points in world coordinates"
+            "`vlscan frames {f} -o DIR --layout kitti` writes the frames of an MCAP log that vlscan wrote, \
+             `vlscan info {f}` describes its points; `vlscan run -o a.mcap -o a.laz` also writes a cloud"
         }
         Document => {
             "`vlscan run {f}` flies a survey, `vlscan scene info {f}` describes a scene; `--scanner {f}#ID` \

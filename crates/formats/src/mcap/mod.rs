@@ -9,16 +9,19 @@
 //! | `cdr`, `schemas` | messages as bytes; their definitions |
 //! | `poses` | transforms and odometry |
 //! | `read` | frames with their poses; messages |
+//! | `points` | points of frames in the world |
 //! | `merge` | files of several scanners as one |
 
 mod cdr;
 mod container;
 mod merge;
+mod points;
 mod poses;
 mod read;
 mod schemas;
 
 pub(crate) use merge::merge;
+pub(crate) use points::read_points;
 pub(crate) use read::read_frames;
 
 use crate::columnar::{Column, ColumnType, LightColumns};

@@ -3,6 +3,7 @@
 
 use super::cdr::CdrReader;
 use crate::frames::{Frame, FramePoint, FramePose};
+use crate::{Attribute, AttributeSet};
 use flate2::Crc;
 use std::collections::HashMap;
 use std::io::Read;
@@ -384,8 +385,21 @@ impl Reader {
             ring: number(record, "ring"),
             class: number(record, "label"),
             instance: number(record, "instance"),
+            return_number: number(record, "return_number"),
+            number_of_returns: number(record, "number_of_returns"),
+            path: number(record, "path"),
         });
         let points = points.collect();
+        let attributes = AttributeSet::of(|attribute| match attribute {
+            Attribute::X | Attribute::Y | Attribute::Z | Attribute::Time => true,
+            Attribute::Intensity => intensity.is_some(),
+            Attribute::Class => places.contains_key("label"),
+            Attribute::Object => places.contains_key("instance"),
+            Attribute::ReturnNumber => places.contains_key("return_number"),
+            Attribute::NumberOfReturns => places.contains_key("number_of_returns"),
+            Attribute::Path => places.contains_key("path"),
+            _ => false,
+        });
         let poses = self.poses.get_mut(name).map(|poses| {
             poses.sort_by_key(|pose| pose.time_ns);
             let all = poses.clone();
@@ -393,7 +407,7 @@ impl Reader {
             poses.drain(..poses.len().saturating_sub(1));
             all
         });
-        Some(Frame { time_ns, points, poses: poses.unwrap_or_default() })
+        Some(Frame { time_ns, attributes, points, poses: poses.unwrap_or_default() })
     }
 }
 

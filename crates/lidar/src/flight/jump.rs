@@ -35,7 +35,7 @@ impl FlightState {
     /// Ends the leg where it is to end. Returns `false` if it was the last one.
     pub fn skip_leg(&mut self, plan: &FlightPlan) -> bool {
         let next = self.leg + 1;
-        if next >= plan.legs.len() {
+        if next >= plan.flown {
             self.ended = true;
             return false;
         }

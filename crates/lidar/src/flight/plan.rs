@@ -56,6 +56,8 @@ impl Default for FlightOptions {
 pub struct FlightPlan {
     pub(super) platform: PlatformPlan,
     pub(super) legs: Vec<PlannedLeg>,
+    /// Number of legs that are flown; see [`FlightPlan::leave_out_rest`].
+    pub(super) flown: usize,
     pub(super) devices: Vec<DevicePlan>,
     pub(super) mount: Mount,
     pub(super) noise: PoseNoise,
@@ -141,6 +143,7 @@ impl FlightPlan {
         let noise = if options.platform_noise { survey.platform.noise.clone() } else { Default::default() };
         let mut plan = FlightPlan {
             platform: PlatformPlan { motion, legs: courses, rotation_spec, kinematics },
+            flown: legs.len(),
             legs,
             devices: survey.scanner.devices.iter().map(|d| DevicePlan::new(d, kinematics)).collect(),
             mount: survey.platform.mount,
@@ -225,9 +228,31 @@ impl FlightPlan {
         [longest, way].into_iter().flatten().reduce(f64::min)
     }
 
+    /// Ends the flight with the last leg that has a pulse or a way: inactive legs at its end in which the
+    /// platform stands are not flown, whatever their maximum duration and the turn of their head. The clocks
+    /// of a flight that is [repeated](super::FlightState::repeat) count these legs, which must stay there.
+    pub fn leave_out_rest(&mut self) {
+        let courses = &self.platform.legs;
+        let stands = |leg: usize| match self.platform.motion {
+            Motion::Static => true,
+            _ if self.platform.has_waypoints() => {
+                courses.get(leg + 1).is_none_or(|next| next.position == courses[leg].position)
+            }
+            _ => false,
+        };
+        let is_rest = |(index, leg): &(usize, &PlannedLeg)| !leg.settings.active && stands(*index);
+        let rest = self.legs.iter().enumerate().rev().take_while(is_rest).count();
+        self.flown = (self.legs.len() - rest).max(1);
+    }
+
+    /// Ends the flight with the same leg as another plan of it.
+    pub fn end_as(&mut self, other: &FlightPlan) {
+        self.flown = other.flown.min(self.legs.len());
+    }
+
     /// Number of legs to be flown, including added ones.
     pub fn leg_count(&self) -> usize {
-        self.legs.len()
+        self.flown
     }
 
     /// The recorded poses of an interpolated platform.
@@ -333,6 +358,39 @@ mod tests {
         let flown = fly(&s);
         let last = flown[0].pulses.last().unwrap();
         assert!(last.origin.length() < 1.0 && (last.attitude.forward() - unit(-DVec3::X)).length() < 1e-6);
+    }
+
+    #[test]
+    fn inactive_legs_without_a_way_are_left_out_at_the_end_of_a_flight() {
+        let steps = |plan: &FlightPlan| fly_plan(plan).iter().map(|leg| leg.steps).collect::<Vec<_>>();
+        // 9 m at 30 m/s, then half a second at the waypoint, where the head would turn for 10 s.
+        let mut s = flight(&[[0.0, 0.0, 50.0], [9.0, 0.0, 50.0]]);
+        turn_head(&mut s.legs[1], 36.0, 360.0);
+        (s.legs[1].scanner.active, s.legs[1].scanner.max_duration) = (false, Some(0.5));
+        let (whole, _) = plan_of(&s).unwrap();
+        let mut short = whole.clone();
+        short.leave_out_rest();
+        let [both, first] = [&whole, &short].map(steps);
+        assert_eq!((both.len(), both[1], first), (2, 50, both[..1].to_vec()));
+        assert_eq!((whole.leg_count(), short.leg_count()), (2, 1));
+        let mut again = whole.clone();
+        again.end_as(&short);
+        assert_eq!(again.leg_count(), 1);
+        // An inactive leg with a way is flown, and so is one between others.
+        let mut home = flight(&[[0.0, 0.0, 50.0], [9.0, 0.0, 50.0], [9.0, 0.0, 50.0], [0.0, 0.0, 50.0]]);
+        home.legs[1..].iter_mut().for_each(|leg| leg.scanner.active = false);
+        let (mut plan, _) = plan_of(&home).unwrap();
+        plan.leave_out_rest();
+        assert_eq!((plan.leg_count(), steps(&plan).len()), (3, 3));
+        // A tripod stands in all legs; the first leg is always flown.
+        home.platform.kind = PlatformKind::Static;
+        home.legs.iter_mut().for_each(|leg| leg.scanner.max_duration = Some(0.5));
+        for (active, expected) in [([true, false, false, false], 1), ([false; 4], 1), ([true; 4], 4)] {
+            home.legs.iter_mut().zip(active).for_each(|(leg, active)| leg.scanner.active = active);
+            let (mut plan, _) = plan_of(&home).unwrap();
+            plan.leave_out_rest();
+            assert_eq!(plan.leg_count(), expected);
+        }
     }
 
     #[test]

@@ -330,7 +330,7 @@ impl FlightState {
 
     pub(super) fn change_leg(&mut self, plan: &FlightPlan) -> Step {
         let next = self.leg + 1;
-        if next >= plan.legs.len() {
+        if next >= plan.flown {
             self.ended = true;
             return Step::Ended;
         }

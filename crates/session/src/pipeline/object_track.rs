@@ -72,9 +72,8 @@ impl Session {
         self.check_objects()?;
         let Some(plan) = self.motion() else { return Ok(0) };
         let (settings, scene) = (self.settings(), self.scene());
-        let ground = |x, y| scene.ground_height(x, y);
         // The run has reported the warnings.
-        let (flight, _) = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight)?;
+        let (flight, _) = self.plan_flight_quietly()?;
         let poses = match &settings.survey.platform.kind {
             PlatformKind::Stream(stream) => Some(PoseReader::open(stream)?),
             _ => None,

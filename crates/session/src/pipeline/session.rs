@@ -238,7 +238,10 @@ impl Session {
         let ground = |x, y| scene.ground_height(x, y);
         let planned = FlightPlan::new(&settings.survey, scene.shift, &ground, &settings.flight);
         self.check_tiles()?;
-        let (flight, found) = planned?;
+        let (mut flight, found) = planned?;
+        if self.epochs() == 1 {
+            flight.leave_out_rest();
+        }
         Ok((flight, found.finish(settings.strict)?))
     }
 

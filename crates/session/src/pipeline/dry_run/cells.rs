@@ -3,11 +3,13 @@
 //! A measured pulse stands for those that are fired before and behind it, and for the pulses of the same
 //! phase in the scan periods around it. Each of these has its returns at its own place: by its direction, on
 //! a level plane, and by the way of the platform. Spread evenly over that way, returns would differ from
-//! those of the run by up to a scan line per cell. Sums are whole numbers, which do not depend on the order
-//! in which threads add to them.
+//! those of the run by up to a scan line per cell. Where the scene ends, returns beyond it do not count, and
+//! pulses that miss it stand for those beside them that meet it. Sums are whole numbers, which do not depend
+//! on the order in which threads add to them.
 
+use super::beams::{Beam, Surroundings, below, is_of_surface, moved};
 use std::collections::HashMap;
-use vlscan_geom::{DVec3, HeightModel, degrees};
+use vlscan_geom::{DVec3, degrees};
 use vlscan_lidar::pulse::Echo;
 
 /// Units of a pulse in sums.
@@ -18,21 +20,6 @@ const DEGREE: f64 = 1000.0;
 const PARTS: i64 = 4;
 /// Parts of a cell.
 const PARTS_OF_CELL: u32 = (PARTS * PARTS) as u32;
-/// Height above the ground up to which an echo is from the ground, m.
-const GROUND_TOLERANCE: f64 = 0.5;
-/// Height above the ground at which a beam counts as arrived, m.
-const ARRIVAL: f64 = 0.1;
-/// Descent per metre below which a beam is not followed to the ground.
-const MIN_DESCENT: f64 = 0.02;
-/// Steps in which a beam approaches the ground, at most.
-const MAX_APPROACHES: u32 = 12;
-/// Change of direction from pulse to pulse beyond which a beam is that of another scan line.
-const MAX_SWING: f64 = 0.05;
-/// Maximum ratio of the path of a beam over level ground to its path across the beam.
-const MAX_STRETCH: f64 = 5.0;
-
-/// Changes of direction to the pulses that a pulse stands for which stands for itself only.
-pub const ITSELF: &[DVec3] = &[DVec3::ZERO];
 
 /// The scan periods that a measured period stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +34,12 @@ impl Repeats {
     /// Number of scan periods, itself among them.
     pub fn periods(&self) -> f64 {
         1.0 + self.around[0] + self.around[1]
+    }
+
+    /// Way of the platform to the farthest of them, m.
+    fn way(&self) -> f64 {
+        let [x, y] = self.drift;
+        x.hypot(y) * self.around[0].max(self.around[1]).ceil()
     }
 
     /// Numbers of the periods, counted from the measured one, and how much of each is flown. A platform that
@@ -112,13 +105,22 @@ impl CellSum {
         if self.aimed == 0 { f64::NAN } else { self.blocked as f64 / self.aimed as f64 }
     }
 
+    /// Adds first returns in a part of the cell.
+    fn add_first(&mut self, units: u64, angle: u64, part: u16, strip: u32) {
+        self.pulses += units;
+        self.angles += units * angle;
+        self.parts |= part;
+        self.see(strip);
+    }
+
     fn see(&mut self, strip: u32) {
         if !self.strips.contains(&strip) {
             self.strips.push(strip);
         }
     }
 
-    fn join(&mut self, other: &CellSum) {
+    /// Adds the returns of another sum of the cell.
+    pub fn join(&mut self, other: &CellSum) {
         self.pulses += other.pulses;
         self.points += other.points;
         self.angles += other.angles;
@@ -159,44 +161,74 @@ impl CoverageCells {
         self.places.iter().map(|(place, index)| (*place, &self.sums[*index]))
     }
 
+    /// Sums of all cells in the order of their columns and rows.
+    pub fn into_sums(mut self) -> Vec<([i64; 2], CellSum)> {
+        let take = |(place, index): (&[i64; 2], &usize)| (*place, std::mem::take(&mut self.sums[*index]));
+        let mut sums: Vec<([i64; 2], CellSum)> = self.places.iter().map(take).collect();
+        sums.sort_unstable_by_key(|(place, _)| *place);
+        sums
+    }
+
     /// Adds the echoes of pulses of a strip, each of which stands for the same repeats. `swings` returns the
-    /// changes of direction from the pulse of an echo to those that it stands for, itself among them. Without
-    /// `ground`, in the scene frame, pulses are not followed to the ground.
+    /// changes of direction from the pulse of an echo to those that it stands for, itself among them. Echoes
+    /// of the air and of noise do not count.
     pub fn add<'s>(
         &mut self,
         echoes: &[Echo],
         strip: u32,
         repeats: &Repeats,
         swings: &mut dyn FnMut(&Echo) -> &'s [DVec3],
-        ground: Option<&dyn HeightModel>,
+        scene: &Surroundings,
     ) {
         for pulse in echoes.chunk_by(|a, b| (a.device, a.pulse_number) == (b.device, b.pulse_number)) {
             let swings = swings(&pulse[0]);
-            for echo in pulse {
-                let angle = degrees(libm::acos(echo.incidence_cosine.abs().clamp(0.0, 1.0)));
-                let angle = (angle * DEGREE).round() as u64;
-                let is_first = echo.return_number == 1;
-                let places = swings.iter().map(|swing| moved(echo, echo.position, *swing));
-                self.repeat(places, repeats, |cell, part, units| {
+            let surfaces = pulse.iter().filter(|echo| is_of_surface(echo));
+            let first = surfaces.clone().map(|echo| echo.return_number).min();
+            for echo in surfaces.clone() {
+                let angle = angle_of(echo.incidence_cosine);
+                let is_first = first == Some(echo.return_number);
+                let beam = Beam::of(echo);
+                let places = swings.iter().map(|swing| moved(&beam, echo.position, *swing));
+                let own = [echo.position.x, echo.position.y];
+                self.repeat(places, (repeats, own, scene), |cell, part, units| {
                     cell.points += units;
                     if is_first {
-                        cell.pulses += units;
-                        cell.angles += units * angle;
-                        cell.parts |= part;
-                        cell.see(strip);
+                        cell.add_first(units, angle, part, strip);
                     }
                 });
             }
-            let last = pulse.iter().max_by_key(|echo| echo.return_number);
-            let Some((last, ground)) = last.zip(ground) else { continue };
-            if let Some((place, is_seen)) = below(last, ground) {
-                let places = swings.iter().map(|swing| moved(last, place, *swing));
-                self.repeat(places, repeats, |cell, _, units| {
+            let last = surfaces.max_by_key(|echo| echo.return_number).filter(|_| scene.has_ground);
+            let Some(last) = last else { continue };
+            if let Some((place, is_seen)) = below(last, scene.heights) {
+                let beam = Beam::of(last);
+                let places = swings.iter().map(|swing| moved(&beam, place, *swing));
+                self.repeat(places, (repeats, [place.x, place.y], scene), |cell, _, units| {
                     cell.aimed += units;
                     cell.blocked += if is_seen { 0 } else { units };
                 });
             }
         }
+    }
+
+    /// Adds what a pulse without a return stands for: it passes the scene, but pulses around it may meet the
+    /// ground at the edge. `swings` are the changes of direction to these pulses.
+    pub fn add_around(
+        &mut self,
+        beam: &Beam,
+        strip: u32,
+        repeats: &Repeats,
+        swings: &[DVec3],
+        scene: &Surroundings,
+    ) {
+        let swing = swings.iter().map(|swing| swing.length()).fold(0.0, f64::max);
+        let Some((place, own)) = scene.past_edge(beam, swing, repeats.way()) else { return };
+        let angle = angle_of(beam.direction.z);
+        let places = swings.iter().map(|swing| moved(beam, place, *swing));
+        self.repeat(places, (repeats, own, scene), |cell, part, units| {
+            cell.points += units;
+            cell.add_first(units, angle, part, strip);
+            cell.aimed += if scene.has_ground { units } else { 0 };
+        });
     }
 
     /// Adds all sums of `other`, which has the same cells.
@@ -206,26 +238,29 @@ impl CoverageCells {
         }
     }
 
-    /// Adds a return at each of some places, scene frame, and at its repeats. `add` takes the cell, the bit
-    /// of the part in it, and the units of a pulse there.
+    /// Adds a return at each of some places, scene frame, and at its repeats. Returns beyond the box of the
+    /// scene do not count if the measured one, at `own`, lies within. `add` takes the cell, the bit of the
+    /// part in it, and the units of a pulse there.
     fn repeat(
         &mut self,
         places: impl Iterator<Item = [f64; 2]>,
-        repeats: &Repeats,
+        (repeats, own, scene): (&Repeats, [f64; 2], &Surroundings),
         mut add: impl FnMut(&mut CellSum, u16, u64),
     ) {
         let part = self.side / PARTS as f64;
         let (shift, drift) = ([self.shift.x, self.shift.y], repeats.drift);
+        let is_cut = scene.has(own);
         for place in places {
             for (after, share) in repeats.offsets() {
                 let units = (share * PULSE).round() as u64;
-                let at = [0, 1].map(|axis| (place[axis] + shift[axis] + after * drift[axis]) / part);
-                let at = at.map(|c| c.floor() as i64);
-                let [column, row] = at.map(|c| c.rem_euclid(PARTS));
-                if units > 0 {
-                    let cell = self.cell(at.map(|c| c.div_euclid(PARTS)));
-                    add(cell, 1u16 << (row * PARTS + column), units);
+                let at = [0, 1].map(|axis| place[axis] + after * drift[axis]);
+                if units == 0 || (is_cut && !scene.has(at)) {
+                    continue;
                 }
+                let at = [0, 1].map(|axis| ((at[axis] + shift[axis]) / part).floor() as i64);
+                let [column, row] = at.map(|c| c.rem_euclid(PARTS));
+                let cell = self.cell(at.map(|c| c.div_euclid(PARTS)));
+                add(cell, 1u16 << (row * PARTS + column), units);
             }
         }
     }
@@ -247,55 +282,28 @@ impl CoverageCells {
     }
 }
 
-/// The place, for a place on the beam of an echo, on another beam from the same origin: on a level plane, or
-/// across the beam where this is nearly level. `swing` is the change of direction.
-fn moved(echo: &Echo, place: DVec3, swing: DVec3) -> [f64; 2] {
-    if swing == DVec3::ZERO {
-        return [place.x, place.y];
-    }
-    let (way, other) = (echo.direction, echo.direction + swing);
-    let range = (place - echo.origin).dot(way);
-    let across = swing * range;
-    let on_plane = other * (range * way.z / other.z) - way * range;
-    let is_steep = other.z < -MIN_DESCENT && on_plane.length() <= MAX_STRETCH * across.length();
-    let step = if is_steep { on_plane } else { across };
-    [place.x + step.x, place.y + step.y]
-}
-
-/// The change of direction to a beam that is fired some pulses before or after; 0 if it belongs to another
-/// scan line.
-pub fn swing(direction: DVec3, other: DVec3, pulses: u64) -> DVec3 {
-    let swing = other - direction;
-    if swing.length() <= MAX_SWING * pulses as f64 { swing } else { DVec3::ZERO }
-}
-
-/// The place where the beam of a pulse's last echo meets the ground, scene frame, and true if the echo is
-/// from there; `None` for beams that are level or rise, and where there is no ground.
-fn below(echo: &Echo, ground: &dyn HeightModel) -> Option<(DVec3, bool)> {
-    let mut at = echo.position;
-    let mut above = at.z - ground.height(at.x, at.y)?;
-    if above <= GROUND_TOLERANCE {
-        return Some((at, true));
-    }
-    let way = echo.direction;
-    if way.z > -MIN_DESCENT {
-        return None;
-    }
-    for _ in 0..MAX_APPROACHES {
-        at += way * (above / -way.z);
-        above = at.z - ground.height(at.x, at.y)?;
-        if above.abs() <= ARRIVAL {
-            break;
-        }
-    }
-    Some((at, false))
+/// Angle of incidence in units of sums.
+fn angle_of(cosine: f64) -> u64 {
+    (degrees(libm::acos(cosine.abs().clamp(0.0, 1.0))) * DEGREE).round() as u64
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::beams::ITSELF;
     use super::*;
+    use vlscan_geom::Aabb;
 
     const ONCE: Repeats = Repeats { around: [0.0; 2], drift: [0.0; 2] };
+    /// A scene without edges and without ground.
+    const WIDE: Surroundings<'static> = Surroundings {
+        heights: &no_height,
+        has_ground: false,
+        bounds: Aabb { min: DVec3::NEG_INFINITY, max: DVec3::INFINITY },
+    };
+
+    fn no_height(_: f64, _: f64) -> Option<f64> {
+        None
+    }
 
     fn echo(position: DVec3, pulse_number: u64, return_number: u32) -> Echo {
         Echo {
@@ -335,7 +343,7 @@ mod tests {
         let mut cells = CoverageCells::new(10.0, DVec3::new(1000.0, 0.0, 0.0));
         // x = 6, 11, 16, 21, 26, 31, 36 and 30 % of a period at 41 m.
         let repeats = Repeats { around: [2.0, 4.3], drift: [5.0, 0.0] };
-        cells.add(&[echo(DVec3::new(16.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut alone, None);
+        cells.add(&[echo(DVec3::new(16.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut alone, &WIDE);
         let pulses: Vec<f64> = (100..105).map(|column| cell(&cells, [column, 0]).pulses()).collect();
         assert_eq!(pulses[..4], [1.0, 2.0, 2.0, 2.0]);
         assert!((pulses[4] - 0.3).abs() < 1e-3, "{pulses:?}");
@@ -346,7 +354,7 @@ mod tests {
         // A platform that stands measures the same place in all periods.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         let repeats = Repeats { around: [2.0, 4.5], drift: [0.0; 2] };
-        cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut alone, None);
+        cells.add(&[echo(DVec3::new(15.0, 5.0, 0.0), 1, 1)], 7, &repeats, &mut alone, &WIDE);
         assert_eq!((cells.count(), cell(&cells, [1, 0]).pulses()), (1, 7.5));
     }
 
@@ -358,7 +366,7 @@ mod tests {
         let x = |line: u32| 0.35 + 0.7 * f64::from(line);
         for line in (4..900).step_by(9) {
             let line_echo = echo(DVec3::new(x(line), 5.0, 0.0), u64::from(line), 1);
-            cells.add(&[line_echo], 0, &repeats, &mut alone, None);
+            cells.add(&[line_echo], 0, &repeats, &mut alone, &WIDE);
         }
         for column in 0..63 {
             let lines = (0..900).filter(|line| (x(*line) / 10.0).floor() as i64 == column).count();
@@ -372,22 +380,38 @@ mod tests {
         let swings = [-0.02, 0.0, 0.01, 0.02].map(|y| DVec3::new(0.0, y, 0.0));
         let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
         let at = DVec3::new(2.5, 5.0, 0.0);
-        cells.add(&[echo(at, 1, 1)], 0, &ONCE, &mut |_: &Echo| &swings[..], None);
+        cells.add(&[echo(at, 1, 1)], 0, &ONCE, &mut |_: &Echo| &swings[..], &WIDE);
         assert_eq!((cell(&cells, [0, 0]).pulses(), cell(&cells, [0, 1]).pulses()), (1.0, 3.0));
-        let slanted = Echo {
-            direction: DVec3::new(0.0, 0.6, -0.8),
-            origin: DVec3::new(0.0, -60.0, 80.0),
-            ..echo(DVec3::ZERO, 1, 1)
-        };
-        let found = moved(&slanted, DVec3::ZERO, DVec3::new(0.0, 0.008, 0.006));
-        // Across the beam 1 m, on the plane 1 / 0.8 m and a little more.
-        assert!(found[0] == 0.0 && (found[1] - 1.25).abs() < 0.02, "{found:?}");
-        // A level beam moves across, a jump to the next line does not count.
-        let level = Echo { direction: DVec3::Y, origin: DVec3::new(0.0, -100.0, 0.0), ..slanted };
-        assert_eq!(moved(&level, DVec3::ZERO, DVec3::new(0.01, 0.0, 0.0)), [1.0, 0.0]);
-        assert_eq!(swing(DVec3::Y, DVec3::NEG_Z, 4), DVec3::ZERO);
-        assert_eq!(swing(DVec3::ZERO, DVec3::X * 0.08, 1), DVec3::ZERO);
-        assert_eq!(swing(DVec3::ZERO, DVec3::X * 0.08, 2), DVec3::X * 0.08);
+    }
+
+    #[test]
+    fn returns_end_with_the_scene() {
+        let heights = |x: f64, _: f64| (0.0..=40.0).contains(&x).then_some(0.0);
+        let bounds = Aabb { min: DVec3::new(0.0, -50.0, 0.0), max: DVec3::new(40.0, 50.0, 0.0) };
+        let scene = Surroundings { heights: &heights, has_ground: true, bounds };
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
+        let repeats = Repeats { around: [2.0; 2], drift: [1.0, 0.0] };
+        // x = 36.5 to 40.5, of which the last is beyond the edge.
+        cells.add(&[echo(DVec3::new(38.5, 5.0, 0.0), 1, 1)], 0, &repeats, &mut alone, &scene);
+        assert_eq!((cells.count(), cell(&cells, [3, 0]).pulses()), (1, 4.0));
+        // x = 39.5 to 43.5, of which the first is not. Others are too far, or within the scene.
+        for x in [41.5, 45.0, 20.0] {
+            let beam = Beam { origin: DVec3::new(x, 5.0, 100.0), direction: DVec3::NEG_Z };
+            cells.add_around(&beam, 0, &repeats, ITSELF, &scene);
+        }
+        let found = cell(&cells, [3, 0]);
+        assert_eq!((cells.count(), found.pulses(), found.points(), found.occlusion()), (1, 5.0, 5.0, 0.0));
+    }
+
+    #[test]
+    fn drops_do_not_count() {
+        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
+        let at = |z: f64, number| echo(DVec3::new(5.0, 5.0, z), number, 1);
+        let drop = |number| Echo { part: u32::MAX, ..at(30.0, number) };
+        let behind = Echo { return_number: 2, ..at(0.0, 1) };
+        cells.add(&[drop(1), behind, drop(2), at(0.0, 3)], 0, &ONCE, &mut alone, &WIDE);
+        let found = cell(&cells, [0, 0]);
+        assert_eq!((cells.count(), found.pulses(), found.points()), (1, 2.0, 2.0));
     }
 
     #[test]
@@ -400,7 +424,7 @@ mod tests {
             let mut all = CoverageCells::new(5.0, DVec3::ZERO);
             for part in parts {
                 let mut cells = CoverageCells::new(5.0, DVec3::ZERO);
-                cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, &mut alone, None);
+                cells.add(part, u32::from(part[0].pulse_number >= 100), &repeats, &mut alone, &WIDE);
                 all.join(&cells);
             }
             let mut found: Vec<_> =
@@ -415,30 +439,31 @@ mod tests {
     #[test]
     fn what_stands_above_the_ground_hides_it() {
         let ground = |x: f64, _: f64| (x >= 0.0).then_some(0.1 * x);
+        let scene = Surroundings { heights: &ground, has_ground: true, ..WIDE };
         let slanted =
             |position, number| Echo { direction: DVec3::new(0.6, 0.0, -0.8), ..echo(position, number, 1) };
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         // A beam that ends 10 m above x = 14 would meet the ground 10 / (4/3 + 0.1) = 7 m farther on.
-        cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &mut alone, Some(&ground));
+        cells.add(&[slanted(DVec3::new(14.0, 5.0, 11.4), 1)], 0, &ONCE, &mut alone, &scene);
         assert_eq!(cell(&cells, [1, 0]).pulses(), 1.0);
         assert!(cell(&cells, [1, 0]).occlusion().is_nan());
         assert_eq!(cell(&cells, [2, 0]).occlusion(), 1.0);
         // One that reaches the ground in the cell.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
-        cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &mut alone, Some(&ground));
+        cells.add(&[slanted(DVec3::new(3.0, 5.0, 0.3), 1)], 0, &ONCE, &mut alone, &scene);
         assert_eq!(cell(&cells, [0, 0]).occlusion(), 0.0);
         // Two pulses, of which one has a second echo from the ground.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
         let at = |z| DVec3::new(5.0, 5.0, z);
         let both = [echo(at(8.0), 1, 1), echo(at(0.5), 1, 2), echo(at(8.0), 2, 1)];
-        cells.add(&both, 0, &ONCE, &mut alone, Some(&ground));
+        cells.add(&both, 0, &ONCE, &mut alone, &scene);
         let found = cell(&cells, [0, 0]);
         assert_eq!((found.occlusion(), found.pulses(), found.points()), (0.5, 2.0, 3.0));
         // Without ground, and for beams that rise, nothing is hidden.
         let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
-        cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &mut alone, Some(&ground));
+        cells.add(&[echo(DVec3::new(-5.0, 5.0, 3.0), 1, 1)], 0, &ONCE, &mut alone, &scene);
         let up = Echo { direction: DVec3::Z, ..echo(at(9.0), 1, 1) };
-        cells.add(&[up], 0, &ONCE, &mut alone, Some(&ground));
+        cells.add(&[up], 0, &ONCE, &mut alone, &scene);
         assert!(cells.iter().all(|(_, sum)| sum.occlusion().is_nan()));
     }
 }

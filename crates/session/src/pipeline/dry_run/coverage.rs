@@ -7,18 +7,19 @@ use super::super::progress::Progress;
 use super::super::run::Epochs;
 use super::super::session::Session;
 use super::super::worker::{FlightWorker, Pieces};
+use super::beams::{Beam, ITSELF, KeptPulse, Surroundings, is_of_surface, thin};
 use super::blocks::{BlockChunk, Blocks, Stride};
-use super::cells::{CellSum, CoverageCells, ITSELF, swing};
+use super::cells::{CellSum, CoverageCells, Repeats};
 use super::timeline::Timeline;
 use crate::output::{OutputPlan, OutputRequest};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::error::{Error, Result};
-use vlscan_geom::{DVec3, HeightModel};
+use vlscan_geom::{Aabb, DVec3};
 use vlscan_lidar::flight::{FlightPlan, FlightState, Pulse};
 use vlscan_lidar::pulse::Echo;
-use vlscan_scene::{Fallback, MotionState};
+use vlscan_scene::{Fallback, MotionState, Scene};
 use vlscan_survey::{PlatformKind, Survey};
 
 /// Rays that are traced in any case, if there are as many.
@@ -33,13 +34,15 @@ const SIDES: [f64; 2] = [0.01, 100_000.0];
 /// Maximum number of cells with returns, and of cells of the map.
 const MAX_CELLS: usize = 4_000_000;
 const MAX_MAP: f64 = 2e7;
+/// Greatest width of crowns and roofs that reach beyond the ground of a scene, m.
+const MAX_OVERHANG: f64 = 15.0;
 
 /// A quantity of each cell of a [`CoverageMap`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CoverageBand {
-    /// Pulses with a return per m²: first returns.
+    /// Pulses with a return per m²: first returns. Returns of the air and of noise do not count.
     PulseDensity,
-    /// Returns per m².
+    /// Returns of surfaces per m².
     PointDensity,
     /// Number of strips with returns in the cell.
     Strips,
@@ -104,6 +107,8 @@ pub struct CoverageMap {
     pub sampled_pulses: u64,
     /// Values of the bands in the order of [`CoverageBand::ALL`], row by row from the south west.
     bands: [Vec<f64>; 6],
+    /// Sums of the cells with returns, by column and row in the world, in this order.
+    sums: Vec<([i64; 2], CellSum)>,
 }
 
 impl CoverageMap {
@@ -119,19 +124,38 @@ impl CoverageMap {
         [0, 1].map(|axis| self.corner[axis] + (place[axis] as f64 + 0.5) * self.side_m)
     }
 
-    /// The map of sums; an empty one without returns.
+    /// The coverage by several scanners together, of which each has a map of the same scene in cells of the
+    /// same side: returns add up, and legs of the same number are one strip. An empty map without maps.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for cells of different sides, and for too many cells.
+    pub fn together(maps: &[CoverageMap]) -> Result<CoverageMap> {
+        let Some(CoverageMap { side_m, crs, .. }) = maps.first() else { return Ok(CoverageMap::default()) };
+        if let Some(other) = maps.iter().find(|map| map.side_m != *side_m) {
+            let message = format!("maps of coverage have cells of {side_m} m and of {} m", other.side_m);
+            return Err(Error::input(message));
+        }
+        let mut sums: BTreeMap<[i64; 2], CellSum> = BTreeMap::new();
+        for (place, sum) in maps.iter().flat_map(|map| &map.sums) {
+            sums.entry(*place).or_default().join(sum);
+        }
+        let pulses = maps.iter().map(|map| map.sampled_pulses).sum();
+        CoverageMap::of(sums.into_iter().collect(), *side_m, crs.clone(), pulses)
+    }
+
+    /// The map of the sums of cells; an empty one without returns.
     fn of(
-        cells: &CoverageCells,
+        sums: Vec<([i64; 2], CellSum)>,
         side_m: f64,
         crs: Option<String>,
         sampled_pulses: u64,
     ) -> Result<CoverageMap> {
         let (mut low, mut high) = ([i64::MAX; 2], [i64::MIN; 2]);
-        for (place, _) in cells.iter() {
+        for (place, _) in &sums {
             low = [low[0].min(place[0]), low[1].min(place[1])];
             high = [high[0].max(place[0]), high[1].max(place[1])];
         }
-        if cells.count() == 0 {
+        if sums.is_empty() {
             return Ok(CoverageMap { side_m, crs, sampled_pulses, ..CoverageMap::default() });
         }
         let size = [0, 1].map(|axis| high[axis].abs_diff(low[axis]) as f64 + 1.0);
@@ -141,14 +165,14 @@ impl CoverageMap {
         let [columns, rows] = size.map(|cells| cells as usize);
         let (area, empty) = (side_m * side_m, CellSum::default());
         let mut bands = CoverageBand::ALL.map(|band| vec![band.of(&empty, area); columns * rows]);
-        for (place, sum) in cells.iter() {
+        for (place, sum) in &sums {
             let [column, row] = [0, 1].map(|axis| place[axis].abs_diff(low[axis]) as usize);
             for (values, band) in bands.iter_mut().zip(CoverageBand::ALL) {
                 values[row * columns + column] = band.of(sum, area);
             }
         }
         let corner = low.map(|cell| cell as f64 * side_m);
-        Ok(CoverageMap { columns, rows, side_m, corner, crs, sampled_pulses, bands })
+        Ok(CoverageMap { columns, rows, side_m, corner, crs, sampled_pulses, bands, sums })
     }
 }
 
@@ -217,7 +241,7 @@ impl Session {
             return Err(Error::Interrupted);
         }
         let cells = cells.into_inner().unwrap_or_else(PoisonError::into_inner);
-        CoverageMap::of(&cells, side, crs, report.pulses)
+        CoverageMap::of(cells.into_sums(), side, crs, report.pulses)
     }
 }
 
@@ -242,8 +266,9 @@ impl Sampler<'_> {
         timeline: &Timeline,
     ) -> Result<Ended> {
         let ground = session.ground(Fallback::Lowest)?;
-        let ground = ground.has_ground().then_some(move |x: f64, y: f64| ground.local_height(x, y));
-        let ground = ground.as_ref().map(|ground| ground as &dyn HeightModel);
+        let has_ground = ground.has_ground();
+        let heights = move |x: f64, y: f64| ground.local_height(x, y);
+        let scene = Surroundings { heights: &heights, has_ground, bounds: edges(session.scene()) };
         let make_worker = || {
             let mut worker = FlightWorker::new(pass, flight);
             move |work: BlockChunk| -> Result<Pieces> {
@@ -252,14 +277,7 @@ impl Sampler<'_> {
                 let mut beams = Vec::new();
                 let pieces = worker.measure_some(work.chunk, |pulses| beams = thin(pulses, every, phase))?;
                 let strip = self.strips.get(leg as usize).copied().unwrap_or(leg);
-                let mut found = CoverageCells::new(self.side, self.shift);
-                let mut left = beams.iter();
-                let mut swings = |echo: &Echo| {
-                    let is_it =
-                        |beam: &&KeptPulse| (beam.device, beam.number) == (echo.device, echo.pulse_number);
-                    left.find(is_it).map_or(ITSELF, |beam| &beam.swings[..])
-                };
-                found.add(worker.measured().1, strip, &work.repeats, &mut swings, ground);
+                let found = self.count(worker.measured(), &beams, (strip, &work.repeats), &scene);
                 self.add(&found)?;
                 Ok(pieces)
             }
@@ -277,12 +295,48 @@ impl Sampler<'_> {
         })
     }
 
+    /// The returns of measured pulses of a strip. `beams` are those of the pulses, if they stand for others.
+    fn count(
+        &self,
+        (pulses, echoes): (&[Pulse], &[Echo]),
+        beams: &[KeptPulse],
+        (strip, repeats): (u32, &Repeats),
+        scene: &Surroundings<'_>,
+    ) -> CoverageCells {
+        let mut found = CoverageCells::new(self.side, self.shift);
+        let surfaces = echoes.iter().filter(|echo| is_of_surface(echo));
+        let returned: HashSet<(u32, u64)> = surfaces.map(|echo| (echo.device, echo.pulse_number)).collect();
+        for (i, pulse) in pulses.iter().enumerate() {
+            if !returned.contains(&(pulse.device, pulse.number)) {
+                let beam = Beam { origin: pulse.origin, direction: pulse.attitude.forward() };
+                let swings = beams.get(i).map_or(ITSELF, |beam| &beam.swings[..]);
+                found.add_around(&beam, strip, repeats, swings, scene);
+            }
+        }
+        let mut left = beams.iter();
+        let mut swings = |echo: &Echo| {
+            let is_it = |beam: &&KeptPulse| (beam.device, beam.number) == (echo.device, echo.pulse_number);
+            left.find(is_it).map_or(ITSELF, |beam| &beam.swings[..])
+        };
+        found.add(echoes, strip, repeats, &mut swings, scene);
+        found
+    }
+
     /// Adds the returns of a chunk.
     fn add(&self, found: &CoverageCells) -> Result<()> {
         let mut all = self.cells.lock().map_err(|_| Error::Internal("a worker has panicked".to_owned()))?;
         all.join(found);
         if all.count() > MAX_CELLS { Err(too_many_cells(self.side)) } else { Ok(()) }
     }
+}
+
+/// The box of a scene's ground if at most crowns and roofs reach beyond it, otherwise that of the scene.
+fn edges(scene: &Scene) -> Aabb {
+    let whole = scene.bounds;
+    // Tiles that are not loaded have ground, too.
+    let Some(ground) = scene.ground_bounds().filter(|_| scene.tiles.is_none()) else { return whole };
+    let is_near = |a: DVec3, b: DVec3| (a.x - b.x).abs().max((a.y - b.y).abs()) <= MAX_OVERHANG;
+    if is_near(whole.min, ground.min) && is_near(whole.max, ground.max) { ground } else { whole }
 }
 
 fn too_many_cells(side: f64) -> Error {
@@ -301,48 +355,6 @@ fn stride(pass: &Pass<'_>, timeline: &Timeline) -> Stride {
     Stride { periods: (ratio / pulses).ceil() as u64, pulses: pulses as u32 }
 }
 
-/// A beam that is measured.
-struct KeptPulse {
-    device: u32,
-    number: u64,
-    /// Changes of direction to the beams that it stands for, itself among them.
-    swings: Vec<DVec3>,
-}
-
-/// Leaves one in `every` pulses of a device: those whose number has the remainder `phase`, each of which
-/// stands for the pulses around it, and one for pulses at an end without it. Returns their beams, in their
-/// order; none if all pulses are left.
-fn thin(pulses: &mut Vec<Pulse>, every: u32, phase: u64) -> Vec<KeptPulse> {
-    if every <= 1 {
-        return Vec::new();
-    }
-    let every = u64::from(every);
-    let mut groups: BTreeMap<(u32, u64), Vec<usize>> = BTreeMap::new();
-    for (i, pulse) in pulses.iter().enumerate() {
-        let group = (pulse.number + every + every / 2 - phase) / every;
-        groups.entry((pulse.device, group)).or_default().push(i);
-    }
-    let keep = |members: &Vec<usize>| {
-        let is_it = |i: &usize| pulses[*i].number % every == phase;
-        let at = members.iter().copied().find(is_it).unwrap_or(members[members.len() / 2]);
-        let (device, number, direction) =
-            (pulses[at].device, pulses[at].number, pulses[at].attitude.forward());
-        let swing_to =
-            |pulse: &Pulse| swing(direction, pulse.attitude.forward(), pulse.number.abs_diff(number));
-        let swings = members.iter().map(|i| swing_to(&pulses[*i])).collect();
-        (at, KeptPulse { device, number, swings })
-    };
-    let mut kept: Vec<(usize, KeptPulse)> = groups.values().map(keep).collect();
-    kept.sort_unstable_by_key(|(at, _)| *at);
-    let mut places = kept.iter().map(|(at, _)| *at).peekable();
-    let mut at = 0;
-    pulses.retain(|_| {
-        at += 1;
-        places.next_if_eq(&(at - 1)).is_some()
-    });
-    kept.into_iter().map(|(_, beam)| beam).collect()
-}
-
 /// Number of the strip of each leg: legs of one strip have that of the first.
 fn strips_of(survey: &Survey) -> Vec<u32> {
     let mut named: HashMap<&str, u32> = HashMap::new();
@@ -357,70 +369,41 @@ fn strips_of(survey: &Survey) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vlscan_geom::Rotation;
-
-    /// Pulses 1 to `count` of two devices, whose beams turn by 0.01 rad from one to the next.
-    fn pulses(count: u64) -> Vec<Pulse> {
-        let pulse = |i: u64| {
-            let attitude = Rotation::about_z(0.01 * i as f64);
-            Pulse {
-                origin: DVec3::ZERO,
-                attitude,
-                exact_attitude: attitude,
-                reported_attitude: attitude,
-                scanner_attitude: attitude,
-                origin_error: DVec3::ZERO,
-                time_ns: i as f64,
-                number: i,
-                device: 0,
-                scan_angle: 0.0,
-                range_error: 0.0,
-                velocity: None,
-            }
-        };
-        (1..=count).flat_map(|i| [0, 1].map(|device| Pulse { device, ..pulse(i) })).collect()
-    }
-
-    #[test]
-    fn one_in_a_few_pulses_is_left_and_stands_for_those_around_it() {
-        let mut some = pulses(10);
-        let beams = thin(&mut some, 4, 2);
-        let left: Vec<(u64, u32)> = some.iter().map(|pulse| (pulse.number, pulse.device)).collect();
-        assert_eq!(left, [(2, 0), (2, 1), (6, 0), (6, 1), (10, 0), (10, 1)]);
-        assert_eq!(beams.iter().map(|beam| (beam.number, beam.device)).collect::<Vec<_>>(), left);
-        // Pulses 1 to 3, 4 to 7, 8 to 10.
-        assert_eq!(beams.iter().map(|beam| beam.swings.len()).collect::<Vec<_>>(), [3, 3, 4, 4, 3, 3]);
-        let angles: Vec<f64> = beams[2].swings.iter().map(|swing| swing.length()).collect();
-        let near = |(found, expected): (&f64, f64)| (found - expected).abs() < 1e-5;
-        assert!(angles.iter().zip([0.02, 0.01, 0.0, 0.01]).all(near), "{angles:?}");
-        // Pulses 1 to 5 have pulse 2; 6 to 8, without pulse 10, have another one.
-        let mut cut = pulses(8);
-        let beams = thin(&mut cut, 8, 2);
-        let left: Vec<(u64, usize)> = beams.iter().map(|beam| (beam.number, beam.swings.len())).collect();
-        assert_eq!(left, [(2, 5), (2, 5), (7, 3), (7, 3)]);
-        // All of them, and none.
-        let mut all = pulses(10);
-        assert!(thin(&mut all, 1, 0).is_empty() && all.len() == 20);
-        assert!(thin(&mut Vec::new(), 8, 0).is_empty());
-    }
 
     #[test]
     fn maps_begin_at_the_south_western_cell() {
-        let mut cells = CoverageCells::new(10.0, DVec3::new(500_000.0, 0.0, 0.0));
-        assert_eq!(CoverageMap::of(&cells, 10.0, None, 0).unwrap().columns, 0);
-        let far = CoverageMap::of(&two_cells(&mut cells, 25.0), 10.0, None, 2).unwrap();
+        let shift = DVec3::new(500_000.0, 0.0, 0.0);
+        assert_eq!(CoverageMap::of(Vec::new(), 10.0, None, 0).unwrap().columns, 0);
+        let far = CoverageMap::of(two_cells(shift, 25.0), 10.0, None, 2).unwrap();
         assert_eq!((far.columns, far.rows, far.corner), (3, 1, [500_000.0, 0.0]));
         assert_eq!(far.values(CoverageBand::PulseDensity), [0.01, 0.0, 0.01]);
         assert_eq!(far.values(CoverageBand::Strips), [1.0, 0.0, 1.0]);
         assert!(far.values(CoverageBand::Incidence)[1].is_nan());
         assert_eq!(far.centre(2), [500_025.0, 5.0]);
-        let mut cells = CoverageCells::new(10.0, DVec3::ZERO);
-        let refused = CoverageMap::of(&two_cells(&mut cells, 1e9), 10.0, None, 2).unwrap_err().to_string();
+        let refused = CoverageMap::of(two_cells(DVec3::ZERO, 1e9), 10.0, None, 2).unwrap_err().to_string();
         assert!(refused.contains("too many cells of 10 m"), "{refused}");
     }
 
-    /// Returns in the first cell and `x` m from its side.
-    fn two_cells(cells: &mut CoverageCells, x: f64) -> CoverageCells {
+    #[test]
+    fn maps_of_several_scanners_are_added() {
+        let map = |x: f64| CoverageMap::of(two_cells(DVec3::ZERO, x), 10.0, None, 2).unwrap();
+        let both = CoverageMap::together(&[map(25.0), map(-5.0)]).unwrap();
+        assert_eq!((both.columns, both.rows, both.corner, both.sampled_pulses), (4, 1, [-10.0, 0.0], 4));
+        // Both have a pulse in the first cell, on the same leg.
+        assert_eq!(both.values(CoverageBand::PulseDensity), [0.01, 0.02, 0.0, 0.01]);
+        assert_eq!(both.values(CoverageBand::Strips), [1.0, 1.0, 0.0, 1.0]);
+        assert_eq!(
+            CoverageMap::together(&[map(25.0)]).unwrap().values(CoverageBand::Gaps),
+            map(25.0).values(CoverageBand::Gaps)
+        );
+        assert_eq!(CoverageMap::together(&[]).unwrap(), CoverageMap::default());
+        let other = CoverageMap { side_m: 5.0, ..map(25.0) };
+        let refused = CoverageMap::together(&[map(25.0), other]).unwrap_err().to_string();
+        assert!(refused.contains("cells of 10 m and of 5 m"), "{refused}");
+    }
+
+    /// Sums of cells with returns in the first cell and `x` m from its side.
+    fn two_cells(shift: DVec3, x: f64) -> Vec<([i64; 2], CellSum)> {
         let miss = vlscan_lidar::pulse::PulseRecord {
             origin: DVec3::ZERO,
             direction: DVec3::NEG_Z,
@@ -429,12 +412,16 @@ mod tests {
             device: 0,
             scan_angle: 0.0,
         };
-        let repeats = super::super::cells::Repeats { around: [0.0; 2], drift: [0.0; 2] };
+        let repeats = Repeats { around: [0.0; 2], drift: [0.0; 2] };
+        let heights = |_: f64, _: f64| None::<f64>;
+        let scene = Surroundings { heights: &heights, has_ground: false, bounds: Aabb::EMPTY };
+        let mut cells = CoverageCells::new(10.0, shift);
         for x in [5.0, x] {
             let position = DVec3::new(x, 5.0, 0.0);
-            let echo = Echo { position, return_number: 1, number_of_returns: 1, ..Echo::miss(&miss) };
-            cells.add(&[echo], 0, &repeats, &mut |_: &Echo| ITSELF, None);
+            let echo =
+                Echo { position, return_number: 1, number_of_returns: 1, part: 0, ..Echo::miss(&miss) };
+            cells.add(&[echo], 0, &repeats, &mut |_: &Echo| ITSELF, &scene);
         }
-        cells.clone()
+        cells.into_sums()
     }
 }

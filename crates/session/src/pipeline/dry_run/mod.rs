@@ -8,11 +8,13 @@
 //! | `spacing` | footprint, distance of points along and across |
 //! | `coverage` | densities, strips, gaps, incidence and occlusion in cells |
 //! | `blocks`, `cells` | the periods of the scan pattern that are measured for it; their returns in cells |
+//! | `beams` | beams beside those that are measured, and the edge of the scene |
 //!
 //! Points, sizes and time are those of the sample in proportion to the pulses, with twice the standard error
 //! of the mean over the strata as uncertainty.
 
 mod area;
+mod beams;
 mod blocks;
 mod cells;
 mod coverage;
@@ -324,8 +326,9 @@ impl Session {
         }
         let (scene, options) = (self.scene(), &self.settings().flight);
         let ground = |x, y| scene.ground_height(x, y);
-        let (coarse, _) =
+        let (mut coarse, _) =
             FlightPlan::new(&coarse, scene.shift, &ground, &FlightOptions { ..options.clone() })?;
+        coarse.end_as(flight);
         timeline::estimate(flight, &coarse, control.stop)
     }
 }
@@ -476,14 +479,6 @@ impl Observations<'_> {
             files.push(FileEstimate { name: "the trajectory".to_owned(), content: "poses", bytes });
         }
         files
-    }
-}
-
-impl LegTime {
-    /// Samples of the trajectory.
-    fn poses(&self) -> f64 {
-        let is_sampled = self.clock.active && self.clock.sample_interval > 0.0;
-        if is_sampled { (self.seconds / self.clock.sample_interval).ceil() } else { 0.0 }
     }
 }
 

@@ -41,6 +41,14 @@ pub struct LegTime {
     pub pulses: f64,
 }
 
+impl LegTime {
+    /// Number of samples of the trajectory.
+    pub fn poses(&self) -> f64 {
+        let is_sampled = self.clock.active && self.clock.sample_interval > 0.0;
+        if is_sampled { (self.seconds / self.clock.sample_interval).ceil() } else { 0.0 }
+    }
+}
+
 /// A flight that is known without having been measured.
 #[derive(Debug, Default)]
 pub struct Timeline {
