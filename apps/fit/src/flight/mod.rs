@@ -7,6 +7,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `points` | the points of one flight line |
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
 //! | `turning` | scanners that stand and turn, which are rejected |
 //! | `sweeps` | lines that no gap divides: sweeps of a mirror that swings, full turns |
@@ -35,6 +36,7 @@ mod model;
 mod parameters;
 mod phases;
 mod pipeline;
+mod points;
 mod rate;
 mod recording;
 mod repeat;

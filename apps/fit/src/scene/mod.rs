@@ -61,7 +61,7 @@ pub struct ReconstructOptions {
     /// Divergence of the beam that recorded the cloud, full angle at 1/e² of the intensity, rad
     #[arg(long, value_name = "RAD", default_value_t = 0.00025, value_parser = divergence)]
     pub divergence: f64,
-    /// Reject clouds whose points need more memory than this, e.g. 8G, at about 256 bytes each. [default: no
+    /// Reject clouds whose points need more memory than this, e.g. 8G, at about 160 bytes each. [default: no
     /// limit]
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     pub max_memory: Option<u64>,
