@@ -192,7 +192,7 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     }
     Ok(ReconstructedScene {
         points: recording.returns.len(),
-        pulses: recording.pulses.len(),
+        pulses: recording.pulses(),
         noise: recording.noise,
         density: recording.density(),
         mean_range: mean_range(&recording, &paths),
@@ -211,8 +211,7 @@ impl Stages<'_> {
     fn read(&mut self, cloud: &Path, limit: PointLimit, found: &mut Diagnostics) -> Result<Recording> {
         self.observer.step("reading the cloud");
         let recording = recording::read(cloud, limit, found)?;
-        let (returns, pulses) =
-            (amount(recording.returns.len() as f64), amount(recording.pulses.len() as f64));
+        let (returns, pulses) = (amount(recording.returns.len() as f64), amount(recording.pulses() as f64));
         self.done(format!(
             "{returns} points of {pulses} pulses in {}",
             counted(recording.lines.len() as u64, "flight line")
@@ -229,12 +228,12 @@ impl Stages<'_> {
 
     fn surfaces(&mut self, recording: &Recording, spacing: f64) -> (Terrain, Roofs) {
         let of = |target: Target| {
-            let returns = recording.returns.iter().filter(move |r| r.target == target);
+            let returns = recording.returns.iter().filter(move |r| r.target() == target);
             returns.map(|r| (r.position, r.class)).unzip::<DVec3, u8, Vec<_>, Vec<_>>()
         };
         self.observer.step("making terrain and roofs");
         let (ground, ground_classes) = of(Target::Ground);
-        let terrain = terrain::terrain(&ground, &ground_classes, recording.bounds);
+        let terrain = terrain::terrain(ground, &ground_classes, recording.bounds);
         let (on_roofs, roof_classes) = of(Target::Roof);
         let cell = (1.5 * spacing).clamp(ROOF_CELLS[0], ROOF_CELLS[1]);
         let roofs = roofs::roofs(&on_roofs, &roof_classes, cell, &terrain);
@@ -272,7 +271,7 @@ fn mean_range(recording: &Recording, paths: &[SensorPath]) -> f64 {
             (path.at(recording.of_pulse(p)[0].time) - recording.of_pulse(p)[0].position).length()
         })
     });
-    ranges.sum::<f64>() / recording.pulses.len() as f64
+    ranges.sum::<f64>() / recording.pulses() as f64
 }
 
 impl ReconstructedScene {
