@@ -265,7 +265,7 @@ fn cases() -> BTreeMap<&'static str, Case> {
             ),
         ),
         (
-            "points of `vlscan fit` and `vlscan scene reconstruct`",
+            "points of `vlscan fit`",
             case(
                 "cloud.xyz",
                 scattered,

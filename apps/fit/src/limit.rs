@@ -19,6 +19,11 @@ impl PointLimit {
         PointLimit { max_memory }
     }
 
+    /// The limit, as text.
+    pub fn memory(self) -> String {
+        bytes(self.max_memory.unwrap_or(u64::MAX))
+    }
+
     /// True if this number of points needs more memory.
     pub fn is_exceeded(self, points: usize) -> bool {
         self.max_memory.is_some_and(|bytes| points as u64 > bytes / POINT_BYTES)
@@ -32,7 +37,7 @@ impl PointLimit {
                 "{}: more than {} need more memory than --max-memory {}",
                 cloud.display(),
                 amount_of((limit / POINT_BYTES) as f64, "point"),
-                bytes(limit)
+                self.memory()
             ),
             "allow more memory, or divide the cloud into parts",
         )

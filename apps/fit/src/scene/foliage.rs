@@ -85,15 +85,15 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The grid around `positions`, of voxels of that size, or larger ones if they were too many; `None`
-    /// without positions.
-    fn around(positions: impl Iterator<Item = DVec3>, size: f64) -> Option<Grid> {
+    /// The grid around `positions`, of voxels of that size, or larger ones if they were too many, about
+    /// `max_voxels` at most; `None` without positions.
+    fn around(positions: impl Iterator<Item = DVec3>, size: f64, max_voxels: f64) -> Option<Grid> {
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0);
         let (min, max, count) = positions.fold(none, |(a, b, n), p| (a.min(p), b.max(p), n + 1.0));
         if !min.is_finite() {
             return None;
         }
-        let most = (MIN_VOXELS + VOXELS_PER_POINT * count).min(MAX_VOXELS);
+        let most = (MIN_VOXELS + VOXELS_PER_POINT * count).min(MAX_VOXELS).min(max_voxels);
         let size = size_within(max - min, size, most);
         let min = ((min / size).floor() - 1.0) * size;
         let cells = ((max - min) / size).floor() + 2.0;
@@ -230,16 +230,17 @@ const PASSES: [usize; 4] = [0, 2, 6, 18];
 const PRIOR_LENGTHS: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
 
 /// The extinctions by all pulses of a recording, and those by all but the ones that are held out; `None`
-/// without foliage. `is_leaf` is true for returns from foliage, `terrain` is the terrain height.
+/// without foliage. `is_leaf` is true for returns from foliage, `terrain` is the terrain height. Voxels have
+/// this size, m, or a larger one if there were more than the maximum number.
 pub(super) fn extinctions(
     recording: &Recording,
     paths: &[SensorPath],
     is_leaf: &[bool],
-    size: f64,
+    (size, max_voxels): (f64, f64),
     terrain: impl Fn(f64, f64) -> f64 + Sync,
 ) -> Option<[Extinctions; 2]> {
     let leaves = recording.returns.iter().zip(is_leaf).filter(|(_, leaf)| **leaf);
-    let grid = Grid::around(leaves.map(|(r, _)| r.position), size)?;
+    let grid = Grid::around(leaves.map(|(r, _)| r.position), size, max_voxels)?;
     let ground = grid.levels_of(&terrain);
     let classes = classes(recording, is_leaf, &grid);
     let left_out = sums(recording, paths, is_leaf, &grid, |pulse| recording.is_held_out[pulse]);

@@ -1,5 +1,6 @@
 //! A recorded point cloud as pulses: returns of one time and flight line, in their order.
 
+use super::thinning::Thinning;
 use crate::limit::PointLimit;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -64,6 +65,11 @@ impl Return {
         Target::of_class(self.class).unwrap_or(Target::Foliage)
     }
 
+    /// True if its pulse is in a sample.
+    fn is_in(&self, sample: Thinning) -> bool {
+        sample.has([self.time.to_bits(), self.source.into(), self.channel.into()], self.position)
+    }
+
     /// The last return of a pulse with this number of returns.
     #[cfg(test)]
     pub fn last_of(of: u8, class: u8, position: DVec3) -> Return {
@@ -103,6 +109,8 @@ pub(super) struct Recording {
     /// Points of the noise classes 7 and 18, which are left out.
     pub noise: usize,
     pub has_scan_angles: bool,
+    /// One of this many pulses of the file was read, or 0.
+    pub one_of: u64,
     /// True for each pulse that is held out for validation: every fourth of the recording, so that a stray
     /// that is left out does not change the choice of other pulses.
     pub is_held_out: Vec<bool>,
@@ -111,6 +119,10 @@ pub(super) struct Recording {
 /// Every n-th pulse is held out for validation.
 const FOLDS: usize = 4;
 
+/// Maximum number of pulses of which one is read.
+const MAX_ONE_OF: u64 = 1 << 20;
+
+#[derive(Default)]
 struct Sink {
     returns: Vec<Return>,
     attributes: AttributeSet,
@@ -118,8 +130,28 @@ struct Sink {
     skipped: usize,
     is_las: bool,
     limit: PointLimit,
-    /// True if there are more points than the limit allows.
+    thinning: Thinning,
+    first_time: Option<f64>,
+    has_times: bool,
+    /// True if the limit allows hardly any points.
     is_too_large: bool,
+}
+
+impl Sink {
+    fn add(&mut self, one: Return) {
+        let first = *self.first_time.get_or_insert(one.time);
+        self.has_times |= one.time != first;
+        if !one.is_in(self.thinning) {
+            return;
+        }
+        self.returns.push(one);
+        while self.limit.is_exceeded(self.returns.len()) && !self.is_too_large {
+            self.thinning = self.thinning.coarser(self.has_times);
+            let thinning = self.thinning;
+            self.returns.retain(|r| r.is_in(thinning));
+            self.is_too_large = self.returns.is_empty() || self.thinning.one_of() > MAX_ONE_OF;
+        }
+    }
 }
 
 impl PointSink for Sink {
@@ -146,7 +178,7 @@ impl PointSink for Sink {
             target => {
                 self.noise += usize::from(target.is_none());
                 let number = row.return_number.max(1);
-                self.returns.push(Return {
+                self.add(Return {
                     position: row.position,
                     class: row.class,
                     number,
@@ -157,28 +189,20 @@ impl PointSink for Sink {
                     channel: row.channel,
                     is_left_out: target.is_none(),
                 });
-                self.is_too_large = self.limit.is_exceeded(self.returns.len());
             }
         }
         Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 
-/// Reads a point cloud; problems that do not prevent reading are added to `found`.
+/// Reads a point cloud; problems that do not prevent reading are added to `found`. If there are more points
+/// than `limit` allows, one of two, four, eight … pulses is read.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, without classes, without points of the
-/// ground, or with more points than `limit` allows.
+/// ground, or whose points exceed the limit in any case.
 pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> Result<Recording> {
-    let mut sink = Sink {
-        returns: Vec::new(),
-        attributes: AttributeSet::default(),
-        noise: 0,
-        skipped: 0,
-        is_las: false,
-        limit,
-        is_too_large: false,
-    };
+    let mut sink = Sink { limit, ..Sink::default() };
     found.extend(read_points(path, &mut sink)?);
     if sink.is_too_large {
         return Err(limit.error(path));
@@ -204,6 +228,13 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
     let mut warn = |message: &str| {
         found.warn(Some(Place::of_file(path)), message);
     };
+    let one_of = sink.thinning.one_of();
+    if one_of > 1 {
+        warn(&format!(
+            "its points need more memory than --max-memory {}: one of {one_of} pulses is used",
+            limit.memory()
+        ));
+    }
     if sink.skipped > 0 {
         warn(&format!("{} points without coordinates are ignored", sink.skipped));
     }
@@ -232,7 +263,7 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
              file and their numbers",
         );
     }
-    Ok(Recording { has_scan_angles, noise, ..recording })
+    Ok(Recording { has_scan_angles, noise, one_of, ..recording })
 }
 
 /// Orders returns into pulses and lines, in their memory. Each return is a pulse where there are no times.
@@ -406,6 +437,35 @@ mod tests {
         assert_eq!(places(&all), places(&expected));
         assert_eq!((all.bounds.min, all.bounds.max), (expected.bounds.min, expected.bounds.max));
         assert_eq!((all.of_pulse(8).len(), all.of_pulse(8)[0].position.x), (2, 9.0));
+    }
+
+    #[test]
+    fn a_sample_of_pulses_has_all_their_returns_and_does_not_depend_on_their_order() {
+        let all = returns(1e-7);
+        let read = |returns: &[Return], most: u64| {
+            let mut sink = Sink { limit: PointLimit::new(Some(160 * most)), ..Sink::default() };
+            returns.iter().for_each(|r| sink.add(*r));
+            (assemble(sink.returns, true).unwrap().0, sink.thinning.one_of(), sink.is_too_large)
+        };
+        let (whole, one_of, _) = read(&all, 3000);
+        assert_eq!((whole.returns.len(), one_of), (2998, 1));
+        let (some, one_of, _) = read(&all, 1000);
+        // Half of 3000 returns are more than 1000, a quarter are not.
+        assert!(one_of == 4 && (600..900).contains(&some.returns.len()), "{one_of} {}", some.returns.len());
+        assert!(
+            (0..some.pulses())
+                .all(|pulse| some.of_pulse(pulse).len() == usize::from(some.of_pulse(pulse)[0].of))
+        );
+        let reversed: Vec<Return> = all.iter().rev().copied().collect();
+        let (other, ..) = read(&reversed, 1000);
+        let places = |recording: &Recording| recording.returns.iter().map(|r| r.position).collect::<Vec<_>>();
+        assert_eq!(places(&some), places(&other));
+        assert!(read(&all, 0).2, "no memory");
+        // Returns that share a time are chosen by their positions.
+        let timeless: Vec<Return> = all.iter().map(|r| Return { time: 0.0, ..*r }).collect();
+        let mut sink = Sink { limit: PointLimit::new(Some(160 * 1000)), ..Sink::default() };
+        timeless.iter().for_each(|r| sink.add(*r));
+        assert!((600..900).contains(&sink.returns.len()), "{}", sink.returns.len());
     }
 
     #[test]

@@ -39,6 +39,15 @@ fn smoothing_keeps_sums_and_follows_the_ground() {
 }
 
 #[test]
+fn voxels_are_larger_where_there_may_be_few() {
+    let corners = [DVec3::ZERO, DVec3::new(100.0, 50.0, 20.0)];
+    let voxels = |max: f64| Grid::around(corners.into_iter(), 0.5, max).unwrap();
+    assert_eq!(voxels(f64::INFINITY).size, 0.5);
+    let few = voxels(1000.0);
+    assert!(few.size > 4.0 && few.len() <= 2000, "{} of {} m", few.len(), few.size);
+}
+
+#[test]
 fn the_class_of_a_voxel_is_that_of_most_light() {
     let grid = Grid { min: DVec3::ZERO, size: 1.0, cells: [3, 1, 1] };
     let returns = [
