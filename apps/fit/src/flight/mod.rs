@@ -150,14 +150,14 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         recording.lines = lines;
     }
     lines::find_channels(&mut recording);
-    let (recording, solution) = match best_solution(&recording) {
-        Ok(solution) => (recording, solution),
-        Err(reason) => match best_turned_solution(&recording) {
-            Some(turned) => {
+    let solution = match best_solution(&recording) {
+        Ok(solution) => solution,
+        Err(reason) => match best_turned_solution(&mut recording) {
+            Some(solution) => {
                 let message = "scan angles are positive to the left of the flight, against the LAS \
                                specification; their sign is reversed";
                 found.warn(Some(Place::of_file(path)), message);
-                turned
+                solution
             }
             None => return Err(no_flight(path, &recording, reason)),
         },
@@ -190,12 +190,18 @@ fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
     Err(Error::input_with_help(message, "a flight and its scanner are estimated from a flight line"))
 }
 
-/// The best solution with scan angles that some files count to the left.
-fn best_turned_solution(recording: &Recording) -> Option<(Recording, Solution)> {
-    let mut turned = recording.clone();
-    turned.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
-    let solution = best_solution(&turned).ok()?;
-    Some((turned, solution))
+/// The best solution with scan angles that some files count to the left. The sign of the angles stays
+/// reversed if there is one.
+fn best_turned_solution(recording: &mut Recording) -> Option<Solution> {
+    let turn = |recording: &mut Recording| {
+        recording.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
+    };
+    turn(recording);
+    let solution = best_solution(recording).ok();
+    if solution.is_none() {
+        turn(recording);
+    }
+    solution
 }
 
 fn no_flight(path: &Path, recording: &Recording, reason: FlightError) -> Error {
