@@ -158,7 +158,6 @@ impl PointSink for Sink {
 
 /// A cloud whose flight lines are known.
 pub(super) struct Outline {
-    pub attributes: AttributeSet,
     pub wkt: Option<String>,
     /// In the order of source and time.
     pub lines: Vec<FlightLine>,
@@ -172,14 +171,22 @@ impl Outline {
     /// Reads the flight lines of a cloud without strays, of which `found` has a warning.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for files without points and for streams with more points than `limit`
-    /// allows.
+    /// [`Error::Io`]; [`Error::Input`] for clouds without GPS times or scan angles, and for streams with more
+    /// points than `limit` allows.
     pub fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> Result<Outline> {
         let is_stream = path.as_os_str() == "-" || !path.is_file();
         let mut sink = Sink { limit, rows: is_stream.then(Vec::new), ..Sink::default() };
         found.extend(read_points(path, &mut sink)?);
         if sink.is_too_large {
             return Err(limit.error(path));
+        }
+        for (attribute, what) in [(Attribute::Time, "GPS times"), (Attribute::ScanAngle, "scan angles")] {
+            if !sink.attributes.has(attribute) {
+                return Err(Error::input_with_help(
+                    format!("{} has no {what}, from which a flight is estimated", path.display()),
+                    "LAS and LAZ of point formats 1 and 3 to 10 have both",
+                ));
+            }
         }
         sink.rows.iter().flatten().for_each(|row| sink.finder.add(row.position));
         let strays = sink.finder.strays();
@@ -192,8 +199,8 @@ impl Outline {
             read_points(path, &mut others)?;
             sink.counter = others.counter;
         }
-        let Sink { attributes, wkt, counter, rows, .. } = sink;
-        Ok(Outline { attributes, wkt, lines: counter.lines(), strays, limit, rows })
+        let Sink { wkt, counter, rows, .. } = sink;
+        Ok(Outline { wkt, lines: counter.lines(), strays, limit, rows })
     }
 
     /// The points of a flight line, by time and return number.

@@ -7,7 +7,6 @@ use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::fixed;
-use vlscan_formats::Attribute;
 use vlscan_geom::{DVec3, degrees, median, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
@@ -84,14 +83,6 @@ impl Recording {
     ) -> Result<Recording> {
         let mut outline = Outline::read(path, limit, found)?;
         let name = path.display();
-        for (attribute, what) in [(Attribute::Time, "GPS times"), (Attribute::ScanAngle, "scan angles")] {
-            if !outline.attributes.has(attribute) {
-                return Err(Error::input_with_help(
-                    format!("{name} has no {what}, from which a flight is estimated"),
-                    "LAS and LAZ of point formats 1 and 3 to 10 have both",
-                ));
-            }
-        }
         let mut lines = std::mem::take(&mut outline.lines);
         if let Some(source) = source {
             let sources: Vec<String> = lines.iter().map(|line| line.source.to_string()).collect();
