@@ -21,6 +21,8 @@ const OUTLIER: f64 = 6.0;
 const MIN_PULSES: usize = 500;
 /// Minimum extent of the points of a flight line, m.
 const MIN_EXTENT: f64 = 1.0;
+/// Number of points that are released together.
+const RELEASED_ROWS: usize = if cfg!(test) { 2 } else { 1 << 20 };
 
 /// A pulse with at least one return.
 #[derive(Clone, Copy, Debug)]
@@ -116,13 +118,12 @@ impl Recording {
     }
 
     /// The pulses of the points of a flight line, by time.
-    fn of(mut rows: Vec<Row>, path: &Path, found: &mut Diagnostics) -> Result<Recording> {
+    fn of(rows: Vec<Row>, path: &Path, found: &mut Diagnostics) -> Result<Recording> {
         let name = path.display();
         let (points, source) = (rows.len(), rows[0].source);
         let origin = rows[points / 2].position.floor();
         let start = rows.iter().map(|row| row.time).fold(f64::INFINITY, f64::min);
-        let Grouped { mut pulses, others, partial } = pulses_of(&mut rows, origin, start);
-        drop(rows);
+        let Grouped { mut pulses, others, partial } = pulses_of(rows, origin, start);
         if pulses.len() == 1 && points > 1 {
             return Err(Error::input_with_help(
                 format!("{name}: all points of the flight line have the GPS time {start}"),
@@ -295,8 +296,9 @@ struct Grouped {
     partial: usize,
 }
 
-/// Pulses of the points of a flight line, which are sorted by channel, time and return number.
-fn pulses_of(rows: &mut [Row], origin: DVec3, start: f64) -> Grouped {
+/// Pulses of the points of a flight line. Points are released while pulses are made, from the last to the
+/// first.
+fn pulses_of(mut rows: Vec<Row>, origin: DVec3, start: f64) -> Grouped {
     let order = |a: &Row, b: &Row| {
         let by_time = a.channel.cmp(&b.channel).then(a.time.total_cmp(&b.time));
         by_time.then(a.number.cmp(&b.number))
@@ -308,22 +310,31 @@ fn pulses_of(rows: &mut [Row], origin: DVec3, start: f64) -> Grouped {
     let is_pulse = |a: &Row, b: &Row| a.channel == b.channel && a.time == b.time;
     let count = rows.chunk_by(is_pulse).count();
     let mut grouped = Grouped { pulses: Vec::with_capacity(count), others: 0, partial: 0 };
-    for returns in rows.chunk_by(is_pulse) {
-        let (row, last) = (&returns[0], &returns[returns.len() - 1]);
-        let is_repeated = |pair: &&[Row]| pair[0].number.max(1) == pair[1].number.max(1);
-        grouped.others += returns.windows(2).filter(is_repeated).count();
-        grouped.partial += usize::from(row.number > 1);
-        grouped.pulses.push(Pulse {
-            time: row.time - start,
-            position: row.position - origin,
-            angle: radians(row.angle),
-            returns: row.returns.max(1),
-            class: row.class,
-            last: (last.number > row.number).then(|| last.position - origin),
-            file_channel: row.channel,
-            channel: 0,
-        });
+    while !rows.is_empty() {
+        let mut from = rows.len().saturating_sub(RELEASED_ROWS);
+        while from > 0 && is_pulse(&rows[from - 1], &rows[from]) {
+            from -= 1;
+        }
+        for returns in rows[from..].chunk_by(is_pulse).rev() {
+            let (row, last) = (&returns[0], &returns[returns.len() - 1]);
+            let is_repeated = |pair: &&[Row]| pair[0].number.max(1) == pair[1].number.max(1);
+            grouped.others += returns.windows(2).filter(is_repeated).count();
+            grouped.partial += usize::from(row.number > 1);
+            grouped.pulses.push(Pulse {
+                time: row.time - start,
+                position: row.position - origin,
+                angle: radians(row.angle),
+                returns: row.returns.max(1),
+                class: row.class,
+                last: (last.number > row.number).then(|| last.position - origin),
+                file_channel: row.channel,
+                channel: 0,
+            });
+        }
+        rows.truncate(from);
+        rows.shrink_to_fit();
     }
+    grouped.pulses.reverse();
     grouped
 }
 
@@ -379,9 +390,9 @@ mod tests {
             class: 2,
             channel: 0,
         };
-        let mut rows: Vec<Row> =
+        let rows: Vec<Row> =
             [(0.0, 1), (0.0, 2), (1.0, 2), (2.0, 1), (3.0, 0)].into_iter().map(row).collect();
-        let grouped = pulses_of(&mut rows, DVec3::ZERO, 0.0);
+        let grouped = pulses_of(rows, DVec3::ZERO, 0.0);
         assert_eq!((grouped.pulses.len(), grouped.others, grouped.partial), (4, 0, 1));
     }
 
@@ -400,7 +411,7 @@ mod tests {
         let values = [(1, 5.0, 1), (0, 6.0, 1), (1, 5.0, 3), (0, 5.0, 2), (0, 5.0, 2), (0, 6.0, 0)];
         let mut rows: Vec<Row> = values.into_iter().map(row).collect();
         for _ in 0..2 {
-            let grouped = pulses_of(&mut rows, DVec3::ZERO, 1.0);
+            let grouped = pulses_of(rows.clone(), DVec3::ZERO, 1.0);
             let pulse = |pulse: &Pulse| (pulse.file_channel, pulse.time, pulse.last.map(|last| last.z));
             let pulses: Vec<(u16, f64, Option<f64>)> = grouped.pulses.iter().map(pulse).collect();
             assert_eq!(pulses, [(0, 4.0, None), (0, 5.0, Some(1.0)), (1, 4.0, Some(3.0))]);
