@@ -217,7 +217,7 @@ mod tests {
     fn damage_of_files_with_extra_bytes_has_the_same_place_on_any_number_of_threads() {
         let whole = with_extra_bytes(true);
         let start = whole.len() / 10;
-        for at in (start..whole.len()).step_by(whole.len() / 50) {
+        for at in (start..whole.len()).step_by(whole.len() / 25) {
             let mut damaged = whole.clone();
             damaged[at] ^= 0x55;
             same_on_threads(&damaged, &format!("byte {at}"));
