@@ -82,8 +82,10 @@ fn run_still(args: &FitArgs, place: DVec3, console: &Console) -> Result<()> {
     let files = StillFiles::new(&args.out);
     files.check(&args.cloud, args.force)?;
     let mut found = Diagnostics::default();
-    let pattern =
-        during(console, "reading the pattern", || StillPattern::read(&args.cloud, place, &mut found));
+    let max_memory = args.max_memory.map(|bytes| bytes.0);
+    let pattern = during(console, "reading the pattern", || {
+        StillPattern::read(&args.cloud, place, max_memory, &mut found)
+    });
     console.warnings(&found.finish(false)?)?;
     let pattern = pattern?;
     let [x, y, z] = place.to_array();

@@ -265,8 +265,12 @@ fn cases() -> BTreeMap<&'static str, Case> {
             ),
         ),
         (
-            "points of `vlscan fit` and `vlscan scene reconstruct`",
-            case("cloud.xyz", scattered, &["fit", "cloud.xyz", "-o", "fit.toml", "--max-memory", "1K"]),
+            "points of `vlscan fit`",
+            case(
+                "cloud.xyz",
+                scattered,
+                &["fit", "cloud.xyz", "-o", "fit.toml", "--still-at", "0,0,5", "--max-memory", "1K"],
+            ),
         ),
         ("bins of a pulse", changed("pulseLength_ns=\"4\"", "pulseLength_ns=\"1e9\"")),
     ])

@@ -4,8 +4,8 @@ use std::path::Path;
 use vlscan_base::error::Error;
 use vlscan_base::quantity::{amount_of, bytes};
 
-/// Memory that estimates take for a point, bytes, about: its values, those of its pulse, and their order.
-const POINT_BYTES: u64 = 256;
+/// Memory that estimates take for a point, bytes, about: its values and those of its pulse.
+const POINT_BYTES: u64 = 160;
 
 /// A limit of the memory for the points of a recording.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,6 +17,11 @@ impl PointLimit {
     /// The limit of this memory, bytes; `None` for no limit.
     pub fn new(max_memory: Option<u64>) -> PointLimit {
         PointLimit { max_memory }
+    }
+
+    /// The limit, as text.
+    pub fn memory(self) -> String {
+        bytes(self.max_memory.unwrap_or(u64::MAX))
     }
 
     /// True if this number of points needs more memory.
@@ -32,7 +37,7 @@ impl PointLimit {
                 "{}: more than {} need more memory than --max-memory {}",
                 cloud.display(),
                 amount_of((limit / POINT_BYTES) as f64, "point"),
-                bytes(limit)
+                self.memory()
             ),
             "allow more memory, or divide the cloud into parts",
         )
@@ -46,7 +51,7 @@ mod tests {
     #[test]
     fn points_beyond_the_limit_are_an_error() {
         let limit = PointLimit::new(Some(1 << 20));
-        assert!(!limit.is_exceeded(4096) && limit.is_exceeded(4097));
+        assert!(!limit.is_exceeded(6553) && limit.is_exceeded(6554));
         assert!(!PointLimit::default().is_exceeded(usize::MAX));
         let Error::Input(report) = limit.error(Path::new("a.laz")) else { panic!("no problem of the input") };
         let text = report.text();

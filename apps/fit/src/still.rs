@@ -3,6 +3,7 @@
 //! A pulse points from the sensor to its first return. Pulses without a return are not in a recording, and so
 //! not in the pattern.
 
+use crate::limit::PointLimit;
 use libm::{atan2, hypot};
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -11,8 +12,8 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads::refuse_input_of;
-use vlscan_base::files::{FileGroup, refuse_existing};
-use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, read_points};
+use vlscan_base::files::{FileGroup, FileWriter, Patched, refuse_existing};
+use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, Selection, read_points};
 use vlscan_geom::{DVec3, degrees};
 
 /// Maximum number of pulses of a pattern.
@@ -21,6 +22,8 @@ const MAX_PULSES: usize = 1 << 24;
 const MIN_RANGE: f64 = 1e-3;
 /// Extension of the pattern beside the pipeline file.
 const PATTERN: &str = "pattern.csv";
+/// Bytes of the table that are written together.
+const WRITTEN_BYTES: usize = 1 << 16;
 
 /// The scan pattern of a recording.
 #[derive(Clone, Debug)]
@@ -66,10 +69,13 @@ pub struct StillFiles {
     pub pattern: PathBuf,
 }
 
-#[derive(Default)]
 struct Points {
+    origin: DVec3,
     attributes: AttributeSet,
     rows: Vec<Pulse>,
+    limit: PointLimit,
+    /// True if there are more points than the limit allows.
+    is_too_large: bool,
 }
 
 impl PointSink for Points {
@@ -78,15 +84,23 @@ impl PointSink for Points {
     }
 
     fn point(&mut self, row: &PointRow, _object: Option<&str>) -> Result<ControlFlow<()>> {
-        if !row.is_miss && row.position.is_finite() && row.time.is_finite() {
+        let is_placed = row.position.is_finite() && (row.position - self.origin).length() > MIN_RANGE;
+        if !row.is_miss && is_placed && row.time.is_finite() {
             self.rows.push(Pulse {
                 time: row.time,
                 channel: row.channel,
                 number: row.return_number,
                 position: row.position,
             });
+            self.is_too_large = self.limit.is_exceeded(self.rows.len());
         }
-        Ok(ControlFlow::Continue(()))
+        Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    }
+
+    fn selection(&self) -> Selection {
+        use Attribute::{Channel, ReturnNumber, Time};
+        let is_used = |attribute| matches!(attribute, Channel | ReturnNumber | Time);
+        Selection::Attributes(AttributeSet::of(is_used))
     }
 }
 
@@ -114,39 +128,35 @@ impl StillFiles {
 }
 
 impl StillPattern {
-    /// Reads the pattern of a sensor that stood at `origin`, m, while it recorded `cloud`.
+    /// Reads the pattern of a sensor that stood at `origin`, m, while it recorded `cloud`. Points may take up
+    /// to `max_memory`, bytes; `None` for no limit.
     ///
     /// # Errors
     /// Files that cannot be read; [`Error::Input`] for clouds without times, with several pulses of one time,
-    /// or with too few or too many pulses.
-    pub fn read(cloud: &Path, origin: DVec3, found: &mut Diagnostics) -> Result<StillPattern> {
-        let mut points = Points::default();
+    /// with too few or too many pulses, or whose points need more memory.
+    pub fn read(
+        cloud: &Path,
+        origin: DVec3,
+        max_memory: Option<u64>,
+        found: &mut Diagnostics,
+    ) -> Result<StillPattern> {
+        let limit = PointLimit::new(max_memory);
+        let attributes = AttributeSet::default();
+        let mut points = Points { origin, attributes, rows: Vec::new(), limit, is_too_large: false };
         found.extend(read_points(cloud, &mut points)?);
+        if points.is_too_large {
+            return Err(limit.error(cloud));
+        }
         let name = cloud.display();
         if !points.attributes.has(Attribute::Time) {
             return Err(Error::input(format!("{name} has no times of points, expected those of pulses")));
         }
-        let mut rows = points.rows;
-        rows.retain(|row| (row.position - origin).length() > MIN_RANGE);
-        rows.sort_by(|a, b| {
-            a.time.total_cmp(&b.time).then(a.channel.cmp(&b.channel)).then(a.number.cmp(&b.number))
-        });
-        let mut pulses: Vec<Pulse> = Vec::new();
-        for row in rows {
-            let first = pulses.last().filter(|last| last.time == row.time && last.channel == row.channel);
-            match first {
-                Some(first) if first.number == row.number && first.position != row.position => {
-                    let message = format!(
-                        "{name}: several pulses of channel {} have the time {}",
-                        row.channel, row.time
-                    );
-                    let help = "record the time of each pulse, and the channels of sensors with several";
-                    return Err(Error::input_with_help(message, help));
-                }
-                Some(_) => {}
-                None => pulses.push(row),
-            }
-        }
+        let pulses = first_returns(points.rows).map_err(|row| {
+            let message =
+                format!("{name}: several pulses of channel {} have the time {}", row.channel, row.time);
+            let help = "record the time of each pulse, and the channels of sensors with several";
+            Error::input_with_help(message, help)
+        })?;
         let times = pulses.first().zip(pulses.last()).map(|(first, last)| last.time - first.time);
         if times.is_none_or(|duration| duration <= 0.0) {
             return Err(Error::input(format!("{name} has fewer than two times of pulses")));
@@ -180,24 +190,30 @@ impl StillPattern {
     /// [`Error::Io`], after which none of the files is written; a file exists and `force` is not set.
     pub fn write(&self, files: &StillFiles, command: &str, force: bool) -> Result<()> {
         let mut group = FileGroup::default();
-        group.write(&files.pattern, force, self.table().as_bytes())?;
+        let mut table = FileWriter::create(&files.pattern, force, Patched::Never)?;
+        self.write_table(|text| table.append(text.as_bytes()))?;
+        group.add(table);
         group.write(&files.pipeline, force, self.pipeline(files, command).as_bytes())?;
         group.commit()
     }
 
-    /// The table of directions.
-    fn table(&self) -> String {
+    /// Passes the table of directions to `write`, in parts.
+    fn write_table(&self, mut write: impl FnMut(&str) -> Result<()>) -> Result<()> {
         let channel = if self.channels > 1 { "channel," } else { "" };
         let mut text = format!("time_s,{channel}azimuth_deg,elevation_deg\n");
         let start = self.pulses[0].time;
         for pulse in &self.pulses {
+            if text.len() >= WRITTEN_BYTES {
+                write(&text)?;
+                text.clear();
+            }
             let DVec3 { x, y, z } = pulse.position - self.origin;
             let (azimuth, elevation) = (degrees(atan2(x, y)), degrees(atan2(z, hypot(x, y))));
             let channel = if self.channels > 1 { format!("{},", pulse.channel) } else { String::new() };
             // Writing to a string does not fail.
             let _ = writeln!(text, "{:.9},{channel}{azimuth:?},{elevation:?}", pulse.time - start);
         }
-        text
+        write(&text)
     }
 
     fn pipeline(&self, files: &StillFiles, command: &str) -> String {
@@ -219,6 +235,29 @@ impl StillPattern {
     }
 }
 
+/// The first return of each pulse, by time and channel.
+///
+/// # Errors
+/// A return whose time and channel are those of another pulse.
+fn first_returns(mut rows: Vec<Pulse>) -> std::result::Result<Vec<Pulse>, Pulse> {
+    let order = |a: &Pulse, b: &Pulse| {
+        a.time.total_cmp(&b.time).then(a.channel.cmp(&b.channel)).then(a.number.cmp(&b.number))
+    };
+    // Most recordings are in order, and sorting takes half as much memory again.
+    if !rows.is_sorted_by(|a, b| order(a, b).is_le()) {
+        rows.sort_by(order);
+    }
+    let mut other = None;
+    rows.dedup_by(|row, first| {
+        let is_of_first = first.time == row.time && first.channel == row.channel;
+        if is_of_first && first.number == row.number && first.position != row.position {
+            other.get_or_insert(*row);
+        }
+        is_of_first
+    });
+    other.map_or(Ok(rows), Err)
+}
+
 impl StillFigures {
     /// The figures as text, a line each.
     pub fn table(&self) -> String {
@@ -237,10 +276,29 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("still.csv");
         std::fs::write(&path, text).unwrap();
-        StillPattern::read(&path, origin, &mut Diagnostics::default()).map_err(|e| match e {
+        read_file(&path, origin, None)
+    }
+
+    fn read_file(
+        path: &Path,
+        origin: DVec3,
+        max_memory: Option<u64>,
+    ) -> std::result::Result<StillPattern, String> {
+        StillPattern::read(path, origin, max_memory, &mut Diagnostics::default()).map_err(|e| match e {
             Error::Input(problems) => problems.text(),
             other => other.to_string(),
         })
+    }
+
+    fn table(pattern: &StillPattern) -> String {
+        let mut table = String::new();
+        pattern
+            .write_table(|text| {
+                table.push_str(text);
+                Ok(())
+            })
+            .unwrap();
+        table
     }
 
     #[test]
@@ -248,7 +306,7 @@ mod tests {
         let text = "x,y,z,time,return_number,number_of_returns\n\
                     1,5,2,10.5,1,1\n2,2,3,10,2,2\n1,3,2,10,1,2\n0,2,2,11,1,1\n";
         let pattern = read(text, DVec3::new(1.0, 2.0, 2.0)).unwrap();
-        let lines: Vec<String> = pattern.table().lines().map(str::to_owned).collect();
+        let lines: Vec<String> = table(&pattern).lines().map(str::to_owned).collect();
         assert_eq!(lines[0], "time_s,azimuth_deg,elevation_deg");
         assert_eq!(lines[1..], ["0.000000000,0.0,0.0", "0.500000000,0.0,0.0", "1.000000000,-90.0,0.0"]);
         let figures = pattern.figures();
@@ -261,6 +319,33 @@ mod tests {
         assert_eq!(pipeline["scanner"]["pattern"].as_str(), Some("still.pattern.csv"));
         assert_eq!(pipeline["settings"]["max_duration_s"].as_float(), Some(1.5));
         assert_eq!(pipeline["leg"][0]["position_m"][1].as_float(), Some(2.0));
+    }
+
+    #[test]
+    fn points_in_any_order_make_one_pattern_which_is_written_in_parts() {
+        let row = |i: u32, number: u32| format!("{},5,{number},{},{number},2\n", i % 50, f64::from(i) / 8.0);
+        let head = "x,y,z,time,return_number,number_of_returns\n";
+        let rows: Vec<String> = (0..3000).flat_map(|i| [row(i, 1), row(i, 2)]).collect();
+        let reversed: String = rows.iter().rev().cloned().collect();
+        let [pattern, other] = [rows.concat(), reversed].map(|rows| {
+            let pattern = read(&(head.to_owned() + &rows), DVec3::ZERO).unwrap();
+            assert_eq!((pattern.pulses.len(), pattern.figures().times_per_s), (3000, 8.0));
+            table(&pattern)
+        });
+        assert!(pattern == other && pattern.len() > WRITTEN_BYTES, "{} bytes", pattern.len());
+        assert_eq!(pattern.lines().count(), 3001);
+    }
+
+    #[test]
+    fn the_memory_of_points_can_be_limited() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("still.csv");
+        let rows: String = (0..100).map(|i| format!("{i},5,1,{i}\n")).collect();
+        std::fs::write(&path, "x,y,z,time\n".to_owned() + &rows).unwrap();
+        let pattern = read_file(&path, DVec3::ZERO, Some(100 * 160)).unwrap();
+        assert_eq!(pattern.pulses.len(), 100);
+        let said = read_file(&path, DVec3::ZERO, Some(99 * 160)).unwrap_err();
+        assert!(said.contains("--max-memory"), "{said}");
     }
 
     #[test]

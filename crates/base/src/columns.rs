@@ -147,12 +147,37 @@ impl Separator {
 /// Appends the words between blanks of a line without quotes.
 fn split_at_blanks(line: &[u8], words: &mut Vec<Range<usize>>) {
     let mut at = 0;
-    while let Some(skipped) = line[at..].iter().position(|b| !is_blank(*b)) {
-        let start = at + skipped;
-        let length = line[start..].iter().position(|b| is_blank(*b));
-        at = length.map_or(line.len(), |length| start + length);
-        words.push(start..at);
+    while at < line.len() {
+        if is_blank(line[at]) {
+            at += 1;
+            continue;
+        }
+        let end = end_of_word(line, at);
+        words.push(at..end);
+        at = end;
     }
+}
+
+/// The end of the word that begins at an offset of a line: eight bytes at a time, since blanks are the only
+/// common bytes below `!`.
+fn end_of_word(line: &[u8], start: usize) -> usize {
+    const ONES: u64 = 0x0101_0101_0101_0101;
+    let mut at = start;
+    while let Some(bytes) = line[at..].first_chunk::<8>() {
+        let bytes = u64::from_le_bytes(*bytes);
+        // The lowest bit that is set is that of the first byte below `!`; bits above it may be wrong.
+        let low = bytes.wrapping_sub(ONES * u64::from(b'!')) & !bytes & (ONES * 0x80);
+        if low == 0 {
+            at += 8;
+            continue;
+        }
+        at += (low.trailing_zeros() / 8) as usize;
+        if is_blank(line[at]) {
+            return at;
+        }
+        at += 1;
+    }
+    line[at..].iter().position(|b| is_blank(*b)).map_or(line.len(), |length| at + length)
 }
 
 /// Appends the columns between ASCII separators of a line without quotes.
@@ -370,9 +395,25 @@ mod tests {
             stream = stream.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (stream >> 33) % count
         };
-        let letters = [" ", " ", "\t", ",", ",", ";", "1", "2.5", "\"", "é", "\r", "\x0b"];
-        for _ in 0..20_000 {
-            let length = next(12);
+        let letters = [
+            " ",
+            " ",
+            "\t",
+            ",",
+            ",",
+            ";",
+            "1",
+            "2.5",
+            "\"",
+            "é",
+            "\r",
+            "\x0b",
+            "-431000.25",
+            "\x01",
+            "\x7f",
+        ];
+        for i in 0..30_000 {
+            let length = next(if i % 2 == 0 { 12 } else { 40 });
             let line: String = (0..length).map(|_| letters[next(letters.len() as u64) as usize]).collect();
             let all = [Separator::Blanks, Separator::any_of(",;")];
             let chars = [',', ';', '\t', 'é', '\r'].map(Separator::Char);

@@ -212,6 +212,17 @@ pub trait PointPart: Any + Send {
     /// Adds the next point of the block; its object has no name.
     fn add(&mut self, row: &PointRow);
 
+    /// Adds the next point of the block, with the name of its object in files that have names.
+    fn add_named(&mut self, row: &PointRow, _object: Option<&str>) {
+        self.add(row);
+    }
+
+    /// True if the names of objects are used, or not needed. Otherwise points of files with names are passed
+    /// one by one.
+    fn takes_names(&self) -> bool {
+        false
+    }
+
     /// Begins another block.
     fn clear(&mut self);
 }
@@ -251,7 +262,7 @@ pub trait PointSink {
     fn details(&mut self, _details: &PointDetails) {}
 
     /// Makes empty parts for blocks of points, if the sink uses these instead of single points where it can:
-    /// of LAS. Called after [`PointSink::start`]. The details of such points are not passed.
+    /// of LAS and text. Called after [`PointSink::start`]. The details of such points are not passed.
     fn parts(&self) -> Option<NewPart> {
         None
     }

@@ -78,35 +78,37 @@ pub struct PulseGroups {
 }
 
 impl PulseGroups {
-    /// Groups the `keys` of returns in the order of the file: by time if times distinguish pulses, else by
+    /// Groups returns in the order of the file by their `key`: by time if times distinguish pulses, else by
     /// the order in the file.
     ///
     /// # Errors
     /// Times that several pulses share, in files whose returns are not in the order of pulses or have no
     /// numbers.
-    pub fn of(keys: &[PulseKey]) -> Result<PulseGroups, PulseGroupsError> {
-        let by_time = PulseGroups::by_time(keys);
+    pub fn of<R>(returns: &[R], key: impl Fn(&R) -> PulseKey) -> Result<PulseGroups, PulseGroupsError> {
+        let by_time = PulseGroups::by_time(returns, &key);
         if PulseGroups::are_distinct(by_time.ambiguous, by_time.pulses.len()) {
             return Ok(by_time);
         }
         let ambiguous = by_time.ambiguous;
-        if keys.iter().all(|key| key.number <= 1 && key.of <= 1) {
+        let key = |i: usize| key(&returns[i]);
+        if (0..returns.len()).map(key).all(|key| key.number <= 1 && key.of <= 1) {
             return Err(PulseGroupsError::NoNumbers(ambiguous));
         }
-        let is_first = |i: usize| i == 0 || !keys[i].continues(&keys[i - 1]);
-        let starts: Vec<usize> = (0..keys.len()).filter(|i| is_first(*i)).collect();
-        let ends = starts.iter().skip(1).copied().chain([keys.len()]);
+        let is_first = |i: &usize| *i == 0 || !key(*i).continues(&key(*i - 1));
+        let starts: Vec<usize> = (0..returns.len()).filter(is_first).collect();
+        let ends = starts.iter().skip(1).copied().chain([returns.len()]);
         let mut pulses: Vec<Range<usize>> =
             starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect();
         let is_complete = |pulse: &&Range<usize>| {
-            keys[pulse.start].number == 1 && usize::from(keys[pulse.start].of) == pulse.len()
+            let first = key(pulse.start);
+            first.number == 1 && usize::from(first.of) == pulse.len()
         };
         let complete: usize = pulses.iter().filter(is_complete).map(|pulse| pulse.len()).sum();
-        if (complete as f64) < MIN_COMPLETE * keys.len() as f64 {
+        if (complete as f64) < MIN_COMPLETE * returns.len() as f64 {
             return Err(PulseGroupsError::CoarseTimes(ambiguous));
         }
         // Pulses of one time stay in the order of the file.
-        pulses.sort_by(|a, b| by_line_and_time(&keys[a.start], &keys[b.start]));
+        pulses.sort_by(|a, b| by_line_and_time(&key(a.start), &key(b.start)));
         let order: Vec<usize> = pulses.iter().flat_map(|pulse| pulse.clone()).collect();
         let mut start = 0;
         for pulse in &mut pulses {
@@ -123,15 +125,22 @@ impl PulseGroups {
         ambiguous as f64 <= MAX_AMBIGUOUS * pulses as f64
     }
 
-    /// Groups `keys` by time alone. `ambiguous` describes how well times distinguish pulses.
-    pub fn by_time(keys: &[PulseKey]) -> PulseGroups {
-        let mut order: Vec<usize> = (0..keys.len()).collect();
-        order.sort_by(|a, b| {
-            by_line_and_time(&keys[*a], &keys[*b]).then(keys[*a].number.cmp(&keys[*b].number))
-        });
+    /// Groups returns by the time of their `key` alone. `ambiguous` describes how well times distinguish
+    /// pulses.
+    pub fn by_time<R>(returns: &[R], key: impl Fn(&R) -> PulseKey) -> PulseGroups {
+        let key = |i: usize| key(&returns[i]);
+        let compare = |a: &usize, b: &usize| {
+            let (a, b) = (key(*a), key(*b));
+            by_line_and_time(&a, &b).then(a.number.cmp(&b.number))
+        };
+        let mut order: Vec<usize> = (0..returns.len()).collect();
+        // Most recordings are in order, and sorting takes half as much memory again.
+        if !order.is_sorted_by(|a, b| compare(a, b).is_le()) {
+            order.sort_by(compare);
+        }
         let (mut pulses, mut start, mut ambiguous) = (Vec::new(), 0, 0);
-        for pulse in order.chunk_by(|a, b| keys[*a].has_time_of(&keys[*b])) {
-            let numbers = pulse.windows(2).map(|pair| (keys[pair[0]].number, keys[pair[1]].number));
+        for pulse in order.chunk_by(|a, b| key(*a).has_time_of(&key(*b))) {
+            let numbers = pulse.windows(2).map(|pair| (key(pair[0]).number, key(pair[1]).number));
             ambiguous += numbers.filter(|(number, next)| number == next && *number > 0).count();
             pulses.push(start..start + pulse.len());
             start += pulse.len();
@@ -160,6 +169,10 @@ mod tests {
         keys
     }
 
+    fn of(keys: &[PulseKey]) -> Result<PulseGroups, PulseGroupsError> {
+        PulseGroups::of(keys, |key| *key)
+    }
+
     fn sizes(groups: &PulseGroups) -> Vec<usize> {
         groups.pulses.iter().map(|pulse| pulse.len()).collect()
     }
@@ -167,10 +180,10 @@ mod tests {
     #[test]
     fn pulses_are_those_of_their_times_or_of_the_order_where_times_are_coarse() {
         let expected: Vec<usize> = (0..3000).map(|pulse| 1 + pulse % 3).collect();
-        let fine = PulseGroups::of(&keys(1e-7)).unwrap();
+        let fine = of(&keys(1e-7)).unwrap();
         assert_eq!((fine.by, fine.ambiguous), (GroupedBy::Time, 0));
         assert_eq!(sizes(&fine), expected);
-        let coarse = PulseGroups::of(&keys(5e-3)).unwrap();
+        let coarse = of(&keys(5e-3)).unwrap();
         assert_eq!(coarse.by, GroupedBy::Order);
         assert!(coarse.ambiguous > 1000);
         assert_eq!(sizes(&coarse), expected);
@@ -181,7 +194,7 @@ mod tests {
     fn the_order_of_a_file_with_fine_times_does_not_matter() {
         let mut keys = keys(1e-7);
         keys.reverse();
-        let groups = PulseGroups::of(&keys).unwrap();
+        let groups = of(&keys).unwrap();
         assert_eq!(groups.by, GroupedBy::Time);
         assert_eq!(groups.pulses.len(), 3000);
         let numbers = groups.pulses.iter().map(|pulse| keys[groups.order[pulse.start]].number);
@@ -192,7 +205,7 @@ mod tests {
     fn coarse_times_without_the_order_of_pulses_are_an_error() {
         let mut keys = keys(5e-3);
         keys.sort_by_key(|key| (key.source, key.number));
-        assert!(matches!(PulseGroups::of(&keys), Err(PulseGroupsError::CoarseTimes(1001..))));
+        assert!(matches!(of(&keys), Err(PulseGroupsError::CoarseTimes(1001..))));
     }
 
     /// The only returns of pulses that share times, or several returns that have lost their numbers.
@@ -202,16 +215,16 @@ mod tests {
             let time = |i: u16| libm::floor(f64::from(i) / step);
             (0..1000).map(|i| PulseKey { time: time(i), number: 1, of: 1, ..PulseKey::default() }).collect()
         };
-        assert_eq!(PulseGroups::of(&keys(1.0)).unwrap().pulses.len(), 1000);
-        assert_eq!(PulseGroups::of(&keys(2.0)), Err(PulseGroupsError::NoNumbers(500)));
+        assert_eq!(of(&keys(1.0)).unwrap().pulses.len(), 1000);
+        assert_eq!(of(&keys(2.0)), Err(PulseGroupsError::NoNumbers(500)));
     }
 
     #[test]
     fn returns_without_numbers_are_pulses_by_time() {
         let keys: Vec<PulseKey> =
             (0..100).map(|i| PulseKey { time: f64::from(i / 2), ..PulseKey::default() }).collect();
-        let groups = PulseGroups::of(&keys).unwrap();
+        let groups = of(&keys).unwrap();
         assert_eq!((groups.by, groups.pulses.len()), (GroupedBy::Time, 50));
-        assert_eq!(PulseGroups::of(&[]).unwrap().pulses.len(), 0);
+        assert_eq!(of(&[]).unwrap().pulses.len(), 0);
     }
 }

@@ -39,8 +39,8 @@ pub struct FitArgs {
         conflicts_with = "calibration"
     )]
     pub extend: f64,
-    /// Reject clouds whose points need more memory than this, e.g. 8G, at about 256 bytes each. [default: no
-    /// limit]
+    /// Reject flight lines, and recordings with --still-at, whose points need more memory than this, e.g. 8G,
+    /// at about 160 bytes each. [default: no limit]
     #[arg(long, value_name = "SIZE", conflicts_with = "calibration")]
     pub max_memory: Option<Bytes>,
     /// Write the scan pattern of a sensor that stood still at this place while it recorded, instead of a
@@ -49,7 +49,7 @@ pub struct FitArgs {
         long,
         value_name = "X,Y,Z",
         allow_hyphen_values = true,
-        conflicts_with_all = ["calibration", "flight_line", "extend", "max_memory"]
+        conflicts_with_all = ["calibration", "flight_line", "extend"]
     )]
     pub still_at: Option<Vector>,
     /// Write the table of what was estimated as JSON.

@@ -7,6 +7,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `points` | the points of one flight line |
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
 //! | `turning` | scanners that stand and turn, which are rejected |
 //! | `sweeps` | lines that no gap divides: sweeps of a mirror that swings, full turns |
@@ -35,6 +36,7 @@ mod model;
 mod parameters;
 mod phases;
 mod pipeline;
+mod points;
 mod rate;
 mod recording;
 mod repeat;
@@ -148,14 +150,14 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
         recording.lines = lines;
     }
     lines::find_channels(&mut recording);
-    let (recording, solution) = match best_solution(&recording) {
-        Ok(solution) => (recording, solution),
-        Err(reason) => match best_turned_solution(&recording) {
-            Some(turned) => {
+    let solution = match best_solution(&recording) {
+        Ok(solution) => solution,
+        Err(reason) => match best_turned_solution(&mut recording) {
+            Some(solution) => {
                 let message = "scan angles are positive to the left of the flight, against the LAS \
                                specification; their sign is reversed";
                 found.warn(Some(Place::of_file(path)), message);
-                turned
+                solution
             }
             None => return Err(no_flight(path, &recording, reason)),
         },
@@ -188,12 +190,18 @@ fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
     Err(Error::input_with_help(message, "a flight and its scanner are estimated from a flight line"))
 }
 
-/// The best solution with scan angles that some files count to the left.
-fn best_turned_solution(recording: &Recording) -> Option<(Recording, Solution)> {
-    let mut turned = recording.clone();
-    turned.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
-    let solution = best_solution(&turned).ok()?;
-    Some((turned, solution))
+/// The best solution with scan angles that some files count to the left. The sign of the angles stays
+/// reversed if there is one.
+fn best_turned_solution(recording: &mut Recording) -> Option<Solution> {
+    let turn = |recording: &mut Recording| {
+        recording.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
+    };
+    turn(recording);
+    let solution = best_solution(recording).ok();
+    if solution.is_none() {
+        turn(recording);
+    }
+    solution
 }
 
 fn no_flight(path: &Path, recording: &Recording, reason: FlightError) -> Error {

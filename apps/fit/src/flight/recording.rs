@@ -1,21 +1,16 @@
 //! The pulses of one flight line of a recorded cloud.
 
+use super::points::{FLIGHT_PAUSE, FlightLine, Outline, Row};
 use crate::limit::PointLimit;
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::quantity::fixed;
-use vlscan_formats::{
-    Attribute, AttributeSet, FileFacts, PointRow, PointSink, PulseGroups, PulseKey, StrayFinder, read_points,
-};
 use vlscan_geom::{DVec3, degrees, median, radians};
 
 /// A gap of this many median intervals between pulses ends a line.
 const GAP_INTERVALS: f64 = 100.0;
-/// A pause of this many seconds ends a flight line; channels that look ahead and back pass a small place some
-/// seconds apart.
-const FLIGHT_PAUSE: f64 = 20.0;
 /// Number of pulses before and after a pulse with whose heights it is compared.
 const NEIGHBOURS: usize = 12;
 /// Points farther from the median height of their neighbours are noise: m, and multiples of the distance
@@ -26,6 +21,8 @@ const OUTLIER: f64 = 6.0;
 const MIN_PULSES: usize = 500;
 /// Minimum extent of the points of a flight line, m.
 const MIN_EXTENT: f64 = 1.0;
+/// Number of points that are released together.
+const RELEASED_ROWS: usize = if cfg!(test) { 2 } else { 1 << 20 };
 
 /// A pulse with at least one return.
 #[derive(Clone, Copy, Debug)]
@@ -73,66 +70,6 @@ pub struct Recording {
     pub partial: f64,
 }
 
-/// ASPRS classes of noise, which is not on the ground.
-const NOISE: [u8; 2] = [7, 18];
-
-/// Values that are read of a point.
-struct Row {
-    time: f64,
-    position: DVec3,
-    angle: f64,
-    source: u16,
-    number: u8,
-    returns: u8,
-    class: u8,
-    channel: u16,
-}
-
-#[derive(Default)]
-struct Rows {
-    attributes: AttributeSet,
-    wkt: Option<String>,
-    rows: Vec<Row>,
-    is_las: bool,
-    limit: PointLimit,
-    /// True if there are more points than the limit allows.
-    is_too_large: bool,
-}
-
-impl PointSink for Rows {
-    fn start(&mut self, attributes: AttributeSet) {
-        self.attributes = attributes;
-    }
-
-    fn file(&mut self, facts: &FileFacts) {
-        self.is_las = facts.las.is_some();
-    }
-
-    fn crs(&mut self, wkt: &str) {
-        self.wkt = Some(wkt.to_owned());
-    }
-
-    fn point(&mut self, row: &PointRow, _object: Option<&str>) -> Result<ControlFlow<()>> {
-        if !row.is_miss && row.position.is_finite() && row.time.is_finite() && row.scan_angle.abs() < 90.0 {
-            if NOISE.contains(&row.class) {
-                return Ok(ControlFlow::Continue(()));
-            }
-            self.rows.push(Row {
-                time: row.time,
-                position: row.position,
-                angle: row.scan_angle,
-                source: row.flight_line(self.is_las),
-                number: row.return_number,
-                returns: row.number_of_returns,
-                class: row.class,
-                channel: row.channel,
-            });
-            self.is_too_large = self.limit.is_exceeded(self.rows.len());
-        }
-        Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
-    }
-}
-
 impl Recording {
     /// Reads one flight line of a cloud: that of the point source `source`, else the one with the most
     /// pulses. Warnings, also of lines that are left out, are added to `found`.
@@ -146,47 +83,31 @@ impl Recording {
         limit: PointLimit,
         found: &mut Diagnostics,
     ) -> Result<Recording> {
-        let mut sink = Rows { limit, ..Rows::default() };
-        found.extend(read_points(path, &mut sink)?);
-        if sink.is_too_large {
-            return Err(limit.error(path));
-        }
+        let mut outline = Outline::read(path, limit, found)?;
         let name = path.display();
-        for (attribute, what) in [(Attribute::Time, "GPS times"), (Attribute::ScanAngle, "scan angles")] {
-            if !sink.attributes.has(attribute) {
-                return Err(Error::input_with_help(
-                    format!("{name} has no {what}, from which a flight is estimated"),
-                    "LAS and LAZ of point formats 1 and 3 to 10 have both",
-                ));
-            }
-        }
-        let strays = StrayFinder::of(sink.rows.iter().map(|row| row.position));
-        strays.warn(path, "left out", found);
-        sink.rows.retain(|row| !strays.contains(row.position));
-        let mut rows = sink.rows;
-        let mut flights = flight_lines(&mut rows);
-        let source_of = |flight: &Range<usize>| rows[flight.start].source;
+        let mut lines = std::mem::take(&mut outline.lines);
         if let Some(source) = source {
-            let sources: Vec<String> = flights.iter().map(|flight| source_of(flight).to_string()).collect();
-            flights.retain(|flight| source_of(flight) == source);
-            if flights.is_empty() {
+            let sources: Vec<String> = lines.iter().map(|line| line.source.to_string()).collect();
+            lines.retain(|line| line.source == source);
+            if lines.is_empty() {
                 let message = format!("--flight-line {source}: {name} has no points of this point source");
                 return Err(Error::input_with_help(message, format!("it has {}", sources.join(", "))));
             }
         }
-        let Some(longest) = flights.iter().max_by_key(|flight| flight.len()) else {
+        let Some(longest) = lines.iter().copied().max_by_key(|line: &FlightLine| line.points) else {
             return Err(Error::input(format!("{name} has no points with times and scan angles")));
         };
-        let mut recording = Recording::of(&rows[longest.clone()], path, found)?;
-        recording.wkt = sink.wkt;
-        if flights.len() > 1 {
-            let left_out = flights.iter().map(|flight| flight.len()).sum::<usize>() - longest.len();
+        let wkt = outline.wkt.take();
+        let rows = outline.rows_of(longest, path)?;
+        let recording = Recording { wkt, ..Recording::of(rows, path, found)? };
+        if lines.len() > 1 {
+            let left_out = lines.iter().map(|line| line.points).sum::<usize>() - longest.points;
             let warning = found.warn(
                 Some(Place::of_file(path)),
                 format!(
                     "{name} has {} flight lines: the one with the most points is fitted (point source {}, \
                      GPS time {:.1} s); {left_out} points of the others are ignored",
-                    flights.len(),
+                    lines.len(),
                     recording.source,
                     recording.start
                 ),
@@ -196,13 +117,14 @@ impl Recording {
         Ok(recording)
     }
 
-    /// The pulses of the points of a flight line.
-    fn of(rows: &[Row], path: &Path, found: &mut Diagnostics) -> Result<Recording> {
+    /// The pulses of the points of a flight line, by time.
+    fn of(rows: Vec<Row>, path: &Path, found: &mut Diagnostics) -> Result<Recording> {
         let name = path.display();
-        let origin = rows[rows.len() / 2].position.floor();
+        let (points, source) = (rows.len(), rows[0].source);
+        let origin = rows[points / 2].position.floor();
         let start = rows.iter().map(|row| row.time).fold(f64::INFINITY, f64::min);
         let Grouped { mut pulses, others, partial } = pulses_of(rows, origin, start);
-        if pulses.len() == 1 && rows.len() > 1 {
+        if pulses.len() == 1 && points > 1 {
             return Err(Error::input_with_help(
                 format!("{name}: all points of the flight line have the GPS time {start}"),
                 "a flight is estimated from the time of each pulse, which is missing here",
@@ -237,7 +159,7 @@ impl Recording {
         })?;
         recording.check(path)?;
         let partial = partial as f64 / count as f64;
-        Ok(Recording { origin, start, source: rows[0].source, partial, ..recording })
+        Ok(Recording { origin, start, source, partial, ..recording })
     }
 
     /// Rejects points that lie together, and scan angles that do not change across the track.
@@ -374,36 +296,46 @@ struct Grouped {
     partial: usize,
 }
 
-/// Pulses of the points of a flight line.
-fn pulses_of(rows: &[Row], origin: DVec3, start: f64) -> Grouped {
-    let key = |row: &Row| {
-        let (number, of) = (row.number.max(1), row.returns);
-        PulseKey { source: row.source, channel: row.channel, time: row.time, number, of }
+/// Pulses of the points of a flight line. Points are released while pulses are made, from the last to the
+/// first.
+fn pulses_of(mut rows: Vec<Row>, origin: DVec3, start: f64) -> Grouped {
+    let order = |a: &Row, b: &Row| {
+        let by_time = a.channel.cmp(&b.channel).then(a.time.total_cmp(&b.time));
+        by_time.then(a.number.cmp(&b.number))
     };
-    let mut groups = PulseGroups::by_time(&rows.iter().map(key).collect::<Vec<_>>());
-    let first = |group: &Range<usize>| &rows[groups.order[group.start]];
-    groups.pulses.sort_by(|a, b| {
-        first(a).channel.cmp(&first(b).channel).then(first(a).time.total_cmp(&first(b).time))
-    });
-    let pulse = |group: &Range<usize>| {
-        let returns = &groups.order[group.clone()];
-        let (row, last) = (&rows[returns[0]], &rows[returns[returns.len() - 1]]);
-        Pulse {
-            time: row.time - start,
-            position: row.position - origin,
-            angle: radians(row.angle),
-            returns: row.returns.max(1),
-            class: row.class,
-            last: (last.number > row.number).then(|| last.position - origin),
-            file_channel: row.channel,
-            channel: 0,
-        }
-    };
-    Grouped {
-        pulses: groups.pulses.iter().map(pulse).collect(),
-        others: groups.ambiguous,
-        partial: groups.pulses.iter().filter(|group| first(group).number > 1).count(),
+    // Points of one channel are in this order.
+    if !rows.is_sorted_by(|a, b| order(a, b).is_le()) {
+        rows.sort_by(order);
     }
+    let is_pulse = |a: &Row, b: &Row| a.channel == b.channel && a.time == b.time;
+    let count = rows.chunk_by(is_pulse).count();
+    let mut grouped = Grouped { pulses: Vec::with_capacity(count), others: 0, partial: 0 };
+    while !rows.is_empty() {
+        let mut from = rows.len().saturating_sub(RELEASED_ROWS);
+        while from > 0 && is_pulse(&rows[from - 1], &rows[from]) {
+            from -= 1;
+        }
+        for returns in rows[from..].chunk_by(is_pulse).rev() {
+            let (row, last) = (&returns[0], &returns[returns.len() - 1]);
+            let is_repeated = |pair: &&[Row]| pair[0].number.max(1) == pair[1].number.max(1);
+            grouped.others += returns.windows(2).filter(is_repeated).count();
+            grouped.partial += usize::from(row.number > 1);
+            grouped.pulses.push(Pulse {
+                time: row.time - start,
+                position: row.position - origin,
+                angle: radians(row.angle),
+                returns: row.returns.max(1),
+                class: row.class,
+                last: (last.number > row.number).then(|| last.position - origin),
+                file_channel: row.channel,
+                channel: 0,
+            });
+        }
+        rows.truncate(from);
+        rows.shrink_to_fit();
+    }
+    grouped.pulses.reverse();
+    grouped
 }
 
 /// Removes pulses, and last returns of pulses, far above or below the others around their time. Returns their
@@ -442,52 +374,9 @@ fn remove_outliers(pulses: &mut Vec<Pulse>) -> (usize, f64) {
     (removed, limit)
 }
 
-/// Sorts points by source, time and return number, and returns the flight lines.
-fn flight_lines(rows: &mut [Row]) -> Vec<Range<usize>> {
-    let order = |a: &Row, b: &Row| {
-        let by_time = a.source.cmp(&b.source).then(a.time.total_cmp(&b.time));
-        by_time.then(a.number.cmp(&b.number))
-    };
-    // Most recordings are in order, and sorting takes half as much memory again.
-    if !rows.is_sorted_by(|a, b| order(a, b).is_le()) {
-        rows.sort_by(order);
-    }
-    let mut flights = Vec::new();
-    let mut start = 0;
-    for part in rows.chunk_by(|a, b| a.source == b.source && b.time - a.time <= FLIGHT_PAUSE) {
-        flights.push(start..start + part.len());
-        start += part.len();
-    }
-    flights
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn flight_lines_are_divided_by_source_and_pauses() {
-        let row = |(source, time, number): (u16, f64, u8)| Row {
-            time,
-            position: DVec3::ZERO,
-            angle: 0.0,
-            source,
-            number,
-            returns: 2,
-            class: 1,
-            channel: 0,
-        };
-        let values = [(7, 30.0, 1), (3, 5.0, 2), (7, 1.0, 1), (3, 5.0, 1), (7, 9.0, 1), (3, 25.0, 1)];
-        let mut rows: Vec<Row> = values.into_iter().map(row).collect();
-        for _ in 0..2 {
-            assert_eq!(flight_lines(&mut rows), [0..3, 3..5, 5..6]);
-            let sorted: Vec<(u16, f64, u8)> =
-                rows.iter().map(|row| (row.source, row.time, row.number)).collect();
-            let expected = [(3, 5.0, 1), (3, 5.0, 2), (3, 25.0, 1), (7, 1.0, 1), (7, 9.0, 1), (7, 30.0, 1)];
-            assert_eq!(sorted, expected);
-        }
-        assert!(flight_lines(&mut []).is_empty());
-    }
 
     #[test]
     fn pulses_without_their_first_return_are_counted() {
@@ -503,8 +392,32 @@ mod tests {
         };
         let rows: Vec<Row> =
             [(0.0, 1), (0.0, 2), (1.0, 2), (2.0, 1), (3.0, 0)].into_iter().map(row).collect();
-        let grouped = pulses_of(&rows, DVec3::ZERO, 0.0);
+        let grouped = pulses_of(rows, DVec3::ZERO, 0.0);
         assert_eq!((grouped.pulses.len(), grouped.others, grouped.partial), (4, 0, 1));
+    }
+
+    #[test]
+    fn pulses_are_the_returns_of_one_channel_and_time_in_any_order() {
+        let row = |(channel, time, number): (u16, f64, u8)| Row {
+            time,
+            position: DVec3::new(0.0, f64::from(channel), f64::from(number)),
+            angle: 0.0,
+            source: 1,
+            number,
+            returns: 3,
+            class: 2,
+            channel,
+        };
+        let values = [(1, 5.0, 1), (0, 6.0, 1), (1, 5.0, 3), (0, 5.0, 2), (0, 5.0, 2), (0, 6.0, 0)];
+        let mut rows: Vec<Row> = values.into_iter().map(row).collect();
+        for _ in 0..2 {
+            let grouped = pulses_of(rows.clone(), DVec3::ZERO, 1.0);
+            let pulse = |pulse: &Pulse| (pulse.file_channel, pulse.time, pulse.last.map(|last| last.z));
+            let pulses: Vec<(u16, f64, Option<f64>)> = grouped.pulses.iter().map(pulse).collect();
+            assert_eq!(pulses, [(0, 4.0, None), (0, 5.0, Some(1.0)), (1, 4.0, Some(3.0))]);
+            assert_eq!((grouped.others, grouped.partial), (2, 1));
+            rows.reverse();
+        }
     }
 
     #[test]

@@ -11,11 +11,10 @@
 //! to exponential paths). Surface and weight of the prior are chosen by the likelihood of a quarter of the
 //! pulses, given the other three quarters.
 
-use super::recording::{Recording, Target};
+use super::recording::{Recording, Return, Target};
 use super::sensor::SensorPath;
 use super::smoothing::smoothed;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use vlscan_geom::DVec3;
 use vlscan_tools::neighbours::Neighbours;
 
@@ -86,15 +85,15 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The grid around `positions`, of voxels of that size, or larger ones if they were too many; `None`
-    /// without positions.
-    fn around(positions: impl Iterator<Item = DVec3>, size: f64) -> Option<Grid> {
+    /// The grid around `positions`, of voxels of that size, or larger ones if they were too many, about
+    /// `max_voxels` at most; `None` without positions.
+    fn around(positions: impl Iterator<Item = DVec3>, size: f64, max_voxels: f64) -> Option<Grid> {
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0);
         let (min, max, count) = positions.fold(none, |(a, b, n), p| (a.min(p), b.max(p), n + 1.0));
         if !min.is_finite() {
             return None;
         }
-        let most = (MIN_VOXELS + VOXELS_PER_POINT * count).min(MAX_VOXELS);
+        let most = (MIN_VOXELS + VOXELS_PER_POINT * count).min(MAX_VOXELS).min(max_voxels);
         let size = size_within(max - min, size, most);
         let min = ((min / size).floor() - 1.0) * size;
         let cells = ((max - min) / size).floor() + 2.0;
@@ -202,7 +201,6 @@ pub(super) fn beam(recording: &Recording, pulse: usize, path: &SensorPath) -> Be
 }
 
 /// Losses of beams in each voxel, and their path lengths through it.
-#[derive(Clone)]
 struct Sums {
     hits: Vec<f32>,
     lengths: Vec<f32>,
@@ -222,40 +220,31 @@ pub(super) struct Extinctions {
 
 const NO_CLASS: u8 = u8::MAX;
 
-/// Passes of smoothing of the levels, finest first.
+/// Voxels whose likelihoods are computed before they are summed.
+const SUMMED_VOXELS: usize = 1 << 16;
+
+/// Passes of smoothing of the levels, finest first; that one has none.
 const PASSES: [usize; 4] = [0, 2, 6, 18];
 /// Lengths of beam that the coarser level may weigh, m; the likelihood of the pulses that are held out
 /// decides.
 const PRIOR_LENGTHS: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
 
 /// The extinctions by all pulses of a recording, and those by all but the ones that are held out; `None`
-/// without foliage. `is_leaf` is true for returns from foliage, `terrain` is the terrain height.
+/// without foliage. `is_leaf` is true for returns from foliage, `terrain` is the terrain height. Voxels have
+/// this size, m, or a larger one if there were more than the maximum number.
 pub(super) fn extinctions(
     recording: &Recording,
     paths: &[SensorPath],
     is_leaf: &[bool],
-    size: f64,
+    (size, max_voxels): (f64, f64),
     terrain: impl Fn(f64, f64) -> f64 + Sync,
 ) -> Option<[Extinctions; 2]> {
     let leaves = recording.returns.iter().zip(is_leaf).filter(|(_, leaf)| **leaf);
-    let grid = Grid::around(leaves.map(|(r, _)| r.position), size)?;
+    let grid = Grid::around(leaves.map(|(r, _)| r.position), size, max_voxels)?;
     let ground = grid.levels_of(&terrain);
-    let mut shares: BTreeMap<usize, BTreeMap<u8, f32>> = BTreeMap::new();
-    for (r, _) in recording.returns.iter().zip(is_leaf).filter(|(_, leaf)| **leaf) {
-        if let Some(voxel) = grid.containing(r.position) {
-            *shares.entry(voxel).or_default().entry(r.class).or_default() += 1.0 / f32::from(r.of);
-        }
-    }
-    let mut classes = vec![NO_CLASS; grid.len()];
-    for (voxel, of) in shares {
-        let most = of.iter().max_by(|a, b| a.1.total_cmp(b.1));
-        classes[voxel] = most.map_or(NO_CLASS, |(class, _)| *class);
-    }
+    let classes = classes(recording, is_leaf, &grid);
     let left_out = sums(recording, paths, is_leaf, &grid, |pulse| recording.is_held_out[pulse]);
-    let rest = sums(recording, paths, is_leaf, &grid, |pulse| !recording.is_held_out[pulse]);
-    let mut all = Sums { hits: rest.hits.clone(), lengths: rest.lengths.clone() };
-    all.hits.iter_mut().zip(&left_out.hits).for_each(|(a, b)| *a += b);
-    all.lengths.iter_mut().zip(&left_out.lengths).for_each(|(a, b)| *a += b);
+    let mut all = sums(recording, paths, is_leaf, &grid, |pulse| !recording.is_held_out[pulse]);
     let crowns = |counts: &dyn Fn(usize) -> bool| grid.levels_of(canopy(recording, counts));
     // Alignment and prior for which the pulses that are held out are most likely.
     let passed = left_out.passed();
@@ -263,7 +252,7 @@ pub(super) fn extinctions(
     for along_canopy in [false, true] {
         let surface =
             if along_canopy { crowns(&|pulse| !recording.is_held_out[pulse]) } else { ground.clone() };
-        let levels = Levels::of(rest.clone(), &grid, &surface);
+        let levels = Levels::of(&all, &grid, &surface);
         let mut better: Option<(f64, f64)> = None;
         for prior in PRIOR_LENGTHS {
             let likelihood = left_out.log_likelihood(&passed, |voxel| levels.extinction(voxel, prior));
@@ -276,17 +265,39 @@ pub(super) fn extinctions(
         }
     }
     let (_, along_canopy, prior, of_rest) = best;
+    all.hits.iter_mut().zip(&left_out.hits).for_each(|(a, b)| *a += b);
+    all.lengths.iter_mut().zip(&left_out.lengths).for_each(|(a, b)| *a += b);
+    drop((left_out, passed));
     let surface = if along_canopy { crowns(&|_| true) } else { ground };
-    let sigma = Levels::of(all, &grid, &surface).extinctions(prior);
+    let sigma = Levels::of(&all, &grid, &surface).extinctions(prior);
     let by_rest =
         Extinctions { grid: grid.clone(), sigma: of_rest, classes: Vec::new(), prior, along_canopy };
     Some([Extinctions { sigma, classes, prior, along_canopy, grid }, by_rest])
 }
 
+/// The class that intercepts most light in each voxel.
+fn classes(recording: &Recording, is_leaf: &[bool], grid: &Grid) -> Vec<u8> {
+    let leaves = recording.returns.iter().zip(is_leaf).filter(|(_, leaf)| **leaf);
+    // Voxel, class and returns of the pulse.
+    let leaf = |(r, _): (&Return, &bool)| Some((grid.containing(r.position)? as u32, r.class, r.of));
+    let mut leaves: Vec<(u32, u8, u8)> = leaves.filter_map(leaf).collect();
+    leaves.sort_by_key(|(voxel, class, _)| (*voxel, *class));
+    let mut classes = vec![NO_CLASS; grid.len()];
+    for of_voxel in leaves.chunk_by(|a, b| a.0 == b.0) {
+        let shares = of_voxel.chunk_by(|a, b| a.1 == b.1).map(|of_class| {
+            let share = of_class.iter().fold(0.0_f32, |sum, (_, _, of)| sum + 1.0 / f32::from(*of));
+            (of_class[0].1, share)
+        });
+        let most = shares.max_by(|a, b| a.1.total_cmp(&b.1));
+        classes[of_voxel[0].0 as usize] = most.map_or(NO_CLASS, |(class, _)| class);
+    }
+    classes
+}
+
 /// Height of the canopy: the mean of the first returns that are nearest, of the pulses that `counts` selects.
 fn canopy(recording: &Recording, counts: &dyn Fn(usize) -> bool) -> impl Fn(f64, f64) -> f64 + Sync + use<> {
     const NEAREST: usize = 4;
-    let pulses = (0..recording.pulses.len()).filter(|pulse| counts(*pulse));
+    let pulses = (0..recording.pulses()).filter(|pulse| counts(*pulse));
     let firsts: Vec<DVec3> = pulses.map(|pulse| recording.of_pulse(pulse)[0].position).collect();
     let neighbours = Neighbours::of(firsts);
     move |x, y| {
@@ -312,7 +323,7 @@ fn sums(
         for pulse in line.pulses.clone().filter(|pulse| counts(*pulse)) {
             let beam = beam(recording, pulse, path);
             let mut from = 0.0;
-            for i in recording.pulses[pulse].clone() {
+            for i in recording.range(pulse) {
                 let r = &recording.returns[i];
                 let (share, left) = (1.0 / f32::from(r.of), f32::from(r.of - r.number + 1) / f32::from(r.of));
                 let t = (r.position - beam.origin).dot(beam.direction);
@@ -359,45 +370,55 @@ impl Sums {
             f64::from(self.hits[voxel]) * libm::log(s) - f64::from(self.lengths[voxel]) * s
         };
         // The order of the sum does not depend on the threads.
-        let terms: Vec<f64> = passed.par_iter().map(of).collect();
-        terms.into_iter().sum()
+        let mut terms: Vec<f64> = Vec::new();
+        passed.chunks(SUMMED_VOXELS).fold(0.0, |sum, voxels| {
+            voxels.par_iter().map(of).collect_into_vec(&mut terms);
+            terms.iter().fold(sum, |sum, term| sum + term)
+        })
     }
 }
 
-/// Sums at several levels of smoothing, finest first, with the number of voxels that count at each.
-struct Levels(Vec<(Sums, f64)>);
+/// Sums at several levels of smoothing.
+struct Levels<'s> {
+    /// The finest level, which is not smoothed.
+    finest: &'s Sums,
+    /// The others, finest first, with the number of voxels that count at each.
+    smooth: Vec<(Sums, f64)>,
+}
 
-impl Levels {
-    fn of(finest: Sums, grid: &Grid, ground: &[i32]) -> Levels {
-        let mut levels: Vec<(Sums, f64)> = Vec::new();
-        let (mut sums, mut spare) = (finest, vec![0.0; grid.len()]);
-        for (level, passes) in PASSES.into_iter().enumerate() {
-            let done = if level == 0 { 0 } else { PASSES[level - 1] };
-            (done..passes).for_each(|_| sums.smooth(grid, ground, &mut spare));
+impl<'s> Levels<'s> {
+    fn of(finest: &'s Sums, grid: &Grid, ground: &[i32]) -> Levels<'s> {
+        let mut smooth: Vec<(Sums, f64)> = Vec::new();
+        let mut spare = vec![0.0; grid.len()];
+        for passes in PASSES.windows(2) {
+            let before = smooth.last().map_or(finest, |(sums, _)| sums);
+            let mut sums = Sums { hits: before.hits.clone(), lengths: before.lengths.clone() };
+            (passes[0]..passes[1]).for_each(|_| sums.smooth(grid, ground, &mut spare));
             // A kernel of the variance n/2 along both axes counts as many voxels as lie in 4π times it.
-            let count = (2.0 * std::f64::consts::PI * passes as f64).max(1.0);
-            levels.push((Sums { hits: sums.hits.clone(), lengths: sums.lengths.clone() }, count));
+            let count = (2.0 * std::f64::consts::PI * passes[1] as f64).max(1.0);
+            smooth.push((sums, count));
         }
-        Levels(levels)
+        Levels { finest, smooth }
     }
 
     /// Extinctions of the finest level, where each has the next coarser one for a prior that counts like
     /// `prior` metres of beams: the mean of a gamma distribution, which is conjugate to exponential paths.
     fn extinctions(&self, prior: f64) -> Vec<f32> {
-        let count = self.0.first().map_or(0, |(sums, _)| sums.hits.len());
-        (0..count).into_par_iter().map(|voxel| self.extinction(voxel, prior)).collect()
+        (0..self.finest.hits.len()).into_par_iter().map(|voxel| self.extinction(voxel, prior)).collect()
     }
 
     /// The extinction of a voxel.
     fn extinction(&self, voxel: usize, prior: f64) -> f32 {
         let mut sigma: Option<f32> = None;
-        for (sums, count) in self.0.iter().rev() {
+        let mut refine = |sums: &Sums, count: f64| {
             let (hit, length) = (sums.hits[voxel], sums.lengths[voxel]);
             // The coarsest level has no prior.
             let (weight, before) = sigma.map_or((0.0, 0.0), |sigma| ((prior / count) as f32, sigma));
             let has_beams = length + weight > 0.0;
             sigma = Some(if has_beams { (hit + weight * before) / (length + weight) } else { 0.0 });
-        }
+        };
+        self.smooth.iter().rev().for_each(|(sums, count)| refine(sums, *count));
+        refine(self.finest, 1.0);
         sigma.filter(|sigma| *sigma >= MIN_EXTINCTION).map_or(0.0, |sigma| sigma.min(MAX_EXTINCTION))
     }
 }
@@ -452,9 +473,7 @@ impl Extinctions {
 /// Marks the returns from foliage: those of no surface, except unclassified ones as near to the terrain as
 /// ground points.
 pub(super) fn leaf_returns(recording: &Recording, near_terrain: impl Fn(DVec3) -> bool + Sync) -> Vec<bool> {
-    let is_leaf = |r: &super::recording::Return| {
-        r.target == Target::Foliage && !(r.class <= 1 && near_terrain(r.position))
-    };
+    let is_leaf = |r: &Return| r.target() == Target::Foliage && !(r.class <= 1 && near_terrain(r.position));
     recording.returns.iter().map(is_leaf).collect()
 }
 

@@ -8,6 +8,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `recording` | returns as pulses and flight lines |
+//! | `thinning` | even samples of pulses |
 //! | `sensor` | positions of the instrument |
 //! | `terrain`, `roofs` | surfaces |
 //! | `foliage`, `smoothing` | leaf area densities; means over neighbouring columns |
@@ -21,6 +22,7 @@ mod roofs;
 mod sensor;
 mod smoothing;
 mod terrain;
+mod thinning;
 mod write;
 
 pub use foliage::{Foliage, LeafVoxel};
@@ -42,6 +44,8 @@ use vlscan_geom::DVec3;
 /// Edge of voxels over the distance between pulses, and its minimum and maximum, m.
 const VOXEL_PER_SPACING: f64 = 1.0;
 const VOXEL_SIZES: [f64; 2] = [0.3, 0.75];
+/// Bytes of the limit of memory for each voxel. They take 49 bytes each, and not all of the memory.
+const MEMORY_PER_VOXEL: f64 = 128.0;
 /// Minimum and maximum edge of the cells of roofs, m.
 const ROOF_CELLS: [f64; 2] = [0.25, 2.0];
 /// Maximum number of flight lines that a message names.
@@ -61,8 +65,8 @@ pub struct ReconstructOptions {
     /// Divergence of the beam that recorded the cloud, full angle at 1/e² of the intensity, rad
     #[arg(long, value_name = "RAD", default_value_t = 0.00025, value_parser = divergence)]
     pub divergence: f64,
-    /// Reject clouds whose points need more memory than this, e.g. 8G, at about 256 bytes each. [default: no
-    /// limit]
+    /// Use fewer pulses, evenly chosen, and larger voxels if they need more memory than this, e.g. 8G, at
+    /// about 160 bytes for each point. [default: no limit]
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     pub max_memory: Option<u64>,
     /// Replace files that exist.
@@ -117,9 +121,11 @@ pub struct ReconstructedScene {
     pub points: usize,
     /// Number of pulses.
     pub pulses: usize,
+    /// One of this many pulses of the cloud was used: more than 1 if the memory is limited.
+    pub one_of: u64,
     /// Points of the noise classes 7 and 18, which are left out.
     pub noise: usize,
-    /// Pulses per square metre.
+    /// Pulses of the cloud per square metre.
     pub density: f64,
     /// The paths of the instrument, by flight line.
     pub paths: Vec<SensorPath>,
@@ -174,7 +180,9 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     let reach = MAX_TERRAIN_DEVIATIONS * terrain.spread;
     let is_leaf = foliage::leaf_returns(&recording, |p| (p.z - terrain.height(p.x, p.y)).abs() <= reach);
     let size = options.voxel.unwrap_or((VOXEL_PER_SPACING * spacing).clamp(VOXEL_SIZES[0], VOXEL_SIZES[1]));
-    let extinctions = foliage::extinctions(&recording, &paths, &is_leaf, size, |x, y| terrain.height(x, y));
+    let max_voxels = options.max_memory.map_or(f64::INFINITY, |bytes| bytes as f64 / MEMORY_PER_VOXEL);
+    let voxels = (size, max_voxels);
+    let extinctions = foliage::extinctions(&recording, &paths, &is_leaf, voxels, |x, y| terrain.height(x, y));
     let leaves = is_leaf.iter().filter(|is_leaf| **is_leaf).count();
     stages.done(format!("densities of foliage from {} returns of leaves", amount(leaves as f64)));
     observer.step("estimating the receiver");
@@ -192,9 +200,10 @@ pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<
     }
     Ok(ReconstructedScene {
         points: recording.returns.len(),
-        pulses: recording.pulses.len(),
+        pulses: recording.pulses(),
         noise: recording.noise,
-        density: recording.density(),
+        one_of: recording.one_of,
+        density: recording.density() * recording.one_of as f64,
         mean_range: mean_range(&recording, &paths),
         paths,
         terrain,
@@ -211,8 +220,7 @@ impl Stages<'_> {
     fn read(&mut self, cloud: &Path, limit: PointLimit, found: &mut Diagnostics) -> Result<Recording> {
         self.observer.step("reading the cloud");
         let recording = recording::read(cloud, limit, found)?;
-        let (returns, pulses) =
-            (amount(recording.returns.len() as f64), amount(recording.pulses.len() as f64));
+        let (returns, pulses) = (amount(recording.returns.len() as f64), amount(recording.pulses() as f64));
         self.done(format!(
             "{returns} points of {pulses} pulses in {}",
             counted(recording.lines.len() as u64, "flight line")
@@ -229,12 +237,12 @@ impl Stages<'_> {
 
     fn surfaces(&mut self, recording: &Recording, spacing: f64) -> (Terrain, Roofs) {
         let of = |target: Target| {
-            let returns = recording.returns.iter().filter(move |r| r.target == target);
+            let returns = recording.returns.iter().filter(move |r| r.target() == target);
             returns.map(|r| (r.position, r.class)).unzip::<DVec3, u8, Vec<_>, Vec<_>>()
         };
         self.observer.step("making terrain and roofs");
         let (ground, ground_classes) = of(Target::Ground);
-        let terrain = terrain::terrain(&ground, &ground_classes, recording.bounds);
+        let terrain = terrain::terrain(ground, &ground_classes, recording.bounds);
         let (on_roofs, roof_classes) = of(Target::Roof);
         let cell = (1.5 * spacing).clamp(ROOF_CELLS[0], ROOF_CELLS[1]);
         let roofs = roofs::roofs(&on_roofs, &roof_classes, cell, &terrain);
@@ -272,7 +280,7 @@ fn mean_range(recording: &Recording, paths: &[SensorPath]) -> f64 {
             (path.at(recording.of_pulse(p)[0].time) - recording.of_pulse(p)[0].position).length()
         })
     });
-    ranges.sum::<f64>() / recording.pulses.len() as f64
+    ranges.sum::<f64>() / recording.pulses() as f64
 }
 
 impl ReconstructedScene {

@@ -194,7 +194,7 @@ fn divide_into_layers(samples: &mut [Sample]) -> Vec<f64> {
 /// Minimum distance between consecutive returns of a pulse, m, and the number of pairs.
 fn resolution(recording: &Recording) -> (f64, usize) {
     let mut distances: Vec<f64> = Vec::new();
-    for pulse in 0..recording.pulses.len() {
+    for pulse in 0..recording.pulses() {
         let pairs = recording.of_pulse(pulse).windows(2).filter(|pair| pair[1].number == pair[0].number + 1);
         distances.extend(pairs.map(|pair| (pair[1].position - pair[0].position).length()));
     }
@@ -205,6 +205,7 @@ fn resolution(recording: &Recording) -> (f64, usize) {
     (*distances.select_nth_unstable_by(at, f64::total_cmp).1, distances.len())
 }
 
+/// Some of the pulses through foliage by which the extinctions were not estimated.
 fn samples(
     recording: &Recording,
     (paths, divergence): (&[SensorPath], f64),
@@ -212,52 +213,59 @@ fn samples(
     is_leaf: &[bool],
     terrain: &Terrain,
 ) -> Vec<Sample> {
-    let mut all = Vec::new();
-    for (line, path) in recording.lines.iter().zip(paths) {
-        // By these pulses the extinctions were not estimated.
-        for pulse in line.pulses.clone().filter(|pulse| recording.is_held_out[*pulse]) {
-            all.push((pulse, beam(recording, pulse, path)));
-        }
-    }
-    let sample = |(pulse, beam): &(usize, Beam)| {
-        let range = recording.pulses[*pulse].clone();
-        let (first, last) = (&recording.returns[range.start], &recording.returns[range.end - 1]);
-        let surface = match is_leaf[range.end - 1] {
-            true => surface_distance(beam, terrain).max(beam.length),
+    // The beam of a pulse, and the distance along it to the surface.
+    let beam_to_surface = |pulse: usize, path: &SensorPath| {
+        let beam = beam(recording, pulse, path);
+        let surface = match is_leaf[recording.range(pulse).end - 1] {
+            true => surface_distance(&beam, terrain).max(beam.length),
             false => beam.length,
         };
-        let over_ground = |p: DVec3| p.z - terrain.height(p.x, p.y);
-        let mut segments = Vec::new();
+        (beam, surface)
+    };
+    let is_through_foliage = |pulse: usize, path: &SensorPath| {
+        let (beam, surface) = beam_to_surface(pulse, path);
         let mut depth = 0.0;
+        extinctions.grid.along(beam.origin, beam.direction, surface, |voxel, from, to| {
+            depth += f64::from(extinctions.sigma[voxel]) * (to - from);
+        });
+        depth > MIN_DEPTH
+    };
+    let over_ground = |p: DVec3| p.z - terrain.height(p.x, p.y);
+    let sample = |chosen: &(usize, &SensorPath)| {
+        let (pulse, path) = *chosen;
+        let range = recording.range(pulse);
+        let (first, last) = (&recording.returns[range.start], &recording.returns[range.end - 1]);
+        let (beam, surface) = beam_to_surface(pulse, path);
+        let mut segments = Vec::new();
         extinctions.grid.along(beam.origin, beam.direction, surface, |voxel, from, to| {
             let sigma = f64::from(extinctions.sigma[voxel]);
             if sigma > 0.0 {
                 let height = over_ground(beam.origin + beam.direction * (0.5 * (from + to)));
                 segments.push(Segment { from, to, sigma, height, layer: 0 });
-                depth += sigma * (to - from);
             }
         });
-        (depth > MIN_DEPTH).then(|| Sample {
+        Sample {
             segments,
             first_layer: None,
             first_height: over_ground(first.position),
             surface,
             radius: 0.5 * divergence * beam.length,
-            number: *pulse as u64,
+            number: pulse as u64,
             returns: last.of,
             first_is_leaf: (first.number == 1).then_some(is_leaf[range.start]),
             last_is_leaf: (last.number == last.of).then_some(is_leaf[range.end - 1]),
-        })
+        }
     };
-    // Every n-th pulse, so that as many as are needed are left.
-    let mut found: Vec<Sample> = all.par_iter().filter_map(sample).collect();
-    let step = found.len().div_ceil(MAX_SAMPLES).max(1);
-    let mut i = 0;
-    found.retain(|_| {
-        i += 1;
-        (i - 1) % step == 0
-    });
-    found
+    let mut all: Vec<(usize, &SensorPath)> = Vec::new();
+    for (line, path) in recording.lines.iter().zip(paths) {
+        let held_out = line.pulses.clone().into_par_iter().filter(|pulse| recording.is_held_out[*pulse]);
+        let through: Vec<usize> = held_out.filter(|pulse| is_through_foliage(*pulse, path)).collect();
+        all.extend(through.into_iter().map(|pulse| (pulse, path)));
+    }
+    // Every n-th pulse, so that as many as are needed are left; all of them take gigabytes.
+    let step = all.len().div_ceil(MAX_SAMPLES).max(1);
+    let chosen: Vec<(usize, &SensorPath)> = all.into_iter().step_by(step).collect();
+    chosen.par_iter().map(sample).collect()
 }
 
 /// Distance along a beam to the terrain, m.

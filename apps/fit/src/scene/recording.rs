@@ -1,5 +1,6 @@
 //! A recorded point cloud as pulses: returns of one time and flight line, in their order.
 
+use super::thinning::Thinning;
 use crate::limit::PointLimit;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -7,7 +8,7 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_formats::{
     Attribute, AttributeSet, FileFacts, GroupedBy, PointRow, PointSink, PulseGroups, PulseGroupsError,
-    PulseKey, StrayFinder, read_points,
+    PulseKey, Selection, StrayFinder, read_points,
 };
 use vlscan_geom::{Aabb, DVec3, MAX_COORDINATE};
 
@@ -44,7 +45,6 @@ pub(super) struct Return {
     pub position: DVec3,
     /// Class of the file.
     pub class: u8,
-    pub target: Target,
     /// Number of the return, from 1.
     pub number: u8,
     /// Returns of its pulse, in the file or not.
@@ -59,12 +59,40 @@ pub(super) struct Return {
     is_left_out: bool,
 }
 
+impl Return {
+    pub fn target(&self) -> Target {
+        // Noise is left out, whatever its target.
+        Target::of_class(self.class).unwrap_or(Target::Foliage)
+    }
+
+    /// True if its pulse is in a sample.
+    fn is_in(&self, sample: Thinning) -> bool {
+        sample.has([self.time.to_bits(), self.source.into(), self.channel.into()], self.position)
+    }
+
+    /// The last return of a pulse with this number of returns.
+    #[cfg(test)]
+    pub fn last_of(of: u8, class: u8, position: DVec3) -> Return {
+        Return {
+            position,
+            class,
+            number: of,
+            of,
+            time: 0.0,
+            scan_angle: 0.0,
+            source: 1,
+            channel: 0,
+            is_left_out: false,
+        }
+    }
+}
+
 /// One pass of the instrument over the place.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
     /// Point source id of LAS; of other formats the number of the leg, counted from 1.
     pub source: u16,
-    /// Its pulses, as numbers in [`Recording::pulses`].
+    /// The numbers of its pulses.
     pub pulses: Range<usize>,
 }
 
@@ -73,14 +101,16 @@ pub(super) struct Line {
 pub(super) struct Recording {
     /// Returns by line, time and number.
     pub returns: Vec<Return>,
-    /// Returns of each pulse.
-    pub pulses: Vec<Range<usize>>,
+    /// For each pulse the end of its returns, which begin at that of the pulse before.
+    pub(super) ends: Vec<usize>,
     /// In the order of source and time.
     pub lines: Vec<Line>,
     pub bounds: Aabb,
     /// Points of the noise classes 7 and 18, which are left out.
     pub noise: usize,
     pub has_scan_angles: bool,
+    /// One of this many pulses of the file was read, or 0.
+    pub one_of: u64,
     /// True for each pulse that is held out for validation: every fourth of the recording, so that a stray
     /// that is left out does not change the choice of other pulses.
     pub is_held_out: Vec<bool>,
@@ -89,6 +119,10 @@ pub(super) struct Recording {
 /// Every n-th pulse is held out for validation.
 const FOLDS: usize = 4;
 
+/// Maximum number of pulses of which one is read.
+const MAX_ONE_OF: u64 = 1 << 20;
+
+#[derive(Default)]
 struct Sink {
     returns: Vec<Return>,
     attributes: AttributeSet,
@@ -96,8 +130,28 @@ struct Sink {
     skipped: usize,
     is_las: bool,
     limit: PointLimit,
-    /// True if there are more points than the limit allows.
+    thinning: Thinning,
+    first_time: Option<f64>,
+    has_times: bool,
+    /// True if the limit allows hardly any points.
     is_too_large: bool,
+}
+
+impl Sink {
+    fn add(&mut self, one: Return) {
+        let first = *self.first_time.get_or_insert(one.time);
+        self.has_times |= one.time != first;
+        if !one.is_in(self.thinning) {
+            return;
+        }
+        self.returns.push(one);
+        while self.limit.is_exceeded(self.returns.len()) && !self.is_too_large {
+            self.thinning = self.thinning.coarser(self.has_times);
+            let thinning = self.thinning;
+            self.returns.retain(|r| r.is_in(thinning));
+            self.is_too_large = self.returns.is_empty() || self.thinning.one_of() > MAX_ONE_OF;
+        }
+    }
 }
 
 impl PointSink for Sink {
@@ -109,6 +163,13 @@ impl PointSink for Sink {
         self.is_las = facts.las.is_some();
     }
 
+    fn selection(&self) -> Selection {
+        use Attribute::{Channel, Class, Leg, NumberOfReturns, ReturnNumber, ScanAngle, Time};
+        Selection::Attributes(AttributeSet::of(|attribute| {
+            matches!(attribute, Channel | Class | Leg | NumberOfReturns | ReturnNumber | ScanAngle | Time)
+        }))
+    }
+
     fn point(&mut self, row: &PointRow, _: Option<&str>) -> Result<ControlFlow<()>> {
         let is_placed = row.position.is_finite() && row.position.abs().max_element() <= MAX_COORDINATE;
         match Target::of_class(row.class) {
@@ -117,11 +178,9 @@ impl PointSink for Sink {
             target => {
                 self.noise += usize::from(target.is_none());
                 let number = row.return_number.max(1);
-                self.returns.push(Return {
+                self.add(Return {
                     position: row.position,
                     class: row.class,
-                    // Noise is left out, whatever its target.
-                    target: target.unwrap_or(Target::Foliage),
                     number,
                     of: row.number_of_returns.max(number),
                     time: row.time,
@@ -130,28 +189,20 @@ impl PointSink for Sink {
                     channel: row.channel,
                     is_left_out: target.is_none(),
                 });
-                self.is_too_large = self.limit.is_exceeded(self.returns.len());
             }
         }
         Ok(if self.is_too_large { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 
-/// Reads a point cloud; problems that do not prevent reading are added to `found`.
+/// Reads a point cloud; problems that do not prevent reading are added to `found`. If there are more points
+/// than `limit` allows, one of two, four, eight … pulses is read.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for files that are no point cloud, without classes, without points of the
-/// ground, or with more points than `limit` allows.
+/// ground, or whose points exceed the limit in any case.
 pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> Result<Recording> {
-    let mut sink = Sink {
-        returns: Vec::new(),
-        attributes: AttributeSet::default(),
-        noise: 0,
-        skipped: 0,
-        is_las: false,
-        limit,
-        is_too_large: false,
-    };
+    let mut sink = Sink { limit, ..Sink::default() };
     found.extend(read_points(path, &mut sink)?);
     if sink.is_too_large {
         return Err(limit.error(path));
@@ -177,6 +228,13 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
     let mut warn = |message: &str| {
         found.warn(Some(Place::of_file(path)), message);
     };
+    let one_of = sink.thinning.one_of();
+    if one_of > 1 {
+        warn(&format!(
+            "its points need more memory than --max-memory {}: one of {one_of} pulses is used",
+            limit.memory()
+        ));
+    }
     if sink.skipped > 0 {
         warn(&format!("{} points without coordinates are ignored", sink.skipped));
     }
@@ -192,7 +250,7 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
     }
     let has_scan_angles = has(Attribute::ScanAngle) && kept().any(|r| r.scan_angle != first.scan_angle);
     let noise = sink.noise;
-    let (recording, by) = assemble(&sink.returns, has_times).map_err(|problem| {
+    let (recording, by) = assemble(sink.returns, has_times).map_err(|problem| {
         Error::input_with_help(
             format!("{name}: {problem}"),
             "use the cloud as the instrument delivered it, with the time of each pulse and the numbers of \
@@ -205,15 +263,15 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
              file and their numbers",
         );
     }
-    Ok(Recording { has_scan_angles, noise, ..recording })
+    Ok(Recording { has_scan_angles, noise, one_of, ..recording })
 }
 
-/// Orders returns into pulses and lines. Each return is a pulse where there are no times.
+/// Orders returns into pulses and lines, in their memory. Each return is a pulse where there are no times.
 ///
 /// # Errors
 /// Times that several pulses share, in files whose returns are not in the order of pulses or have no numbers.
 pub(super) fn assemble(
-    returns: &[Return],
+    mut returns: Vec<Return>,
     has_times: bool,
 ) -> std::result::Result<(Recording, GroupedBy), PulseGroupsError> {
     let key = |r: &Return| PulseKey {
@@ -223,55 +281,103 @@ pub(super) fn assemble(
         number: r.number,
         of: r.of,
     };
-    let keys: Vec<PulseKey> = returns.iter().map(key).collect();
-    let groups = match has_times {
-        true => PulseGroups::of(&keys)?,
-        false => PulseGroups::by_time(&keys),
+    let PulseGroups { order, pulses, by, .. } = match has_times {
+        true => PulseGroups::of(&returns, key)?,
+        false => PulseGroups::by_time(&returns, key),
     };
-    drop(keys);
-    let mut all = Recording { bounds: Aabb::EMPTY, ..Recording::default() };
+    put_in_order(&mut returns, order);
+    let mut all = Recording {
+        bounds: Aabb::EMPTY,
+        ends: Vec::with_capacity(pulses.len()),
+        is_held_out: Vec::with_capacity(pulses.len()),
+        ..Recording::default()
+    };
     // Numbers of pulses, including pulses that are left out.
     let mut number = 0;
-    for pulse in &groups.pulses {
-        let members = &groups.order[pulse.clone()];
-        let is_pulse = |a: &usize, b: &usize| has_times && returns[*b].number > returns[*a].number;
-        for part in members.chunk_by(is_pulse) {
-            all.add_pulse(part.iter().map(|i| returns[*i]), number, has_times);
-            number += 1;
+    let mut kept = 0;
+    for Range { mut start, end: last } in pulses {
+        while start < last {
+            let is_pulse = |end: &usize| has_times && returns[*end].number > returns[*end - 1].number;
+            let end = (start + 1..last).find(|end| !is_pulse(end)).unwrap_or(last);
+            let next = keep(&mut returns, start..end, kept);
+            all.add_pulse(&returns, kept..next, number, has_times);
+            (number, kept, start) = (number + 1, next, end);
         }
     }
-    Ok((all, groups.by))
+    returns.truncate(kept);
+    all.returns = returns;
+    Ok((all, by))
+}
+
+/// Moves the values to the places of which `order` has their indices.
+fn put_in_order<T: Copy>(values: &mut [T], mut order: Vec<usize>) {
+    for first in 0..values.len() {
+        let (value, mut place) = (values[first], first);
+        loop {
+            // A place that is filled is its own source.
+            let source = std::mem::replace(&mut order[place], place);
+            if source == first || source == place {
+                values[place] = value;
+                break;
+            }
+            values[place] = values[source];
+            place = source;
+        }
+    }
+}
+
+/// Moves the returns of a range that are not left out to a place at or before it. Returns the end of that
+/// place.
+fn keep(returns: &mut [Return], range: Range<usize>, mut to: usize) -> usize {
+    for from in range {
+        let one = returns[from];
+        if !one.is_left_out {
+            returns[to] = one;
+            to += 1;
+        }
+    }
+    to
 }
 
 impl Recording {
-    /// Adds the returns of a pulse, unless all are left out. `number` is that of the pulse in the file.
-    fn add_pulse(&mut self, returns: impl Iterator<Item = Return>, number: usize, has_times: bool) {
-        let start = self.returns.len();
-        self.returns.extend(returns.filter(|r| !r.is_left_out));
-        let Some(first) = self.returns.get(start).copied() else { return };
-        self.bounds = self.returns[start..].iter().fold(self.bounds, |bounds, r| bounds.with(r.position));
-        let pulse = self.pulses.len();
-        let goes_on = self.pulses.last().is_some_and(|before| {
-            let before = &self.returns[before.start];
+    /// Adds a pulse with a range of returns, unless all are left out. `number` is that of the pulse in the
+    /// file.
+    fn add_pulse(&mut self, returns: &[Return], range: Range<usize>, number: usize, has_times: bool) {
+        let Some(first) = returns[range.clone()].first() else { return };
+        self.bounds = returns[range.clone()].iter().fold(self.bounds, |bounds, r| bounds.with(r.position));
+        let pulse = self.ends.len();
+        let goes_on = pulse.checked_sub(1).is_some_and(|before| {
+            let before = &returns[self.range(before).start];
             before.source == first.source && (!has_times || first.time - before.time <= MIN_PASS_GAP)
         });
         match self.lines.last_mut().filter(|_| goes_on) {
             Some(line) => line.pulses.end = pulse + 1,
             None => self.lines.push(Line { source: first.source, pulses: pulse..pulse + 1 }),
         }
-        self.pulses.push(start..self.returns.len());
+        self.ends.push(range.end);
         self.is_held_out.push(number.is_multiple_of(FOLDS));
+    }
+
+    /// Number of pulses.
+    pub fn pulses(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// The returns of a pulse, as a range of [`Recording::returns`].
+    pub fn range(&self, pulse: usize) -> Range<usize> {
+        let start = pulse.checked_sub(1).map_or(0, |before| self.ends[before]);
+        start..self.ends[pulse]
     }
 
     /// Returns of a pulse, nearest first.
     pub fn of_pulse(&self, pulse: usize) -> &[Return] {
-        &self.returns[self.pulses[pulse].clone()]
+        &self.returns[self.range(pulse)]
     }
 
     /// Pulses per square metre of the box around the points.
     pub fn density(&self) -> f64 {
         let size = self.bounds.max - self.bounds.min;
-        self.pulses.len() as f64 / (size.x * size.y).max(1e-9)
+        self.pulses() as f64 / (size.x * size.y).max(1e-9)
     }
 }
 
@@ -287,7 +393,6 @@ mod tests {
             (1..=of).map(move |number| Return {
                 position: DVec3::new(f64::from(pulse), 0.0, -f64::from(number)),
                 class: 5,
-                target: Target::Foliage,
                 number,
                 of,
                 time,
@@ -302,11 +407,11 @@ mod tests {
 
     #[test]
     fn coarse_times_do_not_mix_pulses() {
-        let (fine, by_time) = assemble(&returns(1e-7), true).unwrap();
-        let (coarse, by_order) = assemble(&returns(5e-3), true).unwrap();
+        let (fine, by_time) = assemble(returns(1e-7), true).unwrap();
+        let (coarse, by_order) = assemble(returns(5e-3), true).unwrap();
         assert_eq!((by_time, by_order), (GroupedBy::Time, GroupedBy::Order));
-        assert_eq!((fine.pulses.len(), fine.returns.len(), fine.lines.len()), (1999, 2998, 1));
-        assert_eq!((&fine.pulses, &fine.is_held_out), (&coarse.pulses, &coarse.is_held_out));
+        assert_eq!((fine.pulses(), fine.returns.len(), fine.lines.len()), (1999, 2998, 1));
+        assert_eq!((&fine.ends, &fine.is_held_out), (&coarse.ends, &coarse.is_held_out));
         let places = |recording: &Recording| recording.returns.iter().map(|r| r.position).collect::<Vec<_>>();
         assert_eq!(places(&fine), places(&coarse));
         assert_eq!(fine.lines[0].source, 706);
@@ -314,7 +419,61 @@ mod tests {
 
     #[test]
     fn each_return_is_a_pulse_where_there_are_no_times() {
-        let (all, _) = assemble(&returns(1.0), false).unwrap();
-        assert!(all.pulses.iter().all(|pulse| pulse.len() == 1) && all.pulses.len() == 2998);
+        let (all, _) = assemble(returns(1.0), false).unwrap();
+        assert!((0..all.pulses()).all(|pulse| all.range(pulse).len() == 1) && all.pulses() == 2998);
+    }
+
+    #[test]
+    fn the_order_of_the_file_does_not_matter_where_times_are_fine() {
+        let (expected, _) = assemble(returns(1e-7), true).unwrap();
+        let mut shuffled = returns(1e-7);
+        shuffled.sort_by_key(|r| r.position.x as u64 * 7919 % 2003 + u64::from(r.number));
+        let (all, by) = assemble(shuffled, true).unwrap();
+        assert_eq!(
+            (by, &all.ends, &all.is_held_out),
+            (GroupedBy::Time, &expected.ends, &expected.is_held_out)
+        );
+        let places = |recording: &Recording| recording.returns.iter().map(|r| r.position).collect::<Vec<_>>();
+        assert_eq!(places(&all), places(&expected));
+        assert_eq!((all.bounds.min, all.bounds.max), (expected.bounds.min, expected.bounds.max));
+        assert_eq!((all.of_pulse(8).len(), all.of_pulse(8)[0].position.x), (2, 9.0));
+    }
+
+    #[test]
+    fn a_sample_of_pulses_has_all_their_returns_and_does_not_depend_on_their_order() {
+        let all = returns(1e-7);
+        let read = |returns: &[Return], most: u64| {
+            let mut sink = Sink { limit: PointLimit::new(Some(160 * most)), ..Sink::default() };
+            returns.iter().for_each(|r| sink.add(*r));
+            (assemble(sink.returns, true).unwrap().0, sink.thinning.one_of(), sink.is_too_large)
+        };
+        let (whole, one_of, _) = read(&all, 3000);
+        assert_eq!((whole.returns.len(), one_of), (2998, 1));
+        let (some, one_of, _) = read(&all, 1000);
+        // Half of 3000 returns are more than 1000, a quarter are not.
+        assert!(one_of == 4 && (600..900).contains(&some.returns.len()), "{one_of} {}", some.returns.len());
+        assert!(
+            (0..some.pulses())
+                .all(|pulse| some.of_pulse(pulse).len() == usize::from(some.of_pulse(pulse)[0].of))
+        );
+        let reversed: Vec<Return> = all.iter().rev().copied().collect();
+        let (other, ..) = read(&reversed, 1000);
+        let places = |recording: &Recording| recording.returns.iter().map(|r| r.position).collect::<Vec<_>>();
+        assert_eq!(places(&some), places(&other));
+        assert!(read(&all, 0).2, "no memory");
+        // Returns that share a time are chosen by their positions.
+        let timeless: Vec<Return> = all.iter().map(|r| Return { time: 0.0, ..*r }).collect();
+        let mut sink = Sink { limit: PointLimit::new(Some(160 * 1000)), ..Sink::default() };
+        timeless.iter().for_each(|r| sink.add(*r));
+        assert!((600..900).contains(&sink.returns.len()), "{}", sink.returns.len());
+    }
+
+    #[test]
+    fn values_are_put_in_any_order_in_their_memory() {
+        for order in [vec![], vec![0], vec![1, 0], vec![3, 1, 4, 0, 2], vec![4, 0, 1, 2, 3], vec![0, 1, 2]] {
+            let mut values: Vec<usize> = (0..order.len()).map(|i| 10 * i).collect();
+            put_in_order(&mut values, order.clone());
+            assert_eq!(values, order.iter().map(|i| 10 * i).collect::<Vec<usize>>());
+        }
     }
 }

@@ -201,7 +201,7 @@ mod tests {
         let ground: Vec<DVec3> =
             (0..900).map(|i| DVec3::new(f64::from(i % 30) * 0.7, f64::from(i / 30) * 0.7, 0.0)).collect();
         let bounds = ground.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
-        let terrain = terrain(&ground, &vec![2; ground.len()], bounds);
+        let terrain = terrain(ground.clone(), &vec![2; ground.len()], bounds);
         let roof = |y: f64| 6.0 - 0.8 * (y - 10.0).abs();
         let points: Vec<DVec3> = (0..40 * 30)
             .map(|i| (6.1 + f64::from(i % 40) * 0.2, 7.1 + f64::from(i / 40) * 0.2))

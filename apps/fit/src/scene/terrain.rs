@@ -41,8 +41,9 @@ pub struct Terrain {
 }
 
 /// The terrain through `points` of the ground with their `classes`, over `bounds`.
-pub(super) fn terrain(points: &[DVec3], classes: &[u8], bounds: Aabb) -> Terrain {
-    let neighbours = Neighbours::of(points.to_vec());
+pub(super) fn terrain(points: Vec<DVec3>, classes: &[u8], bounds: Aabb) -> Terrain {
+    let neighbours = Neighbours::of(points);
+    let points = neighbours.points();
     let (min, max) = (bounds.min - BORDER, bounds.max + BORDER);
     let area = (max.x - min.x) * (max.y - min.y);
     let most = (MIN_NODES + NODES_PER_POINT * points.len() as f64).min(MAX_NODES);
@@ -125,7 +126,7 @@ mod tests {
             })
             .collect();
         let bounds = points.iter().fold(Aabb::EMPTY, |b, p| b.with(*p));
-        let found = terrain(&points, &vec![2; points.len()], bounds);
+        let found = terrain(points.clone(), &vec![2; points.len()], bounds);
         assert!((found.spread / 0.03 - 1.0).abs() < 0.1, "{}", found.spread);
         let (mut sum, mut n) = (0.0, 0.0);
         for (x, y) in (1..39).flat_map(|x| (1..29).map(move |y| (f64::from(x), f64::from(y)))) {

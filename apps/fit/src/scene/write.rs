@@ -211,7 +211,7 @@ fn trajectory(scene: &ReconstructedScene) -> String {
 fn pipeline(scene: &ReconstructedScene) -> String {
     let (r, range) = (&scene.receiver, scene.mean_range);
     let pitch = scene.paths.iter().map(|p| p.times[1] - p.times[0]).sum::<f64>().max(1e-9);
-    let rate = (scene.pulses as f64 / pitch).clamp(1.0, 10e6).round();
+    let rate = (scene.pulses as f64 * scene.one_of as f64 / pitch).clamp(1.0, 10e6).round();
     format!(
         "# The scene, and the instrument that recorded it as far as its returns tell. The same pulses \
          again:\n\
@@ -271,7 +271,7 @@ pub(super) fn report(scene: &ReconstructedScene) -> serde_json::Value {
     });
     let shares = ["single", "double", "triple", "more", "first_from_foliage", "last_from_foliage"];
     let named = |values: [f64; 6]| -> BTreeMap<&str, f64> { shares.into_iter().zip(values).collect() };
-    serde_json::json!({
+    let mut report = serde_json::json!({
         "points": scene.points, "pulses": scene.pulses, "noise_points_left_out": scene.noise,
         "pulses_per_m2": scene.density, "mean_range_m": scene.mean_range,
         "lines": paths.collect::<Vec<_>>(),
@@ -304,5 +304,9 @@ pub(super) fn report(scene: &ReconstructedScene) -> serde_json::Value {
             "simulated": named(r.simulated),
         },
         "assumed": { "beam_divergence_rad": scene.divergence, "reflectance": REFLECTANCE },
-    })
+    });
+    if scene.one_of > 1 {
+        report["one_pulse_of"] = scene.one_of.into();
+    }
+    report
 }

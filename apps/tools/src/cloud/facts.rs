@@ -14,7 +14,7 @@ use vlscan_base::error::Result;
 use vlscan_base::quantity::counted;
 use vlscan_crs as crs;
 use vlscan_formats::{
-    Attribute, AttributeSet, FileFacts, NewPart, PointPart, PointRow, PointSink, StrayFinder,
+    Attribute, AttributeSet, FileFacts, NewPart, PointPart, PointRow, PointSink, Selection, StrayFinder,
 };
 use vlscan_geom::{Aabb, MAX_COORDINATE};
 
@@ -155,6 +155,11 @@ impl PointSink for FileSink<'_> {
 
     fn crs(&mut self, wkt: &str) {
         self.facts.crs = Some(wkt.to_owned());
+    }
+
+    fn selection(&self) -> Selection {
+        // Without colours, which are not counted.
+        Selection::Attributes(AttributeSet::of(|_| true))
     }
 
     fn parts(&self) -> Option<NewPart> {

@@ -129,8 +129,9 @@ pub(super) struct FactsPart {
     /// Successive points of a flight line.
     pub lines: Vec<(u16, LineFacts)>,
     pub objects: HashSet<u64>,
-    /// The object of the last point.
+    /// The object of the last point, and its name.
     object: Option<u64>,
+    name: Option<String>,
 }
 
 impl FactsPart {
@@ -158,20 +159,8 @@ impl FactsPart {
             lines: Vec::new(),
             objects: HashSet::new(),
             object: None,
+            name: None,
         }
-    }
-
-    /// Adds the next point, whose object may have a name.
-    pub fn add_named(&mut self, row: &PointRow, object: Option<&str>) {
-        if !is_placed(row.position) {
-            self.skipped += 1;
-            return;
-        }
-        if row.is_miss {
-            self.misses += 1;
-            return;
-        }
-        self.count(row, object);
     }
 
     fn count(&mut self, row: &PointRow, object: Option<&str>) {
@@ -232,6 +221,10 @@ impl FactsPart {
     }
 
     fn note_object(&mut self, row: &PointRow, object: Option<&str>) {
+        if object.is_some() && self.name.as_deref() == object {
+            return;
+        }
+        self.name = object.map(str::to_owned);
         let object = match object {
             Some(name) => {
                 let mut hasher = DefaultHasher::new();
@@ -252,6 +245,22 @@ impl PointPart for FactsPart {
         self.add_named(row, None);
     }
 
+    fn add_named(&mut self, row: &PointRow, object: Option<&str>) {
+        if !is_placed(row.position) {
+            self.skipped += 1;
+            return;
+        }
+        if row.is_miss {
+            self.misses += 1;
+            return;
+        }
+        self.count(row, object);
+    }
+
+    fn takes_names(&self) -> bool {
+        true
+    }
+
     fn clear(&mut self) {
         self.positions.clear();
         self.cells.clear();
@@ -270,13 +279,28 @@ impl PointPart for FactsPart {
         (self.intensity, self.scan_angle, self.time) = (None, None, None);
         self.lines.clear();
         self.objects.clear();
-        self.object = None;
+        (self.object, self.name) = (None, None);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_and_numbers_of_objects_count_once() {
+        let mut part = FactsPart::new(AttributeSet::of(|_| true), false);
+        let row = |object| PointRow { object, ..PointRow::default() };
+        for name in ["oak", "oak", "ash", "oak"] {
+            part.add_named(&row(0), Some(name));
+        }
+        [7, 7, 0, 7].into_iter().for_each(|object| part.add(&row(object)));
+        part.add_named(&row(7), Some("oak"));
+        assert_eq!((part.objects.len(), part.positions.len()), (4, 9));
+        part.clear();
+        part.add_named(&row(0), Some("oak"));
+        assert_eq!(part.objects.len(), 1);
+    }
 
     #[test]
     fn sums_of_values_do_not_depend_on_their_order() {

@@ -43,7 +43,12 @@ impl Occupancy {
 
     /// The smallest cell of a place.
     pub fn smallest_cell(x: f64, y: f64) -> SmallestCell {
-        [x, y].map(|v| (v / MIN_SIDE).floor() as i64)
+        [x, y].map(|v| {
+            let cells = v / MIN_SIDE;
+            // Rounding down is a call on processors without an instruction for it; a conversion is not.
+            let whole = cells as i64;
+            whole.saturating_sub(i64::from(whole as f64 > cells))
+        })
     }
 
     /// Marks the cell that a smallest cell belongs to. The cells that are marked in the end do not depend on
@@ -153,6 +158,18 @@ mod tests {
         assert_eq!(few[0].area(0), None);
         few[0].mark(Occupancy::smallest_cell(7.0, -1e7));
         assert!(few[0].area(1).is_some());
+    }
+
+    #[test]
+    fn cells_are_rounded_down() {
+        for i in -4000..4000 {
+            let v = 0.013 * f64::from(i);
+            let [cell, other] = Occupancy::smallest_cell(v, 0.25 * f64::from(i));
+            assert_eq!((cell, other), ((v / MIN_SIDE).floor() as i64, i64::from(i)), "{v}");
+        }
+        for v in [0.0, -0.0, 1e13, -1e13 - 0.1, f64::NAN, 1e300, -1e300] {
+            assert_eq!(Occupancy::smallest_cell(v, v), [(v / MIN_SIDE).floor() as i64; 2], "{v}");
+        }
     }
 
     #[test]

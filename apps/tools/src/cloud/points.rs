@@ -453,7 +453,9 @@ impl PointSink for Points {
     }
 
     fn parts(&self) -> Option<NewPart> {
-        Some(Box::new(|| -> Box<dyn PointPart> { Box::new(PointsPart::default()) }))
+        let needs_names = self.has(Attribute::Object);
+        let part = move || PointsPart { needs_names, ..PointsPart::default() };
+        Some(Box::new(move || -> Box<dyn PointPart> { Box::new(part()) }))
     }
 
     fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {

@@ -69,6 +69,8 @@ pub(super) struct PointsPart {
     pub values: Vec<KeptValues>,
     pub skipped: u64,
     pub misses: u64,
+    /// True if the names of objects are kept, which parts do not have.
+    pub needs_names: bool,
 }
 
 /// True if a position can be that of a point: its coordinates are numbers within ±[`MAX_COORDINATE`].
@@ -86,6 +88,10 @@ impl PointPart for PointsPart {
             self.positions.push(row.position);
             self.values.push(KeptValues::of(row));
         }
+    }
+
+    fn takes_names(&self) -> bool {
+        !self.needs_names
     }
 
     fn clear(&mut self) {

@@ -50,6 +50,11 @@ impl PointPart for BlockPart {
         }
     }
 
+    fn takes_names(&self) -> bool {
+        // Objects are not used.
+        true
+    }
+
     fn clear(&mut self) {
         self.positions.clear();
         self.kinds.clear();

@@ -99,3 +99,32 @@ fn names_that_are_unknown_or_mean_the_same_are_remarked() {
         assert!(remarks(names)[0].contains("columns 4"), "{names:?}: only usual pairs are no question");
     }
 }
+
+#[test]
+fn whole_numbers_fit_within_their_ranges() {
+    let of_long = [-3.0, 9_223_372_036_854_775_808.0, -9_223_372_036_854_775_808.0];
+    for (attribute, value) in
+        [(Attribute::Class, 255.0), (Attribute::Class, -0.0), (Attribute::Leg, 65_535.0)]
+            .into_iter()
+            .chain(of_long.map(|value| (Attribute::Object, value)))
+            .chain([(Attribute::Time, 0.5), (Attribute::Time, -1e300)])
+    {
+        let mut misfits = Misfits::default();
+        let fitted = misfits.fitted(attribute, value);
+        assert_eq!((fitted.to_bits(), misfits.is_empty()), (value.to_bits(), true), "{attribute:?} {value}");
+    }
+    for (attribute, value, expected) in [
+        (Attribute::Class, 256.0, 255.0),
+        (Attribute::Class, 2.5, 2.0),
+        (Attribute::Class, -1.0, 0.0),
+        (Attribute::Class, f64::NAN, 0.0),
+        (Attribute::Leg, f64::INFINITY, 65_535.0),
+        (Attribute::Object, 1e300, 9_223_372_036_854_775_808.0),
+        (Attribute::Object, -0.5, 0.0),
+        (Attribute::Time, f64::NEG_INFINITY, 0.0),
+    ] {
+        let mut misfits = Misfits::default();
+        assert_eq!(misfits.fitted(attribute, value), expected, "{attribute:?} {value}");
+        assert!(misfits.has(attribute), "{attribute:?} {value}");
+    }
+}

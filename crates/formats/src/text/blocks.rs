@@ -3,7 +3,7 @@
 use super::lines::{end_of_lines, next_line};
 use super::rows::{BadRow, RowReader, Widths};
 use crate::blocks::{Emit, in_order};
-use crate::{Attribute, PointRow, Reading};
+use crate::{Attribute, NewPart, PointPart, PointRow, Reading};
 use std::io::{self, Read};
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -32,13 +32,15 @@ pub(super) fn take_row(
 ) -> ControlFlow<()> {
     let path = reading.path;
     let object = object.map(|at| String::from_utf8_lossy(text[at].trim_ascii()));
-    let place = |attribute| {
-        let mut words = Vec::new();
-        rows.split(text, &mut words);
-        let at = rows.word(attribute, &words);
-        line_place(path, number, text, at.unwrap_or(text.len()..text.len()))
-    };
-    reading.take_from(row, object.as_deref(), place)
+    reading.take_from(row, object.as_deref(), |attribute| place_of(attribute, rows, path, (number, text)))
+}
+
+/// The place of an attribute in a line of a file.
+fn place_of(attribute: Attribute, rows: &RowReader, path: &Path, (number, text): (usize, &[u8])) -> Place {
+    let mut words = Vec::new();
+    rows.split(text, &mut words);
+    let at = rows.word(attribute, &words);
+    line_place(path, number, text, at.unwrap_or(text.len()..text.len()))
 }
 
 impl LineTaker {
@@ -87,6 +89,13 @@ struct Parsed {
 struct Block {
     text: Vec<u8>,
     rows: Vec<Parsed>,
+    /// The part of the sink, if it uses parts.
+    part: Option<Box<dyn PointPart>>,
+    /// True if the points are in the part: all lines are points.
+    is_in_part: bool,
+    /// Number of points of the part with a value that does not fit, by attribute, and the first line.
+    misfits: [u64; Attribute::COUNT],
+    first_misfits: [Option<Line>; Attribute::COUNT],
     /// Lines without a point, with the number of points before them.
     bad: Vec<(usize, Line, BadRow)>,
     /// Number of lines.
@@ -94,37 +103,117 @@ struct Block {
     widths: Widths<(Line, Range<usize>)>,
 }
 
+/// Calls `take` with the lines of a text that are not skipped, and their words, until it breaks. Returns the
+/// number of lines.
+fn each_line(
+    text: &[u8],
+    format: &RowReader,
+    mut take: impl FnMut(Line, &[u8], &[Range<usize>]) -> ControlFlow<()>,
+) -> usize {
+    let mut words = Vec::new();
+    let (mut at, mut number) = (0, 0);
+    while let Some(range) = next_line(text, &mut at) {
+        number += 1;
+        let content = text[range.clone()].trim_ascii_end();
+        // Lines before the first point are not in blocks.
+        if format.is_skipped(usize::MAX, content) {
+            continue;
+        }
+        let line = Line { number, start: range.start as u32, end: (range.start + content.len()) as u32 };
+        format.split(content, &mut words);
+        if take(line, content, &words).is_break() {
+            break;
+        }
+    }
+    number as usize
+}
+
 impl Block {
-    /// Parses the lines of a text.
-    fn parse(&mut self, text: Vec<u8>, format: &RowReader, words: &mut Vec<Range<usize>>) {
-        *self = Block { text, rows: std::mem::take(&mut self.rows), ..Block::default() };
-        self.rows.clear();
-        let (mut at, mut number) = (0, 0);
-        while let Some(range) = next_line(&self.text, &mut at) {
-            number += 1;
-            let text = self.text[range.clone()].trim_ascii_end();
-            // Lines before the first point are not in blocks.
-            if format.is_skipped(usize::MAX, text) {
-                continue;
+    /// Parses the lines of a text, for a part if there are any.
+    fn parse(&mut self, text: Vec<u8>, format: &RowReader, parts: Option<&NewPart>) {
+        let (rows, mut part) = (std::mem::take(&mut self.rows), self.part.take());
+        match (part.as_mut(), parts) {
+            (Some(part), _) => part.clear(),
+            (None, Some(new)) => part = Some(new()),
+            (None, None) => {}
+        }
+        *self = Block { text, rows, part, ..Block::default() };
+        self.is_in_part = self.add_to_part(format);
+        if !self.is_in_part {
+            self.parse_rows(format);
+        }
+    }
+
+    /// Adds the points to the part. Returns `false` if there is none, and after a line that is not a point.
+    fn add_to_part(&mut self, format: &RowReader) -> bool {
+        let Block { text, part: Some(part), misfits, first_misfits, lines, widths, .. } = self else {
+            return false;
+        };
+        let mut are_points = true;
+        *lines = each_line(text, format, |line, text, words| {
+            let Ok(row) = format.parse(text, words) else {
+                are_points = false;
+                return ControlFlow::Break(());
+            };
+            widths.see(format, text, words, |at| (line, at));
+            if !row.misfits.is_empty() {
+                for attribute in Attribute::ALL.into_iter().filter(|attribute| row.misfits.has(*attribute)) {
+                    misfits[attribute as usize] += 1;
+                    first_misfits[attribute as usize].get_or_insert(line);
+                }
             }
-            let line = Line { number, start: range.start as u32, end: (range.start + text.len()) as u32 };
-            format.split(text, words);
+            let object = format.word(Attribute::Object, words);
+            let object = object.map(|at| String::from_utf8_lossy(text[at].trim_ascii()));
+            part.add_named(&row, object.as_deref());
+            ControlFlow::Continue(())
+        });
+        are_points
+    }
+
+    fn parse_rows(&mut self, format: &RowReader) {
+        let Block { text, rows, bad, lines, widths, .. } = self;
+        rows.clear();
+        *widths = Widths::default();
+        *lines = each_line(text, format, |line, text, words| {
             match format.parse(text, words) {
                 Ok(row) => {
-                    self.widths.see(format, text, words, |at| (line, at));
+                    widths.see(format, text, words, |at| (line, at));
                     let object = format.word(Attribute::Object, words);
                     let object = object.map(|at| [at.start as u32, at.end as u32]);
-                    self.rows.push(Parsed { line, row, object });
+                    rows.push(Parsed { line, row, object });
                 }
                 Err(problem) => {
-                    self.bad.push((self.rows.len(), line, problem));
-                    if self.bad.len() == MAX_PROBLEMS {
-                        break;
+                    bad.push((rows.len(), line, problem));
+                    if bad.len() == MAX_PROBLEMS {
+                        return ControlFlow::Break(());
                     }
                 }
             }
+            ControlFlow::Continue(())
+        });
+    }
+
+    /// Passes the part to the sink; `before` is the number of lines of the file before these.
+    fn take_part(
+        &mut self,
+        before: usize,
+        format: &RowReader,
+        taker: &mut LineTaker,
+        reading: &mut Reading,
+    ) -> ControlFlow<()> {
+        let path = reading.path;
+        let numbered = |line: &Line| (before + line.number as usize, line.of(&self.text));
+        for attribute in Attribute::ALL {
+            if let Some(line) = &self.first_misfits[attribute as usize] {
+                let (_, first) = &mut reading.misfits[attribute as usize];
+                first.get_or_insert_with(|| place_of(attribute, format, path, numbered(line)));
+            }
         }
-        self.lines = number as usize;
+        taker.widths.append(std::mem::take(&mut self.widths), |(line, at)| place(path, numbered(&line), at));
+        match self.part.as_mut() {
+            Some(part) => reading.take_part(part.as_mut(), &self.misfits),
+            None => ControlFlow::Continue(()),
+        }
     }
 
     /// Passes the points to the sink; `before` is the number of lines of the file before these.
@@ -135,6 +224,9 @@ impl Block {
         taker: &mut LineTaker,
         reading: &mut Reading,
     ) -> ControlFlow<()> {
+        if self.is_in_part {
+            return self.take_part(before, format, taker, reading);
+        }
         let mut bad = std::mem::take(&mut self.bad).into_iter().peekable();
         let numbered = |line: &Line| (before + line.number as usize, line.of(&self.text));
         let path = reading.path;
@@ -182,8 +274,10 @@ pub(super) fn read(
     let (path, threads) = (reading.path, reading.threads);
     let mut pieces = Pieces { source, rest: Vec::new(), is_ended: false, failure: None };
     let mut before = lines;
+    let has_names = format.columns().has(Attribute::Object);
+    let parts = reading.sink.parts().filter(|new| !has_names || new().takes_names());
     let make = |text: Vec<u8>, block: &mut Block, emit: &mut Emit<'_, Block>| {
-        block.parse(text, format, &mut Vec::new());
+        block.parse(text, format, parts.as_ref());
         let _ = emit(block);
     };
     let mut is_ended = false;
@@ -243,6 +337,7 @@ impl<R: Read> Iterator for Pieces<R> {
 mod tests {
     use super::*;
     use crate::{AttributeSet, PointFile, PointSink, Selection};
+    use std::any::Any;
     use vlscan_base::diag::Diagnostics;
 
     /// The first points of a file, with the names of their objects.
@@ -261,14 +356,62 @@ mod tests {
         }
     }
 
+    /// The points of a block, and of a file in blocks.
+    #[derive(Default)]
+    struct Points(Vec<(PointRow, String)>);
+
+    impl PointPart for Points {
+        fn add(&mut self, row: &PointRow) {
+            self.add_named(row, None);
+        }
+
+        fn add_named(&mut self, row: &PointRow, object: Option<&str>) {
+            self.0.push((*row, object.unwrap_or_default().to_owned()));
+        }
+
+        fn takes_names(&self) -> bool {
+            true
+        }
+
+        fn clear(&mut self) {
+            self.0.clear();
+        }
+    }
+
+    impl PointSink for Points {
+        fn start(&mut self, _: AttributeSet) {}
+
+        fn parts(&self) -> Option<NewPart> {
+            Some(Box::new(|| -> Box<dyn PointPart> { Box::new(Points::default()) }))
+        }
+
+        fn add_part(&mut self, part: &mut (dyn PointPart + 'static)) -> Result<ControlFlow<()>> {
+            let part: &mut dyn Any = part;
+            self.0.append(&mut part.downcast_mut::<Points>().unwrap().0);
+            Ok(ControlFlow::Continue(()))
+        }
+
+        fn point(&mut self, row: &PointRow, object: Option<&str>) -> Result<ControlFlow<()>> {
+            self.add_named(row, object);
+            Ok(ControlFlow::Continue(()))
+        }
+    }
+
     fn read_on(text: &str, threads: usize, most: usize) -> (Vec<(PointRow, String)>, String) {
-        let (mut sink, mut found) = (First { rows: Vec::new(), most }, Diagnostics::default());
+        let mut sink = First { rows: Vec::new(), most };
+        let said = read_to(&mut sink, text, threads);
+        (sink.rows, said)
+    }
+
+    /// Reads a file on some threads; returns the messages.
+    fn read_to(sink: &mut dyn PointSink, text: &str, threads: usize) -> String {
+        let mut found = Diagnostics::default();
         let file = PointFile::new(Path::new("a.csv"), text.as_bytes(), &mut found).unwrap();
-        file.on_threads(threads).read(Selection::All, &mut sink, &mut found).unwrap();
+        file.on_threads(threads).read(Selection::All, sink, &mut found).unwrap();
         let described = |item: &vlscan_base::diag::Diagnostic| {
             format!("{} {:?} {:?}\n", item.line(), item.lines().collect::<Vec<_>>(), item.repeated())
         };
-        (sink.rows, found.items().iter().map(described).collect())
+        found.items().iter().map(described).collect()
     }
 
     /// Checks that the points and messages of a file do not depend on the number of threads; returns both.
@@ -278,6 +421,11 @@ mod tests {
             let (others, found) = read_on(text, threads, most);
             assert!(rows == others, "{threads} threads: {} and {} points", rows.len(), others.len());
             assert_eq!(found, said, "{threads} threads, {most} points");
+            if most == usize::MAX {
+                let mut parts = Points::default();
+                assert_eq!(read_to(&mut parts, text, threads), said, "{threads} threads, parts");
+                assert!(rows == parts.0, "{threads} threads: {} and {} points", rows.len(), parts.0.len());
+            }
         }
         (rows.len(), said)
     }

@@ -38,6 +38,49 @@ fn smoothing_keeps_sums_and_follows_the_ground() {
     }
 }
 
+#[test]
+fn voxels_are_larger_where_there_may_be_few() {
+    let corners = [DVec3::ZERO, DVec3::new(100.0, 50.0, 20.0)];
+    let voxels = |max: f64| Grid::around(corners.into_iter(), 0.5, max).unwrap();
+    assert_eq!(voxels(f64::INFINITY).size, 0.5);
+    let few = voxels(1000.0);
+    assert!(few.size > 4.0 && few.len() <= 2000, "{} of {} m", few.len(), few.size);
+}
+
+#[test]
+fn the_class_of_a_voxel_is_that_of_most_light() {
+    let grid = Grid { min: DVec3::ZERO, size: 1.0, cells: [3, 1, 1] };
+    let returns = [
+        (0.5, 5, 1),
+        (2.5, 3, 2),
+        (0.5, 4, 2),
+        (2.5, 5, 4),
+        (0.1, 4, 4),
+        (9.0, 6, 1),
+        (2.6, 5, 4),
+        (1.5, 5, 1),
+    ];
+    let at = |(x, class, of)| Return::last_of(of, class, DVec3::new(x, 0.5, 0.5));
+    let recording = Recording { returns: returns.map(at).to_vec(), ..Recording::default() };
+    let is_leaf = [true, true, true, true, true, true, true, false];
+    // In the last voxel both have half.
+    assert_eq!(classes(&recording, &is_leaf, &grid), [5, NO_CLASS, 5]);
+}
+
+#[test]
+fn the_finest_level_is_not_smoothed() {
+    let grid = Grid { min: DVec3::ZERO, size: 1.0, cells: [9, 9, 1] };
+    let mut sums = Sums { hits: vec![0.0; grid.len()], lengths: vec![1.0; grid.len()] };
+    sums.hits[grid.number([4, 4, 0])] = 8.0;
+    let levels = Levels::of(&sums, &grid, &[0; 81]);
+    let middle = levels.smooth.iter().map(|(sums, _)| sums.hits[grid.number([4, 4, 0])]);
+    let middle: Vec<f32> = middle.collect();
+    assert!(middle.len() == 3 && middle[0] < 2.0 && middle[1] < middle[0] && middle[2] < middle[1]);
+    // Without a prior only the finest level counts.
+    let found = levels.extinctions(0.0);
+    assert_eq!((found[grid.number([4, 4, 0])], found[grid.number([4, 3, 0])]), (8.0, 0.0));
+}
+
 /// The likelihood is greatest at the extinction by which the sums were made.
 #[test]
 fn the_likelihood_prefers_the_truth() {
@@ -47,6 +90,6 @@ fn the_likelihood_prefers_the_truth() {
     // With enough beams, the prior has no effect.
     let grid = Grid { min: DVec3::ZERO, size: 1.0, cells: [2, 1, 1] };
     let sums = Sums { hits: vec![3e6, 0.0], lengths: vec![10e6, 0.0] };
-    let found = Levels::of(sums, &grid, &[0, 0]).extinctions(1.0);
+    let found = Levels::of(&sums, &grid, &[0, 0]).extinctions(1.0);
     assert!(found.iter().all(|s| (s - 0.3).abs() < 1e-4), "{found:?}");
 }

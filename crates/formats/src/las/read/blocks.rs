@@ -1,10 +1,14 @@
 //! Blocks of records decoded on several threads.
 //!
+//! Small chunks, as COPC has them, are decompressed together, so that threads have equal work and blocks are
+//! full.
+//!
 //! Records that these threads cannot read, such as a damaged chunk, are left to the reader of all records in
 //! order, whose errors have their place. Chunks count only if each begins where the one before ends: the
 //! reader in order does not jump either.
 
-use super::compressed::{Chunk, Compressed, without_panic};
+use super::chunks::Chunk;
+use super::compressed::{Compressed, without_panic};
 use super::header::Header;
 use super::rows::RowFormat;
 use crate::blocks::{Emit, in_order};
@@ -13,6 +17,8 @@ use std::ops::ControlFlow;
 
 /// Number of records of a block.
 const BLOCK_RECORDS: usize = if cfg!(test) { 1 << 6 } else { 1 << 14 };
+/// Maximum number of points of chunks that are decompressed together: that of a chunk of LASzip.
+const RUN_POINTS: u64 = if cfg!(test) { 1 << 8 } else { 50_000 };
 
 /// The points that have been read.
 #[derive(Clone, Copy, Debug, Default)]
@@ -36,9 +42,9 @@ struct Block {
     misfits: [u64; Attribute::COUNT],
     /// The details of the points, if these are read.
     details: Vec<PointDetails>,
-    /// Offset of the chunk that begins with the block.
+    /// Offset of the first chunk of a run, if the block begins with it.
     start: Option<u64>,
-    /// Offset behind the chunk, or the plain records, that ends with the block.
+    /// Offset behind the last chunk, or the plain records, that end within the block.
     end: Option<u64>,
     /// True if the record after these cannot be read.
     is_damaged: bool,
@@ -94,37 +100,64 @@ pub(super) fn read_plain(
     take_blocks(blocks, make, reading)
 }
 
-/// Reads compressed records chunk by chunk, up to the first chunk that is damaged or cannot be found.
+/// Reads compressed records chunk by chunk, up to the first chunk that is damaged or cannot be found. On one
+/// thread only if fields are left out that the reader in order decompresses, so that damage to them counts
+/// nowhere.
 pub(super) fn read_compressed(
     compressed: &Compressed,
     header: &Header,
     format: &RowFormat,
     reading: &mut Reading,
 ) -> Passed {
-    let Some(chunks) = compressed.chunks(header) else { return Passed::default() };
+    let chunks = compressed.chunks(header, |at| format.reads_byte(at));
+    let Some(chunks) = chunks.filter(|chunks| reading.threads > 1 || chunks.excerpt.is_some()) else {
+        return Passed::default();
+    };
     let parts = reading.sink.parts();
-    let make = |chunk: Chunk, block: &mut Block, emit: &mut Emit<'_, Block>| {
+    let make = |run: Vec<Chunk>, block: &mut Block, emit: &mut Emit<'_, Block>| {
         block.clear(parts.as_ref());
-        block.start = Some(chunk.start);
-        let read = without_panic(|| {
-            chunks.read(chunk, |record| {
-                block.push(record, format);
-                if block.points < BLOCK_RECORDS {
-                    return ControlFlow::Continue(());
-                }
-                let flow = emit(block);
-                block.clear(parts.as_ref());
-                flow
-            })
-        });
-        match read {
-            Ok(None) => return,
-            Ok(end) => block.end = end,
-            Err(_) => block.is_damaged = true,
+        block.start = run.first().map(|chunk| chunk.start);
+        let mut copied = Vec::new();
+        let mut next = run.iter().skip(1);
+        for chunk in &run {
+            let read = without_panic(|| {
+                chunks.read(*chunk, &mut copied, |record| {
+                    block.push(record, format);
+                    if block.points < BLOCK_RECORDS {
+                        return ControlFlow::Continue(());
+                    }
+                    let flow = emit(block);
+                    block.clear(parts.as_ref());
+                    flow
+                })
+            });
+            match read {
+                Ok(None) => return,
+                Ok(end) => block.end = end,
+                Err(_) => block.is_damaged = true,
+            }
+            block.is_damaged |= next.next().is_some_and(|next| block.end != Some(next.start));
+            if block.is_damaged {
+                break;
+            }
         }
         let _ = emit(block);
     };
-    take_blocks(chunks.of_points(header.count), make, reading)
+    take_blocks(runs(chunks.of_points(header.count)), make, reading)
+}
+
+/// Successive chunks with few points, or single ones with many.
+fn runs(chunks: impl Iterator<Item = Chunk>) -> impl Iterator<Item = Vec<Chunk>> {
+    let mut chunks = chunks.peekable();
+    std::iter::from_fn(move || {
+        let first = chunks.next()?;
+        let (mut points, mut run) = (first.points, vec![first]);
+        while let Some(chunk) = chunks.next_if(|chunk| points.saturating_add(chunk.points) <= RUN_POINTS) {
+            points += chunk.points;
+            run.push(chunk);
+        }
+        Some(run)
+    })
 }
 
 /// Passes the points of blocks to the sink.

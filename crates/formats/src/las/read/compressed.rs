@@ -1,14 +1,14 @@
 //! Compressed records, by the `laz` crate.
 
+use super::chunks::Chunks;
 use super::error::{LasError, MAX_COMPRESSED_RECORD_BYTES, PointsError};
+use super::excerpt::Excerpt;
 use super::header::{Fields, Header};
 use crate::{Attribute, AttributeSet};
 use laz::las::selective::DecompressionSelection;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
-use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{LasZipDecompressor, LazItemType, LazVlr};
 use std::io::{Cursor, Seek};
-use std::ops::ControlFlow;
 use vlscan_base::damage;
 
 /// The compressor that stores points uncompressed, and the one that writes one chunk without a table of
@@ -185,31 +185,10 @@ impl<'a> Compressed<'a> {
     }
 }
 
-/// A chunk of compressed records.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Chunk {
-    /// Offset in the file.
-    pub start: u64,
-    /// Number of points, of the last chunk as far as the file has them.
-    pub points: u64,
-}
-
-/// The chunks of a file, each of which is decompressed by itself.
-pub(super) struct Chunks<'a> {
-    file: Fields<'a>,
-    vlr: LazVlr,
-    selection: DecompressionSelection,
-    record_length: usize,
-    layers: Option<usize>,
-    /// The table of chunks, if chunks cannot be found without it.
-    table: Vec<ChunkTableEntry>,
-    /// Offset of the first chunk.
-    start: u64,
-}
-
 impl<'a> Compressed<'a> {
     /// The chunks, if each can be found without decompressing those before it. No point may have been read.
-    pub fn chunks(&self, header: &Header) -> Option<Chunks<'a>> {
+    /// Of the extra bytes, those at the offsets in records for which `is_read` is true are decompressed.
+    pub fn chunks(&self, header: &Header, is_read: impl Fn(usize) -> bool) -> Option<Chunks<'a>> {
         if self.is_one_chunk {
             return None;
         }
@@ -225,92 +204,18 @@ impl<'a> Compressed<'a> {
             let entries: &[ChunkTableEntry] = entries.as_ref();
             table = entries.to_vec();
         }
+        let record_length = usize::from(header.record_length);
+        let excerpt = Excerpt::of(&vlr, self.selection, is_read);
         Some(Chunks {
             file: Fields(file),
             vlr,
             selection: self.selection,
-            record_length: usize::from(header.record_length),
+            record_length,
             layers: self.layers,
+            excerpt,
             table,
             start,
         })
-    }
-}
-
-impl<'a> Chunks<'a> {
-    /// The chunks of the first `count` points in the order of the file, up to the first one whose place or
-    /// size is not known or not within the file.
-    pub fn of_points(&self, count: u64) -> impl Iterator<Item = Chunk> + '_ {
-        let (mut start, mut left, mut index) = (self.start, count, 0);
-        std::iter::from_fn(move || {
-            let points = self.points(index)?.min(left);
-            let end = start.checked_add(self.length(start, index)?)?;
-            if points == 0 || end > self.file.0.len() as u64 {
-                return None;
-            }
-            let chunk = Chunk { start, points };
-            (start, left, index) = (end, left - points, index + 1);
-            Some(chunk)
-        })
-    }
-
-    /// Number of points of a chunk, as the decompressor of all chunks takes it.
-    fn points(&self, index: usize) -> Option<u64> {
-        match self.vlr.uses_variable_size_chunks() {
-            true => self.table.get(index).map(|entry| entry.point_count),
-            false => Some(self.vlr.chunk_size().into()),
-        }
-    }
-
-    /// Length of the chunk at an offset of the file, bytes: by its layers if it has any, since the table may
-    /// be missing or damaged. `None` if the number of points there is not that of the table.
-    fn length(&self, start: u64, index: usize) -> Option<u64> {
-        let Some(layers) = self.layers else { return self.table.get(index).map(|entry| entry.byte_count) };
-        // The first record, the number of points, and the sizes of the layers precede the layers.
-        let count_at = usize::try_from(start).ok()?.checked_add(self.record_length)?;
-        let is_counted = || self.file.u32(count_at).is_ok_and(|n| Some(u64::from(n)) == self.points(index));
-        if self.vlr.uses_variable_size_chunks() && !is_counted() {
-            return None;
-        }
-        let sizes_at = count_at.checked_add(4)?;
-        let mut length = (self.record_length + 4 + 4 * layers) as u64;
-        for layer in 0..layers {
-            length += u64::from(self.file.u32(sizes_at.checked_add(4 * layer)?).ok()?);
-        }
-        Some(length)
-    }
-
-    /// Calls `take` with the records of a chunk until it breaks. Returns the offset behind the chunk; `None`
-    /// if `take` broke.
-    pub fn read(
-        &self,
-        chunk: Chunk,
-        take: impl FnMut(&[u8]) -> ControlFlow<()>,
-    ) -> Result<Option<u64>, LasError> {
-        let mut source = Cursor::new(self.file.0);
-        source.set_position(chunk.start);
-        match self.layers {
-            Some(_) => self.read_with(LayeredPointRecordDecompressor::new(source), chunk.points, take),
-            None => self.read_with(SequentialPointRecordDecompressor::new(source), chunk.points, take),
-        }
-    }
-
-    fn read_with<D: RecordDecompressor<Cursor<&'a [u8]>>>(
-        &self,
-        mut decompressor: D,
-        points: u64,
-        mut take: impl FnMut(&[u8]) -> ControlFlow<()>,
-    ) -> Result<Option<u64>, LasError> {
-        decompressor.set_fields_from(self.vlr.items()).map_err(LasError::of_library)?;
-        decompressor.set_selection(self.selection);
-        let mut record = vec![0; self.record_length];
-        for _ in 0..points {
-            decompressor.decompress_next(&mut record).map_err(|_| LasError::Damaged)?;
-            if take(&record).is_break() {
-                return Ok(None);
-            }
-        }
-        Ok(Some(decompressor.get().position()))
     }
 }
 

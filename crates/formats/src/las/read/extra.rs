@@ -1,6 +1,8 @@
 //! Extra dimensions of the points (LAS 1.4, extra bytes): their place in a record, type, scale, offset and
 //! no-data value.
 
+use std::ops::Range;
+
 /// Bytes of a descriptor.
 const DESCRIPTOR_BYTES: usize = 192;
 
@@ -59,6 +61,11 @@ impl ExtraDimension {
         (1..=10).contains(&self.kind)
     }
 
+    /// Offsets of its bytes in a record.
+    pub(super) fn bytes(self) -> Range<usize> {
+        self.offset..self.offset + size_of_kind(self.kind)
+    }
+
     /// True if the file states a scale or an offset that cannot be used: 1 and 0 are used instead.
     pub fn is_rescaled(self) -> bool {
         self.is_rescaled
@@ -67,7 +74,7 @@ impl ExtraDimension {
     /// Its value in a record, with scale and offset; `None` if it is the no-data value or not a single
     /// number.
     pub fn value(self, record: &[u8]) -> Option<f64> {
-        let bytes = record.get(self.offset..self.offset + size_of_kind(self.kind))?;
+        let bytes = record.get(self.bytes())?;
         let raw = match self.kind {
             1 => f64::from(bytes[0]),
             2 => f64::from(bytes[0] as i8),

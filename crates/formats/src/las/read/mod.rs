@@ -8,14 +8,18 @@
 //! | `extra` | extra dimensions |
 //! | `details` | fields that only copies need |
 //! | `compressed` | compressed records |
+//! | `chunks` | chunks of compressed records, each decompressed by itself |
+//! | `excerpt` | the layers of a chunk that are decompressed |
 //! | `rows` | records as points |
 //! | `blocks` | blocks of records decoded on several threads |
 //! | `units` | units of positions |
 
 mod blocks;
+mod chunks;
 mod compressed;
 mod details;
 mod error;
+mod excerpt;
 mod extra;
 mod header;
 mod rows;
@@ -105,9 +109,10 @@ impl<'a> LasReader<'a> {
         Ok(!broken && self.at < self.header.count)
     }
 
-    /// Reads the points on several threads. No record may have been read.
+    /// Reads the points in blocks, as far as they can be. No record may have been read.
     fn read_blocks(&self, rows: &RowFormat, reading: &mut Reading) -> Passed {
         match &self.records {
+            Records::Plain(_) if reading.threads <= 1 => Passed::default(),
             Records::Plain(records) => blocks::read_plain(records, &self.header, rows, reading),
             Records::Compressed(laz) => blocks::read_compressed(laz, &self.header, rows, reading),
         }
@@ -178,9 +183,9 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
     }
     rows.metres = units.metres.unwrap_or(DVec3::ONE);
     // The first position decides whether degrees can be read, before any point is passed on.
-    let passed = match reading.threads > 1 && !units.is_angle {
-        true => reader.read_blocks(&rows, reading),
-        false => Passed::default(),
+    let passed = match units.is_angle {
+        true => Passed::default(),
+        false => reader.read_blocks(&rows, reading),
     };
     if passed.is_ended || passed.points == reader.header.count {
         return Ok(());

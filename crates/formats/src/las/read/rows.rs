@@ -82,6 +82,20 @@ impl RowFormat {
         attributes.with_colours(self.colour_at.is_some())
     }
 
+    /// True if the extra byte at an offset of a record is read.
+    pub fn reads_byte(&self, at: usize) -> bool {
+        let Shown { intensity, object, device, path } = &self.shown;
+        let shown = [
+            (Attribute::Intensity, intensity),
+            (Attribute::Object, object),
+            (Attribute::Channel, device),
+            (Attribute::Path, path),
+        ];
+        let is_of = |dimension: &ExtraDimension| dimension.bytes().contains(&at);
+        let mut read = shown.into_iter().filter(|(attribute, _)| self.selected.has(*attribute));
+        self.details.is_some() || read.any(|(_, dimension)| dimension.as_ref().is_some_and(is_of))
+    }
+
     /// The details of a record, if they are read.
     pub fn details(&self, record: &[u8]) -> Option<PointDetails> {
         self.details.as_ref().map(|details| details.read(&self.header, record))

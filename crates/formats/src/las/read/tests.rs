@@ -13,29 +13,34 @@ use vlscan_base::diag::{Diagnostics, ProblemKind};
 const HEADER_BYTES: u32 = 227;
 const RECORD_HEAD_BYTES: u32 = 54;
 
-/// A file of LAS 1.2 with points of format 0.
-fn file(count: u32, is_compressed: bool, record: Option<(&str, u16, Vec<u8>)>, points: &[u8]) -> Vec<u8> {
+/// A file of LAS 1.2 with variable records and points of format 0.
+fn file(
+    count: u32,
+    is_compressed: bool,
+    records: impl IntoIterator<Item = (&'static str, u16, Vec<u8>)>,
+    points: &[u8],
+) -> Vec<u8> {
     let mut bytes = vec![0; HEADER_BYTES as usize];
     bytes[..4].copy_from_slice(b"LASF");
     bytes[24..26].copy_from_slice(&[1, 2]);
     bytes[94..96].copy_from_slice(&(HEADER_BYTES as u16).to_le_bytes());
-    let length = record.as_ref().map_or(0, |(.., data)| RECORD_HEAD_BYTES + data.len() as u32);
-    bytes[96..100].copy_from_slice(&(HEADER_BYTES + length).to_le_bytes());
-    bytes[100] = u8::from(record.is_some());
     bytes[104] = if is_compressed { 0x80 } else { 0 };
     bytes[105] = 20;
     bytes[107..111].copy_from_slice(&count.to_le_bytes());
     for axis in 0..3 {
         bytes[131 + 8 * axis..139 + 8 * axis].copy_from_slice(&0.01f64.to_le_bytes());
     }
-    if let Some((user, id, data)) = record {
+    for (user, id, data) in records {
         let mut head = vec![0; RECORD_HEAD_BYTES as usize];
         head[2..2 + user.len()].copy_from_slice(user.as_bytes());
         head[18..20].copy_from_slice(&id.to_le_bytes());
         head[20..22].copy_from_slice(&(data.len() as u16).to_le_bytes());
         bytes.extend(head);
         bytes.extend(data);
+        bytes[100] += 1;
     }
+    let data_at = bytes.len() as u32;
+    bytes[96..100].copy_from_slice(&data_at.to_le_bytes());
     bytes.extend_from_slice(points);
     bytes
 }
@@ -100,7 +105,11 @@ fn read_in_parts(bytes: &[u8], threads: usize) -> (Vec<PointRow>, Diagnostics) {
 }
 
 /// Reads the selected attributes of a file on some threads.
-fn read_selected(bytes: &[u8], threads: usize, selection: Selection) -> (Vec<PointRow>, Diagnostics) {
+pub(super) fn read_selected(
+    bytes: &[u8],
+    threads: usize,
+    selection: Selection,
+) -> (Vec<PointRow>, Diagnostics) {
     struct Rows(Vec<PointRow>);
     impl PointSink for Rows {
         fn start(&mut self, _: AttributeSet) {}
@@ -340,7 +349,18 @@ fn compressions_that_are_not_read_are_named() {
 
 /// A file of compressed records of a format, in chunks of a hundred or of various numbers of points.
 fn chunked(format: u8, records: &[Vec<u8>], is_variable: bool) -> Vec<u8> {
-    let items = LazItemRecordBuilder::default_for_point_format_id(format, 0).unwrap();
+    chunked_with(format, records, is_variable, None)
+}
+
+/// The same with these descriptors of extra bytes.
+pub(super) fn chunked_with(
+    format: u8,
+    records: &[Vec<u8>],
+    is_variable: bool,
+    descriptors: Option<Vec<u8>>,
+) -> Vec<u8> {
+    let extra_bytes = records[0].len() - if format == 0 { 20 } else { 30 };
+    let items = LazItemRecordBuilder::default_for_point_format_id(format, extra_bytes as u16).unwrap();
     let builder = LazVlrBuilder::new(items);
     let vlr = match is_variable {
         true => builder.with_variable_chunk_size().build(),
@@ -348,8 +368,9 @@ fn chunked(format: u8, records: &[Vec<u8>], is_variable: bool) -> Vec<u8> {
     };
     let mut description = Vec::new();
     vlr.write_to(&mut description).unwrap();
-    let description = Some((LazVlr::USER_ID, LazVlr::RECORD_ID, description));
-    let mut bytes = file(records.len() as u32, true, description, &[]);
+    let description = (LazVlr::USER_ID, LazVlr::RECORD_ID, description);
+    let extra = descriptors.map(|descriptors| ("LASF_Spec", 4, descriptors));
+    let mut bytes = file(records.len() as u32, true, [description].into_iter().chain(extra), &[]);
     bytes[104] |= format;
     bytes[105] = records[0].len() as u8;
     let mut out = Cursor::new(bytes);
@@ -366,7 +387,7 @@ fn chunked(format: u8, records: &[Vec<u8>], is_variable: bool) -> Vec<u8> {
 }
 
 /// Records of a format with this length whose values change irregularly.
-fn irregular(count: u32, length: usize) -> Vec<Vec<u8>> {
+pub(super) fn irregular(count: u32, length: usize) -> Vec<Vec<u8>> {
     let record = |i: u32| {
         let mut record = vec![0; length];
         let noise = i.wrapping_mul(2_654_435_761);
@@ -380,7 +401,7 @@ fn irregular(count: u32, length: usize) -> Vec<Vec<u8>> {
 
 /// Checks that the points and the messages about a file do not depend on the number of threads, nor on parts
 /// of blocks; returns both.
-fn same_on_threads(bytes: &[u8], what: &str) -> (Vec<PointRow>, String) {
+pub(super) fn same_on_threads(bytes: &[u8], what: &str) -> (Vec<PointRow>, String) {
     let (rows, found) = read_on(bytes, 1);
     for threads in [2, 5] {
         for (others, said) in [read_on(bytes, threads), read_in_parts(bytes, threads)] {
