@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `errors` | errors and warnings of the engine as Python exceptions |
 //! | `options` | options of runs as values |
+//! | `numbers` | numbers of other libraries as numbers that the engine reads |
 //! | `table` | record batches as NumPy columns and by the Arrow C data interface |
 //! | `scene` | scenes of files and of arrays |
 //! | `recipes` | parts of scene files and materials of files |
@@ -31,6 +32,7 @@ mod clouds;
 mod contents;
 mod errors;
 mod make;
+mod numbers;
 mod options;
 mod preview;
 mod recipes;
