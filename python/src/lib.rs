@@ -11,6 +11,7 @@
 //! | `recipes` | parts of scene files and materials of files |
 //! | `changes` | changes of the materials of parts |
 //! | `cast` | rays without an instrument |
+//! | `geometry` | primitives of scenes |
 //! | `run` | runs: to memory, to files, batch by batch; Ctrl-C and progress |
 //! | `batches` | runs whose points are taken while they are measured |
 //! | `contents` | contents of the files of surveys |
@@ -31,6 +32,7 @@ mod changes;
 mod clouds;
 mod contents;
 mod errors;
+mod geometry;
 mod make;
 mod numbers;
 mod options;
@@ -58,6 +60,8 @@ mod _vlscan {
     use super::command;
     #[pymodule_export]
     use super::contents::contents;
+    #[pymodule_export]
+    use super::geometry::scene_geometry;
     #[pymodule_export]
     use super::make::{figures, make_scene, make_stand, platform_kind, scanner_figures, unzip};
     #[pymodule_export]

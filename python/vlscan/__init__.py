@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from .points import Points
     from .previews import preview
     from .results import Batches, Result
-    from .scene import RayHits, Scene
+    from .scene import RayHits, Scene, SceneGeometry
     from .shards import check_shards, index_shards, merge_shards, run_shard
     from .survey import Leg, Survey, dry_run, pulses, run, run_batches, trace, trajectory
     from .tables import Table, Waveforms
@@ -78,7 +78,7 @@ _MODULES = {
     "points": ["Points"],
     "previews": ["preview"],
     "results": ["Batches", "Result"],
-    "scene": ["RayHits", "Scene"],
+    "scene": ["RayHits", "Scene", "SceneGeometry"],
     "shards": ["check_shards", "index_shards", "merge_shards", "run_shard"],
     "survey": ["Leg", "Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
     "tables": ["Table", "Waveforms"],
@@ -114,6 +114,7 @@ __all__ = [
     "Scanner",
     "ScannerFigures",
     "Scene",
+    "SceneGeometry",
     "Spectrum",
     "Stand",
     "Survey",

@@ -49,6 +49,7 @@ __all__ = [
     "run_campaign",
     "run_shard",
     "scanner_figures",
+    "scene_geometry",
     "spectra",
     "unzip",
     "version",
@@ -173,6 +174,9 @@ def platform_kind(reference: str) -> str:
 
 def scanner_figures(reference: str) -> tuple[str, str]:
     """Return the figures of a scanner with their sources as JSON, and its scan pattern as SVG."""
+
+def scene_geometry(scene: Scene, part: int | None) -> tuple[Column, Column, Column, Column, Column, Column] | None:
+    """Return primitives: vertices, triangles, centres and edges of voxels, and numbers and parts of all; none if not loaded."""
 
 def unzip(path: str, out: str, force: bool) -> int:
     """Expand compressed text to a file; the number of lines."""
