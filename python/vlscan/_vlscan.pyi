@@ -364,6 +364,12 @@ def run(request: Request, tables: Sequence[str], progress: Progress | None = Non
     """Run a request and return the tables of these names."""
 
 def run_batches(
-    request: Request, rows: int, per_leg: bool, seconds: float | None, waiting: int, tables: Sequence[str] = ...
+    request: Request,
+    rows: int,
+    per_leg: bool,
+    seconds: float | None,
+    waiting: int,
+    tables: Sequence[str] = ...,
+    columns: Sequence[str] | None = None,
 ) -> BatchIterator:
-    """Run a request and return its points batch by batch; the tables of these names are in the iterator's outcome."""
+    """Run a request and return its points batch by batch, with columns of their own; these tables are in the iterator's outcome."""

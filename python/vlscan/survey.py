@@ -615,6 +615,7 @@ class Survey(Checked):
         per_leg: bool = False,
         seconds: float | None = None,
         *,
+        batch_columns: Iterable[str] | None = None,
         to: PathLike | Iterable[PathLike] | None = None,
         waveforms: bool | None = None,
         pulses: bool | None = None,
@@ -634,6 +635,9 @@ class Survey(Checked):
         seconds : float, optional
             A batch ends at every multiple of so many seconds of ``GpsTime``, too: 0.1 yields the sweeps of a scanner that turns
             ten times per second.
+        batch_columns : iterable of str, optional
+            Columns of the batches, of those that :func:`vlscan.columns` lists; by default the option ``columns``, which files
+            of text, Arrow and Parquet have, too.
         to, waveforms, pulses : object
             As for :meth:`run`: files that are written, too, and what is recorded beside the points.
         **options : RunOptions
@@ -668,7 +672,8 @@ class Survey(Checked):
         if count < 1:
             raise ValueError(f"rows is {count}, expected at least 1")
         beside = [table for table in tables if table != "points"]
-        return Batches(partial(_vlscan.run_batches, self._request(values), count, per_leg, seconds, 2, beside))
+        chosen = None if batch_columns is None else [batch_columns] if isinstance(batch_columns, str) else list(batch_columns)
+        return Batches(partial(_vlscan.run_batches, self._request(values), count, per_leg, seconds, 2, beside, chosen))
 
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
@@ -719,6 +724,7 @@ def run_batches(
     per_leg: bool = False,
     seconds: float | None = None,
     *,
+    batch_columns: Iterable[str] | None = None,
     to: PathLike | Iterable[PathLike] | None = None,
     waveforms: bool | None = None,
     pulses: bool | None = None,
@@ -730,7 +736,7 @@ def run_batches(
     ----------
     survey : Survey, str or path-like
         A survey, or its file.
-    rows, per_leg, seconds, to, waveforms, pulses : object
+    rows, per_leg, seconds, batch_columns, to, waveforms, pulses : object
         As for :meth:`Survey.run_batches`.
     **options : RunOptions
         As for :meth:`Survey.run`.
@@ -745,7 +751,9 @@ def run_batches(
     >>> [set(leg["PointSourceId"].tolist()) for leg in vlscan.run_batches("fixtures/room/survey.xml", per_leg=True)]
     [{1}, {2}]
     """
-    return opened(survey).run_batches(rows, per_leg, seconds, to=to, waveforms=waveforms, pulses=pulses, **options)
+    return opened(survey).run_batches(
+        rows, per_leg, seconds, batch_columns=batch_columns, to=to, waveforms=waveforms, pulses=pulses, **options
+    )
 
 
 def dry_run(survey: Survey | PathLike, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from vlscan import Batches, Points, Result, Survey
 from vlscan.places import place_of, working_folder
 
-from .output import Output
+from .output import COLUMNS, Output
 
 if TYPE_CHECKING:
     from vlscan_helios.v3 import Leg, ScenePart
@@ -130,7 +130,7 @@ class Simulation:
 
     def _measure(self, survey: Survey, options: dict[str, Any]) -> None:
         callback, rows = self._recipe.callback, self._recipe.callback_rows or _BATCH_ROWS
-        self._batches = survey.run_batches(rows, **options)
+        self._batches = survey.run_batches(rows, batch_columns=COLUMNS, **options)
         with self._batches as batches:
             for points in batches:
                 self._resumed.wait()

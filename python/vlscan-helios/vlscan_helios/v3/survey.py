@@ -452,8 +452,10 @@ class _Run:
     def _chosen(self, has_batches: bool) -> dict[str, Any]:
         """Return the arguments of the engine's run."""
         options, output = dict(self._options), self._output
-        if not self._is_folder or has_batches and output.format != OutputFormat.XYZ:
+        if has_batches:
             # Columns of text are those of HELIOS++.
+            options["batch_columns"] = COLUMNS
+        elif not self._is_folder:
             options["columns"] = COLUMNS
         if self._is_folder:
             options |= {"output": output.output_dir, "waveforms": output.write_waveform, "pulses": output.write_pulse}
