@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use vlscan::survey::{SurveySources, survey_sources};
 use vlscan::tables::input::arrow::encode_stream;
 use vlscan::{
     Batches, CloudFacts, Column, LegRule, OptionValues, Progress, PulseReader, Report, ResolvedRun,
@@ -27,7 +28,8 @@ const PULSE_ROWS: usize = 4096;
 #[pyclass(frozen, module = "vlscan")]
 pub struct Request {
     file: Option<PathBuf>,
-    document: String,
+    /// Name in messages and text.
+    document: (PathBuf, String),
     options: OptionValues,
     scene: Option<Py<Scene>>,
     trajectory: Option<Arc<[u8]>>,
@@ -37,14 +39,15 @@ pub struct Request {
 
 #[pymethods]
 impl Request {
-    /// `options` are values by name. `trajectory` and `pulses` are tables.
+    /// `options` are values by name. `document` is a name and a text: files are searched in the folder of the
+    /// name, too. `trajectory` and `pulses` are tables.
     #[new]
-    #[pyo3(signature = (options, file=None, document=String::new(), scene=None, trajectory=None, pulses=None))]
+    #[pyo3(signature = (options, file=None, document=None, scene=None, trajectory=None, pulses=None))]
     fn new(
         py: Python<'_>,
         options: &Bound<'_, PyDict>,
         file: Option<PathBuf>,
-        document: String,
+        document: Option<(PathBuf, String)>,
         scene: Option<Py<Scene>>,
         trajectory: Option<Bound<'_, PyAny>>,
         pulses: Option<Bound<'_, PyAny>>,
@@ -56,6 +59,7 @@ impl Request {
         let trajectory = trajectory.map(stream).transpose()?.map(Arc::from);
         let pulses = pulses.map(stream).transpose()?.map(Arc::from);
         let options = values(options)?;
+        let document = document.unwrap_or_else(|| (PathBuf::from("<python>"), String::new()));
         Ok(Request { file, document, options, scene, trajectory, pulses, streamed_divergence: true })
     }
 }
@@ -73,7 +77,7 @@ impl Request {
         }
         let read = match &self.file {
             Some(file) => ResolvedRun::resolve(file, &options),
-            None => ResolvedRun::of_text(Path::new("<python>"), self.document.clone(), &options),
+            None => ResolvedRun::of_text(&self.document.0, self.document.1.clone(), &options),
         };
         let (mut job, warnings) = read?;
         if !has_file {
@@ -88,6 +92,20 @@ impl Request {
         }
         notices.add(vlscan::Notice::Warnings(warnings));
         Ok(job)
+    }
+
+    /// References and templates of a survey in XML; none of a pipeline.
+    pub fn sources(&self) -> vlscan::Result<Option<SurveySources>> {
+        let options = vlscan::Options::of_values(self.options.clone())?.read_options();
+        let (name, text) = &self.document;
+        let is_pipeline = |file: &PathBuf| file.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        let found = match &self.file {
+            Some(file) if is_pipeline(file) => return Ok(None),
+            Some(file) => survey_sources(file, None, &options),
+            None if text.trim_start().starts_with('<') => survey_sources(name, Some(text), &options),
+            None => return Ok(None),
+        };
+        found.map(Some)
     }
 
     /// A session over the scene of the request.

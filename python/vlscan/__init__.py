@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ._options import RunOptions
     from .campaigns import CampaignReport, campaign_cells, run_campaign
     from .catalogue import (
+        DeviceFigures,
         ScannerFigures,
         Spectrum,
         all_scanner_figures,
@@ -62,7 +63,17 @@ _MODULES = {
     "_options": ["RunOptions"],
     "campaigns": ["CampaignReport", "campaign_cells", "run_campaign"],
     "catalogue": [
-        *("ScannerFigures", "Spectrum", "all_scanner_figures", "columns", "options", "platform_kind", "platforms", "scanner_figures"),
+        *(
+            "DeviceFigures",
+            "ScannerFigures",
+            "Spectrum",
+            "all_scanner_figures",
+            "columns",
+            "options",
+            "platform_kind",
+            "platforms",
+            "scanner_figures",
+        ),
         *("scanners", "spectra"),
     ],
     "clouds": ["CloudInfo", "FrameCounts", "Rasters", "cloud_info", "raster", "write_frames"],
@@ -91,6 +102,7 @@ __all__ = [
     "ChangeMap",
     "CloudInfo",
     "Comparison",
+    "DeviceFigures",
     "DryRun",
     "Error",
     "FileError",

@@ -66,6 +66,21 @@ class FlownPart(NamedTuple):
     teleport: bool
 
 
+class Template(NamedTuple):
+    """Settings that legs of an XML file share, see :attr:`Leg.templates`.
+
+    Attributes
+    ----------
+    id : str
+        Id in the file.
+    leg : Leg
+        A leg with the settings of the template alone.
+    """
+
+    id: str
+    leg: Leg
+
+
 class Leg(Checked):
     """A waypoint and the way to the next one: the last leg of a moving platform is where it arrives.
 
@@ -115,19 +130,26 @@ class Leg(Checked):
         self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
         self.settings: dict[str, object] = dict(settings)
         self._flown: FlownPart | None = None
+        self._templates: dict[str, Template] = {}
 
     @staticmethod
     def _of_file(keys: Mapping[str, Any]) -> Leg:
         """Return the leg that the engine has read."""
-        flown = keys["trajectory"]
-        leg = Leg(**{key: value for key, value in keys.items() if key != "trajectory"})
+        flown, templates = keys["trajectory"], keys.get("templates", {})
+        leg = Leg(**{key: value for key, value in keys.items() if key not in ("trajectory", "templates")})
         leg._flown = None if flown is None else FlownPart(*flown)
+        leg._templates = {name: Template(id, Leg._of_file(own)) for name, (id, own) in templates.items()}
         return leg
 
     @property
     def flown_part(self) -> FlownPart | None:
         """Part of a recorded trajectory that a leg of a file flies; ``None`` for other legs."""
         return self._flown
+
+    @property
+    def templates(self) -> dict[str, Template]:
+        """Templates that a leg of an XML file names, for its ``scanner`` and ``platform`` settings; their values are the leg's, too."""
+        return dict(self._templates)
 
     def _checked(self, name: str, value: object) -> object:
         if name == "position":
@@ -163,6 +185,30 @@ class Leg(Checked):
         return f"Leg({', '.join(words)})"
 
 
+class References(NamedTuple):
+    """What a survey in XML refers to: ``file.xml#id`` with an absolute path, or with one of the catalogue that ships.
+
+    Attributes
+    ----------
+    scanner : str or None
+        The scanner.
+    platform : str or None
+        The platform; with recorded poses the base platform, if there is one.
+    scene : str
+        The scene.
+    rotation_spec : str or None
+        With recorded poses how their angles are composed: ``ARINC 705`` or ``CANONICAL``.
+    has_waveform : bool
+        True if the survey has settings of waveforms, instead of those of the scanner.
+    """
+
+    scanner: str | None
+    platform: str | None
+    scene: str
+    rotation_spec: str | None
+    has_waveform: bool
+
+
 class SurveyContents(NamedTuple):
     """What a survey consists of.
 
@@ -185,6 +231,8 @@ class SurveyContents(NamedTuple):
         Keys of ``[waveform]`` in a pipeline file, with the values of the first channel.
     legs : list of Leg
         The legs.
+    references : References or None
+        References of a survey in XML.
     """
 
     name: str
@@ -195,6 +243,7 @@ class SurveyContents(NamedTuple):
     parts: list[str | None]
     waveform: dict[str, float]
     legs: list[Leg]
+    references: References | None = None
 
 
 class Survey(Checked):
@@ -265,6 +314,7 @@ class Survey(Checked):
         self._folder = working_folder()
         self._file: str | None = None
         self._text: str | None = None
+        self._name = "<python>"
         # Keys of the legs of a file as they were read, and whether they hold all that it has about legs.
         self._read_legs: tuple[list[dict[str, object]], bool] | None = None
 
@@ -286,7 +336,7 @@ class Survey(Checked):
         return value
 
     @staticmethod
-    def from_document(text: str, scene: Scene | PathLike | None = None) -> Survey:
+    def from_document(text: str, scene: Scene | PathLike | None = None, path: PathLike = "<python>") -> Survey:
         """Return the survey of a document in memory.
 
         Parameters
@@ -295,6 +345,9 @@ class Survey(Checked):
             A pipeline, TOML, as :meth:`document` and plans have it, or a survey of HELIOS++, XML.
         scene : Scene, str or path-like, optional
             Replaces the scene of the document.
+        path : str or path-like
+            Name of the document in messages; files that it names are searched in the folder of this name, too. There need not be
+            such a file.
 
         Returns
         -------
@@ -308,7 +361,7 @@ class Survey(Checked):
         True
         """
         survey = Survey(scene)
-        survey._text = text
+        survey._text, survey._name = text, os.fspath(path)
         return survey
 
     @staticmethod
@@ -374,14 +427,15 @@ class Survey(Checked):
         ('tls_polygon', 'tripod', 'static', 2)
         """
         request = self._request(values_of(options, writes_files=False))
-        name, scanner, platform, parts, waveform, legs, _ = _vlscan.contents(request)
-        return SurveyContents(name, *scanner, *platform, parts, waveform, [Leg._of_file(leg) for leg in legs])
+        name, scanner, platform, parts, waveform, legs, _, found = _vlscan.contents(request)
+        references = None if found is None else References(**found)
+        return SurveyContents(name, *scanner, *platform, parts, waveform, [Leg._of_file(leg) for leg in legs], references)
 
     def __getattr__(self, name: str) -> Any:
         # Legs of a file are read when they are first asked for, and sent if they were changed.
         if name != "legs" or self.__dict__.get("_file") is None:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        *_, legs, is_whole = _vlscan.contents(self._request({}))
+        *_, legs, is_whole, _ = _vlscan.contents(self._request({}))
         self.legs = [Leg._of_file(leg) for leg in legs]
         self._read_legs = ([leg._keys() for leg in self.legs], is_whole)
         return self.legs
@@ -458,7 +512,7 @@ class Survey(Checked):
         if "output" in options and self.name is None and self._text is None and self._file is None:
             # Its folder has the name of the survey.
             document = _toml.document({"name": "survey", **self._keys()})
-        return _vlscan.Request(options, document=document, scene=scene, trajectory=trajectory, pulses=pulses)
+        return _vlscan.Request(options, document=(self._name, document), scene=scene, trajectory=trajectory, pulses=pulses)
 
     def run(
         self,

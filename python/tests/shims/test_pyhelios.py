@@ -190,12 +190,12 @@ def test_figures_of_a_scanner_without_an_entry_are_errors(tmp_path, monkeypatch)
     def view(reference):
         return ScannerView(SimpleNamespace(reference=reference), lambda: False)
 
-    with pytest.raises(FileNotFoundError, match=r"nowhere\.xml"):
+    with pytest.raises(vlscan.InputError, match=r"cannot find the file `nowhere\.xml`"):
         _ = view("nowhere.xml#a").wavelength
-    (tmp_path / "other.xml").write_text('<document><scanner id="b" pulseFreqs_Hz="100"/></document>')
-    with pytest.raises(vlscan.InputError, match="there is no scanner 'a'"):
+    shutil.copy(FIXTURES / "room/scanners.xml", tmp_path / "other.xml")
+    with pytest.raises(vlscan.InputError, match="there is no <scanner> with the id `a`"):
         _ = view("other.xml#a").pulseFreqs
-    assert view("other.xml#b").pulseFreqs == [100]
+    assert view("other.xml#tls_polygon").pulseFreqs == [9200]
     (tmp_path / "other.xml").write_text("<document>")
     with pytest.raises(vlscan.InputError, match="not well-formed XML"):
         view("other.xml#b").toString()

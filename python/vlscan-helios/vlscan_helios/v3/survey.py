@@ -125,16 +125,18 @@ class Survey(Model):
             There is no such file, or not that of its scene.
         """
         document = xml_files.read(survey_file)
-        element = document.asset("survey")
         contents = survey_xml.contents_of(document, _folders(document))
-        platform = survey_xml.platform_of(document, contents)
+        references = contents.references
+        if references is None:
+            raise ValueError(f"{document.path} is no survey in XML")
+        platform = survey_xml.platform_of(contents, references)
         survey = cls(
-            scanner=survey_xml.scanner_of(document),
+            scanner=survey_xml.scanner_of(references),
             platform=platform,
-            scene=StaticScene.from_xml(document.reference(element.get("scene", ""))),
+            scene=StaticScene.from_xml(references.scene),
             legs=survey_xml.legs_of(document, contents, platform),
-            name=element.get("name") or document.path.stem,
-            full_waveform_settings=survey_xml.waveform_of(document, contents),
+            name=document.path.stem if contents.name in ("", document.path.name) else contents.name,
+            full_waveform_settings=survey_xml.waveform_of(contents, references),
         )
         return survey.read_from(document)
 
@@ -335,10 +337,13 @@ class Survey(Model):
         old = self._as_read
         is_scene_of_file = old is not None and self.scene.source_file == old.scene.source_file and self.scene.is_as_read
         scene = None if is_scene_of_file else self.scene.engine()
-        if self._document is not None and self._is_as_read():
-            path = place_of(os.fspath(self._document.path), self._folder)
+        if self._document is None:
+            return EngineSurvey.from_document(self.to_xml(folder), scene)
+        path = place_of(os.fspath(self._document.path), self._folder)
+        if self._is_as_read():
             return EngineSurvey.open(path, scene)
-        return EngineSurvey.from_document(self.to_xml(folder), scene)
+        # Lines of messages are those of the XML as it is now.
+        return EngineSurvey.from_document(self.to_xml(folder), scene, f"{path} (as changed)")
 
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set
