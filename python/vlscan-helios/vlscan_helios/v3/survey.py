@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import tempfile
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -37,6 +36,7 @@ from .settings import (
     compose_execution_settings,
     compose_output_settings,
 )
+from .survey_xml import trajectory_folder
 from .utils import classonlymethod, engine_directories, rng_seed
 from .validation import Model, distribute
 from .xml_files import Document
@@ -246,8 +246,8 @@ class Survey(Model):
         bar_hooks, bars = build_progressbar_callbacks(execution.progressbar, len(self.legs))
         is_silent = "verbosity" in execution.model_fields_set and execution.verbosity <= LogVerbosity.QUIET
         try:
-            with tempfile.TemporaryDirectory() as folder, engine_warnings(folder, is_silent), engine_errors(folder):
-                run = _Run(self, self.engine(Path(folder)), self._options(execution, output), output)
+            with trajectory_folder(self.platform) as folder, engine_warnings(folder, is_silent), engine_errors(folder):
+                run = _Run(self, self.engine(folder), self._options(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:
             if bars is not None:
@@ -321,13 +321,13 @@ class Survey(Model):
         """Whether waveform settings were given."""
         return "full_waveform_settings" in self.model_fields_set
 
-    def engine(self, folder: Path) -> EngineSurvey:
+    def engine(self, folder: Path | None = None) -> EngineSurvey:
         """Return the survey for the engine: its file, or one in memory.
 
         Parameters
         ----------
-        folder : pathlib.Path
-            Where a trajectory is written to; it exists as long as the survey is used.
+        folder : pathlib.Path, optional
+            Where a trajectory is written to, see :func:`trajectory_folder`; it exists as long as the survey is used.
 
         Returns
         -------

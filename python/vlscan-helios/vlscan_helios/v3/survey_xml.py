@@ -8,7 +8,9 @@ element, and only values that were changed are written over it. Surveys made her
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -181,6 +183,16 @@ def _has_prisms(reference: str) -> bool:
 
 
 # --- writing ---
+
+
+@contextmanager
+def trajectory_folder(platform: Platform) -> Iterator[Path | None]:
+    """Yield the folder for the poses that a platform has in memory; ``None`` for a platform without, which needs none."""
+    if platform.trajectory is None:
+        yield None
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
 
 
 def write(survey: Survey, folder: Path | None) -> Element:
