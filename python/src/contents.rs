@@ -49,7 +49,7 @@ pub fn contents<'py>(
     Ok((survey.name.clone(), scanner, platform, parts, waveform(py, survey)?, legs, is_whole, references))
 }
 
-/// The fields of `vlscan.survey.References`.
+/// The fields of `vlscan.contents.References`.
 fn references<'py>(
     py: Python<'py>,
     survey: &Survey,

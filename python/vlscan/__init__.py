@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .fits import Fitted, Reconstruction, fit_flight, fit_sensor, reconstruct
     from .forecast import DryRun
     from .instruments import Platform, Scanner
+    from .legs import Leg
     from .making import MadeScene, Stand, make_scene, make_stand, unzip
     from .materials import Material
     from .parts import Part
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
     from .results import Batches, Result
     from .scene import RayHits, Scene, SceneGeometry
     from .shards import check_shards, index_shards, merge_shards, run_shard
-    from .survey import Leg, Survey, dry_run, pulses, run, run_batches, trace, trajectory
+    from .survey import Survey, dry_run, pulses, run, run_batches, trace, trajectory
     from .tables import Table, Waveforms
 
     __version__: str
@@ -82,6 +83,7 @@ _MODULES = {
     "fits": ["Fitted", "Reconstruction", "fit_flight", "fit_sensor", "reconstruct"],
     "forecast": ["DryRun"],
     "instruments": ["Platform", "Scanner"],
+    "legs": ["Leg"],
     "making": ["MadeScene", "Stand", "make_scene", "make_stand", "unzip"],
     "materials": ["Material"],
     "parts": ["Part"],
@@ -91,7 +93,7 @@ _MODULES = {
     "results": ["Batches", "Result"],
     "scene": ["RayHits", "Scene", "SceneGeometry"],
     "shards": ["check_shards", "index_shards", "merge_shards", "run_shard"],
-    "survey": ["Leg", "Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
+    "survey": ["Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
     "tables": ["Table", "Waveforms"],
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from vlscan.survey import Template as EngineTemplate
+from vlscan.legs import Template as EngineTemplate
 from vlscan_helios.v3 import DynamicPlatformSettings
 
 # Values of scanner settings: key of a leg, value without it, divisor.
@@ -25,7 +25,7 @@ class Template:
 
     Parameters
     ----------
-    template : vlscan.survey.Template
+    template : vlscan.legs.Template
         The settings.
     kind : str
         ``scanner`` or ``platform``.

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 
 from pydantic import PrivateAttr
 
-from vlscan.survey import Template
+from vlscan.legs import Template
 
 from .platforms import DynamicPlatformSettings, Platform, PlatformSettingsBase, StaticPlatformSettings, TrajectorySettings
 from .scanner import ScannerSettings, ScannerSettingsBase
@@ -24,7 +24,7 @@ class LegSource:
         The element.
     as_read : Leg
         The leg as it was read.
-    templates : mapping of str to vlscan.survey.Template
+    templates : mapping of str to vlscan.legs.Template
         Templates of its scanner and its platform settings.
     """
 
@@ -65,7 +65,7 @@ class Leg(Model):
         ----------
         element : xml.etree.ElementTree.Element
             The element.
-        templates : mapping of str to vlscan.survey.Template
+        templates : mapping of str to vlscan.legs.Template
             Templates of its settings.
 
         Returns

@@ -21,7 +21,8 @@ import numpy as np
 from vlscan import Error, scanner_figures
 from vlscan import Leg as EngineLeg
 from vlscan import Survey as EngineSurvey
-from vlscan.survey import FlownPart, References, SurveyContents
+from vlscan.contents import References, SurveyContents
+from vlscan.legs import FlownPart
 
 from .leg import Leg, flown_part
 from .platforms import DynamicPlatformSettings, Platform, StaticPlatformSettings, TrajectorySettings, traj_csv_dtype
