@@ -124,7 +124,7 @@ impl Ahead {
 mod tests {
     use super::*;
     use crate::pulse::ray_batch::RayBatch;
-    use crate::pulse::testkit::{half_white, rectangles, tls, tree, wall};
+    use crate::pulse::testkit::{half_white, rectangles, survey, tls_device, tree, wall};
     use crate::pulse::{Physics, PhysicsOptions};
     use vlscan_geom::unit;
     use vlscan_scene::Material;
@@ -143,8 +143,8 @@ mod tests {
             scene.materials.push(Material { optics, ..half_white() });
             scene.surfaces[i - 1].material = i as u32;
         }
-        let tree = tree(&scene);
-        let physics = Physics::new(&scene, &tree, &tls(), PhysicsOptions::refined()).unwrap();
+        let (tree, survey) = (tree(&scene), survey(vec![tls_device(4.0)]));
+        let physics = Physics::new(&scene, &tree, &survey, PhysicsOptions::refined()).unwrap();
         let view = physics.view.with(&[], None);
         let (mut batch, mut scratch) = (RayBatch::default(), TraceScratch::default());
         batch.rays.clear(RAYS);

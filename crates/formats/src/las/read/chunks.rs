@@ -152,7 +152,7 @@ mod tests {
         let descriptors = dimensions.into_iter().flat_map(descriptor).collect();
         let mut records = irregular(1000, 54);
         for (i, record) in (0_u32..).zip(&mut records) {
-            record[15] = (i / 40 % 4 << 4) as u8;
+            record[15] = ((i / 40 % 4) << 4) as u8;
             record[30..38].copy_from_slice(&(0.7 * f64::from(i)).to_le_bytes());
             record[38..42].copy_from_slice(&(i % 7).to_le_bytes());
             record[42..50].copy_from_slice(&(0.3 * f64::from(i)).to_le_bytes());
