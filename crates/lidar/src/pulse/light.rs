@@ -3,11 +3,12 @@
 use super::echo::EchoPath;
 use super::foliage::{self, FreePaths, MediumEvent};
 use super::instrument::Instrument;
+use super::pane::Crossing;
 use super::reflect::ShadedSurface;
 use super::reflections::PathEnd;
 use super::specular::Image;
 use super::view::{Interaction, STEP_BEHIND, SceneView};
-use vlscan_geom::DVec3;
+use vlscan_geom::{DVec3, unit};
 use vlscan_scene::Optics;
 use vlscan_trace::Hits;
 
@@ -45,6 +46,8 @@ pub(super) struct Departure {
     pub primitive: u32,
     pub from: DVec3,
     pub direction: DVec3,
+    /// Way through the pane, which ends at `from`.
+    pub crossing: Option<Crossing>,
     /// Standard deviation of the slopes of the facets that spread the light, rad.
     pub roughness: f64,
     /// Factor by which light is slower than in vacuum.
@@ -79,7 +82,8 @@ pub(super) fn normal_towards(view: &SceneView, primitive: u32, direction: DVec3)
     Some(if normal.dot(direction) > 0.0 { -normal } else { normal })
 }
 
-/// The next surface on the way of light, or the foliage that intercepts it, and its distance, m.
+/// The next surface on the way of light, or the foliage that intercepts it, and its distance, m; the distance
+/// is negative if the surface lies within the thickness of the pane that the light crosses.
 pub(super) fn next_surface(
     view: &SceneView,
     instrument: &Instrument,
@@ -88,10 +92,20 @@ pub(super) fn next_surface(
 ) -> Option<(Interaction, f64)> {
     let Departure { primitive, from, direction, slowness, light, .. } = *departure;
     let detector = &instrument.detector;
-    let mut way = STEP_BEHIND;
+    // Light that has crossed a pane is traced from the plane of the pane: surfaces may be nearer to the plane
+    // than the pane is thick.
+    let mut crossing = departure.crossing;
+    let mut way = STEP_BEHIND - crossing.map_or(0.0, |crossing| crossing.unbent);
     loop {
         let start = from + direction * way;
         let at = view.nearest_astray((start, direction), |i| i != primitive);
+        if way + at.t < 0.0
+            && let Some(crossing) = crossing.take()
+            && !is_obstructed(view, primitive, &crossing, from)
+        {
+            way = STEP_BEHIND;
+            continue;
+        }
         // False for a ray that misses, and for one that is not finite.
         let length = light.length + slowness * way + slowness * at.t;
         let is_in_reach = at.primitive != Hits::MISS && length <= detector.range_max;
@@ -106,6 +120,14 @@ pub(super) fn next_surface(
             MediumEvent::Exit(exit) => way += exit + STEP_BEHIND,
         }
     }
+}
+
+/// True if a surface lies on the way of light through a pane to `from`. The line of the light in air,
+/// extended back to the plane of the pane, may also meet surfaces beside that way, such as a reveal.
+fn is_obstructed(view: &SceneView, primitive: u32, crossing: &Crossing, from: DVec3) -> bool {
+    let (length, inner) = (crossing.way.length(), unit(crossing.way));
+    let start = from - crossing.way + inner * STEP_BEHIND;
+    view.nearest_astray((start, inner), |i| i != primitive).t + STEP_BEHIND <= length
 }
 
 /// Square root of the share of light that returns from a surface `way` m behind a rough mirror: facets of

@@ -35,6 +35,8 @@ pub(super) struct Crossing {
     pub way: DVec3,
     /// Optical length, m.
     pub length: f64,
+    /// Length of the way through the pane along the direction of the ray in air, m.
+    pub unbent: f64,
 }
 
 /// Reflectances of the boundary of a medium for light polarised across and in the plane of incidence
@@ -84,7 +86,7 @@ impl Pane {
         let along = direction + normal * cosine;
         let inner = along * (1.0 / self.index) - normal * inner_cosine;
         let inner_length = depth / inner_cosine;
-        Crossing { way: inner * inner_length, length: self.index * inner_length }
+        Crossing { way: inner * inner_length, length: self.index * inner_length, unbent: depth / cosine }
     }
 }
 
@@ -217,6 +219,7 @@ mod tests {
             let crossing = pane(1, 0.0).crossing(normal, direction);
             let along = crossing.way.dot(direction);
             near(crossing.way.y, 0.004, 1e-15);
+            near(crossing.unbent * c, 0.004, 1e-15);
             near(crossing.length - along, square * 1e-3, 1e-9);
             near(crossing.length - 0.004 / c, parallel * 1e-3, 1e-9);
             near((crossing.way - direction * along).length(), shift * 1e-3, 1e-9);

@@ -189,7 +189,8 @@ impl LightPaths {
                 image: image.map(|image| image.displaced(crossing.way, direction)),
                 ..light
             };
-            Departure { primitive, from: at + crossing.way, direction, roughness: 0.0, slowness: 1.0, light }
+            let (from, crossing) = (at + crossing.way, Some(crossing));
+            Departure { primitive, from, direction, crossing, roughness: 0.0, slowness: 1.0, light }
         });
         let roughness = optics.roughness;
         let mirror = Mirror { at, direction, primitive, cosine, roughness, is_water: false };
@@ -201,7 +202,9 @@ impl LightPaths {
             image: image.map(|image| image.mirrored(normal, mirror)),
             ..light
         };
-        let mirrored = Departure { primitive, from: at, direction, roughness, slowness: 1.0, light };
+        let crossing = None;
+        let mirrored =
+            Departure { primitive, from: at, direction, crossing, roughness, slowness: 1.0, light };
         // Light that a steep facet throws into the surface is lost.
         [Some(mirrored).filter(|_| direction.dot(normal) > 0.0), passed]
     }
@@ -261,8 +264,9 @@ impl LightPaths {
             let image = image.map(|image| image.mirrored(normal, mirror));
             let light = Light { share, path, image, ..light };
             let roughness = (0.5 * (water.slopes[0] + water.slopes[1])).sqrt();
+            let (from, direction, crossing) = (at, mirrored, None);
             let departure =
-                Departure { primitive, from: at, direction: mirrored, roughness, slowness: 1.0, light };
+                Departure { primitive, from, direction, crossing, roughness, slowness: 1.0, light };
             self.send_back(view, instrument, &departure, paths);
             self.send(view, instrument, &departure, max_order, paths);
         }
@@ -291,7 +295,8 @@ impl LightPaths {
         let WaterPlane { point: from, water, .. } = *plane;
         let Refracted { direction, cosines } = *refracted;
         let slowness = water.group_index;
-        let departure = Departure { primitive, from, direction, roughness: 0.0, slowness, light };
+        let departure =
+            Departure { primitive, from, direction, crossing: None, roughness: 0.0, slowness, light };
         let bottom = next_surface(view, instrument, &departure, paths);
         let air = light.length.max(MIN_AIR);
         let attenuation = water::attenuation(&water, instrument.field_of_view, air);
