@@ -165,8 +165,8 @@ mod tests {
         }
     }
 
-    /// Follows the light from boundary to boundary and from sheet to sheet, by the formulas of Fresnel for the
-    /// angles in air and glass.
+    /// Follows the light from boundary to boundary and from sheet to sheet, by the formulas of Fresnel for
+    /// the angles in air and glass.
     #[test]
     fn shares_are_the_sums_over_all_ways_of_the_light() {
         // Light between two mirrors, which leaves it at either side in turn: shares mirrored and transmitted.

@@ -246,8 +246,8 @@ fn too_many(device: u32, pulse: u64, total: f64, dead_time: f64) -> Error {
              dead time"
         ),
         format!(
-            "{verb} the receiver's `dead_time_ns`, or limit the returns with `max_returns`; a mirror, pane or \
-             flat water that faces the beam returns most of its light"
+            "{verb} the receiver's `dead_time_ns`, or limit the returns with `max_returns`; a mirror, pane \
+             or flat water that faces the beam returns most of its light"
         ),
     )
 }
