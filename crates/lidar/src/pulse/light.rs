@@ -127,7 +127,8 @@ pub(super) fn next_surface(
 fn is_obstructed(view: &SceneView, primitive: u32, crossing: &Crossing, from: DVec3) -> bool {
     let (length, inner) = (crossing.way.length(), unit(crossing.way));
     let start = from - crossing.way + inner * STEP_BEHIND;
-    view.nearest_astray((start, inner), |i| i != primitive).t + STEP_BEHIND <= length
+    // Surfaces at the exit count, on either side of it.
+    view.nearest_astray((start, inner), |i| i != primitive).t <= length
 }
 
 /// Square root of the share of light that returns from a surface `way` m behind a rough mirror: facets of

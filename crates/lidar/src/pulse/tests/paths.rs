@@ -272,14 +272,19 @@ fn behind_pane(scene: &Scene, batch: &Batch) -> (f64, DVec3, u32) {
 
 #[test]
 fn a_wall_nearer_to_a_pane_than_its_thickness_is_seen_through_it() {
-    let walls = [10.0, 10.002, 20.0].map(|y| wall(-200.0, 200.0, y));
-    let scene = scene_of(PANE, 1, &walls);
-    for (degrees, parallel) in [(0.0, 2.0), (45.0, 1.146506), (60.0, -0.651531), (80.0, -15.080608)] {
-        let (range, surface, part) = behind_pane(&scene, &ray(&scene, degrees));
-        assert_eq!(part, 1, "{degrees}°");
-        let expected = 10.002 / libm::cos(radians(degrees)) + parallel * 1e-3;
-        assert!((range - expected).abs() < 1e-9, "{degrees}°: {range} is not {expected}");
-        assert!((surface.y - 10.002).abs() < 1e-9, "{degrees}°: {surface}");
+    // The second one touches the back of the pane.
+    for y in [10.002, 10.004] {
+        let scene = scene_of(PANE, 1, &[10.0, y, 20.0].map(|y| wall(-200.0, 200.0, y)));
+        for (degrees, parallel) in [(0.0, 2.0), (45.0, 1.146506), (60.0, -0.651531), (80.0, -15.080608)] {
+            for step in 0..20 {
+                let x = 0.37 * f64::from(step);
+                let (range, surface, part) = behind_pane(&scene, &ray_to(&scene, [x, 10.0, 1.0], degrees));
+                assert_eq!(part, 1, "{degrees}°, {x}");
+                let expected = y / libm::cos(radians(degrees)) + parallel * 1e-3;
+                assert!((range - expected).abs() < 1e-9, "{degrees}°: {range} is not {expected}");
+                assert!((surface.y - y).abs() < 1e-9, "{degrees}°: {surface}");
+            }
+        }
     }
 }
 
