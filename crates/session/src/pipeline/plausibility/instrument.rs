@@ -111,7 +111,7 @@ pub fn check_water(survey: &Survey, scene: &Scene) -> Diagnostics {
         );
         found.warn(survey_place(survey), message).help(
             "set `water_attenuation` of the material (`vlscan_water_attenuation` in MTL files): about 7 per \
-             metre at 905 nm, 13 at 1064 nm, 1000 at 1550 nm",
+             metre at 905 nm, 13 at 1064 nm, 1000 at 1550 nm; green and infrared light need a run each",
         );
     }
     found
