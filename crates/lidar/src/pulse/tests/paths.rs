@@ -38,6 +38,19 @@ fn mirror() -> OpticsKind {
     OpticsKind::Mirror { reflectance: 1.0 }
 }
 
+/// Flat water without scattering.
+fn flat_water() -> OpticsKind {
+    OpticsKind::Water(Water {
+        index: 1.34,
+        group_index: 1.365,
+        attenuation: 0.1,
+        beam_attenuation: 0.1,
+        backscatter: 0.0,
+        slopes: [0.0; 2],
+        wind: [0.0, 1.0],
+    })
+}
+
 #[test]
 fn a_ghost_has_the_range_of_the_mirrored_wall_and_the_position_of_the_true_one() {
     let scene = scene_of(mirror(), 1, &[side_wall(3.0), wall(-20.0, 20.0, 8.0)]);
@@ -225,18 +238,9 @@ fn ray_to(scene: &Scene, [x, y, z]: [f64; 3], degrees: f64) -> Batch {
 
 #[test]
 fn light_meets_a_surface_once_at_the_edges_and_corners_of_its_triangles() {
-    let flat = Water {
-        index: 1.34,
-        group_index: 1.365,
-        attenuation: 0.1,
-        beam_attenuation: 0.1,
-        backscatter: 0.0,
-        slopes: [0.0; 2],
-        wind: [0.0, 1.0],
-    };
     let foil = OpticsKind::Pane { index: 1.5, thickness: 0.0, absorption: 0.0, sheets: 1 };
     let walls = [wall(-200.0, 200.0, 20.0), wall(-200.0, 200.0, -5.0)];
-    for kind in [PANE, foil, mirror(), OpticsKind::Water(flat)] {
+    for kind in [PANE, foil, mirror(), flat_water()] {
         let scene = scene_of(kind, 4, &[&quarters(10.0)[..], &walls[..]].concat());
         for degrees in [0.0, 30.0, 80.0] {
             let found = |x: f64, z: f64| -> Vec<(f64, f64, EchoPath)> {
@@ -257,6 +261,41 @@ fn light_meets_a_surface_once_at_the_edges_and_corners_of_its_triangles() {
                         && one.2 == other.2;
                     assert!(is_equal, "{kind:?}, {degrees}°, {x} {z}: {one:?} {other:?}");
                 }
+            }
+        }
+    }
+}
+
+#[test]
+fn light_does_not_depend_on_the_orientation_of_the_scene() {
+    let insulating = OpticsKind::Pane { index: 1.6, thickness: 0.01, absorption: 5.0, sheets: 2 };
+    // A surface that faces no axis in a room.
+    let oblique = [DVec3::new(-9.0, 14.0, -6.0), DVec3::new(17.0, -5.0, 3.0), DVec3::new(2.0, 4.0, 13.0)];
+    let across = |x: f64| [DVec3::new(x, -8.0, -20.0), DVec3::Y * 33.0, DVec3::Z * 40.0];
+    let level = |z: f64| [DVec3::new(-40.0, -8.0, z), DVec3::X * 80.0, DVec3::Y * 33.0];
+    let room = [wall(-40.0, 40.0, 25.0), wall(-40.0, 40.0, -8.0), across(40.0), across(-40.0), level(20.0)];
+    let room = [&[oblique][..], &room[..], &[level(-20.0)][..]].concat();
+    let turn = Rotation::about(unit(DVec3::new(1.0, -2.0, 0.5)), 1.1);
+    let turned: Vec<[DVec3; 3]> = room.iter().map(|corners| corners.map(|v| turn.apply(v))).collect();
+    for kind in [PANE, insulating, mirror(), flat_water()] {
+        let scenes = [scene_of(kind, 1, &room), scene_of(kind, 1, &turned)];
+        for (aside, up) in [(0.0, 0.0), (10.0, 5.0), (-12.0, 8.0), (4.0, -9.0)] {
+            let attitude = Rotation::about_z(radians(aside)).after(Rotation::about_x(radians(up)));
+            let (survey, options) = one_ray();
+            let simulated = |scene: &Scene, attitude: Rotation| {
+                simulate_pulses(scene, &survey, options, 0, &[pulse(attitude)])
+            };
+            let (one, other) = (simulated(&scenes[0], attitude), simulated(&scenes[1], turn.after(attitude)));
+            let place = format!("{kind:?}, {aside}°, {up}°");
+            assert_eq!(one.echoes.len(), other.echoes.len(), "{place}");
+            assert!(one.truths.iter().any(|truth| truth.path.order > 0), "{place}");
+            for (a, b) in one.echoes.iter().zip(&other.echoes) {
+                let (seen, turned) = (a.truth(&one.truths), b.truth(&other.truths));
+                assert!((a.range - b.range).abs() < 1e-9, "{place}: {a:?} {b:?}");
+                assert!((a.intensity / b.intensity - 1.0).abs() < 1e-9, "{place}: {a:?} {b:?}");
+                assert_eq!((seen.path, a.part), (turned.path, b.part), "{place}");
+                let at = turn.apply(seen.surface + scenes[0].shift);
+                assert!((at - turned.surface - scenes[1].shift).length() < 1e-9, "{place}: {at}");
             }
         }
     }
