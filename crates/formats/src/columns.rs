@@ -122,8 +122,8 @@ impl Attribute {
 const OWN_NAME: &str = "pulsenumber";
 /// A name that its tables have if they have pulses without a return.
 const NAME_OF_MISSES: &str = "beamdirectionx";
-/// A name that tables with the path of the light have. In others a path is something else, such as a file.
-const NAME_BESIDE_PATHS: &str = "pathorder";
+/// Names in tables and files of this program. In others a column `path` is something else, such as a file.
+const NAMES_BESIDE_PATHS: [&str; 4] = ["pathorder", "surfacex", OWN_NAME, "fullwaveindex"];
 
 /// Maximum number of names in a message.
 const MAX_LISTED_NAMES: usize = 8;
@@ -279,7 +279,7 @@ impl Columns {
             let amplitude = ["heliosamplitude", "amplitude"].into_iter().find_map(position);
             columns[Attribute::Intensity as usize] = amplitude.or(columns[Attribute::Intensity as usize]);
         }
-        if position(NAME_BESIDE_PATHS).is_none() {
+        if NAMES_BESIDE_PATHS.into_iter().find_map(position).is_none() {
             columns[Attribute::Path as usize] = None;
         }
         let unit = |attribute: Attribute| {

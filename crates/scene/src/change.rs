@@ -6,13 +6,25 @@ use super::library::DefinedBy;
 use super::text::printable;
 use std::collections::{BTreeMap, BTreeSet};
 use vlscan_base::diag::Place;
-use vlscan_survey::{Identity, MaterialChanges, Replaced};
+use vlscan_survey::{Identity, MaterialChanges, MaterialDefinition, Replaced};
 
 /// The changes of the parts loaded so far: several parts can have the same, as those of one glTF file.
 #[derive(Default)]
 pub(super) struct AppliedChanges {
     /// Changes of materials by their names, by the identity of the changes and their number there.
     named: BTreeMap<(Identity, usize), NamedChange>,
+    /// Changes of all materials, likewise.
+    whole: BTreeMap<(Identity, usize), WholeChange>,
+}
+
+/// A change of all materials of a part that a file states.
+struct WholeChange {
+    name: String,
+    place: Option<Place>,
+    /// A material that is replaced has the name of the new one.
+    has_own_name: bool,
+    /// Another name of a material that is replaced.
+    other: Option<String>,
 }
 
 struct NamedChange {
@@ -39,6 +51,32 @@ impl AppliedChanges {
             others: BTreeSet::new(),
         })
     }
+
+    /// Records that a change of all materials replaces those called `names`.
+    fn replace_all<'n>(
+        &mut self,
+        key: (Identity, usize),
+        material: &MaterialDefinition,
+        names: impl Iterator<Item = &'n str>,
+    ) {
+        // Programs name their materials as they like.
+        if !material.has_line() {
+            return;
+        }
+        let applied = self.whole.entry(key).or_insert_with(|| WholeChange {
+            name: material.name.clone(),
+            place: material.place.clone(),
+            has_own_name: false,
+            other: None,
+        });
+        for name in names {
+            if name == applied.name {
+                applied.has_own_name = true;
+            } else if applied.other.is_none() {
+                applied.other = Some(name.to_owned());
+            }
+        }
+    }
 }
 
 impl NamedChange {
@@ -55,11 +93,20 @@ impl NamedChange {
     }
 }
 
-/// Warns of changes that replace nothing in any of their parts.
+/// Warns of changes that replace nothing in any of their parts, and of those that replace all materials
+/// although they have the name of one.
 pub(super) fn report_unused(scene: &mut SceneBuilder) {
-    let changes = std::mem::take(&mut scene.changes).named.into_values();
+    let AppliedChanges { named, whole } = std::mem::take(&mut scene.changes);
+    for WholeChange { name, place, has_own_name, other } in whole.into_values() {
+        if let Some(other) = other.filter(|_| has_own_name) {
+            let (name, other) = (printable(&name), printable(&other));
+            let message =
+                format!("this replaces all materials of the part, \"{other}\" too, not only \"{name}\"");
+            scene.diagnostics.warn(place, message).help(format!("`of = \"{name}\"` replaces that one alone"));
+        }
+    }
     let mut unused: Vec<NamedChange> =
-        changes.filter(|change| !change.has_replaced && !change.others.is_empty()).collect();
+        named.into_values().filter(|change| !change.has_replaced && !change.others.is_empty()).collect();
     unused.sort_by_key(|change| change.part);
     for change in unused {
         let there_are: Vec<String> =
@@ -109,7 +156,12 @@ pub(super) fn material_of(
     for (number, (change, replacement)) in changes.iter().zip(materials).enumerate() {
         scene.surface(part.index, replacement);
         let is_replaced = match &change.replaced {
-            Replaced::All => true,
+            Replaced::All => {
+                let found = &scene.library.materials[current as usize].name;
+                let names = std::iter::once(found.as_str());
+                scene.changes.replace_all((identity, number), &change.material, names);
+                true
+            }
             Replaced::Named(name) => {
                 let found = &scene.library.materials[current as usize].name;
                 scene.changes.named((identity, number), name, part).replaces(found)
@@ -144,6 +196,13 @@ pub(super) fn apply(scene: &mut SceneBuilder, part: &PartSource, changes: &Mater
         );
         match &change.replaced {
             Replaced::All => {
+                let (surfaces, materials) = (&scene.surfaces, &scene.library.materials);
+                let stored = triangle_surfaces.iter().chain(&*field_surfaces).chain(&*cube_surfaces);
+                let mut last = u32::MAX;
+                let names = stored
+                    .filter(|own| std::mem::replace(&mut last, **own) != **own)
+                    .map(|own| materials[surfaces[*own as usize].material as usize].name.as_str());
+                scene.changes.replace_all((identity, number), &change.material, names);
                 triangle_surfaces.fill(surface);
                 field_surfaces.fill(surface);
                 cube_surfaces.fill(surface);
@@ -235,6 +294,34 @@ mod tests {
         let expected =
             "the material \"nosuch\", so nothing is replaced; its materials are \"bark\", \"leaf\"\n";
         assert!(found.contains(expected) && found.matches("nosuch").count() == 1, "{found}");
+    }
+
+    #[test]
+    fn a_material_that_is_called_as_one_of_those_that_it_replaces_is_a_warning() {
+        let mut f = Fixture::new();
+        f.file("m.mtl", "newmtl wall\nhelios_reflectance 0.1\nnewmtl glass\nhelios_reflectance 0.2\n");
+        let mesh = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl wall\nf 1 2 3\n";
+        f.obj("a.obj", format!("{mesh}usemtl glass\nf 1 3 4\n"));
+        let place = Place { line: 3, ..Place::of_file(std::path::Path::new("p.toml")) };
+        let mut said = |replaced: Replaced, name: &str, place: Option<&Place>| {
+            let material = MaterialDefinition {
+                reflectance: Some(0.3),
+                place: place.cloned(),
+                ..MaterialDefinition::new(name)
+            };
+            f.parts[0].changes = vec![MaterialChange { replaced, material }].into();
+            f.load().unwrap().1.text()
+        };
+        let found = said(Replaced::All, "glass", Some(&place));
+        let expected = "this replaces all materials of the part, \"wall\" too, not only \"glass\"";
+        assert!(found.contains(expected) && found.contains("`of = \"glass\"`"), "{found}");
+        for found in [
+            said(Replaced::All, "paint", Some(&place)),
+            said(Replaced::All, "glass", None),
+            said(Replaced::Named("glass".to_owned()), "glass", Some(&place)),
+        ] {
+            assert!(!found.contains("replaces all"), "{found}");
+        }
     }
 
     #[test]

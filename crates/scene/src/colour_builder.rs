@@ -161,7 +161,7 @@ impl SceneBuilder<'_> {
                 self.diagnostics.warn(place.cloned(), message);
                 sibling
             }
-            None => return Err(std::io::Error::from(std::io::ErrorKind::NotFound).into()),
+            None => return Err(TextureError::Missing),
         };
         let source = Source::open(&path)?;
         self.sources.push(path);

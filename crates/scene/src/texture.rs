@@ -30,6 +30,9 @@ pub(crate) struct Texture {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum TextureError {
+    /// No file has the name.
+    #[error("there is no such file")]
+    Missing,
     /// A file that cannot be opened.
     #[error("{0}")]
     Unreadable(#[from] std::io::Error),

@@ -24,6 +24,15 @@ fn zeros_are_misses_in_tables_of_this_program_alone() {
 }
 
 #[test]
+fn a_path_is_one_of_light_in_tables_of_this_program_alone() {
+    let of = |more: &str| Columns::find(["x", "y", "z", "Path", more]).get(Attribute::Path);
+    for name in ["PathOrder", "path_order", "SurfaceX", "scalar_PulseNumber", "fullwaveIndex"] {
+        assert_eq!(of(name), Some(3), "{name}");
+    }
+    assert_eq!((of("Line"), of("NumberOfReturns")), (None, None));
+}
+
+#[test]
 fn intensity_counts_beside_amplitude_but_in_own_tables() {
     for (names, column) in [
         (&["x", "y", "z", "Amplitude", "Intensity"][..], 4),

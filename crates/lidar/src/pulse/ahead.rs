@@ -2,11 +2,11 @@
 //! together cost a fraction of single ones. They follow from the first hits of the pulses alone. Those behind
 //! foliage, rough mirrors and further mirrors are found when light gets there ([`super::light`]).
 
-use super::light::{mirrored, normal_on_side, optics_of};
-use super::pane::Pane;
+use super::light::{first_way, mirrored, normal_on_side, optics_of};
+use super::pane::{Crossing, Pane};
 use super::reflect::ShadedSurface;
 use super::traced::{SubrayGains, TracedPulse};
-use super::view::{STEP_BEHIND, SceneView};
+use super::view::SceneView;
 use vlscan_geom::DVec3;
 use vlscan_scene::{Optics, OpticsKind};
 use vlscan_trace::{Hit, Hits, TraceScratch};
@@ -35,9 +35,9 @@ pub(super) struct Ahead {
 }
 
 impl Rays {
-    /// Adds light that leaves a surface at `from`.
-    fn push(&mut self, from: DVec3, direction: DVec3, place: usize) {
-        self.starts.push(from + direction * STEP_BEHIND);
+    /// Adds light that leaves a surface at `from`, after its way through a pane.
+    fn push(&mut self, (from, direction): (DVec3, DVec3), crossing: Option<Crossing>, place: usize) {
+        self.starts.push(from + direction * first_way(crossing));
         self.directions.push(direction);
         self.places.push(place);
     }
@@ -90,11 +90,12 @@ impl Ahead {
         if optics.roughness == 0.0 {
             let mirrored = mirrored(direction, normal);
             if mirrored.dot(normal) > 0.0 {
-                self.rays[0].push(at, mirrored, place);
+                self.rays[0].push((at, mirrored), None, place);
             }
         }
         if let Some(pane) = Pane::of(optics.kind) {
-            self.rays[1].push(at + pane.crossing(normal, direction).way, direction, place);
+            let crossing = pane.crossing(normal, direction);
+            self.rays[1].push((at + crossing.way, direction), Some(crossing), place);
         }
     }
 
@@ -168,14 +169,15 @@ mod tests {
             for (subray, hits) in ahead.of(i).iter().enumerate() {
                 let at = traced.start(subray) + traced.direction(subray) * gains.ranges[subray];
                 let normal = DVec3::NEG_Y;
-                let crossed = Pane::of(pane).unwrap().crossing(normal, traced.direction(subray)).way;
+                let crossing = Pane::of(pane).unwrap().crossing(normal, traced.direction(subray));
                 let ways = [
-                    (at, mirrored(traced.direction(subray), normal)),
-                    (at + crossed, traced.direction(subray)),
+                    (at, mirrored(traced.direction(subray), normal), None),
+                    (at + crossing.way, traced.direction(subray), Some(crossing)),
                 ];
-                for (side, (hit, (from, direction))) in hits.iter().zip(ways).enumerate() {
+                for (side, (hit, (from, direction, crossing))) in hits.iter().zip(ways).enumerate() {
                     let Some(hit) = hit else { continue };
-                    let single = view.nearest_astray((from + direction * STEP_BEHIND, direction), |_| true);
+                    let start = from + direction * first_way(crossing);
+                    let single = view.nearest_astray((start, direction), |_| true);
                     assert_eq!((hit.t.to_bits(), hit.primitive), (single.t.to_bits(), single.primitive));
                     known[side] += 1;
                 }

@@ -4,6 +4,7 @@ use super::ahead::NextHits;
 use super::echo::EchoPath;
 use super::foliage::{self, FreePaths, MediumEvent};
 use super::instrument::Instrument;
+use super::pane::Crossing;
 use super::reflect::ShadedSurface;
 use super::reflections::PathEnd;
 use super::specular::Image;
@@ -48,6 +49,8 @@ pub(super) struct Departure {
     pub primitive: u32,
     pub from: DVec3,
     pub direction: DVec3,
+    /// Way through the pane, which ends at `from`.
+    pub crossing: Option<Crossing>,
     /// Standard deviation of the slopes of the facets that spread the light, rad.
     pub roughness: f64,
     /// Factor by which light is slower than in vacuum.
@@ -94,7 +97,14 @@ pub(super) fn mirrored(direction: DVec3, facet: DVec3) -> DVec3 {
     unit(direction - facet * (2.0 * facet.dot(direction)))
 }
 
-/// The next surface on the way of light, or the foliage that intercepts it, and its distance, m.
+/// Way of light that leaves a surface at which it is traced on, m; negative for light that has crossed a
+/// pane: it is traced from the plane of the pane, as surfaces may be nearer to that than the pane is thick.
+pub(super) fn first_way(crossing: Option<Crossing>) -> f64 {
+    STEP_BEHIND - crossing.map_or(0.0, |crossing| crossing.unbent)
+}
+
+/// The next surface on the way of light, or the foliage that intercepts it, and its distance, m; the distance
+/// is negative if the surface lies within the thickness of the pane that the light crosses.
 pub(super) fn next_surface(
     view: &SceneView,
     instrument: &Instrument,
@@ -103,13 +113,21 @@ pub(super) fn next_surface(
 ) -> Option<(Interaction, f64)> {
     let Departure { primitive, from, direction, slowness, light, mut next, .. } = *departure;
     let detector = &instrument.detector;
-    let mut way = STEP_BEHIND;
+    let mut crossing = departure.crossing;
+    let mut way = first_way(crossing);
     loop {
         let start = from + direction * way;
         let at = match next.take().filter(|hit| hit.primitive != primitive) {
             Some(hit) => Interaction::at_hit((start, direction), start, hit),
             None => view.nearest_astray((start, direction), |i| i != primitive),
         };
+        if way + at.t < 0.0
+            && let Some(crossing) = crossing.take()
+            && !is_obstructed(view, primitive, &crossing, from)
+        {
+            way = STEP_BEHIND;
+            continue;
+        }
         // False for a ray that misses, and for one that is not finite.
         let length = light.length + slowness * way + slowness * at.t;
         let is_in_reach = at.primitive != Hits::MISS && length <= detector.range_max;
@@ -124,6 +142,15 @@ pub(super) fn next_surface(
             MediumEvent::Exit(exit) => way += exit + STEP_BEHIND,
         }
     }
+}
+
+/// True if a surface lies on the way of light through a pane to `from`. The line of the light in air,
+/// extended back to the plane of the pane, may also meet surfaces beside that way, such as a reveal.
+fn is_obstructed(view: &SceneView, primitive: u32, crossing: &Crossing, from: DVec3) -> bool {
+    let (length, inner) = (crossing.way.length(), unit(crossing.way));
+    let start = from - crossing.way + inner * STEP_BEHIND;
+    // Surfaces at the exit count, on either side of it.
+    view.nearest_astray((start, inner), |i| i != primitive).t <= length
 }
 
 /// Square root of the share of light that returns from a surface `way` m behind a rough mirror: facets of

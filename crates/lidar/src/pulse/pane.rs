@@ -36,6 +36,8 @@ pub(super) struct Crossing {
     pub way: DVec3,
     /// Optical length, m.
     pub length: f64,
+    /// Length of the way through the pane along the direction of the ray in air, m.
+    pub unbent: f64,
 }
 
 /// Reflectances of the boundary of a medium for light polarised across and in the plane of incidence
@@ -95,7 +97,7 @@ impl Pane {
         let along = direction + normal * cosine;
         let inner = along * (1.0 / self.index) - normal * inner_cosine;
         let inner_length = depth / inner_cosine;
-        Crossing { way: inner * inner_length, length: self.index * inner_length }
+        Crossing { way: inner * inner_length, length: self.index * inner_length, unbent: depth / cosine }
     }
 }
 
@@ -174,6 +176,37 @@ mod tests {
         }
     }
 
+    /// Follows the light from boundary to boundary and from sheet to sheet, by the formulas of Fresnel for
+    /// the angles in air and glass.
+    #[test]
+    fn shares_are_the_sums_over_all_ways_of_the_light() {
+        // Light between two mirrors, which leaves it at either side in turn: shares mirrored and transmitted.
+        let between = |first: f64, mut inside: f64, leaving: f64, kept: f64| {
+            let mut shares = [first, 0.0];
+            for way in 0..400 {
+                shares[(way + 1) % 2] += inside * leaving;
+                inside *= kept;
+            }
+            shares
+        };
+        for (index, absorption) in [(1.5, 0.0), (1.5, 10.0), (1.52, 0.5), (2.0, 500.0)] {
+            for step in 1..86 {
+                let outer = f64::from(step).to_radians();
+                let inner = libm::asin(libm::sin(outer) / index);
+                let t = exp(-absorption * 0.004 / libm::cos(inner));
+                let s = libm::sin(outer - inner) / libm::sin(outer + inner);
+                let p = libm::tan(outer - inner) / libm::tan(outer + inner);
+                let one = [s * s, p * p].map(|r| between(r, (1.0 - r) * t, 1.0 - r, r * t));
+                let two = one.map(|[mirrored, once]| between(mirrored, once, once, mirrored));
+                for (sheets, [s, p]) in [(1, one), (2, two)] {
+                    let shares = Pane { index, ..pane(sheets, absorption) }.shares(libm::cos(outer));
+                    near(shares.mirrored, 0.5 * (s[0] + p[0]), 1e-12);
+                    near(shares.transmitted, 0.5 * (s[1] + p[1]), 1e-12);
+                }
+            }
+        }
+    }
+
     /// The light that is absorbed in a sheet, summed over its ways: (1 − r)(1 − t)/(1 − r·t) of each
     /// polarisation. Two sheets absorb it of the light that comes in and of all that runs between them.
     #[test]
@@ -228,6 +261,7 @@ mod tests {
             let crossing = pane(1, 0.0).crossing(normal, direction);
             let along = crossing.way.dot(direction);
             near(crossing.way.y, 0.004, 1e-15);
+            near(crossing.unbent * c, 0.004, 1e-15);
             near(crossing.length - along, square * 1e-3, 1e-9);
             near(crossing.length - 0.004 / c, parallel * 1e-3, 1e-9);
             near((crossing.way - direction * along).length(), shift * 1e-3, 1e-9);

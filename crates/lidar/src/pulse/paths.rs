@@ -191,8 +191,8 @@ impl LightPaths {
                 image: image.map(|image| image.displaced(crossing.way, direction)),
                 ..light
             };
-            let (from, next) = (at + crossing.way, next[1]);
-            Departure { primitive, from, direction, roughness: 0.0, slowness: 1.0, light, next }
+            let (from, crossing, next) = (at + crossing.way, Some(crossing), next[1]);
+            Departure { primitive, from, direction, crossing, roughness: 0.0, slowness: 1.0, light, next }
         });
         let roughness = optics.roughness;
         let mirror = Mirror { at, direction, primitive, cosine, roughness, is_water: false };
@@ -204,8 +204,9 @@ impl LightPaths {
             image: image.map(|image| image.mirrored(normal, mirror)),
             ..light
         };
-        let next = next[0];
-        let mirrored = Departure { primitive, from: at, direction, roughness, slowness: 1.0, light, next };
+        let (from, crossing, next) = (at, None, next[0]);
+        let mirrored =
+            Departure { primitive, from, direction, crossing, roughness, slowness: 1.0, light, next };
         // Light that a steep facet throws into the surface is lost.
         [Some(mirrored).filter(|_| direction.dot(normal) > 0.0), passed]
     }
@@ -265,8 +266,9 @@ impl LightPaths {
             let image = image.map(|image| image.mirrored(normal, mirror));
             let light = Light { share, path, image, ..light };
             let roughness = (0.5 * (water.slopes[0] + water.slopes[1])).sqrt();
-            let (from, direction, next) = (at, mirrored, None);
-            let departure = Departure { primitive, from, direction, roughness, slowness: 1.0, light, next };
+            let (from, direction, crossing, next) = (at, mirrored, None, None);
+            let departure =
+                Departure { primitive, from, direction, crossing, roughness, slowness: 1.0, light, next };
             self.send_back(view, instrument, &departure, paths);
             self.send(view, instrument, &departure, max_order, paths);
         }
@@ -295,8 +297,8 @@ impl LightPaths {
         let WaterPlane { point: from, water, .. } = *plane;
         let Refracted { direction, cosines } = *refracted;
         let slowness = water.group_index;
-        let (roughness, next) = (0.0, None);
-        let departure = Departure { primitive, from, direction, roughness, slowness, light, next };
+        let (roughness, crossing, next) = (0.0, None, None);
+        let departure = Departure { primitive, from, direction, crossing, roughness, slowness, light, next };
         let bottom = next_surface(view, instrument, &departure, paths);
         let air = light.length.max(MIN_AIR);
         let attenuation = water::attenuation(&water, instrument.field_of_view, air);

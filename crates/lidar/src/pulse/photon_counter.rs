@@ -175,7 +175,7 @@ impl PhotonCounter {
                 break;
             }
             if number == MAX_EVENTS {
-                return Err(too_many(device, pulse, total));
+                return Err(too_many(device, pulse, total, self.dead_time));
             }
             let time = delayed.unwrap_or(photon);
             let is_noise = delayed.is_some() || rng::open_unit(draw[2], draw[3]) * rate > piece.light;
@@ -238,14 +238,17 @@ impl PhotonCounter {
 }
 
 #[cold]
-fn too_many(device: u32, pulse: u64, total: f64) -> Error {
+fn too_many(device: u32, pulse: u64, total: f64, dead_time: f64) -> Error {
+    let verb = if dead_time > 0.0 { "raise" } else { "set" };
     Error::input_with_help(
         format!(
             "pulse {pulse} of device {device} has more than {MAX_EVENTS} photons, about {total:.0} without \
              dead time"
         ),
-        "no receiver counts so many: state the receiver's `dead_time_ns`, or limit the returns with \
-         `max_returns`",
+        format!(
+            "{verb} the receiver's `dead_time_ns`, or limit the returns with `max_returns`; a mirror, pane \
+             or flat water that faces the beam returns most of its light"
+        ),
     )
 }
 
@@ -325,6 +328,9 @@ mod tests {
         };
         let error = count(&Receiver::default(), 0).unwrap_err().to_string();
         assert!(error.contains("pulse 7") && error.contains("4096 photons"), "{error}");
+        let help = |dead_time: f64| format!("{:?}", too_many(0, 7, 1e4, dead_time));
+        assert!(help(0.0).contains("set the receiver's `dead_time_ns`"), "{}", help(0.0));
+        assert!(help(1e-4).contains("raise the receiver's `dead_time_ns`"), "{}", help(1e-4));
         assert_eq!(count(&Receiver::default(), 20).unwrap(), 20);
         assert!(count(&Receiver { dead_time: 3.0, ..Receiver::default() }, 0).unwrap() < 10);
     }

@@ -182,6 +182,9 @@ impl Session {
         }
         found.extend(plausibility::check_noise(survey, physics));
         found.extend(plausibility::check_energy_model(survey, physics));
+        if physics.max_order > 0 {
+            found.extend(plausibility::check_water(survey, self.scene()));
+        }
         found.finish(*strict)
     }
 

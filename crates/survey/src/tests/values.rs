@@ -508,6 +508,23 @@ fn pipeline_files_take_whole_numbers_and_durations_above_0_only() {
 }
 
 #[test]
+fn a_material_without_of_after_others_is_a_warning() {
+    let conic = "optics = 'conic'\npulse_freqs_hz = [1000]\nscan_angle_max_deg = 20";
+    let warnings = |materials: &str| {
+        pipeline(conic, "max_duration_s = 1", &format!("material = [{materials}]")).unwrap().1.render(false)
+    };
+    let (glass, wall) = ("{ name = 'glass', pane_index = 1.5 }", "{ name = 'wall', reflectance = 0.4 }");
+    let expected = "replaces all materials of the part, also those of the tables before it";
+    contains(&warnings(&format!("{glass}, {wall}")), &[expected, "with `of`; `name` only names"]);
+    let of_glass = "{ of = 'glass', pane_index = 1.5 }";
+    for fine in
+        [glass.to_owned(), format!("{wall}, {of_glass}"), format!("{of_glass}, {{ primitives = [0] }}")]
+    {
+        assert!(!warnings(&fine).contains("replaces all"), "{fine}");
+    }
+}
+
+#[test]
 fn a_usable_angle_and_an_ellipse_of_0_are_told_in_pipeline_files() {
     let ellipse = "optics = 'conic'\npulse_freqs_hz = [1000]\nscan_angle_along_max_deg = 0\n";
     contains(&refused(pipeline(ellipse, "", "")), &["an elliptic cone (`scan_angle_along_max_deg`) needs"]);

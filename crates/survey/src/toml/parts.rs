@@ -62,7 +62,7 @@ fn read_placed(fields: &mut Fields) -> PartRecipe {
     let rotation = fields.rotations(keys.rotate_deg, false);
     let offset = fields.vector(keys.position_m).unwrap_or(DVec3::ZERO);
     let on_ground = i64::from(fields.flag(keys.on_ground, false));
-    let changes = fields.children(keys.material, &MaterialKeys::TABLE).into_iter().map(read_change).collect();
+    let changes = read_changes(fields).into();
     let id = fields.text(keys.id);
     let transform = Transform { rotation, offset, scale, on_ground, ..Transform::IDENTITY };
     let nothing = Loader::MeshFiles { files: Vec::new(), reading: MeshReading::default() };
@@ -171,6 +171,21 @@ fn read_optics(fields: &mut Fields) -> OpticsDefinition {
             wind_direction: fields.optional(keys.water_wind_deg),
         },
     }
+}
+
+/// The materials of a part that replace those of its file, in their order.
+fn read_changes(fields: &mut Fields) -> Vec<MaterialChange> {
+    let tables = fields.children(PartKeys::KEYS.material, &MaterialKeys::TABLE);
+    let changes: Vec<MaterialChange> = tables.into_iter().map(read_change).collect();
+    let last_of_all = changes.iter().rposition(|change| change.replaced == Replaced::All);
+    if let Some(number) = last_of_all.filter(|number| *number > 0) {
+        fields.context.warn_help(
+            changes[number].material.place.clone(),
+            "this [[part.material]] replaces all materials of the part, also those of the tables before it",
+            "name the material of the file that it replaces with `of`; `name` only names the new material",
+        );
+    }
+    changes
 }
 
 fn read_change(mut fields: Fields) -> MaterialChange {

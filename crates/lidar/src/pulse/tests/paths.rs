@@ -4,7 +4,7 @@ use super::*;
 use crate::pulse::testkit::*;
 use crate::pulse::{Echo, EchoPath, PathKind};
 use vlscan_geom::unit;
-use vlscan_scene::{Optics, OpticsKind};
+use vlscan_scene::{Optics, OpticsKind, Water};
 
 const PANE: OpticsKind = OpticsKind::Pane { index: 1.5, thickness: 0.004, absorption: 0.0, sheets: 1 };
 
@@ -36,6 +36,19 @@ fn side_wall(x: f64) -> [DVec3; 3] {
 
 fn mirror() -> OpticsKind {
     OpticsKind::Mirror { reflectance: 1.0 }
+}
+
+/// Flat water without scattering.
+fn flat_water() -> OpticsKind {
+    OpticsKind::Water(Water {
+        index: 1.34,
+        group_index: 1.365,
+        attenuation: 0.1,
+        beam_attenuation: 0.1,
+        backscatter: 0.0,
+        slopes: [0.0; 2],
+        wind: [0.0, 1.0],
+    })
 }
 
 #[test]
@@ -206,6 +219,133 @@ fn windows_nearer_than_the_minimum_range_let_light_pass() {
     let batch = ray(&scene, 0.0);
     assert_eq!(batch.echoes.len(), 1, "{:?}", batch.echoes);
     assert!((batch.echoes[0].range - 20.002).abs() < 1e-9);
+}
+
+/// Four rectangles that share a corner at (0, y, 0); the diagonals of two of them end there.
+fn quarters(y: f64) -> [[DVec3; 3]; 4] {
+    [(-20.0, -20.0), (0.0, -20.0), (-20.0, 0.0), (0.0, 0.0)]
+        .map(|(x, z)| [DVec3::new(x, y, z), DVec3::X * 20.0, DVec3::Z * 20.0])
+}
+
+/// A ray that meets the plane y = `y` at this x and z, turned about z by an angle in degrees.
+fn ray_to(scene: &Scene, [x, y, z]: [f64; 3], degrees: f64) -> Batch {
+    let (survey, options) = one_ray();
+    let aimed = pulse(Rotation::about_z(radians(degrees)));
+    let direction = aimed.attitude.forward();
+    let origin = DVec3::new(x, y, z) - direction * (y / direction.y);
+    simulate_pulses(scene, &survey, options, 0, &[Pulse { origin, ..aimed }])
+}
+
+#[test]
+fn light_meets_a_surface_once_at_the_edges_and_corners_of_its_triangles() {
+    let foil = OpticsKind::Pane { index: 1.5, thickness: 0.0, absorption: 0.0, sheets: 1 };
+    let walls = [wall(-200.0, 200.0, 20.0), wall(-200.0, 200.0, -5.0)];
+    for kind in [PANE, foil, mirror(), flat_water()] {
+        let scene = scene_of(kind, 4, &[&quarters(10.0)[..], &walls[..]].concat());
+        for degrees in [0.0, 30.0, 80.0] {
+            let found = |x: f64, z: f64| -> Vec<(f64, f64, EchoPath)> {
+                let batch = ray_to(&scene, [x, 10.0, z], degrees);
+                let of = |echo: &Echo| (echo.range, echo.intensity, echo.truth(&batch.truths).path);
+                batch.echoes.iter().map(of).collect()
+            };
+            let inside = found(-3.0, 1.5);
+            assert!(!inside.is_empty(), "{kind:?}, {degrees}°");
+            let (corner, edges) = ([(0.0, 0.0)], [(0.0, 5.0), (0.0, -7.0), (-4.0, 0.0), (9.0, 0.0)]);
+            let diagonals = [(-5.0, -5.0), (7.5, 7.5), (4.0, -16.0), (-12.0, 8.0)];
+            for (x, z) in corner.into_iter().chain(diagonals).chain(edges) {
+                let there = found(x, z);
+                assert_eq!(there.len(), inside.len(), "{kind:?}, {degrees}°, {x} {z}: {there:?}");
+                for (one, other) in there.iter().zip(&inside) {
+                    let is_equal = (one.0 - other.0).abs() < 1e-9
+                        && (one.1 / other.1 - 1.0).abs() < 1e-9
+                        && one.2 == other.2;
+                    assert!(is_equal, "{kind:?}, {degrees}°, {x} {z}: {one:?} {other:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn light_does_not_depend_on_the_orientation_of_the_scene() {
+    let insulating = OpticsKind::Pane { index: 1.6, thickness: 0.01, absorption: 5.0, sheets: 2 };
+    // A surface that faces no axis in a room.
+    let oblique = [DVec3::new(-9.0, 14.0, -6.0), DVec3::new(17.0, -5.0, 3.0), DVec3::new(2.0, 4.0, 13.0)];
+    let across = |x: f64| [DVec3::new(x, -8.0, -20.0), DVec3::Y * 33.0, DVec3::Z * 40.0];
+    let level = |z: f64| [DVec3::new(-40.0, -8.0, z), DVec3::X * 80.0, DVec3::Y * 33.0];
+    let room = [wall(-40.0, 40.0, 25.0), wall(-40.0, 40.0, -8.0), across(40.0), across(-40.0), level(20.0)];
+    let room = [&[oblique][..], &room[..], &[level(-20.0)][..]].concat();
+    let turn = Rotation::about(unit(DVec3::new(1.0, -2.0, 0.5)), 1.1);
+    let turned: Vec<[DVec3; 3]> = room.iter().map(|corners| corners.map(|v| turn.apply(v))).collect();
+    for kind in [PANE, insulating, mirror(), flat_water()] {
+        let scenes = [scene_of(kind, 1, &room), scene_of(kind, 1, &turned)];
+        for (aside, up) in [(0.0, 0.0), (10.0, 5.0), (-12.0, 8.0), (4.0, -9.0)] {
+            let attitude = Rotation::about_z(radians(aside)).after(Rotation::about_x(radians(up)));
+            let (survey, options) = one_ray();
+            let simulated = |scene: &Scene, attitude: Rotation| {
+                simulate_pulses(scene, &survey, options, 0, &[pulse(attitude)])
+            };
+            let (one, other) = (simulated(&scenes[0], attitude), simulated(&scenes[1], turn.after(attitude)));
+            let place = format!("{kind:?}, {aside}°, {up}°");
+            assert_eq!(one.echoes.len(), other.echoes.len(), "{place}");
+            assert!(one.truths.iter().any(|truth| truth.path.order > 0), "{place}");
+            for (a, b) in one.echoes.iter().zip(&other.echoes) {
+                let (seen, turned) = (a.truth(&one.truths), b.truth(&other.truths));
+                assert!((a.range - b.range).abs() < 1e-9, "{place}: {a:?} {b:?}");
+                assert!((a.intensity / b.intensity - 1.0).abs() < 1e-9, "{place}: {a:?} {b:?}");
+                assert_eq!((seen.path, a.part), (turned.path, b.part), "{place}");
+                let at = turn.apply(seen.surface + scenes[0].shift);
+                assert!((at - turned.surface - scenes[1].shift).length() < 1e-9, "{place}: {at}");
+            }
+        }
+    }
+}
+
+/// The echo of the light that a pane lets pass: range, true position and part.
+fn behind_pane(scene: &Scene, batch: &Batch) -> (f64, DVec3, u32) {
+    let through = |i: &usize| batch.truths[*i].path.kind == PathKind::Pane;
+    let all: Vec<usize> = (0..batch.echoes.len()).filter(through).collect();
+    let [i] = all[..] else { panic!("{:?}", batch.echoes) };
+    (batch.echoes[i].range, batch.truths[i].surface + scene.shift, batch.echoes[i].part)
+}
+
+#[test]
+fn a_wall_nearer_to_a_pane_than_its_thickness_is_seen_through_it() {
+    // The second one touches the back of the pane.
+    for y in [10.002, 10.004] {
+        let scene = scene_of(PANE, 1, &[10.0, y, 20.0].map(|y| wall(-200.0, 200.0, y)));
+        for (degrees, parallel) in [(0.0, 2.0), (45.0, 1.146506), (60.0, -0.651531), (80.0, -15.080608)] {
+            for step in 0..20 {
+                let x = 0.37 * f64::from(step);
+                let (range, surface, part) = behind_pane(&scene, &ray_to(&scene, [x, 10.0, 1.0], degrees));
+                assert_eq!(part, 1, "{degrees}°, {x}");
+                let expected = y / libm::cos(radians(degrees)) + parallel * 1e-3;
+                assert!((range - expected).abs() < 1e-9, "{degrees}°: {range} is not {expected}");
+                assert!((surface.y - y).abs() < 1e-9, "{degrees}°: {surface}");
+            }
+        }
+    }
+}
+
+#[test]
+fn light_in_a_pane_meets_the_reveal_that_it_runs_into_and_not_the_one_beside_it() {
+    // The light enters the pane at x = 5 mm and leaves it at 8.48 mm.
+    let found = |x: f64| {
+        let reveal = [DVec3::new(x, 10.0, -20.0), DVec3::Y * 0.2, DVec3::Z * 40.0];
+        let scene = scene_of(PANE, 1, &[wall(-200.0, 200.0, 10.0), reveal, wall(-200.0, 200.0, 20.0)]);
+        behind_pane(&scene, &ray_to(&scene, [0.005, 10.0, 0.0], -80.0))
+    };
+    for x in [0.0, 0.0045] {
+        let (range, surface, part) = found(x);
+        assert_eq!(part, 2, "{x}");
+        let expected = 20.0 / libm::cos(radians(80.0)) - 0.015080608;
+        assert!((range - expected).abs() < 1e-9 && (surface.y - 20.0).abs() < 1e-9, "{x}: {range}");
+    }
+    for x in [0.006, 0.0084] {
+        let (_, surface, part) = found(x);
+        assert_eq!(part, 1, "{x}");
+        assert!((surface.x - x).abs() < 1e-9 && (10.0..10.004).contains(&surface.y), "{x}: {surface}");
+    }
 }
 
 /// The echoes of a mirror or pane itself, with their paths.

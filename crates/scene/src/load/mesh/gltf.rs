@@ -5,7 +5,7 @@
 use super::gltf_buffers::{Buffer, BufferJson, open_buffer, split_chunks};
 use super::gltf_colours::{ColourJson, complete_colours};
 use super::gltf_extensions::{COMPRESSIONS, compressed, refused};
-use super::gltf_materials::{MaterialJson, definitions};
+use super::gltf_materials::{MaterialJson, definitions, doubts};
 use super::{FileFrame, GltfError, RawMesh};
 use crate::builder::memory_of;
 use crate::text::{Source, printable};
@@ -179,6 +179,7 @@ impl GltfDocument {
             .map(|(i, b)| open_buffer(path, i, b, &chunk, &mut warnings))
             .collect::<Result<_, _>>()?;
         let materials = definitions(&json.materials)?;
+        warnings.extend(doubts(&json.materials, &materials));
         let of_colours: Option<ColourJson> =
             colours.then(|| serde_json::from_slice(text)).transpose().map_err(GltfError::Json)?;
         let texel_sets = Vec::new();

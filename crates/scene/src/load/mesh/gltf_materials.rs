@@ -2,11 +2,25 @@
 
 use super::{GltfError, diffuse};
 use crate::mtl_optics::{OPTICAL_KEYS, set_optics};
-use crate::optics::GLASS_INDEX;
+use crate::optics::{GLASS_INDEX, SHEET_THICKNESS};
+use crate::text::printable;
 use serde::Deserialize;
 use serde_json::Value;
+use vlscan_base::diag::nearest;
 use vlscan_base::quantity::{PANE_INDEX, PANE_THICKNESS};
 use vlscan_survey::{MaterialDefinition, OpticsDefinition, UnusedOptics};
+
+/// Extras that are read, beside [`OPTICAL_KEYS`], and one of HELIOS++ without effect.
+const EXTRAS: [&str; 8] = [
+    "helios_reflectance",
+    "helios_spectra",
+    "helios_classification",
+    "helios_isGround",
+    "helios_useVertexColors",
+    "vlscan_leaf",
+    "vlscan_roughness_deg",
+    "vlscan_element_size_m",
+];
 
 #[derive(Debug, Deserialize)]
 pub(super) struct MaterialJson {
@@ -91,6 +105,63 @@ fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, 
         UnusedOptics { properties, place: None, meaning }
     });
     Ok(material)
+}
+
+/// Warnings of ignored extras and of replaced numbers of glass, as sentences about the file.
+/// `definitions` are those of the materials.
+pub(super) fn doubts(materials: &[MaterialJson], definitions: &[MaterialDefinition]) -> Vec<String> {
+    let mut found = Vec::new();
+    for (json, definition) in materials.iter().zip(definitions) {
+        let mut doubtful = unknown_extras(json);
+        if !definition.optics.is_optical() {
+            doubtful.extend(doubtful_glass(json));
+        }
+        found.extend(doubtful.iter().map(|text| format!("the material \"{}\": {text}", definition.name)));
+    }
+    found
+}
+
+/// Extras with a prefix of material files that have no meaning.
+fn unknown_extras(json: &MaterialJson) -> Vec<String> {
+    let optical = OPTICAL_KEYS.map(|key| format!("vlscan_{key}"));
+    let known = || EXTRAS.into_iter().chain(optical.iter().map(String::as_str));
+    let is_own = |key: &str| {
+        let key = key.to_ascii_lowercase();
+        key.starts_with("helios_") || key.starts_with("vlscan_")
+    };
+    let keys = json.extras.as_object().into_iter().flat_map(|extras| extras.keys());
+    let unknown = keys.filter(|key| is_own(key) && !known().any(|known| known == key.as_str()));
+    let message = |key: &String| {
+        let near = nearest(key, known()).map_or(String::new(), |near| format!("; did you mean {near}?"));
+        format!("the unknown extra {} is ignored{near}", printable(key))
+    };
+    unknown.map(message).collect()
+}
+
+/// Numbers of a material with transmission that no pane has.
+fn doubtful_glass(json: &MaterialJson) -> Vec<String> {
+    let number = |extension: &str, key: &str| json.extensions.get(extension)?.get(key)?.as_f64();
+    let transmission = number("KHR_materials_transmission", "transmissionFactor").filter(|t| *t > 0.0);
+    let Some(transmission) = transmission else { return Vec::new() };
+    let mut found = Vec::new();
+    if transmission > 1.0 {
+        found.push(format!(
+            "KHR_materials_transmission {transmission} is no share from 0 to 1; it is read as 1"
+        ));
+    }
+    if let Some(ior) = number("KHR_materials_ior", "ior").filter(|ior| !PANE_INDEX.contains(*ior)) {
+        found.push(format!(
+            "KHR_materials_ior {ior} is no refractive index from 1 to 5; the pane has {GLASS_INDEX}"
+        ));
+    }
+    // Glass of thickness 0 is a thin sheet.
+    let thickness = number("KHR_materials_volume", "thicknessFactor");
+    if let Some(thickness) = thickness.filter(|t| !PANE_THICKNESS.contains(*t)) {
+        found.push(format!(
+            "KHR_materials_volume {thickness} is no thickness of 0 to 1 m; the pane has {SHEET_THICKNESS} m"
+        ));
+    }
+    found
 }
 
 /// The pane that the extension of transmission describes; opacities and diffuse transmission have no effect.
@@ -192,6 +263,49 @@ mod tests {
         ] {
             assert_eq!(of(json).as_deref(), expected, "{json}");
         }
+    }
+
+    #[test]
+    fn ignored_extras_and_replaced_numbers_are_named() {
+        let of = |properties: &str| {
+            let json = format!(r#"[{{"name":"pane",{properties}}}]"#);
+            let materials: Vec<MaterialJson> = serde_json::from_str(&json).unwrap();
+            doubts(&materials, &definitions(&materials).unwrap()).join("\n")
+        };
+        let glass = |more: &str| {
+            of(&format!(r#""extensions":{{"KHR_materials_transmission":{{"transmissionFactor":1}}{more}}}"#))
+        };
+        let volume =
+            |thickness: f64| glass(&format!(r#","KHR_materials_volume":{{"thicknessFactor":{thickness}}}"#));
+        for fine in [
+            of(
+                r#""extras":{"vlscan_mirror":0.9,"helios_reflectance":0.1,"helios_useVertexColors":1,"note":1}"#,
+            ),
+            glass(r#","KHR_materials_ior":{"ior":1.33}"#),
+            volume(0.0),
+            of(r#""extensions":{"KHR_materials_ior":{"ior":9}}"#),
+            of(
+                r#""extensions":{"KHR_materials_transmission":{"transmissionFactor":2}},"extras":{"vlscan_mirror":1}"#,
+            ),
+        ] {
+            assert_eq!(fine, "");
+        }
+        let miror = of(r#""extras":{"vlscan_miror":0.9}"#);
+        let expected = "the material \"pane\": the unknown extra vlscan_miror is ignored; did you mean \
+                        vlscan_mirror?";
+        assert_eq!(miror, expected);
+        let ior = glass(r#","KHR_materials_ior":{"ior":9}"#);
+        assert!(
+            ior.contains("KHR_materials_ior 9 is no refractive index") && ior.contains("has 1.5"),
+            "{ior}"
+        );
+        let thick = volume(3.0);
+        assert!(
+            thick.contains("KHR_materials_volume 3 is no thickness") && thick.contains("0.004 m"),
+            "{thick}"
+        );
+        let share = of(r#""extensions":{"KHR_materials_transmission":{"transmissionFactor":2}}"#);
+        assert!(share.contains("KHR_materials_transmission 2 is no share"), "{share}");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::survey_place;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::number;
 use vlscan_lidar::pulse::{Corrections, InstrumentTable, PhysicsOptions, count_echoes_of_one_pulse};
+use vlscan_scene::{OpticsKind, Scene};
 use vlscan_survey::{Device, Leg, Survey, WaveformPlace, Weather, WrittenKey, warn_of_unused_keys};
 
 /// Quotients of window and bin that are less than this below two count as two: rounding.
@@ -12,6 +13,10 @@ const WINDOW_TOLERANCE: f64 = 1e-9;
 const MAX_FALSE_ALARMS: f64 = 0.01;
 /// Threshold over noise of a receiver with hardly any false alarms.
 const SAFE_THRESHOLD: f64 = 6.0;
+/// Wavelength from which on even pure water attenuates light by more than [`MIN_INFRARED_ATTENUATION`], nm.
+const MIN_INFRARED: f64 = 750.0;
+/// Attenuation that water exceeds in infrared light, 1/m.
+const MIN_INFRARED_ATTENUATION: f64 = 1.0;
 
 /// Checks the scanner of a survey against the physics with `corrections`.
 pub fn check_instrument(survey: &Survey, corrections: &Corrections) -> Diagnostics {
@@ -87,6 +92,31 @@ pub fn check_wavelengths(survey: &Survey) -> Diagnostics {
     found
 }
 
+/// Warns of water in the scene that is clearer than water can be in the infrared light of the scanner.
+pub fn check_water(survey: &Survey, scene: &Scene) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let wavelengths = survey.scanner.devices.iter().map(|device| device.beam.wavelength);
+    let longest = wavelengths.fold(0.0, f64::max);
+    let clear = scene.materials.iter().find_map(|material| match material.optics?.kind {
+        OpticsKind::Water(water) if water.attenuation < MIN_INFRARED_ATTENUATION => Some((material, water)),
+        _ => None,
+    });
+    if let Some((material, water)) = clear.filter(|_| longest >= MIN_INFRARED) {
+        let message = format!(
+            "the water \"{}\" attenuates light by {} per metre, as for visible light, but the wavelength is \
+             {} nm",
+            material.name,
+            number(water.attenuation),
+            number(longest)
+        );
+        found.warn(survey_place(survey), message).help(
+            "set `water_attenuation` of the material (`vlscan_water_attenuation` in MTL files): about 7 per \
+             metre at 905 nm, 13 at 1064 nm, 1000 at 1550 nm; green and infrared light need a run each",
+        );
+    }
+    found
+}
+
 /// Warns of bins in which a single pulse is not exactly one echo, and of windows that the physics replaces.
 fn check_waveform(device: &Device, corrections: &Corrections, found: &mut Diagnostics) {
     let (bin, window) = (device.waveform.bin, device.waveform.window);
@@ -149,6 +179,7 @@ fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagn
 #[cfg(test)]
 mod tests {
     use super::*;
+    use vlscan_scene::{Material, Optics, Water};
     use vlscan_survey::testkit::{survey, tls_device};
 
     fn report(corrections: Corrections, change: impl Fn(&mut Device)) -> String {
@@ -213,6 +244,36 @@ mod tests {
             reported.contains("at the 1064 nm of the first channel") && reported.contains("532 nm"),
             "{reported}"
         );
+    }
+
+    #[test]
+    fn water_as_clear_as_for_visible_light_is_told_of_infrared_scanners() {
+        let told = |wavelength: f64, attenuation: f64| {
+            let water = Water {
+                index: 1.335,
+                group_index: 1.357,
+                attenuation,
+                beam_attenuation: attenuation,
+                backscatter: Water::BACKSCATTER,
+                slopes: [0.0; 2],
+                wind: [0.0, 1.0],
+            };
+            let optics = Optics { kind: OpticsKind::Water(water), share: 1.0, roughness: 0.0 };
+            let lake = Material { optics: Some(optics), ..Material::unnamed("lake", Corrections::REFINED) };
+            let mut scene = Scene::default();
+            scene.materials.push(lake);
+            let mut device = tls_device(4.0);
+            device.beam.wavelength = wavelength;
+            check_water(&survey(vec![device]), &scene).text()
+        };
+        assert_eq!((told(532.0, 0.1), told(1064.0, 13.0)), (String::new(), String::new()));
+        let found = told(1064.0, 0.1);
+        assert!(
+            found.contains("\"lake\" attenuates light by 0.1 per metre") && found.contains("1064 nm"),
+            "{found}"
+        );
+        let dry = Scene::default();
+        assert_eq!(check_water(&survey(vec![tls_device(4.0)]), &dry).text(), "");
     }
 
     #[test]

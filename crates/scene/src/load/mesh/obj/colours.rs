@@ -4,14 +4,33 @@
 use super::slice::Reading;
 use crate::number::{float_at, is_blank, skip_blanks};
 use crate::text::Lines;
+use std::ops::Range;
 use vlscan_survey::MeshColours;
 
 /// Texture coordinates of a corner without any.
 const NO_TEXEL: [f32; 2] = [f32::NAN; 2];
 
+/// Number of a corner that has no texture coordinates.
+const NO_NUMBER: i64 = -1;
+
+/// Triangles whose texture coordinates cannot be used.
+#[derive(Default)]
+pub(super) struct UnusableTexels {
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Line of the first one, from 1, and its bytes in the file.
+    pub first: (usize, Range<usize>),
+}
+
 /// Colours of the triangles of a file. `triangles` are the vertices of those that are in the scene, as their
-/// numbers in the file from 0, and `face_of` the face of each, from 0 and ascending.
-pub(super) fn read(bytes: &[u8], reading: Reading, triangles: &[[u32; 3]], face_of: &[u32]) -> MeshColours {
+/// numbers in the file from 0, and `face_of` the face of each, from 0 and ascending. Corners whose texture
+/// coordinates do not exist or are no numbers have none.
+pub(super) fn read(
+    bytes: &[u8],
+    reading: Reading,
+    (triangles, face_of): (&[[u32; 3]], &[u32]),
+    unusable: &mut UnusableTexels,
+) -> MeshColours {
     let lists = Lists::of(bytes);
     let tints = lists.tints(triangles);
     if lists.texels.is_empty() {
@@ -34,13 +53,19 @@ pub(super) fn read(bytes: &[u8], reading: Reading, triangles: &[[u32; 3]], face_
                     continue;
                 }
                 while face_of.get(next) == Some(&face) {
+                    let mut is_unusable = false;
                     for (slot, vertex) in texels[next].iter_mut().zip(triangles[next]) {
                         let corner = corners.iter().find(|(number, _)| *number == i64::from(vertex));
-                        let texel = corner.and_then(|(_, texel)| usize::try_from(*texel).ok());
-                        if let Some(found) = texel.and_then(|texel| lists.texels.get(texel)) {
-                            (*slot, has_texels) = (*found, true);
+                        let number = corner.map_or(NO_NUMBER, |(_, texel)| *texel);
+                        match lists.texel(number) {
+                            Some(found) => (*slot, has_texels) = (found, true),
+                            None => is_unusable |= number != NO_NUMBER,
                         }
                     }
+                    if is_unusable && unusable.triangles == 0 {
+                        unusable.first = (line.number, line.start..line.start + text.len());
+                    }
+                    unusable.triangles += usize::from(is_unusable);
                     next += 1;
                 }
                 face += 1;
@@ -124,6 +149,12 @@ impl Lists {
         lists
     }
 
+    /// Texture coordinates by their number.
+    fn texel(&self, number: i64) -> Option<[f32; 2]> {
+        let found = self.texels.get(usize::try_from(number).ok()?)?;
+        found.iter().all(|coordinate| coordinate.is_finite()).then_some(*found)
+    }
+
     /// The colours of the corners of triangles; none if no vertex has one. Vertices without a colour are
     /// white.
     fn tints(&self, triangles: &[[u32; 3]]) -> Vec<[[u16; 3]; 3]> {
@@ -172,6 +203,10 @@ mod tests {
 
     const READING: Reading = Reading { y_up: false, drop_polygons: false, number_faces: true };
 
+    fn read(bytes: &[u8], triangles: &[[u32; 3]], face_of: &[u32]) -> MeshColours {
+        super::read(bytes, READING, (triangles, face_of), &mut UnusableTexels::default())
+    }
+
     #[test]
     fn corners_have_the_coordinates_of_their_face() {
         let text =
@@ -179,20 +214,39 @@ mod tests {
                      f -4/-1 2/1/9 3 # c\nf 1//1 2//1 3//1\n";
         // The quadrangle is divided along its other diagonal; the second face has no texel at a corner.
         let triangles = [[0, 1, 3], [3, 1, 2], [0, 1, 2], [0, 1, 2]];
-        let found = read(text, READING, &triangles, &[0, 0, 1, 2]).texels;
+        let found = read(text, &triangles, &[0, 0, 1, 2]).texels;
         assert_eq!(found[0], [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]);
         assert_eq!(found[1], [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]);
         assert_eq!(found[2][..2], [[0.5, 0.25], [0.0, 0.0]]);
         assert!(found[2][2][0].is_nan() && found[3].iter().flatten().all(|t| t.is_nan()));
         // The first of two triangles was left out.
-        let found = read(text, READING, &triangles[1..], &[0, 1, 2]).texels;
+        let found = read(text, &triangles[1..], &[0, 1, 2]).texels;
         assert_eq!(found[0][2], [1.0, 1.0]);
-        assert!(read(b"v 0 0 0\nvt 1 1\nf 1 1 1\n", READING, &[[0; 3]], &[0]).texels.is_empty());
+        assert!(read(b"v 0 0 0\nvt 1 1\nf 1 1 1\n", &[[0; 3]], &[0]).texels.is_empty());
+    }
+
+    #[test]
+    fn coordinates_that_cannot_be_used_are_counted() {
+        let of = |lines: &str| {
+            let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{lines}f 1/1 2/1 3/2\nf 1 2 3\n");
+            let (mut unusable, triangles) = (UnusableTexels::default(), [[0, 1, 2]; 2]);
+            let found = super::read(text.as_bytes(), READING, (&triangles, &[0, 1]), &mut unusable);
+            (
+                unusable.triangles,
+                unusable.first.0,
+                found.texels.iter().flatten().flatten().all(|t| t.is_nan()),
+            )
+        };
+        assert_eq!(of("vt 0 0\nvt 1 1\n"), (0, 0, false));
+        assert_eq!(of("vt 0 0\n"), (1, 5, false));
+        for wrong in ["abc 0", "nan 0", "", "1e39 0"] {
+            assert_eq!(of(&format!("vt {wrong}\nvt 1e39 1\n")), (1, 6, true), "{wrong}");
+        }
     }
 
     #[test]
     fn vertices_have_colours_with_and_without_a_weight() {
-        let of = |lines: &str| read(lines.as_bytes(), READING, &[[0, 1, 2]], &[0]).tints;
+        let of = |lines: &str| read(lines.as_bytes(), &[[0, 1, 2]], &[0]).tints;
         assert!(of("v 0 0 0\nv 1 0 0\nv 0 1 0\n").is_empty());
         let mixed = of("v 0 0 0\nv 1 0 0 0.5 0 1\nv 0 1 0 1 0.2 0.4 0.6\n");
         assert_eq!(mixed[0], [[65_535; 3], [32_768, 0, 65_535], [13_107, 26_214, 39_321]]);

@@ -15,6 +15,7 @@ use crate::material::DEFAULT;
 use crate::mtl::name_of;
 use crate::reflectance_issues::{ReflectanceIssue, assumed};
 use crate::text::{Problems, Source, cut_into_pieces};
+use colours::UnusableTexels;
 use rayon::prelude::*;
 pub(crate) use slice::Reading;
 use slice::{NO_VERTEX, Slice, Statement, Switch};
@@ -72,8 +73,18 @@ pub(crate) fn load(
         let faces = &scene.faces.of_triangles;
         let faces = &faces[faces.len().saturating_sub(triangles.len())..];
         let faces: Vec<u32> = faces.iter().map(|face| face - first_face as u32).collect();
-        let colours = colours::read(source.bytes(), reading, triangles, &faces);
+        let mut unusable = UnusableTexels::default();
+        let colours = colours::read(source.bytes(), reading, (triangles, &faces), &mut unusable);
         scene.add_colours(mesh.first_triangle, colours);
+        if unusable.triangles > 0 {
+            let (line, at) = unusable.first;
+            let message = format!(
+                "{} triangles have texture coordinates that do not exist or are no numbers: they have no \
+                 texture",
+                unusable.triangles
+            );
+            scene.diagnostics.warn(Some(source.place(line, at)), message);
+        }
     }
     scene.finish_mesh(&start)?;
     let unused = vertices - scene.geometry.vertices.len();
