@@ -87,6 +87,51 @@ def test_callbacks_get_the_points_so_far_and_the_end(tmp_path):
     assert len(seen[0].trajectories) == 0 and len(seen[-1].trajectories) > 0
 
 
+def test_an_output_is_a_sequence_too(tmp_path):
+    seen = []
+    started = simulation(tmp_path, lambda builder: builder.setCallbackFrequency(5000).setCallback(lambda output: seen.append(output)))
+    started.start()
+    measurements, trajectories, path, paths, is_complete = output = started.join()
+    assert len(output) == 5 and len(output[0]) == len(measurements) == len(output.measurements) > 5000
+    assert len(output[1]) == len(trajectories) > 0 and (path, paths, is_complete) == ("", [], True)
+    assert len(seen[0][0]) == 5000 and len(seen[0][1]) == 0 and seen[0][4] is False and output[-1] is True
+
+
+def test_attributes_of_builders_are_set_by_their_setters(tmp_path):
+    builder = pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], "elsewhere")
+    builder.lasOutput = True
+    builder.outputDir = str(tmp_path)
+    built = builder.build()
+    built.start()
+    assert built.join().filepath.startswith(str(tmp_path)) and built.join().filepath.endswith(".las")
+    with pytest.raises(TypeError, match="zipOutput is True or False"):
+        builder.zipOutput = "yes"
+    with pytest.raises(AttributeError, match="no 'setLasOuput'; did you mean 'setLasOutput'"):
+        builder.lasOuput = True
+
+
+def test_wrong_values_of_builders_are_named():
+    builder = pyhelios.SimulationBuilder("survey.xml")
+    for call, name in (
+        (lambda: builder.setNumThreads("x"), "numThreads"),
+        (lambda: builder.setChunkSize(1.5), "chunkSize"),
+        (lambda: builder.setLasScale("fine"), "lasScale"),
+        (lambda: builder.addScaleFilter(None), "scaleFactor"),
+        (lambda: builder.setAssetsDir(5), "expected a folder, or several, found 5"),
+    ):
+        with pytest.raises(TypeError, match=name):
+            call()
+    with pytest.raises(AttributeError, match="no 'loggingVerbos'; did you mean 'loggingVerbose'"):
+        pyhelios.loggingVerbos()
+
+
+def test_the_last_results_are_those_of_the_highest_number(tmp_path):
+    for name in ("2026-01-01_00-00-00", "2026-01-01_00-00-00_2", "2026-01-01_00-00-00_10", "2025-12-31_23-59-59_11"):
+        (tmp_path / "room" / name).mkdir(parents=True)
+    found = pyhelios.util.xmldisplayer.find_playback_dir(FIXTURES / "room/survey.xml", tmp_path)
+    assert os.path.basename(found) == "2026-01-01_00-00-00_10"
+
+
 def test_a_simulation_is_paused_resumed_and_stopped(tmp_path):
     def small(builder):
         builder.setCallbackFrequency(100).setCallback(lambda output: None)

@@ -224,4 +224,6 @@ class Simulation:
 
 def folders(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> Sequence[str]:
     """Return folders as a list; one may stand alone."""
+    if not isinstance(paths, (str, os.PathLike, Iterable)):
+        raise TypeError(f"expected a folder, or several, found {paths!r}")
     return [os.fspath(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]

@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element
 
 from pydantic import PrivateAttr
 
+from .errors import WrongTypeError
 from .platforms import DynamicPlatformSettings, Platform, PlatformSettingsBase, StaticPlatformSettings, TrajectorySettings
 from .scanner import ScannerSettings, ScannerSettingsBase
 from .validation import Model, distribute
@@ -118,6 +119,8 @@ def make_leg(
     ValueError
         Unknown keywords, or invalid values.
     """
+    if leg is not None and not isinstance(leg, Leg):
+        raise WrongTypeError(f"leg is {leg!r}, expected a Leg; keywords make one: add_leg(x=0, y=0, z=2)")
     if leg is not None and not parameters and (platform_settings, scanner_settings, trajectory_settings) == (None, None, None):
         return leg
     platform_keys = [*DynamicPlatformSettings.model_fields]
