@@ -227,6 +227,56 @@ def test_points_of_an_array_become_voxels():
         Part.points([[0, 0, 0], [0, np.nan, 1]], voxel_size=0.5)
 
 
+def test_points_of_objects_and_turned_arrays_are_recognised(points):
+    cloud = Part.points(points, voxel_size=0.5)
+    assert cloud == Part.points(points.xyz, voxel_size=0.5)
+    with pytest.raises(ValueError, match="a point per row, not per column"):
+        Part.points(np.zeros((3, 21)), voxel_size=0.5)
+    assert isinstance(Part.points(np.zeros((3, 20)), voxel_size=0.5), Part)
+    with pytest.raises(ValueError, match=r"table of X, Y, .* Points\.of\(table\)"):
+        Part.points(points.to_numpy(["X", "Y"]), voxel_size=0.5)
+
+
+def test_a_way_is_three_numbers_or_one_sequence():
+    part = ground()
+    for way in ([1, 2, 3], (1, 2, 3), np.array([1, 2, 3], "f4")):
+        assert part.translate(way) == part.translate(1, 2, 3)
+    for wrong in (1, [1, 2], [1, 2, np.nan], "123"):
+        with pytest.raises(ValueError, match="three finite numbers|convert"):
+            part.translate(wrong)
+    with pytest.raises(ValueError, match="inhomogeneous|sequence|three finite numbers"):
+        part.translate([1, 2, 3], z=4)
+    with pytest.raises(TypeError, match="an axis is 'z', expected three numbers"):
+        part.rotate("z", 90)
+
+
+def test_tables_are_not_changed_by_assignment(points):
+    with pytest.raises(TypeError, match=r"Points cannot be changed; .* Points\.of\(frame\)"):
+        points["Classification"] = 6
+
+
+def test_a_typo_of_an_argument_has_a_suggestion_among_the_arguments():
+    with pytest.raises(TypeError, match="did you mean 'time'"):
+        vlscan.trace(ground(), (0, 0, 2), (0, 0, -1), times=0.5)
+    with pytest.raises(TypeError, match="did you mean 'waveforms'"):
+        survey().run(wavforms=True)
+    with pytest.raises(TypeError, match="did you mean 'seconds'"):
+        survey().run_batches(second=1)
+    with pytest.raises(TypeError, match="rows is 10000.0, expected a whole number"):
+        survey().run_batches(1e4)
+
+
+def test_a_survey_of_objects_says_what_it_lacks():
+    for made, missing in (
+        (Survey(ground(), "riegl_vz400"), "no legs and no trajectory:"),
+        (Survey(ground(), legs=[Leg()]), "no scanner:"),
+        (Survey(), "no scene, no scanner, no legs and no trajectory:"),
+    ):
+        for fly in (made.run, made.run_batches, made.dry_run, made.fly_trajectory, made.fly_pulses):
+            with pytest.raises(vlscan.InputError, match=f"the survey has {missing}"):
+                fly()
+
+
 def test_parts_are_equal_if_they_are_made_alike():
     tree = Part.obj("beech.obj")
     assert tree == Part.obj("beech.obj") and len({tree, Part.obj("beech.obj")}) == 1
@@ -241,6 +291,8 @@ def test_values_of_legs_are_checked():
     for wrong in ("002", {0, 1, 2}, None):
         with pytest.raises(TypeError):
             Leg(wrong)
+    with pytest.raises(ValueError, match=r"position of a leg is \[0.0, 0.0, nan\], expected finite numbers"):
+        Leg((0, 0, np.nan))
     for name in ("active", "on_ground"):
         with pytest.raises(TypeError, match=f"{name} of a leg is True or False"):
             Leg(**{name: "no"})
