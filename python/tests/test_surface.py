@@ -266,6 +266,32 @@ def test_a_typo_of_an_argument_has_a_suggestion_among_the_arguments():
         survey().run_batches(1e4)
 
 
+def test_pulses_are_given_once():
+    down = {"x": [0.0], "y": [0.0], "z": [2.0], "dx": [0.0], "dy": [0.0], "dz": [-1.0]}
+    assert vlscan.trace(ground(), pulses=down).point_count == 1
+    for more in ({"origins": (0, 0, 2), "directions": (0, 0, -1)}, {"time": 1.0}):
+        with pytest.raises(TypeError, match="either pulses"):
+            vlscan.trace(ground(), pulses=down, **more)
+
+
+def test_files_without_an_extension_are_errors(points, tmp_path):
+    for format in (None, "laz"):
+        with pytest.raises(vlscan.InputError, match="points has no extension; add one, such as .laz"):
+            points.write(tmp_path / "points", format=format)
+    with pytest.raises(vlscan.InputError, match=r"is a folder; .*points\.laz"):
+        points.write(tmp_path, format="laz")
+    points.write(tmp_path / "points.dat", format="laz")
+    assert len(Points.read(tmp_path / "points.dat")) == len(points)
+
+
+def test_scenes_and_parts_are_drawn(tmp_path):
+    for number, source in enumerate((ground(), Scene(ground()))):
+        vlscan.preview(source, tmp_path / f"{number}.png", width=320, height=240)
+        vlscan.preview(source, tmp_path / f"{number}.html", max_points=100)
+        assert (tmp_path / f"{number}.png").read_bytes().startswith(b"\x89PNG")
+        assert b"<html" in (tmp_path / f"{number}.html").read_bytes()
+
+
 def test_a_survey_of_objects_says_what_it_lacks():
     for made, missing in (
         (Survey(ground(), "riegl_vz400"), "no legs and no trajectory:"),
@@ -317,6 +343,8 @@ def test_values_of_materials_places_and_intervals_are_checked():
             Part.points([[0, 0, 0]], voxel_size=size)
     with pytest.raises(ValueError, match="above 0"):
         vlscan.trajectory(FIXTURES / "room/survey.xml", interval=0)
+    with pytest.raises(TypeError, match="interval is '1 s', expected a number of seconds"):
+        vlscan.trajectory(FIXTURES / "room/survey.xml", interval="1 s")
     with pytest.raises(TypeError, match="name of a file"):
         vlscan.run(FIXTURES / "room/survey.xml", to=3)
     with pytest.raises(ValueError, match="names no column"):

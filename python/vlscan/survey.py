@@ -581,6 +581,8 @@ class Survey(Checked):
         ------
         InputError
             Input is invalid.
+        TypeError
+            The interval is a text.
         ValueError
             The interval is not above 0.
 
@@ -590,6 +592,9 @@ class Survey(Checked):
         >>> poses.columns
         ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
         """
+        given: object = interval
+        if isinstance(given, str):
+            raise TypeError(f"interval is {given!r}, expected a number of seconds")
         if interval is not None and not 0 < interval < float("inf"):
             raise ValueError(f"interval is {interval}, expected seconds above 0")
         return Table(_vlscan.fly(self._flight(values_of(options, writes_files=False)), "poses", interval, true))
@@ -883,7 +888,7 @@ def trace(
     Raises
     ------
     TypeError
-        Neither pulses nor origins and directions are given.
+        Neither pulses nor origins and directions are given, or both.
     ValueError
         Origins, directions or times have another shape.
 
@@ -908,6 +913,8 @@ def trace(
                 raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")
             columns["time"] = np.broadcast_to(times, len(ends))
         pulses = columns
+    elif not (origins is None and directions is None and time is None):
+        raise TypeError("trace() takes either pulses, whose columns are origins, directions and times, or these")
     own = ("scene", "origins", "directions", "scanner", "time", "waveform", "detector", "progress")
     values, tables = recorded(to, waveforms, None, options, own)
     with shown_progress(progress) as tell:
