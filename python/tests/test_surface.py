@@ -274,6 +274,12 @@ def test_pulses_are_given_once():
             vlscan.trace(ground(), pulses=down, **more)
 
 
+def test_times_of_pulses_are_seconds():
+    for wrong in (np.array(["2024-01-01"], "datetime64[ns]"), np.array([1], "timedelta64[s]")):
+        with pytest.raises(TypeError, match="time holds calendar times or durations, expected seconds"):
+            vlscan.trace(ground(), (0, 0, 2), (0, 0, -1), time=wrong)
+
+
 def test_files_without_an_extension_are_errors(points, tmp_path):
     for format in (None, "laz"):
         with pytest.raises(vlscan.InputError, match="points has no extension; add one, such as .laz"):

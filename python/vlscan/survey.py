@@ -888,7 +888,7 @@ def trace(
     Raises
     ------
     TypeError
-        Neither pulses nor origins and directions are given, or both.
+        Neither pulses nor origins and directions are given, or both; or times that are no numbers.
     ValueError
         Origins, directions or times have another shape.
 
@@ -908,6 +908,8 @@ def trace(
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
+            if np.asarray(time).dtype.kind in "mM":
+                raise TypeError("time holds calendar times or durations, expected seconds")
             times = np.asarray(unmasked("time", time), float)
             if times.shape not in ((), (1,), (len(ends),)):
                 raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")

@@ -97,6 +97,25 @@ def test_an_output_is_a_sequence_too(tmp_path):
     assert len(seen[0][0]) == 5000 and len(seen[0][1]) == 0 and seen[0][4] is False and output[-1] is True
 
 
+def test_copies_of_the_playback_are_changed_and_run(tmp_path):
+    pytest.importorskip("pydantic")
+    first = simulation(tmp_path)
+    twin = first.sim.copy()
+    assert twin.getNumLegs() == 2 and twin.getSurveyPath() == first.sim.getSurveyPath()
+    for leg in range(twin.getNumLegs()):
+        twin.getLeg(leg).getScannerSettings().pulseFreq /= 2
+    assert first.sim.getLeg(0).getScannerSettings().pulseFreq == 9200
+    counts = []
+    for run in (first.sim, twin):
+        assert not run.isStarted()
+        run.start()
+        counts.append(len(run.join()[0]))
+    assert first.isFinished() and counts[1] == pytest.approx(counts[0] / 2, rel=0.02)
+    for odd in (first, first.sim):
+        with pytest.raises(AttributeError, match="no .*'getLegs'"):
+            odd.getLegs()
+
+
 def test_attributes_of_builders_are_set_by_their_setters(tmp_path):
     builder = pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], "elsewhere")
     builder.lasOutput = True
@@ -260,6 +279,21 @@ def test_the_package_of_version_2_has_its_modules(tmp_path, monkeypatch):
     done = subprocess.run([sys.executable, "-c", text, survey], cwd=tmp_path, capture_output=True, text=True, check=True)
     is_shown, folder = done.stdout.splitlines()[-1].split(maxsplit=1)
     assert is_shown == "True" and list((tmp_path / folder).iterdir())
+
+
+def test_modules_that_are_missing_name_an_alternative():
+    imports = {
+        "import pyhelios.live": "setCallback",
+        "from pyhelios import live": "setCallback",
+        "from pyhelios.util import scene_writer": "vlscan.Scene",
+        "from pyhelios.util.flight_planner import spiral": "plan_airborne",
+    }
+    lines = ["import vlscan.pyhelios", "vlscan.pyhelios.install()"]
+    for statement in imports:
+        lines += ["try:", f"    {statement}", "except ImportError as error:", "    print(error)"]
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
+    for text, advice in zip(done.stdout.splitlines(), imports.values(), strict=True):
+        assert "is not part of vlscan" in text and advice in text
 
 
 def test_ctrl_c_ends_a_simulation_of_version_2(tmp_path):
