@@ -154,8 +154,8 @@ pub use vlscan_session::streams::{PulseReader, RowBlock};
 pub use vlscan_session::{
     Batches, CoverageBand, CoverageMap, DryRunReport, Emission, Emitted, Estimate, FileEstimate,
     FlightCoverage, FlightRows, LegEstimate, LegRule, LoadedScene, Missed, Progress, RayHit, Report,
-    ResumeOptions, RunContext, Scan, SceneFacts, Session, Settings, Snapshot, TimeEstimate, emit,
-    flight_table, merge, merge_warnings,
+    ResumeOptions, RunContext, Scan, SceneFacts, SceneGeometry, Session, Settings, Snapshot, TimeEstimate,
+    emit, flight_table, merge, merge_warnings,
 };
 pub use vlscan_survey::{
     Formula, MaterialDefinition, Mesh, ReadOptions, parse_seed, read_scene, read_survey,

@@ -5,11 +5,13 @@ use crate::run::Request;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use vlscan::geom::degrees;
-use vlscan::survey::{Leg, PlatformKind, Survey};
+use vlscan::survey::{
+    Interpolated, Leg, LegTemplates, PlatformKind, RotationSpec, SceneRecipe, Survey, SurveySources,
+};
 
 /// Name of a survey; id and name of its scanner; id and type of its platform; ids of the parts that its scene
-/// names; keys of its waveform settings; its legs with the keywords of `vlscan.Leg`. The last value is true
-/// if these keywords hold all that the file has about legs.
+/// names; keys of its waveform settings; its legs with the keywords of `vlscan.Leg`. The next value is true
+/// if these keywords hold all that the file has about legs. The last one has what XML refers to.
 #[pyfunction]
 #[allow(clippy::type_complexity, reason = "unpacked by the package")]
 pub fn contents<'py>(
@@ -23,17 +25,74 @@ pub fn contents<'py>(
     Bound<'py, PyDict>,
     Vec<Bound<'py, PyDict>>,
     bool,
+    Option<Bound<'py, PyDict>>,
 )> {
     let notices = Notices::default();
-    let job = py.detach(|| request.get().job(&notices)).map_err(|error| exception(py, error))?;
+    let read = py.detach(|| -> vlscan::Result<_> {
+        let job = request.get().job(&notices)?;
+        Ok((job, request.get().sources()?))
+    });
+    let (job, sources) = read.map_err(|error| exception(py, error))?;
     let survey = &job.settings.survey;
-    let legs = survey.legs.iter().map(|leg| keywords(py, survey, leg)).collect::<PyResult<_>>()?;
+    let legs = survey.legs.iter().map(|leg| keywords(py, survey, leg)).collect::<PyResult<Vec<_>>>()?;
+    if let Some(sources) = &sources {
+        for (keys, templates) in legs.iter().zip(&sources.templates) {
+            keys.set_item("templates", templates_of(py, survey, templates)?)?;
+        }
+    }
+    let references = sources.map(|sources| references(py, survey, &sources)).transpose()?;
     let scanner = (survey.scanner.id.clone(), survey.scanner.name.clone());
     let platform = (survey.platform.id.clone(), survey.platform.kind.name());
     let parts = survey.scene.parts.iter().map(|part| part.id.clone()).collect();
     let is_simple = matches!(survey.platform.kind, PlatformKind::Static | PlatformKind::LinearPath);
     let is_whole = is_simple && survey.leg_offset.is_none() && survey.legs.iter().all(has_keywords_alone);
-    Ok((survey.name.clone(), scanner, platform, parts, waveform(py, survey)?, legs, is_whole))
+    Ok((survey.name.clone(), scanner, platform, parts, waveform(py, survey)?, legs, is_whole, references))
+}
+
+/// The fields of `vlscan.contents.References`.
+fn references<'py>(
+    py: Python<'py>,
+    survey: &Survey,
+    sources: &SurveySources,
+) -> PyResult<Bound<'py, PyDict>> {
+    let rotation = match &survey.platform.kind {
+        PlatformKind::Interpolated(Interpolated { rotation_spec: RotationSpec::Arinc705, .. }) => {
+            Some("ARINC 705")
+        }
+        PlatformKind::Interpolated(Interpolated { rotation_spec: RotationSpec::Canonical, .. }) => {
+            Some("CANONICAL")
+        }
+        _ => None,
+    };
+    let SceneRecipe { path, id, .. } = &survey.scene;
+    let file = std::path::absolute(path).unwrap_or_else(|_| path.clone()).display().to_string();
+    let is_xml = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("xml"));
+    let fields = PyDict::new(py);
+    fields.set_item("scanner", &sources.scanner)?;
+    fields.set_item("platform", &sources.platform)?;
+    fields.set_item("scene", if is_xml && !id.is_empty() { format!("{file}#{id}") } else { file })?;
+    fields.set_item("rotation_spec", rotation)?;
+    fields.set_item("has_waveform", sources.has_waveform)?;
+    Ok(fields)
+}
+
+/// Ids and keywords of the templates of a leg, by what their settings are of.
+fn templates_of<'py>(
+    py: Python<'py>,
+    survey: &Survey,
+    templates: &LegTemplates,
+) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for (name, template) in [("scanner", &templates.scanner), ("platform", &templates.platform)] {
+        if let Some((id, leg)) = template {
+            let keys = keywords(py, survey, leg)?;
+            let scanner = &leg.scanner;
+            let divergence = scanner.written_divergence.unwrap_or(scanner.beam_divergence);
+            keys.set_item("beam_divergence_rad", divergence)?;
+            found.set_item(name, (id, keys))?;
+        }
+    }
+    Ok(found)
 }
 
 /// Keys of the waveform settings of the first device.

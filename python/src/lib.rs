@@ -5,11 +5,13 @@
 //! |---|---|
 //! | `errors` | errors and warnings of the engine as Python exceptions |
 //! | `options` | options of runs as values |
+//! | `numbers` | numbers of other libraries as numbers that the engine reads |
 //! | `table` | record batches as NumPy columns and by the Arrow C data interface |
 //! | `scene` | scenes of files and of arrays |
 //! | `recipes` | parts of scene files and materials of files |
 //! | `changes` | changes of the materials of parts |
 //! | `cast` | rays without an instrument |
+//! | `geometry` | primitives of scenes |
 //! | `run` | runs: to memory, to files, batch by batch; Ctrl-C and progress |
 //! | `batches` | runs whose points are taken while they are measured |
 //! | `contents` | contents of the files of surveys |
@@ -30,7 +32,9 @@ mod changes;
 mod clouds;
 mod contents;
 mod errors;
+mod geometry;
 mod make;
+mod numbers;
 mod options;
 mod preview;
 mod recipes;
@@ -56,6 +60,8 @@ mod _vlscan {
     use super::command;
     #[pymodule_export]
     use super::contents::contents;
+    #[pymodule_export]
+    use super::geometry::scene_geometry;
     #[pymodule_export]
     use super::make::{figures, make_scene, make_stand, platform_kind, scanner_figures, unzip};
     #[pymodule_export]

@@ -6,10 +6,11 @@ use crate::watch::interruptible;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 use vlscan::base::files::reads;
-use vlscan::survey::{ReadOptions, catalogue as shipped, find_platform, find_scanner};
+use vlscan::geom::degrees;
+use vlscan::survey::{Device, ReadOptions, catalogue as shipped, find_platform, find_scanner};
 use vlscan::tools::catalogue::{Pattern, PlatformFigures, ScannerFigures, Sources};
 use vlscan::tools::chart::Theme;
 use vlscan::tools::generate::{
@@ -98,20 +99,49 @@ pub fn figures(py: Python<'_>) -> PyResult<String> {
     made.map_err(|error: Error| exception(py, error))
 }
 
-/// The figures of a scanner with their sources as JSON, and the drawing of its scan pattern as SVG.
+/// The figures of a scanner with their sources and the figures of its first device as JSON, and the drawing of
+/// its scan pattern as SVG.
 #[pyfunction]
 pub fn scanner_figures(py: Python<'_>, reference: &str) -> PyResult<(String, String)> {
     let notices = Notices::default();
     let made = py.detach(|| {
         let (found, warnings) = find_scanner(reference, &ReadOptions::default())?;
         notices.add(Notice::Warnings(warnings));
-        let text =
-            json!({ "figures": ScannerFigures::of(reference, &found)?, "sources": Sources::of(&found) });
+        let text = json!({
+            "figures": ScannerFigures::of(reference, &found)?,
+            "sources": Sources::of(&found),
+            "device": found.devices.first().map(device_figures),
+        });
         Ok((text.to_string(), Pattern::of(&found)?.drawing(&found).file(Theme::Light)))
     });
     notices.issue(py)?;
     made.map_err(|error: Error| exception(py, error))
 }
+
+/// The fields of `vlscan.DeviceFigures`.
+fn device_figures(device: &Device) -> Value {
+    let Device { beam, detector, head, scan_freq: (scan_freq_min, scan_freq_max), .. } = device;
+    json!({
+        "average_power_w": beam.average_power,
+        "divergence_rad": beam.divergence,
+        "beam_quality": beam.quality,
+        "optical_efficiency": beam.efficiency,
+        "receiver_diameter_m": beam.receiver_diameter,
+        "visibility_km": beam.visibility,
+        "wavelength_nm": beam.wavelength,
+        "pulse_length_ns": beam.pulse_length,
+        "accuracy_m": detector.accuracy,
+        "range_min_m": detector.range_min,
+        "range_max_m": Some(detector.range_max).filter(|range| *range < UNLIMITED_M),
+        "head_rate_max_deg_per_s": degrees(head.max_rate),
+        "scan_freq_min_hz": scan_freq_min,
+        "scan_freq_max_hz": scan_freq_max,
+        "scan_angle_max_deg": degrees(device.scan_angle_max),
+    })
+}
+
+/// Maximum ranges from here on are none, m.
+const UNLIMITED_M: f64 = 1e6;
 
 /// How a platform moves, by the name of its type in XML.
 #[pyfunction]

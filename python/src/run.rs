@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use vlscan::survey::{SurveySources, survey_sources};
 use vlscan::tables::input::arrow::encode_stream;
 use vlscan::{
     Batches, CloudFacts, Column, LegRule, OptionValues, Progress, PulseReader, Report, ResolvedRun,
@@ -27,7 +28,8 @@ const PULSE_ROWS: usize = 4096;
 #[pyclass(frozen, module = "vlscan")]
 pub struct Request {
     file: Option<PathBuf>,
-    document: String,
+    /// Name in messages and text.
+    document: (PathBuf, String),
     options: OptionValues,
     scene: Option<Py<Scene>>,
     trajectory: Option<Arc<[u8]>>,
@@ -37,14 +39,15 @@ pub struct Request {
 
 #[pymethods]
 impl Request {
-    /// `options` are values by name. `trajectory` and `pulses` are tables.
+    /// `options` are values by name. `document` is a name and a text: files are searched in the folder of the
+    /// name, too. `trajectory` and `pulses` are tables.
     #[new]
-    #[pyo3(signature = (options, file=None, document=String::new(), scene=None, trajectory=None, pulses=None))]
+    #[pyo3(signature = (options, file=None, document=None, scene=None, trajectory=None, pulses=None))]
     fn new(
         py: Python<'_>,
         options: &Bound<'_, PyDict>,
         file: Option<PathBuf>,
-        document: String,
+        document: Option<(PathBuf, String)>,
         scene: Option<Py<Scene>>,
         trajectory: Option<Bound<'_, PyAny>>,
         pulses: Option<Bound<'_, PyAny>>,
@@ -56,6 +59,7 @@ impl Request {
         let trajectory = trajectory.map(stream).transpose()?.map(Arc::from);
         let pulses = pulses.map(stream).transpose()?.map(Arc::from);
         let options = values(options)?;
+        let document = document.unwrap_or_else(|| (PathBuf::from("<python>"), String::new()));
         Ok(Request { file, document, options, scene, trajectory, pulses, streamed_divergence: true })
     }
 }
@@ -73,7 +77,7 @@ impl Request {
         }
         let read = match &self.file {
             Some(file) => ResolvedRun::resolve(file, &options),
-            None => ResolvedRun::of_text(Path::new("<python>"), self.document.clone(), &options),
+            None => ResolvedRun::of_text(&self.document.0, self.document.1.clone(), &options),
         };
         let (mut job, warnings) = read?;
         if !has_file {
@@ -84,13 +88,24 @@ impl Request {
             let columns = cloud
                 .columns
                 .get_or_insert_with(|| columns_in_memory(cloud.misses, cloud.heights, has_width));
-            if columns.contains(&Column::ScannerX) {
-                // MCAP is written of them.
-                columns.extend(Column::OF_FRAMES);
-            }
+            add_frames(columns);
         }
         notices.add(vlscan::Notice::Warnings(warnings));
         Ok(job)
+    }
+
+    /// References and templates of a survey in XML; none of a pipeline.
+    pub fn sources(&self) -> vlscan::Result<Option<SurveySources>> {
+        let options = vlscan::Options::of_values(self.options.clone())?.read_options();
+        let (name, text) = &self.document;
+        let is_pipeline = |file: &PathBuf| file.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        let found = match &self.file {
+            Some(file) if is_pipeline(file) => return Ok(None),
+            Some(file) => survey_sources(file, None, &options),
+            None if text.trim_start().starts_with('<') => survey_sources(name, Some(text), &options),
+            None => return Ok(None),
+        };
+        found.map(Some)
     }
 
     /// A session over the scene of the request.
@@ -101,10 +116,11 @@ impl Request {
         }
     }
 
-    /// Runs the request; `tables` take the results in memory.
+    /// Runs the request; `tables` take the results in memory, points with these columns, or with those of
+    /// files.
     fn execute(
         &self,
-        tables: Vec<TableRequest>,
+        (tables, columns): (Vec<TableRequest>, Option<Vec<Column>>),
         notices: &Notices,
         progress: &Progress,
         interruption: &Interruption,
@@ -113,6 +129,14 @@ impl Request {
         interruption.watch(&mut job.settings);
         let mut outputs = job.output.clone();
         outputs.tables = tables;
+        if let Some(mut columns) = columns {
+            add_frames(&mut columns);
+            match outputs.sinks.is_empty() {
+                true => outputs.cloud.columns = Some(columns),
+                false => outputs.table_columns = Some(columns),
+            }
+            job.settings.load.colours |= outputs.records().colours;
+        }
         let control = RunContext::new(progress, &interruption.stop);
         let Some(pulses) = &self.pulses else {
             return self.session(job, notices)?.run(outputs, control);
@@ -121,6 +145,13 @@ impl Request {
         let known = self.file.is_some();
         let legs = LegRule { known, separate_files: false, streamed_divergence: self.streamed_divergence };
         self.session(job, notices)?.trace(reader, legs, outputs, control)
+    }
+}
+
+/// Adds to columns with `ScannerX` those that MCAP is written of.
+fn add_frames(columns: &mut Vec<Column>) {
+    if columns.contains(&Column::ScannerX) {
+        columns.extend(Column::OF_FRAMES);
     }
 }
 
@@ -319,7 +350,7 @@ pub fn run(
     let notices = Notices::default();
     let (counters, interruption) = (Arc::new(Progress::default()), Arc::new(Interruption::default()));
     let (own_notices, own_counters, own) = (notices.clone(), counters.clone(), interruption.clone());
-    let work = move || request.get().execute(requests, &own_notices, &own_counters, &own);
+    let work = move || request.get().execute((requests, None), &own_notices, &own_counters, &own);
     let done = watched(py, &interruption, work, || tell(py, progress.as_ref(), &counters))?;
     let issued = notices.issue(py)?;
     let report = done.map_err(|error| exception(py, error))?;
@@ -343,9 +374,10 @@ pub fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, counters: &Progress) -
 
 /// Runs a request and returns its points batch by batch; at most `waiting` batches wait for their reader. A
 /// batch ends with its leg, or at a multiple of `seconds`, too. The tables of these names are in the outcome
-/// of the iterator, which exists once the last batch has been taken.
+/// of the iterator, which exists once the last batch has been taken. `columns` are those of the batches where
+/// files have others.
 #[pyfunction]
-#[pyo3(signature = (request, rows, per_leg, seconds, waiting, tables=Vec::new()))]
+#[pyo3(signature = (request, rows, per_leg, seconds, waiting, tables=Vec::new(), columns=None))]
 pub fn run_batches(
     request: Py<Request>,
     rows: usize,
@@ -353,8 +385,11 @@ pub fn run_batches(
     seconds: Option<f64>,
     waiting: usize,
     tables: Vec<String>,
+    columns: Option<Vec<String>>,
 ) -> PyResult<BatchIterator> {
     let (mut requests, collected) = collected(tables)?;
+    let columns = columns.map(|names| Column::list(&names.join(","))).transpose();
+    let columns = columns.map_err(|error| PyValueError::new_err(error.to_string()))?;
     let notices = Notices::default();
     let interruption = Arc::new(Interruption::default());
     let (own_notices, own) = (notices.clone(), interruption.clone());
@@ -363,7 +398,7 @@ pub fn run_batches(
         let mut points = TableRequest::new(TableContent::Points, sink);
         (points.batch_rows, points.batch_per_leg, points.batch_seconds) = (rows, per_leg, seconds);
         requests.insert(0, points);
-        request.get().execute(requests, &own_notices, &Progress::default(), &own)
+        request.get().execute((requests, columns), &own_notices, &Progress::default(), &own)
     });
     Ok(BatchIterator::new(batches, notices, collected))
 }

@@ -463,6 +463,11 @@ impl Scene {
         Scene { recipe: Arc::new(recipe), loaded: Mutex::new(None) }
     }
 
+    /// The loaded scene, if it is in memory.
+    pub fn loaded(&self) -> Option<LoadedScene> {
+        self.lock().clone()
+    }
+
     fn lock(&self) -> std::sync::MutexGuard<'_, Option<LoadedScene>> {
         self.loaded.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,6 +1,7 @@
 //! Tables of a run: columns as NumPy arrays and by the Arrow C data interface, without copies.
 
 use crate::errors::{Notices, exception};
+use crate::numbers::with_plain_numbers;
 use crate::options::values;
 use crate::watch::interruptible;
 use arrow_array::cast::AsArray;
@@ -352,8 +353,8 @@ fn numbers(kind: &str, bytes: &[u8]) -> PyResult<ArrayRef> {
     })
 }
 
-/// The record batches of an object: of anything with `__arrow_c_stream__`, or of a dictionary of columns as
-/// bytes of doubles, or as types of NumPy with bytes.
+/// The record batches of an object: of anything with `__arrow_c_stream__`, whose numbers become plain ones, or
+/// of a dictionary of columns as bytes of doubles, or as types of NumPy with bytes.
 pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatch>)> {
     if let Ok(columns) = object.cast::<PyDict>() {
         let mut fields = Vec::new();
@@ -381,7 +382,7 @@ pub fn batches(object: &Bound<'_, PyAny>) -> PyResult<(SchemaRef, Vec<RecordBatc
     let reader = reader.map_err(wrong)?;
     let schema = reader.schema();
     let batches: Result<Vec<RecordBatch>, _> = reader.collect();
-    Ok((schema, batches.map_err(wrong)?))
+    with_plain_numbers(schema, batches.map_err(wrong)?).map_err(wrong)
 }
 
 /// A batch whose columns of numbers have no missing values, for which NumPy has no place: NaN stands for

@@ -1,5 +1,7 @@
 """Tables of other libraries as points: missing and masked values, indices, types, values beyond those of files."""
 
+import datetime
+import decimal
 import io
 import warnings
 
@@ -61,14 +63,62 @@ def test_an_index_of_pandas_without_a_name_is_no_column():
     assert Points.of(frame.rename_axis("number")).columns[0] == "number"
 
 
+def _pandas(columns):
+    return pytest.importorskip("pandas").DataFrame(columns)
+
+
+def _polars(columns):
+    return pytest.importorskip("polars").DataFrame(columns)
+
+
+def _pyarrow(columns):
+    return pytest.importorskip("pyarrow").table(columns)
+
+
+@pytest.mark.parametrize("table", [_pandas, _polars, _pyarrow])
+def test_truth_values_and_decimal_numbers_are_numbers(table):
+    prices = [decimal.Decimal(text) for text in ("1.25", "-0.10", "3.00")]
+    points = Points.of(table({**COLUMNS, "is_roof": [True, False, True], "price": prices}))
+    assert points["is_roof"].dtype == np.uint8 and points["is_roof"].tolist() == [1, 0, 1]
+    assert points["price"].dtype == np.float64 and points["price"].tolist() == [1.25, -0.1, 3]
+    assert vlscan.cloud_info(table({**COLUMNS, "Classification": [True, False, True]}))["points"] == 3
+
+
+def test_half_precision_numbers_have_single_precision():
+    pyarrow = pytest.importorskip("pyarrow")
+    points = Points.of(pyarrow.table({**COLUMNS, "half": pyarrow.array(np.array([0.5, 1, 65504], "f2"))}))
+    assert points["half"].dtype == np.float32 and points["half"].tolist() == [0.5, 1, 65504]
+
+
+def test_nullable_columns_and_categories_of_numbers_are_numbers():
+    pandas = pytest.importorskip("pandas")
+    columns = {"count": pandas.array([1, 2, 3], "Int64"), "is_roof": pandas.array([True, False, True], "boolean")}
+    frame = pandas.DataFrame({**COLUMNS, **columns, "kind": pandas.Categorical([5, 2, 5])})
+    points = Points.of(frame)
+    assert [points[name].tolist() for name in ("count", "is_roof", "kind")] == [[1, 2, 3], [1, 0, 1], [5, 2, 5]]
+    frame["is_roof"] = pandas.array([True, None, True], "boolean")
+    with pytest.raises(ValueError, match="column is_roof has 1 missing values"):
+        Points.of(frame)
+
+
+@pytest.mark.parametrize("values", [["a", "b", "a"], [datetime.datetime(2024, 1, day) for day in (1, 2, 3)]])
+@pytest.mark.parametrize("table", [_pandas, _polars, _pyarrow])
+def test_columns_without_numbers_are_named_when_they_are_read(table, values):
+    pytest.importorskip("pyarrow")
+    points = Points.of(table({**COLUMNS, "k": values}))
+    with pytest.raises(TypeError, match=r"column k: NumPy has no array of .*; to_arrow\(\)\['k'\]"):
+        points["k"]
+    assert points.to_arrow()["k"].to_pylist() == values
+
+
 @pytest.mark.parametrize(
     ("values", "error"),
     [
         (np.array(["a", "b", "c"]), "column k is of <U1"),
-        (np.array([1, None, 2], object), "column k is of object"),
+        (np.array([1, None, 2], object), "column k is of object, expected numbers; numpy.asarray"),
         (np.zeros((3, 2)), r"column k has the shape \(3, 2\)"),
         (np.array([1, 1j, 2]), "column k is of complex128"),
-        (np.arange(3).astype("M8[s]"), r"column k is of datetime64\[s\]"),
+        (np.arange(3).astype("M8[s]"), r"column k is of datetime64\[s\], .* are seconds"),
     ],
 )
 def test_errors_name_the_column(values, error):

@@ -98,6 +98,19 @@ def test_batches_end_with_legs(room):
     assert len(legs[0]) in ends and ends[-1] == len(whole) and max(sizes) == 10_000
 
 
+def test_batches_may_have_other_columns_than_files(room, tmp_path):
+    vlscan.run(room, to=tmp_path / "usual.xyz", seed=3)
+    whole = vlscan.run(room, seed=3, columns=["BeamOriginX", "X"]).points
+    with vlscan.run_batches(room, to=tmp_path / "points.xyz", batch_columns=["BeamOriginX", "X"], seed=3) as batches:
+        beside = vlscan.Points.concat(batches)
+    assert beside.columns == ["BeamOriginX", "X"] and beside.to_numpy().tobytes() == whole.to_numpy().tobytes()
+    assert (tmp_path / "points.xyz").read_bytes() == (tmp_path / "usual.xyz").read_bytes()
+    # Without files they are the columns of the points.
+    assert next(vlscan.run_batches(room, batch_columns="X", seed=3)).columns == ["X"]
+    with pytest.raises(ValueError, match="no column is called .Q."):
+        next(vlscan.run_batches(room, to=tmp_path / "a.laz", batch_columns=["Q"]))
+
+
 def test_batches_end_at_intervals_of_time(room):
     whole = vlscan.run(room, seed=3).points
     batches = list(vlscan.run_batches(room, seconds=0.25, seed=3))

@@ -270,6 +270,56 @@ def test_rays_are_cast_without_an_instrument():
         scene.cast([[0, 0]], [[0, 0, 1]])
 
 
+def test_primitives_are_arrays_in_the_world():
+    floor = Part.mesh(*square(size=9.0), id="floor")
+    scene = Scene([floor, floor.translate(1000, 0, 2).named("shelf")])
+    whole, shelf = scene.geometry(), scene.geometry("shelf")
+    assert whole.vertices.shape == (8, 3) and whole.triangles.shape == (4, 3) and whole.vertices.dtype == np.float64
+    assert np.array_equal(shelf.vertices.min(axis=0), [991, -9, 2]) and np.array_equal(shelf.vertices.max(axis=0), [1009, 9, 2])
+    assert shelf.primitive.tolist() == [2, 3] and shelf.part.tolist() == [1, 1] and whole.part.tolist() == [0, 0, 1, 1]
+    assert shelf.voxel_centres.shape == (0, 3) and len(shelf.voxel_edges) == 0
+    # A part of them is the same scene.
+    again = Scene(Part.mesh(whole.vertices, whole.triangles))
+    assert np.array_equal(again.bounds, scene.bounds) and again.primitives == 4
+    assert np.array_equal(scene.geometry(-1).vertices, shelf.vertices)
+    with pytest.raises(ValueError, match="no part has the id 'roof'; there are floor, shelf"):
+        scene.geometry("roof")
+    with pytest.raises(IndexError, match="index of a part is 2, and there are 2 parts"):
+        scene.geometry(2)
+
+
+def test_numbers_of_primitives_are_those_of_points_and_rays():
+    scene = Scene(FIXTURES / "forest/scene.xml")
+    geometry = scene.geometry()
+    assert geometry.primitive.tolist() == list(range(scene.primitives))
+    points = vlscan.run(FIXTURES / "forest/survey.xml", seed=1, columns=["Part", "Primitive"]).points
+    assert np.array_equal(geometry.part[points["Primitive"]], points["Part"])
+    corners = geometry.vertices[geometry.triangles]
+    hits = scene.cast(corners.mean(axis=1) + [0, 0, 1e-3], DOWN)
+    near = np.flatnonzero((hits.primitive == geometry.primitive) & (hits.distance < 0.01))
+    assert len(near) > 100
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[near]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    assert np.allclose(np.abs((normals * hits.normal[near]).sum(axis=1)), 1)
+
+
+def test_voxels_have_centres_and_edges(tmp_path):
+    (tmp_path / "cloud.xyz").write_text("0.5 0.5 0.5\n2.5 0.5 0.5\n2.6 0.4 0.5\n")
+    geometry = Scene(Part.points(tmp_path / "cloud.xyz", voxel_size=1.0).translate(10, 0, 0)).geometry()
+    assert geometry.voxel_edges.tolist() == [1, 1] and geometry.triangles.shape == (0, 3)
+    distance = np.diff(np.sort(geometry.voxel_centres[:, 0]))
+    assert np.allclose(distance, 2) and geometry.voxel_centres[:, 0].min() > 9 and geometry.part.tolist() == [0, 0]
+
+
+def test_instances_have_triangles_of_their_own():
+    tree = Part.mesh(*square())
+    parts = [tree.translate(x, 0, 0).named(f"tree {x}") for x in (0, 10, 20)]
+    stored, shared = Scene(parts).load(instances="never").geometry(), Scene(parts).load(instances="always").geometry()
+    assert shared.primitive.tolist() == [0, 1, 2, 3, 4, 5] and shared.part.tolist() == [0, 0, 1, 1, 2, 2]
+    assert len(shared.vertices) == len(stored.vertices) == 12 and np.array_equal(shared.part, stored.part)
+    assert np.allclose(stored.vertices[stored.triangles], shared.vertices[shared.triangles])
+
+
 def test_rays_of_threads_and_of_one_are_the_same():
     random = np.random.default_rng(1)
     scene = vlscan.Scene(FIXTURES / "forest/ground.obj")

@@ -415,6 +415,37 @@ def test_contents_tell_how_platforms_move_and_waveforms_are_read(tmp_path):
     assert Survey.from_document(text).contents(assets=[tmp_path]).legs[0].flown_part.teleport
 
 
+def test_contents_of_xml_have_references_and_templates():
+    forest = vlscan.Survey.open(FIXTURES / "forest/survey.xml").contents()
+    references = forest.references
+    assert references.scanner == f"{FIXTURES / 'forest/scanners.xml'}#als_polygon"
+    assert references.platform.endswith("platforms.xml#plane") and references.scene.endswith("scene.xml#forest")
+    assert (references.rotation_spec, references.has_waveform) == (None, False)
+    leg = forest.legs[1]
+    assert leg.templates["scanner"].id == "strip" and leg.templates["platform"].id == "cruise"
+    strip, cruise = leg.templates["scanner"].leg, leg.templates["platform"].leg
+    assert strip.active and not leg.active and strip.settings["pulse_freq_hz"] == leg.settings["pulse_freq_hz"] == 137_700
+    assert strip.settings["beam_divergence_rad"] == 0.003 and cruise.speed_m_per_s == 60 and cruise.position == [0, 0, 301.5]
+    room = vlscan.Survey.open(FIXTURES / "room/survey.xml").contents()
+    assert list(room.legs[0].templates) == ["scanner"]
+    assert Survey(ground(), "riegl_vz400", survey().legs).contents().references is None
+
+
+def test_a_document_finds_files_beside_its_name():
+    file = FIXTURES / "room/survey.xml"
+    survey = vlscan.Survey.from_document(file.read_text(), path=FIXTURES / "room/other.xml")
+    assert survey.run(seed=1).point_count == vlscan.Survey.open(file).run(seed=1).point_count
+    with pytest.raises(vlscan.InputError, match=r"other\.xml:1"):
+        vlscan.Survey.from_document("<document>", path=FIXTURES / "room/other.xml").run()
+
+
+def test_figures_of_the_device_are_those_of_surveys():
+    device = vlscan.scanner_figures(f"{FIXTURES / 'room/scanners.xml'}#tls_polygon").device
+    assert (device.divergence_rad, device.wavelength_nm, device.range_min_m, device.range_max_m) == (0.00035, 1550, 0.3, None)
+    assert (device.scan_freq_min_hz, device.scan_freq_max_hz) == (4, 420)
+    assert device.head_rate_max_deg_per_s == pytest.approx(3600) and device.scan_angle_max_deg == pytest.approx(52.5)
+
+
 def test_a_survey_in_memory_may_be_xml():
     room = FIXTURES / "room"
     text = (room / "survey.xml").read_text().replace(' paths="beside"', "")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ._options import RunOptions
     from .campaigns import CampaignReport, campaign_cells, run_campaign
     from .catalogue import (
+        DeviceFigures,
         ScannerFigures,
         Spectrum,
         all_scanner_figures,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from .fits import Fitted, Reconstruction, fit_flight, fit_sensor, reconstruct
     from .forecast import DryRun
     from .instruments import Platform, Scanner
+    from .legs import Leg
     from .making import MadeScene, Stand, make_scene, make_stand, unzip
     from .materials import Material
     from .parts import Part
@@ -50,9 +52,9 @@ if TYPE_CHECKING:
     from .points import Points
     from .previews import preview
     from .results import Batches, Result
-    from .scene import RayHits, Scene
+    from .scene import RayHits, Scene, SceneGeometry
     from .shards import check_shards, index_shards, merge_shards, run_shard
-    from .survey import Leg, Survey, dry_run, pulses, run, run_batches, trace, trajectory
+    from .survey import Survey, dry_run, pulses, run, run_batches, trace, trajectory
     from .tables import Table, Waveforms
 
     __version__: str
@@ -62,7 +64,17 @@ _MODULES = {
     "_options": ["RunOptions"],
     "campaigns": ["CampaignReport", "campaign_cells", "run_campaign"],
     "catalogue": [
-        *("ScannerFigures", "Spectrum", "all_scanner_figures", "columns", "options", "platform_kind", "platforms", "scanner_figures"),
+        *(
+            "DeviceFigures",
+            "ScannerFigures",
+            "Spectrum",
+            "all_scanner_figures",
+            "columns",
+            "options",
+            "platform_kind",
+            "platforms",
+            "scanner_figures",
+        ),
         *("scanners", "spectra"),
     ],
     "clouds": ["CloudInfo", "FrameCounts", "Rasters", "cloud_info", "raster", "write_frames"],
@@ -71,6 +83,7 @@ _MODULES = {
     "fits": ["Fitted", "Reconstruction", "fit_flight", "fit_sensor", "reconstruct"],
     "forecast": ["DryRun"],
     "instruments": ["Platform", "Scanner"],
+    "legs": ["Leg"],
     "making": ["MadeScene", "Stand", "make_scene", "make_stand", "unzip"],
     "materials": ["Material"],
     "parts": ["Part"],
@@ -78,9 +91,9 @@ _MODULES = {
     "points": ["Points"],
     "previews": ["preview"],
     "results": ["Batches", "Result"],
-    "scene": ["RayHits", "Scene"],
+    "scene": ["RayHits", "Scene", "SceneGeometry"],
     "shards": ["check_shards", "index_shards", "merge_shards", "run_shard"],
-    "survey": ["Leg", "Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
+    "survey": ["Survey", "dry_run", "pulses", "run", "run_batches", "trace", "trajectory"],
     "tables": ["Table", "Waveforms"],
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
@@ -91,6 +104,7 @@ __all__ = [
     "ChangeMap",
     "CloudInfo",
     "Comparison",
+    "DeviceFigures",
     "DryRun",
     "Error",
     "FileError",
@@ -114,6 +128,7 @@ __all__ = [
     "Scanner",
     "ScannerFigures",
     "Scene",
+    "SceneGeometry",
     "Spectrum",
     "Stand",
     "Survey",

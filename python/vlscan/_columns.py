@@ -83,9 +83,16 @@ _WIDER: dict[np.dtype[Any], np.dtype[Any]] = {
     np.dtype(np.longdouble): np.dtype("f8"),
 }
 
+# How values of other kinds become numbers.
+_ADVICE = {
+    "O": "; numpy.asarray(values, float) converts numbers of Python",
+    "M": "; (times - times[0]) / numpy.timedelta64(1, 's') are seconds",
+    "m": "; durations / numpy.timedelta64(1, 's') are seconds",
+}
+
 
 def _typed(name: str, values: NDArray[Any]) -> tuple[str, bytes]:
     kind = _WIDER.get(values.dtype.newbyteorder("="), values.dtype).newbyteorder("<")
     if kind.kind not in "iuf":
-        raise TypeError(f"column {name} is of {values.dtype}, expected numbers")
+        raise TypeError(f"column {name} is of {values.dtype}, expected numbers{_ADVICE.get(kind.kind, '')}")
     return kind.str, values.astype(kind, copy=False).tobytes()

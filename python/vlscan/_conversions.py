@@ -72,10 +72,8 @@ def columns_of_library(table: Any) -> Any:
         others = {str(name): table[name].to_numpy() for name in getattr(table, "columns", ()) if name != table.geometry.name}
         return columns | {name: values for name, values in others.items() if values.dtype.kind in "biuf"}
     if hasattr(table, "reset_index") and hasattr(table, "dtypes"):
-        # Arrow has an index without a name as a column, and truth values and half floats, which are no numbers of the engine.
-        kinds = {name: kind for name, kind in table.dtypes.items() if str(kind) in ("bool", "float16")}
-        table = table.reset_index(drop=all(name is None for name in table.index.names))
-        return table.astype({name: "uint8" if str(kind) == "bool" else "float32" for name, kind in kinds.items()}) if kinds else table
+        # Arrow has an index without a name as a column.
+        return table.reset_index(drop=all(name is None for name in table.index.names))
     if hasattr(table, "point") and hasattr(table, "to_legacy"):
         # A cloud of tensors of Open3D.
         table = table.to_legacy()

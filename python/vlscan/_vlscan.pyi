@@ -49,6 +49,7 @@ __all__ = [
     "run_campaign",
     "run_shard",
     "scanner_figures",
+    "scene_geometry",
     "spectra",
     "unzip",
     "version",
@@ -64,9 +65,9 @@ def version() -> str:
 
 def contents(
     request: Request,
-) -> tuple[str, tuple[str, str], tuple[str, str], list[str | None], dict[str, Any], list[dict[str, Any]], bool]:
+) -> tuple[str, tuple[str, str], tuple[str, str], list[str | None], dict[str, Any], list[dict[str, Any]], bool, dict[str, Any] | None]:
     """Name of a survey; id and name of its scanner, id and type of its platform, ids of parts, keys of waveforms, keywords of legs;
-    whether these hold all that the file has about legs.
+    whether these hold all that the file has about legs; what XML refers to.
     """
 
 def command(words: Sequence[str]) -> int:
@@ -172,7 +173,10 @@ def platform_kind(reference: str) -> str:
     """Return how a platform moves, by the name of its type in XML."""
 
 def scanner_figures(reference: str) -> tuple[str, str]:
-    """Return the figures of a scanner with their sources as JSON, and its scan pattern as SVG."""
+    """Return the figures of a scanner, their sources and those of its first device as JSON, and its scan pattern as SVG."""
+
+def scene_geometry(scene: Scene, part: int | None) -> tuple[Column, Column, Column, Column, Column, Column] | None:
+    """Return primitives: vertices, triangles, centres and edges of voxels, and numbers and parts of all; none if not loaded."""
 
 def unzip(path: str, out: str, force: bool) -> int:
     """Expand compressed text to a file; the number of lines."""
@@ -304,7 +308,7 @@ class Request:
         cls,
         options: dict[str, Any],
         file: str | os.PathLike[str] | None = None,
-        document: str = ...,
+        document: tuple[str, str] | None = None,
         scene: Scene | None = None,
         trajectory: _Table | None = None,
         pulses: _Table | None = None,
@@ -360,6 +364,12 @@ def run(request: Request, tables: Sequence[str], progress: Progress | None = Non
     """Run a request and return the tables of these names."""
 
 def run_batches(
-    request: Request, rows: int, per_leg: bool, seconds: float | None, waiting: int, tables: Sequence[str] = ...
+    request: Request,
+    rows: int,
+    per_leg: bool,
+    seconds: float | None,
+    waiting: int,
+    tables: Sequence[str] = ...,
+    columns: Sequence[str] | None = None,
 ) -> BatchIterator:
-    """Run a request and return its points batch by batch; the tables of these names are in the iterator's outcome."""
+    """Run a request and return its points batch by batch, with columns of their own; these tables are in the iterator's outcome."""

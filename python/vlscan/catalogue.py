@@ -189,6 +189,58 @@ def columns() -> dict[str, Column]:
     return {name: Column(unit, text) for name, unit, text in _vlscan.columns()}
 
 
+class DeviceFigures(NamedTuple):
+    """Figures of the first device of a scanner as surveys use them, see :attr:`ScannerFigures.device`.
+
+    Parameters
+    ----------
+    average_power_w : float
+        Average power, W.
+    divergence_rad : float
+        Divergence of the beam, full angle at 1/e², rad.
+    beam_quality : float
+        Beam quality M².
+    optical_efficiency : float
+        Optical efficiency, 0 to 1.
+    receiver_diameter_m : float
+        Diameter of the receiver, m.
+    visibility_km : float
+        Visibility of the air, km.
+    wavelength_nm : float
+        Wavelength, nm.
+    pulse_length_ns : float
+        Length of the pulse in the measure of HELIOS++, ns.
+    accuracy_m : float
+        Standard deviation of ranges, m.
+    range_min_m : float
+        Least range, m.
+    range_max_m : float or None
+        Farthest range, m; ``None`` is unlimited.
+    head_rate_max_deg_per_s : float
+        Highest rate of the head; 0 without one.
+    scan_freq_min_hz, scan_freq_max_hz : float
+        Limits of the scan frequency; a maximum of 0 is none.
+    scan_angle_max_deg : float
+        Limit of the scan angle, half of the field.
+    """
+
+    average_power_w: float
+    divergence_rad: float
+    beam_quality: float
+    optical_efficiency: float
+    receiver_diameter_m: float
+    visibility_km: float
+    wavelength_nm: float
+    pulse_length_ns: float
+    accuracy_m: float
+    range_min_m: float
+    range_max_m: float | None
+    head_rate_max_deg_per_s: float
+    scan_freq_min_hz: float
+    scan_freq_max_hz: float
+    scan_angle_max_deg: float
+
+
 @dataclass(frozen=True)
 class ScannerFigures:
     """Figures of a scanner's data sheet; of several channels those of the first.
@@ -252,6 +304,12 @@ class ScannerFigures:
         text, _ = _vlscan.scanner_figures(self.reference)
         sources: dict[str, str] = json.loads(text)["sources"]
         return sources
+
+    @property
+    def device(self) -> DeviceFigures:
+        """Power, optics, ranges and limits of the first device."""
+        text, _ = _vlscan.scanner_figures(self.reference)
+        return DeviceFigures(**json.loads(text)["device"])
 
     @property
     def pattern_svg(self) -> str:

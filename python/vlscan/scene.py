@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import operator
 import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -53,6 +54,33 @@ class RayHits(NamedTuple):
     part: NDArray[np.int32]
     primitive: NDArray[np.int64]
     normal: NDArray[np.float64]
+
+
+class SceneGeometry(NamedTuple):
+    """Primitives of a scene in the world frame, m: triangles, then voxels, each in the order of their numbers.
+
+    Parameters
+    ----------
+    vertices : numpy.ndarray
+        Vertices of the triangles, n by 3.
+    triangles : numpy.ndarray
+        Rows in ``vertices`` of the three corners of each triangle.
+    voxel_centres : numpy.ndarray
+        Centres of the voxels, n by 3.
+    voxel_edges : numpy.ndarray
+        Edge lengths of the voxels.
+    primitive : numpy.ndarray
+        Number of each triangle, then of each voxel, as in :attr:`RayHits.primitive` and the column ``Primitive``.
+    part : numpy.ndarray
+        Index in :attr:`Scene.parts` of each triangle, then of each voxel.
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.uint32]
+    voxel_centres: NDArray[np.float64]
+    voxel_edges: NDArray[np.float64]
+    primitive: NDArray[np.int64]
+    part: NDArray[np.int32]
 
 
 class Scene:
@@ -295,6 +323,56 @@ class Scene:
             raise RuntimeError("the scene was unloaded by another thread")
         distance, part, primitive, normal = (np.asarray(column) for column in found)
         return RayHits(distance, part, primitive, normal.reshape(-1, 3))
+
+    def geometry(self, part: int | str | None = None) -> SceneGeometry:
+        """Return the triangles and voxels of the scene, or of one part. Loads the scene.
+
+        Parameters
+        ----------
+        part : int or str, optional
+            Index or id of a part, as in :attr:`parts`; the first one of an id. All parts by default.
+
+        Returns
+        -------
+        SceneGeometry
+            Arrays, read-only. Moving parts are in their initial pose.
+
+        Raises
+        ------
+        IndexError
+            There is no part with the index.
+        ValueError
+            There is no part with the id.
+        InputError
+            The scene is not in memory as a whole.
+
+        Examples
+        --------
+        >>> wall = vlscan.Part.mesh([[-9, 5, 0], [9, 5, 0], [9, 5, 4], [-9, 5, 4]], [[0, 1, 2, 3]], id="wall")
+        >>> scene = vlscan.Scene(wall.translate(0, 1, 0))
+        >>> geometry = scene.geometry("wall")
+        >>> geometry.vertices[geometry.triangles].mean(axis=1).round(3).tolist()
+        [[3.0, 6.0, 1.333], [-3.0, 6.0, 2.667]]
+        """
+        self._facts()
+        found = _vlscan.scene_geometry(self._scene, None if part is None else self._index_of(part))
+        if found is None:
+            raise RuntimeError("the scene was unloaded by another thread")
+        vertices, triangles, centres, edges, primitive, of_part = (np.asarray(column) for column in found)
+        return SceneGeometry(vertices.reshape(-1, 3), triangles.reshape(-1, 3), centres.reshape(-1, 3), edges, primitive, of_part)
+
+    def _index_of(self, part: int | str) -> int:
+        """Return the index of a part."""
+        parts = self.parts
+        if not isinstance(part, str):
+            index = operator.index(part)
+            if not -len(parts) <= index < len(parts):
+                raise IndexError(f"index of a part is {index}, and there are {len(parts)} parts")
+            return index % len(parts)
+        if part in parts:
+            return parts.index(part)
+        shown = ", ".join(parts[:8]) + (" …" if len(parts) > 8 else "")
+        raise ValueError(f"no part has the id {part!r}; there are {shown}")
 
     def sample(self, count: int = 200_000) -> Points:
         """Return points on the surfaces, evenly by area. Loads the scene.

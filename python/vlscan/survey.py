@@ -6,7 +6,7 @@ import operator
 import os
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,13 +15,14 @@ from . import _toml, _vlscan
 from ._checked import Checked
 from ._columns import EngineTable, columns_of
 from ._conversions import unmasked
-from ._keys import check_keys
 from ._libraries import shown_progress
-from ._typing import PathLike, Progress, TableLike, Vector
+from ._typing import PathLike, Progress, TableLike
 from ._values import values_of
+from .contents import References, SurveyContents
 from .errors import InputError
 from .forecast import DryRun
 from .instruments import Platform, Scanner
+from .legs import Leg, keys_of, legs_of
 from .parts import Part
 from .places import asset_folders, place_of, working_folder
 from .results import Batches, Result
@@ -31,7 +32,6 @@ from .tables import Table
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from ._keys import LegSettings
     from ._options import RunOptions
 
 #: Columns of a trajectory as an array.
@@ -49,155 +49,6 @@ class SurveyArguments(TypedDict, total=False):
     waveform: Mapping[str, object] | None
     detector: Mapping[str, object] | None
     name: str | None
-
-
-class FlownPart(NamedTuple):
-    """The part of a recorded trajectory that a leg of a file flies.
-
-    Attributes
-    ----------
-    start_s, end_s : float or None
-        Where it starts and ends, s in the time of the trajectory; ``None`` is where the trajectory does.
-    teleport : bool
-        True if the platform jumps to the start instead of travelling there.
-    """
-
-    start_s: float | None
-    end_s: float | None
-    teleport: bool
-
-
-class Leg(Checked):
-    """A waypoint and the way to the next one: the last leg of a moving platform is where it arrives.
-
-    Parameters
-    ----------
-    position : sequence of float
-        x, y, z, world frame, m.
-    on_ground : bool
-        Whether z is taken from the ground.
-    speed_m_per_s : float, optional
-        Speed on the way to the next leg.
-    active : bool
-        Whether the scanner fires.
-    strip : str, optional
-        Name of a strip; legs of the same strip share their files.
-    **settings : LegSettings
-        Settings of the scanner (docs/pipelines.md): ``pulse_freq_hz``, ``scan_freq_hz``, ``scan_angle_deg``,
-        ``head_rate_deg_per_s``, ``head_start_deg``, ``head_stop_deg``, ``vertical_resolution_deg`` and so on.
-
-    Raises
-    ------
-    TypeError
-        A keyword is no setting.
-    ValueError
-        The position has not three numbers, or one that is not finite.
-
-    Examples
-    --------
-    >>> leg = vlscan.Leg((0, 0, 1.7), scan_freq_hz=120, head_rate_deg_per_s=60, head_stop_deg=360)
-    >>> leg.settings["scan_freq_hz"]
-    120
-    """
-
-    _ATTRIBUTES: ClassVar[tuple[str, ...]] = ("position", "on_ground", "speed_m_per_s", "active", "strip", "settings")
-
-    def __init__(
-        self,
-        position: Vector = (0.0, 0.0, 0.0),
-        *,
-        on_ground: bool = False,
-        speed_m_per_s: float | None = None,
-        active: bool = True,
-        strip: str | None = None,
-        **settings: Unpack[LegSettings],
-    ) -> None:
-        self.position = position
-        self.on_ground, self.speed_m_per_s, self.active, self.strip = on_ground, speed_m_per_s, active, strip
-        self.settings: dict[str, object] = dict(settings)
-        self._flown: FlownPart | None = None
-
-    @staticmethod
-    def _of_file(keys: Mapping[str, Any]) -> Leg:
-        """Return the leg that the engine has read."""
-        flown = keys["trajectory"]
-        leg = Leg(**{key: value for key, value in keys.items() if key != "trajectory"})
-        leg._flown = None if flown is None else FlownPart(*flown)
-        return leg
-
-    @property
-    def flown_part(self) -> FlownPart | None:
-        """Part of a recorded trajectory that a leg of a file flies; ``None`` for other legs."""
-        return self._flown
-
-    def _checked(self, name: str, value: object) -> object:
-        if name == "position":
-            if isinstance(value, (str, bytes, set, frozenset, Mapping)):
-                raise TypeError(f"position of a leg is x, y, z, found {type(value).__name__}")
-            numbers = np.asarray(value if hasattr(value, "__array__") else list(value), float)  # type: ignore[call-overload]
-            if numbers.shape != (3,):
-                raise ValueError(f"position of a leg has the shape {numbers.shape}, expected x, y, z")
-            if not np.isfinite(numbers).all():
-                raise ValueError(f"position of a leg is {numbers.tolist()}, expected finite numbers")
-            return numbers.tolist()
-        if name == "settings":
-            return _keys_of("Leg", value, "[settings]")
-        if name in ("active", "on_ground"):
-            if not isinstance(value, (bool, np.bool_)) and value not in (0, 1):
-                raise TypeError(f"{name} of a leg is True or False, found {value!r}")
-            return bool(value)
-        if name == "strip" and not (value is None or isinstance(value, str)):
-            raise TypeError(f"strip of a leg is a name, found {type(value).__name__}")
-        return value
-
-    def _keys(self) -> dict[str, object]:
-        return {
-            "position_m": self.position,
-            "on_ground": True if self.on_ground else None,
-            "speed_m_per_s": None if self.speed_m_per_s is None else float(self.speed_m_per_s),
-            "active": None if self.active else False,
-            "strip": self.strip,
-            "settings": self.settings or None,
-        }
-
-    def __repr__(self) -> str:
-        keys = {name: value for name, value in self._keys().items() if value is not None and name not in ("position_m", "settings")}
-        words = [str(tuple(self.position)), *(f"{name}={value!r}" for name, value in {**keys, **self.settings}.items())]
-        return f"Leg({', '.join(words)})"
-
-
-class SurveyContents(NamedTuple):
-    """What a survey consists of.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    scanner : str
-        Id of the scanner.
-    scanner_name : str
-        Name of the scanner.
-    platform : str
-        Id of the platform.
-    platform_kind : str
-        How the platform moves: ``static``, ``linearpath``, ``groundvehicle``, ``multicopter``, or ``interpolated`` and ``stream`` for
-        recorded poses.
-    parts : list of str
-        Ids of the parts of its scene, ``None`` for those without one; none of a packed scene.
-    waveform : dict
-        Keys of ``[waveform]`` in a pipeline file, with the values of the first channel.
-    legs : list of Leg
-        The legs.
-    """
-
-    name: str
-    scanner: str
-    scanner_name: str
-    platform: str
-    platform_kind: str
-    parts: list[str | None]
-    waveform: dict[str, float]
-    legs: list[Leg]
 
 
 class Survey(Checked):
@@ -257,7 +108,7 @@ class Survey(Checked):
     ) -> None:
         self.scene = scene if scene is None or isinstance(scene, Scene) else Scene(scene)
         self.scanner = None if scanner is None else Scanner.of(scanner)
-        self.legs = _legs(legs)
+        self.legs = legs_of(legs)
         self.platform = None if platform is None else Platform.of(platform)
         self.trajectory = trajectory
         self.settings = dict(settings or {})
@@ -268,14 +119,15 @@ class Survey(Checked):
         self._folder = working_folder()
         self._file: str | None = None
         self._text: str | None = None
+        self._name = "<python>"
         # Keys of the legs of a file as they were read, and whether they hold all that it has about legs.
         self._read_legs: tuple[list[dict[str, object]], bool] | None = None
 
     def _checked(self, name: str, value: object) -> object:
         if name in ("settings", "waveform", "detector"):
-            return _keys_of(f"{name} of a survey", value, f"[{name}]")
+            return keys_of(f"{name} of a survey", value, f"[{name}]")
         if name == "legs":
-            return _legs(value)
+            return legs_of(value)
         if value is None:
             return None
         if name == "scene":
@@ -289,7 +141,7 @@ class Survey(Checked):
         return value
 
     @staticmethod
-    def from_document(text: str, scene: Scene | PathLike | None = None) -> Survey:
+    def from_document(text: str, scene: Scene | PathLike | None = None, path: PathLike = "<python>") -> Survey:
         """Return the survey of a document in memory.
 
         Parameters
@@ -298,6 +150,9 @@ class Survey(Checked):
             A pipeline, TOML, as :meth:`document` and plans have it, or a survey of HELIOS++, XML.
         scene : Scene, str or path-like, optional
             Replaces the scene of the document.
+        path : str or path-like
+            Name of the document in messages; files that it names are searched in the folder of this name, too. There need not be
+            such a file.
 
         Returns
         -------
@@ -311,7 +166,7 @@ class Survey(Checked):
         True
         """
         survey = Survey(scene)
-        survey._text = text
+        survey._text, survey._name = text, os.fspath(path)
         return survey
 
     @staticmethod
@@ -377,14 +232,15 @@ class Survey(Checked):
         ('tls_polygon', 'tripod', 'static', 2)
         """
         request = self._request(values_of(options, writes_files=False))
-        name, scanner, platform, parts, waveform, legs, _ = _vlscan.contents(request)
-        return SurveyContents(name, *scanner, *platform, parts, waveform, [Leg._of_file(leg) for leg in legs])
+        name, scanner, platform, parts, waveform, legs, _, found = _vlscan.contents(request)
+        references = None if found is None else References(**found)
+        return SurveyContents(name, *scanner, *platform, parts, waveform, [Leg._of_file(leg) for leg in legs], references)
 
     def __getattr__(self, name: str) -> Any:
         # Legs of a file are read when they are first asked for, and sent if they were changed.
         if name != "legs" or self.__dict__.get("_file") is None:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        *_, legs, is_whole = _vlscan.contents(self._request({}))
+        *_, legs, is_whole, _ = _vlscan.contents(self._request({}))
         self.legs = [Leg._of_file(leg) for leg in legs]
         self._read_legs = ([leg._keys() for leg in self.legs], is_whole)
         return self.legs
@@ -393,7 +249,7 @@ class Survey(Checked):
         """Return the keys of the legs, none for those of a file that are as they were read."""
         if "legs" not in self.__dict__:
             return []
-        keys = [leg._keys() for leg in _legs(self.legs)]
+        keys = [leg._keys() for leg in legs_of(self.legs)]
         if self._read_legs is None:
             return keys
         as_read, is_whole = self._read_legs
@@ -461,7 +317,7 @@ class Survey(Checked):
         if "output" in options and self.name is None and self._text is None and self._file is None:
             # Its folder has the name of the survey.
             document = _toml.document({"name": "survey", **self._keys()})
-        return _vlscan.Request(options, document=document, scene=scene, trajectory=trajectory, pulses=pulses)
+        return _vlscan.Request(options, document=(self._name, document), scene=scene, trajectory=trajectory, pulses=pulses)
 
     def _flight(self, options: dict[str, object]) -> _vlscan.Request:
         """Return the request of a run. A survey of objects that lacks one is an error in the words of Python."""
@@ -632,6 +488,7 @@ class Survey(Checked):
         per_leg: bool = False,
         seconds: float | None = None,
         *,
+        batch_columns: Iterable[str] | None = None,
         to: PathLike | Iterable[PathLike] | None = None,
         waveforms: bool | None = None,
         pulses: bool | None = None,
@@ -651,6 +508,9 @@ class Survey(Checked):
         seconds : float, optional
             A batch ends at every multiple of so many seconds of ``GpsTime``, too: 0.1 yields the sweeps of a scanner that turns
             ten times per second.
+        batch_columns : iterable of str, optional
+            Columns of the batches, of those that :func:`vlscan.columns` lists; by default the option ``columns``, which files
+            of text, Arrow and Parquet have, too.
         to, waveforms, pulses : object
             As for :meth:`run`: files that are written, too, and what is recorded beside the points.
         **options : RunOptions
@@ -687,7 +547,8 @@ class Survey(Checked):
         if count < 1:
             raise ValueError(f"rows is {count}, expected at least 1")
         beside = [table for table in tables if table != "points"]
-        return Batches(partial(_vlscan.run_batches, self._flight(values), count, per_leg, seconds, 2, beside))
+        chosen = None if batch_columns is None else [batch_columns] if isinstance(batch_columns, str) else list(batch_columns)
+        return Batches(partial(_vlscan.run_batches, self._flight(values), count, per_leg, seconds, 2, beside, chosen))
 
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
@@ -738,6 +599,7 @@ def run_batches(
     per_leg: bool = False,
     seconds: float | None = None,
     *,
+    batch_columns: Iterable[str] | None = None,
     to: PathLike | Iterable[PathLike] | None = None,
     waveforms: bool | None = None,
     pulses: bool | None = None,
@@ -749,7 +611,7 @@ def run_batches(
     ----------
     survey : Survey, str or path-like
         A survey, or its file.
-    rows, per_leg, seconds, to, waveforms, pulses : object
+    rows, per_leg, seconds, batch_columns, to, waveforms, pulses : object
         As for :meth:`Survey.run_batches`.
     **options : RunOptions
         As for :meth:`Survey.run`.
@@ -764,7 +626,9 @@ def run_batches(
     >>> [set(leg["PointSourceId"].tolist()) for leg in vlscan.run_batches("fixtures/room/survey.xml", per_leg=True)]
     [{1}, {2}]
     """
-    return opened(survey).run_batches(rows, per_leg, seconds, to=to, waveforms=waveforms, pulses=pulses, **options)
+    return opened(survey).run_batches(
+        rows, per_leg, seconds, batch_columns=batch_columns, to=to, waveforms=waveforms, pulses=pulses, **options
+    )
 
 
 def dry_run(survey: Survey | PathLike, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
@@ -923,30 +787,9 @@ def trace(
         return Result(_vlscan.run(survey._request(values, columns_of(pulses, ())), tables, tell))
 
 
-def _keys_of(what: str, value: object, table: str) -> dict[str, object]:
-    """Return keys of a table as a dictionary of its own."""
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping):
-        raise TypeError(f"{what} is a mapping of keys, found {type(value).__name__}")
-    check_keys(what, value, table)
-    return dict(value)
-
-
 def _listed(value: object) -> list[object]:
     """Return a value as a list; none is empty."""
     return [] if value is None else value if isinstance(value, list) else [value]
-
-
-def _legs(value: object) -> list[Leg]:
-    """Return legs as a list."""
-    if isinstance(value, Leg) or not isinstance(value, Iterable):
-        raise TypeError(f"legs are a list of Leg, found {type(value).__name__}")
-    legs = list(value)
-    wrong = next((leg for leg in legs if not isinstance(leg, Leg)), None)
-    if wrong is not None:
-        raise TypeError(f"expected Leg, found {type(wrong).__name__}: vlscan.Leg((x, y, z), ...)")
-    return legs
 
 
 def opened(survey: Survey | PathLike) -> Survey:

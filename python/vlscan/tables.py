@@ -86,6 +86,8 @@ class Table:
                 near = next((column for column in self.columns if close and column.lower() == close[0]), None)
                 hint = f"did you mean {near!r}? There" if near else "there"
                 raise KeyError(f"no column is called {name!r}; {hint} are {', '.join(self.columns)}") from None
+            except TypeError as problem:
+                raise TypeError(f"column {name}: {problem}; to_arrow()[{name!r}] has the values") from None
         return self._columns[name]
 
     def _rows(self, key: slice | Rows) -> _vlscan.Table:

@@ -11,7 +11,7 @@ use vlscan::survey::{PoseStream, SceneRecipe, find_platform, find_scanner};
 use vlscan::trace::BuildOptions;
 use vlscan::{
     Batches, DVec3, Error, LoadedScene, Mesh, OutputRequest, PointFormat, Progress, RayHit, ReadOptions,
-    Result, RunContext, Scan, Session, Settings, Stop, Target, read_scene, read_survey,
+    Result, RunContext, Scan, SceneGeometry, Session, Settings, Stop, Target, read_scene, read_survey,
 };
 
 /// A square floor of 20 m × 20 m.
@@ -206,4 +206,55 @@ fn rays_without_an_instrument_have_distance_part_primitive_and_normal() {
     assert_eq!(hits.len(), many.len());
     assert!(many.iter().zip(&hits).all(|(origin, hit)| hit.is_some() == (origin.x.abs() <= 10.0)));
     assert!(scene.cast(&many, &[], &|_| ()).unwrap().is_empty());
+}
+
+/// The triangles of a scene, each with its number, corners and part.
+fn triangles(geometry: &SceneGeometry) -> Vec<(u32, [DVec3; 3], u32)> {
+    let corners = geometry.triangles.iter().map(|t| t.map(|vertex| geometry.vertices[vertex as usize]));
+    let numbers = geometry.numbers.iter().zip(&geometry.parts);
+    numbers.zip(corners).map(|((number, part), corners)| (*number, corners, *part)).collect()
+}
+
+#[test]
+fn primitives_of_a_scene_are_arrays_in_the_world() {
+    let load = |recipe: &SceneRecipe| {
+        let (options, trees) = (LoadOptions::default(), BuildOptions::default());
+        LoadedScene::load(recipe, &options, &trees, false, &|_| ()).unwrap()
+    };
+    let load_file = |name: &str| {
+        let file = fixture(name).display().to_string();
+        load(&read_scene(&file, &ReadOptions::default()).unwrap().0)
+    };
+    let geometry = load(&SceneRecipe::from(floor())).geometry(None).unwrap();
+    assert_eq!(geometry.vertices.len(), 4);
+    assert_eq!(geometry.vertices[geometry.triangles[1][2] as usize], DVec3::new(-10.0, 10.0, 0.0));
+    assert_eq!((&geometry.numbers[..], &geometry.parts[..]), (&[0, 1][..], &[0, 0][..]));
+    assert!(geometry.voxels.is_empty());
+
+    // The hits of rays are on the triangles of their numbers.
+    let scene = load_file("forest/scene.xml");
+    let all = triangles(&scene.geometry(None).unwrap());
+    assert_eq!(all.len() as u64, scene.facts().primitives);
+    let middle = scene.facts().bounds.centre();
+    let origins: Vec<DVec3> =
+        (-20..20).map(|i| middle + DVec3::new(f64::from(i) * 0.5, 0.3, 100.0)).collect();
+    let hits = scene.cast(&origins, &vec![-DVec3::Z; origins.len()], &|_| ()).unwrap();
+    assert!(hits.iter().flatten().count() > 10);
+    for (origin, hit) in origins.iter().zip(&hits).filter_map(|(origin, hit)| Some((origin, (*hit)?))) {
+        let (number, [a, b, c], part) = all[hit.primitive as usize];
+        assert_eq!((number, part), (hit.primitive, hit.part));
+        let place = *origin - DVec3::Z * hit.distance;
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        assert!((place - a).dot(normal).abs() < 1e-9, "{place} on {a} {b} {c}");
+    }
+
+    // The parts together are the scene.
+    let parts = scene.facts().parts.len() as u32;
+    let each: Vec<_> = (0..parts).flat_map(|part| triangles(&scene.geometry(Some(part)).unwrap())).collect();
+    assert_eq!(each, all);
+    assert_eq!(scene.geometry(Some(parts)).unwrap(), SceneGeometry::default());
+
+    let voxels = load_file("voxels/scene.xml").geometry(None).unwrap();
+    assert!(!voxels.voxels.is_empty() && voxels.voxels.iter().all(|voxel| voxel.half > 0.0));
+    assert_eq!(voxels.triangles.len() + voxels.voxels.len(), voxels.numbers.len());
 }

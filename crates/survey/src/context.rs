@@ -8,7 +8,6 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
 use std::sync::Arc;
 use vlscan_base::diag::{Diagnostic, Diagnostics, Place, ProblemKind};
 use vlscan_base::error::{Error, Result};
@@ -60,7 +59,7 @@ pub(super) struct Context {
     pub(super) problems: RefCell<Diagnostics>,
     limits: RefCell<Diagnostics>,
     pub(super) failure: RefCell<Option<Error>>,
-    pub(super) documents: RefCell<HashMap<PathBuf, Option<Rc<XmlDocument>>>>,
+    pub(super) documents: RefCell<HashMap<PathBuf, Option<Arc<XmlDocument>>>>,
 }
 
 impl Context {

@@ -9,7 +9,7 @@ use super::xml::{BUILT_IN, Element, XmlDocument};
 use super::xml_limits::MAX_DOCUMENT_BYTES;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 use vlscan_base::diag::{Place, ProblemKind, nearest};
 use vlscan_base::error::Error;
 use vlscan_base::files::reads;
@@ -67,7 +67,7 @@ impl Context {
             return known.as_ref().map(XmlDocument::root);
         }
         let document = match found {
-            Found::BuiltIn(file) => self.parse(&path, file.text.as_bytes()),
+            Found::BuiltIn(file) => shipped::document(file).and_then(|document| self.checked(document)),
             Found::File(path) => match self.read(path, MAX_DOCUMENT_BYTES) {
                 Ok(bytes) => self.parse(path, &bytes),
                 Err(e) => {
@@ -94,12 +94,17 @@ impl Context {
         document.map(|d| d.root())
     }
 
-    fn parse(&self, path: &Path, bytes: &[u8]) -> Option<Rc<XmlDocument>> {
+    fn parse(&self, path: &Path, bytes: &[u8]) -> Option<Arc<XmlDocument>> {
         if let Some(found) = foreign(path, bytes, &Expected::DOCUMENT) {
             found.report(path, &mut self.problems.borrow_mut());
             return None;
         }
         let document = XmlDocument::parse(path, bytes, &mut self.problems.borrow_mut())?;
+        self.checked(document)
+    }
+
+    /// A document whose root and ids have been checked.
+    fn checked(&self, document: Arc<XmlDocument>) -> Option<Arc<XmlDocument>> {
         let root = document.root();
         if root.name() != "document" {
             let message = format!("the root element is `{}`, expected `document`", root.name());

@@ -4,6 +4,7 @@ use super::context::Context;
 use super::fields::{Fields, read_mount};
 use super::platform_xml::{mount_of_other, read_platform};
 use super::settings::{NO_LIMIT, PlatformLayer, ScannerLayer, warn_of_missing_coordinates};
+use super::sources::LegTemplates;
 use super::templates::Templates;
 use super::trajectories::Trajectories;
 use super::xml::Element;
@@ -53,6 +54,32 @@ impl<'c> LegReader<'c> {
             scanner.max_duration = Some(max_duration);
         }
         Leg { number, strip, platform, scanner, place: Some(element.place()) }
+    }
+
+    /// The templates that the settings of a leg name.
+    pub fn templates(&mut self, element: &Element) -> LegTemplates {
+        let leg = |platform: PlatformLayer, scanner: &ScannerLayer| Leg {
+            number: 0,
+            strip: None,
+            platform: platform.resolved(None),
+            scanner: scanner.resolved(),
+            place: None,
+        };
+        let context = self.context;
+        let id = |settings: &Element| {
+            let template = context.asset(settings.name(), settings, "template")?;
+            Some(template.value("id").unwrap_or_default().to_owned())
+        };
+        let (unset, default) = (PlatformLayer::unset(), ScannerLayer::DEFAULT);
+        let scanner = element.child("scannerSettings").and_then(|settings| {
+            let template = self.scanner_templates.of(context, &settings, &default)?;
+            Some((id(&settings)?, leg(PlatformLayer::unset(), &template)))
+        });
+        let platform = element.child("platformSettings").and_then(|settings| {
+            let template = self.platform_templates.of(context, &settings, &unset)?;
+            Some((id(&settings)?, leg(template, &default)))
+        });
+        LegTemplates { scanner, platform }
     }
 
     /// Sets the mount of `leg` to that of the platform that `element` names, unless the leg has a mount.

@@ -22,6 +22,7 @@
 //! | `keys` | names, bounds and use of every setting, in XML and TOML |
 //! | `context`, `fields`, `documents` | the problems of one run of a reader; typed values of an element or a table; documents and references |
 //! | `read` | the entry points: a survey, a scene, a scanner |
+//! | `sources` | references and templates of a survey in XML |
 //! | `survey_xml`, `settings`, `templates`, `legs`, `trajectories` | the `<survey>` element: templates, legs, trajectories |
 //! | `toml` | pipeline files |
 //! | `follow` | surveys that follow a stream of poses; scanners and legs with default settings |
@@ -75,6 +76,7 @@ mod scene_xml;
 mod seed;
 mod settings;
 mod shipped;
+mod sources;
 mod survey_xml;
 mod templates;
 #[cfg(any(test, feature = "testkit"))]
@@ -104,6 +106,7 @@ pub use motions::rounded_steps;
 pub use rasters::{find_raster, names_raster};
 pub use read::{find_platform, find_scanner, read_scene, read_survey, read_survey_text};
 pub use seed::{SeedError, parse_seed};
+pub use sources::{LegTemplates, SurveySources, survey_sources};
 pub use text::{NotText, decode_table};
 pub use xml_limits::MAX_DOCUMENT_BYTES;
 

@@ -5,7 +5,7 @@ use super::xml_limits::{MAX_NODES, check_limits};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 use vlscan_base::diag::{Diagnostics, Place};
 
 /// The folder of the built-in files in messages.
@@ -43,13 +43,13 @@ struct Attribute {
 
 #[derive(Clone, Debug)]
 pub(super) struct Element {
-    document: Rc<XmlDocument>,
+    document: Arc<XmlDocument>,
     index: usize,
 }
 
 impl XmlDocument {
     /// Parses the bytes of `path`; errors are added to `problems`.
-    pub fn parse(path: &Path, bytes: &[u8], problems: &mut Diagnostics) -> Option<Rc<XmlDocument>> {
+    pub fn parse(path: &Path, bytes: &[u8], problems: &mut Diagnostics) -> Option<Arc<XmlDocument>> {
         let text = match decode(bytes) {
             Ok(text) => text,
             Err(e) => {
@@ -97,10 +97,10 @@ impl XmlDocument {
         };
         let nodes = flatten(&tree);
         let lines = std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect();
-        Some(Rc::new(XmlDocument { path: path.to_path_buf(), text, lines, nodes }))
+        Some(Arc::new(XmlDocument { path: path.to_path_buf(), text, lines, nodes }))
     }
 
-    pub fn root(self: &Rc<Self>) -> Element {
+    pub fn root(self: &Arc<Self>) -> Element {
         Element { document: self.clone(), index: 0 }
     }
 

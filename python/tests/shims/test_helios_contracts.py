@@ -235,6 +235,25 @@ def test_without_its_distribution_the_package_says_what_to_install(library, pack
     assert failed.returncode == 1 and "pip install vlscan-helios" in failed.stderr
 
 
+def test_messages_about_a_changed_survey_name_its_file():
+    survey = helios.Survey.from_xml(FIXTURES / "room/survey.xml")
+    survey.legs[0].scanner_settings.scan_frequency = 1e6
+    with pytest.raises(helios.HeliosException, match=r"survey\.xml \(as changed\):\d+"):
+        survey.run()
+
+
+def test_a_changed_survey_finds_the_files_beside_its_file(tmp_path, monkeypatch):
+    for file in (FIXTURES / "room").iterdir():
+        text = file.read_text().replace(' paths="beside"', "")
+        (tmp_path / file.name).write_text(text)
+    monkeypatch.chdir(tmp_path.parent)
+    survey = helios.Survey.from_xml(tmp_path / "survey.xml")
+    plain, _ = survey.run()
+    survey.name = "written anew"
+    assert survey.run()[0].tobytes() == plain.tobytes()
+    assert f'scanner="{survey.scanner.reference}"' in survey.to_xml()
+
+
 def test_messages_do_not_name_files_of_the_run():
     flight = np.column_stack(
         [np.linspace(0, 1, 11), np.zeros((11, 2)), np.full(11, 0.0025), np.linspace(-10, 10, 11), np.zeros(11), np.full(11, 60)]

@@ -41,6 +41,12 @@ def test_parts_are_transformed_in_order():
             plane().scale(wrong)
 
 
+def test_parts_have_vertices_and_triangles_where_they_stand():
+    geometry = plane(1.0).translate([10, 0, 0]).geometry()
+    assert geometry.vertices[geometry.triangles].shape == (2, 3, 3)
+    assert np.allclose(geometry.vertices.min(axis=0), [9, -1, 0]) and np.allclose(geometry.vertices.max(axis=0), [11, 1, 0])
+
+
 def test_materials_can_be_changed():
     part = helios.ScenePart.from_obj(FIXTURES / "forest/beech.obj")
     assert part.materials and set(part.materials) == set(part.materials.keys()) == {name for name, _ in part.materials.items()}

@@ -183,7 +183,22 @@ def test_the_seed_of_the_module_is_that_of_builders_without_one(tmp_path):
         of_module = measured(lambda builder: None)
     finally:
         pyhelios.setDefaultRandomnessGeneratorSeed(0)
-    assert np.array_equal(own, of_module, equal_nan=True)
+    assert np.array_equal(own, of_module)
+
+
+def test_runs_that_write_text_have_beams_in_memory(tmp_path):
+    def measured(name, change):
+        builder = pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], str(tmp_path / name))
+        run = change(builder.setSeed(5)).build()
+        run.start()
+        output = run.join()
+        return output, pyhelios.outputToNumpy(output)[0]
+
+    (text, beside), (_, alone) = measured("a", lambda builder: builder), measured("b", lambda builder: builder.setExportToFile(False))
+    assert np.array_equal(beside, alone) and np.isfinite(beside).all()
+    assert np.allclose(np.linalg.norm(beside[:, 6:9], axis=1), 1)
+    with open(text.filepath) as lines:
+        assert len(lines.readline().split()) == 11
 
 
 def test_spherical_coordinates_come_back():
@@ -239,12 +254,12 @@ def test_figures_of_a_scanner_without_an_entry_are_errors(tmp_path, monkeypatch)
     def view(reference):
         return ScannerView(SimpleNamespace(reference=reference), lambda: False)
 
-    with pytest.raises(FileNotFoundError, match=r"nowhere\.xml"):
+    with pytest.raises(vlscan.InputError, match=r"cannot find the file `nowhere\.xml`"):
         _ = view("nowhere.xml#a").wavelength
-    (tmp_path / "other.xml").write_text('<document><scanner id="b" pulseFreqs_Hz="100"/></document>')
-    with pytest.raises(vlscan.InputError, match="there is no scanner 'a'"):
+    shutil.copy(FIXTURES / "room/scanners.xml", tmp_path / "other.xml")
+    with pytest.raises(vlscan.InputError, match="there is no <scanner> with the id `a`"):
         _ = view("other.xml#a").pulseFreqs
-    assert view("other.xml#b").pulseFreqs == [100]
+    assert view("other.xml#tls_polygon").pulseFreqs == [9200]
     (tmp_path / "other.xml").write_text("<document>")
     with pytest.raises(vlscan.InputError, match="not well-formed XML"):
         view("other.xml#b").toString()

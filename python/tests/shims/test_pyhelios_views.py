@@ -79,7 +79,25 @@ def test_the_scene_has_parts_a_box_and_ground(tmp_path):
     with pytest.raises(ValueError, match="no ground"):
         scene.getGroundPointAt([1e5, 0, 0])
     with pytest.raises(AttributeError, match="sceneParts"):
-        scene.getPrimitive(0)
+        scene.getTriangle(0)
+
+
+def test_primitives_of_the_scene_have_vertices(tmp_path):
+    scene = builder(tmp_path).build().sim.getScene()
+    first = scene.getPrimitive(0)
+    assert first.isTriangle() and not first.isVoxel() and first.getNumVertices() == 3
+    corners = [first.getVertex(index).getPosition() for index in range(3)]
+    assert first.getAABB().getMin().z == min(corner.z for corner in corners)
+    assert first.getCentroid().x == pytest.approx(sum(corner.x for corner in corners) / 3)
+    box = scene.sceneParts[0].bbox
+    assert all(box.min.x - 1e-9 <= corner.x <= box.max.x + 1e-9 for corner in corners)
+    assert scene.getPrimitive(scene.numPrimitives - 1).isTriangle()
+    with pytest.raises(IndexError, match="primitives"):
+        scene.getPrimitive(scene.numPrimitives)
+    with pytest.raises(IndexError, match="3 vertices"):
+        first.getVertex(3)
+    with pytest.raises(AttributeError, match="getCentroid"):
+        first.getNormal()
 
 
 def test_the_detector_has_accuracy_and_ranges(tmp_path):

@@ -10,7 +10,7 @@ use crate::shards;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use vlscan_formats::{Cause, EncodedPoints, PointBatch, PointEncoder, PointFormat, PointRecord, Wave};
+use vlscan_formats::{Cause, EncodedPoints, PointBatch, PointEncoder, PointRecord, Wave};
 use vlscan_geom::{DVec3, HeightModel, is_inside};
 use vlscan_lidar::pulse::{Batch, Echo, WaveformRecord};
 
@@ -106,17 +106,20 @@ impl OutputPlan {
                 (Content::Points(format), Slots::Divided(slots)) => {
                     let divided = self.divided(&echoes);
                     left_out = (echoes.len() - divided.values().map(Vec::len).sum::<usize>()) as u64;
+                    let encoder = self.encoders.get(&format);
                     for (file, own) in divided {
-                        self.points(format, &Slots::One(slots[file]), source, &own, &mut pieces);
+                        self.points(encoder, &Slots::One(slots[file]), source, &own, &mut pieces);
                     }
                 }
-                (Content::Points(format), slots) => self.points(format, slots, source, &echoes, &mut pieces),
+                (Content::Points(format), slots) => {
+                    self.points(self.encoders.get(&format), slots, source, &echoes, &mut pieces);
+                }
                 (Content::Trajectory(format), _) => pieces.push(self.trajectory(format, slot, batch)),
                 (Content::Waveforms, _) => pieces.push(self.waveforms(slot, batch)),
                 (Content::Pulses, _) => pieces.push(self.pulses(slot, batch)),
                 (Content::Shard, _) => pieces.push(shard(slot, batch)),
                 (Content::Table(TableContent::Points), slots) => {
-                    self.points(PointFormat::Arrow, slots, source, &echoes, &mut pieces);
+                    self.points(self.table_encoder(), slots, source, &echoes, &mut pieces);
                 }
                 (Content::Table(content), _) => {
                     pieces.push(Piece { slot, points: memory::encode(content, batch, self.frame()) });
@@ -141,13 +144,13 @@ impl OutputPlan {
     /// Encodes points and appends one piece per file of `slots`.
     fn points(
         &self,
-        format: PointFormat,
+        encoder: Option<&Arc<dyn PointEncoder>>,
         slots: &Slots,
         source: Source<'_>,
         echoes: &[Echo],
         pieces: &mut Vec<Piece>,
     ) {
-        let Some(encoder) = self.encoders.get(&format) else { return };
+        let Some(encoder) = encoder else { return };
         // With one file per device the share of each device is unknown, so nothing is reserved.
         let is_one = matches!(slots, Slots::One(_));
         let capacity = if is_one { echoes.len() * encoder.typical_bytes() } else { 0 };

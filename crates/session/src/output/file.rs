@@ -29,9 +29,9 @@ pub(super) fn open_output(
             let request = plan.request.tables.get(*number);
             let request = request.ok_or_else(|| Error::Internal(format!("there is no table {number}")))?;
             if request.content == TableContent::Points {
-                request.sink.begin(plan.cloud_facts());
+                request.sink.begin(plan.table_facts());
             }
-            return Ok(Box::new(OpenTable::new(request, &plan.settings)));
+            return Ok(Box::new(OpenTable::new(request, plan.table_settings())));
         }
         OutputLocation::Fixed(destination) => destination.clone(),
         OutputLocation::Run { run, name } => Destination::Path(runs[*run].join(name)),

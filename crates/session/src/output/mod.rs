@@ -12,7 +12,8 @@
 //! | file | contents |
 //! |---|---|
 //! | `request`, `context` | the request; the facts about survey and scene that outputs depend on |
-//! | `layout`, `plan`, `division` | the files that follow from both, checks and formats; points divided by tile or object |
+//! | `layout`, `plan`, `division` | the files that follow from both, and their checks; points divided by tile or object |
+//! | `formats` | the formats of points |
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `text` | trajectories, waveforms and pulses as text |
 //! | `memory` | tables in memory for the caller |
@@ -33,6 +34,7 @@ mod encode;
 mod file;
 #[cfg(test)]
 mod format_tests;
+mod formats;
 mod join;
 mod layout;
 mod memory;

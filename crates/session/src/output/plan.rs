@@ -2,9 +2,10 @@
 
 use super::context::{OutputContext, OutputLeg};
 use super::division::Divider;
+use super::formats::{Formats, TableFormat};
 use super::layout::{Content, FilePlan, OutputLayout, OutputLocation};
 use super::points::CloudFacts;
-use super::request::{OutputRequest, TableContent, Target};
+use super::request::{OutputRequest, Target};
 use super::summary::FileSummary;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
@@ -13,7 +14,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{FileSet, NewFolder, identity, is_special, is_taken, reads, remove_litter};
-use vlscan_crs as crs;
 use vlscan_formats::{
     CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
     PointFormat,
@@ -34,6 +34,8 @@ pub struct OutputPlan {
     legs: Vec<(u16, f64)>,
     /// The formats that points are written in.
     pub(super) encoders: BTreeMap<PointFormat, Arc<dyn PointEncoder>>,
+    /// The format of points in tables whose columns differ from those of files.
+    table: Option<TableFormat>,
     /// Needs of the formats and columns.
     pub(super) needs: Needs,
     /// The division of points among the files of folders.
@@ -120,6 +122,7 @@ impl CheckedOutputs {
             legs: context.legs.iter().map(leg).collect(),
             time_origin: context.time_origin,
             encoders: formats.encoders,
+            table: formats.table,
             needs: request.needs(),
             divider,
             warnings,
@@ -127,41 +130,6 @@ impl CheckedOutputs {
             settings: formats.settings,
             request,
         })
-    }
-}
-
-/// The formats that points are written in, and the facts about the points for them.
-#[derive(Debug)]
-struct Formats {
-    settings: CloudSettings,
-    encoders: BTreeMap<PointFormat, Arc<dyn PointEncoder>>,
-}
-
-impl Formats {
-    fn new(
-        request: &OutputRequest,
-        context: &OutputContext,
-        objects: ObjectIds,
-        problems: &mut Diagnostics,
-    ) -> Result<Formats> {
-        if let (Some(chosen), Some(named)) = (&request.cloud.crs, &context.crs)
-            && crs::differ(chosen, named)
-        {
-            let message = format!(
-                "--crs is {}, but the measured points are in {}",
-                crs::name(chosen),
-                crs::name(named)
-            );
-            problems.warn(None, message).help("leave out --crs: points are not reprojected");
-        }
-        let settings = cloud_settings(request, context, objects);
-        let has_table = request.tables.iter().any(|table| table.content == TableContent::Points);
-        let mut encoders = BTreeMap::new();
-        let formats = request.sinks.iter().map(|(_, format)| *format);
-        for format in formats.chain(has_table.then_some(PointFormat::Arrow)) {
-            encoders.insert(format, format.encoder(&settings, problems)?);
-        }
-        Ok(Formats { settings, encoders })
     }
 }
 
@@ -179,9 +147,22 @@ impl OutputPlan {
         WorldFrame { origin: self.settings.origin, time: self.time_origin }
     }
 
-    /// Facts about the points in addition to their columns.
-    pub(super) fn cloud_facts(&self) -> CloudFacts {
-        CloudFacts::new(self.settings.clone(), self.legs.clone())
+    /// Facts about the points of tables in addition to their columns.
+    pub(super) fn table_facts(&self) -> CloudFacts {
+        CloudFacts::new(self.table_settings().clone(), self.legs.clone())
+    }
+
+    /// Facts about the points of tables for their format.
+    pub(super) fn table_settings(&self) -> &CloudSettings {
+        self.table.as_ref().map_or(&self.settings, |table| &table.settings)
+    }
+
+    /// The format of points in tables.
+    pub(super) fn table_encoder(&self) -> Option<&Arc<dyn PointEncoder>> {
+        match &self.table {
+            Some(table) => Some(&table.encoder),
+            None => self.encoders.get(&PointFormat::Arrow),
+        }
     }
 
     /// True if points have their height above the ground.
@@ -221,24 +202,6 @@ impl WorldFrame {
     pub fn seconds(self, time_ns: f64) -> f64 {
         self.time + time_ns / 1e9
     }
-}
-
-/// The settings of the request, with the facts about survey and scene.
-fn cloud_settings(request: &OutputRequest, context: &OutputContext, objects: ObjectIds) -> CloudSettings {
-    let mut settings = request.cloud.clone();
-    settings.origin = context.shift;
-    settings.bounds = context.bounds;
-    settings.crs = settings.crs.or_else(|| context.crs.clone());
-    settings.scanner.clone_from(&context.scanner);
-    settings.adjusted_times = context.time_origin != 0.0;
-    settings.parts.clone_from(&context.parts);
-    settings.objects = objects;
-    settings.highest_class = context.highest_class;
-    settings.rings = context.devices.iter().map(|device| device.ring).collect();
-    settings.stands = context.stands;
-    settings.bins_ns = context.devices.iter().map(|device| device.bin).collect();
-    settings.metres_per_ns = context.metres_per_ns;
-    settings
 }
 
 /// The number of a leg in records, saturated.
@@ -296,8 +259,8 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
     if request.tables.iter().any(|table| table.batch_rows == 0) {
         problems.error(None, "batches of 0 rows: expected at least 1");
     }
-    let has_no_time =
-        request.cloud.columns.as_ref().is_some_and(|columns| !columns.contains(&Column::GpsTime));
+    let columns = request.table_columns.as_ref().or(request.cloud.columns.as_ref());
+    let has_no_time = columns.is_some_and(|columns| !columns.contains(&Column::GpsTime));
     for seconds in request.tables.iter().filter_map(|table| table.batch_seconds) {
         if has_no_time {
             problems.error(None, "batches by interval of time need the column GpsTime");

@@ -48,7 +48,7 @@ pub struct ShardOutput {
 /// Kind of the rows of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TableContent {
-    /// Points, with the columns of [`CloudSettings::columns`].
+    /// Points, with the columns of [`OutputRequest::table_columns`] or [`CloudSettings::columns`].
     Points,
     /// Poses of the platform: time (s), x, y, z (m), roll, pitch, yaw (deg, of a heading as `--trajectory`
     /// reads them), and the angles in the platform's own convention.
@@ -156,6 +156,8 @@ pub struct OutputRequest {
     pub shard: Option<ShardOutput>,
     /// Tables in memory.
     pub tables: Vec<TableRequest>,
+    /// Columns of points in tables; those of `cloud` if `None`.
+    pub table_columns: Option<Vec<Column>>,
     /// Number of epochs (spec input-formats §3.8); see [`Writer::next_epoch`](super::Writer::next_epoch).
     pub epochs: u32,
 }
@@ -184,6 +186,7 @@ impl Default for OutputRequest {
             run_stamp: None,
             shard: None,
             tables: Vec::new(),
+            table_columns: None,
             epochs: 1,
         }
     }
@@ -192,13 +195,22 @@ impl Default for OutputRequest {
 impl OutputRequest {
     /// True if points need their height above the ground.
     pub fn wants_heights(&self) -> bool {
-        let columns = &self.cloud.columns;
-        self.cloud.heights || columns.iter().flatten().any(|column| *column == Column::HeightAboveGround)
+        self.cloud.heights || self.chosen_columns().any(|column| column == Column::HeightAboveGround)
+    }
+
+    /// The columns that are chosen for clouds or tables.
+    fn chosen_columns(&self) -> impl Iterator<Item = Column> {
+        self.cloud.columns.iter().chain(&self.table_columns).flatten().copied()
+    }
+
+    /// True if points are collected in tables.
+    pub(super) fn has_point_table(&self) -> bool {
+        self.tables.iter().any(|table| table.content == TableContent::Points)
     }
 
     /// True if the choice of columns has an effect on an output.
     pub(super) fn uses_columns(&self) -> bool {
-        let has_table = self.tables.iter().any(|table| table.content == TableContent::Points);
+        let has_table = self.has_point_table() && self.table_columns.is_none();
         let has = |of: fn(PointFormat) -> bool| self.sinks.iter().any(|(_, format)| of(*format));
         has_table
             || has(PointFormat::has_columns)
@@ -237,10 +249,10 @@ impl OutputRequest {
 
     /// Needs of formats and columns.
     pub(super) fn needs(&self) -> Needs {
-        let CloudSettings { true_positions, heights, columns, .. } = &self.cloud;
+        let CloudSettings { true_positions, heights, .. } = &self.cloud;
         let own = Needs { true_position: *true_positions, height: *heights, ..Needs::default() };
         let formats = self.sinks.iter().map(|(_, format)| format.needs());
-        let columns = columns.iter().flatten().map(|column| column.needs());
+        let columns = self.chosen_columns().map(Column::needs);
         formats.chain(columns).fold(own, Needs::union)
     }
 }

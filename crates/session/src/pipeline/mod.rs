@@ -11,7 +11,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `scene` | a loaded scene with its tree; facts about it, points on its surfaces |
+//! | `scene`, `geometry` | a loaded scene with its tree; facts about it, points on it; its primitives |
 //! | `settings` | everything that is chosen before the start |
 //! | `session`, `run` | a scene and its survey; the loop over epochs, the report |
 //! | `scan`, `batches` | scans of a scene with an instrument, without files; points as record batches during the run |
@@ -42,6 +42,7 @@ mod dry_run;
 mod emit;
 mod flight_rows;
 mod fly;
+mod geometry;
 mod load;
 mod merge;
 mod moving;
@@ -71,6 +72,7 @@ pub use dry_run::{
 pub use emit::{Emission, Emitted, emit};
 pub use flight_rows::Flight;
 pub use flight_rows::{FlightRows, flight_table};
+pub use geometry::SceneGeometry;
 pub use load::check_raster_memory;
 pub use merge::{merge, merge_warnings, output_context};
 pub use part_table::PartTable;

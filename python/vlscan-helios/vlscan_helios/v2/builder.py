@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .functions import checked_seed, default_seed
-from .output import COLUMNS, Output
+from .output import Output
 from .simulation import Recipe, Simulation, folders
 
 if TYPE_CHECKING:
@@ -261,10 +261,6 @@ class SimulationBuilder:
             searched = ", ".join(folder or "." for folder in places)
             raise FileNotFoundError(errno.ENOENT, f"there is no such survey in {searched}", self._survey)
         options = {"seed": default_seed(), **self._options, "assets": self._assets}
-        is_text = self._has_files and not (self._options.get("las_output") or self._options.get("las10"))
-        if not is_text:
-            # Columns of text are those of HELIOS++.
-            options["columns"] = list(COLUMNS)
         if self._has_files:
             options |= {**self._recorded, "output": self._output}
         else:

@@ -24,9 +24,6 @@ _POSE_COLUMNS = ("x", "y", "z", "time", "platform_roll", "platform_pitch", "plat
 #: Columns of points in memory.
 COLUMNS = (*_POINT_COLUMNS, "Range", "PointSourceId", "Device", "Intensity", "Classification")
 
-# What another column holds where a table of text lacks one.
-_SUBSTITUTES = {"SurfaceClass": "Classification", "Amplitude": "Intensity"}
-
 
 class Vector(tuple[float, float, float]):
     """Three numbers, also by the names ``x``, ``y`` and ``z``."""
@@ -59,8 +56,7 @@ class _Record:
         self._table, self._row = table, row
 
     def _value(self, column: str) -> Any:
-        column = column if column in self._table else _SUBSTITUTES.get(column, column)
-        return self._table[column][self._row].item() if column in self._table else float("nan")
+        return self._table[column][self._row].item()
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("get") and len(name) > 3:
@@ -176,7 +172,7 @@ class Output:
     @cached_property
     def points(self) -> Points:
         """The points as a table of vlscan."""
-        return Points.concat(self._parts) if self._parts else Points.of({"X": [], "Y": [], "Z": []})
+        return Points.concat(self._parts) if self._parts else Points.of({name: [] for name in COLUMNS})
 
     @property
     def poses(self) -> Table | None:
@@ -230,21 +226,13 @@ def outputToNumpy(output: Output) -> tuple[NDArray[np.float64], NDArray[np.float
     -------
     points : numpy.ndarray
         Rows of position, origin and direction of the beam, intensity, echo width, number of the return, number of returns, number of
-        the pulse, object, class, GPS time; NaN for what the files of the simulation do not have.
+        the pulse, object, class, GPS time.
     poses : numpy.ndarray
         Rows of position, GPS time, roll, pitch, yaw (rad).
     """
     if not isinstance(output, Output):
         raise TypeError(f"expected the output of a simulation, found {type(output).__name__}")
-    poses = np.empty((0, 7)) if output.poses is None else _array(output.poses, _POSE_COLUMNS)
+    points = output.points.to_numpy(_POINT_COLUMNS, dtype=np.float64)
+    poses = np.empty((0, 7)) if output.poses is None else output.poses.to_numpy(_POSE_COLUMNS, dtype=np.float64)
     poses[:, 4:] = np.radians(poses[:, 4:])
-    return _array(output.points, _POINT_COLUMNS), poses
-
-
-def _array(table: Table, names: Sequence[str]) -> NDArray[np.float64]:
-    rows = np.full((len(table), len(names)), np.nan)
-    for index, name in enumerate(names):
-        found = name if name in table else _SUBSTITUTES.get(name, name)
-        if found in table:
-            rows[:, index] = table[found]
-    return rows
+    return points, poses

@@ -1,17 +1,20 @@
-"""Scanners of simulations by the names of version 2: their figures, as XML has them."""
+"""Scanners of simulations by the names of version 2, with the figures that the engine uses."""
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
 from typing import Any, ClassVar
-from xml.etree.ElementTree import Element, ParseError, parse
 
-from vlscan.errors import InputError
-from vlscan_helios.v3.utils import find_file
+from vlscan import DeviceFigures, ScannerFigures, scanner_figures
 
-from .templates import number_or
 from .views import Instrument
+
+
+def _figure(device: DeviceFigures, name: str, divisor: float) -> float:
+    """Return a figure; one without a limit is infinite."""
+    value = getattr(device, name)
+    return math.inf if value is None else float(value) / divisor
 
 
 class Figures:
@@ -19,15 +22,15 @@ class Figures:
 
     Parameters
     ----------
-    entry : xml.etree.ElementTree.Element
-        The entry of the scanner in its file.
+    device : vlscan.DeviceFigures
+        Figures of the scanner.
     """
 
-    #: Figures: attribute of XML, value without it, divisor.
-    FIGURES: ClassVar[dict[str, tuple[str, float, float]]] = {}
+    #: Figures: name in vlscan, divisor.
+    FIGURES: ClassVar[dict[str, tuple[str, float]]] = {}
 
-    def __init__(self, entry: Element) -> None:
-        object.__setattr__(self, "_entry", entry)
+    def __init__(self, device: DeviceFigures) -> None:
+        object.__setattr__(self, "_device", device)
 
     def __getattr__(self, name: str) -> Any:
         figures = type(self).FIGURES
@@ -35,8 +38,7 @@ class Figures:
             return lambda: getattr(self, own)
         if name not in figures:
             raise AttributeError(f"no figure {name!r} of a {type(self).__name__}; there are {', '.join(figures)}")
-        attribute, default, divisor = figures[name]
-        return number_or(self._entry.get(attribute), default) / divisor
+        return _figure(self._device, *figures[name])
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"figures of a scanner cannot be set, found {name}; change its entry in its file")
@@ -48,43 +50,43 @@ class Figures:
 class Detector(Figures):
     """Accuracy and ranges of a scanner, m; a range without a limit is infinite."""
 
-    FIGURES = {"accuracy": ("accuracy_m", 0, 1), "rangeMin": ("rangeMin_m", 0, 1), "rangeMax": ("rangeMax_m", math.inf, 1)}
+    FIGURES = {"accuracy": ("accuracy_m", 1), "rangeMin": ("range_min_m", 1), "rangeMax": ("range_max_m", 1)}
 
 
 class ScannerHead(Figures):
     """Limit of the turns of a scanner's head."""
 
-    FIGURES = {"rotatePerSecMax": ("headRotatePerSecMax_deg", 0, 180 / math.pi)}
+    FIGURES = {"rotatePerSecMax": ("head_rate_max_deg_per_s", 180 / math.pi)}
 
 
 class BeamDeflector(Figures):
     """Limits of a scanner's mirror."""
 
     FIGURES = {
-        "scanFreqMin": ("scanFreqMin_Hz", 0, 1),
-        "scanFreqMax": ("scanFreqMax_Hz", 0, 1),
-        "scanAngleMax": ("scanAngleMax_deg", 0, 180 / math.pi),
+        "scanFreqMin": ("scan_freq_min_hz", 1),
+        "scanFreqMax": ("scan_freq_max_hz", 1),
+        "scanAngleMax": ("scan_angle_max_deg", 180 / math.pi),
     }
 
 
 class ScannerView(Instrument):
-    """A scanner, whose figures cannot be set. Those of several channels are the scanner's own.
+    """A scanner, whose figures cannot be set. Those of several channels are those of the first.
 
     ``wavelength`` is in m, ``visibility`` in km, ``pulseLength`` in ns, ``beamDivergence`` in rad, ``averagePower`` in W,
     ``pulseFreqs`` in Hz.
     """
 
-    #: Figures: attribute of XML, value without it, divisor.
-    FIGURES: ClassVar[dict[str, tuple[str, float, float]]] = {
-        "averagePower": ("averagePower_w", 4, 1),
-        "beamDivergence": ("beamDivergence_rad", 0.0003, 1),
-        "beamQuality": ("beamQualityFactor", 1, 1),
-        "efficiency": ("opticalEfficiency", 0.99, 1),
-        "receiverDiameter": ("receiverDiameter_m", 0.15, 1),
-        "visibility": ("atmosphericVisibility_km", 23, 1),
-        "wavelength": ("wavelength_nm", 1064, 1e9),
-        "pulseLength": ("pulseLength_ns", 4, 1),
-        "accuracy": ("accuracy_m", 0, 1),
+    #: Figures: name in vlscan, divisor.
+    FIGURES: ClassVar[dict[str, tuple[str, float]]] = {
+        "averagePower": ("average_power_w", 1),
+        "beamDivergence": ("divergence_rad", 1),
+        "beamQuality": ("beam_quality", 1),
+        "efficiency": ("optical_efficiency", 1),
+        "receiverDiameter": ("receiver_diameter_m", 1),
+        "visibility": ("visibility_km", 1),
+        "wavelength": ("wavelength_nm", 1e9),
+        "pulseLength": ("pulse_length_ns", 1),
+        "accuracy": ("accuracy_m", 1),
     }
 
     def _known(self, name: str) -> str:
@@ -95,8 +97,7 @@ class ScannerView(Instrument):
 
     def __getattr__(self, name: str) -> Any:
         if name in type(self).FIGURES:
-            attribute, default, divisor = type(self).FIGURES[name]
-            return number_or(self._entry.get(attribute), default) / divisor
+            return _figure(self._device, *type(self).FIGURES[name])
         return super().__getattr__(name)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -106,17 +107,14 @@ class ScannerView(Instrument):
         return [*super().__dir__(), *type(self).FIGURES]
 
     @cached_property
-    def _entry(self) -> Element:
-        """The entry of the scanner in its file."""
-        file, _, id = str(self._model.reference).partition("#")
-        path = str(find_file(file))
-        try:
-            entries = [entry for entry in parse(path).getroot().iter("scanner") if not id or entry.get("id") == id]
-        except ParseError as error:
-            raise InputError(f"{path}: not well-formed XML: {error}") from None
-        if not entries:
-            raise InputError(f"{path}: there is no scanner {id!r}")
-        return entries[0]
+    def _figures(self) -> ScannerFigures:
+        """Figures of the data sheet."""
+        return scanner_figures(self.reference)
+
+    @cached_property
+    def _device(self) -> DeviceFigures:
+        """Figures that surveys use."""
+        return self._figures.device
 
     @property
     def deviceId(self) -> str:
@@ -126,7 +124,7 @@ class ScannerView(Instrument):
     @property
     def pulseFreqs(self) -> list[int]:
         """Pulse frequencies, Hz."""
-        return [int(number_or(word, 0)) for word in self._entry.get("pulseFreqs_Hz", "0").split(",")]
+        return self._figures.pulse_rates_hz
 
     def getSupportedPulseFrequencies(self) -> list[int]:
         """Return the pulse frequencies, Hz."""
@@ -138,11 +136,11 @@ class ScannerView(Instrument):
 
     def getScannerHead(self) -> ScannerHead:
         """Return the head."""
-        return ScannerHead(self._entry)
+        return ScannerHead(self._device)
 
     def getBeamDeflector(self) -> BeamDeflector:
         """Return the deflector."""
-        return BeamDeflector(self._entry)
+        return BeamDeflector(self._device)
 
     def getDetector(self) -> Detector:
         """Return the detector."""
@@ -151,7 +149,7 @@ class ScannerView(Instrument):
     @property
     def detector(self) -> Detector:
         """The detector."""
-        return Detector(self._entry)
+        return Detector(self._device)
 
     def toString(self) -> str:
         """Return the figures as lines of text."""

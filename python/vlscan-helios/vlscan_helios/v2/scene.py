@@ -5,51 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-import numpy as np
-from numpy.typing import ArrayLike
-
+from vlscan import Scene, SceneGeometry
 from vlscan_helios.v3 import ScenePart, StaticScene
 
 from .output import Vector
-
-
-class Box:
-    """A box, m.
-
-    Parameters
-    ----------
-    lowest, highest : array_like
-        Two corners.
-    """
-
-    def __init__(self, lowest: ArrayLike, highest: ArrayLike) -> None:
-        #: The corners.
-        self.min, self.max = Vector(np.asarray(lowest, float).tolist()), Vector(np.asarray(highest, float).tolist())
-
-    @property
-    def bounds(self) -> tuple[Vector, Vector]:
-        """Lowest and highest corner."""
-        return self.min, self.max
-
-    @property
-    def centroid(self) -> Vector:
-        """The middle."""
-        return Vector((a + b) / 2 for a, b in zip(self.min, self.max, strict=True))
-
-    def getMin(self) -> Vector:
-        """Return the lowest corner."""
-        return self.min
-
-    def getMax(self) -> Vector:
-        """Return the highest corner."""
-        return self.max
-
-    def getCentroid(self) -> Vector:
-        """Return the middle."""
-        return self.centroid
-
-    def __repr__(self) -> str:
-        return f"<Box {tuple(self.min)} to {tuple(self.max)}>"
+from .primitives import Box, Primitive
 
 
 class PartView:
@@ -98,6 +58,8 @@ class SceneView:
 
     def __init__(self, scene: StaticScene) -> None:
         self._scene = scene
+        # The primitives, and the scene that has them.
+        self._read: tuple[Scene, SceneGeometry] | None = None
 
     @property
     def bbox(self) -> Box:
@@ -120,6 +82,16 @@ class SceneView:
     def getNumPrimitives(self) -> int:
         """Return the number of triangles and voxels."""
         return self.numPrimitives
+
+    def getPrimitive(self, index: int) -> Primitive:
+        """Return a triangle or voxel, from 0: triangles in the order of the parts, then voxels."""
+        engine = self._scene.engine()
+        if self._read is None or self._read[0] is not engine:
+            self._read = engine, engine.geometry()
+        geometry = self._read[1]
+        if not 0 <= index < len(geometry.part):
+            raise IndexError(f"index of a primitive is {index}, and there are {len(geometry.part)} primitives")
+        return Primitive(geometry, index)
 
     @property
     def sceneParts(self) -> Sequence[PartView]:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vlscan import Batches, Points, Result, Survey
 from vlscan.places import place_of, working_folder
 
-from .output import Output
+from .output import COLUMNS, Output
 
 if TYPE_CHECKING:
     from vlscan_helios.v3 import Leg, ScenePart
@@ -131,10 +129,12 @@ class Simulation:
             if self._model is None:
                 self._measure(Survey.open(place_of(self._recipe.survey, self._recipe.folder)), self._recipe.options)
                 return
-            with tempfile.TemporaryDirectory() as folder, self._assets():
+            from vlscan_helios.v3.survey_xml import trajectory_folder
+
+            with trajectory_folder(self._model.platform) as folder, self._assets():
                 beside = [path for path in ("assets", os.path.dirname(self._recipe.survey)) if path]
                 options = {**self._recipe.options, "assets": [*self._recipe.options.get("assets", ()), *beside]}
-                self._measure(self._model.engine(Path(folder)), options)
+                self._measure(self._model.engine(folder), options)
         except BaseException as failure:
             self._failure = failure
         finally:
@@ -142,7 +142,7 @@ class Simulation:
 
     def _measure(self, survey: Survey, options: dict[str, Any]) -> None:
         callback, rows = self._recipe.callback, self._recipe.callback_rows or _BATCH_ROWS
-        self._batches = survey.run_batches(rows, **options)
+        self._batches = survey.run_batches(rows, batch_columns=COLUMNS, **options)
         with self._batches as batches:
             for points in batches:
                 self._resumed.wait()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from vlscan_helios.v3 import DynamicPlatformSettings, Leg, Survey
 
 from .scene import SceneView
-from .templates import Template, template_of
+from .templates import Template
 
 if TYPE_CHECKING:
     from .scanner import ScannerView
@@ -181,18 +181,18 @@ class LegView(View):
         """Return the length of the way to the next leg, m; 0 of the last one."""
         return self.length
 
-    def _template(self, tag: str) -> Template | None:
-        return None if self._survey is None else self._survey.template(self._model, tag)
+    def _template(self, kind: str) -> Template | None:
+        return None if self._survey is None else self._survey.template(self._model, kind)
 
     @property
     def scannerSettings(self) -> ScannerSettings:
         """What the scanner does."""
-        return ScannerSettings(self._model.scanner_settings, self._is_started, partial(self._template, "scannerSettings"))
+        return ScannerSettings(self._model.scanner_settings, self._is_started, partial(self._template, "scanner"))
 
     @property
     def platformSettings(self) -> PlatformSettings:
         """Where it begins."""
-        return PlatformSettings(self._model.platform_settings, self._is_started, partial(self._template, "platformSettings"))
+        return PlatformSettings(self._model.platform_settings, self._is_started, partial(self._template, "platform"))
 
     def getScannerSettings(self) -> ScannerSettings:
         """Return what the scanner does."""
@@ -227,26 +227,25 @@ class SurveyView(View):
         The survey.
     is_started : callable
         Returns whether the simulation has been started.
-    file : str
-        Its file.
     as_read : sequence of Leg
-        Its legs as they were read from the file.
+        Its legs as they were read from its file.
     """
 
     NAMES: ClassVar[dict[str, str]] = {"name": "name"}
 
-    def __init__(self, model: Any, is_started: Callable[[], bool], file: str = "", as_read: Sequence[Leg] = ()) -> None:
+    def __init__(self, model: Any, is_started: Callable[[], bool], as_read: Sequence[Leg] = ()) -> None:
         super().__init__(model, is_started)
-        object.__setattr__(self, "_file", file)
         object.__setattr__(self, "_as_read", as_read)
 
     def index_of(self, leg: Leg) -> int:
         """Return the number of a leg, from 0; -1 for one that was removed."""
         return _index_of(leg, self._model.legs)
 
-    def template(self, leg: Leg, tag: str) -> Template | None:
-        """Return the template that settings of a leg name in the file of the survey; ``None`` for none."""
-        return template_of(self._file, _index_of(leg, self._as_read), tag)
+    def template(self, leg: Leg, kind: str) -> Template | None:
+        """Return the template that settings of a leg name in the file of the survey; ``None`` for none, and for a copy of a leg."""
+        source = leg.source if _index_of(leg, self._as_read) >= 0 else None
+        found = None if source is None else source.templates.get(kind)
+        return None if found is None else Template(found, kind)
 
     @property
     def legs(self) -> Sequence[LegView]:
@@ -360,7 +359,7 @@ class Playback:
     simulation: Any = None
 
     def __init__(self, model: Survey, is_started: Callable[[], bool], file: str = "", as_read: Sequence[Leg] = ()) -> None:
-        self._survey, self._scene, self._file = SurveyView(model, is_started, file, as_read), SceneView(model.scene), file
+        self._survey, self._scene, self._file = SurveyView(model, is_started, as_read), SceneView(model.scene), file
 
     def getSurveyPath(self) -> str:
         """Return the file of the survey."""

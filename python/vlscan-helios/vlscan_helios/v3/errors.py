@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 from vlscan import Error, FileError, InputError, Problem, VlscanWarning
 
@@ -32,14 +32,14 @@ class _Names:
 
     Parameters
     ----------
-    folder : str
+    folder : pathlib.Path, optional
         The folder of the trajectory.
     """
 
-    def __init__(self, folder: str) -> None:
+    def __init__(self, folder: Path | None) -> None:
         self._names = {"<python>": "<survey>"}
-        if folder:
-            self._names[os.path.join(folder, "trajectory.csv")] = "<trajectory>"
+        if folder is not None:
+            self._names[str(folder / "trajectory.csv")] = "<trajectory>"
 
     def of_text(self, text: str) -> str:
         """Return a text with these names."""
@@ -53,7 +53,7 @@ class _Names:
 
 
 @contextmanager
-def engine_errors(folder: str = "") -> Iterator[None]:
+def engine_errors(folder: Path | None = None) -> Iterator[None]:
     """Raise errors of the engine as :class:`HeliosException`; messages do not name the trajectory in ``folder``, if there is one."""
     names = _Names(folder)
     try:
@@ -75,7 +75,7 @@ _shown: dict[str | tuple[str, type[Warning], int], int] = {}
 
 
 @contextmanager
-def engine_warnings(folder: str, is_silent: bool) -> Iterator[None]:
+def engine_warnings(folder: Path | None, is_silent: bool) -> Iterator[None]:
     """Issue the warnings of a run at its end, none if it is silent; messages do not name the trajectory in ``folder``."""
     names = _Names(folder)
     caught: list[warnings.WarningMessage] = []

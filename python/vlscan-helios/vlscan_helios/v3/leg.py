@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 from xml.etree.ElementTree import Element
 
 from pydantic import PrivateAttr
+
+from vlscan.legs import Template
 
 from .errors import WrongTypeError
 from .platforms import DynamicPlatformSettings, Platform, PlatformSettingsBase, StaticPlatformSettings, TrajectorySettings
@@ -22,10 +25,12 @@ class LegSource:
         The element.
     as_read : Leg
         The leg as it was read.
+    templates : mapping of str to vlscan.legs.Template
+        Templates of its scanner and its platform settings.
     """
 
-    def __init__(self, element: Element, as_read: Leg) -> None:
-        self.element, self.as_read = element, as_read
+    def __init__(self, element: Element, as_read: Leg, templates: Mapping[str, Template]) -> None:
+        self.element, self.as_read, self.templates = element, as_read, templates
 
     def __deepcopy__(self, memo: object) -> LegSource:
         return self
@@ -54,20 +59,22 @@ class Leg(Model):
         """Element of a file that it was read from."""
         return self._source
 
-    def read_from(self, element: Element) -> Leg:
+    def read_from(self, element: Element, templates: Mapping[str, Template]) -> Leg:
         """Keep the element that it was read from.
 
         Parameters
         ----------
         element : xml.etree.ElementTree.Element
             The element.
+        templates : mapping of str to vlscan.legs.Template
+            Templates of its settings.
 
         Returns
         -------
         Leg
             Itself.
         """
-        self._source = LegSource(element, self.clone())
+        self._source = LegSource(element, self.clone(), templates)
         return self
 
 

@@ -35,15 +35,14 @@ COLUMNS = [name for names in _COLUMNS.values() for name in ([names] if isinstanc
 
 
 def point_records(points: Points) -> NDArray[np.void]:
-    """Return points as records of :data:`meas_dtype`; vectors that the points do not have are NaN."""
-    records, known = np.empty(len(points), dtype=meas_dtype), set(points.columns)
+    """Return points as records of :data:`meas_dtype`."""
+    records = np.empty(len(points), dtype=meas_dtype)
     for field, columns in _COLUMNS.items():
-        if not isinstance(columns, str):
-            for axis, column in enumerate(columns):
-                records[field][:, axis] = points[column] if column in known else np.nan
+        if isinstance(columns, str):
+            records[field] = points[columns]
         else:
-            # Of text with the columns of HELIOS++ the class is limited to those of LAS.
-            records[field] = points[columns if columns in known else "Classification"]
+            for axis, column in enumerate(columns):
+                records[field][:, axis] = points[column]
     return records
 
 

@@ -14,7 +14,7 @@ from pydantic import ConfigDict, NonNegativeFloat, NonNegativeInt, PositiveFloat
 from typing_extensions import Self
 
 from vlscan.parts import Part
-from vlscan.scene import Scene
+from vlscan.scene import Scene, SceneGeometry
 
 from .errors import engine_errors
 from .materials import Material, MaterialDict
@@ -694,6 +694,17 @@ class ScenePart(Model):
             with engine_errors():
                 self._measured = (state, Scene([self.engine()], engine_directories()).bounds)
         return BoundingBox.of_bounds(self._measured[1])
+
+    def geometry(self) -> SceneGeometry:
+        """Return the triangles and voxels of the part where it stands now; an addition of vlscan.
+
+        Returns
+        -------
+        vlscan.SceneGeometry
+            Arrays, world frame, m.
+        """
+        with engine_errors():
+            return Scene([self.engine()], engine_directories()).geometry()
 
     @property
     def id(self) -> str:

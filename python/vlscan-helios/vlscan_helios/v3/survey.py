@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import tempfile
 from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -37,6 +36,7 @@ from .settings import (
     compose_execution_settings,
     compose_output_settings,
 )
+from .survey_xml import trajectory_folder
 from .utils import classonlymethod, engine_directories, is_real_iterable, rng_seed
 from .validation import SEVERAL, Model, distribute
 from .xml_files import Document
@@ -125,16 +125,18 @@ class Survey(Model):
             There is no such file, or not that of its scene.
         """
         document = xml_files.read(survey_file)
-        element = document.asset("survey")
         contents = survey_xml.contents_of(document, _folders(document))
-        platform = survey_xml.platform_of(document, contents)
+        references = contents.references
+        if references is None:
+            raise ValueError(f"{document.path} is no survey in XML")
+        platform = survey_xml.platform_of(contents, references)
         survey = cls(
-            scanner=survey_xml.scanner_of(document),
+            scanner=survey_xml.scanner_of(references),
             platform=platform,
-            scene=StaticScene.from_xml(document.reference(element.get("scene", ""))),
+            scene=StaticScene.from_xml(references.scene),
             legs=survey_xml.legs_of(document, contents, platform),
-            name=element.get("name") or document.path.stem,
-            full_waveform_settings=survey_xml.waveform_of(document, contents),
+            name=document.path.stem if contents.name in ("", document.path.name) else contents.name,
+            full_waveform_settings=survey_xml.waveform_of(contents, references),
         )
         return survey.read_from(document)
 
@@ -246,8 +248,8 @@ class Survey(Model):
         bar_hooks, bars = build_progressbar_callbacks(execution.progressbar, len(self.legs))
         is_silent = "verbosity" in execution.model_fields_set and execution.verbosity <= LogVerbosity.QUIET
         try:
-            with tempfile.TemporaryDirectory() as folder, engine_warnings(folder, is_silent), engine_errors(folder):
-                run = _Run(self, self.engine(Path(folder)), self._options(execution, output), output)
+            with trajectory_folder(self.platform) as folder, engine_warnings(folder, is_silent), engine_errors(folder):
+                run = _Run(self, self.engine(folder), self._options(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:
             if bars is not None:
@@ -321,13 +323,13 @@ class Survey(Model):
         """Whether waveform settings were given."""
         return "full_waveform_settings" in self.model_fields_set
 
-    def engine(self, folder: Path) -> EngineSurvey:
+    def engine(self, folder: Path | None = None) -> EngineSurvey:
         """Return the survey for the engine: its file, or one in memory.
 
         Parameters
         ----------
-        folder : pathlib.Path
-            Where a trajectory is written to; it exists as long as the survey is used.
+        folder : pathlib.Path, optional
+            Where a trajectory is written to, see :func:`trajectory_folder`; it exists as long as the survey is used.
 
         Returns
         -------
@@ -337,10 +339,13 @@ class Survey(Model):
         old = self._as_read
         is_scene_of_file = old is not None and self.scene.source_file == old.scene.source_file and self.scene.is_as_read
         scene = None if is_scene_of_file else self.scene.engine()
-        if self._document is not None and self._is_as_read():
-            path = place_of(os.fspath(self._document.path), self._folder)
+        if self._document is None:
+            return EngineSurvey.from_document(self.to_xml(folder), scene)
+        path = place_of(os.fspath(self._document.path), self._folder)
+        if self._is_as_read():
             return EngineSurvey.open(path, scene)
-        return EngineSurvey.from_document(self.to_xml(folder), scene)
+        # Lines of messages are those of the XML as it is now.
+        return EngineSurvey.from_document(self.to_xml(folder), scene, f"{path} (as changed)")
 
     def _options(self, execution: ExecutionSettings, output: OutputSettings) -> RunOptions:
         given = execution.model_fields_set
@@ -454,8 +459,10 @@ class _Run:
     def _chosen(self, has_batches: bool) -> dict[str, Any]:
         """Return the arguments of the engine's run."""
         options, output = dict(self._options), self._output
-        if not self._is_folder or has_batches and output.format != OutputFormat.XYZ:
+        if has_batches:
             # Columns of text are those of HELIOS++.
+            options["batch_columns"] = COLUMNS
+        elif not self._is_folder:
             options["columns"] = COLUMNS
         if self._is_folder:
             options |= {"output": output.output_dir, "waveforms": output.write_waveform, "pulses": output.write_pulse}

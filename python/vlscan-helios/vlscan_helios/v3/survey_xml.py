@@ -1,13 +1,16 @@
-"""Surveys to XML, from what the engine has read.
+"""Surveys of files as objects, from what the engine has read, and changed surveys as XML.
 
-A leg keeps its element: what the settings here have no place for (noise, templates, trajectories) stays as it is, and only values
-that were changed are written over it.
+Pipelines express all that can be set here but not all that a file may have: noise of legs and platforms, vehicles and multicopters,
+recorded poses of legs, mounts and times of pulses. So a changed survey is run as the XML of its file, in memory: a leg keeps its
+element, and only values that were changed are written over it. Surveys made here, without a file, are written alike.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +21,8 @@ import numpy as np
 from vlscan import Error, scanner_figures
 from vlscan import Leg as EngineLeg
 from vlscan import Survey as EngineSurvey
-from vlscan.survey import FlownPart, SurveyContents
+from vlscan.contents import References, SurveyContents
+from vlscan.legs import FlownPart
 
 from .leg import Leg, flown_part
 from .platforms import DynamicPlatformSettings, Platform, StaticPlatformSettings, TrajectorySettings, traj_csv_dtype
@@ -91,26 +95,25 @@ _WAVEFORM_KEYS = {"bin_size": "bin_ns", "beam_sample_quality": "quality", "win_s
 # --- what the engine has read ---
 
 
-def platform_of(document: Document, contents: SurveyContents) -> Platform:
+def platform_of(contents: SurveyContents, references: References) -> Platform:
     """Return the platform of a survey."""
-    survey = document.asset("survey")
+    reference = references.platform or ""
     if contents.platform_kind != "interpolated":
-        platform: Platform = Platform.of_reference(document.reference(survey.get("platform", "")))
+        platform: Platform = Platform.of_reference(reference)
         return platform.flown(is_static=contents.platform_kind == "static")
-    base = survey.get("basePlatform")
-    platform = Platform.of_reference(document.reference(base) if base else "", "interpolated")
-    return platform.flown(follows_file=True, rotation_spec=survey.get("rotationSpec", "ARINC 705"))
+    platform = Platform.of_reference(reference, "interpolated")
+    return platform.flown(follows_file=True, rotation_spec=references.rotation_spec or "ARINC 705")
 
 
-def scanner_of(document: Document) -> Scanner:
+def scanner_of(references: References) -> Scanner:
     """Return the scanner of a survey."""
-    return Scanner.of_reference(document.reference(document.asset("survey").get("scanner", "")))
+    return Scanner.of_reference(references.scanner or "")
 
 
-def waveform_of(document: Document, contents: SurveyContents) -> FullWaveformSettings:
+def waveform_of(contents: SurveyContents, references: References) -> FullWaveformSettings:
     """Return the waveform settings of a survey, those for all where it has none: the scanner may have its own."""
     settings = FullWaveformSettings()
-    if document.asset("survey").find("FWFSettings") is None:
+    if not references.has_waveform:
         return settings
     for name, key in _WAVEFORM_KEYS.items():
         # The window is not checked: the file is run as it stands.
@@ -126,14 +129,16 @@ def contents_of(document: Document, folders: list[str | Path]) -> SurveyContents
     leg = SubElement(Document(document.path, root).asset("survey"), "leg")
     SubElement(leg, "platformSettings", x="0", y="0", z="0")
     SubElement(leg, "scannerSettings", active="false", maxDuration_s="1")
-    return EngineSurvey.from_document(tostring(root, encoding="unicode")).contents(assets=folders)._replace(legs=[])
+    survey = EngineSurvey.from_document(tostring(root, encoding="unicode"), path=document.path)
+    return survey.contents(assets=folders)._replace(legs=[])
 
 
 def legs_of(document: Document, contents: SurveyContents, platform: Platform) -> tuple[Leg, ...]:
     """Return the legs of a survey."""
     elements = document.asset("survey").findall("leg")
     kind = StaticPlatformSettings if platform.is_static else DynamicPlatformSettings
-    return tuple(_leg_of(leg, kind).read_from(element) for element, leg in zip(elements, contents.legs, strict=True))
+    pairs = zip(elements, contents.legs, strict=True)
+    return tuple(_leg_of(leg, kind).read_from(element, leg.templates) for element, leg in pairs)
 
 
 def _leg_of(leg: EngineLeg, kind: type[Any]) -> Leg:
@@ -181,6 +186,16 @@ def _has_prisms(reference: str) -> bool:
 # --- writing ---
 
 
+@contextmanager
+def trajectory_folder(platform: Platform) -> Iterator[Path | None]:
+    """Yield the folder for the poses that a platform has in memory; ``None`` for a platform without, which needs none."""
+    if platform.trajectory is None:
+        yield None
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
+
+
 def write(survey: Survey, folder: Path | None) -> Element:
     """Return the document of a survey that is not that of a file, or was changed; a trajectory is written to ``folder``."""
     document = survey.document
@@ -189,7 +204,7 @@ def write(survey: Survey, folder: Path | None) -> Element:
         element = SubElement(root, "survey")
         element.set("scene", "in memory")
     else:
-        root = _independent(document)
+        root = deepcopy(document.root)
         element = next(root.iter("survey"))
     element.set("name", survey.name or (document.path.stem if document else "survey"))
     if survey.scanner.reference:
@@ -219,20 +234,6 @@ def text_of(root: Element) -> str:
 
 def _legs_of(document: Document | None) -> list[Element]:
     return [] if document is None else document.asset("survey").findall("leg")
-
-
-def _independent(document: Document) -> Element:
-    """Return a copy of a document that can stand in another folder."""
-    root = deepcopy(document.root)
-    root.attrib.pop("paths", None)
-    for element in root.iter():
-        for name in ("scene", "scanner", "platform", "basePlatform", "template"):
-            value = element.get(name, "")
-            if ".xml" in value.lower():
-                element.set(name, document.reference(value))
-        if "trajectory" in element.attrib:
-            element.set("trajectory", document.locate(element.attrib["trajectory"]))
-    return root
 
 
 def _write_platform(element: Element, platform: Platform) -> None:

@@ -1,4 +1,4 @@
-"""XML files of HELIOS++: their elements, and the files that they name."""
+"""XML files of HELIOS++, whose elements changed surveys keep."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
-from .utils import existing_file, named_file
+from .utils import existing_file
 
 
 class Document(NamedTuple):
@@ -32,24 +32,6 @@ class Document(NamedTuple):
             name = f"no {kind} with the id {id!r}" if id else f"no {kind}"
             raise ValueError(f"{self.path} has {name}")
         return found[0]
-
-    def locate(self, name: str) -> str:
-        """Return a file that the document names, as the engine finds it: absolute where it is beside the document."""
-        beside = (self.path.parent / name.replace("\\", "/")).resolve()
-        found = None if self.root.get("paths") == "beside" and beside.exists() else named_file(name, False, by_bare_name=False)
-        if found is None and (other := name.replace("\\", "/")) != name:
-            found = named_file(other, False, by_bare_name=False)
-        if found is None and beside.exists():
-            found = beside
-        return os.fspath(found) if found is not None else name
-
-    def reference(self, reference: str) -> str:
-        """Return ``file.xml#id`` of a reference within the document."""
-        file, mark, id = reference.partition("#")
-        if not mark and not file.lower().endswith(".xml") and not Path(self.locate(file)).is_file():
-            file, id = "", reference
-        located = Path(self.locate(file)).as_posix() if file else self.path.resolve().as_posix()
-        return f"{located}#{id}" if id else located
 
 
 def read(name: str | os.PathLike[str]) -> Document:

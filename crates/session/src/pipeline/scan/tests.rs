@@ -59,6 +59,23 @@ fn batches_have_progress_and_a_stop_and_reports_have_the_warnings() {
 }
 
 #[test]
+fn tables_may_have_other_columns_than_files() {
+    use crate::output::Column;
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, columns: Option<Vec<Column>>| {
+        let scan = scan().station(DVec3::Z).outputs(|o| o.table_columns = columns);
+        rows(scan.output(folder.path().join(name)).unwrap().batches(1_000_000).unwrap())
+    };
+    let (usual, own) = (run("a.xyz", None), run("b.xyz", Some(vec![Column::BeamOriginX, Column::X])));
+    let names: Vec<String> = own[0].schema().fields().iter().map(|field| field.name().clone()).collect();
+    assert_eq!(names, ["BeamOriginX", "X"]);
+    assert!(own[0].num_rows() > 1000);
+    assert_eq!(own[0].column_by_name("X"), usual[0].column_by_name("X"));
+    let text = |name| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!(text("a.xyz"), text("b.xyz"));
+}
+
+#[test]
 fn poses_of_a_table_are_followed() {
     use ::arrow_array::{ArrayRef, Float64Array, cast::AsArray, types::Float64Type};
     let column = |name, values: [f64; 3]| (name, Arc::new(Float64Array::from(values.to_vec())) as ArrayRef);
