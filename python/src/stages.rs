@@ -143,9 +143,12 @@ pub fn merge_shards(
             return if own.stop.is_requested() { Err(Error::Interrupted) } else { Ok(None) };
         }
         let options = vlscan::Options::of_values(options)?;
+        let has_file = !options.output.out.is_empty() || options.output.output.is_some();
         let mut outputs = options.output_request(shards.head.creation)?;
         outputs.tables = requests;
-        if outputs.sinks.is_empty() {
+        if !has_file {
+            // Points stay in memory.
+            outputs.sinks.clear();
             let cloud = &mut outputs.cloud;
             cloud.columns.get_or_insert_with(|| columns_in_memory(cloud.misses, cloud.heights, true));
         }

@@ -70,13 +70,15 @@ def own_platform(path):
     return f"{path.parent / 'platforms.xml'}#plane"
 
 
-def test_shards_are_those_of_one_run(room, tmp_path):
+def test_shards_are_those_of_one_run(room, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     assert vlscan.index_shards(room, tmp_path / "shards", seed=5) == vlscan.run(room, seed=5).pulse_count
     survey = Survey.open(room)
     files = [vlscan.run_shard(survey, tmp_path / "shards", number, 3, seed=5) for number in range(3)]
     assert all(file.exists() for file in files)
     vlscan.check_shards(tmp_path / "shards")
     merged, whole = vlscan.merge_shards(tmp_path / "shards"), vlscan.run(room, seed=5)
+    assert merged.files == [] and not (tmp_path / "output").exists()
     assert merged.points.to_numpy().tobytes() == whole.points.to_numpy().tobytes() and merged.pulse_count == whole.pulse_count
     done = vlscan.merge_shards(tmp_path / "shards", to=[tmp_path / "a.laz", tmp_path / "a.e57"], threads=1)
     vlscan.run(room, to=[tmp_path / "b.laz", tmp_path / "b.e57"], seed=5)

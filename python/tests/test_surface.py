@@ -227,6 +227,88 @@ def test_points_of_an_array_become_voxels():
         Part.points([[0, 0, 0], [0, np.nan, 1]], voxel_size=0.5)
 
 
+def test_points_of_objects_and_turned_arrays_are_recognised(points):
+    cloud = Part.points(points, voxel_size=0.5)
+    assert cloud == Part.points(points.xyz, voxel_size=0.5)
+    with pytest.raises(ValueError, match="a point per row, not per column"):
+        Part.points(np.zeros((3, 21)), voxel_size=0.5)
+    assert isinstance(Part.points(np.zeros((3, 20)), voxel_size=0.5), Part)
+    with pytest.raises(ValueError, match=r"table of X, Y, .* Points\.of\(table\)"):
+        Part.points(points.to_numpy(["X", "Y"]), voxel_size=0.5)
+
+
+def test_a_way_is_three_numbers_or_one_sequence():
+    part = ground()
+    for way in ([1, 2, 3], (1, 2, 3), np.array([1, 2, 3], "f4")):
+        assert part.translate(way) == part.translate(1, 2, 3)
+    for wrong in (1, [1, 2], [1, 2, np.nan], "123"):
+        with pytest.raises(ValueError, match="three finite numbers|convert"):
+            part.translate(wrong)
+    with pytest.raises(ValueError, match="inhomogeneous|sequence|three finite numbers"):
+        part.translate([1, 2, 3], z=4)
+    with pytest.raises(TypeError, match="an axis is 'z', expected three numbers"):
+        part.rotate("z", 90)
+
+
+def test_tables_are_not_changed_by_assignment(points):
+    with pytest.raises(TypeError, match=r"Points cannot be changed; .* Points\.of\(frame\)"):
+        points["Classification"] = 6
+
+
+def test_a_typo_of_an_argument_has_a_suggestion_among_the_arguments():
+    with pytest.raises(TypeError, match="did you mean 'time'"):
+        vlscan.trace(ground(), (0, 0, 2), (0, 0, -1), times=0.5)
+    with pytest.raises(TypeError, match="did you mean 'waveforms'"):
+        survey().run(wavforms=True)
+    with pytest.raises(TypeError, match="did you mean 'seconds'"):
+        survey().run_batches(second=1)
+    with pytest.raises(TypeError, match="rows is 10000.0, expected a whole number"):
+        survey().run_batches(1e4)
+
+
+def test_pulses_are_given_once():
+    down = {"x": [0.0], "y": [0.0], "z": [2.0], "dx": [0.0], "dy": [0.0], "dz": [-1.0]}
+    assert vlscan.trace(ground(), pulses=down).point_count == 1
+    for more in ({"origins": (0, 0, 2), "directions": (0, 0, -1)}, {"time": 1.0}):
+        with pytest.raises(TypeError, match="either pulses"):
+            vlscan.trace(ground(), pulses=down, **more)
+
+
+def test_times_of_pulses_are_seconds():
+    for wrong in (np.array(["2024-01-01"], "datetime64[ns]"), np.array([1], "timedelta64[s]")):
+        with pytest.raises(TypeError, match="time holds calendar times or durations, expected seconds"):
+            vlscan.trace(ground(), (0, 0, 2), (0, 0, -1), time=wrong)
+
+
+def test_files_without_an_extension_are_errors(points, tmp_path):
+    for format in (None, "laz"):
+        with pytest.raises(vlscan.InputError, match="points has no extension; add one, such as .laz"):
+            points.write(tmp_path / "points", format=format)
+    with pytest.raises(vlscan.InputError, match=r"is a folder; .*points\.laz"):
+        points.write(tmp_path, format="laz")
+    points.write(tmp_path / "points.dat", format="laz")
+    assert len(Points.read(tmp_path / "points.dat")) == len(points)
+
+
+def test_scenes_and_parts_are_drawn(tmp_path):
+    for number, source in enumerate((ground(), Scene(ground()))):
+        vlscan.preview(source, tmp_path / f"{number}.png", width=320, height=240)
+        vlscan.preview(source, tmp_path / f"{number}.html", max_points=100)
+        assert (tmp_path / f"{number}.png").read_bytes().startswith(b"\x89PNG")
+        assert b"<html" in (tmp_path / f"{number}.html").read_bytes()
+
+
+def test_a_survey_of_objects_says_what_it_lacks():
+    for made, missing in (
+        (Survey(ground(), "riegl_vz400"), "no legs and no trajectory:"),
+        (Survey(ground(), legs=[Leg()]), "no scanner:"),
+        (Survey(), "no scene, no scanner, no legs and no trajectory:"),
+    ):
+        for fly in (made.run, made.run_batches, made.dry_run, made.fly_trajectory, made.fly_pulses):
+            with pytest.raises(vlscan.InputError, match=f"the survey has {missing}"):
+                fly()
+
+
 def test_parts_are_equal_if_they_are_made_alike():
     tree = Part.obj("beech.obj")
     assert tree == Part.obj("beech.obj") and len({tree, Part.obj("beech.obj")}) == 1
@@ -241,6 +323,8 @@ def test_values_of_legs_are_checked():
     for wrong in ("002", {0, 1, 2}, None):
         with pytest.raises(TypeError):
             Leg(wrong)
+    with pytest.raises(ValueError, match=r"position of a leg is \[0.0, 0.0, nan\], expected finite numbers"):
+        Leg((0, 0, np.nan))
     for name in ("active", "on_ground"):
         with pytest.raises(TypeError, match=f"{name} of a leg is True or False"):
             Leg(**{name: "no"})
@@ -265,6 +349,8 @@ def test_values_of_materials_places_and_intervals_are_checked():
             Part.points([[0, 0, 0]], voxel_size=size)
     with pytest.raises(ValueError, match="above 0"):
         vlscan.trajectory(FIXTURES / "room/survey.xml", interval=0)
+    with pytest.raises(TypeError, match="interval is '1 s', expected a number of seconds"):
+        vlscan.trajectory(FIXTURES / "room/survey.xml", interval="1 s")
     with pytest.raises(TypeError, match="name of a file"):
         vlscan.run(FIXTURES / "room/survey.xml", to=3)
     with pytest.raises(ValueError, match="names no column"):

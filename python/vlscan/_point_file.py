@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from ._conversions import unmasked
 from .errors import kept_folder
 
+# Columns beyond which an array with fewer rows is taken for a transposed one: position, normal, colour and some more.
+_MAX_COLUMNS = 20
+
 
 class PointFile:
     """Points as text in a folder of its own, which lives as long as the parts that read it and is pickled with them."""
@@ -23,10 +26,16 @@ class PointFile:
 
     @staticmethod
     def of(points: ArrayLike) -> PointFile:
-        """Return the file of rows of x, y, z and more columns."""
-        rows: NDArray[np.float64] = np.asarray(unmasked("points", points), dtype=np.float64)
+        """Return the file of rows of x, y, z and more columns, or of an object with ``xyz``, as Points and laspy have it."""
+        given: Any = getattr(points, "xyz", points)
+        names = getattr(getattr(given, "dtype", None), "names", None)
+        if names:
+            raise ValueError(f"points is a table of {', '.join(names)}, expected rows of x, y, z: Points.of(table) has them")
+        rows: NDArray[np.float64] = np.asarray(unmasked("points", given), dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] < 3 or not len(rows):
             raise ValueError(f"points has the shape {rows.shape}, expected n by 3 or more")
+        if rows.shape[1] > max(len(rows), _MAX_COLUMNS):
+            raise ValueError(f"points has the shape {rows.shape}, expected a point per row, not per column: points.T")
         wrong = np.flatnonzero(~np.isfinite(rows[:, :3]).all(axis=1))
         if len(wrong):
             raise ValueError(f"points[{wrong[0]}] is at {rows[wrong[0], :3].tolist()}, expected finite numbers")

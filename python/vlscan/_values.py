@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from datetime import date, datetime, timezone
 from difflib import get_close_matches
 from functools import wraps
@@ -34,13 +34,16 @@ def renamed(**names: str) -> Callable[[Function], Function]:
     return decorate
 
 
-def values_of(options: Mapping[str, object], *, writes_files: bool = True) -> dict[str, object]:
-    """Return the values of options for the engine; ``writes_files`` is whether options of files have a meaning."""
+def values_of(options: Mapping[str, object], *, writes_files: bool = True, arguments: Iterable[str] = ()) -> dict[str, object]:
+    """Return the values of options for the engine.
+
+    ``writes_files`` is whether options of files have a meaning. ``arguments`` of the calling function are suggested for a typo, too.
+    """
     known = catalogue.options()
     values: dict[str, object] = {}
     for name, value in options.items():
         if name not in known:
-            close = get_close_matches(name, known, 1)
+            close = get_close_matches(name, [*known, *arguments], 1)
             hint = f"did you mean {close[0]!r}?" if close else "vlscan.options() lists them"
             raise TypeError(f"no option of a run is called {name!r}; {hint}")
         value = _plain(name, value, known[name].has_value)

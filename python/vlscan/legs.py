@@ -72,7 +72,7 @@ class Leg(Checked):
     TypeError
         A keyword is no setting.
     ValueError
-        The position has not three numbers.
+        The position has not three numbers, or one that is not finite.
 
     Examples
     --------
@@ -125,6 +125,8 @@ class Leg(Checked):
             numbers = np.asarray(value if hasattr(value, "__array__") else list(value), float)  # type: ignore[call-overload]
             if numbers.shape != (3,):
                 raise ValueError(f"position of a leg has the shape {numbers.shape}, expected x, y, z")
+            if not np.isfinite(numbers).all():
+                raise ValueError(f"position of a leg is {numbers.tolist()}, expected finite numbers")
             return numbers.tolist()
         if name == "settings":
             return keys_of("Leg", value, "[settings]")

@@ -8,7 +8,7 @@ import operator
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -312,14 +312,14 @@ class Part:
 
         Parameters
         ----------
-        source : str, path-like or array_like
-            A file, or rows of x, y, z (m) and more columns.
+        source : str, path-like, array_like or object
+            A file, rows of x, y, z (m) and more columns, or an object with ``xyz``, such as :class:`Points` or that of laspy.
         voxel_size : float
             Edge of the voxels, m.
         separator : str
             Characters each of which separates columns; blanks by default.
         normal_columns, rgb_columns : tuple of int, optional
-            Columns of the normal and of the colour, from 0.
+            Columns of the normal and of the colour, from 0; by default 3 to 5 and 6 to 8 of arrays and text that have them.
         max_color_value : float
             Value that colours are divided by.
         default_normal : tuple of float, optional
@@ -456,13 +456,17 @@ class Part:
             raise ValueError(f"{os.fspath(path)}: expected a file that ends in {', '.join(makers)}")
         return makers[extension](path, id=id, **settings)
 
-    def translate(self, x: float, y: float, z: float = 0.0) -> Part:
+    @overload
+    def translate(self, x: float, y: float, z: float = 0.0) -> Part: ...
+    @overload
+    def translate(self, x: Vector) -> Part: ...
+    def translate(self, x: float | Vector, y: float | None = None, z: float = 0.0) -> Part:
         """Return the part moved.
 
         Parameters
         ----------
         x, y, z : float
-            The way, m.
+            The way, m; or three numbers as one sequence.
 
         Returns
         -------
@@ -474,9 +478,10 @@ class Part:
         ValueError
             A number is not finite.
         """
-        way = (float(x), float(y), float(z))
-        if not all(map(math.isfinite, way)):
-            raise ValueError(f"a translation is {way}, expected finite numbers")
+        numbers = np.asarray(x if y is None and not z else (x, y, z), float)
+        if numbers.shape != (3,) or not np.isfinite(numbers).all():
+            raise ValueError(f"a translation is {numbers.tolist()}, expected three finite numbers: x, y and z")
+        way = numbers.tolist()
         old_x, old_y, old_z = self._place.offset
         return self._placed(offset=(old_x + way[0], old_y + way[1], old_z + way[2]))
 
@@ -521,9 +526,14 @@ class Part:
 
         Raises
         ------
+        TypeError
+            The axis is a text.
         ValueError
             The axis is 0, or a number is not finite.
         """
+        given: object = axis
+        if isinstance(given, str):
+            raise TypeError(f"an axis is {given!r}, expected three numbers, such as (0, 0, 1) for z")
         direction = np.asarray(axis, float)
         length = np.linalg.norm(direction)
         if direction.shape != (3,) or not 0 < length < math.inf:

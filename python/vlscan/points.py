@@ -20,7 +20,7 @@ from ._libraries import needed, refuse_existing, save
 from ._notebook import picture_html, show_page
 from ._typing import PathLike, TableLike, Vector
 from ._values import values_of
-from .errors import temporary_folder, warn
+from .errors import InputError, temporary_folder, warn
 from .tables import Table
 
 if TYPE_CHECKING:
@@ -249,7 +249,13 @@ class Points(Table):
             force=force or None,
         )
         if isinstance(path, (str, bytes, os.PathLike)):
-            self._warn_of_limits(os.fsdecode(path))
+            name = os.fsdecode(path)
+            if os.path.isdir(name):
+                raise InputError(f"{name} is a folder; points are written to one file, such as {os.path.join(name, 'points.laz')}")
+            if not os.path.splitext(name)[1]:
+                # The engine takes such a name for a folder, whatever the format.
+                raise InputError(f"{name} has no extension; add one, such as .laz")
+            self._warn_of_limits(name)
             self._table.write({**values_of(options), "out": [os.fsdecode(path)]})
             return
         target: object = path

@@ -9,16 +9,22 @@ from . import _vlscan
 from ._notebook import show_page
 from ._typing import PathLike
 from ._values import renamed
+from .parts import Part
 from .points import Points
+from .scene import Scene
 from .survey import Survey
 
 if TYPE_CHECKING:
     from IPython.display import HTML
 
 
+# Points on the surfaces of a scene that are drawn at most.
+_SCENE_POINTS = 200_000
+
+
 @renamed(most_points="max_points")
 def preview(
-    source: Points | Survey | PathLike,
+    source: Points | Survey | Scene | Part | PathLike,
     path: PathLike | None = None,
     *,
     pulse: int | None = None,
@@ -34,8 +40,9 @@ def preview(
 
     Parameters
     ----------
-    source : Points, Survey, str or path-like
-        Points; a survey, of which scene, flight lines and swaths are drawn; the file of either; or with ``pulse`` a file of waveforms.
+    source : Points, Survey, Scene, Part, str or path-like
+        Points; a survey, of which scene, flight lines and swaths are drawn; the file of either; a scene or a part, of which points on
+        the surfaces are drawn; or with ``pulse`` a file of waveforms.
     path : str or path-like, optional
         The picture (``.png``) or page (``.html``) to write. Without it a page is shown: in a notebook, otherwise in the browser.
     pulse : int, optional
@@ -90,7 +97,7 @@ def preview(
 
 
 def _drawn(
-    source: Points | Survey | PathLike,
+    source: Points | Survey | Scene | Part | PathLike,
     kind: str,
     pulse: int | None,
     colour: str | None,
@@ -100,6 +107,10 @@ def _drawn(
     height: int,
     max_points: int,
 ) -> bytes:
+    if isinstance(source, Part):
+        source = Scene(source)
+    if isinstance(source, Scene):
+        source = source.sample(min(max_points, _SCENE_POINTS))
     if isinstance(source, Points):
         if pulse is not None:
             raise ValueError("a waveform is drawn of a file of waveforms, not of points")

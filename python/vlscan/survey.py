@@ -19,6 +19,7 @@ from ._libraries import shown_progress
 from ._typing import PathLike, Progress, TableLike
 from ._values import values_of
 from .contents import References, SurveyContents
+from .errors import InputError
 from .forecast import DryRun
 from .instruments import Platform, Scanner
 from .legs import Leg, keys_of, legs_of
@@ -318,6 +319,15 @@ class Survey(Checked):
             document = _toml.document({"name": "survey", **self._keys()})
         return _vlscan.Request(options, document=(self._name, document), scene=scene, trajectory=trajectory, pulses=pulses)
 
+    def _flight(self, options: dict[str, object]) -> _vlscan.Request:
+        """Return the request of a run. A survey of objects that lacks one is an error in the words of Python."""
+        if self._file is None and self._text is None:
+            there = {"scene": self.scene, "scanner": self.scanner, "legs and no trajectory": self.legs or self.trajectory is not None}
+            missing = [name for name, value in there.items() if not value]
+            if missing:
+                raise InputError(f"the survey has no {', no '.join(missing)}: vlscan.Survey(scene, scanner, [vlscan.Leg((x, y, z), ...)])")
+        return self._request(options)
+
     def run(
         self,
         to: PathLike | Iterable[PathLike] | None = None,
@@ -371,9 +381,9 @@ class Survey(Checked):
         >>> survey.run(to="room.laz", seed=1, force=True).files
         ['room.laz']
         """
-        values, tables = recorded(to, waveforms, pulses, options)
+        values, tables = recorded(to, waveforms, pulses, options, ("progress",))
         with shown_progress(progress) as tell:
-            return Result(_vlscan.run(self._request(values), tables, tell))
+            return Result(_vlscan.run(self._flight(values), tables, tell))
 
     def dry_run(self, to: PathLike | Iterable[PathLike] | None = None, **options: Unpack[RunOptions]) -> DryRun:
         """Estimate what a run will cost and give: pulses, points, density, spacing, sizes of files, memory, time, what it misses.
@@ -404,7 +414,7 @@ class Survey(Checked):
         (2, 'room.laz')
         """
         values, _ = recorded(to, None, None, options)
-        return DryRun.of(_vlscan.dry_run(self._request(values)))
+        return DryRun.of(_vlscan.dry_run(self._flight(values)))
 
     def fly_trajectory(self, interval: float | None = None, *, true: bool = False, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return the poses of the platform.
@@ -427,6 +437,8 @@ class Survey(Checked):
         ------
         InputError
             Input is invalid.
+        TypeError
+            The interval is a text.
         ValueError
             The interval is not above 0.
 
@@ -436,9 +448,12 @@ class Survey(Checked):
         >>> poses.columns
         ['time', 'x', 'y', 'z', 'roll', 'pitch', 'yaw']
         """
+        given: object = interval
+        if isinstance(given, str):
+            raise TypeError(f"interval is {given!r}, expected a number of seconds")
         if interval is not None and not 0 < interval < float("inf"):
             raise ValueError(f"interval is {interval}, expected seconds above 0")
-        return Table(_vlscan.fly(self._request(values_of(options, writes_files=False)), "poses", interval, true))
+        return Table(_vlscan.fly(self._flight(values_of(options, writes_files=False)), "poses", interval, true))
 
     def fly_pulses(self, **options: Unpack[RunOptions]) -> Table:
         """Fly the survey without measuring, and return its pulses.
@@ -465,7 +480,7 @@ class Survey(Checked):
         >>> traced.point_count > 1000
         True
         """
-        return Table(_vlscan.fly(self._request(values_of(options, writes_files=False)), "pulses", None, False))
+        return Table(_vlscan.fly(self._flight(values_of(options, writes_files=False)), "pulses", None, False))
 
     def run_batches(
         self,
@@ -521,17 +536,19 @@ class Survey(Checked):
         >>> sum(len(batch) for batch in survey.run_batches(1000, seed=1)) == survey.run(seed=1).point_count
         True
         """
-        values, tables = recorded(to, waveforms, pulses, options)
+        values, tables = recorded(to, waveforms, pulses, options, ("rows", "per_leg", "seconds"))
         if isinstance(rows, bool) or (seconds is not None and isinstance(seconds, (str, bool))):
             raise TypeError(f"rows and seconds are numbers, found {rows!r} and {seconds!r}")
         if seconds is not None and not 0 < seconds < float("inf"):
             raise ValueError(f"seconds is {seconds}, expected more than 0")
+        if not hasattr(rows, "__index__"):
+            raise TypeError(f"rows is {rows!r}, expected a whole number")
         count = min(operator.index(rows), 2**62)
         if count < 1:
             raise ValueError(f"rows is {count}, expected at least 1")
         beside = [table for table in tables if table != "points"]
         chosen = None if batch_columns is None else [batch_columns] if isinstance(batch_columns, str) else list(batch_columns)
-        return Batches(partial(_vlscan.run_batches, self._request(values), count, per_leg, seconds, 2, beside, chosen))
+        return Batches(partial(_vlscan.run_batches, self._flight(values), count, per_leg, seconds, 2, beside, chosen))
 
     def __repr__(self) -> str:
         what = [repr(self._file)] if self._file else ["pipeline"] if self._text else []
@@ -735,7 +752,7 @@ def trace(
     Raises
     ------
     TypeError
-        Neither pulses nor origins and directions are given.
+        Neither pulses nor origins and directions are given, or both; or times that are no numbers.
     ValueError
         Origins, directions or times have another shape.
 
@@ -755,12 +772,17 @@ def trace(
         columns: dict[str, ArrayLike] = {name: starts[:, axis] for axis, name in enumerate("xyz")}
         columns |= {f"d{name}": ends[:, axis] for axis, name in enumerate("xyz")}
         if time is not None:
+            if np.asarray(time).dtype.kind in "mM":
+                raise TypeError("time holds calendar times or durations, expected seconds")
             times = np.asarray(unmasked("time", time), float)
             if times.shape not in ((), (1,), (len(ends),)):
                 raise ValueError(f"time has the shape {times.shape}, expected one number or {len(ends)}")
             columns["time"] = np.broadcast_to(times, len(ends))
         pulses = columns
-    values, tables = recorded(to, waveforms, None, options)
+    elif not (origins is None and directions is None and time is None):
+        raise TypeError("trace() takes either pulses, whose columns are origins, directions and times, or these")
+    own = ("scene", "origins", "directions", "scanner", "time", "waveform", "detector", "progress")
+    values, tables = recorded(to, waveforms, None, options, own)
     with shown_progress(progress) as tell:
         return Result(_vlscan.run(survey._request(values, columns_of(pulses, ())), tables, tell))
 
@@ -776,16 +798,21 @@ def opened(survey: Survey | PathLike) -> Survey:
 
 
 def recorded(
-    to: PathLike | Iterable[PathLike] | None, waveforms: bool | None, pulses: bool | None, options: Mapping[str, object]
+    to: PathLike | Iterable[PathLike] | None,
+    waveforms: bool | None,
+    pulses: bool | None,
+    options: Mapping[str, object],
+    arguments: Iterable[str] = (),
 ) -> tuple[dict[str, object], list[str]]:
-    """Return the values of a run's options, and the tables that it leaves in memory."""
+    """Return the values of a run's options, and the tables that it leaves in memory. ``arguments`` are as for :func:`values_of`."""
+    known = ("to", "waveforms", "pulses", *arguments)
     recorded = {"waveforms": waveforms, "pulses": pulses}
     if to is None and options.get("output") is None:
         # The run counts the points of its first table.
         tables = ["points", *(name for name, is_wanted in recorded.items() if is_wanted), "trajectory"]
-        return values_of(options, writes_files=False), tables
+        return values_of(options, writes_files=False, arguments=known), tables
     switches = {name: is_wanted for name, is_wanted in recorded.items() if is_wanted is not None}
-    values = {**values_of(options), **switches}
+    values = {**values_of(options, arguments=known), **switches}
     if to is None:
         return values, ["trajectory"]
     if "output" in values:

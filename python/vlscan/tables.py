@@ -73,6 +73,10 @@ class Table:
             return self._column(key)
         return type(self)(self._rows(key))
 
+    def __setitem__(self, key: object, value: object) -> None:
+        """Refuse to change a table, with advice."""
+        raise TypeError(f"{type(self).__name__} cannot be changed; change table.to_pandas(), of which Points.of(frame) makes points")
+
     def _column(self, name: str) -> NDArray[Any]:
         if name not in self._columns:
             try:

@@ -26,6 +26,36 @@ def tripod_survey(scene=None):
     return survey
 
 
+def flight(poses):
+    return helios.Platform.load_interpolate_platform(poses, "data/platforms.xml", "sr22")
+
+
+def test_times_that_go_back_are_warned_of():
+    poses = np.zeros((4, 7))
+    poses[:, 0] = [0, 2, 1, 3]
+    with pytest.warns(VlscanWarning, match="go back after pose 1, from 2 s to 1 s"):
+        flight(poses)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        flight(poses[[0, 2, 1, 3]])
+
+
+def test_settings_within_settings_are_printed_below_their_name():
+    lines = str(helios.DynamicPlatformSettings(speed_m_s=3)).splitlines()
+    assert lines[4:7] == ["  trajectory_settings: TrajectorySettings", "    start_time: 0.0", "    end_time: 0.0"]
+
+
+def test_objects_of_laspy_have_the_counts_and_the_classes_of_files():
+    pytest.importorskip("laspy")
+    survey = tripod_survey()
+    survey.scene.scene_parts[0].update_material(helios.scene.Material("odd", classification=-1, reflectance=0.5))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        las, _ = survey.run(format="laspy")
+    assert las.header.point_count == len(las) > 100 and set(las.classification) == {0}
+    assert np.allclose(las.header.maxs, las.xyz.max(axis=0)) and np.allclose(las.header.mins, las.xyz.min(axis=0))
+
+
 def test_an_unknown_keyword_that_resembles_a_field_has_a_suggestion():
     with pytest.raises(ValueError, match="did you mean 'scan_angle'"):
         helios.ScannerSettings(scan_angel=1)
@@ -46,6 +76,18 @@ def test_an_unknown_keyword_that_resembles_a_field_has_a_suggestion():
         (lambda: helios.set_execution_settings({"num_threads": 1}), "expected ExecutionSettings, found dict"),
         (lambda: helios.set_output_settings("las"), "expected OutputSettings, found str"),
         (lambda: tripod_survey().run("las"), "expected ExecutionSettings, found str"),
+        (lambda: tripod_survey().run(helios.OutputSettings()), "expected ExecutionSettings, found OutputSettings"),
+        (lambda: helios.set_output_settings(helios.ExecutionSettings()), "expected OutputSettings, found ExecutionSettings"),
+        (lambda: tripod_survey().run(callbacks=print), "callbacks is a list of SurveyHook, found builtin_function_or_method"),
+        (lambda: tripod_survey().run(callbacks=helios.SurveyHook("leg_end", print)), "callbacks is a list of SurveyHook, found SurveyHook"),
+        (lambda: tripod_survey().add_leg(1), "leg is 1, expected a Leg"),
+        (lambda: tripod_survey().add_leg(platform_settings=(0, 0, 1)), r"platform_settings is \(0, 0, 1\), expected PlatformSettings"),
+        (lambda: tripod_survey().add_leg(scanner_settings={"scan_angle": 1}), "scanner_settings is .* expected ScannerSettings"),
+        (lambda: tripod_survey().add_leg(None, helios.ScannerSettings()), "platform_settings is .* expected PlatformSettings"),
+        (lambda: helios.StaticScene(ground()), r"found one ScenePart: \[ScenePart"),
+        (lambda: setattr(tripod_survey(), "legs", tripod_survey().legs[0]), r"found one Leg: \[Leg"),
+        (lambda: flight(np.zeros((1, 7))), "at least 2 poses, found 1"),
+        (lambda: flight([[0] * 7, [1, 0, 0, 0, np.nan, 0, 0]]), "x of pose 1 of the trajectory is nan"),
         (lambda: helios.ScannerSettings().update_from_object(None), "expected ScannerSettings, found NoneType"),
         (lambda: helios.set_rng_seed([1]), "a seed is"),
         (lambda: helios.set_rng_seed(True), "a seed is"),

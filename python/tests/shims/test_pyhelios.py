@@ -87,6 +87,70 @@ def test_callbacks_get_the_points_so_far_and_the_end(tmp_path):
     assert len(seen[0].trajectories) == 0 and len(seen[-1].trajectories) > 0
 
 
+def test_an_output_is_a_sequence_too(tmp_path):
+    seen = []
+    started = simulation(tmp_path, lambda builder: builder.setCallbackFrequency(5000).setCallback(lambda output: seen.append(output)))
+    started.start()
+    measurements, trajectories, path, paths, is_complete = output = started.join()
+    assert len(output) == 5 and len(output[0]) == len(measurements) == len(output.measurements) > 5000
+    assert len(output[1]) == len(trajectories) > 0 and (path, paths, is_complete) == ("", [], True)
+    assert len(seen[0][0]) == 5000 and len(seen[0][1]) == 0 and seen[0][4] is False and output[-1] is True
+
+
+def test_copies_of_the_playback_are_changed_and_run(tmp_path):
+    pytest.importorskip("pydantic")
+    first = simulation(tmp_path)
+    twin = first.sim.copy()
+    assert twin.getNumLegs() == 2 and twin.getSurveyPath() == first.sim.getSurveyPath()
+    for leg in range(twin.getNumLegs()):
+        twin.getLeg(leg).getScannerSettings().pulseFreq /= 2
+    assert first.sim.getLeg(0).getScannerSettings().pulseFreq == 9200
+    counts = []
+    for run in (first.sim, twin):
+        assert not run.isStarted()
+        run.start()
+        counts.append(len(run.join()[0]))
+    assert first.isFinished() and counts[1] == pytest.approx(counts[0] / 2, rel=0.02)
+    for odd in (first, first.sim):
+        with pytest.raises(AttributeError, match="no .*'getLegs'"):
+            odd.getLegs()
+
+
+def test_attributes_of_builders_are_set_by_their_setters(tmp_path):
+    builder = pyhelios.SimulationBuilder(str(FIXTURES / "room/survey.xml"), [str(FIXTURES / "room")], "elsewhere")
+    builder.lasOutput = True
+    builder.outputDir = str(tmp_path)
+    built = builder.build()
+    built.start()
+    assert built.join().filepath.startswith(str(tmp_path)) and built.join().filepath.endswith(".las")
+    with pytest.raises(TypeError, match="zipOutput is True or False"):
+        builder.zipOutput = "yes"
+    with pytest.raises(AttributeError, match="no 'setLasOuput'; did you mean 'setLasOutput'"):
+        builder.lasOuput = True
+
+
+def test_wrong_values_of_builders_are_named():
+    builder = pyhelios.SimulationBuilder("survey.xml")
+    for call, name in (
+        (lambda: builder.setNumThreads("x"), "numThreads"),
+        (lambda: builder.setChunkSize(1.5), "chunkSize"),
+        (lambda: builder.setLasScale("fine"), "lasScale"),
+        (lambda: builder.addScaleFilter(None), "scaleFactor"),
+        (lambda: builder.setAssetsDir(5), "expected a folder, or several, found 5"),
+    ):
+        with pytest.raises(TypeError, match=name):
+            call()
+    with pytest.raises(AttributeError, match="no 'loggingVerbos'; did you mean 'loggingVerbose'"):
+        pyhelios.loggingVerbos()
+
+
+def test_the_last_results_are_those_of_the_highest_number(tmp_path):
+    for name in ("2026-01-01_00-00-00", "2026-01-01_00-00-00_2", "2026-01-01_00-00-00_10", "2025-12-31_23-59-59_11"):
+        (tmp_path / "room" / name).mkdir(parents=True)
+    found = pyhelios.util.xmldisplayer.find_playback_dir(FIXTURES / "room/survey.xml", tmp_path)
+    assert os.path.basename(found) == "2026-01-01_00-00-00_10"
+
+
 def test_a_simulation_is_paused_resumed_and_stopped(tmp_path):
     def small(builder):
         builder.setCallbackFrequency(100).setCallback(lambda output: None)
@@ -230,6 +294,21 @@ def test_the_package_of_version_2_has_its_modules(tmp_path, monkeypatch):
     done = subprocess.run([sys.executable, "-c", text, survey], cwd=tmp_path, capture_output=True, text=True, check=True)
     is_shown, folder = done.stdout.splitlines()[-1].split(maxsplit=1)
     assert is_shown == "True" and list((tmp_path / folder).iterdir())
+
+
+def test_modules_that_are_missing_name_an_alternative():
+    imports = {
+        "import pyhelios.live": "setCallback",
+        "from pyhelios import live": "setCallback",
+        "from pyhelios.util import scene_writer": "vlscan.Scene",
+        "from pyhelios.util.flight_planner import spiral": "plan_airborne",
+    }
+    lines = ["import vlscan.pyhelios", "vlscan.pyhelios.install()"]
+    for statement in imports:
+        lines += ["try:", f"    {statement}", "except ImportError as error:", "    print(error)"]
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
+    for text, advice in zip(done.stdout.splitlines(), imports.values(), strict=True):
+        assert "is not part of vlscan" in text and advice in text
 
 
 def test_ctrl_c_ends_a_simulation_of_version_2(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from difflib import get_close_matches
 from importlib import import_module
 from types import ModuleType
 
@@ -39,4 +40,6 @@ def install(name: str = "pyhelios") -> ModuleType:
 def __getattr__(name: str) -> object:
     if name == "live":
         raise AttributeError("pyhelios.live is not part of vlscan; SimulationBuilder.setCallback() gets points while they are measured")
-    raise AttributeError(f"pyhelios has no {name!r}; there are {', '.join(__all__)}")
+    close = get_close_matches(name, __all__, 1)
+    hint = f"did you mean {close[0]!r}? There" if close else "there"
+    raise AttributeError(f"pyhelios has no {name!r}; {hint} are {', '.join(__all__)}")

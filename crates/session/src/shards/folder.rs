@@ -205,9 +205,9 @@ impl ShardSet {
 fn compute_again(folder: &Path, of: u32, numbers: impl IntoIterator<Item = u32> + Clone) -> String {
     let first = numbers.clone().into_iter().next().unwrap_or(0);
     format!(
-        "compute them again with --resume, which replaces damaged shards: vlscan run … -o {} --shard \
-         {first}/{of} --resume (as an array job: --array={}); or repeat the command if it was one vlscan run \
-         --resume",
+        "compute them again with --resume, which replaces damaged shards: `vlscan run … -o {} --shard \
+         {first}/{of} --resume` (as an array job: --array={}); or repeat the command if it was one \
+         `vlscan run --resume`",
         folder.display(),
         array_list(numbers)
     )

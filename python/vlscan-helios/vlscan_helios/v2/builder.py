@@ -7,6 +7,7 @@ import math
 import operator
 import os
 from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,10 +37,19 @@ def _truth(name: str, value: object) -> bool:
 
 
 def _count(name: str, value: int, lowest: int) -> int:
+    if not hasattr(value, "__index__"):
+        raise TypeError(f"{name} is {value!r}, expected a whole number")
     number = operator.index(value)
     if number < lowest:
         raise ValueError(f"{name} is {number}, expected at least {lowest}")
     return number
+
+
+def _real(name: str, value: float) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {value!r}, expected a number") from None
 
 
 class SimulationBuilder:
@@ -57,8 +67,20 @@ class SimulationBuilder:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> object:
-            known = ", ".join(key for key in dir(type(self)) if key.startswith(("set", "add")))
-            raise AttributeError(f"SimulationBuilder has no {name!r}; it has {known} and build")
+            known = [key for key in dir(type(self)) if key.startswith(("set", "add"))]
+            close = get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]!r}? It" if close else "it"
+            raise AttributeError(f"SimulationBuilder has no {name!r}; {hint} has {', '.join(known)} and build")
+
+        def __setattr__(self, name: str, value: object) -> None:
+            # An attribute of a builder is what its setter sets: builder.lasOutput = True.
+            setter = f"set{name[:1].upper()}{name[1:]}"
+            if name.startswith("_"):
+                object.__setattr__(self, name, value)
+            elif setter in dir(type(self)):
+                getattr(self, setter)(value)
+            else:
+                getattr(self, setter)
 
     def _set(self, name: str, value: object) -> SimulationBuilder:
         self._options[name] = value
@@ -118,7 +140,7 @@ class SimulationBuilder:
 
     def setChunkSize(self, chunkSize: int) -> SimulationBuilder:
         """Set the number of pulses of a chunk; a negative one is that number, too, since chunks are always handed out as threads ask."""
-        return self._set("chunk_size", abs(operator.index(chunkSize)))
+        return self._set("chunk_size", abs(_count("chunkSize", chunkSize, -(2**31))))
 
     def setWarehouseFactor(self, warehouseFactor: int) -> SimulationBuilder:
         """Set how many chunks may wait for each thread."""
@@ -142,9 +164,10 @@ class SimulationBuilder:
 
     def setLasScale(self, lasScale: float) -> SimulationBuilder:
         """Set the resolution of LAS coordinates, m."""
-        if not 0 < lasScale < math.inf:
-            raise ValueError(f"lasScale is {lasScale}, expected metres above 0")
-        return self._set("las_scale", float(lasScale))
+        scale = _real("lasScale", lasScale)
+        if not 0 < scale < math.inf:
+            raise ValueError(f"lasScale is {scale}, expected metres above 0")
+        return self._set("las_scale", scale)
 
     def setSeed(self, seed: int | str) -> SimulationBuilder:
         """Set the seed of all random draws; an empty text is none."""
@@ -216,7 +239,7 @@ class SimulationBuilder:
 
     def addScaleFilter(self, scaleFactor: float, partId: str = "") -> SimulationBuilder:
         """Scale a part, or all parts without an id."""
-        factor = float(scaleFactor)
+        factor = _real("scaleFactor", scaleFactor)
         if not 0 < factor < math.inf:
             raise ValueError(f"scaleFactor is {factor}, expected a number above 0")
         self._filters.append((str(partId), lambda part: part.scale(factor)))

@@ -139,6 +139,8 @@ class Records(Sequence[_R]):
 class Output:
     """What a simulation has measured and written.
 
+    Also a sequence of ``measurements``, ``trajectories``, ``filepath``, ``filepaths``, and whether these are complete.
+
     Parameters
     ----------
     parts : sequence of Points
@@ -193,6 +195,19 @@ class Output:
     def trajectories(self) -> Records[Trajectory]:
         """The poses as objects; none before the simulation has ended."""
         return Records([] if self._poses is None else [self._poses], Trajectory)
+
+    def _as_tuple(self) -> tuple[Records[Measurement], Records[Trajectory], str, list[str], bool]:
+        return self.measurements, self.trajectories, self.filepath, self.filepaths, self._poses is not None
+
+    def __getitem__(self, key: int) -> Any:
+        """Return points (0), poses (1), the first file (2), all files (3), or whether these are complete (4)."""
+        return self._as_tuple()[key]
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._as_tuple())
+
+    def __len__(self) -> int:
+        return len(self._as_tuple())
 
     def __repr__(self) -> str:
         where = f" in {self.folder!r}" if self.folder else ""

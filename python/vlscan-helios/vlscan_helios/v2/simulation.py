@@ -26,6 +26,9 @@ PYHELIOS_SIMULATION_BUILD_CONDITION_VARIABLE = threading.Condition()
 # Points of a batch without a callback: a paused simulation goes on for up to a few of these.
 _BATCH_ROWS = 100_000
 
+# Functions of the playback that a simulation has, too: a copy of ``simulation.sim`` is a simulation.
+_OF_PLAYBACK = ("getLeg", "getNumLegs", "newLeg", "removeLeg", "getScene", "getScanner", "getPlatform", "getSurveyPath")
+
 
 @dataclass
 class Recipe:
@@ -71,7 +74,16 @@ class Simulation:
         """The survey with its legs, scanner and platform, which can be changed before the start."""
         from .views import Playback
 
-        return Playback(self._read(), lambda: self._thread is not None, self._recipe.survey, self._as_read)
+        playback = Playback(self._read(), lambda: self._thread is not None, self._recipe.survey, self._as_read)
+        playback.simulation = self
+        return playback
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name in _OF_PLAYBACK:
+                return getattr(self.sim, name)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def getSurvey(self) -> Any:
         """Return the survey, as ``sim.getSurvey()`` does."""
@@ -224,4 +236,6 @@ class Simulation:
 
 def folders(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> Sequence[str]:
     """Return folders as a list; one may stand alone."""
+    if not isinstance(paths, (str, os.PathLike, Iterable)):
+        raise TypeError(f"expected a folder, or several, found {paths!r}")
     return [os.fspath(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]

@@ -336,6 +336,10 @@ def _index_of(leg: Leg, legs: Sequence[Leg]) -> int:
     return next((number for number, other in enumerate(legs) if other is leg), -1)
 
 
+# Functions of a simulation that its playback has, too.
+_OF_SIMULATION = ("copy", "start", "pause", "resume", "stop", "join", "isStarted", "isRunning", "isPaused", "isStopped", "isFinished")
+
+
 class Playback:
     """What a simulation plays: its survey.
 
@@ -350,6 +354,9 @@ class Playback:
     as_read : sequence of Leg
         Its legs as they were read from the file.
     """
+
+    #: The simulation that plays it, whose functions it has, too.
+    simulation: Any = None
 
     def __init__(self, model: Survey, is_started: Callable[[], bool], file: str = "", as_read: Sequence[Leg] = ()) -> None:
         self._survey, self._scene, self._file = SurveyView(model, is_started, as_read), SceneView(model.scene), file
@@ -403,5 +410,7 @@ class Playback:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            known = [key for key in dir(type(self)) if not key.startswith("_")]
+            if name in _OF_SIMULATION and self.simulation is not None:
+                return getattr(self.simulation, name)
+            known = [*(key for key in dir(type(self)) if not key.startswith("_")), *_OF_SIMULATION]
             raise AttributeError(f"sim has no {name!r}; it has {', '.join(known)}")

@@ -10,6 +10,7 @@ from pydantic import PrivateAttr
 
 from vlscan.legs import Template
 
+from .errors import WrongTypeError
 from .platforms import DynamicPlatformSettings, Platform, PlatformSettingsBase, StaticPlatformSettings, TrajectorySettings
 from .scanner import ScannerSettings, ScannerSettingsBase
 from .validation import Model, distribute
@@ -125,6 +126,10 @@ def make_leg(
     ValueError
         Unknown keywords, or invalid values.
     """
+    if leg is not None and not isinstance(leg, Leg):
+        raise WrongTypeError(f"leg is {leg!r}, expected a Leg; keywords make one: add_leg(x=0, y=0, z=2)")
+    _check_kind("platform_settings", platform_settings, PlatformSettingsBase)
+    _check_kind("scanner_settings", scanner_settings, ScannerSettingsBase)
     if leg is not None and not parameters and (platform_settings, scanner_settings, trajectory_settings) == (None, None, None):
         return leg
     platform_keys = [*DynamicPlatformSettings.model_fields]
@@ -150,6 +155,12 @@ def make_leg(
         return Leg(scanner_settings, platform_settings, trajectory_settings)
     leg.scanner_settings, leg.platform_settings, leg.trajectory_settings = scanner_settings, platform_settings, trajectory_settings
     return leg
+
+
+def _check_kind(name: str, settings: object, kind: type[Model]) -> None:
+    if settings is not None and not isinstance(settings, kind):
+        expected = kind.__name__.removesuffix("Base")
+        raise WrongTypeError(f"{name} is {settings!r}, expected {expected}; values can be keywords of add_leg()")
 
 
 def _default_place(platform: Platform) -> PlatformSettingsBase:

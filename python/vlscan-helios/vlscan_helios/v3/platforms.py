@@ -11,6 +11,7 @@ from pydantic import Field, PrivateAttr, validate_call
 from typing_extensions import Self
 
 from vlscan import Error, catalogue
+from vlscan.errors import warn
 
 from .errors import WrongTypeError, engine_errors, wrong_input
 from .scanner import Named, by_attribute, check_id, find, instrument_function, reference_in
@@ -48,7 +49,9 @@ class Printable:
 
     def __str__(self) -> str:
         values = {name: getattr(self, name) for name in getattr(type(self), "model_fields", {})}
-        return "\n".join([type(self).__name__, *(f"  {name}: {value}" for name, value in values.items())])
+        # Settings within settings are indented below their name.
+        lines = (f"{name}: {value}".replace("\n", "\n  ") for name, value in values.items())
+        return "\n".join([type(self).__name__, *(f"  {line}" for line in lines)])
 
 
 class PlatformSettingsBase(Printable, Model, UpdateableMixin):
@@ -310,7 +313,22 @@ def _poses(trajectory: ArrayLike) -> NDArray[np.void]:
         raise ValueError(f"a trajectory needs the fields {expected}, as of load_traj_csv(), or rows of these seven numbers")
     for name, values in columns.items():
         poses[name] = values
+    _check_poses(poses)
     return poses
+
+
+def _check_poses(poses: NDArray[np.void]) -> None:
+    """Refuse poses that cannot be flown, and warn of times that go back."""
+    if len(poses) < 2:
+        raise ValueError(f"expected a trajectory of at least 2 poses, found {len(poses)}")
+    for name in traj_csv_dtype.names or ():
+        wrong = np.flatnonzero(~np.isfinite(poses[name]))
+        if len(wrong):
+            raise ValueError(f"{name} of pose {wrong[0]} of the trajectory is {poses[name][wrong[0]]:g}, expected a finite number")
+    back = np.flatnonzero(np.diff(poses["t"]) < 0)
+    if len(back):
+        later, earlier = poses["t"][back[0]], poses["t"][back[0] + 1]
+        warn(f"times of the trajectory go back after pose {back[0]}, from {later:g} s to {earlier:g} s; poses are sorted by time")
 
 
 @validate_call

@@ -71,9 +71,13 @@ def laspy_data(points: NDArray[np.void], intensity: NDArray[Any], scan_angle: ND
     las = laspy.LasData(header)
     las.x, las.y, las.z = points["position"].T
     las.return_number, las.number_of_returns = points["return_number"], points["number_of_returns"]
-    las.classification = points["classification"].astype("u1")
+    classes = points["classification"]
+    # As LAS files have them.
+    las.classification = np.where((classes >= 0) & (classes <= 255), classes, 0).astype("u1")
     las.gps_time, las.point_source_id = points["gps_time"], points["point_source_id"]
     las.intensity, las.scan_angle = intensity, np.rint(np.clip(scan_angle / 0.006, -30_000, 30_000))
     las["echo_width"], las["heliosAmplitude"] = points["echo_width"], points["intensity"]
     las["fullwaveIndex"], las["hitObjectId"] = points["fullwave_index"], points["hit_object_id"]
+    # Otherwise the header has counts and bounds of 0 until the object is written.
+    las.update_header()
     return las

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterable
 from copy import copy
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import PrivateAttr, validate_call
 from typing_extensions import Self
@@ -22,13 +22,13 @@ from .errors import engine_errors
 from .materials import Material, MaterialDict
 from .scene_part import BoundingBox, ScenePart
 from .utils import classonlymethod, engine_directories, existing_file
-from .validation import CompressionLevel, Model
+from .validation import SEVERAL, CompressionLevel, Model
 
 
 class StaticScene(Model):
     """Parts that do not move."""
 
-    scene_parts: tuple[ScenePart, ...] = ()
+    scene_parts: Annotated[tuple[ScenePart, ...], SEVERAL] = ()
     _scene: Scene | None = PrivateAttr(None)
     _state: list[tuple[object, ...]] = PrivateAttr(default_factory=list)
     # The file, and its parts as read.

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from vlscan.errors import VlscanWarning
 
+from .errors import WrongTypeError
 from .validation import (
     CreatedDirectory,
     Model,
@@ -166,6 +167,9 @@ _S = TypeVar("_S", ExecutionSettings, OutputSettings)
 def _composed(base: _S, local: _S | None, parameters: Mapping[str, Any]) -> _S:
     settings = base.clone()
     if local is not None:
+        if not isinstance(local, type(base)):
+            # Settings of another kind without values would be taken in silence.
+            raise WrongTypeError(f"expected {type(base).__name__}, found {type(local).__name__}")
         settings.update_from_object(local)
     distribute(parameters, type(base).model_fields)
     settings.update_from_dict(parameters)

@@ -20,7 +20,7 @@ from vlscan.places import asset_folders, place_of, working_folder
 
 from . import survey_xml, xml_files
 from .callbacks import HookDispatcher, HookPayload, RunFacts, SurveyHook, build_progressbar_callbacks
-from .errors import engine_errors, engine_warnings
+from .errors import WrongTypeError, engine_errors, engine_warnings
 from .leg import Leg, flown_part, make_leg
 from .platforms import Platform, PlatformSettingsBase, TrajectorySettings
 from .records import COLUMNS, laspy_data, point_records, pose_records
@@ -37,8 +37,8 @@ from .settings import (
     compose_output_settings,
 )
 from .survey_xml import trajectory_folder
-from .utils import classonlymethod, engine_directories, rng_seed
-from .validation import Model, distribute
+from .utils import classonlymethod, engine_directories, is_real_iterable, rng_seed
+from .validation import SEVERAL, Model, distribute
 from .xml_files import Document
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class Survey(Model):
     scanner: Scanner
     platform: Platform
     scene: StaticScene
-    legs: tuple[Leg, ...] = ()
+    legs: Annotated[tuple[Leg, ...], SEVERAL] = ()
     name: str = ""
     gps_time: Annotated[datetime, AfterValidator(_zoned)] = datetime(2024, 1, 1, tzinfo=timezone.utc)
     full_waveform_settings: FullWaveformSettings = Field(default_factory=FullWaveformSettings)
@@ -238,6 +238,8 @@ class Survey(Model):
         for_execution, for_output = distribute(parameters, ExecutionSettings.model_fields, OutputSettings.model_fields)
         execution = compose_execution_settings(execution_settings, for_execution)
         output = compose_output_settings(output_settings, for_output)
+        if callbacks is not None and not is_real_iterable(callbacks):
+            raise WrongTypeError(f"callbacks is a list of SurveyHook, found {type(callbacks).__name__}")
         hooks = [SurveyHook.model_validate(hook) for hook in callbacks or ()]
         _check_output(output, {*for_output, *(output_settings.model_fields_set if output_settings is not None else ())})
         if execution.log_file or execution.log_file_only:

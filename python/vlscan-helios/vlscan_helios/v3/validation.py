@@ -149,6 +149,13 @@ def _compression(value: Any) -> int:
     return level
 
 
+def _several(value: Any) -> Any:
+    if isinstance(value, Model):
+        kind = type(value).__name__
+        raise ValueError(f"expected a list or a tuple, found one {kind}: [{kind}(...)]")
+    return value
+
+
 def _components(value: Any) -> Any:
     # A copy: an array of the program may change, and may be that of several materials.
     found = np.array(value, dtype=np.float64)
@@ -189,6 +196,8 @@ else:
     AnyAngle = Angle
 #: A folder that is created if it does not exist.
 CreatedDirectory = Annotated[Path, BeforeValidator(_directory)]
+#: Check of a tuple of models, which one of them is not.
+SEVERAL = BeforeValidator(_several)
 #: Three numbers.
 R3Vector = Annotated[Any, _numbers(3)]
 #: w, x, y, z.

@@ -53,7 +53,13 @@ def find_playback_dir(survey_path: str | os.PathLike[str], output_dir: str | os.
     """
     survey = ElementTree.parse(survey_path).getroot().find("survey")
     name = (survey.get("name") if survey is not None else None) or Path(survey_path).stem
-    runs = sorted(folder for folder in Path(output_dir).glob(f"{name}/*") if folder.is_dir())
+    runs = sorted((folder for folder in Path(output_dir).glob(f"{name}/*") if folder.is_dir()), key=_order)
     if not runs:
         raise FileNotFoundError(f"{os.fspath(output_dir)} has no results of the survey {name!r}")
     return os.fspath(runs[-1])
+
+
+def _order(folder: Path) -> tuple[str, int]:
+    """Return the time of a folder of results and its number among those of the same second, which is missing for the first."""
+    stamp, _, number = folder.name.rpartition("_")
+    return (stamp, int(number)) if "_" in stamp and number.isdigit() else (folder.name, 1)

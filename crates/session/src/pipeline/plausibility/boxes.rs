@@ -62,7 +62,8 @@ pub(super) fn away(scene: &Aabb, flight: &Aabb, gap: DVec3) -> String {
                 first"
             .to_owned();
     }
-    if is_projected_onto(f, s) {
+    // Places around 0, 0 are projected to within the distance of a local scene.
+    if !is_local(s) && is_projected_onto(f, s) {
         return "the flight's x and y look like longitude and latitude; name its columns lon and lat, so that \
                 they are projected (--trajectory-columns)"
             .to_owned();
@@ -217,6 +218,7 @@ mod tests {
             (utm, around(476_000.0 / 0.3048, 5_429_000.0 / 0.3048, 600.0, 100.0), "feet"),
             (utm, around(476_000.0, -5_429_000.0, 600.0, 100.0), "sign of y reversed"),
             (utm, around(476_000.0, 5_529_000.0, 600.0, 100.0), "vlscan scene info"),
+            (around(50_000.0, 0.0, 0.0, 100.0), around(0.0, 0.0, 2.0, 0.0), "vlscan scene info"),
         ] {
             let finding = compare("the flight", &scene, &flight, MAX_REACH).expect(cause);
             assert!(finding.help.contains(cause), "{cause}: {finding:?}");

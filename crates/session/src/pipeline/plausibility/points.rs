@@ -24,6 +24,8 @@ const MIN_SHARE_UPWARDS: f64 = 0.95;
 const WATTS_PER_NANOWATT: f64 = 1e-9;
 /// Share of surfaces beyond a limit of the scanner's ranges from which that limit is taken as the cause.
 const MIN_SHARE_MISSED: f64 = 0.5;
+/// Distance from the scene up to which the beams of a scanner that stands are the cause, not its place, m.
+const MAX_STAND_OFF: f64 = 500.0;
 /// Height above the scene from which the heights of a flight are the cause of few points, m.
 const MAX_HEIGHT: f64 = 10_000.0;
 
@@ -130,11 +132,7 @@ impl YieldCheck<'_> {
         let below = ground::check("the flight", self.scene, self.tree, &origins, mount.offset.z);
         let farthest = ranges[1];
         if across > farthest.min(boxes::MAX_REACH) || across > 0.0 && towards < 0.01 {
-            format!(
-                "the flight stays {} beside the scene; {}",
-                metres(across),
-                boxes::away(scene, flight, gap)
-            )
+            self.cause_outside([scene, flight], gap, farthest)
         } else if let Some(below) = below {
             format!("{}; {}", below.message, below.help)
         } else if flight.max.z < scene.min.z {
@@ -171,6 +169,21 @@ impl YieldCheck<'_> {
                  `vlscan scene info` shows what it contains"
             )
         }
+    }
+
+    /// The cause of few points of a flight beside the scene, `gap` from it, with advice.
+    fn cause_outside(&self, [scene, flight]: [&Aabb; 2], gap: DVec3, farthest: f64) -> String {
+        let across = gap.x.hypot(gap.y);
+        let stands = matches!(self.settings.survey.platform.kind, PlatformKind::Static);
+        let advice = match stands && across <= farthest.min(MAX_STAND_OFF) {
+            true => {
+                "head, scan angles or pattern point the beams elsewhere; `vlscan pulses` shows origins and \
+                     directions"
+                    .to_owned()
+            }
+            false => boxes::away(scene, flight, gap),
+        };
+        format!("the flight stays {} beside the scene; {advice}", metres(across))
     }
 
     /// True if the flight was not read before the run.
@@ -391,7 +404,8 @@ mod tests {
             ([0.0, 0.0, 5e6], [0, 0, 0], "heights of both must be in metres"),
             ([0.0, 0.0, 0.5], [100, 0, 0], "nearer: fly higher"),
             ([0.0, 0.0, -50.0], [0, 0, 0], "below the terrain"),
-            ([300.0, 0.0, 50.0], [0, 0, 0], "290 m beside the scene"),
+            ([300.0, 0.0, 50.0], [0, 0, 0], "290 m beside the scene; head, scan angles or pattern"),
+            ([900.0, 0.0, 50.0], [0, 0, 0], "890 m beside the scene; give the flight"),
             ([0.0, 0.0, 50.0], [100, 100, 0], "hit little"),
         ] {
             let help = end(place, 0, beams).expect(cause);
