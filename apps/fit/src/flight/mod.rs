@@ -57,6 +57,7 @@ pub use rate::{MAX_LOST_SHARE, PulseRate};
 pub use recording::{Pulse, Recording};
 pub use report::{Figure, json, table};
 pub use solution::Solution;
+pub(crate) use turning::steady_turn;
 pub use write::FlightFiles;
 
 use crate::limit::PointLimit;
