@@ -328,16 +328,34 @@ fn best_solution(recording: &Recording) -> Result<Solution, NoSolution> {
     let others = others.fold(f64::INFINITY, f64::min);
     let swings = all_trials(recording, &guess::swings(recording)).into_iter();
     trials.extend(swings.filter(|swing| swing.unexplained() < CLEARLY_BETTER * others));
-    if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
-        let ellipses: Vec<Solution> = cones::elliptic_guesses(recording)
-            .par_iter()
-            .map(|first| solve_without_attitudes(recording, first, ELLIPSE_SECTIONS))
-            .collect();
-        let ellipses = ellipses.iter().filter(|ellipse| ellipse.has_sections());
-        let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual));
-        trials.extend(best.map(|best| trial(recording, &best.model)));
+    let needs_ellipse = trials.iter().all(|trial| misfit(trial, recording).is_some());
+    if needs_ellipse {
+        trials.extend(ellipse(recording));
     }
-    let failures: Vec<Failure> = trials.iter().filter_map(|trial| Failure::of(trial, recording)).collect();
+    match best_of(recording, trials) {
+        // The circle of a cone may explain some sections of an ellipse, but not all.
+        Err(failed) if !needs_ellipse => {
+            best_of(recording, ellipse(recording).into_iter().collect()).map_err(|_| failed)
+        }
+        result => result,
+    }
+}
+
+/// The best trial of an elliptic cone.
+fn ellipse(recording: &Recording) -> Option<Solution> {
+    let ellipses: Vec<Solution> = cones::elliptic_guesses(recording)
+        .par_iter()
+        .map(|first| solve_without_attitudes(recording, first, ELLIPSE_SECTIONS))
+        .collect();
+    let ellipses = ellipses.iter().filter(|ellipse| ellipse.has_sections());
+    let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual))?;
+    Some(trial(recording, &best.model))
+}
+
+/// The solution by all sections of the trial with the smallest unexplained part.
+fn best_of(recording: &Recording, mut trials: Vec<Solution>) -> Result<Solution, NoSolution> {
+    let mut failures: Vec<Failure> =
+        trials.iter().filter_map(|trial| Failure::of(trial, recording)).collect();
     let is_doubtful = failures.len() == trials.len();
     let has_angles = trials.iter().any(|trial| has_angles_of(trial, recording));
     let failed = |reason| Err(NoSolution { reason, has_angles });
@@ -353,13 +371,12 @@ fn best_solution(recording: &Recording) -> Result<Solution, NoSolution> {
         return failed(reasons(failures));
     }
     let best = solved(MAX_SECTIONS);
-    match misfit(&best, recording) {
+    match Failure::of(&best, recording) {
         None => Ok(best),
-        Some(reason) if failures.is_empty() => {
-            let mirror = best.model.mirror.name().to_owned();
-            failed(FlightError::Unexplained(vec![Misfit { mirror, reason }]))
+        Some(failure) => {
+            failures.push(failure);
+            failed(reasons(failures))
         }
-        Some(_) => failed(reasons(failures)),
     }
 }
 
