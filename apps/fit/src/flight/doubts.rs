@@ -51,6 +51,14 @@ impl FlightFit {
         doubts
     }
 
+    /// True if the file has the share of lost pulses, at least as a comment: not if it is small and uncertain,
+    /// such as that of a single gap.
+    pub(super) fn has_dropouts(&self) -> bool {
+        let rate = &self.rate;
+        let is_insignificant = rate.lost < MIN_LOST && rate.lost_deviation > MAX_LOST_DEVIATION * rate.lost;
+        rate.lost > 0.0 && rate.lost < MAX_LOST_SHARE && !is_insignificant
+    }
+
     /// The reason why pulses may be missing because their points have been removed from the cloud.
     fn removed_points(&self) -> Option<String> {
         let recording = &self.recording;
