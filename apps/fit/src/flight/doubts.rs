@@ -51,8 +51,8 @@ impl FlightFit {
         doubts
     }
 
-    /// True if the file has the share of lost pulses, at least as a comment: not if it is small and uncertain,
-    /// such as that of a single gap.
+    /// True if the file has the share of lost pulses, at least as a comment: not if it is small and uncertain
+    /// as that of a single gap.
     pub(super) fn has_dropouts(&self) -> bool {
         let rate = &self.rate;
         let is_insignificant = rate.lost < MIN_LOST && rate.lost_deviation > MAX_LOST_DEVIATION * rate.lost;
