@@ -25,6 +25,10 @@ const MAX_ALIKE: f64 = 0.9;
 /// like a clock.
 const MAX_ERROR: f64 = 0.1;
 
+/// Decimal steps to which times may be rounded, s, and the maximum difference from a multiple, in steps.
+const DECIMALS: [f64; 5] = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7];
+const MAX_OFF: f64 = 1e-3;
+
 /// The clock of the pulses of a thinned cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
@@ -35,7 +39,7 @@ pub struct Clock {
 }
 
 /// The clock of a thinned cloud; `None` if the usual interval is that of the pulses that left, as far as is
-/// known. `error` is the standard deviation of times, s.
+/// known. `error` is the standard deviation of times, s, as far as they differ from pulse to pulse.
 ///
 /// If every tenth pulse is in the cloud, intervals within lines are constant. But the remainder of the steps
 /// from line to line is any number of tenths.
@@ -53,6 +57,7 @@ pub fn thinned_clock(recording: &Recording, error: f64) -> Option<Clock> {
     let inner = intervals.iter().map(|interval| interval / usual);
     let inner = inner.filter(|step| (step - step.round()).abs() > WHOLE);
     let steps: Vec<f64> = between.chain(inner).filter(|step| (0.0..MAX_STEP).contains(step)).collect();
+    let error = error.max(rounding(recording));
     if steps.len() < MIN_STEPS {
         return None;
     }
@@ -66,6 +71,23 @@ pub fn thinned_clock(recording: &Recording, error: f64) -> Option<Clock> {
     let gaps: Vec<&f64> = intervals.iter().filter(|gap| **gap <= MAX_GAP * usual).collect();
     let left: f64 = gaps.iter().map(|gap| (**gap / interval).round().max(1.0)).sum();
     Some(Clock { interval, lost: 1.0 - gaps.len() as f64 / left })
+}
+
+/// Standard deviation of the rounding of times, s: to the numbers of a file, such as those of 60 ns of
+/// seconds since 1980, or to a decimal. The rounding of successive pulses may be nearly the same.
+fn rounding(recording: &Recording) -> f64 {
+    let latest = recording.start.abs() + recording.duration();
+    let of_numbers = latest.next_up() - latest;
+    let start = recording.pulses[0].time;
+    let is_rounded = |step: &f64| {
+        let is_multiple = |time: f64| {
+            let count = (time - start) / step;
+            (count - count.round()).abs() < MAX_OFF + of_numbers / step
+        };
+        of_numbers < 0.25 * step && recording.pulses.iter().all(|pulse| is_multiple(pulse.time))
+    };
+    let of_decimals = DECIMALS.into_iter().find(is_rounded).unwrap_or(0.0);
+    of_numbers.max(of_decimals) / 12f64.sqrt()
 }
 
 /// Mean cosine of the phases of steps, of a clock with this number of pulses in a usual interval: 1 if all
@@ -126,8 +148,27 @@ mod tests {
         let shift = |line: usize| ((line * line) as f64 * 0.618_033_988_75).fract();
         let anywhere = recorded(1, |line, k| 5e-6 * ((1000 * line + k) as f64 + shift(line)));
         assert_eq!(thinned_clock(&anywhere, 1e-8), None);
-        // Steps of 1 µs in intervals of 5.3 µs, with the error of this rounding.
+        // Steps of 1 µs in intervals of 5.3 µs, of which the places of points show nothing.
         let rounded = recorded(1, |line, k| 1e-6 * (5.3 * (1000 * line + k) as f64).round());
-        assert_eq!(thinned_clock(&rounded, 0.29e-6), None);
+        assert_eq!(thinned_clock(&rounded, 0.0), None);
+        assert!((rounding(&rounded) / 0.2887e-6 - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_rounding_of_seconds_since_1980_is_no_clock() {
+        // Steps of 60 ns, 55.92 of them in an interval: the rounding hardly differs from pulse to pulse.
+        let start = 3.2e8 + 0.123_456_789;
+        let shift = |line: usize| ((line * line) as f64 * 0.618_033_988_75).fract();
+        let time = |line: usize, k: usize| (1000 * line + k) as f64 / 3e5 + 1e-6 * shift(line);
+        let late = |every| {
+            let recording = recorded(every, |line, k| (start + time(line, k)) - start);
+            Recording { start, ..recording }
+        };
+        assert_eq!(thinned_clock(&late(1), 0.0), None);
+        assert!((rounding(&late(1)) / 17.2e-9 - 1.0).abs() < 1e-2);
+        // That of every tenth pulse of an even train is found.
+        let even = recorded(10, |line, k| (start + (1000 * line + k) as f64 / 3e5) - start);
+        let found = thinned_clock(&Recording { start, ..even }, 0.0).unwrap();
+        assert!((found.interval * 3e5 - 1.0).abs() < 1e-4, "{found:?}");
     }
 }

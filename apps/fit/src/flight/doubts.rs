@@ -3,12 +3,17 @@
 use super::FlightFit;
 use super::rate::MAX_LOST_SHARE;
 use vlscan_base::diag::{Diagnostics, Place};
+use vlscan_geom::degrees;
 
 /// Minimum share of lost pulses that is checked, and its maximum standard deviation over the share.
 const MIN_LOST: f64 = 0.005;
 const MAX_LOST_DEVIATION: f64 = 0.5;
 /// Share of the pulses without their first return above which points have been removed from the cloud.
 const MAX_PARTIAL: f64 = 0.02;
+/// Scan angle near the horizon, degrees, and the share of the pulses beyond it above which pulses may be
+/// missing because they meet nothing.
+const SLANT: f64 = 75.0;
+const MAX_SLANTED: f64 = 0.01;
 /// ASPRS class of ground.
 const GROUND: u8 = 2;
 
@@ -28,7 +33,7 @@ impl FlightFit {
         }
         let rate = &self.rate;
         let is_uncertain = rate.lost_deviation > MAX_LOST_DEVIATION * rate.lost;
-        let removed = self.removed_points().or_else(|| {
+        let reason = self.missing_points().or_else(|| {
             is_uncertain.then(|| {
                 format!(
                     "the share of lost pulses, {:.2} %, is uncertain by {:.2} %",
@@ -37,7 +42,7 @@ impl FlightFit {
                 )
             })
         });
-        if let Some(reason) = removed.filter(|_| (MIN_LOST..MAX_LOST_SHARE).contains(&rate.lost)) {
+        if let Some(reason) = reason.filter(|_| (MIN_LOST..MAX_LOST_SHARE).contains(&rate.lost)) {
             doubts.push(Doubt { key: "dropout_rate", reason });
         }
         if self.has_varying_rate() && !rate.has_plausible_range() {
@@ -51,9 +56,26 @@ impl FlightFit {
         doubts
     }
 
-    /// The reason why pulses may be missing because their points have been removed from the cloud.
-    fn removed_points(&self) -> Option<String> {
+    /// True if the file has the share of lost pulses, at least as a comment. A small and uncertain share,
+    /// such as that of a single gap, is left out.
+    pub(super) fn has_dropouts(&self) -> bool {
+        let rate = &self.rate;
+        let is_insignificant = rate.lost < MIN_LOST && rate.lost_deviation > MAX_LOST_DEVIATION * rate.lost;
+        rate.lost > 0.0 && rate.lost < MAX_LOST_SHARE && !is_insignificant
+    }
+
+    /// The reason why pulses may be missing that were not lost: their points have been removed from the
+    /// cloud, or they met nothing.
+    fn missing_points(&self) -> Option<String> {
         let recording = &self.recording;
+        let slanted = recording.pulses.iter().filter(|pulse| degrees(pulse.angle.abs()) > SLANT);
+        let slanted = slanted.count() as f64 / recording.pulses.len() as f64;
+        if slanted > MAX_SLANTED {
+            return Some(format!(
+                "{:.0} % of the pulses are beyond {SLANT}° from the vertical, where others may meet nothing",
+                100.0 * slanted
+            ));
+        }
         if recording.partial > MAX_PARTIAL {
             let share = 100.0 * recording.partial;
             return Some(format!(

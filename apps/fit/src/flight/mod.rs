@@ -59,9 +59,11 @@ pub use rate::{MAX_LOST_SHARE, PulseRate};
 pub use recording::{Pulse, Recording};
 pub use report::{Figure, json, table};
 pub use solution::Solution;
+pub(crate) use turning::steady_turn;
 pub use write::FlightFiles;
 
 use crate::limit::PointLimit;
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
@@ -83,6 +85,13 @@ const RULED_OUT: f64 = 3.0;
 const CLEARLY_BETTER: f64 = 0.7;
 /// Maximum residual of a flight, m on the ground.
 const MAX_RESIDUAL: f64 = 0.5;
+/// Residual, m on the ground, and deviations of the attitude, rad, above which a trial by some sections is
+/// not repeated with more of them.
+const HOPELESS_RESIDUAL: f64 = 5.0;
+const HOPELESS_ATTITUDE: f64 = 0.075;
+/// Standard deviation of the scan angles, over the maximum residual, above which angles that are met have the
+/// right sign.
+const KNOWN_SIGN: f64 = 3.0;
 /// Maximum deviations of the attitude, rad, and of the scan angles, in steps of the angles and rad.
 const MAX_ATTITUDE: f64 = 0.05;
 const MAX_ANGLE_STEPS: f64 = 0.6;
@@ -152,14 +161,14 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     lines::find_channels(&mut recording);
     let solution = match best_solution(&recording) {
         Ok(solution) => solution,
-        Err(reason) => match best_turned_solution(&mut recording) {
+        Err(failed) => match best_turned_solution(&mut recording, &failed) {
             Some(solution) => {
                 let message = "scan angles are positive to the left of the flight, against the LAS \
                                specification; their sign is reversed";
                 found.warn(Some(Place::of_file(path)), message);
                 solution
             }
-            None => return Err(no_flight(path, &recording, reason)),
+            None => return Err(no_flight(path, &recording, failed.reason)),
         },
     };
     let rate = PulseRate::of(&recording, &solution);
@@ -190,9 +199,12 @@ fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
     Err(Error::input_with_help(message, "a flight and its scanner are estimated from a flight line"))
 }
 
-/// The best solution with scan angles that some files count to the left. The sign of the angles stays
-/// reversed if there is one.
-fn best_turned_solution(recording: &mut Recording) -> Option<Solution> {
+/// The best solution with scan angles that some files count to the left; `None` if a flight that is not
+/// possible otherwise meets the angles as they are. The sign of the angles stays reversed if there is one.
+fn best_turned_solution(recording: &mut Recording, failed: &NoSolution) -> Option<Solution> {
+    if failed.has_angles {
+        return None;
+    }
     let turn = |recording: &mut Recording| {
         recording.pulses.iter_mut().for_each(|pulse| pulse.angle = -pulse.angle);
     };
@@ -307,40 +319,71 @@ impl Failure {
     }
 }
 
+/// No kind of mirror explains a recording.
+#[derive(Debug)]
+struct NoSolution {
+    reason: FlightError,
+    /// True if a solution meets the points with their scan angles, but is no flight.
+    has_angles: bool,
+}
+
 /// The solution with the smallest unexplained part, over all kinds of mirrors; the error lists the reasons
 /// against each kind.
-fn best_solution(recording: &Recording) -> Result<Solution, FlightError> {
-    let mut trials: Vec<Solution> =
-        guess::guesses(recording).iter().map(|first| trial(recording, first)).collect();
-    let others = trials.iter().map(Solution::unexplained).fold(f64::INFINITY, f64::min);
-    let swings = guess::swings(recording).into_iter().map(|first| trial(recording, &first));
+fn best_solution(recording: &Recording) -> Result<Solution, NoSolution> {
+    let mut trials = all_trials(recording, &guess::guesses(recording));
+    let others = trials.iter().filter(|trial| trial.has_sections()).map(Solution::unexplained);
+    let others = others.fold(f64::INFINITY, f64::min);
+    let swings = all_trials(recording, &guess::swings(recording)).into_iter();
     trials.extend(swings.filter(|swing| swing.unexplained() < CLEARLY_BETTER * others));
-    if trials.iter().all(|trial| misfit(trial, recording).is_some()) {
-        let ellipses = cones::elliptic_guesses(recording)
-            .into_iter()
-            .map(|first| solve_without_attitudes(recording, &first, ELLIPSE_SECTIONS));
-        let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual));
-        trials.extend(best.map(|best| trial(recording, &best.model)));
+    let needs_ellipse = trials.iter().all(|trial| misfit(trial, recording).is_some());
+    if needs_ellipse {
+        trials.extend(ellipse(recording));
     }
-    let failures: Vec<Failure> = trials.iter().filter_map(|trial| Failure::of(trial, recording)).collect();
+    match best_of(recording, trials) {
+        // The circle of a cone may explain some sections of an ellipse, but not all.
+        Err(failed) if !needs_ellipse => {
+            best_of(recording, ellipse(recording).into_iter().collect()).map_err(|_| failed)
+        }
+        result => result,
+    }
+}
+
+/// The best trial of an elliptic cone.
+fn ellipse(recording: &Recording) -> Option<Solution> {
+    let ellipses: Vec<Solution> = cones::elliptic_guesses(recording)
+        .par_iter()
+        .map(|first| solve_without_attitudes(recording, first, ELLIPSE_SECTIONS))
+        .collect();
+    let ellipses = ellipses.iter().filter(|ellipse| ellipse.has_sections());
+    let best = ellipses.min_by(|a, b| a.residual.total_cmp(&b.residual))?;
+    Some(trial(recording, &best.model))
+}
+
+/// The solution by all sections of the trial with the smallest unexplained part.
+fn best_of(recording: &Recording, mut trials: Vec<Solution>) -> Result<Solution, NoSolution> {
+    let mut failures: Vec<Failure> =
+        trials.iter().filter_map(|trial| Failure::of(trial, recording)).collect();
     let is_doubtful = failures.len() == trials.len();
+    let has_angles = trials.iter().any(|trial| has_angles_of(trial, recording));
+    let failed = |reason| Err(NoSolution { reason, has_angles });
+    trials.retain(Solution::has_sections);
     let smallest = trials.iter().map(|trial| trial.residual).fold(f64::INFINITY, f64::min);
     trials.retain(|trial| trial.residual <= RULED_OUT * smallest);
     let best = trials.into_iter().min_by(|a, b| a.unexplained().total_cmp(&b.unexplained()));
-    let best = best.ok_or(FlightError::NoPattern)?;
+    let Some(best) = best else { return failed(reasons(failures)) };
     let solved = |max| solve::solve(recording, &best.model, &sections_of(recording, &best.model, max), true);
-    // All sections take long: where no guess explains the points, some sections are tried before.
-    if is_doubtful && misfit(&solved(DOUBTFUL_SECTIONS), recording).is_some() {
-        return Err(reasons(failures));
+    // All sections take long: where no guess explains the points, some sections are tried before, unless the
+    // best guess is far off.
+    if is_doubtful && (is_hopeless(&best) || misfit(&solved(DOUBTFUL_SECTIONS), recording).is_some()) {
+        return failed(reasons(failures));
     }
     let best = solved(MAX_SECTIONS);
-    match misfit(&best, recording) {
+    match Failure::of(&best, recording) {
         None => Ok(best),
-        Some(reason) if failures.is_empty() => {
-            let mirror = best.model.mirror.name().to_owned();
-            Err(FlightError::Unexplained(vec![Misfit { mirror, reason }]))
+        Some(failure) => {
+            failures.push(failure);
+            failed(reasons(failures))
         }
-        Some(_) => Err(reasons(failures)),
     }
 }
 
@@ -360,9 +403,37 @@ fn trial(recording: &Recording, first: &Model) -> Solution {
     solve::solve(recording, &start.model, &sections_of(recording, first, TRIAL_SECTIONS), true)
 }
 
+/// Solutions by some sections, in the order of the guesses.
+fn all_trials(recording: &Recording, guesses: &[Model]) -> Vec<Solution> {
+    guesses.par_iter().map(|first| trial(recording, first)).collect()
+}
+
+/// True if a solution that does not explain the points is so far off that more sections cannot change that.
+fn is_hopeless(trial: &Solution) -> bool {
+    trial.residual > HOPELESS_RESIDUAL || trial.attitude_spread() > HOPELESS_ATTITUDE
+}
+
+/// True if the beams of a solution meet the points with the scan angles of the file, which change so much
+/// that their sign is known.
+fn has_angles_of(solution: &Solution, recording: &Recording) -> bool {
+    let max_angle = max_angle_residual(recording);
+    solution.has_sections()
+        && solution.residual <= MAX_RESIDUAL
+        && solution.angle_residual <= max_angle
+        && recording.angle_spread() > KNOWN_SIGN * max_angle
+}
+
+/// Maximum residual of the scan angles of a flight, rad.
+fn max_angle_residual(recording: &Recording) -> f64 {
+    (MAX_ANGLE_STEPS * recording.angle_step).max(MAX_ANGLE)
+}
+
 /// The reasons against several guesses: of each kind of mirror that of the guess with the smallest residual,
 /// the first of several.
 fn reasons(failures: Vec<Failure>) -> FlightError {
+    if failures.is_empty() {
+        return FlightError::NoPattern;
+    }
     let mut best: Vec<Failure> = Vec::new();
     for failure in failures {
         match best.iter_mut().find(|known| known.misfit.mirror == failure.misfit.mirror) {
@@ -376,7 +447,7 @@ fn reasons(failures: Vec<Failure>) -> FlightError {
 
 /// Reason why a solution does not explain its points by a possible flight; `None` if it does.
 fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
-    let max_angle = (MAX_ANGLE_STEPS * recording.angle_step).max(MAX_ANGLE);
+    let max_angle = max_angle_residual(recording);
     let speed = solution.model.speed();
     // False for NaN.
     let is_within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
@@ -405,5 +476,8 @@ fn misfit(solution: &Solution, recording: &Recording) -> Option<String> {
         return Some(format!("needs a platform that {verb} at {:.0}°", climb.abs()));
     }
     let tilt = degrees(p.roll.abs().max(p.pitch.abs()));
-    (!is_within(tilt, 0.0, MAX_TILT)).then(|| format!("needs a scanner that is tilted by {tilt:.0}°"))
+    if !is_within(tilt, 0.0, MAX_TILT) {
+        return Some(format!("needs a scanner that is tilted by {tilt:.0}°"));
+    }
+    (!solution.has_sections()).then(|| "needs a mirror that turns within a few pulses".to_owned())
 }

@@ -8,6 +8,9 @@ const COMPARED: f64 = 4.0;
 /// Maximum number of rates on either side of the first guess.
 const MAX_TRIALS: f64 = 20_000.0;
 
+/// Maximum error of the rough agreement of phases, as a share of the number of samples.
+const SIZE_ERROR: f64 = 1e-6;
+
 /// Straight line y = start + slope · x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StraightLine {
@@ -92,8 +95,10 @@ pub fn coherent_rate(samples: &[PhaseSample], coarse: f64, share: f64) -> Recurr
     let size = |rate: f64| coherence(&samples, rate).size;
     let step = 0.2 / until.max(0.1);
     let count = (coarse.abs() * share / step).ceil().min(MAX_TRIALS) as i64;
+    let rough = sizes_of_rates(&samples, coarse - count as f64 * step, step, 2 * count as usize + 1);
+    let least = rough.iter().copied().fold(f64::NEG_INFINITY, f64::max) - SIZE_ERROR * samples.len() as f64;
     let (mut largest, mut best) = (f64::NEG_INFINITY, coarse);
-    for k in -count..=count {
+    for (k, _) in (-count..=count).zip(rough).filter(|(_, size)| *size >= least) {
         let rate = coarse + k as f64 * step;
         let size = size(rate);
         if size > largest {
@@ -108,6 +113,24 @@ pub fn coherent_rate(samples: &[PhaseSample], coarse: f64, share: f64) -> Recurr
     }
     let rate = 0.5 * (low + high);
     Recurrence { rate, phase: coherence(&samples, rate).phase }
+}
+
+/// Rough agreement of the phases of samples at `count` rates from `first` in steps of `step`. Unit vectors
+/// are turned from rate to rate, which takes a small part of the time of sines and cosines.
+fn sizes_of_rates(samples: &[PhaseSample], first: f64, step: f64, count: usize) -> Vec<f64> {
+    let vector = |angle: f64| (cos(angle), sin(angle));
+    let mut vectors: Vec<(f64, f64)> =
+        samples.iter().map(|sample| vector(sample.phase - TAU * first * sample.time)).collect();
+    let turns: Vec<(f64, f64)> = samples.iter().map(|sample| vector(-TAU * step * sample.time)).collect();
+    let size = |_: usize| {
+        let (mut re, mut im) = (0.0, 0.0);
+        for ((x, y), (cos, sin)) in vectors.iter_mut().zip(&turns) {
+            (re, im) = (re + *x, im + *y);
+            (*x, *y) = (*x * cos - *y * sin, *x * sin + *y * cos);
+        }
+        hypot(re, im)
+    };
+    (0..count).map(size).collect()
 }
 
 /// Rate and phase at time 0 of lines that pass the angle 0 at these times, near `multiple` times the rate of
@@ -169,6 +192,17 @@ mod tests {
         let Coherence { size, phase } = coherence(&samples(), 90.03);
         assert!((size - 400.0).abs() < 1e-6 && (phase - 0.7).abs() < 1e-6, "{size} {phase}");
         assert!(coherence(&samples(), 91.0).size < 100.0);
+    }
+
+    #[test]
+    fn rough_agreements_are_close_to_exact_ones_at_high_rates() {
+        let (first, step, count) = (400_000.0, 0.05, 40_001);
+        let rough = sizes_of_rates(&samples(), first, step, count);
+        assert_eq!(rough.len(), count);
+        for k in (0..count).step_by(1000) {
+            let exact = coherence(&samples(), first + k as f64 * step).size;
+            assert!((rough[k] - exact).abs() < 0.1 * SIZE_ERROR * 400.0, "{k}: {} is not {exact}", rough[k]);
+        }
     }
 
     #[test]

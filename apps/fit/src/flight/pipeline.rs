@@ -3,7 +3,6 @@
 use super::FlightFit;
 use super::doubts::Doubt;
 use super::mirror::Mirror;
-use super::rate::MAX_LOST_SHARE;
 use super::recording::Pulse;
 use super::write::FlightFiles;
 use std::fmt::Write as _;
@@ -197,7 +196,7 @@ impl FlightFit {
         )));
         let returns = self.recording.pulses.iter().map(|pulse| pulse.returns).max().unwrap_or(1);
         rows.push(Row::new("max_returns", returns));
-        if self.rate.lost > 0.0 && self.rate.lost < MAX_LOST_SHARE {
+        if self.has_dropouts() {
             let row = Row::new("dropout_rate", format_args!("{:.5}", self.rate.lost));
             let row = row.with_comment(
                 "pulses without a point, between others; what reflects too little of a scene is not known",

@@ -28,6 +28,12 @@ pub struct Solution {
 }
 
 impl Solution {
+    /// True if any section of the recording determines the solution. A guess whose mirror turns within a few
+    /// pulses has none, and no residuals.
+    pub fn has_sections(&self) -> bool {
+        !self.times.is_empty()
+    }
+
     /// Unexplained part of the points, m on the ground: residuals, and changes of the attitude from section
     /// to section.
     pub fn unexplained(&self) -> f64 {

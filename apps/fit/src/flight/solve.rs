@@ -43,8 +43,11 @@ pub fn sections(recording: &Recording, max_duration: f64, max_sections: usize) -
         let pulses = &recording.pulses[line.clone()];
         let (first, last) = (pulses[0].time, pulses[pulses.len() - 1].time);
         let count = ((last - first) / max_duration).ceil().max(1.0) as usize;
-        let mut begin = line.start;
-        for k in 1..=count {
+        let (mut begin, mut k) = (line.start, 0usize);
+        while begin < line.end && k < count {
+            // Sections without pulses are passed over: a guess may turn far too fast.
+            let passed = (recording.pulses[begin].time - first) / (last - first) * count as f64 - 1.0;
+            k = (k + 1).max(passed as usize).min(count);
             let until = first + (last - first) * k as f64 / count as f64;
             let mut end = begin;
             while end < line.end && (recording.pulses[end].time <= until || k == count) {
@@ -121,6 +124,7 @@ impl SectionEquations {
 /// Fits a model to a recording from a first guess. Attitudes of sections are estimated if `has_attitudes`.
 pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_attitudes: bool) -> Solution {
     let mut model = first.clone();
+    let steps = increments(first, recording.duration()).to_vector(first.mirror);
     // Roll, pitch, yaw.
     let mut attitudes = vec![DVec3::ZERO; sections.len()];
     // Variance per second of the random walk.
@@ -137,7 +141,7 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
         angle = min_angle(recording);
     }
     for number in 0..MAX_STEPS {
-        let mut normal = normal_equations(recording, &model, sections, &attitudes, ground, angle);
+        let mut normal = normal_equations(recording, &model, &steps, sections, &attitudes, ground, angle);
         add_priors(&mut normal, &model, &attitudes, sections, walk, has_attitudes);
         let Some(step) = reduce(&normal, sections, walk, damping, has_attitudes) else { break };
         let next = moved(&model, &step.parameters);
@@ -175,7 +179,7 @@ pub fn solve(recording: &Recording, first: &Model, sections: &[Section], has_att
         }
     }
     if has_attitudes {
-        let mut normal = normal_equations(recording, &model, sections, &attitudes, ground, angle);
+        let mut normal = normal_equations(recording, &model, &steps, sections, &attitudes, ground, angle);
         add_priors(&mut normal, &model, &attitudes, sections, walk, has_attitudes);
         if let Some(step) = reduce(&normal, sections, walk, LEAST_DAMPING, has_attitudes) {
             deviations = model.parameters.filled(0.0).with_vector(model.mirror, &step.deviations);
@@ -252,17 +256,18 @@ fn normal_cost(
     cost
 }
 
+/// `steps` are those of the parameters for numeric derivatives.
 fn normal_equations(
     recording: &Recording,
     model: &Model,
+    steps: &[f64],
     sections: &[Section],
     attitudes: &[DVec3],
     ground: f64,
     angle: f64,
 ) -> Normal {
-    let steps = increments(model, recording.duration()).to_vector(model.mirror);
     let count = steps.len();
-    let shifted = shifted(model, &steps);
+    let shifted = shifted(model, steps);
     let prepared = Prepared::of(model);
     let shifted: Vec<Prepared> = shifted.iter().map(Prepared::of).collect();
     // Most steps leave the beams of the scanner as they are.
@@ -297,7 +302,7 @@ fn normal_equations(
                 let (weight, cost) = huber(ratio);
                 let weight = weight * share;
                 normal.cost += share * cost;
-                for ((derivative, shifted), step) in of_parameters.iter_mut().zip(&by_parameter).zip(&steps) {
+                for ((derivative, shifted), step) in of_parameters.iter_mut().zip(&by_parameter).zip(steps) {
                     *derivative = (shifted[j] - base[j]) / (step * scale[j]);
                 }
                 let of_attitude = DVec3::from(

@@ -334,3 +334,51 @@ fn places_tell_the_rate_where_times_are_coarse() {
     assert!((rate.mean / 200_000.0 - 1.0).abs() < 0.003 && rate.lost < 0.02, "{} {}", rate.mean, rate.lost);
     assert!(rate.coarse_step.is_none());
 }
+
+/// Beams that fire in turn look like lines of a mirror that turns within a few pulses, which no section shows.
+#[test]
+fn guesses_that_turn_within_a_few_pulses_explain_nothing() {
+    let truth = model(Mirror::Polygon, radians(58.0), 90.0);
+    let recording = Recording::new(flown(&truth, |_| 5e-6, 1.0)).unwrap();
+    let fast = trial(&recording, &model(Mirror::Polygon, radians(58.0), 90_000.0));
+    assert!(!fast.has_sections());
+    assert_eq!(misfit(&fast, &recording).unwrap(), "needs a mirror that turns within a few pulses");
+    assert!(trial(&recording, &truth).has_sections());
+}
+
+/// Sections without pulses are passed over, however short they are.
+#[test]
+fn sections_hold_all_pulses_of_their_time() {
+    let truth = model(Mirror::Polygon, radians(58.0), 90.0);
+    let mut pulses = flown(&truth, |_| 5e-6, 0.2);
+    let first = pulses[0].time;
+    // Pauses within lines, which do not end them.
+    pulses.retain(|pulse| ((pulse.time - first) / 4e-4).fract() < 0.6);
+    let recording = Recording::new(pulses).unwrap();
+    let middles = |max: f64| {
+        let mut found = Vec::new();
+        for line in &recording.lines {
+            let mut rest = &recording.pulses[line.clone()];
+            let (first, last) = (rest[0].time, rest[rest.len() - 1].time);
+            let count = ((last - first) / max).ceil().max(1.0) as usize;
+            for k in 1..=count {
+                let until = first + (last - first) * k as f64 / count as f64;
+                let end = rest.partition_point(|pulse| pulse.time <= until || k == count);
+                let (section, others) = rest.split_at(end);
+                rest = others;
+                if section.len() >= 8 {
+                    let used: Vec<&Pulse> = section.iter().step_by(section.len().div_ceil(40)).collect();
+                    found.push(used.iter().map(|pulse| pulse.time).sum::<f64>() / used.len() as f64);
+                }
+            }
+        }
+        found.sort_by(f64::total_cmp);
+        found
+    };
+    for max in [1e-2, 2.3e-4, 7.1e-5, 1e-7] {
+        let found: Vec<f64> =
+            solve::sections(&recording, max, usize::MAX).iter().map(|section| section.time).collect();
+        assert_eq!(found, middles(max), "{max}");
+        assert_eq!(found.is_empty(), max == 1e-7);
+    }
+}

@@ -10,6 +10,7 @@
 //! | `recording` | returns as pulses and flight lines |
 //! | `thinning` | even samples of pulses |
 //! | `sensor` | positions of the instrument |
+//! | `standing` | instruments that were not in the air, which are rejected |
 //! | `terrain`, `roofs` | surfaces |
 //! | `foliage`, `smoothing` | leaf area densities; means over neighbouring columns |
 //! | `receiver` | resolution and threshold of the receiver, size of the elements of foliage |
@@ -21,6 +22,7 @@ mod recording;
 mod roofs;
 mod sensor;
 mod smoothing;
+mod standing;
 mod terrain;
 mod thinning;
 mod write;
@@ -164,14 +166,15 @@ impl Stages<'_> {
 /// Estimates a scene from a classified point cloud. `observer` receives warnings of doubtful results.
 ///
 /// # Errors
-/// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that are not point clouds or have no
-/// ground, and for warnings of a strict observer.
+/// [`vlscan_base::Error::Io`]; [`vlscan_base::Error::Input`] for files that are not point clouds, have no
+/// ground or were not recorded from the air, and for warnings of a strict observer.
 pub fn reconstruct(options: &ReconstructOptions, observer: &Observer) -> Result<ReconstructedScene> {
     let mut found = Diagnostics::default();
     let mut stages = Stages { observer, begun: Instant::now() };
     let limit = PointLimit::new(options.max_memory);
     let recording = stages.read(&options.cloud, limit, &mut found)?;
     let paths = stages.paths(&recording);
+    standing::reject(&options.cloud, &recording, &paths)?;
     warn_of_nadir_paths(&options.cloud, &paths, &mut found);
     observer.warnings(found)?;
     let spacing = 1.0 / recording.density().sqrt();

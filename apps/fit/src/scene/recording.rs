@@ -116,6 +116,9 @@ pub(super) struct Recording {
     pub is_held_out: Vec<bool>,
 }
 
+/// Maximum share of the pulses of several returns that lack some where times do not tell pulses: returns of
+/// successive pulses whose other returns are missing look like one pulse.
+const MAX_INCOMPLETE: f64 = 0.3;
 /// Every n-th pulse is held out for validation.
 const FOLDS: usize = 4;
 
@@ -258,12 +261,29 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
         )
     })?;
     if by == GroupedBy::Order {
+        let incomplete = recording.incomplete_share();
+        if incomplete > MAX_INCOMPLETE {
+            return Err(incomplete_pulses(path, incomplete));
+        }
         warn(
             "GPS times are too coarse to tell pulses; returns are grouped into pulses by their order in the \
              file and their numbers",
         );
     }
     Ok(Recording { has_scan_angles, noise, one_of, ..recording })
+}
+
+/// The error for coarse times in a cloud from which many points have been removed.
+fn incomplete_pulses(path: &Path, share: f64) -> Error {
+    Error::input_with_help(
+        format!(
+            "{}: GPS times are too coarse to tell pulses, and {:.0} % of the pulses of several returns lack \
+             some of them, so that their order in the file does not tell pulses either",
+            path.display(),
+            100.0 * share
+        ),
+        "use the cloud as the instrument delivered it, with all returns of its pulses",
+    )
 }
 
 /// Orders returns into pulses and lines, in their memory. Each return is a pulse where there are no times.
@@ -374,6 +394,17 @@ impl Recording {
         &self.returns[self.range(pulse)]
     }
 
+    /// Share of the pulses of several returns that lack some of them.
+    fn incomplete_share(&self) -> f64 {
+        let (mut several, mut incomplete) = (0usize, 0usize);
+        for returns in (0..self.pulses()).map(|pulse| self.of_pulse(pulse)) {
+            let of = usize::from(returns[0].of);
+            several += usize::from(of > 1);
+            incomplete += usize::from(of > returns.len());
+        }
+        incomplete as f64 / several.max(1) as f64
+    }
+
     /// Pulses per square metre of the box around the points.
     pub fn density(&self) -> f64 {
         let size = self.bounds.max - self.bounds.min;
@@ -415,6 +446,20 @@ mod tests {
         let places = |recording: &Recording| recording.returns.iter().map(|r| r.position).collect::<Vec<_>>();
         assert_eq!(places(&fine), places(&coarse));
         assert_eq!(fine.lines[0].source, 706);
+    }
+
+    #[test]
+    fn pulses_that_lack_returns_are_counted() {
+        let all = returns(5e-3);
+        let (complete, _) = assemble(all.clone(), true).unwrap();
+        assert_eq!(complete.incomplete_share(), 0.0);
+        // The second returns of every fourth pulse of two.
+        let is_kept = |r: &Return| r.number == 1 || (r.position.x as u32) % 8 != 1;
+        let thinned: Vec<Return> = all.into_iter().filter(is_kept).collect();
+        let (incomplete, by) = assemble(thinned, true).unwrap();
+        assert_eq!(by, GroupedBy::Order);
+        // Pulse 7 is left out.
+        assert!((incomplete.incomplete_share() - 250.0 / 999.0).abs() < 1e-12);
     }
 
     #[test]
