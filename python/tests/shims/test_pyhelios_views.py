@@ -29,6 +29,14 @@ def test_settings_have_their_templates(tmp_path):
         place.getTemplate().speed
 
 
+def test_intervals_that_templates_lack_are_0(tmp_path):
+    text = (FIXTURES / "forest/survey.xml").read_text()
+    (tmp_path / "survey.xml").write_text(text.replace(' trajectoryTimeInterval_s="0.01"', "").replace(' paths="beside"', ""))
+    made = pyhelios.SimulationBuilder(str(tmp_path / "survey.xml"), [str(FIXTURES / "forest")], str(tmp_path))
+    settings = made.setExportToFile(False).build().sim.getLeg(0).getScannerSettings()
+    assert settings.getTemplate().trajectoryTimeInterval == settings.trajectoryTimeInterval == 0
+
+
 def test_settings_without_a_template_say_so(tmp_path):
     settings = builder(tmp_path, "room/survey.xml").build().sim.getLeg(0).getPlatformSettings()
     assert not settings.hasTemplate()
