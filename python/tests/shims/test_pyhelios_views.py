@@ -16,9 +16,11 @@ def builder(tmp_path, survey="forest/survey.xml"):
 
 
 def test_settings_have_their_templates(tmp_path):
-    leg = builder(tmp_path).build().sim.getLeg(1)
+    simulation = builder(tmp_path).build()
+    leg = simulation.sim.getLeg(1)
     settings, place = leg.getScannerSettings(), leg.getPlatformSettings()
     assert settings.hasTemplate() and place.hasTemplate()
+    assert simulation.copy().getLeg(1).getScannerSettings().getTemplate().id == "strip"
     assert settings.getTemplate().id == "strip" and settings.getTemplate().pulseFreq == 137_700
     assert settings.getTemplate().active is True and settings.active is False
     assert math.degrees(settings.getTemplate().scanAngle) == pytest.approx(5.94)
