@@ -326,7 +326,7 @@ class Survey(Checked):
         return self._name if place == folder else os.path.join(place, file)
 
     def _flight(self, options: dict[str, object]) -> _vlscan.Request:
-        """Return the request of a run. A survey of objects that lacks one is an error in the words of Python."""
+        """Return the request of a run. A survey of objects without scene, scanner or flight is an error that names arguments."""
         if self._file is None and self._text is None:
             there = {"scene": self.scene, "scanner": self.scanner, "legs and no trajectory": self.legs or self.trajectory is not None}
             missing = [name for name, value in there.items() if not value]
