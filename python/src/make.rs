@@ -107,19 +107,17 @@ pub fn scanner_figures(py: Python<'_>, reference: &str) -> PyResult<(String, Str
     let made = py.detach(|| {
         let (found, warnings) = find_scanner(reference, &ReadOptions::default())?;
         notices.add(Notice::Warnings(warnings));
-        let text = json!({
-            "figures": ScannerFigures::of(reference, &found)?,
-            "sources": Sources::of(&found),
-            "device": found.devices.first().map(device_figures),
-        });
+        let figures = ScannerFigures::of(reference, &found)?;
+        let device = found.devices.first().map(|device| device_figures(device, figures.range_max_m));
+        let text = json!({ "figures": figures, "sources": Sources::of(&found), "device": device });
         Ok((text.to_string(), Pattern::of(&found)?.drawing(&found).file(Theme::Light)))
     });
     notices.issue(py)?;
     made.map_err(|error: Error| exception(py, error))
 }
 
-/// The fields of `vlscan.DeviceFigures`.
-fn device_figures(device: &Device) -> Value {
+/// The fields of `vlscan.DeviceFigures`; the maximum range is `None` if it is unlimited.
+fn device_figures(device: &Device, range_max: Option<f64>) -> Value {
     let Device { beam, detector, head, scan_freq: (scan_freq_min, scan_freq_max), .. } = device;
     json!({
         "average_power_w": beam.average_power,
@@ -132,16 +130,13 @@ fn device_figures(device: &Device) -> Value {
         "pulse_length_ns": beam.pulse_length,
         "accuracy_m": detector.accuracy,
         "range_min_m": detector.range_min,
-        "range_max_m": Some(detector.range_max).filter(|range| *range < UNLIMITED_M),
+        "range_max_m": range_max,
         "head_rate_max_deg_per_s": degrees(head.max_rate),
         "scan_freq_min_hz": scan_freq_min,
         "scan_freq_max_hz": scan_freq_max,
         "scan_angle_max_deg": degrees(device.scan_angle_max),
     })
 }
-
-/// Maximum ranges from here on are none, m.
-const UNLIMITED_M: f64 = 1e6;
 
 /// How a platform moves, by the name of its type in XML.
 #[pyfunction]

@@ -26,6 +26,14 @@ def test_a_survey_of_a_file_is_found(elsewhere):
     assert len(survey.legs) == 2 and str(ROOT / "fixtures/room/survey.xml") in survey.document()
 
 
+def test_files_beside_a_document_are_found(elsewhere):
+    text = (ROOT / "fixtures/room/survey.xml").read_text()
+    survey = Survey.from_document(text, path="fixtures/room/other.xml")
+    before = survey.run(seed=1).point_count
+    elsewhere()
+    assert survey.run(seed=1).point_count == before > 0
+
+
 def test_a_scene_of_a_file_is_found_and_a_loaded_one_stays(elsewhere):
     scene, loaded = Scene("fixtures/room/scene.xml"), Scene("fixtures/room/scene.xml").load()
     elsewhere()

@@ -190,7 +190,10 @@ def columns() -> dict[str, Column]:
 
 
 class DeviceFigures(NamedTuple):
-    """Figures of the first device of a scanner as surveys use them, see :attr:`ScannerFigures.device`.
+    """Figures of the first device of a scanner, see :attr:`ScannerFigures.device`.
+
+    Surveys in XML use these figures. Pipelines, and surveys made in Python, replace some of the built-in catalogue's
+    (docs/instruments.md).
 
     Parameters
     ----------
@@ -307,7 +310,7 @@ class ScannerFigures:
 
     @property
     def device(self) -> DeviceFigures:
-        """Power, optics, ranges and limits of the first device."""
+        """Power, optics, ranges and limits of the first device, as surveys in XML use them."""
         text, _ = _vlscan.scanner_figures(self.reference)
         return DeviceFigures(**json.loads(text)["device"])
 

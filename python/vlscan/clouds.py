@@ -271,7 +271,8 @@ def write_frames(
     frame_s : float, optional
         Duration of a frame of points in memory, s; by default that of a revolution.
     objects : str or path-like, optional
-        A table of ``vlscan run --objects`` for the same points: boxes of the moving objects are written, too, and their points are moved to where they are at the time of the box.
+        A table of ``vlscan run --objects`` for the same points: boxes of the moving objects are written, too. The points of these
+        objects are moved to where they are at the time of the box.
     skewed_objects : bool
         Leave the points of moving objects where they were measured, smeared along their way.
     categories : mapping of int to str, optional

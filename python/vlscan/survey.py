@@ -151,8 +151,8 @@ class Survey(Checked):
         scene : Scene, str or path-like, optional
             Replaces the scene of the document.
         path : str or path-like
-            Name of the document in messages; files that it names are searched in the folder of this name, too. There need not be
-            such a file.
+            Name of the document in messages. Files that the document names are searched in the folder of this name, too. The file
+            itself need not exist.
 
         Returns
         -------
@@ -317,10 +317,16 @@ class Survey(Checked):
         if "output" in options and self.name is None and self._text is None and self._file is None:
             # Its folder has the name of the survey.
             document = _toml.document({"name": "survey", **self._keys()})
-        return _vlscan.Request(options, document=(self._name, document), scene=scene, trajectory=trajectory, pulses=pulses)
+        return _vlscan.Request(options, document=(self._document_name(), document), scene=scene, trajectory=trajectory, pulses=pulses)
+
+    def _document_name(self) -> str:
+        """Return the name of the document in memory, in the folder that it named when the survey was made."""
+        folder, file = os.path.split(self._name)
+        place = place_of(folder, self._folder) if folder else folder
+        return self._name if place == folder else os.path.join(place, file)
 
     def _flight(self, options: dict[str, object]) -> _vlscan.Request:
-        """Return the request of a run. A survey of objects that lacks one is an error in the words of Python."""
+        """Return the request of a run. A survey of objects without scene, scanner or flight is an error that names arguments."""
         if self._file is None and self._text is None:
             there = {"scene": self.scene, "scanner": self.scanner, "legs and no trajectory": self.legs or self.trajectory is not None}
             missing = [name for name, value in there.items() if not value]
@@ -536,7 +542,7 @@ class Survey(Checked):
         >>> sum(len(batch) for batch in survey.run_batches(1000, seed=1)) == survey.run(seed=1).point_count
         True
         """
-        values, tables = recorded(to, waveforms, pulses, options, ("rows", "per_leg", "seconds"))
+        values, tables = recorded(to, waveforms, pulses, options, ("rows", "per_leg", "seconds", "batch_columns"))
         if isinstance(rows, bool) or (seconds is not None and isinstance(seconds, (str, bool))):
             raise TypeError(f"rows and seconds are numbers, found {rows!r} and {seconds!r}")
         if seconds is not None and not 0 < seconds < float("inf"):
@@ -780,7 +786,7 @@ def trace(
             columns["time"] = np.broadcast_to(times, len(ends))
         pulses = columns
     elif not (origins is None and directions is None and time is None):
-        raise TypeError("trace() takes either pulses, whose columns are origins, directions and times, or these")
+        raise TypeError("trace() takes either pulses or origins, directions and time, which are columns of pulses")
     own = ("scene", "origins", "directions", "scanner", "time", "waveform", "detector", "progress")
     values, tables = recorded(to, waveforms, None, options, own)
     with shown_progress(progress) as tell:

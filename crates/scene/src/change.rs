@@ -21,7 +21,7 @@ pub(super) struct AppliedChanges {
 struct WholeChange {
     name: String,
     place: Option<Place>,
-    /// A material that is replaced has the name of the new one.
+    /// True if a material that is replaced has the name of the new one.
     has_own_name: bool,
     /// Another name of a material that is replaced.
     other: Option<String>,

@@ -16,9 +16,11 @@ def builder(tmp_path, survey="forest/survey.xml"):
 
 
 def test_settings_have_their_templates(tmp_path):
-    leg = builder(tmp_path).build().sim.getLeg(1)
+    simulation = builder(tmp_path).build()
+    leg = simulation.sim.getLeg(1)
     settings, place = leg.getScannerSettings(), leg.getPlatformSettings()
     assert settings.hasTemplate() and place.hasTemplate()
+    assert simulation.copy().getLeg(1).getScannerSettings().getTemplate().id == "strip"
     assert settings.getTemplate().id == "strip" and settings.getTemplate().pulseFreq == 137_700
     assert settings.getTemplate().active is True and settings.active is False
     assert math.degrees(settings.getTemplate().scanAngle) == pytest.approx(5.94)
@@ -27,6 +29,14 @@ def test_settings_have_their_templates(tmp_path):
         place.getTemplate().z = 1
     with pytest.raises(AttributeError, match="movePerSec"):
         place.getTemplate().speed
+
+
+def test_intervals_that_templates_lack_are_0(tmp_path):
+    text = (FIXTURES / "forest/survey.xml").read_text()
+    (tmp_path / "survey.xml").write_text(text.replace(' trajectoryTimeInterval_s="0.01"', "").replace(' paths="beside"', ""))
+    made = pyhelios.SimulationBuilder(str(tmp_path / "survey.xml"), [str(FIXTURES / "forest")], str(tmp_path))
+    settings = made.setExportToFile(False).build().sim.getLeg(0).getScannerSettings()
+    assert settings.getTemplate().trajectoryTimeInterval == settings.trajectoryTimeInterval == 0
 
 
 def test_settings_without_a_template_say_so(tmp_path):

@@ -200,7 +200,12 @@ class Simulation:
     def copy(self) -> Simulation:
         """Return a simulation of the same survey, with its changes, that has not been started."""
         twin = Simulation(replace(self._recipe, filters=[]))
-        twin._recipe, twin._model = self._recipe, None if self._model is None else self._model.clone()
+        twin._recipe = self._recipe
+        if self._model is not None:
+            twin._model = self._model.clone()
+            # Legs of the file keep their templates.
+            pairs = zip(self._model.legs, twin._model.legs, strict=True)
+            twin._as_read = tuple(own for leg, own in pairs if any(leg is read for read in self._as_read))
         return twin
 
     def __repr__(self) -> str:

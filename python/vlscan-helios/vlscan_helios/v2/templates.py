@@ -16,7 +16,7 @@ _SCANNER: Mapping[str, tuple[str, float, float]] = {
     **{"headRotateStart": ("head_start_deg", 0, 180 / math.pi), "headRotateStop": ("head_stop_deg", 0, 180 / math.pi)},
     **{"verticalAngleMin": ("vertical_angle_min_deg", math.nan, 180 / math.pi)},
     **{"verticalAngleMax": ("vertical_angle_max_deg", math.nan, 180 / math.pi)},
-    **{"beamDivAngle": ("beam_divergence_rad", 0.003, 1), "trajectoryTimeInterval": ("trajectory_interval_s", 0.01, 1)},
+    **{"beamDivAngle": ("beam_divergence_rad", 0.003, 1), "trajectoryTimeInterval": ("trajectory_interval_s", 0, 1)},
 }
 
 

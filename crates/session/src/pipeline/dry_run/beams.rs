@@ -20,7 +20,7 @@ const MAX_STRETCH: f64 = 5.0;
 /// Distance from the edge of a scene at which its ground is looked up, m.
 const EDGE: f64 = 0.01;
 
-/// Changes of direction to the pulses that a pulse stands for which stands for itself only.
+/// Changes of direction of a pulse that represents only itself.
 pub const ITSELF: &[DVec3] = &[DVec3::ZERO];
 
 /// The scene around returns, in its frame.
@@ -35,15 +35,15 @@ pub struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// True if the box has the place in plan.
+    /// True if a place lies within the box in plan.
     pub fn has(&self, [x, y]: [f64; 2]) -> bool {
         let Aabb { min, max } = &self.bounds;
         (min.x..=max.x).contains(&x) && (min.y..=max.y).contains(&y)
     }
 
-    /// The place where a beam that passes the box would meet the ground if that went on level beyond its
-    /// edge, and a place at this edge. `None` for other beams, and for those farther from the box than `way`
-    /// m and than beams reach whose direction differs by `swing`.
+    /// The place where a beam that misses the box would meet level ground beyond its edge, and a place at
+    /// this edge. `None` for other beams, and for beams whose distance from the box exceeds `way`, m, plus
+    /// the reach of a change of direction by `swing`.
     pub fn past_edge(&self, beam: &Beam, swing: f64, way: f64) -> Option<(DVec3, [f64; 2])> {
         let (Beam { origin, direction }, lowest) = (*beam, self.bounds.min.z);
         if direction.z > -MIN_DESCENT || origin.z <= lowest {

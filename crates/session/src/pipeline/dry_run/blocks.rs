@@ -114,8 +114,8 @@ impl Blocks<'_> {
         }
     }
 
-    /// Passes over the steps of a leg that its first block represents before it: at the edge of a scene the
-    /// first period of a leg is not like those behind it. Shorter legs begin with their block.
+    /// Skips the steps at the start of a leg that its first block represents: at the edge of a scene the
+    /// first period differs from later ones. Shorter legs begin with their block.
     fn lead(&mut self, period: u32, steps: u64, is_stopped: &dyn Fn() -> bool) -> Result<Passed> {
         let start = (self.state.clone(), self.motion.clone());
         let probe = self.pass(steps.saturating_add(u64::from(period)), is_stopped)?;

@@ -210,7 +210,7 @@ impl CoverageCells {
         }
     }
 
-    /// Adds what a pulse without a return stands for: it passes the scene, but pulses around it may meet the
+    /// Adds what a pulse without a return stands for: it misses the scene, but pulses around it may meet the
     /// ground at the edge. `swings` are the changes of direction to these pulses.
     pub fn add_around(
         &mut self,

@@ -26,6 +26,7 @@ use vlscan_base::columns::decoded;
 use vlscan_base::diag::{Place, nearest};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads;
+use vlscan_base::quantity::counted;
 use vlscan_base::recognise::Expected;
 use vlscan_geom::DVec3;
 
@@ -78,11 +79,9 @@ pub(crate) fn load(
         scene.add_colours(mesh.first_triangle, colours);
         if unusable.triangles > 0 {
             let (line, at) = unusable.first;
-            let message = format!(
-                "{} triangles have texture coordinates that do not exist or are no numbers: they have no \
-                 texture",
-                unusable.triangles
-            );
+            let triangles = counted(unusable.triangles, "triangle");
+            let message =
+                format!("{triangles} without texture: texture coordinates do not exist or are not numbers");
             scene.diagnostics.warn(Some(source.place(line, at)), message);
         }
     }
