@@ -13,6 +13,9 @@ use std::path::Path;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::recognise::{Expected, FIRST_BYTES, foreign};
 
+/// Maximum number of poses that are kept for a message of points.
+const MAX_POSES: usize = 1 << 16;
+
 /// Contents of a channel.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
@@ -119,7 +122,7 @@ impl Reader {
                 match self.channels.get(&id).map(|(kind, _)| *kind) {
                     Some(Kind::Points) => {
                         self.check_single(id, path)?;
-                        self.check_parent(fields.0, path)?;
+                        self.check_poses(fields.0, path)?;
                         let frame = self.frame(fields.0).ok_or_else(|| {
                             wrong(
                                 path,
@@ -196,11 +199,20 @@ impl Reader {
         ))
     }
 
-    /// Checks that the poses of the points of a message are not relative to a frame that has poses itself:
-    /// transforms are not combined.
-    fn check_parent(&self, message: &[u8], path: &Path) -> Result<()> {
+    /// Checks the poses of the points of a message: none was dropped, and they are not relative to a frame
+    /// that has poses itself, since transforms are not combined.
+    fn check_poses(&self, message: &[u8], path: &Path) -> Result<()> {
         let header = CdrReader::new(message).and_then(|mut cdr| cdr.header());
         let Some((_, name)) = header else { return Ok(()) };
+        if self.poses.get(name).is_some_and(|poses| poses.len() > MAX_POSES) {
+            return Err(Error::input_with_help(
+                format!(
+                    "{}: a message of points follows more than {MAX_POSES} poses of {name}",
+                    path.display()
+                ),
+                "write shorter frames (--frame-s), or begin the recording with the points",
+            ));
+        }
         let Some(parent) = self.parents.get(name).filter(|parent| self.poses.contains_key(*parent)) else {
             return Ok(());
         };
@@ -215,8 +227,6 @@ impl Reader {
 
     /// Collects the transforms of a message.
     fn transforms(&mut self, message: &[u8]) -> Option<()> {
-        /// Maximum number of poses that are kept per frame.
-        const MAX_POSES: usize = 1 << 16;
         let mut cdr = CdrReader::new(message)?;
         for _ in 0..cdr.word()? {
             let (time_ns, parent) = cdr.header()?;
@@ -226,7 +236,10 @@ impl Reader {
                 self.parents.insert(child.to_owned(), parent.to_owned());
             }
             let poses = self.poses.entry(child.to_owned()).or_default();
-            if poses.len() < MAX_POSES {
+            let place = |pose: &FramePose| (pose.position, pose.rotation);
+            let is_other = poses.last().is_none_or(|last| place(last) != place(&pose));
+            // One more than the maximum shows that others are missing.
+            if poses.len() < MAX_POSES || (poses.len() == MAX_POSES && is_other) {
                 poses.push(pose);
             }
         }
@@ -327,31 +340,47 @@ mod tests {
     use crate::mcap::cdr::CdrWriter;
     use vlscan_geom::{DVec3, Rotation};
 
+    /// A message with the pose of a child frame.
+    fn transform(parent: &str, child: &str, position: DVec3) -> Vec<u8> {
+        let mut out = CdrWriter::new();
+        out.word(1);
+        out.header(0, parent);
+        out.string(child);
+        out.vector(position);
+        out.rotation(Rotation::IDENTITY);
+        out.0
+    }
+
     #[test]
     fn poses_relative_to_a_frame_with_poses_are_an_error() {
-        let transform = |parent: &str, child: &str| {
-            let mut out = CdrWriter::new();
-            out.word(1);
-            out.header(0, parent);
-            out.string(child);
-            out.vector(DVec3::ZERO);
-            out.rotation(Rotation::IDENTITY);
-            out.0
-        };
         let mut points = CdrWriter::new();
         points.header(0, "lidar");
         let mut reader = Reader::default();
         for (parent, child, is_in_world) in
             [("world", "lidar", true), ("base", "lidar", true), ("world", "base", false)]
         {
-            reader.transforms(&transform(parent, child)).unwrap();
-            match reader.check_parent(&points.0, Path::new("a.mcap")) {
+            reader.transforms(&transform(parent, child, DVec3::ZERO)).unwrap();
+            match reader.check_poses(&points.0, Path::new("a.mcap")) {
                 Err(Error::Input(problems)) => {
                     let text = problems.text();
                     assert!(!is_in_world && text.contains("lidar are relative to base"), "{text}");
                 }
                 other => assert!(is_in_world && other.is_ok(), "{parent} {child}"),
             }
+        }
+    }
+
+    #[test]
+    fn poses_that_are_dropped_are_an_error_unless_the_scanner_stands() {
+        let mut points = CdrWriter::new();
+        points.header(0, "lidar");
+        let pose = FramePose { time_ns: 0, position: DVec3::ZERO, rotation: Rotation::IDENTITY };
+        let poses = HashMap::from([("lidar".to_owned(), vec![pose; MAX_POSES])]);
+        let mut reader = Reader { poses, ..Reader::default() };
+        for (position, is_enough) in [(DVec3::ZERO, true), (DVec3::X, false), (DVec3::ZERO, false)] {
+            reader.transforms(&transform("world", "lidar", position)).unwrap();
+            let checked = reader.check_poses(&points.0, Path::new("a.mcap"));
+            assert_eq!((checked.is_ok(), reader.poses["lidar"].len() > MAX_POSES), (is_enough, !is_enough));
         }
     }
 }
