@@ -340,12 +340,12 @@ fn misses_are_recognised_by_what_is_written_for_them_and_not_by_zeros() {
     let names =
         ["a.las", "a.laz", "a.copc.laz", "a.ply", "a.csv", "a.parquet", "a.arrow", "a.xyz", "a.pcd", "a.e57"];
     let outputs: Vec<&str> = names.iter().flat_map(|name| ["-o", name]).collect();
-    let run = ["run", &survey, "-q", "--misses", "-o", "a.raycloud.ply"];
+    let run = ["run", &survey, "-q", "--misses", "-o", "a.raycloud.ply", "-o", "a.mcap"];
     common::succeed(dir.path(), &[&run[..], &outputs].concat());
     let expected = described(dir.path(), "a.las");
     let (points, misses) = (expected["points"].as_u64().unwrap(), expected["misses"].as_u64().unwrap());
     assert!(points > 1000 && misses > 10, "{expected}");
-    for name in names.into_iter().chain(["a.raycloud.ply"]) {
+    for name in names.into_iter().chain(["a.raycloud.ply", "a.mcap"]) {
         let found = described(dir.path(), name);
         assert_eq!(
             (found["points"].as_u64(), found["misses"].as_u64()),

@@ -48,6 +48,8 @@ pub struct Frame {
     pub time_ns: u64,
     /// Attributes that its points have; others are 0.
     pub attributes: AttributeSet,
+    /// True if return 0 of 0 marks a pulse without a return, as in files of this program.
+    pub has_misses: bool,
     /// Its points.
     pub points: Vec<FramePoint>,
     /// Poses in the order of time: the last one of the frame before, and those of this frame.
@@ -105,7 +107,8 @@ mod tests {
             rotation: Rotation::about_z(angle),
         };
         let poses = vec![pose(10, 1.0, 0.0), pose(20, 3.0, 0.4)];
-        let frame = Frame { time_ns: 0, attributes: AttributeSet::default(), points: Vec::new(), poses };
+        let (attributes, points) = (AttributeSet::default(), Vec::new());
+        let frame = Frame { time_ns: 0, attributes, has_misses: false, points, poses };
         let middle = frame.pose_at(15.0).unwrap();
         assert_eq!(middle.position.x, 2.0);
         let turned = middle.rotation.apply(DVec3::X);

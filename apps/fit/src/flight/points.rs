@@ -206,8 +206,8 @@ impl Outline {
     /// The points of a flight line, by time and return number.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for more points than the limit allows, and for a file without its
-    /// points, which has changed.
+    /// [`Error::Io`]; [`Error::Input`] for more points than the limit allows, and for a file that has
+    /// changed.
     pub fn rows_of(self, line: FlightLine, path: &Path) -> Result<Vec<Row>> {
         if self.limit.is_exceeded(line.points) {
             return Err(self.limit.error(path));
@@ -225,7 +225,7 @@ impl Outline {
                 sink.rows.unwrap_or_default()
             }
         };
-        if rows.is_empty() {
+        if rows.len() != line.points {
             return Err(Error::input(format!("{} has changed while it was read", path.display())));
         }
         let order = |a: &Row, b: &Row| a.time.total_cmp(&b.time).then(a.number.cmp(&b.number));

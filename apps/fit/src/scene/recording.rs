@@ -219,13 +219,7 @@ pub(super) fn read(path: &Path, limit: PointLimit, found: &mut Diagnostics) -> R
     let Some(first) = kept().next() else {
         return Err(Error::input(format!("{name} has no points for a scene")));
     };
-    let count = kept().filter(|r| matches!(r.class, 2 | 8)).count();
-    if count < 3 {
-        return Err(Error::input(format!(
-            "{name} has {count} points of class 2 (ground), and at least 3 are needed; classify the ground \
-             first, for example: pdal translate {name} classified.laz smrf"
-        )));
-    }
+    check_ground(kept(), path)?;
     // The one time of returns without numbers is none.
     let has_times = has(Attribute::Time) && kept().any(|r| r.of > 1 || r.time != first.time);
     let mut warn = |message: &str| {
@@ -284,6 +278,18 @@ fn incomplete_pulses(path: &Path, share: f64) -> Error {
         ),
         "use the cloud as the instrument delivered it, with all returns of its pulses",
     )
+}
+
+/// Checks that a cloud with these returns has enough points of the ground.
+fn check_ground<'r>(returns: impl Iterator<Item = &'r Return>, path: &Path) -> Result<()> {
+    let (count, name) = (returns.filter(|r| matches!(r.class, 2 | 8)).count(), path.display());
+    if count >= 3 {
+        return Ok(());
+    }
+    Err(Error::input(format!(
+        "{name} has {count} points of class 2 (ground), and at least 3 are needed; classify the ground \
+         first, for example: pdal translate {name} classified.laz smrf"
+    )))
 }
 
 /// Orders returns into pulses and lines, in their memory. Each return is a pulse where there are no times.

@@ -111,7 +111,7 @@ mod tests {
             }
         });
         let (attributes, points) = (AttributeSet::default(), points.collect());
-        let frame = Frame { time_ns: 0, attributes, points, poses };
+        let frame = Frame { time_ns: 0, attributes, has_misses: false, points, poses };
         let placed = place(&frame, ForwardAxis::X, 0.5).unwrap();
         assert_eq!(placed.pose.position.y, 0.0);
         for point in &placed.points {

@@ -5,10 +5,11 @@ use crate::out::OutputStream;
 use flate2::Crc;
 use vlscan_base::error::Result;
 
-const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+/// First and last bytes of a file.
+pub(super) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 
 /// Kinds of records.
-mod op {
+pub(super) mod op {
     pub const HEADER: u8 = 0x01;
     pub const FOOTER: u8 = 0x02;
     pub const SCHEMA: u8 = 0x03;

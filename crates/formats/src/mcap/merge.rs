@@ -1,7 +1,7 @@
 //! MCAP files of several scanners as one: `/NAME/points` and `/NAME/odom` for each scanner, `/tf` for all.
 
 use super::container::{ChannelPlan, Container};
-use super::read::{Message, Messages};
+use super::records::{Message, Messages};
 use super::{CHANNELS, ODOMETRY, POINTS, TRANSFORMS};
 use crate::out::{Destination, OutputStream};
 use crate::settings::{SOFTWARE, state};

@@ -5,10 +5,10 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `container` | records of MCAP |
+//! | `container`, `records` | records of MCAP, written and read; messages that are read |
 //! | `cdr`, `schemas` | messages as bytes; their definitions |
 //! | `poses` | transforms and odometry |
-//! | `read` | frames with their poses; messages |
+//! | `read` | frames with their poses |
 //! | `points` | points of frames in the world |
 //! | `merge` | files of several scanners as one |
 
@@ -18,6 +18,7 @@ mod merge;
 mod points;
 mod poses;
 mod read;
+mod records;
 mod schemas;
 
 pub(crate) use merge::merge;

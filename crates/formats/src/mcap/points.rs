@@ -44,28 +44,41 @@ fn pass(frame: &Frame, reading: &mut Reading) -> Result<ControlFlow<()>> {
     // Points of one pulse, and of pulses at once, have one pose.
     let (mut latest, mut at) = (f32::NAN, None);
     for point in &frame.points {
-        let time_ns = frame.time_ns as f64 + f64::from(point.time_s) * 1e9;
+        let in_scanner = DVec3::from(point.position.map(f64::from));
+        // In ROS this marks the absence of a point.
+        if in_scanner.is_nan() {
+            continue;
+        }
+        let mut misfits = Misfits::default();
+        let after = misfits.fitted(Attribute::Time, point.time_s.into());
+        let time_ns = frame.time_ns as f64 + after * 1e9;
         if at.is_none() || point.time_s != latest {
             (latest, at) = (point.time_s, frame.pose_at(time_ns));
         }
-        let Some(pose) = at else {
-            return Err(Error::input_with_help(
-                format!("{}: it contains points whose frame has no poses (/tf)", reading.path.display()),
-                "write it with vlscan run -o points.mcap, whose poses are on /tf",
-            ));
+        let is_miss = frame.has_misses && point.return_number == 0 && point.number_of_returns == 0;
+        let position = match at {
+            Some(pose) => pose.position + pose.rotation.apply(in_scanner),
+            // Poses are those of points.
+            None if is_miss => DVec3::ZERO,
+            None => {
+                return Err(Error::input_with_help(
+                    format!("{}: it contains points whose frame has no poses (/tf)", reading.path.display()),
+                    "write it with vlscan run -o points.mcap, whose poses are on /tf",
+                ));
+            }
         };
-        let mut misfits = Misfits::default();
         let mut byte = |attribute, value: i64| misfits.fitted(attribute, value as f64) as u8;
         let class = byte(Attribute::Class, point.class);
         let return_number = byte(Attribute::ReturnNumber, point.return_number);
         let number_of_returns = byte(Attribute::NumberOfReturns, point.number_of_returns);
         let path = byte(Attribute::Path, point.path);
         let row = PointRow {
-            position: pose.position + pose.rotation.apply(DVec3::from(point.position.map(f64::from))),
-            intensity: point.intensity,
+            position,
+            intensity: misfits.fitted(Attribute::Intensity, point.intensity.into()) as f32,
             class,
             return_number,
             number_of_returns,
+            is_miss,
             object: point.instance,
             time: time_ns / 1e9,
             path,

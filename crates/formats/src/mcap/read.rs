@@ -2,28 +2,19 @@
 //! and `tf2_msgs/msg/TFMessage`, in chunks that are not compressed, or outside of chunks.
 
 use super::cdr::CdrReader;
+use super::container::{MAGIC, op};
+use super::records::{Fields, HEAD_BYTES, Input, check_sum, wrong};
 use crate::frames::{Frame, FramePoint, FramePose};
 use crate::{Attribute, AttributeSet};
 use flate2::Crc;
 use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
-use vlscan_base::diag::ProblemKind;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::recognise::{Expected, FIRST_BYTES, foreign};
 
-const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
-/// Kind and length before the content of a record, bytes.
-const HEAD_BYTES: usize = 9;
-/// Maximum length of a record, bytes.
-const MAX_RECORD_BYTES: u64 = 1 << 31;
-
-const FOOTER: u8 = 0x02;
-const SCHEMA: u8 = 0x03;
-const CHANNEL: u8 = 0x04;
-const MESSAGE: u8 = 0x05;
-const CHUNK: u8 = 0x06;
-const DATA_END: u8 = 0x0F;
+/// Maximum number of poses that are kept for a message of points.
+const MAX_POSES: usize = 1 << 16;
 
 /// Contents of a channel.
 #[derive(Clone, Copy, PartialEq)]
@@ -35,6 +26,8 @@ enum Kind {
 /// State of reading a file.
 #[derive(Default)]
 struct Reader {
+    /// True if this program wrote the file.
+    is_own: bool,
     schemas: HashMap<u16, Option<Kind>>,
     /// Contents and topics.
     channels: HashMap<u16, (Kind, String)>,
@@ -42,72 +35,8 @@ struct Reader {
     points: Option<u16>,
     /// Poses by child frame since the last frame.
     poses: HashMap<String, Vec<FramePose>>,
-}
-
-/// A message with the number of its channel.
-#[derive(Debug, PartialEq)]
-pub(super) struct Message {
-    pub channel: u16,
-    pub time_ns: u64,
-    pub data: Vec<u8>,
-}
-
-/// The messages of a file that this program has written, with one message in each chunk.
-pub(super) struct Messages<'a> {
-    input: Input<'a>,
-    bytes: Vec<u8>,
-}
-
-impl<'a> Messages<'a> {
-    /// Begins to read a file.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for another file.
-    pub fn begin(source: &'a mut dyn Read, path: &'a Path) -> Result<Messages<'a>> {
-        let (mut input, mut bytes) = (Input { source, path, at: 0 }, Vec::new());
-        input.read(MAGIC.len() as u64, &mut bytes)?;
-        if bytes != MAGIC {
-            return Err(wrong(path, "it is no MCAP"));
-        }
-        Ok(Messages { input, bytes })
-    }
-
-    /// The next message in the order of the file; `None` after the last one.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for a file that is damaged or ends before.
-    pub fn read_next(&mut self) -> Result<Option<Message>> {
-        loop {
-            let at = self.input.at;
-            let kind = self.input.record(&mut self.bytes)?;
-            if kind == DATA_END {
-                return Ok(None);
-            }
-            if kind == CHUNK {
-                let path = self.input.path;
-                let message = message_of(&self.bytes[HEAD_BYTES..]);
-                let damaged = || wrong(path, &format!("the record at byte {at} is damaged"));
-                return message.map(Some).ok_or_else(damaged);
-            }
-        }
-    }
-}
-
-/// The first message of the content of a chunk.
-fn message_of(chunk: &[u8]) -> Option<Message> {
-    let mut fields = Fields(chunk);
-    // Two times, size and checksum; compression; size.
-    fields.take(28)?;
-    fields.string()?;
-    fields.take(8)?;
-    let kind = fields.take(1)?[0];
-    fields.take(8)?;
-    let channel = fields.u16()?;
-    // Sequence and two times.
-    fields.take(4)?;
-    let time_ns = fields.u64()?;
-    fields.take(8)?;
-    (kind == MESSAGE).then(|| Message { channel, time_ns, data: fields.0.to_vec() })
+    /// The frame in which the poses of each child frame are.
+    parents: HashMap<String, String>,
 }
 
 /// Calls `take` with the frames of a file, in order.
@@ -128,7 +57,7 @@ pub(crate) fn read_frames(
         return Err(found.error(path));
     }
     let source: &mut dyn Read = &mut first.as_slice().chain(source);
-    let mut input = Input { source, path, at: 0 };
+    let mut input = Input::new(source, path);
     let mut bytes = Vec::new();
     input.read(MAGIC.len() as u64, &mut bytes)?;
     if bytes != MAGIC {
@@ -143,7 +72,7 @@ pub(crate) fn read_frames(
         let at = input.at;
         let kind = input.record(&mut bytes)?;
         let content = &bytes[HEAD_BYTES..];
-        if kind == DATA_END {
+        if kind == op::DATA_END {
             let damaged = || wrong(path, &format!("the record at byte {at} is damaged"));
             let stated = Fields(content).u32().ok_or_else(damaged)?;
             check_sum(stated, &sum, path, || format!("the data before byte {at}"))?;
@@ -152,83 +81,6 @@ pub(crate) fn read_frames(
         reader.record((kind, at), content, path, take)?;
         sum.update(&bytes);
     }
-}
-
-/// Compares a checksum with the one in the file; 0 means that the file has none.
-fn check_sum(stated: u32, sum: &Crc, path: &Path, what: impl Fn() -> String) -> Result<()> {
-    if stated == 0 || stated == sum.sum() {
-        return Ok(());
-    }
-    let message = format!("the checksum of {} does not match: the file is damaged", what());
-    Err(wrong(path, &message))
-}
-
-/// A file that is being read.
-struct Input<'a> {
-    source: &'a mut dyn Read,
-    path: &'a Path,
-    /// Number of bytes that have been read.
-    at: u64,
-}
-
-impl Input<'_> {
-    /// Appends this many bytes of the file to `bytes`.
-    fn read(&mut self, length: u64, bytes: &mut Vec<u8>) -> Result<()> {
-        let read = Read::take(&mut *self.source, length).read_to_end(bytes);
-        let read = read.map_err(|e| Error::io("read", self.path, e))? as u64;
-        self.at += read;
-        if read != length {
-            let message = format!(
-                "{}: the file ends within its records, after byte {}; is it truncated?",
-                self.path.display(),
-                self.at
-            );
-            return Err(Error::input_of(ProblemKind::Truncated, message));
-        }
-        Ok(())
-    }
-
-    /// Reads the next record with its head and returns its kind.
-    fn record(&mut self, bytes: &mut Vec<u8>) -> Result<u8> {
-        let at = self.at;
-        bytes.clear();
-        self.read(HEAD_BYTES as u64, bytes)?;
-        let length = u64::from_le_bytes(std::array::from_fn(|i| bytes[1 + i]));
-        if length > MAX_RECORD_BYTES {
-            return Err(wrong(self.path, &format!("the record at byte {at} is longer than 2 GB")));
-        }
-        self.read(length, bytes)?;
-        Ok(bytes[0])
-    }
-
-    /// Verifies the checksum of the summary, which is not used, and the end of the file.
-    fn check_summary(mut self) -> Result<()> {
-        let (mut sum, mut bytes) = (Crc::new(), Vec::new());
-        loop {
-            let at = self.at;
-            if self.record(&mut bytes)? != FOOTER {
-                sum.update(&bytes);
-                continue;
-            }
-            // The checksum is the last field of the footer and includes the fields before it.
-            let stated = bytes.len().checked_sub(4).filter(|at| *at >= HEAD_BYTES);
-            let damaged = || wrong(self.path, &format!("the footer at byte {at} is damaged"));
-            let (before, stated) = bytes.split_at(stated.ok_or_else(damaged)?);
-            sum.update(before);
-            let stated = Fields(stated).u32().ok_or_else(damaged)?;
-            check_sum(stated, &sum, self.path, || format!("the summary before byte {at}"))?;
-            bytes.clear();
-            self.read(MAGIC.len() as u64, &mut bytes)?;
-            return match bytes == MAGIC {
-                true => Ok(()),
-                false => Err(wrong(self.path, "it does not end as an MCAP does: the file is damaged")),
-            };
-        }
-    }
-}
-
-fn wrong(path: &Path, message: &str) -> Error {
-    Error::input(format!("{}: {message}", path.display()))
 }
 
 impl Reader {
@@ -242,7 +94,12 @@ impl Reader {
         let damaged = || wrong(path, &format!("the record at byte {at} is damaged"));
         let mut fields = Fields(content);
         match kind {
-            SCHEMA => {
+            op::HEADER => {
+                // The profile, and the program.
+                let program = fields.string().and_then(|_| fields.string());
+                self.is_own = program.is_some_and(|program| program.starts_with("vlscan "));
+            }
+            op::SCHEMA => {
                 let (id, name) = fields.u16().zip(fields.string()).ok_or_else(damaged)?;
                 let kind = match name {
                     "sensor_msgs/msg/PointCloud2" => Some(Kind::Points),
@@ -251,20 +108,21 @@ impl Reader {
                 };
                 self.schemas.insert(id, kind);
             }
-            CHANNEL => {
+            op::CHANNEL => {
                 let (id, schema) = fields.u16().zip(fields.u16()).ok_or_else(damaged)?;
                 let (topic, encoding) = fields.string().zip(fields.string()).ok_or_else(damaged)?;
                 if let Some(Some(kind)) = self.schemas.get(&schema).filter(|_| encoding == "cdr") {
                     self.channels.insert(id, (*kind, topic.to_owned()));
                 }
             }
-            MESSAGE => {
+            op::MESSAGE => {
                 let id = fields.u16().ok_or_else(damaged)?;
                 // Sequence and two times.
                 fields.take(20).ok_or_else(damaged)?;
                 match self.channels.get(&id).map(|(kind, _)| *kind) {
                     Some(Kind::Points) => {
                         self.check_single(id, path)?;
+                        self.check_poses(fields.0, path)?;
                         let frame = self.frame(fields.0).ok_or_else(|| {
                             wrong(
                                 path,
@@ -280,35 +138,45 @@ impl Reader {
                     None => {}
                 }
             }
-            CHUNK => {
-                // Two times and the size.
-                fields.take(24).ok_or_else(damaged)?;
-                let stated = fields.u32().ok_or_else(damaged)?;
-                let compression = fields.string().ok_or_else(damaged)?;
-                if !compression.is_empty() {
-                    let message = format!(
-                        "its chunks are compressed ({compression}); write them without compression, \
-                         for example with: mcap convert --compression none"
-                    );
-                    return Err(wrong(path, &message));
-                }
-                fields.take(8).ok_or_else(damaged)?;
-                if stated != 0 {
-                    let mut sum = Crc::new();
-                    sum.update(fields.0);
-                    check_sum(stated, &sum, path, || format!("the chunk at byte {at}"))?;
-                }
-                while !fields.0.is_empty() {
-                    let kind = fields.take(1).ok_or_else(damaged)?[0];
-                    let length =
-                        fields.u64().and_then(|length| usize::try_from(length).ok()).ok_or_else(damaged)?;
-                    let inner = fields.take(length).ok_or_else(damaged)?;
-                    if kind != CHUNK {
-                        self.record((kind, at), inner, path, take)?;
-                    }
-                }
-            }
+            op::CHUNK => self.chunk(at, fields, path, take)?,
             _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes the records of the chunk at a byte of the file.
+    fn chunk(
+        &mut self,
+        at: u64,
+        mut fields: Fields,
+        path: &Path,
+        take: &mut dyn FnMut(Frame) -> Result<()>,
+    ) -> Result<()> {
+        let damaged = || wrong(path, &format!("the record at byte {at} is damaged"));
+        // Two times and the size.
+        fields.take(24).ok_or_else(damaged)?;
+        let stated = fields.u32().ok_or_else(damaged)?;
+        let compression = fields.string().ok_or_else(damaged)?;
+        if !compression.is_empty() {
+            let message = format!(
+                "its chunks are compressed ({compression}); write them without compression, \
+                 for example with: mcap convert --compression none"
+            );
+            return Err(wrong(path, &message));
+        }
+        fields.take(8).ok_or_else(damaged)?;
+        if stated != 0 {
+            let mut sum = Crc::new();
+            sum.update(fields.0);
+            check_sum(stated, &sum, path, || format!("the chunk at byte {at}"))?;
+        }
+        while !fields.0.is_empty() {
+            let kind = fields.take(1).ok_or_else(damaged)?[0];
+            let length = fields.u64().and_then(|length| usize::try_from(length).ok()).ok_or_else(damaged)?;
+            let inner = fields.take(length).ok_or_else(damaged)?;
+            if kind != op::CHUNK {
+                self.record((kind, at), inner, path, take)?;
+            }
         }
         Ok(())
     }
@@ -331,17 +199,47 @@ impl Reader {
         ))
     }
 
+    /// Checks the poses of the points of a message: none was dropped, and they are not relative to a frame
+    /// that has poses itself, since transforms are not combined.
+    fn check_poses(&self, message: &[u8], path: &Path) -> Result<()> {
+        let header = CdrReader::new(message).and_then(|mut cdr| cdr.header());
+        let Some((_, name)) = header else { return Ok(()) };
+        if self.poses.get(name).is_some_and(|poses| poses.len() > MAX_POSES) {
+            return Err(Error::input_with_help(
+                format!(
+                    "{}: a message of points follows more than {MAX_POSES} poses of {name}",
+                    path.display()
+                ),
+                "write shorter frames (--frame-s), or begin the recording with the points",
+            ));
+        }
+        let Some(parent) = self.parents.get(name).filter(|parent| self.poses.contains_key(*parent)) else {
+            return Ok(());
+        };
+        Err(Error::input_with_help(
+            format!(
+                "{}: the poses of {name} are relative to {parent}, which has poses itself",
+                path.display()
+            ),
+            "write the poses of the scanner in the world to /tf: transforms are not combined",
+        ))
+    }
+
     /// Collects the transforms of a message.
     fn transforms(&mut self, message: &[u8]) -> Option<()> {
-        /// Maximum number of poses that are kept per frame.
-        const MAX_POSES: usize = 1 << 16;
         let mut cdr = CdrReader::new(message)?;
         for _ in 0..cdr.word()? {
-            let (time_ns, _) = cdr.header()?;
-            let child = cdr.string()?.to_owned();
+            let (time_ns, parent) = cdr.header()?;
+            let child = cdr.string()?;
             let pose = FramePose { time_ns, position: cdr.vector()?, rotation: cdr.rotation()? };
-            let poses = self.poses.entry(child).or_default();
-            if poses.len() < MAX_POSES {
+            if self.parents.get(child).is_none_or(|known| known != parent) {
+                self.parents.insert(child.to_owned(), parent.to_owned());
+            }
+            let poses = self.poses.entry(child.to_owned()).or_default();
+            let place = |pose: &FramePose| (pose.position, pose.rotation);
+            let is_other = poses.last().is_none_or(|last| place(last) != place(&pose));
+            // One more than the maximum shows that others are missing.
+            if poses.len() < MAX_POSES || (poses.len() == MAX_POSES && is_other) {
                 poses.push(pose);
             }
         }
@@ -400,6 +298,7 @@ impl Reader {
             Attribute::Path => places.contains_key("path"),
             _ => false,
         });
+        let has_misses = self.is_own;
         let poses = self.poses.get_mut(name).map(|poses| {
             poses.sort_by_key(|pose| pose.time_ns);
             let all = poses.clone();
@@ -407,7 +306,7 @@ impl Reader {
             poses.drain(..poses.len().saturating_sub(1));
             all
         });
-        Some(Frame { time_ns, attributes, points, poses: poses.unwrap_or_default() })
+        Some(Frame { time_ns, attributes, has_misses, points, poses: poses.unwrap_or_default() })
     }
 }
 
@@ -435,30 +334,53 @@ fn whole(bytes: &[u8], kind: u8) -> i64 {
     }
 }
 
-/// Little-endian values of a record, from its beginning.
-struct Fields<'a>(&'a [u8]);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mcap::cdr::CdrWriter;
+    use vlscan_geom::{DVec3, Rotation};
 
-impl<'a> Fields<'a> {
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(count)?;
-        self.0 = rest;
-        Some(taken)
+    /// A message with the pose of a child frame.
+    fn transform(parent: &str, child: &str, position: DVec3) -> Vec<u8> {
+        let mut out = CdrWriter::new();
+        out.word(1);
+        out.header(0, parent);
+        out.string(child);
+        out.vector(position);
+        out.rotation(Rotation::IDENTITY);
+        out.0
     }
 
-    fn u16(&mut self) -> Option<u16> {
-        self.take(2)?.try_into().ok().map(u16::from_le_bytes)
+    #[test]
+    fn poses_relative_to_a_frame_with_poses_are_an_error() {
+        let mut points = CdrWriter::new();
+        points.header(0, "lidar");
+        let mut reader = Reader::default();
+        for (parent, child, is_in_world) in
+            [("world", "lidar", true), ("base", "lidar", true), ("world", "base", false)]
+        {
+            reader.transforms(&transform(parent, child, DVec3::ZERO)).unwrap();
+            match reader.check_poses(&points.0, Path::new("a.mcap")) {
+                Err(Error::Input(problems)) => {
+                    let text = problems.text();
+                    assert!(!is_in_world && text.contains("lidar are relative to base"), "{text}");
+                }
+                other => assert!(is_in_world && other.is_ok(), "{parent} {child}"),
+            }
+        }
     }
 
-    fn u32(&mut self) -> Option<u32> {
-        self.take(4)?.try_into().ok().map(u32::from_le_bytes)
-    }
-
-    fn u64(&mut self) -> Option<u64> {
-        self.take(8)?.try_into().ok().map(u64::from_le_bytes)
-    }
-
-    fn string(&mut self) -> Option<&'a str> {
-        let length = self.u32()? as usize;
-        std::str::from_utf8(self.take(length)?).ok()
+    #[test]
+    fn poses_that_are_dropped_are_an_error_unless_the_scanner_stands() {
+        let mut points = CdrWriter::new();
+        points.header(0, "lidar");
+        let pose = FramePose { time_ns: 0, position: DVec3::ZERO, rotation: Rotation::IDENTITY };
+        let poses = HashMap::from([("lidar".to_owned(), vec![pose; MAX_POSES])]);
+        let mut reader = Reader { poses, ..Reader::default() };
+        for (position, is_enough) in [(DVec3::ZERO, true), (DVec3::X, false), (DVec3::ZERO, false)] {
+            reader.transforms(&transform("world", "lidar", position)).unwrap();
+            let checked = reader.check_poses(&points.0, Path::new("a.mcap"));
+            assert_eq!((checked.is_ok(), reader.poses["lidar"].len() > MAX_POSES), (is_enough, !is_enough));
+        }
     }
 }

@@ -5,15 +5,11 @@
 use super::light::{first_way, mirrored, normal_on_side, optics_of};
 use super::pane::{Crossing, Pane};
 use super::reflect::ShadedSurface;
-use super::traced::{SubrayGains, TracedPulse};
+use super::traced::{NextHits, SubrayGains, TracedPulse};
 use super::view::SceneView;
 use vlscan_geom::DVec3;
 use vlscan_scene::{Optics, OpticsKind};
 use vlscan_trace::{Hit, Hits, TraceScratch};
-
-/// First hits of the light that a mirror or pane mirrors, and of that which it lets pass, if they are known;
-/// see [`Hits::MISS`].
-pub(super) type NextHits = [Option<Hit>; 2];
 
 /// Rays of the same kind, and the places of their hits.
 #[derive(Clone, Debug, Default)]

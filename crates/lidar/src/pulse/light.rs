@@ -1,6 +1,5 @@
 //! Light on its way over mirrors, through panes and into water: its state, and the surfaces that it meets.
 
-use super::ahead::NextHits;
 use super::echo::EchoPath;
 use super::foliage::{self, FreePaths, MediumEvent};
 use super::instrument::Instrument;
@@ -8,6 +7,7 @@ use super::pane::Crossing;
 use super::reflect::ShadedSurface;
 use super::reflections::PathEnd;
 use super::specular::Image;
+use super::traced::NextHits;
 use super::view::{Interaction, STEP_BEHIND, SceneView};
 use vlscan_geom::{DVec3, unit};
 use vlscan_scene::Optics;
@@ -25,7 +25,7 @@ pub(super) struct Arrival {
     pub at: DVec3,
     pub direction: DVec3,
     pub light: Light,
-    /// What the light meets next, as far as it is traced ahead.
+    /// The next hits of the light, if they are traced ahead.
     pub next: NextHits,
 }
 

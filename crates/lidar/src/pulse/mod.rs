@@ -12,7 +12,8 @@
 //! | `view`, `reflect`, `reflections`, `triangle_cache` | the scene at the time of a pulse, and its reflections |
 //! | `tiles` | tracing through the tiles of a scene, which are loaded when rays need them |
 //! | `foliage`, `medium`, `continuum` | rays through voxels |
-//! | `paths`, `light`, `pane`, `specular` | light over mirrors and through panes; its state; panes; mirrors that face the beam |
+//! | `paths`, `light`, `ahead` | light over mirrors and through panes; its state; surfaces behind them for pulses at once |
+//! | `pane`, `specular` | panes; mirrors that face the beam |
 //! | `water`, `water_column` | the surface of water; light that water scatters back |
 //! | `weather`, `weather_drops`, `weather_light`, `beam_volume` | fog, rain, snow and dust; single drops; returned light; volume of the beam |
 //! | `return_profile`, `slope` | reflected light by range; subrays on one slope |

@@ -12,7 +12,6 @@
 //! hardly any light is left, and at the first surface in water. Pulses that meet no such surface have no
 //! paths.
 
-use super::ahead::NextHits;
 use super::continuum::LeafResponse;
 use super::echo::{EchoPath, PathKind};
 use super::foliage::FreePaths;
@@ -24,7 +23,7 @@ use super::pane::Pane;
 use super::reflect::ShadedSurface;
 use super::reflections::{PathEnd, Reflections};
 use super::specular::{Image, Mirror};
-use super::traced::{SubrayGains, TracedPulse};
+use super::traced::{NextHits, SubrayGains, TracedPulse};
 use super::view::SceneView;
 use super::water::{self, Refracted, WaterPlane};
 use super::water_column::{ColumnRay, WaterColumn};

@@ -354,21 +354,30 @@ impl<'p> PulseSimulator<'p> {
                 }
             }
         }
-        if !physics.options.record_subrays {
-            let mut is_outside = false;
-            for echoes in batch.echoes[first_echo..].chunks_mut(rng::NORMALS_PER_BLOCK) {
-                is_outside |= range_noise::apply_noise(echoes, &physics.range_noise, &self.instruments, leg)?;
-            }
-            for (i, plane) in self.detection.refracted.drain(..) {
-                let echo = &mut batch.echoes[i];
-                let corrected = plane.corrected(echo.origin, echo.direction, echo.range);
-                echo.position = corrected.unwrap_or(echo.position);
-            }
-            if is_outside && physics.options.corrections.range_gate {
-                range_noise::remove_outside(batch, first_echo, &self.instruments, leg)?;
-            }
-        }
+        self.finish_echoes(leg, first_echo, batch)?;
         check_positions(&batch.echoes[first_echo..])
+    }
+
+    /// Adds the noise of ranges to the echoes from `first` on, and corrects the positions of those in water.
+    #[inline(always)]
+    fn finish_echoes(&mut self, leg: u32, first: usize, batch: &mut Batch) -> Result<()> {
+        let physics = self.physics;
+        if physics.options.record_subrays {
+            return Ok(());
+        }
+        let mut is_outside = false;
+        for echoes in batch.echoes[first..].chunks_mut(rng::NORMALS_PER_BLOCK) {
+            is_outside |= range_noise::apply_noise(echoes, &physics.range_noise, &self.instruments, leg)?;
+        }
+        for (i, plane) in self.detection.refracted.drain(..) {
+            let echo = &mut batch.echoes[i];
+            let corrected = plane.corrected(echo.origin, echo.direction, echo.range);
+            echo.position = corrected.unwrap_or(echo.position);
+        }
+        if is_outside && physics.options.corrections.range_gate {
+            range_noise::remove_outside(batch, first, &self.instruments, leg)?;
+        }
+        Ok(())
     }
 }
 

@@ -1,10 +1,14 @@
 //! Ranges of the subrays of a pulse, and the gain of the instrument there.
 
-use super::ahead::NextHits;
 use super::instrument::Instrument;
 use super::lanes::{Block, LANES};
 use super::ray_batch::RayBatch;
 use vlscan_geom::DVec3;
+use vlscan_trace::Hit;
+
+/// First hits of the light that a mirror or pane mirrors, and of that which it lets pass, if they are known;
+/// see [`Hits::MISS`](vlscan_trace::Hits::MISS).
+pub(super) type NextHits = [Option<Hit>; 2];
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TracedPulse<'a> {
@@ -20,7 +24,7 @@ pub(super) struct TracedPulse<'a> {
     pub primitives: &'a [u32],
     /// Primitive that each subray hit, padded to whole blocks.
     pub primitive_blocks: &'a [[u32; LANES]],
-    /// What the light of each subray meets behind a mirror or pane, as far as it is traced ahead.
+    /// Hits of the light of each subray behind a mirror or pane; empty if they are not traced ahead.
     pub ahead: &'a [NextHits],
 }
 
