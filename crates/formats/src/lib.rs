@@ -279,9 +279,8 @@ pub trait PointSink {
     /// before the point itself; NaN where there is no number. Not called if none is chosen.
     fn values(&mut self, _values: &[f64]) {}
 
-    /// Takes metadata of the file before the first point, in any order: of Arrow and Parquet those of the
-    /// table, such as `crs` (WKT), and `object_names`, a JSON object of the names by the numbers of objects,
-    /// which files of this program have in LAS and PLY, too.
+    /// Takes metadata of the file before the first point: `crs` (WKT) and others of Arrow and Parquet; of
+    /// these, LAS and PLY `object_names`, a JSON object of names by the numbers of objects.
     fn metadata(&mut self, _key: &str, _text: &str) {}
 
     /// Makes empty parts for blocks of points, if the sink uses these instead of single points where it can:

@@ -43,6 +43,11 @@ impl ObjectIds {
         ObjectIds { ids, names: named.map(|(number, id)| (number, id.to_owned())).collect() }
     }
 
+    /// Integers and the ids that they replace, ascending; without ids that equal their integer.
+    pub fn names(&self) -> &[(i32, String)] {
+        &self.names
+    }
+
     /// Number of parts.
     pub fn count(&self) -> usize {
         self.ids.len()
