@@ -223,6 +223,20 @@ def test_columns_of_other_programs_keep_their_meaning(tmp_path):
     assert "ObjectId" not in read
 
 
+def test_systems_that_do_not_fit_are_warned_of_as_by_a_run(points, tmp_path):
+    def told(act):
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            act()
+        return [str(warning.message) for warning in found if "fit" in str(warning.message)]
+
+    for system in ("EPSG:4326", "EPSG:25832"):
+        of_run = told(lambda system=system: vlscan.run(FIXTURES / "room/survey.xml", seed=1, crs=system))
+        of_file = told(lambda system=system: points.write(tmp_path / "a.laz", crs=system, force=True))
+        assert len(of_run) == len(of_file) == 1
+        assert of_run == of_file if system == "EPSG:4326" else "does not fit" in of_file[0], (of_run, of_file)
+
+
 def test_arrays_are_their_own(points):
     features = points.to_numpy(["X", "Intensity"], dtype="float32")
     assert features.shape == (len(points), 2) and features.dtype == np.float32 and features.flags.writeable
