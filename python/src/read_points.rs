@@ -32,6 +32,7 @@ pub struct ReadPoints {
     source: Vec<u16>,
     time: Vec<f64>,
     device: Vec<u16>,
+    path: Vec<u8>,
     colour: Vec<[u16; 3]>,
     objects: Objects,
     /// Columns of the file by their names.
@@ -154,6 +155,9 @@ impl PointSink for ReadPoints {
         if has(Attribute::Channel) {
             self.device.push(row.channel);
         }
+        if has(Attribute::Path) {
+            self.path.push(row.path);
+        }
         if has(Attribute::Object) && !self.objects.are_parts {
             match self.format {
                 Some(CloudFormat::Text) => self.objects.push_name(object.unwrap_or_default()),
@@ -232,7 +236,7 @@ impl ReadPoints {
         if let Some(names) = names {
             self.metadata.insert("object_names".to_owned(), names);
         }
-        let attributes: [(Column, ArrayRef); 11] = [
+        let attributes: [(Column, ArrayRef); 12] = [
             (Column::X, Arc::new(Float64Array::from(std::mem::take(&mut self.position[0])))),
             (Column::Y, Arc::new(Float64Array::from(std::mem::take(&mut self.position[1])))),
             (Column::Z, Arc::new(Float64Array::from(std::mem::take(&mut self.position[2])))),
@@ -244,6 +248,7 @@ impl ReadPoints {
             (Column::GpsTime, Arc::new(Float64Array::from(self.time))),
             (Column::Device, Arc::new(UInt16Array::from(self.device))),
             (Column::ObjectId, object),
+            (Column::Path, Arc::new(UInt8Array::from(self.path))),
         ];
         columns.extend(attributes);
         columns.retain(|_, values| values.len() == count);
@@ -289,7 +294,7 @@ impl ReadPoints {
         let digital = UInt16Array::from_iter_values(digital.map(|point| point.digital_intensity()));
         BTreeMap::from([
             (Column::Intensity, Arc::new(digital) as ArrayRef),
-            (Column::Amplitude, Arc::new(Float64Array::from(amplitude))),
+            (Column::Amplitude, Arc::new(Float64Array::from(amplitude)) as ArrayRef),
         ])
     }
 

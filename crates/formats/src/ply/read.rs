@@ -262,7 +262,7 @@ fn object_names(header: &[u8]) -> BTreeMap<i32, String> {
     let text = String::from_utf8_lossy(header);
     let name = |line: &str| {
         let (number, name) = line.trim_end().strip_prefix("comment object ")?.split_once(' ')?;
-        Some((number.parse().ok()?, name.to_owned()))
+        Some((number.parse::<i32>().ok()?, name.to_owned()))
     };
     text.lines().filter_map(name).collect()
 }

@@ -205,7 +205,7 @@ fn object_names(reader: &LasReader) -> Result<BTreeMap<i32, String>, LasError> {
     let lists = reader.header.variable_records(reader.file, "vlscan", 1)?;
     let name = |line: &str| {
         let (number, name) = line.split_once('\t')?;
-        Some((number.parse().ok()?, name.to_owned()))
+        Some((number.parse::<i32>().ok()?, name.to_owned()))
     };
     let names = |list: &[u8]| -> Vec<(i32, String)> {
         String::from_utf8_lossy(list).lines().filter_map(name).collect()
