@@ -215,7 +215,9 @@ def test_text_without_names_of_columns_has_names_of_objects(tmp_path):
 
 
 def test_columns_of_other_programs_keep_their_meaning(tmp_path):
-    (tmp_path / "points.csv").write_text("x,y,z,intensity,Amplitude,Part,red,green,blue\n1,2,3,700,12.5,0.5,255,0,7\n1,2,4,900,13,2,0,1,2\n")
+    (tmp_path / "points.csv").write_text(
+        "x,y,z,intensity,Amplitude,Part,red,green,blue\n1,2,3,700,12.5,0.5,255,0,7\n1,2,4,900,13,2,0,1,2\n"
+    )
     read = Points.read(tmp_path / "points.csv")
     assert read["Intensity"].tolist() == [700, 900] and read["Intensity"].dtype == np.uint16
     assert read["Amplitude"].tolist() == [12.5, 13] and read["Part"].tolist() == [0.5, 2]

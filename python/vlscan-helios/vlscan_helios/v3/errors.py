@@ -62,8 +62,8 @@ class _Names:
     def of_problem(self, problem: Problem) -> Problem:
         """Return a problem with these names."""
         message = problem.message if (problem.file or "").endswith(".xml") else self.of_text(problem.message)
-        help = problem.help and self.of_text(problem.help)
-        return replace(problem, message=message, file=problem.file and self.of_text(problem.file), help=help)
+        file, advice = problem.file and self.of_text(problem.file), problem.help and self.of_text(problem.help)
+        return replace(problem, message=message, file=file, help=advice)
 
 
 @contextmanager
