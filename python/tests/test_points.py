@@ -204,6 +204,8 @@ def test_files_are_read_with_all_their_columns(tmp_path):
     # What is read is written as before.
     Points.read(tmp_path / "points.parquet").write(tmp_path / "again.csv")
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "points.csv").read_bytes()
+    Points.read(tmp_path / "points.laz").write(tmp_path / "again.ply")
+    assert Points.read(tmp_path / "again.ply").object_names == points.object_names
 
 
 def test_text_without_names_of_columns_has_names_of_objects(tmp_path):

@@ -43,7 +43,8 @@ impl CloudFacts {
         CloudFacts { settings, legs }
     }
 
-    /// Facts about a table of another program: the box around its points, their highest class, its columns.
+    /// Facts about a table of another program: the box around its points, their highest class, its columns,
+    /// and the names of objects in its metadata.
     /// `crs` is the coordinate reference system as WKT.
     ///
     /// # Errors
@@ -67,6 +68,9 @@ impl CloudFacts {
         (settings.origin, settings.bounds) = (origin, bounds);
         (settings.crs, settings.highest_class) = (crs, highest_class);
         settings.columns = Some(columns);
+        let schema = table.schema();
+        let names = schema.metadata().get("object_names").and_then(|text| serde_json::from_str(text).ok());
+        settings.objects = ObjectIds::of_names(names.unwrap_or_default());
         Ok(CloudFacts { settings, legs: Vec::new() })
     }
 
