@@ -18,6 +18,7 @@
 //! | `catalogue` | lists of instruments, options and columns |
 //! | `preview` | pictures and pages of points |
 //! | `stages` | around a run: what it will cost, its poses and pulses, its shares |
+//! | `read_points` | points of a file as a table |
 //! | `clouds` | point clouds: files as tables, what they are, their rasters and frames |
 //! | `tools` | plans, campaigns, comparisons |
 //! | `make` | scenes that are made; the figures of instruments |
@@ -37,6 +38,7 @@ mod make;
 mod numbers;
 mod options;
 mod preview;
+mod read_points;
 mod recipes;
 mod run;
 mod scene;

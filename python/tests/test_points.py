@@ -174,6 +174,73 @@ def test_files_are_read(points, tmp_path):
         Points.read(tmp_path / "text.laz")
 
 
+def stand_of_beeches():
+    """A survey of two trees: a name is no number, the other one is."""
+    beech = Part.obj(FIXTURES / "forest/beech.obj").translate(500_000, 5_400_000, 0)
+    legs = [Leg((500_004.0, 5_399_988.0, 2.0), scan_freq_hz=100, head_rate_deg_per_s=60, head_stop_deg=360)]
+    return Survey([beech.named("oak"), beech.translate(9, 0).named("7")], "riegl_vz400", legs)
+
+
+def test_files_are_read_with_all_their_columns(tmp_path):
+    points = stand_of_beeches().run(seed=1, columns=vlscan.columns(), crs="EPSG:25832").points
+    assert len(points) > 1000 and points.object_names == {8: "oak"} and points["Red"].any()
+    labels = {"ObjectId", "Range", "TrueRange", "Part", "Primitive", "PulseNumber", "PointSourceId", "Path", "SurfaceX", "Red"}
+    for ending in ["arrow", "parquet", "csv", "laz", "ply", "pcd"]:
+        points.write(tmp_path / f"points.{ending}", labels=True)
+        read = Points.read(tmp_path / f"points.{ending}")
+        expected = {"pcd": {"Primitive", "Path", "SurfaceX", "Red"}, "laz": labels, "ply": labels}
+        assert expected.get(ending, set(points.columns)) <= set(read.columns) <= set(points.columns), ending
+        for name in read.columns:
+            assert read[name].dtype == points[name].dtype, (ending, name)
+            if ending in ("arrow", "parquet"):
+                assert np.array_equal(read[name], points[name], equal_nan=True), (ending, name)
+            elif (ending, name) != ("pcd", "Device"):
+                # Of LAS scan angles are multiples of 0.006 degrees; other formats have intensities as amplitudes of 32 bits.
+                limit = 1 if name == "Intensity" else 5e-3
+                assert np.allclose(read[name].astype(float), points[name].astype(float), atol=limit, equal_nan=True), (ending, name)
+        if ending not in ("csv", "pcd"):
+            assert read.object_names == points.object_names, ending
+        assert read.crs == (points.crs if ending in ("arrow", "parquet", "laz") else None), ending
+    # What is read is written as before.
+    Points.read(tmp_path / "points.parquet").write(tmp_path / "again.csv")
+    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "points.csv").read_bytes()
+    Points.read(tmp_path / "points.laz").write(tmp_path / "again.ply")
+    assert Points.read(tmp_path / "again.ply").object_names == points.object_names
+
+
+def test_text_without_names_of_columns_has_names_of_objects(tmp_path):
+    result = stand_of_beeches().run(seed=1, to=tmp_path / "points.xyz")
+    read = Points.read(tmp_path / "points.xyz")
+    assert read.object_names == {8: "oak"} and set(read["ObjectId"].tolist()) == {7, 8}
+    assert read["PulseNumber"].dtype == np.uint64 and read["ObjectId"].dtype == np.int32
+    assert len(read) == result.point_count
+
+
+def test_columns_of_other_programs_keep_their_meaning(tmp_path):
+    (tmp_path / "points.csv").write_text(
+        "x,y,z,intensity,Amplitude,Part,red,green,blue\n1,2,3,700,12.5,0.5,255,0,7\n1,2,4,900,13,2,0,1,2\n"
+    )
+    read = Points.read(tmp_path / "points.csv")
+    assert read["Intensity"].tolist() == [700, 900] and read["Intensity"].dtype == np.uint16
+    assert read["Amplitude"].tolist() == [12.5, 13] and read["Part"].tolist() == [0.5, 2]
+    assert read["Red"].tolist() == [65_280, 0] and read["Blue"].tolist() == [1792, 512]
+    assert "ObjectId" not in read
+
+
+def test_systems_that_do_not_fit_are_warned_of_as_by_a_run(points, tmp_path):
+    def told(act):
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            act()
+        return [str(warning.message) for warning in found if "fit" in str(warning.message)]
+
+    for system in ("EPSG:4326", "EPSG:25832"):
+        of_run = told(lambda system=system: vlscan.run(FIXTURES / "room/survey.xml", seed=1, crs=system))
+        of_file = told(lambda system=system: points.write(tmp_path / "a.laz", crs=system, force=True))
+        assert len(of_run) == len(of_file) == 1
+        assert of_run == of_file if system == "EPSG:4326" else "does not fit" in of_file[0], (of_run, of_file)
+
+
 def test_arrays_are_their_own(points):
     features = points.to_numpy(["X", "Intensity"], dtype="float32")
     assert features.shape == (len(points), 2) and features.dtype == np.float32 and features.flags.writeable

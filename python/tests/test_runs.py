@@ -474,6 +474,14 @@ def test_origins_and_directions_are_broadcast():
         vlscan.trace(floor, two, [[0, 0, -1]] * 3)
 
 
+def test_no_pulses_are_traced_without_a_warning():
+    floor = vlscan.Part.mesh([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], [[0, 1, 2, 3]])
+    none = np.zeros((0, 3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert vlscan.trace(floor, none, none).point_count == 0
+
+
 def test_options_are_values():
     survey = vlscan.Survey.open(FIXTURES / "room/survey.xml")
     expected = survey.run(seed=2, columns=["X"], assets=[FIXTURES], no_leg_noise=True).points["X"]

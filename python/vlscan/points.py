@@ -146,8 +146,9 @@ class Points(Table):
         Returns
         -------
         Points
-            The points, with those of the columns X, Y, Z, Intensity, ReturnNumber, NumberOfReturns, Classification, ScanAngle,
-            PointSourceId, GpsTime, Amplitude and Device that the file has. Intensities with fractions are amplitudes.
+            The points, with those columns of :func:`vlscan.columns` that the file has. Intensities with fractions are amplitudes;
+            colours of 8 bits become those of 16. Of LAS, PLY and tables the names of objects and the coordinate reference
+            system are kept, as far as the file has them.
 
         Raises
         ------

@@ -100,6 +100,7 @@ pub use strays::{Apart, StrayFinder, Strays};
 pub use table::{MISSES_KEY, read_number_columns, read_record_batch};
 
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::diag::{Diagnostics, Place, Problem};
@@ -261,6 +262,27 @@ pub trait PointSink {
     /// Takes the details of the next point, before the point itself: of LAS.
     fn details(&mut self, _details: &PointDetails) {}
 
+    /// True if [`PointSink::choose`], [`PointSink::values`] and [`PointSink::metadata`] are called.
+    fn takes_columns(&self) -> bool {
+        false
+    }
+
+    /// Chooses columns whose values are passed with each point. Called at most once, after
+    /// [`PointSink::start`], with the names of all columns, fields or dimensions of a file: of LAS (extra
+    /// bytes), PLY, PCD, text with names, Arrow and Parquet. Those without numbers have an empty name.
+    /// Returns indices of `names`. [`PointSink::parts`] do not get these values.
+    fn choose(&mut self, _names: &[&str]) -> Vec<usize> {
+        Vec::new()
+    }
+
+    /// Takes the values of the chosen columns for the next point, in the order in which they were chosen,
+    /// before the point itself; NaN where there is no number. Not called if none is chosen.
+    fn values(&mut self, _values: &[f64]) {}
+
+    /// Takes metadata of the file before the first point: `crs` (WKT) and others of Arrow and Parquet; of
+    /// these, LAS and PLY `object_names`, a JSON object of names by the numbers of objects.
+    fn metadata(&mut self, _key: &str, _text: &str) {}
+
     /// Makes empty parts for blocks of points, if the sink uses these instead of single points where it can:
     /// of LAS and text. Called after [`PointSink::start`]. The details of such points are not passed.
     fn parts(&self) -> Option<NewPart> {
@@ -381,6 +403,34 @@ impl<'a> Reading<'a> {
 
     fn place(&self) -> Place {
         Place::of_file(self.path)
+    }
+
+    /// The columns that the sink chooses among those with these names.
+    fn choose(&mut self, names: &[&str]) -> Vec<usize> {
+        if self.sink.takes_columns() { self.sink.choose(names) } else { Vec::new() }
+    }
+
+    /// Passes the values of the chosen columns for the next point.
+    fn pass_values(&mut self, values: &[f64]) {
+        if !values.is_empty() {
+            self.sink.values(values);
+        }
+    }
+
+    /// Passes the names of objects by their numbers as metadata, if there are any.
+    fn pass_object_names(&mut self, names: &BTreeMap<i32, String>) {
+        if !names.is_empty() {
+            // JSON serialisation of a map from integers to strings cannot fail.
+            let text = serde_json::to_string(names).unwrap_or_default();
+            self.sink.metadata("object_names", &text);
+        }
+    }
+
+    /// Passes the metadata of a table.
+    fn pass_metadata(&mut self, metadata: &BTreeMap<String, String>) {
+        if self.sink.takes_columns() {
+            metadata.iter().for_each(|(key, text)| self.sink.metadata(key, text));
+        }
     }
 
     /// Passes a point to the sink.

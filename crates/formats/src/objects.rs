@@ -43,6 +43,16 @@ impl ObjectIds {
         ObjectIds { ids, names: named.map(|(number, id)| (number, id.to_owned())).collect() }
     }
 
+    /// The names of objects by their integers, of a cloud whose parts are not known.
+    pub fn of_names(names: BTreeMap<i32, String>) -> ObjectIds {
+        ObjectIds { ids: Vec::new(), names: names.into_iter().collect() }
+    }
+
+    /// Integers and the ids that they replace, ascending; without ids that equal their integer.
+    pub fn names(&self) -> &[(i32, String)] {
+        &self.names
+    }
+
     /// Number of parts.
     pub fn count(&self) -> usize {
         self.ids.len()

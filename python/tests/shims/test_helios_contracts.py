@@ -127,11 +127,26 @@ def test_a_material_that_replaces_another_has_its_own_name():
     assert set(static_survey(part.clone()).run()[0]["classification"]) == {7}
 
 
+def test_messages_name_the_fields_of_settings():
+    survey = static_survey()
+    survey.legs[0].scanner_settings.head_rotation = 0
+    with pytest.raises(helios.HeliosException) as caught:
+        survey.run()
+    told = [line for line in str(caught.value).splitlines() if "<scannerSettings" not in line]
+    assert any("max_duration" in line for line in told) and not any("maxDuration_s" in line for line in told), told
+
+
 def test_wrong_ids_indices_and_meshes_are_errors_at_once():
     with pytest.raises(IndexError, match="expected 0 to 1"):
         plane().update_material(helios.Material("a"), indices=[2])
     with pytest.raises(ValueError, match="at least one face"):
         plane().update_material(helios.Material("a"), range_start=2, range_stop=1)
+    shelf = helios.ScenePart.from_obj(FIXTURES / "room/shelf.obj")
+    names = list(shelf.materials)
+    with pytest.raises(IndexError, match="for face 1000000, but the part has"):
+        shelf.update_material(helios.Material("a"), indices=[0, 1_000_000])
+    assert list(shelf.materials) == names and len(shelf.bbox.bounds) == 2
+    assert "a" in shelf.update_material(helios.Material("a"), indices=[0]).materials
     for file in ("data/platforms.xml", FIXTURES / "room/platforms.xml"):
         with pytest.raises(ValueError, match="no platform with the id 'tripodd'"):
             helios.Platform.from_xml(file, "tripodd")

@@ -109,7 +109,10 @@ def test_scenes(tmp_path):
         built.to_binary(tmp_path / name, 9)
         assert np.allclose(helios.StaticScene.from_binary(tmp_path / name).bbox.bounds, built.bbox.bounds)
     packed = helios.StaticScene.from_binary(tmp_path / "a.scene")
-    packed.add_scene_part(plane())
+    with pytest.raises(NotImplementedError, match="cannot be extended"):
+        packed.add_scene_part(plane())
+    assert np.allclose(packed.bbox.bounds, built.bbox.bounds)
+    packed.scene_parts = (plane(),)
     with pytest.raises(NotImplementedError, match="cannot be extended"):
         packed.bbox
     assert len(helios.ScenePart.from_objs(str(FIXTURES / "forest/*.obj"))) == 4

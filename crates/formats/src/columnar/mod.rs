@@ -4,6 +4,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `rows` | columns in groups of rows, as Arrow record batches |
+//! | `stored` | names of the columns in files of other formats |
 //! | `arrow`, `parquet` | Arrow IPC streams and Parquet files |
 //! | `light` | labels of the way of light, which other formats have, too |
 //! | `geoparquet`, `projjson` | GeoParquet, and coordinate reference systems as it names them |
@@ -17,13 +18,17 @@ mod parquet;
 #[cfg(feature = "parquet")]
 mod projjson;
 mod rows;
+mod stored;
 
 pub(crate) use arrow::arrow;
 pub use arrow::{TableColumn, point_schema, schema_of};
 pub(crate) use light::LightColumns;
 pub use rows::Rows;
 #[cfg(feature = "parquet")]
-pub(crate) use {geoparquet::geoparquet, parquet::parquet};
+pub(crate) use {
+    geoparquet::geoparquet,
+    parquet::{ARROW_SCHEMA, parquet},
+};
 
 use crate::number::{push_fixed, push_integer};
 use crate::record::{EncodedPoints, Needs, PointRecord};

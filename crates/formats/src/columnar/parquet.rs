@@ -29,7 +29,7 @@ use vlscan_base::error::{Error, Result};
 pub(super) const GROUP_ROWS: usize = 16 * BATCH_ROWS;
 /// Metadata key of the schema of the same table in Arrow, an encapsulated message in base 64 (Arrow C++ and
 /// all readers that follow it).
-const ARROW_SCHEMA: &str = "ARROW:schema";
+pub(crate) const ARROW_SCHEMA: &str = "ARROW:schema";
 
 /// Points as blocks of columns for Parquet.
 #[derive(Debug)]

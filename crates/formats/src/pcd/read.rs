@@ -97,7 +97,11 @@ impl PackedColour {
 /// The header of a file.
 struct Header {
     fields: Vec<Field>,
+    /// Names of the fields; those of padding and of fields with several values are empty.
+    names: Vec<String>,
     columns: Columns,
+    /// Fields whose values are passed with the points.
+    chosen: Vec<usize>,
     /// The colour of the points, if a field packs red, green and blue into one number.
     packed_colour: Option<PackedColour>,
     remarks: Vec<String>,
@@ -164,7 +168,9 @@ impl Header {
                     let points = points.ok_or(PcdError::NoPoints)?;
                     let header = Header {
                         fields: Vec::new(),
+                        names: Vec::new(),
                         columns: Columns::default(),
+                        chosen: Vec::new(),
                         packed_colour: None,
                         remarks: Vec::new(),
                         points,
@@ -216,6 +222,7 @@ impl Header {
         let columns = Columns::find_positions(&names)?;
         self.columns = columns.of_own_table(self.is_own);
         self.remarks = self.columns.remarks(&names);
+        self.names = names.into_iter().map(str::to_owned).collect();
         Ok(self)
     }
 }
@@ -229,10 +236,11 @@ fn offset_of_comment(words: &[&str]) -> Option<DVec3> {
 
 /// Reads a file.
 pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PcdError> {
-    let header = Header::read(bytes)?;
+    let mut header = Header::read(bytes)?;
     header.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
     let has_colours = header.columns.colours().is_some() || header.packed_colour.is_some();
     reading.sink.start(header.columns.attributes().with_colours(has_colours));
+    header.chosen = reading.choose(&header.names.iter().map(String::as_str).collect::<Vec<&str>>());
     let data = &bytes[header.data..];
     match header.encoding {
         Encoding::Ascii => read_text(data, &header, reading),
@@ -280,16 +288,20 @@ fn push(header: &Header, value: impl Fn(usize) -> f64, reading: &mut Reading) ->
         return ControlFlow::Continue(());
     }
     row.position += header.offset;
+    let values: Vec<f64> = header.chosen.iter().map(|column| value(*column)).collect();
+    reading.pass_values(&values);
     reading.take(&row)
 }
 
 fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), PcdError> {
     let mut passed = 0;
     let used: Vec<(Attribute, usize)> = header.columns.used().collect();
-    let colours: Vec<usize> = match (header.columns.colours(), header.packed_colour) {
+    let mut more: Vec<usize> = match (header.columns.colours(), header.packed_colour) {
         (Some(columns), _) => columns.to_vec(),
         (None, packed) => packed.iter().map(|packed| packed.field).collect(),
     };
+    let is_used = |column: &usize| used.iter().any(|(_, used)| used == column);
+    more.extend(header.chosen.iter().copied().filter(|column| !is_used(column)));
     let mut values = vec![f64::NAN; header.fields.len()];
     let width: usize = header.fields.iter().map(|field| field.count).sum();
     let mut others = 0u64;
@@ -305,9 +317,9 @@ fn read_text(data: &[u8], header: &Header, reading: &mut Reading) -> Result<(), 
                 found: String::from_utf8_lossy(word).into_owned(),
             })?;
         }
-        for column in colours.iter().copied() {
+        for column in more.iter().copied() {
             let word = words.get(header.fields[column].index).map_or(&b""[..], |at| &line[at.clone()]);
-            // Colours are not attributes: without a number a point is black.
+            // These are not attributes: without a number a colour is black.
             let number = float(word).unwrap_or(f64::NAN);
             let packed = header.packed_colour.filter(|packed| packed.field == column);
             values[column] = packed.map_or(number, |packed| packed.bits(number));

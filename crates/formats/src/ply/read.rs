@@ -6,6 +6,7 @@ use ply_rs_bw::ply::{
     Addable, ElementDef, Encoding, Header, KeyMap, Property, PropertyAccess, PropertyAccessResult,
     PropertyDef, PropertyType,
 };
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 
 /// Reads the vertices of a file.
@@ -13,10 +14,20 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PlyError> 
     let mut file = PlyReader::open(bytes)?;
     file.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
     reading.sink.start(file.columns.attributes());
+    if reading.sink.takes_columns() {
+        reading.pass_object_names(&object_names(file.head));
+        let names: Vec<&str> = file.names.iter().map(String::as_str).collect();
+        let chosen = reading.choose(&names);
+        file.read_properties(&chosen);
+    }
+    let mut values = Vec::new();
     for at in 0..file.element.count {
         let vertex = file.read_element(at)?;
-        let mut row = file.columns.row(|column| vertex.0[column]);
-        row.is_miss |= file.is_ray_cloud && vertex.0[ALPHA] == 0.0;
+        let mut row = file.columns.row(|column| vertex.slots[column]);
+        row.is_miss |= file.is_ray_cloud && vertex.slots[ALPHA] == 0.0;
+        values.clear();
+        values.extend(file.chosen.iter().map(|slot| vertex.value(*slot)));
+        reading.pass_values(&values);
         if reading.take(&row).is_break() {
             return Ok(());
         }
@@ -34,12 +45,18 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PlyError> 
 
 /// Reads the vertices of a file in order.
 struct PlyReader<'a> {
+    /// The header.
+    head: &'a [u8],
     values: Values<'a>,
     element: ElementDef,
     /// True if no other elements follow the vertices.
     is_last: bool,
     /// The attributes of the vertices; the column of each is the number of the attribute.
     columns: Columns,
+    /// The names of the properties of the vertices; those of lists are empty.
+    names: Vec<String>,
+    /// The slots of properties whose values are passed with the vertices.
+    chosen: Vec<usize>,
     /// True if vertices are the ends of rays; rays of opacity 0 end in free space.
     is_ray_cloud: bool,
     remarks: Vec<String>,
@@ -86,6 +103,9 @@ impl<'a> PlyReader<'a> {
             element: ElementDef::new("vertex".to_owned()),
             is_last: false,
             columns: Columns::default(),
+            head: &bytes[..header.body],
+            names: Vec::new(),
+            chosen: Vec::new(),
             is_ray_cloud: is_ray_cloud(&bytes[..header.body]),
             remarks: Vec::new(),
         };
@@ -99,6 +119,12 @@ impl<'a> PlyReader<'a> {
                 let found = Columns::find_positions(&names)?;
                 file.remarks = found.remarks(&names);
                 file.is_ray_cloud &= ["time", "nx", "alpha"].iter().all(|name| names.contains(name));
+                let properties = file.element.properties.values();
+                let names = properties.map(|property| match &property.data_type {
+                    PropertyType::Scalar(_) => property.name.clone(),
+                    PropertyType::List(..) => String::new(),
+                });
+                file.names = names.collect();
                 file.columns = number_properties(&mut file.element, &found);
                 return Ok(file);
             }
@@ -107,6 +133,25 @@ impl<'a> PlyReader<'a> {
             }
         }
         Err(PlyError::NoVertices)
+    }
+
+    /// Gives slots to the chosen properties, those that have none behind the others.
+    fn read_properties(&mut self, chosen: &[usize]) {
+        if chosen.is_empty() {
+            return;
+        }
+        self.chosen = vec![ALPHA; chosen.len()];
+        let mut properties = KeyMap::new();
+        for (column, property) in std::mem::take(&mut self.element.properties).into_values().enumerate() {
+            let mut name = property.name;
+            if let Some(place) = chosen.iter().position(|chosen| *chosen == column) {
+                let slot = name.parse().unwrap_or(SLOTS + place);
+                name = slot.to_string();
+                self.chosen[place] = slot;
+            }
+            properties.add(PropertyDef::new(name, property.data_type));
+        }
+        self.element.properties = properties;
     }
 
     /// Reads element number `at`, from 0.
@@ -176,24 +221,50 @@ fn number_properties(element: &mut ElementDef, found: &Columns) -> Columns {
     columns
 }
 
-/// The values of a vertex, by attribute, with opacity and colour.
-struct Vertex([f64; SLOTS]);
+/// The values of a vertex.
+struct Vertex {
+    /// By attribute, with opacity and colour.
+    slots: [f64; SLOTS],
+    /// Values of the further slots of chosen properties.
+    others: Vec<f64>,
+}
+
+impl Vertex {
+    /// The value of a slot; NaN if there is none.
+    fn value(&self, slot: usize) -> f64 {
+        let other = || slot.checked_sub(SLOTS).and_then(|at| self.others.get(at));
+        self.slots.get(slot).or_else(other).copied().unwrap_or(f64::NAN)
+    }
+}
 
 impl PropertyAccess for Vertex {
     fn new() -> Vertex {
-        Vertex([f64::NAN; SLOTS])
+        Vertex { slots: [f64::NAN; SLOTS], others: Vec::new() }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let slot = name.parse().ok().and_then(|number: usize| self.0.get_mut(number));
-        match slot.zip(number(&property)) {
-            Some((slot, value)) => {
-                *slot = value;
-                PropertyAccessResult::Set
+        let Some((slot, value)) = name.parse::<usize>().ok().zip(number(&property)) else {
+            return PropertyAccessResult::Ignored;
+        };
+        match slot.checked_sub(SLOTS) {
+            None => self.slots[slot] = value,
+            Some(at) => {
+                self.others.resize(self.others.len().max(at + 1), f64::NAN);
+                self.others[at] = value;
             }
-            None => PropertyAccessResult::Ignored,
         }
+        PropertyAccessResult::Set
     }
+}
+
+/// The names of objects by their numbers, in comments of files of this program.
+fn object_names(header: &[u8]) -> BTreeMap<i32, String> {
+    let text = String::from_utf8_lossy(header);
+    let name = |line: &str| {
+        let (number, name) = line.trim_end().strip_prefix("comment object ")?.split_once(' ')?;
+        Some((number.parse::<i32>().ok()?, name.to_owned()))
+    };
+    text.lines().filter_map(name).collect()
 }
 
 /// True if a header is one of this program or of raycloudtools.

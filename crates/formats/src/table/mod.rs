@@ -52,7 +52,8 @@ fn start(names: &[&str], reading: &mut Reading) -> Result<Columns> {
 /// Reads an Arrow stream or file.
 pub(super) fn read_arrow(mut source: impl Read, reading: &mut Reading) -> Result<()> {
     let mut decoder = ArrowDecoder::new(reading.path);
-    let mut columns: Option<Columns> = None;
+    let mut columns: Option<(Columns, Vec<usize>)> = None;
+    let mut values = Vec::new();
     let mut buffer = vec![0; 1 << 18];
     loop {
         let count = match source.read(&mut buffer) {
@@ -64,17 +65,22 @@ pub(super) fn read_arrow(mut source: impl Read, reading: &mut Reading) -> Result
         }
         decoder.feed(&buffer[..count]);
         while let Some(batch) = decoder.next_batch()? {
-            let columns = match &columns {
+            let (columns, chosen) = match &columns {
                 Some(columns) => columns,
                 None => {
                     let fields = decoder.fields().map(|fields| fields.to_vec()).unwrap_or_default();
                     // Non-numeric columns are not considered.
                     let names: Vec<&str> =
                         fields.iter().map(|f| if f.is_number() { f.heading.as_str() } else { "" }).collect();
-                    columns.insert(start(&names, reading)?)
+                    let found = start(&names, reading)?;
+                    reading.pass_metadata(&decoder.metadata());
+                    columns.insert((found, reading.choose(&names)))
                 }
             };
             for row in 0..batch.rows {
+                values.clear();
+                values.extend(chosen.iter().map(|column| batch.value(*column, row)));
+                reading.pass_values(&values);
                 if reading.take(&columns.row(|column| batch.value(column, row))).is_break() {
                     return Ok(());
                 }

@@ -2,8 +2,10 @@
 
 use super::start;
 use crate::blocks::{Emit, in_order};
+use crate::columnar::ARROW_SCHEMA;
 use crate::point_format::build_with;
 use crate::{Columns, PointRow, Reading};
+use ::arrow_ipc::convert::try_schema_from_ipc_buffer;
 use ::parquet::basic::{CompressionCodec, ConvertedType, LogicalType, Type as Physical};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::DataType;
@@ -11,7 +13,9 @@ use ::parquet::errors::ParquetError;
 use ::parquet::file::metadata::RowGroupMetaData;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::schema::types::ColumnDescriptor;
+use base64::prelude::{BASE64_STANDARD, Engine};
 use bytes::Bytes;
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use vlscan_base::damage::catch_decoder_panic;
@@ -27,6 +31,8 @@ const READ_ROWS: usize = if cfg!(test) { 1 << 8 } else { 1 << 14 };
 #[derive(Default)]
 struct Block {
     rows: Vec<PointRow>,
+    /// The values of the chosen columns, row by row.
+    values: Vec<f64>,
     /// Offset behind the row group that ends with the rows.
     end: Option<u64>,
     /// The error behind the rows.
@@ -38,6 +44,8 @@ struct Groups<'a> {
     path: &'a Path,
     reader: &'a SerializedFileReader<Bytes>,
     columns: Columns,
+    /// Columns whose values are passed with the points.
+    chosen: Vec<usize>,
 }
 
 /// Reads a Parquet file, whose row groups are decoded on several threads.
@@ -46,9 +54,14 @@ pub(crate) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
     let reader = without_panic(path, || SerializedFileReader::new(file).map_err(|e| unreadable(path, &e)))?;
     let leaves = reader.metadata().file_metadata().schema_descr().columns();
     let names: Vec<&str> = leaves.iter().map(|leaf| if is_number(leaf) { leaf.name() } else { "" }).collect();
-    let groups = Groups { path, reader: &reader, columns: start(&names, reading)? };
+    let columns = start(&names, reading)?;
+    if reading.sink.takes_columns() {
+        reading.pass_metadata(&metadata_of(&reader));
+    }
+    let groups = Groups { path, reader: &reader, columns, chosen: reading.choose(&names) };
     let make = |group: usize, block: &mut Block, emit: &mut Emit<'_, Block>| {
         block.rows.clear();
+        block.values.clear();
         if let Err(failure) = without_panic(path, || groups.read(group, block, emit)) {
             block.rows.clear();
             (block.end, block.failure) = (None, Some(failure));
@@ -57,7 +70,11 @@ pub(crate) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
     };
     let mut failure = None;
     in_order(threads, 0..reader.num_row_groups(), make, |block: &mut Block| {
-        block.rows.iter().try_for_each(|row| reading.take(row))?;
+        let mut values = block.values.chunks_exact(groups.chosen.len().max(1));
+        block.rows.iter().try_for_each(|row| {
+            reading.pass_values(values.next().unwrap_or_default());
+            reading.take(row)
+        })?;
         if let Some(end) = block.end.take() {
             reading.release_before(usize::try_from(end).unwrap_or(usize::MAX));
         }
@@ -65,6 +82,21 @@ pub(crate) fn read_parquet(file: Bytes, reading: &mut Reading) -> Result<()> {
         if failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     failure.map_or(Ok(()), Err)
+}
+
+/// The metadata of the table: that of the file, and that of the schema in Arrow that it contains.
+fn metadata_of(reader: &SerializedFileReader<Bytes>) -> BTreeMap<String, String> {
+    let pairs = reader.metadata().file_metadata().key_value_metadata().into_iter().flatten();
+    let pairs = pairs.filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?)));
+    let mut metadata: BTreeMap<String, String> = pairs.collect();
+    if let Some(encoded) = metadata.remove(ARROW_SCHEMA)
+        && let Ok(bytes) = BASE64_STANDARD.decode(encoded)
+    {
+        // The points do not need a schema, so a damaged one is left out.
+        let schema = catch_decoder_panic(|| try_schema_from_ipc_buffer(&bytes).ok()).flatten();
+        metadata.extend(schema.map(|schema| BTreeMap::from(schema.metadata)).unwrap_or_default());
+    }
+    metadata
 }
 
 /// Calls `read` and turns a panic of the library, as some damaged pages cause, into an error.
@@ -82,7 +114,9 @@ impl Groups<'_> {
         let group = self.reader.get_row_group(group).map_err(failed)?;
         let (mut open, mut end) = (Vec::new(), 0);
         let columns = self.columns.used().map(|(_, column)| column);
-        for column in columns.chain(self.columns.colours().into_iter().flatten()) {
+        let is_used = |column: &usize| self.columns.used().any(|(_, used)| used == *column);
+        let chosen = self.chosen.iter().copied().filter(|column| !is_used(column));
+        for column in columns.chain(self.columns.colours().into_iter().flatten()).chain(chosen) {
             check_compression(group.metadata(), column, path)?;
             let (start, length) = group.metadata().column(column).byte_range();
             end = start.saturating_add(length).max(end);
@@ -100,9 +134,13 @@ impl Groups<'_> {
                 return Err(failed(ParquetError::EOF("a column ends before the others".into())));
             }
             block.rows.extend((0..rows).map(|row| self.columns.row(|column| values[column][row])));
+            for row in 0..rows {
+                block.values.extend(self.chosen.iter().map(|column| values[*column][row]));
+            }
             block.end = (rows == left).then_some(end);
             let flow = emit(block);
             block.rows.clear();
+            block.values.clear();
             if flow.is_break() {
                 return Ok(());
             }

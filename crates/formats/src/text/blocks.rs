@@ -89,6 +89,8 @@ struct Parsed {
 struct Block {
     text: Vec<u8>,
     rows: Vec<Parsed>,
+    /// The values of the chosen columns, point by point.
+    values: Vec<f64>,
     /// The part of the sink, if it uses parts.
     part: Option<Box<dyn PointPart>>,
     /// True if the points are in the part: all lines are points.
@@ -171,8 +173,9 @@ impl Block {
     }
 
     fn parse_rows(&mut self, format: &RowReader) {
-        let Block { text, rows, bad, lines, widths, .. } = self;
+        let Block { text, rows, values, bad, lines, widths, .. } = self;
         rows.clear();
+        values.clear();
         *widths = Widths::default();
         *lines = each_line(text, format, |line, text, words| {
             match format.parse(text, words) {
@@ -181,6 +184,7 @@ impl Block {
                     let object = format.word(Attribute::Object, words);
                     let object = object.map(|at| [at.start as u32, at.end as u32]);
                     rows.push(Parsed { line, row, object });
+                    format.push_values(text, words, values);
                 }
                 Err(problem) => {
                     bad.push((rows.len(), line, problem));
@@ -237,6 +241,8 @@ impl Block {
                 flow = taker.take_problem(numbered(&line), problem, reading);
             } else if let Some(Parsed { line, row, object }) = self.rows.get(taken) {
                 let object = object.map(|[start, end]| start as usize..end as usize);
+                let width = format.chosen_count();
+                reading.pass_values(self.values.get(taken * width..(taken + 1) * width).unwrap_or_default());
                 flow = take_row(format, numbered(line), (row, object), reading);
                 taken += 1;
             } else {

@@ -14,14 +14,29 @@ const FULL_COLUMNS: usize = 11;
 /// Column of the object's name in them.
 const OBJECT_COLUMN: usize = 8;
 
+/// The columns of tables with the values of these files.
+const FULL_NAMES: [&str; FULL_COLUMNS] = [
+    "X",
+    "Y",
+    "Z",
+    "Amplitude",
+    "EchoWidth",
+    "ReturnNumber",
+    "NumberOfReturns",
+    "PulseNumber",
+    "ObjectId",
+    "Classification",
+    "GpsTime",
+];
+
 /// The columns of a file.
 #[derive(Clone, Debug)]
 pub struct Layout {
     separator: Separator,
     /// The column of each attribute, and the units of the coordinates.
     pub columns: Columns,
-    /// Number of columns that are named; `None` for columns without names.
-    named: Option<usize>,
+    /// The names of the columns; `None` for columns without names.
+    names: Option<Vec<String>>,
     /// Number of the first line with a point, from 1.
     pub first_line: usize,
 }
@@ -33,8 +48,7 @@ impl Layout {
     pub fn split(&self, line: &[u8], words: &mut Vec<Range<usize>>) {
         words.clear();
         self.separator.split_into(line, words);
-        let is_full = self.named.is_none() && self.columns.get(Attribute::Object) == Some(OBJECT_COLUMN);
-        if is_full && words.len() == FULL_COLUMNS - 1 && self.separator == Separator::Blanks {
+        if self.is_full() && words.len() == FULL_COLUMNS - 1 && self.separator == Separator::Blanks {
             words.insert(OBJECT_COLUMN, 0..0);
         }
     }
@@ -42,7 +56,10 @@ impl Layout {
     /// Problem with the number of words of a line that has fewer than there are names: between blanks, an
     /// empty value shifts those behind it.
     pub fn missing_values(&self, words: &[Range<usize>]) -> Option<String> {
-        let named = self.named.filter(|named| self.separator == Separator::Blanks && words.len() < *named)?;
+        let named = self.names.as_ref().filter(|_| self.separator == Separator::Blanks)?.len();
+        if words.len() >= named {
+            return None;
+        }
         Some(format!("expected {named} values, one for each named column, found {}", words.len()))
     }
 
@@ -58,7 +75,22 @@ impl Layout {
 
     /// True if names determine the contents of the columns.
     pub fn is_named(&self) -> bool {
-        self.named.is_some()
+        self.names.is_some()
+    }
+
+    /// True for files of eleven columns without names.
+    fn is_full(&self) -> bool {
+        self.names.is_none() && self.columns.get(Attribute::Object) == Some(OBJECT_COLUMN)
+    }
+
+    /// Names of the columns: those in the file, or those of files of eleven columns without names. Empty for
+    /// other files.
+    pub fn names(&self) -> Vec<&str> {
+        match &self.names {
+            Some(names) => names.iter().map(String::as_str).collect(),
+            None if self.is_full() => FULL_NAMES.to_vec(),
+            None => Vec::new(),
+        }
     }
 }
 
@@ -139,15 +171,15 @@ impl LayoutFinder {
     ) -> Layout {
         let count = words.len();
         let by_count =
-            || Layout { separator, columns: columns_by_count(line, words), named: None, first_line };
+            || Layout { separator, columns: columns_by_count(line, words), names: None, first_line };
         let names_of = |heading: &Heading| -> Vec<String> {
             let words = separator.split(&heading.text);
             let name = |at: Range<usize>| decoded(&heading.text[at]).trim().trim_matches('"').to_owned();
             words.map(name).collect()
         };
         if let Some(heading) = self.heading.take() {
-            let names = names_of(&heading);
-            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            let owned = names_of(&heading);
+            let names: Vec<&str> = owned.iter().map(String::as_str).collect();
             let shown = String::from_utf8_lossy(&heading.text).into_owned();
             let place = Place::in_line(path, heading.number, &shown, 0..shown.len());
             if names.len() < count {
@@ -162,7 +194,7 @@ impl LayoutFinder {
                     for remark in columns.remarks(&names) {
                         found.warn(Some(place.clone()), remark);
                     }
-                    return Layout { separator, columns, named: Some(names.len()), first_line };
+                    return Layout { separator, columns, names: Some(owned), first_line };
                 }
                 Err(problem) if is_known => {
                     found.error(Some(place), problem.to_string());
@@ -179,8 +211,8 @@ impl LayoutFinder {
         }
         // Comments are often sentences: names only if there is one for every column.
         if let Some(comment) = self.comment.take() {
-            let names = names_of(&comment);
-            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            let owned = names_of(&comment);
+            let names: Vec<&str> = owned.iter().map(String::as_str).collect();
             if names.len() == count
                 && let Ok(columns) = Columns::find_positions(&names)
             {
@@ -188,7 +220,7 @@ impl LayoutFinder {
                 for remark in columns.remarks(&names) {
                     found.warn(Some(Place::in_line(path, comment.number, &shown, 0..shown.len())), remark);
                 }
-                return Layout { separator, columns, named: Some(names.len()), first_line };
+                return Layout { separator, columns, names: Some(owned), first_line };
             }
         }
         by_count()
@@ -198,7 +230,7 @@ impl LayoutFinder {
 impl Layout {
     /// Warns of columns without names that are not read.
     pub fn warn_of_unread(&self, path: &Path, line: &[u8], words: &[Range<usize>], found: &mut Diagnostics) {
-        if self.named.is_some() || words.len() < 5 || self.columns.has(Attribute::Object) {
+        if self.names.is_some() || words.len() < 5 || self.columns.has(Attribute::Object) {
             return;
         }
         let shown = String::from_utf8_lossy(line).into_owned();

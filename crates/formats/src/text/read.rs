@@ -13,7 +13,7 @@ use vlscan_tables::input::rows::line_place;
 pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()> {
     let mut finder = LayoutFinder::default();
     let mut rows: Option<RowReader> = None;
-    let (mut line, mut words) = (Vec::new(), Vec::new());
+    let (mut line, mut words, mut values) = (Vec::new(), Vec::new(), Vec::new());
     let mut taker = LineTaker::default();
     for number in 1.. {
         if !read_line(&mut source, &mut line).map_err(|e| Error::io("read", reading.path, e))? {
@@ -28,8 +28,8 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
                 found.split(text, &mut words);
                 found.warn_of_unread(reading.path, text, &words, reading.found);
                 reading.sink.start(found.columns.attributes());
-                let columns = found.columns;
-                rows.insert(RowReader::new(found, columns, text))
+                let (columns, chosen) = (found.columns, reading.choose(&found.names()));
+                rows.insert(RowReader::new(found, columns, text).with_chosen(chosen))
             }
         };
         rows.split(text, &mut words);
@@ -38,6 +38,9 @@ pub(crate) fn read(mut source: impl BufRead, reading: &mut Reading) -> Result<()
             Ok(row) => {
                 taker.widths.see(rows, text, &words, |at| line_place(path, number, text, at));
                 let object = rows.word(Attribute::Object, &words);
+                values.clear();
+                rows.push_values(text, &words, &mut values);
+                reading.pass_values(&values);
                 blocks::take_row(rows, (number, text), (&row, object), reading)
             }
             Err(bad) => taker.take_problem((number, text), bad, reading),

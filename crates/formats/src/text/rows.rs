@@ -13,6 +13,8 @@ pub struct RowReader {
     columns: Columns,
     /// Number of values of the first point.
     width: usize,
+    /// Columns whose values are passed with the points.
+    chosen: Vec<usize>,
 }
 
 /// Why a line is not a point.
@@ -31,7 +33,27 @@ impl RowReader {
     pub fn new(layout: Layout, columns: Columns, first: &[u8]) -> RowReader {
         let mut words = Vec::new();
         layout.split(first, &mut words);
-        RowReader { layout, columns, width: words.len() }
+        RowReader { layout, columns, width: words.len(), chosen: Vec::new() }
+    }
+
+    /// A reader that reads also the values of some columns, for [`RowReader::push_values`].
+    pub(super) fn with_chosen(self, chosen: Vec<usize>) -> RowReader {
+        RowReader { chosen, ..self }
+    }
+
+    /// Number of columns whose values are read in addition to the points.
+    pub(super) fn chosen_count(&self) -> usize {
+        self.chosen.len()
+    }
+
+    /// Appends the values of the chosen columns of a line with these words, NaN where there is no number.
+    pub(super) fn push_values(&self, line: &[u8], words: &[Range<usize>], values: &mut Vec<f64>) {
+        let all = || words.iter().map(|at| &line[at.clone()]);
+        let value = |column: &usize| {
+            let word = &line[words.get(*column)?.clone()];
+            self.layout.separator().number(word, all())
+        };
+        values.extend(self.chosen.iter().map(|column| value(column).unwrap_or(f64::NAN)));
     }
 
     /// The columns that are read.

@@ -17,6 +17,7 @@
 //! | `encode` | encoding of batches as bytes for every file, in the worker threads |
 //! | `text` | trajectories, waveforms and pulses as text |
 //! | `memory` | tables in memory for the caller |
+//! | `system` | checks of the coordinate reference system of points |
 //! | `points`, `point_table` | files of the points of a table in memory; its rows as records |
 //! | `join` | LAS and LAZ files of consecutive points as one |
 //! | `piece` | what a batch contributes to an output, and what takes it |
@@ -44,6 +45,7 @@ mod point_table;
 mod points;
 mod request;
 mod summary;
+mod system;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -68,6 +70,7 @@ pub use request::{
     leave_options_to_others,
 };
 pub use summary::{FileKind, FileSummary, OutputSummary};
+pub(crate) use system::{check_place, check_unit};
 pub use vlscan_formats::text::expand;
 #[doc(hidden)]
 pub use vlscan_formats::text::unzip;

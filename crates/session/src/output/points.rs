@@ -2,6 +2,7 @@
 
 use super::point_table::{PointTable, PositionFrame};
 use super::request::{OutputRequest, Target};
+use super::system::{check_place, check_unit};
 use ::arrow_array::RecordBatch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -42,7 +43,8 @@ impl CloudFacts {
         CloudFacts { settings, legs }
     }
 
-    /// Facts about a table of another program: the box around its points, their highest class, its columns.
+    /// Facts about a table of another program: the box around its points, their highest class, its columns,
+    /// and the names of objects in its metadata.
     /// `crs` is the coordinate reference system as WKT.
     ///
     /// # Errors
@@ -66,6 +68,9 @@ impl CloudFacts {
         (settings.origin, settings.bounds) = (origin, bounds);
         (settings.crs, settings.highest_class) = (crs, highest_class);
         settings.columns = Some(columns);
+        let schema = table.schema();
+        let names = schema.metadata().get("object_names").and_then(|text| serde_json::from_str(text).ok());
+        settings.objects = ObjectIds::of_names(names.unwrap_or_default());
         Ok(CloudFacts { settings, legs: Vec::new() })
     }
 
@@ -124,6 +129,9 @@ pub fn write_points(
             .with_misses(settings.misses);
     check_columns(&rows, *format, &mut settings, path, &mut found)?;
     warn_of_unknown(table, path, &mut found);
+    if let Some(wkt) = request.cloud.crs.as_deref() {
+        check_system(wkt, &settings, &mut found);
+    }
     settings.objects = objects.clone();
     if frame == PositionFrame::World {
         settings.bounds = settings.bounds.translated(settings.origin);
@@ -201,6 +209,14 @@ fn settings_of(facts: &CloudFacts, request: &OutputRequest) -> CloudSettings {
     settings.las = cloud.las.clone();
     settings.frame_names = cloud.frame_names.clone();
     settings
+}
+
+/// Warns of a chosen coordinate reference system that does not fit the points.
+fn check_system(wkt: &str, settings: &CloudSettings, found: &mut Diagnostics) {
+    if !settings.bounds.is_empty() {
+        check_place(wkt, settings.bounds.centre() + settings.origin, found);
+    }
+    check_unit(wkt, found);
 }
 
 /// Warns of columns that no format has.

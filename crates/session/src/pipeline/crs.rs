@@ -1,10 +1,10 @@
 //! Coordinate reference system of a run: chosen, named by the scene's files, or the UTM zone of the flight.
 
 use super::settings::Settings;
-use crate::output::{OutputContext, OutputRequest};
+use crate::output::{OutputContext, OutputRequest, check_place, check_unit};
 use vlscan_base::diag::Diagnostics;
 use vlscan_crs as crs;
-use vlscan_geom::{DVec3, UtmZone};
+use vlscan_geom::UtmZone;
 use vlscan_lidar::flight::FlightPlan;
 use vlscan_lidar::platform::{PoseReader, adjusted_time_origin};
 use vlscan_scene::Scene;
@@ -40,11 +40,8 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
             .map(|place| format!("in {}, the scene is at {place}", crs::name(wkt)));
     }
     let wkt = survey.crs_wkt.as_deref();
-    if let Some((wkt, problem)) = wkt.and_then(|wkt| Some((wkt, crs::unit_problem(wkt)?))) {
-        let message = format!("{} does not fit: {problem}", crs::name(wkt));
-        found
-            .warn(None, message)
-            .help("name a system in metres such as EPSG:25832, and project the scene to it");
+    if let Some(wkt) = wkt {
+        check_unit(wkt, &mut found);
     }
     let grid = match &mut survey.platform.kind {
         PlatformKind::Stream(stream) => &mut stream.grid,
@@ -60,17 +57,6 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
     }
     *grid = grid.of_scene(wkt);
     (found, note)
-}
-
-/// Warns of a system in which a scene around `centre` can hardly be; returns where it is otherwise.
-pub(super) fn check_place(wkt: &str, centre: DVec3, found: &mut Diagnostics) -> Option<crs::Place> {
-    match crs::misfit(wkt, centre.x, centre.y) {
-        Some((message, hint)) => {
-            found.warn(None, message).help(hint);
-            None
-        }
-        None => crs::place_of(wkt, centre.x, centre.y),
-    }
 }
 
 /// Returns the system of a flight that is projected: its UTM zone. Waits for the first pose of a flight that

@@ -3,12 +3,11 @@
 
 use super::beam_counts::BeamCounts;
 use super::collector::{Ended, PassEnd};
-use super::crs::check_place;
 use super::fly::run_stages;
 use super::pass::RunContext;
 use super::run::Report;
 use super::worker::{Measured, Pieces};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary, check_place};
 use crate::shards::{BlockHead, ShardFile, ShardFileError, ShardSet};
 use std::ops::Range;
 use std::sync::Arc;

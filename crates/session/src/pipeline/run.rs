@@ -52,6 +52,8 @@ pub(super) struct Epochs {
     pub options: PhysicsOptions,
     /// True if too few points are reported.
     pub is_checked: bool,
+    /// True if legs fire the pulses; false for pulses of the caller, which may be none.
+    pub has_legs: bool,
 }
 
 impl Session {
@@ -107,7 +109,8 @@ impl Session {
         let mut source = PulseSource::new(pulses);
         self.check_instrument()?;
         self.enter_epoch(0, control.stop)?;
-        let (output, epochs) = self.plan_outputs(self.complete(outputs), None, &self.output_context())?;
+        let (output, mut epochs) = self.plan_outputs(self.complete(outputs), None, &self.output_context())?;
+        epochs.has_legs = false;
         let options = epochs.options;
         let is_reported = AtomicBool::new(false);
         self.run_epochs(output, epochs, control, &is_reported, |session, pass, epoch, writer| {
@@ -224,7 +227,7 @@ impl Session {
         };
         let output = checked.plan(context)?;
         self.notify(Notice::Warnings(output.warnings().clone().finish(self.settings().strict)?));
-        Ok((Arc::new(output), Epochs { range: 0..=epochs - 1, options, is_checked: true }))
+        Ok((Arc::new(output), Epochs { range: 0..=epochs - 1, options, is_checked: true, has_legs: true }))
     }
 
     /// Checks outputs as [`Session::run`] does before the first pulse, and returns the files and folders that
@@ -276,7 +279,7 @@ impl Session {
         is_reported: &AtomicBool,
         mut pass_over: impl FnMut(&Session, &Pass<'_>, u32, Option<Box<Writer>>) -> Result<Ended>,
     ) -> Result<Report> {
-        let Epochs { range, options, is_checked } = epochs;
+        let Epochs { range, options, is_checked, has_legs } = epochs;
         let open_outputs = control.stop.outputs();
         let (mut epoch, mut seconds, mut writer) = (*range.start(), 0.0, None);
         let (summary, interrupted) = loop {
@@ -305,6 +308,7 @@ impl Session {
                         settings,
                         scene,
                         tree,
+                        has_legs,
                         is_reported,
                         observer: self.observer(),
                     }),

@@ -261,6 +261,7 @@ impl ShardRunner<'_> {
             range: first..=self.borders.last_epoch((!is_last).then_some(range.end)),
             options: self.session.settings().physics,
             is_checked: false,
+            has_legs: true,
         };
         let flight = &self.flight;
         let progress = control.progress;

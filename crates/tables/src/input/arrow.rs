@@ -18,7 +18,7 @@ use ::arrow_ipc::reader::read_record_batch;
 use ::arrow_ipc::writer::StreamEncoder;
 use ::arrow_ipc::{Endianness, MessageHeader, root_as_message};
 use ::arrow_schema::{DataType, SchemaRef};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -188,6 +188,12 @@ impl ArrowDecoder {
     /// The columns, once the schema has arrived.
     pub fn fields(&self) -> Option<&Arc<[TableField]>> {
         self.schema.as_ref().map(|schema| &schema.fields)
+    }
+
+    /// The metadata of the table; empty until the schema has arrived.
+    pub fn metadata(&self) -> BTreeMap<String, String> {
+        let metadata = |schema: &Schema| BTreeMap::from(schema.decoded.metadata().clone());
+        self.schema.as_ref().map(metadata).unwrap_or_default()
     }
 
     /// The next batch with rows that has arrived completely.

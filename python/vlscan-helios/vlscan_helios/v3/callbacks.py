@@ -66,7 +66,7 @@ class HookContext:
     elapsed_time_s, remaining_time_s, leg_elapsed_time_s, leg_remaining_time_s : float
         Times of the run and of the leg; NaN for a remaining time that is not known.
     output_path : str
-        Folder of results; empty for runs to memory.
+        Folder of results as the settings have it, in which each run has a folder of its own; empty for runs to memory.
     total_points, payload_points : int
         Number of points so far, and of those that the hook gets.
     total_trajectories, payload_trajectories : int

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -27,16 +28,25 @@ class _RunException(HeliosException, Error):
     """Another error of a run."""
 
 
+# A place in a file, whose attributes keep their names.
+_IN_FILE = re.compile(r"\.xml:\d")
+
+
 class _Names:
-    """Names in messages for objects in memory: a survey, and the trajectory that a run writes.
+    """Names in messages for objects in memory: a survey with its settings, and the trajectory that a run writes.
 
     Parameters
     ----------
     folder : pathlib.Path, optional
         The folder of the trajectory.
+    fields : mapping, optional
+        Fields of settings by the attributes of XML that stand for them.
     """
 
-    def __init__(self, folder: Path | None) -> None:
+    def __init__(self, folder: Path | None, fields: Mapping[str, str] | None = None) -> None:
+        self._fields = fields or {}
+        # Quoted lines of XML keep their attributes, which a value follows.
+        self._attribute = re.compile(rf"\b(?:{'|'.join(map(re.escape, self._fields))})\b(?!=)") if fields else None
         self._names = {"<python>": "<survey>"}
         if folder is not None:
             self._names[str(folder / "trajectory.csv")] = "<trajectory>"
@@ -45,17 +55,24 @@ class _Names:
         """Return a text with these names."""
         for path, name in self._names.items():
             text = text.replace(path, name)
-        return text
+        if self._attribute is None or _IN_FILE.search(text):
+            return text
+        return self._attribute.sub(lambda found: self._fields[found.group()], text)
 
     def of_problem(self, problem: Problem) -> Problem:
         """Return a problem with these names."""
-        return replace(problem, message=self.of_text(problem.message), file=problem.file and self.of_text(problem.file))
+        message = problem.message if (problem.file or "").endswith(".xml") else self.of_text(problem.message)
+        file, advice = problem.file and self.of_text(problem.file), problem.help and self.of_text(problem.help)
+        return replace(problem, message=message, file=file, help=advice)
 
 
 @contextmanager
-def engine_errors(folder: Path | None = None) -> Iterator[None]:
-    """Raise errors of the engine as :class:`HeliosException`; messages do not name the trajectory in ``folder``, if there is one."""
-    names = _Names(folder)
+def engine_errors(folder: Path | None = None, fields: Mapping[str, str] | None = None) -> Iterator[None]:
+    """Raise errors of the engine as :class:`HeliosException`; messages do not name the trajectory in ``folder``, if there is one.
+
+    They name ``fields`` instead of the attributes of XML that these are values of.
+    """
+    names = _Names(folder, fields)
     try:
         yield
     except HeliosException:
@@ -75,9 +92,9 @@ _shown: dict[str | tuple[str, type[Warning], int], int] = {}
 
 
 @contextmanager
-def engine_warnings(folder: Path | None, is_silent: bool) -> Iterator[None]:
-    """Issue the warnings of a run at its end, none if it is silent; messages do not name the trajectory in ``folder``."""
-    names = _Names(folder)
+def engine_warnings(folder: Path | None, is_silent: bool, fields: Mapping[str, str] | None = None) -> Iterator[None]:
+    """Issue the warnings of a run at its end, none if it is silent; messages have the names of :func:`engine_errors`."""
+    names = _Names(folder, fields)
     caught: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as found:

@@ -145,7 +145,13 @@ class StaticScene(Model):
         ----------
         scene_part : ScenePart
             The part.
+
+        Raises
+        ------
+        NotImplementedError
+            The scene is packed, so that its parts are not known.
         """
+        self._check_extensible()
         self.scene_parts = (*self.scene_parts, scene_part)
 
     @property
@@ -187,12 +193,16 @@ class StaticScene(Model):
             return self._scene
         if self._file is not None and state == self._as_read:
             scene = self._of_file(self._file)
-        elif self._file is not None and not self._as_read:
-            raise NotImplementedError(f"{self._file} cannot be extended; build the scene of parts, and write it anew by to_binary()")
         else:
+            self._check_extensible()
             scene = Scene([part.engine() for part in self.scene_parts], engine_directories())
         self._scene, self._state = scene, state
         return scene
+
+    def _check_extensible(self) -> None:
+        """Refuse parts beside a scene whose own parts are not known."""
+        if self._file is not None and not self._as_read:
+            raise NotImplementedError(f"{self._file} cannot be extended; build the scene of parts, and write it anew by to_binary()")
 
     def _of_file(self, file: str) -> Scene:
         path = place_of(file, self._folder)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +17,7 @@ from typing_extensions import Self
 from vlscan.parts import Part
 from vlscan.scene import Scene, SceneGeometry
 
-from .errors import engine_errors
+from .errors import HeliosException, engine_errors
 from .materials import Material, MaterialDict
 from .settings import ForceOnGroundStrategy
 from .utils import classonlymethod, detect_separator, engine_directories, existing_file
@@ -87,6 +88,8 @@ class ScenePart(Model):
     _is_of_file: bool = PrivateAttr(False)
     # Bounds of the part, and the state of which they are.
     _measured: tuple[object, NDArray[np.float64]] | None = PrivateAttr(None)
+    # The highest face that the file of the part is known to have.
+    _last_face: int = PrivateAttr(-1)
 
     @classmethod
     def of_part(cls, part: Part, materials: Mapping[str, Material] | None = None) -> Self:
@@ -657,7 +660,7 @@ class ScenePart(Model):
         Raises
         ------
         IndexError
-            An index beyond the faces of a mesh.
+            An index beyond the faces of a mesh or of a file.
         ValueError
             Both indices and a range, or an empty range.
         """
@@ -674,10 +677,27 @@ class ScenePart(Model):
         if faces is None:
             known.clear()
             self._updates.clear()
+        self._updates.append((own, faces))
+        if faces is not None and part.face_count is None:
+            self._check_last_face(int(faces.max(initial=-1)))
         if name not in known:
             known[name] = own
-        self._updates.append((own, faces))
         return self
+
+    def _check_last_face(self, face: int) -> None:
+        """Undo the last update if the file of the part does not have its highest face; other faults are told by the run."""
+        if face <= self._last_face:
+            return
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                _ = self.bbox
+        except HeliosException as error:
+            if "is for face" not in str(error):
+                return
+            self._updates.pop()
+            raise _FaceIndexError(str(error).removeprefix("error: ")) from None
+        self._last_face = face
 
     def _current(self, material: Material) -> Material:
         """Return what an updated material has become: it may have been changed or replaced by its name since."""

@@ -247,8 +247,14 @@ class Survey(Model):
         self.check_legs()
         bar_hooks, bars = build_progressbar_callbacks(execution.progressbar, len(self.legs))
         is_silent = "verbosity" in execution.model_fields_set and execution.verbosity <= LogVerbosity.QUIET
+        # Messages about the survey of a file name what the file has.
+        fields = None if self._document is not None and self._is_as_read() else survey_xml.FIELDS
         try:
-            with trajectory_folder(self.platform) as folder, engine_warnings(folder, is_silent), engine_errors(folder):
+            with (
+                trajectory_folder(self.platform) as folder,
+                engine_warnings(folder, is_silent, fields),
+                engine_errors(folder, fields),
+            ):
                 run = _Run(self, self.engine(folder), self._options(execution, output), output)
                 return run.with_hooks([*hooks, *bar_hooks]) if hooks or bar_hooks else run.plain()
         finally:

@@ -71,6 +71,10 @@ _WAVEFORM: dict[str, tuple[str, float]] = {
     "win_size": ("winSize_ns", 1e9),
     "max_fullwave_range": ("maxFullwaveRange_ns", 1e9),
 }
+_ATTRIBUTES = {name: values[0] for name, values in (_SCANNER | _PLACE | _TRAJECTORY).items()}
+_ATTRIBUTES |= {name: values[0] for name, values in _WAVEFORM.items()}
+#: Settings by the attributes that stand for them, those whose names are not words.
+FIELDS = {attribute: name for name, attribute in _ATTRIBUTES.items() if attribute != attribute.lower()}
 _FOLLOWED = ("trajectory", "syncGPSTime", "interpolationDomain", "toRadians", "slopeFilterThreshold", "trajectory_seperator")
 _INDICES = [f"{name}Index" for name in traj_csv_dtype.names or ()]
 

@@ -42,6 +42,8 @@ struct Block {
     misfits: [u64; Attribute::COUNT],
     /// The details of the points, if these are read.
     details: Vec<PointDetails>,
+    /// The values of the chosen dimensions, point by point.
+    values: Vec<f64>,
     /// Offset of the first chunk of a run, if the block begins with it.
     start: Option<u64>,
     /// Offset behind the last chunk, or the plain records, that end within the block.
@@ -53,7 +55,7 @@ struct Block {
 impl Block {
     /// Begins another block, with a part if there are any.
     fn clear(&mut self, parts: Option<&NewPart>) {
-        let Block { rows, part, points, misfits, details, start, end, is_damaged } = self;
+        let Block { rows, part, points, misfits, details, values, start, end, is_damaged } = self;
         rows.clear();
         match (part.as_mut(), parts) {
             (Some(part), _) => part.clear(),
@@ -61,12 +63,14 @@ impl Block {
             (None, None) => {}
         }
         details.clear();
+        values.clear();
         (*points, *misfits) = (0, [0; Attribute::COUNT]);
         (*start, *end, *is_damaged) = (None, None, false);
     }
 
     fn push(&mut self, record: &[u8], format: &RowFormat) {
         self.details.extend(format.details(record));
+        format.push_values(record, &mut self.values);
         let row = format.row(record);
         self.points += 1;
         let Some(part) = &mut self.part else { return self.rows.push(row) };
@@ -184,10 +188,12 @@ fn take_blocks<I: Send>(
             }
         }
         let mut details = block.details.iter();
+        let mut values = block.values.chunks_exact((block.values.len() / block.rows.len().max(1)).max(1));
         for row in &block.rows {
             if let Some(details) = details.next() {
                 reading.sink.details(details);
             }
+            reading.pass_values(values.next().unwrap_or_default());
             passed.points += 1;
             if reading.take(row).is_break() {
                 passed.is_ended = true;

@@ -120,7 +120,18 @@ impl Header {
         user: &str,
         id: u16,
     ) -> Result<Option<&'a [u8]>, LasError> {
-        let mut found = None;
+        Ok(self.variable_records(file, user, id)?.into_iter().next())
+    }
+
+    /// The data of all variable length records of a user and a number, see
+    /// [`variable_record`](Header::variable_record).
+    pub(super) fn variable_records<'a>(
+        &self,
+        file: Fields<'a>,
+        user: &str,
+        id: u16,
+    ) -> Result<Vec<&'a [u8]>, LasError> {
+        let mut found = Vec::new();
         let count = u64::from(self.raw.number_of_variable_length_records);
         let normal = (usize::from(self.raw.header_size), count, 54);
         let extended = self.raw.evlr.filter(|_| self.raw.header_size >= HEADER_BYTES_1_4).map(|extended| {
@@ -141,8 +152,8 @@ impl Header {
                 let end = end.filter(|end| *end <= file.0.len()).ok_or(LasError::HeaderEnds)?;
                 let user_id = file.bytes::<16>(at + 2)?;
                 let name = user_id.split(|b| *b == 0).next().unwrap_or_default();
-                if found.is_none() && name == user.as_bytes() && file.u16(at + 18)? == id {
-                    found = file.0.get(start..end);
+                if name == user.as_bytes() && file.u16(at + 18)? == id {
+                    found.extend(file.0.get(start..end));
                 }
                 at = end;
             }

@@ -38,6 +38,7 @@ use compressed::{Compressed, without_panic};
 use details::DetailFields;
 use header::Fields;
 use rows::RowFormat;
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use vlscan_geom::DVec3;
@@ -181,6 +182,12 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
         rows.read_details(&extra);
         reading.sink.unread(DetailFields::unread(&reader.header, &extra));
     }
+    let names = extra.iter().map(|(name, dimension)| if dimension.is_number() { name.as_str() } else { "" });
+    let chosen = reading.choose(&names.collect::<Vec<&str>>());
+    rows.chosen = chosen.into_iter().map(|at| extra[at].1).collect();
+    if reading.sink.takes_columns() {
+        reading.pass_object_names(&object_names(&reader)?);
+    }
     rows.metres = units.metres.unwrap_or(DVec3::ONE);
     // The first position decides whether degrees can be read, before any point is passed on.
     let passed = match units.is_angle {
@@ -193,6 +200,19 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
     read_in_order(&mut reader, &rows, (passed.points, units.is_angle), reading)
 }
 
+/// The names of objects by their numbers, as files of this program have them: lines of number, tab, name.
+fn object_names(reader: &LasReader) -> Result<BTreeMap<i32, String>, LasError> {
+    let lists = reader.header.variable_records(reader.file, "vlscan", 1)?;
+    let name = |line: &str| {
+        let (number, name) = line.split_once('\t')?;
+        Some((number.parse::<i32>().ok()?, name.to_owned()))
+    };
+    let names = |list: &[u8]| -> Vec<(i32, String)> {
+        String::from_utf8_lossy(list).lines().filter_map(name).collect()
+    };
+    Ok(lists.into_iter().flat_map(names).collect())
+}
+
 /// Reads all records in order, and passes on the points after the first `passed` ones. `are_degrees` is set
 /// if the coordinate reference system is in degrees.
 fn read_in_order(
@@ -201,7 +221,7 @@ fn read_in_order(
     (mut passed, mut are_degrees): (u64, bool),
     reading: &mut Reading,
 ) -> Result<(), LasError> {
-    let mut more = true;
+    let (mut more, mut values) = (true, Vec::new());
     while more {
         let mut is_geographic = false;
         more = reader.read_records(|record, position| {
@@ -222,6 +242,9 @@ fn read_in_order(
             if let Some(details) = rows.details(record) {
                 reading.sink.details(&details);
             }
+            values.clear();
+            rows.push_values(record, &mut values);
+            reading.pass_values(&values);
             reading.take(&rows.row(record))
         })?;
         if is_geographic {

@@ -27,6 +27,8 @@ pub(super) struct RowFormat {
     shown: Shown,
     /// The fields of details, if these are read.
     details: Option<DetailFields>,
+    /// Extra dimensions whose values are passed with the points.
+    pub chosen: Vec<ExtraDimension>,
     /// Metres in a unit of x, y and z.
     pub metres: DVec3,
     may_have_misses: bool,
@@ -60,7 +62,8 @@ impl RowFormat {
         let selected = selection.attributes();
         let header = header.clone();
         let (details, metres) = (None, DVec3::ONE);
-        let rows = RowFormat { header, shown, details, metres, may_have_misses, colour_at, selected };
+        let chosen = Vec::new();
+        let rows = RowFormat { header, shown, details, chosen, metres, may_have_misses, colour_at, selected };
         (rows, warnings)
     }
 
@@ -93,7 +96,14 @@ impl RowFormat {
         ];
         let is_of = |dimension: &ExtraDimension| dimension.bytes().contains(&at);
         let mut read = shown.into_iter().filter(|(attribute, _)| self.selected.has(*attribute));
-        self.details.is_some() || read.any(|(_, dimension)| dimension.as_ref().is_some_and(is_of))
+        self.details.is_some()
+            || self.chosen.iter().any(is_of)
+            || read.any(|(_, dimension)| dimension.as_ref().is_some_and(is_of))
+    }
+
+    /// Appends the values of the chosen dimensions of a record, NaN for those that it marks as missing.
+    pub fn push_values(&self, record: &[u8], values: &mut Vec<f64>) {
+        values.extend(self.chosen.iter().map(|dimension| dimension.value(record).unwrap_or(f64::NAN)));
     }
 
     /// The details of a record, if they are read.

@@ -226,7 +226,7 @@ impl Session {
         let options = self.settings().physics_for(&nothing);
         let crs = context.crs.clone();
         let output = Arc::new(OutputPlan::new(nothing, &context)?);
-        let epochs = Epochs { range: 0..=0, options, is_checked: false };
+        let epochs = Epochs { range: 0..=0, options, is_checked: false, has_legs: true };
         // The pulses of the sample are not part of a run.
         let progress = Progress::default();
         let control = RunContext { progress: &progress, ..control };

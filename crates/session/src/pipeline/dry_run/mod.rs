@@ -263,8 +263,8 @@ impl Session {
             force: true,
             ..outputs.clone()
         };
-        let epochs =
-            Epochs { range: 0..=0, options: self.settings().physics_for(outputs), is_checked: false };
+        let options = self.settings().physics_for(outputs);
+        let epochs = Epochs { range: 0..=0, options, is_checked: false, has_legs: true };
         let output = Arc::new(OutputPlan::new(output, context)?);
         // Headers do not grow with the points.
         let empty = output.open(Arc::new(NoOffload))?.finish()?;

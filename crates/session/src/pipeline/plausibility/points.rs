@@ -35,6 +35,8 @@ pub struct YieldCheck<'a> {
     pub settings: &'a Settings,
     pub scene: &'a Scene,
     pub tree: &'a Tree,
+    /// True if legs fire the pulses; a caller may trace none.
+    pub has_legs: bool,
     /// True if the cause has been reported.
     pub is_reported: &'a AtomicBool,
     pub observer: &'a (dyn Fn(Notice) + Send + Sync),
@@ -64,6 +66,9 @@ impl YieldCheck<'_> {
     fn find(&self, pulses: u64, echoes: u64, log: &BeamLog) -> Option<Finding> {
         let scene = self.scene;
         let (target, beam_counts) = (target(&self.settings.survey, scene), &log.sum);
+        if pulses == 0 && !self.has_legs {
+            return None;
+        }
         if pulses == 0 {
             let help = "a leg fires when it is active and lasts for at least one pulse period; an \
                         oscillating or rotating mirror fires within its scan angle";
@@ -380,6 +385,7 @@ mod tests {
             settings: &settings,
             scene: &scene,
             tree: &tree,
+            has_legs: true,
             is_reported: &AtomicBool::new(false),
             observer: &|_| (),
         };
