@@ -134,9 +134,8 @@ impl Groups<'_> {
                 return Err(failed(ParquetError::EOF("a column ends before the others".into())));
             }
             block.rows.extend((0..rows).map(|row| self.columns.row(|column| values[column][row])));
-            for row in 0..rows {
-                block.values.extend(self.chosen.iter().map(|column| values[*column][row]));
-            }
+            let of_row = |row: usize| self.chosen.iter().map(move |column| (*column, row));
+            block.values.extend((0..rows).flat_map(of_row).map(|(column, row)| values[column][row]));
             block.end = (rows == left).then_some(end);
             let flow = emit(block);
             block.rows.clear();
