@@ -186,17 +186,19 @@ pub fn fit_flight(path: &Path, request: &FlightRequest, found: &mut Diagnostics)
     Ok(fit)
 }
 
-/// The error for a scanner that turns at a fixed position.
+/// The error for a scanner that turns at a fixed position, or a flight with turns.
 fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
     let Some(turn) = turning::steady_turn(&recording.pulses, &recording.lines) else { return Ok(()) };
     let message = format!(
-        "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod do: \
-         this is no flight",
+        "{}: the scan lines turn steadily by {:.0}° in {:.0} s, as those of a scanner on a tripod or of a \
+         platform that turns do: this is no flight line",
         path.display(),
         degrees(turn),
         recording.duration()
     );
-    Err(Error::input_with_help(message, "a flight and its scanner are estimated from a flight line"))
+    let help = "a flight and its scanner are estimated from a straight flight line: cut a flight with turns \
+                into lines with point sources of their own, and choose one with --flight-line";
+    Err(Error::input_with_help(message, help))
 }
 
 /// The best solution with scan angles that some files count to the left; `None` if a flight that is not
