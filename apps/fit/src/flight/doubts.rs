@@ -1,7 +1,8 @@
 //! Estimates that are not plausible: their keys are comments in the pipeline file, with the reason.
 
-use super::FlightFit;
+use super::ground::RangeScatter;
 use super::rate::MAX_LOST_SHARE;
+use super::{DOUBTFUL_RESIDUAL, FlightFit};
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_geom::degrees;
 
@@ -28,12 +29,14 @@ impl FlightFit {
     /// The keys whose estimates are not plausible, in the order of the pipeline file.
     pub(super) fn doubts(&self) -> Vec<Doubt> {
         let mut doubts = Vec::new();
-        if let Some(reason) = self.noise.as_ref().and_then(|noise| noise.doubt()) {
+        let miss = self.miss();
+        let noise_doubt = |noise: &RangeScatter| noise.doubt().or_else(|| miss.clone());
+        if let Some(reason) = self.noise.as_ref().and_then(noise_doubt) {
             doubts.push(Doubt { key: "accuracy_m", reason });
         }
         let rate = &self.rate;
         let is_uncertain = rate.lost_deviation > MAX_LOST_DEVIATION * rate.lost;
-        let reason = self.missing_points().or_else(|| {
+        let uncertain = || {
             is_uncertain.then(|| {
                 format!(
                     "the share of lost pulses, {:.2} %, is uncertain by {:.2} %",
@@ -41,8 +44,10 @@ impl FlightFit {
                     100.0 * rate.lost_deviation
                 )
             })
-        });
-        if let Some(reason) = reason.filter(|_| (MIN_LOST..MAX_LOST_SHARE).contains(&rate.lost)) {
+        };
+        let is_checked = (MIN_LOST..MAX_LOST_SHARE).contains(&rate.lost);
+        let reason = self.missing_points().or_else(uncertain).filter(|_| is_checked);
+        if let Some(reason) = reason.or_else(|| miss.clone().filter(|_| self.has_dropouts())) {
             doubts.push(Doubt { key: "dropout_rate", reason });
         }
         if self.has_varying_rate() && !rate.has_plausible_range() {
@@ -52,8 +57,31 @@ impl FlightFit {
                  mean rate is written"
             );
             doubts.push(Doubt { key: "pulse_times", reason });
+        } else if let Some(reason) = miss.filter(|_| self.has_varying_rate()) {
+            doubts.push(Doubt { key: "pulse_times", reason });
         }
         doubts
+    }
+
+    /// True if the times of pulses are written.
+    pub(super) fn has_pulse_times(&self) -> bool {
+        self.has_varying_rate() && self.rate.has_plausible_range() && self.miss().is_none()
+    }
+
+    /// The reason against estimates that depend on directions of beams, if the flight misses its points.
+    fn miss(&self) -> Option<String> {
+        let residual = self.solution.residual;
+        (residual > DOUBTFUL_RESIDUAL)
+            .then(|| format!("the fitted flight misses its points by {residual:.2} m on the ground"))
+    }
+
+    /// The reason why the pulse rate, which the pipeline file needs, may be wrong.
+    pub(super) fn doubt_of_rate(&self) -> Option<String> {
+        let coarse = |step: f64| {
+            format!("GPS times have steps of {:.3} µs, too coarse for the intervals of pulses", 1e6 * step)
+        };
+        let reason = self.rate.coarse_step.map(coarse).or_else(|| self.miss());
+        reason.map(|reason| format!("doubtful: {reason}"))
     }
 
     /// True if the file has the share of lost pulses, at least as a comment. A small and uncertain share,

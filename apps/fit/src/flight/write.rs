@@ -72,8 +72,7 @@ impl FlightFit {
     /// is not set.
     pub fn write(&self, path: &Path, command: &str, force: bool) -> Result<FlightFiles> {
         // Times of a file apply to all channels, but each channel was recorded at times of its own.
-        let has_times = self.has_varying_rate() && self.rate.has_plausible_range();
-        let times = match has_times {
+        let times = match self.has_pulse_times() {
             true => self.rate.times(&self.solution, self.end(), MAX_TIMES),
             false => None,
         };
