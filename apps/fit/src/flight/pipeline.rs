@@ -14,6 +14,8 @@ use vlscan_geom::degrees;
 /// range.
 const ASSUMED_REFLECTANCE: f64 = 0.1;
 const ASSUMED_RANGE: f64 = 1.5;
+/// Largest recorded scan angle, over that of the mirror, below which the file names it.
+const RECORDED_ANGLES: f64 = 0.9;
 /// Number of pulses by which the largest range is found.
 const RANGE_PULSES: usize = 10_000;
 
@@ -224,6 +226,7 @@ impl FlightFit {
         if model.mirror.is_swinging() {
             rows.push(Row::number("scan_angle_deg", degrees(self.scan_angle())));
         }
+        rows.extend(self.unrecorded_angles());
         let pulse_rate = Row::new("pulse_freq_hz", format_args!("{:.0}", self.rate.mean));
         rows.push(Row { comment: self.doubt_of_rate(), ..pulse_rate });
         if let Some(path) = &files.pulse_times {
@@ -283,6 +286,19 @@ impl FlightFit {
             rows.push(Row::new("facet_tilts_deg", list(tilts)));
         }
         rows
+    }
+
+    /// A comment with the largest recorded scan angle, if a polygon mirror fires well beyond it: a cloud does
+    /// not show if the scanner fires no farther, or if a tile ends there.
+    fn unrecorded_angles(&self) -> Option<Row> {
+        let pulses = self.recording.pulses.iter();
+        let recorded = degrees(pulses.map(|pulse| pulse.angle.abs()).fold(0.0, f64::max));
+        let is_narrower = recorded < RECORDED_ANGLES * degrees(self.scan_angle());
+        let key = Row::new("scan_angle_deg", format_args!("{recorded:.1}"));
+        let comment = "recorded scan angles, with the roll, reach this one; set it if the scanner fires no \
+                       farther, otherwise pulses leave in all directions of the mirror";
+        (self.solution.model.mirror == Mirror::Polygon && is_narrower)
+            .then(|| Row { is_left_out: true, ..key.with_comment(comment) })
     }
 
     /// Largest scan angle of the written scanner, rad.

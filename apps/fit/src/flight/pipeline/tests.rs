@@ -164,6 +164,21 @@ fn a_flight_that_misses_its_points_has_no_live_key_that_depends_on_beams() {
 }
 
 #[test]
+fn recorded_scan_angles_that_are_narrower_than_those_of_a_polygon_mirror_are_a_comment() {
+    let angles = |mirror: Mirror, degrees: f64| {
+        let mut fit = fitted(mirror, |_| {});
+        fit.recording.pulses.iter_mut().for_each(|pulse| pulse.angle = radians(degrees));
+        let (text, read) = text_of(&fit);
+        assert!(read["settings"].get("scan_angle_deg").is_none(), "{text}");
+        text.contains(&format!("\n# scan_angle_deg = {degrees:.1}\n"))
+    };
+    // The half angle of the mirror is 20 degrees.
+    assert!(angles(Mirror::Polygon, -10.0));
+    assert!(!angles(Mirror::Polygon, 19.0));
+    assert!(!angles(Mirror::Cone, 10.0));
+}
+
+#[test]
 fn channels_have_tables_and_the_tilt_is_in_the_mount() {
     let (text, read) = written(Mirror::Polygon, |p| {
         p.channels[0].yaw = 0.1;
