@@ -170,7 +170,7 @@ fn recorded_scan_angles_that_are_narrower_than_those_of_a_polygon_mirror_are_a_c
         fit.recording.pulses.iter_mut().for_each(|pulse| pulse.angle = radians(degrees));
         let (text, read) = text_of(&fit);
         assert!(read["settings"].get("scan_angle_deg").is_none(), "{text}");
-        text.contains(&format!("\n# scan_angle_deg = {degrees:.1}\n"))
+        text.contains(&format!("\n# scan_angle_deg = {:.1}\n", degrees.abs()))
     };
     // The half angle of the mirror is 20 degrees.
     assert!(angles(Mirror::Polygon, -10.0));
