@@ -195,6 +195,17 @@ fn a_dry_run_forecasts_each_scanner() {
     let refused = run(dir.path(), &["run", "rig.toml", "--dry-run", "--objects", "c.csv"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("no moving parts"), "{}", text(&refused.stderr));
+    // All scanners are checked before the first forecast.
+    let tried = |pipeline: String| {
+        fs::write(dir.path().join("rig.toml"), pipeline).unwrap();
+        let out = run(dir.path(), &["run", "rig.toml", "--dry-run", "--message-format", "json"]);
+        (out.status.code(), text(&out.stderr))
+    };
+    let (code, said) = tried(rig(LEGS));
+    assert!(code == Some(0) && said.contains("trying the survey"), "{said}");
+    let (code, said) = tried(rig(LEGS).replace("\"rear.las\"", "\"front.csv\""));
+    assert!(code == Some(2) && said.contains("would both write to"), "{said}");
+    assert!(!said.contains("trying the survey"), "{said}");
 }
 
 #[test]
