@@ -172,6 +172,19 @@ fn shards_of_several_scanners_are_merged_one_by_one() {
     assert_eq!(refused.status.code(), Some(2));
     let said = text(&refused.stderr);
     assert!(said.contains("has the shards of no scanner of rig.toml"), "{said}");
+    // Shards of another scanner than that of the pipeline.
+    fs::write(dir.path().join("single.toml"), single(&SCANNERS[0], LEGS)).unwrap();
+    let said_of = |name: &str, scanner: &str| {
+        let work = dir.path().join(name);
+        fs::create_dir(&work).unwrap();
+        let folder = format!("../shards/{scanner}");
+        text(&run(&work, &["merge", &folder, "--pipeline", "../single.toml"]).stderr)
+    };
+    let warning = "are of the scanner `rear`, not of `front`";
+    let said = said_of("mixed", "rear");
+    assert!(said.contains(warning), "{said}");
+    let said = said_of("fitting", "front");
+    assert!(!said.contains("are of the scanner"), "{said}");
 }
 
 #[test]
