@@ -11,8 +11,8 @@ use vlscan_geom::{Aabb, DVec3, Rotation};
 
 /// Distance from a box up to which points are in it, m: more than the rounding of coordinates.
 const TOLERANCE: f64 = 0.01;
-/// Time before the first pose of an object from which on points are of another run, ns: more than the rounding
-/// of times.
+/// Time before the first pose of an object from which on points are of another run, ns: more than the
+/// rounding of times.
 const EARLY_NS: f64 = 1e6;
 
 /// The box of an object at the mean time of its points in a frame.
