@@ -5,7 +5,9 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::number;
 use vlscan_lidar::pulse::{Corrections, InstrumentTable, PhysicsOptions, count_echoes_of_one_pulse};
 use vlscan_scene::{OpticsKind, Scene};
-use vlscan_survey::{Device, Leg, Survey, WaveformPlace, Weather, WrittenKey, warn_of_unused_keys};
+use vlscan_survey::{
+    AirState, Device, Leg, Receiver, Survey, WaveformPlace, Weather, WrittenKey, warn_of_unused_keys,
+};
 
 /// Quotients of window and bin that are less than this below two count as two: rounding.
 const WINDOW_TOLERANCE: f64 = 1e-9;
@@ -27,6 +29,7 @@ pub fn check_instrument(survey: &Survey, corrections: &Corrections) -> Diagnosti
         check_waveform(device, corrections, &mut found);
     }
     check_reference(survey, corrections, &mut found);
+    check_weather(survey, corrections, &mut found);
     found
 }
 
@@ -176,6 +179,29 @@ fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagn
     }
 }
 
+/// Warns of fog, rain, snow and dust in front of a receiver that detects any trace of them.
+fn check_weather(survey: &Survey, corrections: &Corrections, found: &mut Diagnostics) {
+    let returns_light = |leg: &&Leg| {
+        let Weather { air, over_time, .. } = &leg.scanner.weather;
+        leg.scanner.active && (*air != AirState::default() || over_time.is_some())
+    };
+    let has_threshold = |device: &Device| {
+        let Receiver { max_range, noise, shot, threshold_photons, fmcw, .. } = &device.receiver;
+        let is_stated = device.detector.threshold_given || max_range.is_some() || threshold_photons.is_some();
+        is_stated || noise.is_some() || shot.is_some() || fmcw.is_some()
+    };
+    let Some(leg) = survey.legs.iter().find(returns_light) else { return };
+    if !corrections.radiometry || survey.scanner.devices.iter().all(has_threshold) {
+        return;
+    }
+    let message =
+        "the scanner states no detection threshold: any trace of fog, rain, snow or dust is a point";
+    found.warn(leg.place.clone().or_else(|| survey_place(survey)), message).help(
+        "give [scanner] the range of a dark target, such as `max_range = { range_m = 100, reflectance = 0.1 \
+         }`, or `received_energy_min_w`",
+    );
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -228,7 +254,28 @@ mod tests {
         let mut foul = survey(vec![tls_device(4.0)]);
         foul.legs[0].scanner.weather.air.rain = 10.0;
         assert!(check_instrument(&foul, &Corrections::NONE).text().contains("`weather` has no effect"));
+        foul.scanner.devices[0].detector.threshold_given = true;
         assert_eq!(check_instrument(&foul, &Corrections::REFINED).text(), "");
+    }
+
+    #[test]
+    fn weather_without_a_threshold_is_told() {
+        let mut foul = survey(vec![tls_device(4.0); 2]);
+        let reported = |survey: &Survey| {
+            let found = check_instrument(survey, &Corrections::REFINED).text();
+            found.contains("the scanner states no detection threshold")
+        };
+        foul.legs[0].scanner.weather.visibility = Some(5.0);
+        assert!(!reported(&foul));
+        foul.legs[0].scanner.weather.air.fog = 0.03;
+        assert!(reported(&foul));
+        foul.scanner.devices[0].detector.threshold_given = true;
+        assert!(reported(&foul));
+        foul.scanner.devices[1].receiver.threshold_photons = Some(3);
+        assert!(!reported(&foul));
+        foul.scanner.devices[1].receiver.threshold_photons = None;
+        foul.legs[0].scanner.active = false;
+        assert!(!reported(&foul));
     }
 
     #[test]
