@@ -6,7 +6,8 @@ use vlscan_base::quantity::number;
 use vlscan_lidar::pulse::{Corrections, InstrumentTable, PhysicsOptions, count_echoes_of_one_pulse};
 use vlscan_scene::{OpticsKind, Scene};
 use vlscan_survey::{
-    AirState, Device, Leg, Receiver, Survey, WaveformPlace, Weather, WrittenKey, warn_of_unused_keys,
+    AirState, Device, Leg, PlatformKind, Receiver, Survey, WaveformPlace, Weather, WrittenKey,
+    warn_of_unused_keys,
 };
 
 /// Quotients of window and bin that are less than this below two count as two: rounding.
@@ -75,6 +76,31 @@ pub fn check_energy_model(survey: &Survey, options: &PhysicsOptions) -> Diagnost
     };
     let message = format!("the older energy model (`legacy_energy`, --legacy-energy) has no effect {why}");
     found.warn(survey_place(survey), message).help(format!("leave it out, or {remedy}"));
+    found
+}
+
+/// Warns of weather over time that ends before a flight along waypoints starts at `start_ns`, in ns.
+pub fn check_weather_times(survey: &Survey, start_ns: f64) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    if matches!(survey.platform.kind, PlatformKind::Interpolated(_) | PlatformKind::Stream(_)) {
+        return found;
+    }
+    let start = start_ns / 1e9;
+    let last_time = |leg: &Leg| match leg.scanner.weather.over_time.as_deref()? {
+        [_, .., (last, _)] if leg.scanner.active && *last <= start => Some(*last),
+        _ => None,
+    };
+    if let Some((leg, last)) = survey.legs.iter().find_map(|leg| Some((leg, last_time(leg)?))) {
+        let message = format!(
+            "the file of the weather over time ends at {} s, before the run starts at {} s: its last line \
+             applies throughout",
+            number(last),
+            number(start)
+        );
+        found
+            .warn(leg.place.clone().or_else(|| survey_place(survey)), message)
+            .help("give GPS times of the week, as points have them, or start the run with --gps-start");
+    }
     found
 }
 
@@ -276,6 +302,29 @@ mod tests {
         foul.scanner.devices[1].receiver.threshold_photons = None;
         foul.legs[0].scanner.active = false;
         assert!(!reported(&foul));
+    }
+
+    #[test]
+    fn weather_that_ends_before_the_run_is_told() {
+        let mut foul = survey(vec![tls_device(4.0)]);
+        let reported = |foul: &Survey| check_weather_times(foul, 86_418e9).text();
+        assert_eq!(reported(&foul), "");
+        let over_time = |times: &[f64]| Some(times.iter().map(|time| (*time, AirState::default())).collect());
+        for (times, is_early) in [
+            (&[0.0, 10.0][..], true),
+            (&[0.0, 86_418.0], true),
+            (&[0.0, 86_419.0], false),
+            // A single line is constant weather.
+            (&[0.0], false),
+        ] {
+            foul.legs[0].scanner.weather.over_time = over_time(times);
+            assert_eq!(reported(&foul).is_empty(), !is_early, "{times:?}");
+        }
+        foul.legs[0].scanner.weather.over_time = over_time(&[0.0, 10.0]);
+        let found = reported(&foul);
+        assert!(found.contains("ends at 10 s, before the run starts at 86418 s"), "{found}");
+        foul.legs[0].scanner.active = false;
+        assert_eq!(reported(&foul), "");
     }
 
     #[test]
