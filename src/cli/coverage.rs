@@ -50,6 +50,7 @@ pub fn check_names(args: &DryRunArgs, scanner: Option<&str>, replace: bool) -> R
         if args.coverage[..i].contains(path) {
             return refuse(" is given twice");
         }
+        refuse_missing_folder(path)?;
         refuse_existing(path, replace)?;
         if let Some(name) = scanner {
             let own = file_of(path, name);
@@ -61,6 +62,18 @@ pub fn check_names(args: &DryRunArgs, scanner: Option<&str>, replace: bool) -> R
         }
     }
     Ok(())
+}
+
+/// Rejects a file in a folder that does not exist.
+fn refuse_missing_folder(path: &Path) -> Result<()> {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => Err(Error::input(format!(
+            "{} is not a directory, so {} cannot be written",
+            folder.display(),
+            path.display()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Writes the files of the coverage by several scanners: by each alone, and by all together.

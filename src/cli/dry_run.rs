@@ -8,13 +8,16 @@ use super::shared_logs::SharedPaths;
 use super::watch::during;
 use super::{Console, interrupt};
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::path::PathBuf;
 use std::time::Instant;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::write_stdout;
 use vlscan_base::quantity::{amount, bytes, duration, metres};
 use vlscan_options::ResolvedRun;
-use vlscan_session::{CoverageMap, DryRunReport, LegEstimate, Progress, RunContext};
+use vlscan_session::output::OutputRequest;
+use vlscan_session::{CoverageMap, DryRunReport, LegEstimate, Progress, RunContext, Session};
 
 /// Legs that are listed as text; `--json` lists all.
 const MAX_LISTED_LEGS: usize = 20;
@@ -40,7 +43,7 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     }
     let Some(job) = jobs.pop() else { return Ok(()) };
     let (mut scene, replace) = (SharedScene::of(&jobs), job.output.force);
-    let (forecast, map) = forecast(args, job, started, (&mut scene, None), console)?;
+    let (forecast, map) = Trial::open(args, job, &mut scene, console)?.forecast(args, started, console)?;
     if let Some(map) = map {
         coverage::write(&args.dry, &[(None, &map)], replace, console)?;
     }
@@ -51,26 +54,34 @@ pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
     write_stdout(&text)
 }
 
-/// Forecasts the run of one scanner after the other.
+/// Forecasts the run of one scanner after the other, after all have been checked.
 fn run_each(args: &RunArgs, jobs: Vec<ResolvedRun>, started: Instant, console: &Console) -> Result<()> {
     for job in &jobs {
         coverage::check_names(&args.dry, job.scanner.as_deref(), job.output.force)?;
     }
     let shared = SharedPaths::of(jobs.iter().map(|job| &job.output));
     let mut scene = SharedScene::of(&jobs);
-    let mut others = Others { places: OutputPlaces::default(), shared: &shared, steps: Vec::new() };
     let replace = jobs.iter().any(|job| job.output.force);
-    let (mut scanners, mut maps, mut started_one) = (Vec::new(), Vec::new(), started);
+    let (mut places, mut steps, mut trials) = (OutputPlaces::default(), Vec::new(), Vec::new());
     for mut job in jobs {
         let name = job.scanner.clone().unwrap_or_default();
         shared.prepare(&name, false, &mut job.output)?;
-        let (forecast, map) = forecast(args, job, started_one, (&mut scene, Some(&mut others)), console)?;
+        let trial = Trial::open(args, job, &mut scene, console)?;
+        let own = trial.output_places().map_err(|error| error.named(&format!("scanner `{name}`")))?;
+        places.add(&name, shared.without_shared(own))?;
+        steps.push((name.clone(), trial.session.scene_step_s()));
+        trials.push((name, trial));
+    }
+    drop(scene);
+    console.warnings(&different_steps(&args.file, &steps))?;
+    let (mut scanners, mut maps, mut started_one) = (Vec::new(), Vec::new(), started);
+    for (name, trial) in trials {
+        let (forecast, map) = trial.forecast(args, started_one, console)?;
         scanners.push(Forecast { name, forecast });
         maps.extend(map);
-        // Only the first scanner loads the scene.
+        // Scenes are loaded before the first forecast.
         started_one = Instant::now();
     }
-    console.warnings(&different_steps(&args.file, &others.steps))?;
     if !maps.is_empty() {
         let names: Vec<String> = scanners.iter().map(|of| of.name.clone()).collect();
         coverage::write_each(&args.dry, &names, &maps, replace, console)?;
@@ -90,52 +101,54 @@ fn json_of<T: Serialize>(forecast: &T) -> Result<String> {
     Ok(text + "\n")
 }
 
-/// Facts of the scanners of a platform.
-struct Others<'a> {
-    places: OutputPlaces,
-    shared: &'a SharedPaths,
-    /// Times between updates of the scene, s, by scanner.
-    steps: Vec<(String, Option<f64>)>,
+/// A run that is ready to be forecast.
+struct Trial {
+    session: Session,
+    output: OutputRequest,
 }
 
-/// Forecasts a run, and measures its coverage if that is requested. The outputs of several scanners are added
-/// to their places, except for files that they share.
-fn forecast(
-    args: &RunArgs,
-    job: ResolvedRun,
-    started: Instant,
-    (scene, others): (&mut SharedScene, Option<&mut Others<'_>>),
-    console: &Console,
-) -> Result<(DryRunReport, Option<CoverageMap>)> {
-    let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, .. } = job;
-    let name = scanner.as_deref().filter(|_| others.is_some());
-    let objects = args.objects.as_deref();
-    let objects = objects.map(|path| name.map_or_else(|| path.to_path_buf(), |name| file_of(path, name)));
-    output.inputs.push(args.file.clone());
-    output.companions.extend(schedule_log.into_iter().chain(part_table).chain(objects));
-    let mut session = scene.open(settings, console, open)?;
-    if args.objects.is_some() {
-        session.check_objects()?;
-    }
-    if let Some(Others { places, shared, steps }) = others {
-        // The forecast notes files that exist.
-        let mut checked = output.clone();
-        checked.force = true;
-        let name = name.unwrap_or_default();
-        let named = |error: Error| error.named(&format!("scanner `{name}`"));
-        places.add(name, shared.without_shared(session.output_places(&checked).map_err(named)?))?;
-        steps.push((name.to_owned(), session.scene_step_s()));
-    }
-    let progress = Progress::default();
-    let context = RunContext::new(&progress, &interrupt::STOP);
-    coverage::check(&args.dry, name, &session, &args.file, output.force)?;
-    during(console, "trying the survey", || match coverage::side(&args.dry) {
-        None => session.dry_run(&output, started, context).map(|forecast| (forecast, None)),
-        Some(side) => {
-            let measured = session.dry_run_with_coverage(&output, side, started, context);
-            measured.map(|(forecast, map)| (forecast, Some(map)))
+impl Trial {
+    /// Loads the scene unless an earlier scanner has, and checks the flight and the files of the options.
+    fn open(args: &RunArgs, job: ResolvedRun, scene: &mut SharedScene, console: &Console) -> Result<Trial> {
+        let ResolvedRun { scanner, settings, mut output, schedule_log, part_table, .. } = job;
+        let name = scanner.as_deref().filter(|_| scene.has_several());
+        let objects = args.objects.as_deref();
+        let objects = objects.map(|path| name.map_or_else(|| path.to_path_buf(), |name| file_of(path, name)));
+        output.inputs.push(args.file.clone());
+        output.companions.extend(schedule_log.into_iter().chain(part_table).chain(objects));
+        let session = scene.open(settings, console, open)?;
+        if args.objects.is_some() {
+            session.check_objects()?;
         }
-    })
+        coverage::check(&args.dry, name, &session, &args.file, output.force)?;
+        Ok(Trial { session, output })
+    }
+
+    /// Files and folders that the run would fill. Those that exist are no errors: the forecast notes them.
+    fn output_places(&self) -> Result<BTreeSet<PathBuf>> {
+        let mut checked = self.output.clone();
+        checked.force = true;
+        self.session.output_places(&checked)
+    }
+
+    /// Forecasts the run, and measures its coverage if that is requested.
+    fn forecast(
+        self,
+        args: &RunArgs,
+        started: Instant,
+        console: &Console,
+    ) -> Result<(DryRunReport, Option<CoverageMap>)> {
+        let Trial { mut session, output } = self;
+        let progress = Progress::default();
+        let context = RunContext::new(&progress, &interrupt::STOP);
+        during(console, "trying the survey", || match coverage::side(&args.dry) {
+            None => session.dry_run(&output, started, context).map(|forecast| (forecast, None)),
+            Some(side) => {
+                let measured = session.dry_run_with_coverage(&output, side, started, context);
+                measured.map(|(forecast, map)| (forecast, Some(map)))
+            }
+        })
+    }
 }
 
 fn text(f: &DryRunReport) -> String {

@@ -9,6 +9,7 @@ use super::watch::during;
 use super::{Console, interrupt, messages};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{is_taken, reads};
 use vlscan_base::quantity::{amount, amount_of, counted};
@@ -237,9 +238,25 @@ fn merges_of(args: &MergeArgs, file: &Path, options: &Options, console: &Console
         output.inputs.push(file.to_path_buf());
         let companions = Companions::of(schedule_log, None, &mut output);
         let (shards, scanner) = (ShardSet::open(&folder)?, scanner.filter(|_| has_several));
+        let expected = &settings.survey.scanner.name;
+        console.warnings(&other_scanner(&output_context(&shards)?.scanner, &folder, expected, file))?;
         Ok(Merge { scanner, shards, outputs: output, schedule: settings.schedule, companions })
     };
     jobs.into_iter().zip(folders).map(merge).collect()
+}
+
+/// A warning if the shards in `folder` are of another scanner than that of the pipeline `file`, whose outputs
+/// they would get.
+fn other_scanner(scanner: &str, folder: &Path, expected: &str, file: &Path) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    if scanner != expected {
+        let folder = folder.display();
+        let message = format!("the shards in {folder} are of the scanner `{scanner}`, not of `{expected}`");
+        found
+            .warn(Some(Place::of_file(file)), message)
+            .help("--pipeline names the file of the run whose shards are merged");
+    }
+    found
 }
 
 /// The folder that -o names, and the options without it.

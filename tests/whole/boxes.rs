@@ -301,6 +301,7 @@ fn tables_of_objects_that_cannot_be_are_refused() {
     let row = "7,7,bus,64,86418,0,0,0,1,0,0,0,4,2,4,0,10,0\n";
     fs::write(dir.path().join("wrong.csv"), format!("{heading}{row}7,7,bus,64,x\n")).unwrap();
     fs::write(dir.path().join("other.csv"), format!("{heading}{}", row.replace("7,7", "99,99"))).unwrap();
+    fs::write(dir.path().join("late.csv"), format!("{heading}{}", row.replace("86418", "86500"))).unwrap();
     let frames = ["frames", "a.mcap", "-o", "out", "--layout", "kitti"];
     for (args, expected) in [
         (&["--objects", "text.csv"][..], "no columns"),
@@ -309,6 +310,7 @@ fn tables_of_objects_that_cannot_be_are_refused() {
         (&["--skewed-objects"], "--objects"),
         (&["--category", "300=Car"], "CLASS=NAME"),
         (&["--objects", "other.csv", "--strict"], "no point of a.mcap"),
+        (&["--objects", "late.csv", "--strict"], "of a.mcap are older than the first poses of this table"),
     ] {
         let out = run(dir.path(), &[&frames[..], args].concat());
         assert!(

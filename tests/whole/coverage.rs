@@ -156,6 +156,7 @@ fn requests_that_cannot_be_met_are_refused_before_anything_is_written() {
         (&["--dry-run", "--coverage", "-"], "ends in .tif or .png"),
         (&["--dry-run", "--coverage", "a.tif", "--coverage", "a.tif"], "given twice"),
         (&["--dry-run", "--coverage", "mine.tif"], "mine.tif exists"),
+        (&["--dry-run", "--coverage", "maps/a.tif"], "maps is not a directory"),
         (&["--dry-run", "--coverage-cell", "5"], "--coverage"),
         (&["--dry-run", "--coverage", "a.tif", "--coverage-cell", "0"], "0"),
         (&["--dry-run", "--coverage", "a.tif", "--coverage-cell", "nan"], "nan"),

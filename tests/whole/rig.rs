@@ -172,6 +172,19 @@ fn shards_of_several_scanners_are_merged_one_by_one() {
     assert_eq!(refused.status.code(), Some(2));
     let said = text(&refused.stderr);
     assert!(said.contains("has the shards of no scanner of rig.toml"), "{said}");
+    // Shards of another scanner than that of the pipeline.
+    fs::write(dir.path().join("single.toml"), single(&SCANNERS[0], LEGS)).unwrap();
+    let said_of = |name: &str, scanner: &str| {
+        let work = dir.path().join(name);
+        fs::create_dir(&work).unwrap();
+        let folder = format!("../shards/{scanner}");
+        text(&run(&work, &["merge", &folder, "--pipeline", "../single.toml"]).stderr)
+    };
+    let warning = "are of the scanner `rear`, not of `front`";
+    let said = said_of("mixed", "rear");
+    assert!(said.contains(warning), "{said}");
+    let said = said_of("fitting", "front");
+    assert!(!said.contains("are of the scanner"), "{said}");
 }
 
 #[test]
@@ -195,6 +208,17 @@ fn a_dry_run_forecasts_each_scanner() {
     let refused = run(dir.path(), &["run", "rig.toml", "--dry-run", "--objects", "c.csv"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("no moving parts"), "{}", text(&refused.stderr));
+    // All scanners are checked before the first forecast.
+    let tried = |pipeline: String| {
+        fs::write(dir.path().join("rig.toml"), pipeline).unwrap();
+        let out = run(dir.path(), &["run", "rig.toml", "--dry-run", "--message-format", "json"]);
+        (out.status.code(), text(&out.stderr))
+    };
+    let (code, said) = tried(rig(LEGS));
+    assert!(code == Some(0) && said.contains("trying the survey"), "{said}");
+    let (code, said) = tried(rig(LEGS).replace("\"rear.las\"", "\"front.csv\""));
+    assert!(code == Some(2) && said.contains("would both write to"), "{said}");
+    assert!(!said.contains("trying the survey"), "{said}");
 }
 
 #[test]

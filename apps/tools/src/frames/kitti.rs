@@ -205,6 +205,7 @@ mod tests {
                 rotation: Rotation::about_z(angle),
                 points: 10,
                 inside: 10,
+                early: 0,
                 in_front,
             };
             label(&one, "big car").split_whitespace().map(str::to_owned).collect()

@@ -166,7 +166,7 @@ fn rounded_down(value: f64) -> String {
 
 /// Writes the frames of an MCAP file to a folder; `name` is that of the source in messages. One frame is in
 /// memory at a time. The data set appears when it is complete. Intensities that the layout does not have, and
-/// a table of objects of which there are no points, are reported to `observer`.
+/// a table of objects of which there are no points, or older ones, are reported to `observer`.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Input`] for a source that is not an MCAP file with points and poses, for a
@@ -188,7 +188,7 @@ pub fn write_frames(
         FrameLayout::Nuscenes => Box::new(nuscenes::Nuscenes::begin(folder, names, &mut group)?),
     };
     let mut table = objects.as_ref().map(|_| BoxTable::begin(writer.table_folder())).transpose()?;
-    let mut counts = FrameCounts::default();
+    let (mut counts, mut early) = (FrameCounts::default(), 0);
     let mut intensities = Intensities { min: f32::INFINITY, max: f32::NEG_INFINITY, beyond: 0 };
     let (_, most) = options.layout.intensities();
     read_frames(source, name, &mut |frame| {
@@ -203,6 +203,7 @@ pub fn write_frames(
         if let (Some(table), Some(found)) = (&mut table, &found) {
             table.frame(found)?;
             counts.boxes += found.len() as u64;
+            early += found.iter().map(|one| one.early).sum::<u64>();
         }
         writer.frame(&placed, found.as_deref())
     })?;
@@ -210,8 +211,15 @@ pub fn write_frames(
         return Err(Error::input(format!("{}: it contains no point messages", name.display())));
     }
     let mut found = intensities.doubts(name, options);
-    if let Some(path) = requested.objects.as_deref().filter(|_| counts.boxes == 0) {
-        let message = format!("no point of {} is of an object of this table", name.display());
+    let name = name.display();
+    let problem = match (counts.boxes, early) {
+        (0, _) => Some(format!("no point of {name} is of an object of this table")),
+        (_, 0) => None,
+        _ => {
+            Some(format!("{early} points of objects of {name} are older than the first poses of this table"))
+        }
+    };
+    if let (Some(path), Some(message)) = (requested.objects.as_deref(), problem) {
         found
             .warn(Some(Place::of_file(path)), message)
             .help("write the table with the points: vlscan run -o points.mcap --objects objects.csv");

@@ -58,6 +58,11 @@ pub(super) struct Objects {
 }
 
 impl ObjectTrack {
+    /// Time of the first pose, ns.
+    pub fn begin_ns(&self) -> f64 {
+        self.poses.first().map_or(f64::NEG_INFINITY, |pose| pose.time_ns)
+    }
+
     /// The pose at a time, ns: the last one before, or the first one.
     pub fn at(&self, time_ns: f64) -> ObjectPose {
         let after = self.poses.partition_point(|pose| pose.time_ns <= time_ns);

@@ -178,8 +178,9 @@ impl Session {
 
     /// Finds the settings of the instrument that the physics passes over or replaces.
     fn instrument_warnings(&self) -> Result<Diagnostics> {
-        let Settings { survey, physics, strict, .. } = self.settings();
+        let Settings { survey, physics, flight, strict, .. } = self.settings();
         let mut found = plausibility::check_instrument(survey, &physics.corrections);
+        found.extend(plausibility::check_weather_times(survey, flight.gps_start_ns));
         if self.has_spectra() && !physics.corrections.channel_spectra {
             found.extend(plausibility::check_wavelengths(survey));
         }

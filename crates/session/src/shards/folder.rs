@@ -204,13 +204,27 @@ impl ShardSet {
 /// How shards are computed that are missing or damaged.
 fn compute_again(folder: &Path, of: u32, numbers: impl IntoIterator<Item = u32> + Clone) -> String {
     let first = numbers.clone().into_iter().next().unwrap_or(0);
+    let several = folder_of_scanners(folder, of)
+        .map_or_else(String::new, |run| format!("with several scanners -o {}; ", run.display()));
     format!(
         "compute them again with --resume, which replaces damaged shards: `vlscan run … -o {} --shard \
-         {first}/{of} --resume` (as an array job: --array={}); or repeat the command if it was one \
+         {first}/{of} --resume` ({several}as an array job: --array={}); or repeat the command if it was one \
          `vlscan run --resume`",
         folder.display(),
         array_list(numbers)
     )
+}
+
+/// The folder above, if other folders in it have as many shards: those of several scanners are written by one
+/// command.
+fn folder_of_scanners(folder: &Path, of: u32) -> Option<&Path> {
+    let run = folder.parent()?;
+    let run = if run.as_os_str().is_empty() { Path::new(".") } else { run };
+    let entries = std::fs::read_dir(run).ok()?;
+    let mut others = entries.flatten().filter(|entry| Some(&*entry.file_name()) != folder.file_name());
+    let has_shards =
+        |path: PathBuf| path.is_dir() && ShardSet::list(&path).is_ok_and(|shards| shards.contains_key(&of));
+    others.any(|entry| has_shards(entry.path())).then_some(run)
 }
 
 fn report_damaged(
@@ -305,6 +319,23 @@ mod tests {
         let other = dir.path().join("notes.txt");
         fs::copy(&numbered, &other).unwrap();
         assert!(!is_file_of_shards(&other));
+    }
+
+    #[test]
+    fn missing_shards_of_several_scanners_are_computed_by_one_command() {
+        let dir = tempfile::tempdir().unwrap();
+        let put = |scanner: &str, number: u32| {
+            let folder = dir.path().join(scanner);
+            fs::create_dir_all(&folder).unwrap();
+            fs::write(shard_path(&folder, OneOf { number, of: 3 }), shard(&head(number, 3))).unwrap();
+            folder
+        };
+        let roof = put("roof", 1);
+        let advice = || compute_again(&roof, 3, [0, 2]);
+        assert!(advice().contains("--resume` (as an array job: --array=0,2)"), "{}", advice());
+        put("front", 1);
+        let expected = format!("(with several scanners -o {}; as an array", dir.path().display());
+        assert!(advice().contains(&expected), "{}", advice());
     }
 
     #[test]

@@ -5,7 +5,10 @@ use vlscan_base::diag::Diagnostics;
 use vlscan_base::quantity::number;
 use vlscan_lidar::pulse::{Corrections, InstrumentTable, PhysicsOptions, count_echoes_of_one_pulse};
 use vlscan_scene::{OpticsKind, Scene};
-use vlscan_survey::{Device, Leg, Survey, WaveformPlace, Weather, WrittenKey, warn_of_unused_keys};
+use vlscan_survey::{
+    AirState, Device, Leg, PlatformKind, Receiver, Survey, WaveformPlace, Weather, WrittenKey,
+    warn_of_unused_keys,
+};
 
 /// Quotients of window and bin that are less than this below two count as two: rounding.
 const WINDOW_TOLERANCE: f64 = 1e-9;
@@ -27,6 +30,7 @@ pub fn check_instrument(survey: &Survey, corrections: &Corrections) -> Diagnosti
         check_waveform(device, corrections, &mut found);
     }
     check_reference(survey, corrections, &mut found);
+    check_weather(survey, corrections, &mut found);
     found
 }
 
@@ -72,6 +76,31 @@ pub fn check_energy_model(survey: &Survey, options: &PhysicsOptions) -> Diagnost
     };
     let message = format!("the older energy model (`legacy_energy`, --legacy-energy) has no effect {why}");
     found.warn(survey_place(survey), message).help(format!("leave it out, or {remedy}"));
+    found
+}
+
+/// Warns of weather over time that ends before a flight along waypoints starts at `start_ns`, in ns.
+pub fn check_weather_times(survey: &Survey, start_ns: f64) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    if matches!(survey.platform.kind, PlatformKind::Interpolated(_) | PlatformKind::Stream(_)) {
+        return found;
+    }
+    let start = start_ns / 1e9;
+    let last_time = |leg: &Leg| match leg.scanner.weather.over_time.as_deref()? {
+        [_, .., (last, _)] if leg.scanner.active && *last <= start => Some(*last),
+        _ => None,
+    };
+    if let Some((leg, last)) = survey.legs.iter().find_map(|leg| Some((leg, last_time(leg)?))) {
+        let message = format!(
+            "the file of the weather over time ends at {} s, before the run starts at {} s: its last line \
+             applies throughout",
+            number(last),
+            number(start)
+        );
+        found
+            .warn(leg.place.clone().or_else(|| survey_place(survey)), message)
+            .help("give GPS times of the week, as points have them, or start the run with --gps-start");
+    }
     found
 }
 
@@ -176,6 +205,29 @@ fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagn
     }
 }
 
+/// Warns of fog, rain, snow and dust in front of a receiver that detects any trace of them.
+fn check_weather(survey: &Survey, corrections: &Corrections, found: &mut Diagnostics) {
+    let returns_light = |leg: &&Leg| {
+        let Weather { air, over_time, .. } = &leg.scanner.weather;
+        leg.scanner.active && (*air != AirState::default() || over_time.is_some())
+    };
+    let has_threshold = |device: &Device| {
+        let Receiver { max_range, noise, shot, threshold_photons, fmcw, .. } = &device.receiver;
+        let is_stated = device.detector.threshold_given || max_range.is_some() || threshold_photons.is_some();
+        is_stated || noise.is_some() || shot.is_some() || fmcw.is_some()
+    };
+    let Some(leg) = survey.legs.iter().find(returns_light) else { return };
+    if !corrections.radiometry || survey.scanner.devices.iter().all(has_threshold) {
+        return;
+    }
+    let message =
+        "the scanner states no detection threshold: any trace of fog, rain, snow or dust is a point";
+    found.warn(leg.place.clone().or_else(|| survey_place(survey)), message).help(
+        "give [scanner] the range of a dark target, such as `max_range = { range_m = 100, reflectance = 0.1 \
+         }`, or `received_energy_min_w`",
+    );
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -228,7 +280,51 @@ mod tests {
         let mut foul = survey(vec![tls_device(4.0)]);
         foul.legs[0].scanner.weather.air.rain = 10.0;
         assert!(check_instrument(&foul, &Corrections::NONE).text().contains("`weather` has no effect"));
+        foul.scanner.devices[0].detector.threshold_given = true;
         assert_eq!(check_instrument(&foul, &Corrections::REFINED).text(), "");
+    }
+
+    #[test]
+    fn weather_without_a_threshold_is_told() {
+        let mut foul = survey(vec![tls_device(4.0); 2]);
+        let reported = |survey: &Survey| {
+            let found = check_instrument(survey, &Corrections::REFINED).text();
+            found.contains("the scanner states no detection threshold")
+        };
+        foul.legs[0].scanner.weather.visibility = Some(5.0);
+        assert!(!reported(&foul));
+        foul.legs[0].scanner.weather.air.fog = 0.03;
+        assert!(reported(&foul));
+        foul.scanner.devices[0].detector.threshold_given = true;
+        assert!(reported(&foul));
+        foul.scanner.devices[1].receiver.threshold_photons = Some(3);
+        assert!(!reported(&foul));
+        foul.scanner.devices[1].receiver.threshold_photons = None;
+        foul.legs[0].scanner.active = false;
+        assert!(!reported(&foul));
+    }
+
+    #[test]
+    fn weather_that_ends_before_the_run_is_told() {
+        let mut foul = survey(vec![tls_device(4.0)]);
+        let reported = |foul: &Survey| check_weather_times(foul, 86_418e9).text();
+        assert_eq!(reported(&foul), "");
+        let over_time = |times: &[f64]| Some(times.iter().map(|time| (*time, AirState::default())).collect());
+        for (times, is_early) in [
+            (&[0.0, 10.0][..], true),
+            (&[0.0, 86_418.0], true),
+            (&[0.0, 86_419.0], false),
+            // A single line is constant weather.
+            (&[0.0], false),
+        ] {
+            foul.legs[0].scanner.weather.over_time = over_time(times);
+            assert_eq!(reported(&foul).is_empty(), !is_early, "{times:?}");
+        }
+        foul.legs[0].scanner.weather.over_time = over_time(&[0.0, 10.0]);
+        let found = reported(&foul);
+        assert!(found.contains("ends at 10 s, before the run starts at 86418 s"), "{found}");
+        foul.legs[0].scanner.active = false;
+        assert_eq!(reported(&foul), "");
     }
 
     #[test]

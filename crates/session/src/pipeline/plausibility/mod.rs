@@ -31,7 +31,9 @@ use super::beam_counts::BeamTarget;
 use super::settings::Settings;
 use angles::AngleCheck;
 use finding::Finding;
-pub use instrument::{check_energy_model, check_instrument, check_noise, check_water, check_wavelengths};
+pub use instrument::{
+    check_energy_model, check_instrument, check_noise, check_water, check_wavelengths, check_weather_times,
+};
 pub use mirror::describe_idle_mirror;
 pub use points::YieldCheck;
 pub use poses::PoseCheck;
