@@ -298,38 +298,40 @@ impl<'a> Pulses<'a> {
         const MAX_LINES: usize = 2000;
         let usual: Vec<(f64, u32)> = self.line_intervals();
         let lines: Vec<usize> = self.long_lines().collect();
-        let mut found = Vec::new();
-        for (i, &line) in lines.iter().enumerate().step_by(lines.len().div_ceil(MAX_LINES).max(1)) {
+        let step = lines.len().div_ceil(MAX_LINES).max(1);
+        let of_line = |i: usize| {
+            let line = lines[i];
             let is_followed = usual.binary_search_by_key(&(line as u32), |(_, line)| *line).is_ok();
-            let next: Vec<&Range<usize>> =
-                lines[i + 1..].iter().take(NEXT).map(|j| &self.lines[*j]).collect();
-            if !is_followed || next.len() < NEXT {
-                continue;
-            }
+            let next = lines[i + 1..].iter().take(NEXT).filter(|_| is_followed);
+            let next: Vec<Vec<[f64; 2]>> = next.map(|line| self.places(&self.lines[*line])).collect();
             let range = self.lines[line].clone();
             let step = range.len().div_ceil(MAX_PULSES).max(1);
-            for pulse in range.step_by(step) {
+            let pulses = range.step_by(step).filter(|_| next.len() == NEXT);
+            let nearest = |pulse| {
                 let place = self.place(pulse);
-                let to = next.iter().filter_map(|line| self.distance_to_line(place, line));
-                if let Some(nearest) = to.min_by(f64::total_cmp) {
-                    found.push((nearest, line as u32));
-                }
-            }
-        }
-        found
+                next.iter().filter_map(|line| distance_to_line(place, line)).min_by(f64::total_cmp)
+            };
+            pulses.filter_map(nearest).map(|nearest| (nearest, line as u32)).collect::<Vec<_>>()
+        };
+        (0..lines.len()).into_par_iter().step_by(step).flat_map_iter(of_line).collect()
     }
 
-    /// The distance of a place from the polyline of a line's first echoes; `None` where the line does not
-    /// pass it.
-    fn distance_to_line(&self, place: [f64; 2], line: &Range<usize>) -> Option<f64> {
-        let distances = line.clone().map(|i| (distance(place, self.place(i)), i));
-        let (_, nearest) = distances.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        if nearest == line.start || nearest + 1 == line.end {
-            return None;
-        }
-        let to = |i: usize| distance_to_segment(place, [self.place(i), self.place(i + 1)]);
-        Some(to(nearest - 1).min(to(nearest)))
+    /// The places of the first echoes of a line.
+    fn places(&self, line: &Range<usize>) -> Vec<[f64; 2]> {
+        line.clone().map(|pulse| self.place(pulse)).collect()
     }
+}
+
+/// The distance of a place from the polyline of a line's first echoes; `None` where the line does not pass
+/// it.
+fn distance_to_line(place: [f64; 2], line: &[[f64; 2]]) -> Option<f64> {
+    let distances = line.iter().enumerate().map(|(i, of)| (distance(place, *of), i));
+    let (_, nearest) = distances.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    if nearest == 0 || nearest + 1 == line.len() {
+        return None;
+    }
+    let to = |i: usize| distance_to_segment(place, [line[i], line[i + 1]]);
+    Some(to(nearest - 1).min(to(nearest)))
 }
 
 /// The source and the time of a point, which are those of its pulse.
