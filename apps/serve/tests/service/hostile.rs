@@ -193,9 +193,9 @@ fn a_service_without_tokens_is_not_reached_through_a_proxy_by_accident() {
 /// A file outside of the service, which no answer may contain.
 fn secret() -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("secret.obj"), "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n# a secret 4711\n")
+    std::fs::write(folder.path().join("secret.obj"), "v 0 0 0\nv 9 0 0\nv 0 9 0\nf 1 2 3\n# a secret word\n")
         .unwrap();
-    std::fs::write(folder.path().join("secret.xml"), "a secret 4711").unwrap();
+    std::fs::write(folder.path().join("secret.xml"), "a secret word").unwrap();
     let path = folder.path().to_str().unwrap().to_owned();
     (folder, path)
 }
@@ -355,7 +355,7 @@ fn files_lead_nowhere() {
     ] {
         let job = service.run("run", &tripod(scene));
         let text = job.to_string();
-        assert!(!text.contains("4711"), "{scene}: {text}");
+        assert!(!text.contains("secret word"), "{scene}: {text}");
         assert!(
             !text.contains(service.data.to_str().unwrap()),
             "the folders of the service are told: {text}"
@@ -370,7 +370,7 @@ fn files_lead_nowhere() {
     for survey in ["survey.xml", "survey2.xml"] {
         let job = service.run("run", &json!({ "survey": format!("trap/{survey}") }));
         assert_eq!(job["status"], "failed", "{job}");
-        assert!(!job.to_string().contains("4711"), "{job}");
+        assert!(!job.to_string().contains("secret word"), "{job}");
     }
     // A pipeline file among the uploads is checked like a request, and may not write elsewhere.
     let pipeline = format!("survey = \"survey.xml\"\n[[output]]\npath = \"{secret}/made.laz\"\n");

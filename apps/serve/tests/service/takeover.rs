@@ -41,7 +41,7 @@ impl Stage {
             std::fs::copy(from, at(name)).unwrap();
             open(&at(name), 0o755);
         }
-        std::fs::write(at("secret"), "a secret 4711").unwrap();
+        std::fs::write(at("secret"), "a secret word").unwrap();
         open(&at("secret"), 0o666);
         let socket = UnixListener::bind(at("socket")).unwrap();
         open(&at("socket"), 0o777);
@@ -84,7 +84,7 @@ impl Stage {
 
     /// Nothing has reached what lies outside.
     fn is_untouched(&self) {
-        assert_eq!(std::fs::read_to_string(&self.secret).unwrap(), "a secret 4711");
+        assert_eq!(std::fs::read_to_string(&self.secret).unwrap(), "a secret word");
         let mode = std::fs::metadata(&self.secret).unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o666);
         self.socket.set_nonblocking(true).unwrap();
@@ -114,7 +114,7 @@ fn hold(as_nobody: bool) {
     wait_for_processes(service, false);
     stage.is_untouched();
     let map = service.get("/map.png?scene=room/scene.xml");
-    assert!(map.status >= 400 && !map.text().contains("4711"), "{}", map.text());
+    assert!(map.status >= 400 && !map.text().contains("secret word"), "{}", map.text());
     stage.is_untouched();
     // The price of a run, and a run that does not end with the service.
     let run = service.submit(
@@ -168,7 +168,7 @@ fn links_in_the_folder_of_a_job_are_not_followed() {
     service.upload_fixture("room");
     let folder = tempfile::tempdir().unwrap();
     let secret = folder.path().join("secret.txt");
-    std::fs::write(&secret, "a secret 4711").unwrap();
+    std::fs::write(&secret, "a secret word").unwrap();
     let job = service.run("dry-run", &json!({ "survey": "room/survey.xml" }));
     let id = job["jobID"].as_str().unwrap();
     let out = service.data.join("jobs").join(id).join("out");
@@ -178,7 +178,7 @@ fn links_in_the_folder_of_a_job_are_not_followed() {
     for path in
         [format!("/jobs/{id}/results/report.json"), format!("/jobs/{id}/results"), format!("/jobs/{id}")]
     {
-        assert!(!service.get(&path).text().contains("4711"), "{path}");
+        assert!(!service.get(&path).text().contains("secret word"), "{path}");
     }
     let map = service.get("/map.png?scene=room/scene.xml");
     assert_eq!(map.status, 200, "{}", map.text());
@@ -188,7 +188,7 @@ fn links_in_the_folder_of_a_job_are_not_followed() {
         std::fs::remove_file(&picture).unwrap();
         std::os::unix::fs::symlink(&secret, &picture).unwrap();
         let map = service.get("/map.png?scene=room/scene.xml");
-        assert!(!map.text().contains("4711"), "{name}");
+        assert!(!map.text().contains("secret word"), "{name}");
     }
-    assert_eq!(std::fs::read_to_string(&secret).unwrap(), "a secret 4711");
+    assert_eq!(std::fs::read_to_string(&secret).unwrap(), "a secret word");
 }
