@@ -6,14 +6,17 @@
 
 use rayon::prelude::*;
 
-/// Maximum number of points of a leaf, unless all are at one place.
-const MAX_LEAF_POINTS: usize = 32;
+/// Maximum number of points of a leaf, unless all are at one place: halves of a bucket five times over, which
+/// scatter about 32.
+const MAX_LEAF_POINTS: usize = 48;
 /// Number of points of a bucket, about.
 const BUCKET_POINTS: usize = if cfg!(test) { 64 } else { 1024 };
 /// Number of points of a bucket that are in the sample.
 const SAMPLE_POINTS: usize = 8;
 /// Maximum number of times that the buckets are halved.
 const MAX_LEVELS: u32 = 16;
+/// Number of points whose buckets one task finds.
+const TASK_POINTS: usize = 1 << 14;
 
 /// Points by their index.
 pub(crate) trait Places: Sync {
@@ -22,6 +25,9 @@ pub(crate) trait Places: Sync {
 
     /// Position of a point.
     fn at(&self, index: u32) -> [f64; 3];
+
+    /// Releases the memory of places in temporary files, which is taken again when they are used.
+    fn release(&self) {}
 }
 
 impl Places for [[f64; 3]] {
@@ -229,15 +235,11 @@ fn buckets(places: &(impl Places + ?Sized)) -> (Vec<u32>, Vec<usize>) {
     let mut sample: Vec<[f64; 3]> = (0..count).step_by(step).map(|i| places.at(i as u32)).collect();
     let mut splits = vec![Split { axis: 0, value: f64::NAN }; number - 1];
     divide(&mut sample, 0, &mut splits);
-    let bucket_of = |i: usize| {
-        let p = places.at(i as u32);
-        let mut at = 0;
-        while let Some(Split { axis, value }) = splits.get(at) {
-            at = 2 * at + 1 + usize::from(p[*axis] >= *value);
-        }
-        (at - splits.len()) as u16
-    };
-    let bucket_of_points: Vec<u16> = (0..count).into_par_iter().map(bucket_of).collect();
+    let mut bucket_of_points = vec![0_u16; count];
+    bucket_of_points
+        .par_chunks_mut(TASK_POINTS)
+        .enumerate()
+        .for_each(|(task, buckets)| find_buckets(places, task * TASK_POINTS, &splits, buckets));
     let mut places_of_next = vec![0; number];
     bucket_of_points.iter().for_each(|bucket| places_of_next[usize::from(*bucket)] += 1);
     let mut sum = 0;
@@ -253,6 +255,26 @@ fn buckets(places: &(impl Places + ?Sized)) -> (Vec<u32>, Vec<usize>) {
         *next += 1;
     }
     (order, places_of_next)
+}
+
+/// Finds the buckets of points from the index `start` on. Some points are followed at a time: each step of
+/// one waits for the step before, and the steps of the others are done meanwhile.
+fn find_buckets(places: &(impl Places + ?Sized), start: usize, splits: &[Split], buckets: &mut [u16]) {
+    const TOGETHER: usize = 8;
+    for (group, buckets) in buckets.chunks_mut(TOGETHER).enumerate() {
+        let first = start + group * TOGETHER;
+        let mut points = [[0.0; 3]; TOGETHER];
+        (first..).zip(&mut points[..buckets.len()]).for_each(|(i, point)| *point = places.at(i as u32));
+        let mut at = [0; TOGETHER];
+        // All ways to the buckets have the same number of splits.
+        while at[0] < splits.len() {
+            for (at, point) in at.iter_mut().zip(&points) {
+                let Split { axis, value } = splits[*at];
+                *at = 2 * *at + 1 + usize::from(point[axis] >= value);
+            }
+        }
+        buckets.iter_mut().zip(at).for_each(|(bucket, at)| *bucket = (at - splits.len()) as u16);
+    }
 }
 
 /// Finds the splits of a sample: that of number `at`, and those on both sides of it.

@@ -137,8 +137,10 @@ impl<T: Stored> Column<T> {
     }
 
     /// All values.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = T> + Clone + '_ {
-        (0..self.len()).map(|index| self.at(index))
+    pub fn iter(&self) -> impl Iterator<Item = T> + Clone + '_ {
+        // Part by part, since finding the part of each value takes longer than reading it.
+        let in_files = self.parts.iter().flat_map(|part| part.chunks_exact(T::BYTES).map(T::from_bytes));
+        in_files.chain(self.held.iter().copied())
     }
 
     /// Adds a value.
@@ -153,6 +155,20 @@ impl<T: Stored> Column<T> {
             }
         }
         self.held.push(value);
+    }
+
+    /// Adds values.
+    pub fn extend(&mut self, values: impl Iterator<Item = T>) {
+        let mut values = values.peekable();
+        while values.peek().is_some() {
+            // One by one where a part is full, and as many as have room beyond.
+            values.next().into_iter().for_each(|value| self.push(value));
+            let room = match self.is_kept {
+                true => usize::MAX,
+                false => self.max_held.count().saturating_sub(self.held.len()),
+            };
+            self.held.extend(values.by_ref().take(room));
+        }
     }
 
     /// Adds a value until there are `len`.

@@ -1,6 +1,8 @@
 //! A point cloud: 12 or 24 bytes for each position and up to 30 for its attributes, in bounded memory, and a
 //! bounded number of points.
 
+mod adding;
+
 use super::column::{Column, HeldValues};
 use super::points_part::{KeptValues, PointsPart, held_points, is_placed};
 use super::positions::Positions;
@@ -160,67 +162,6 @@ impl Points {
         self.keep(row.position, &KeptValues::of(row), object);
     }
 
-    /// Adds the points of a block.
-    fn append(&mut self, part: &PointsPart) {
-        self.misses += part.misses;
-        self.skipped += part.skipped;
-        self.bounds = self.bounds.union(Aabb::around(part.positions.iter().copied()));
-        self.strays.add_all(&part.positions);
-        part.positions.iter().zip(&part.values).for_each(|(p, values)| self.keep(*p, values, None));
-    }
-
-    /// Keeps a point, unless only some of the points are kept.
-    fn keep(&mut self, position: DVec3, point: &KeptValues, object: Option<&str>) {
-        if self.positions.len() >= self.max_points {
-            self.drop_every_second();
-        }
-        self.added += 1;
-        let colour = point.colour.filter(|_| self.kept.is_none());
-        // Every point counts: most of a cloud may be dark.
-        self.max_colour = colour.into_iter().flatten().fold(self.max_colour, u16::max);
-        if !(self.added - 1).is_multiple_of(self.stride) {
-            return;
-        }
-        self.positions.push(position);
-        if self.has(Attribute::Intensity) {
-            self.intensity.push(point.intensity);
-        }
-        if self.has(Attribute::Class) {
-            self.class.push(point.class);
-        }
-        if self.has(Attribute::ReturnNumber) {
-            self.return_number.push(point.return_number);
-        }
-        if self.has(Attribute::NumberOfReturns) {
-            self.number_of_returns.push(point.number_of_returns);
-        }
-        if self.has(Attribute::ScanAngle) {
-            self.scan_angle.push(point.scan_angle);
-        }
-        if self.has(Attribute::Object) {
-            let mut number = itoa::Buffer::new();
-            let number = self.object_number(object.unwrap_or_else(|| number.format(point.object)));
-            self.object.push(number);
-        }
-        if self.has(Attribute::Leg) {
-            self.high_legs += u64::from(point.leg > 255);
-            self.leg.push(point.leg);
-        }
-        if self.has(Attribute::Channel) {
-            self.high_channels += u64::from(point.channel > 255);
-            self.channel.push(point.channel.min(255) as u8);
-        }
-        if let Some(colour) = colour {
-            // Points of other scans may have none.
-            self.colour.fill(self.positions.len() - 1, [0; 3]);
-            self.colour.push(colour);
-        }
-        if self.has(Attribute::Time) {
-            let first = *self.first_time.get_or_insert(point.time);
-            self.time.push(point.time - first);
-        }
-    }
-
     /// Leaves out the points that lie far from all others, with a warning. Above [`MAX_POINTS`], where the
     /// cloud is thinned, strays are found and counted among all points, and the bounds become those of the
     /// points that are kept.
@@ -245,39 +186,6 @@ impl Points {
         self.time.retain(is_kept);
         self.added -= strays.count;
         self.bounds = self.positions.iter().fold(Aabb::EMPTY, Aabb::with);
-    }
-
-    fn drop_every_second(&mut self) {
-        self.positions.halve();
-        self.intensity.halve();
-        self.class.halve();
-        self.return_number.halve();
-        self.number_of_returns.halve();
-        self.scan_angle.halve();
-        self.object.halve();
-        self.leg.halve();
-        self.channel.halve();
-        self.colour.halve();
-        self.time.halve();
-        self.stride *= 2;
-    }
-
-    fn object_number(&mut self, name: &str) -> u16 {
-        // Consecutive points are mostly on one object.
-        if self.objects.get(usize::from(self.latest_object)).is_some_and(|latest| latest == name) {
-            return self.latest_object;
-        }
-        self.latest_object = match self.object_numbers.get(name) {
-            Some(&number) => number,
-            None if self.objects.len() < usize::from(u16::MAX) => {
-                let number = self.objects.len() as u16;
-                self.objects.push(name.to_owned());
-                self.object_numbers.insert(name.to_owned(), number);
-                number
-            }
-            None => u16::MAX - 1,
-        };
-        self.latest_object
     }
 
     /// Treats the legs of further points as flight lines, numbered from 1; 0 means none.

@@ -26,9 +26,7 @@ impl Positions {
     /// Adds a position. The first one that is in no step ends the storage in steps.
     pub fn push(&mut self, position: DVec3) {
         if let Positions::Steps { scale, offset, steps } = self {
-            // The conversion saturates, which the comparison finds.
-            let step = ((position - *offset) / *scale).to_array().map(|steps| steps.round() as i32);
-            if has_same_bits(position_of(step, *scale, *offset), position) {
+            if let Some(step) = step_of(position, *scale, *offset) {
                 return steps.push(step);
             }
             let mut all = Column::new(steps.max_held());
@@ -37,6 +35,23 @@ impl Positions {
         }
         if let Positions::Metres(all) = self {
             all.push(position.to_array());
+        }
+    }
+
+    /// Adds positions.
+    pub fn extend(&mut self, positions: &[DVec3]) {
+        let mut rest = positions;
+        if let Positions::Steps { scale, offset, steps } = self {
+            let (scale, offset) = (*scale, *offset);
+            let in_steps = rest.iter().map(|p| step_of(*p, scale, offset)).take_while(Option::is_some);
+            let before = steps.len();
+            steps.extend(in_steps.flatten());
+            rest = &rest[steps.len() - before..];
+        }
+        match self {
+            // From the first position on that is in no step.
+            Positions::Steps { .. } => rest.iter().for_each(|p| self.push(*p)),
+            Positions::Metres(all) => all.extend(rest.iter().map(DVec3::to_array)),
         }
     }
 
@@ -66,7 +81,13 @@ impl Positions {
 
     /// All positions in their order.
     pub fn iter(&self) -> impl Iterator<Item = DVec3> + Clone + '_ {
-        (0..self.len()).map(move |index| self.get(index))
+        let (in_steps, in_metres) = match self {
+            Positions::Steps { scale, offset, steps } => {
+                (Some(steps.iter().map(|step| position_of(step, *scale, *offset))), None)
+            }
+            Positions::Metres(all) => (None, Some(all.iter().map(DVec3::from))),
+        };
+        in_steps.into_iter().flatten().chain(in_metres.into_iter().flatten())
     }
 
     /// Keeps every second position.
@@ -92,6 +113,13 @@ impl Positions {
             Positions::Metres(all) => all.release(),
         }
     }
+}
+
+/// The step of a position; `None` of a position between steps.
+fn step_of(position: DVec3, scale: DVec3, offset: DVec3) -> Option<[i32; 3]> {
+    // The conversion saturates, which the comparison finds.
+    let step = ((position - offset) / scale).to_array().map(|steps| steps.round() as i32);
+    has_same_bits(position_of(step, scale, offset), position).then_some(step)
 }
 
 /// The position as readers of LAS compute it.

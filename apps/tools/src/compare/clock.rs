@@ -6,6 +6,7 @@
 //! cases. Therefore clocks count as one if the clouds are at the same places at the same times.
 
 use super::pulses::{Pulse, Pulses, distance};
+use super::quantity::{MAX_VALUES, evenly};
 use rayon::prelude::*;
 
 /// Maximum number of parts of a recording whose places are compared.
@@ -45,20 +46,21 @@ pub(super) fn check_clocks([first, second]: [&Pulses; 2]) -> Result<(), ClockErr
         false => first.count() / MIN_PULSES,
     };
     let size = by_time.len().div_ceil(parts.clamp(1, MAX_PARTS)).max(1);
-    let mut distances: Vec<(f64, f64)> = Vec::new();
-    for part in by_time.chunks(size) {
+    let of_part = |part: &[u32]| {
         let [from, to] = [part[0], part[part.len() - 1]].map(|i| first.time(i as usize));
         let time_of = |i: &u32| second.time(*i as usize);
         let begin = others.partition_point(|i| time_of(i) < from);
         let end = others.partition_point(|i| time_of(i) <= to);
         let other = &others[begin..end];
         if other.is_empty() || (other.len() as f64) < MIN_SHARE * part.len() as f64 {
-            continue;
+            return None;
         }
         let (centre, spread) = centre_of(part.iter().map(|i| first.place(*i as usize)));
         let (other_centre, other_spread) = centre_of(other.iter().map(|i| second.place(*i as usize)));
-        distances.push((distance(centre, other_centre), spread.max(other_spread)));
-    }
+        Some((distance(centre, other_centre), spread.max(other_spread)))
+    };
+    let mut distances: Vec<(f64, f64)> = by_time.par_chunks(size).filter_map(of_part).collect();
+    [first, second].into_iter().for_each(Pulses::release);
     let ratio = |(distance, spread): &(f64, f64)| distance / spread.max(f64::MIN_POSITIVE);
     distances.sort_unstable_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     match distances.get(distances.len() / 2) {
@@ -98,7 +100,7 @@ impl<'p> Angles<'p> {
     pub fn of(pulses: &'p Pulses<'p>) -> Option<Angles<'p>> {
         /// Usual intervals between the pulses before and after.
         const REACH: f64 = 3.0;
-        let mut intervals: Vec<f64> = pulses.intervals().map(|(time, _)| time).collect();
+        let mut intervals = evenly(pulses.intervals().map(|(time, _)| time), MAX_VALUES);
         if intervals.is_empty() || !pulses.has_angles {
             return None;
         }
@@ -137,14 +139,15 @@ impl<'p> Angles<'p> {
         self.of_each(self.pulses.count(), &pulse, |(pulse, begin)| self.interpolated(pulse, begin))
     }
 
-    /// The values of some pulses in their order; `value` gets also the place of the cloud's first pulse that
-    /// is not earlier.
+    /// The values of some pulses in their order, of at most [`MAX_VALUES`], evenly chosen; `value` gets also
+    /// the place of the cloud's first pulse that is not earlier.
     fn of_each<T: Send>(
         &self,
         count: usize,
         pulse: &(dyn Fn(usize) -> Pulse + Sync),
         value: impl Fn((&Pulse, usize)) -> Option<T> + Sync,
     ) -> Vec<T> {
+        let step = count.div_ceil(MAX_VALUES).max(1);
         let of_part = |part: usize| -> Vec<T> {
             let mut begin = 0;
             let of_pulse = |i: usize| {
@@ -153,7 +156,8 @@ impl<'p> Angles<'p> {
                 value((&pulse, begin))
             };
             let end = count.min((part + 1) * PART_PULSES);
-            (part * PART_PULSES..end).filter_map(of_pulse).collect()
+            let chosen = (part * PART_PULSES..end).filter(|i| i.is_multiple_of(step));
+            chosen.filter_map(of_pulse).collect()
         };
         (0..count.div_ceil(PART_PULSES)).into_par_iter().flat_map_iter(of_part).collect()
     }

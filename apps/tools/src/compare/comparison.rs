@@ -193,7 +193,8 @@ fn prepared<'a>(
     options: &CompareOptions,
     observer: &Observer,
 ) -> Result<(Setting<'a>, BlockKind, u32)> {
-    let mut pulses = cuts.map(Pulses::of);
+    let (first_pulses, second_pulses) = rayon::join(|| Pulses::of(cuts[0]), || Pulses::of(cuts[1]));
+    let mut pulses = [first_pulses, second_pulses];
     let [own_lines, _] = pulses.each_mut().map(|found| match found {
         Ok(found) => Some(found.take_lines_of_points()).filter(|_| found.has_lines),
         Err(_) => None,

@@ -29,6 +29,10 @@ impl Places for Cut<'_> {
     fn at(&self, index: u32) -> [f64; 3] {
         self.offset(index as usize)
     }
+
+    fn release(&self) {
+        self.points.release();
+    }
 }
 
 impl<'a> Cut<'a> {
@@ -67,7 +71,9 @@ impl<'a> Cut<'a> {
 
     /// Positions of all points, in their order.
     pub fn offsets(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
-        (0..self.len()).map(move |i| self.offset(i))
+        let all = self.chosen.is_none().then(|| self.points.positions());
+        let chosen = self.chosen.iter().flatten().map(|index| self.points.position(*index as usize));
+        all.into_iter().flatten().chain(chosen).map(|position| (position - self.corner).to_array())
     }
 
     /// A value of each point, in their order.
@@ -155,10 +161,10 @@ impl CellGrid {
     /// The lowest and the highest of some points in each cell; infinite in cells without.
     pub fn extremes(&self, offsets: impl Iterator<Item = [f64; 3]>) -> Vec<[f64; 2]> {
         let mut extremes = vec![[f64::INFINITY, f64::NEG_INFINITY]; self.len()];
-        for offset in offsets {
+        offsets.for_each(|offset| {
             let [low, high] = &mut extremes[self.cell(&offset)];
             (*low, *high) = (low.min(offset[2]), high.max(offset[2]));
-        }
+        });
         extremes
     }
 

@@ -27,10 +27,12 @@ pub(super) fn distances(
     to: &(impl Places + ?Sized),
     most: usize,
 ) -> Distances {
-    let tree = KdTree::new(to);
     let step = from.count().div_ceil(most.max(1)).max(1);
-    let distance = |i: usize| tree.nearest(to, &from.at(i as u32)).sqrt();
-    let mut found: Vec<f64> = (0..from.count()).into_par_iter().step_by(step).map(distance).collect();
+    let places: Vec<[f64; 3]> = (0..from.count()).step_by(step).map(|i| from.at(i as u32)).collect();
+    from.release();
+    let tree = KdTree::new(to);
+    let mut found: Vec<f64> = places.par_iter().map(|place| tree.nearest(to, place).sqrt()).collect();
+    to.release();
     found.par_sort_unstable_by(f64::total_cmp);
     let count = found.len() as f64;
     let at = |fraction: f64| found[((count - 1.0) * fraction).round() as usize];

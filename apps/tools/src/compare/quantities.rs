@@ -3,7 +3,8 @@
 use super::clock::{Angles, check_clocks};
 use super::cut::{Cut, of_both};
 use super::pulses::Pulses;
-use super::setting::{Findings, Setting};
+use super::quantity::{MAX_VALUES, evenly};
+use super::setting::{Findings, Setting, step_of_values};
 use super::statistic::Statistic::{self, Frequency, Mean, Quantile, Share, Spread};
 use rayon::prelude::*;
 use vlscan_formats::Attribute;
@@ -91,9 +92,10 @@ impl Setting<'_> {
         found.add("height range of cells", self.of_cells(definition, &ranges));
     }
 
-    /// Number of points of a cut of which one has a height: above a terrain not all heights are computed.
+    /// Of how many points of a cut one has a height: above a terrain fewer heights are computed.
     fn step_of_heights(&self, cut: &Cut) -> usize {
-        self.terrain.as_ref().map_or(1, |_| cut.len().div_ceil(self.most).max(1))
+        let of_terrain = self.terrain.as_ref().map_or(1, |_| cut.len().div_ceil(self.most));
+        of_terrain.max(step_of_values(cut))
     }
 
     /// The height of every n-th point of a cut, see [`Setting::step_of_heights`]; NaN where there is no
@@ -126,12 +128,12 @@ impl Setting<'_> {
         );
         definition.is_whole = true;
         let returns = [0, 1].map(|cloud: usize| match &self.pulses[cloud] {
-            Ok(pulses) => pulses.echoes().collect::<Vec<(u8, u32)>>(),
+            Ok(pulses) => evenly(pulses.echoes(), MAX_VALUES),
             Err(_) => {
                 let cut = self.cuts[cloud];
                 let of_first =
                     |i: usize| cut.returns(i).filter(|(number, _)| *number == 1).map(|(_, n)| (n, i as u32));
-                (0..cut.len()).filter_map(of_first).collect()
+                evenly((0..cut.len()).filter_map(of_first), MAX_VALUES)
             }
         });
         let [first, second] = returns;
@@ -148,7 +150,8 @@ impl Setting<'_> {
             return found.note_missing("classes", "a cloud has none");
         }
         let classes = self.cuts.map(|cut| -> Vec<f64> {
-            (0..cut.len()).into_par_iter().map(|i| cut.class(i).map_or(f64::NAN, f64::from)).collect()
+            let chosen = (0..cut.len()).into_par_iter().step_by(step_of_values(cut));
+            chosen.map(|i| cut.class(i).map_or(f64::NAN, f64::from)).collect()
         });
         let counts = [0, 1].map(|cloud: usize| {
             let mut counts = vec![0.0; 256];
@@ -168,7 +171,7 @@ impl Setting<'_> {
             "shares of the classes of points by their codes in LAS",
         );
         definition.is_whole = true;
-        found.add("classes", self.of_points(definition, classes, 1));
+        found.add("classes", self.of_points(definition, classes, step_of_values(self.cuts[0])));
     }
 
     pub fn intensity(&self, found: &mut Findings) {
@@ -182,7 +185,7 @@ impl Setting<'_> {
                 let intensity = cut.points.intensity_of(cut.index(i));
                 intensity.map_or(f64::NAN, f64::from) * scale
             };
-            (0..cut.len()).into_par_iter().map(value).collect()
+            (0..cut.len()).into_par_iter().step_by(step_of_values(cut)).map(value).collect()
         });
         let definition = self.define(
             "Intensity",
@@ -191,7 +194,7 @@ impl Setting<'_> {
             &QUARTILES,
             "intensities in units of each cloud's median, since instruments scale them differently",
         );
-        match self.of_points(definition, scaled, 1) {
+        match self.of_points(definition, scaled, step_of_values(self.cuts[0])) {
             Some(quantity) => found.quantities.push(quantity),
             None => found.note_missing("intensities", "a cloud has none, or more than half of them are 0"),
         }

@@ -11,6 +11,33 @@ use serde::Serialize;
 /// rounding.
 const ERROR_RATIO: f64 = 1.06;
 
+/// Maximum number of values of each cloud that count. The fraction of the values below one is that of so many
+/// within 0.05 %, two standard deviations by chance.
+pub(super) const MAX_VALUES: usize = 1 << 22;
+
+/// At most `most` of some values, evenly chosen: all, every second, every fourth, and so on.
+pub(super) fn evenly<T>(values: impl IntoIterator<Item = T>, most: usize) -> Vec<T> {
+    let (mut kept, mut step) = (Vec::new(), 1_usize);
+    for (number, value) in values.into_iter().enumerate() {
+        if number & (step - 1) != 0 {
+            continue;
+        }
+        if kept.len() >= most.max(1) {
+            let mut place = 0_usize;
+            kept.retain(|_| {
+                place += 1;
+                place & 1 == 1
+            });
+            step *= 2;
+            if number & (step - 1) != 0 {
+                continue;
+            }
+        }
+        kept.push(value);
+    }
+    kept
+}
+
 /// A number of both clouds.
 #[derive(Clone, Debug, Serialize)]
 pub struct Figure {
@@ -54,7 +81,7 @@ pub struct Quantity {
     pub per: &'static str,
     /// Meaning, in a sentence.
     pub meaning: String,
-    /// Number of values of each cloud.
+    /// Number of values of each cloud that count: at most about four million, evenly chosen.
     pub counts: [usize; 2],
     /// Figures of its distribution.
     pub figures: Vec<Figure>,
@@ -80,8 +107,8 @@ pub(super) struct Definition {
 }
 
 impl Definition {
-    /// The quantity of values of the first cloud with their blocks, and of values of the second; `None` if
-    /// either has none.
+    /// The quantity of values of the first cloud with their blocks, and of values of the second, at most
+    /// [`MAX_VALUES`] of each; `None` if either has none.
     pub fn measure(
         mut self,
         first: impl IntoIterator<Item = (f64, u32)>,
@@ -254,6 +281,17 @@ mod tests {
         };
         // The mean of 100 blocks varies by 0.1, that of 5000 independent values by 0.014.
         assert!(bound(1.0) > 4.0 * bound(0.0), "{} {}", bound(1.0), bound(0.0));
+    }
+
+    #[test]
+    fn many_values_are_thinned_evenly_and_few_are_all_kept() {
+        assert_eq!(evenly(0..10, 10), (0..10).collect::<Vec<_>>());
+        assert_eq!(evenly(0..11, 10), [0, 2, 4, 6, 8, 10]);
+        assert_eq!(evenly(0..21, 10), [0, 4, 8, 12, 16, 20]);
+        assert_eq!(evenly(0..1000, 1), [0]);
+        let kept = evenly(0..100_000, 1000);
+        assert!((500..=1000).contains(&kept.len()) && kept.windows(2).all(|pair| pair[1] - pair[0] == 128));
+        assert!(evenly(0..0, 10).is_empty());
     }
 
     #[test]

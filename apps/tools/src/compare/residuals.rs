@@ -159,5 +159,8 @@ fn residuals_of(cut: &Cut, terrain: &Terrain, most: usize) -> Vec<Residual> {
         })
     };
     let chosen: Vec<usize> = candidates().step_by(step).collect();
-    chosen.par_iter().filter_map(residual).collect()
+    cut.points.release();
+    let residuals = chosen.par_iter().filter_map(residual).collect();
+    cut.points.release();
+    residuals
 }

@@ -3,7 +3,7 @@
 use super::chance::Halves;
 use super::cut::{CellGrid, Cut, of_both};
 use super::pulses::{MissingPulses, Pulses, PulsesError};
-use super::quantity::{Definition, Quantity};
+use super::quantity::{Definition, MAX_VALUES, Quantity, evenly};
 use super::statistic::Statistic;
 use super::terrain::Terrain;
 
@@ -24,6 +24,11 @@ pub(super) struct Setting<'a> {
     pub terrain: Option<Terrain<'a>>,
     /// Maximum number of points of each cloud whose height above the terrain is computed.
     pub most: usize,
+}
+
+/// Of how many points of a cut one has a value that counts.
+pub(super) fn step_of_values(cut: &Cut) -> usize {
+    cut.len().div_ceil(MAX_VALUES).max(1)
 }
 
 /// The quantities that both clouds have, and why others are missing.
@@ -123,7 +128,10 @@ impl Setting<'_> {
     where
         V: IntoIterator<Item = (f64, u32)>,
     {
-        let second = second.into_iter().map(|(value, _)| value).collect();
+        // One cloud after the other, so that the columns of one are in memory.
+        let first = evenly(first, MAX_VALUES);
+        self.cuts[0].points.release();
+        let second = evenly(second.into_iter().map(|(value, _)| value), MAX_VALUES);
         self.cuts[1].points.release();
         definition.measure(first, second, self.halves_of_lines())
     }

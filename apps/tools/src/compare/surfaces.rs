@@ -77,7 +77,7 @@ pub(super) fn voxels(cuts: [&Cut; 2], side: f64) -> Voxels {
 fn occupied(cut: &Cut, side: f64) -> HashSet<u128, BuildHasherDefault<VoxelHasher>> {
     let mut voxels = HashSet::default();
     let mut last = None;
-    for offset in cut.offsets() {
+    cut.offsets().for_each(|offset| {
         let [x, y, z] = offset.map(|v| u128::from((v / side).floor() as i32 as u32));
         let voxel = x << 64 | y << 32 | z;
         // Many neighbours in the file are in one voxel.
@@ -85,7 +85,7 @@ fn occupied(cut: &Cut, side: f64) -> HashSet<u128, BuildHasherDefault<VoxelHashe
             voxels.insert(voxel);
             last = Some(voxel);
         }
-    }
+    });
     voxels
 }
 

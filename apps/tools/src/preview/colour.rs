@@ -182,9 +182,10 @@ impl Colouring {
             _ if !wanted.shown_by(points) => Colouring::of_heights(points, heights),
             ColourBy::Height => Colouring::of_heights(points, heights),
             ColourBy::Rgb => Colouring::Own,
-            ColourBy::Intensity => {
-                Colouring::Ranks { quantiles: quantiles(points.intensity.iter()), table: &STRENGTHS }
-            }
+            ColourBy::Intensity => Colouring::Ranks {
+                quantiles: quantiles(points.intensity.iter(), points.intensity.len()),
+                table: &STRENGTHS,
+            },
             ColourBy::Time => {
                 let (low, high) = inner_range(points.time.iter().map(|t| t as f32));
                 Colouring::Ramp { value: wanted, low, high, table: &HEIGHTS }

@@ -5,9 +5,9 @@ const QUANTILES: usize = 129;
 /// Maximum number of values that quantiles are taken from: an even sample of more.
 const MAX_RANKED: usize = 1 << 20;
 
-/// Quantiles of the finite values from 0 to 1, ascending; of no values, of 0 and 1.
-pub(super) fn quantiles(values: impl ExactSizeIterator<Item = f32>) -> Vec<f32> {
-    let step = values.len().div_ceil(MAX_RANKED).max(1);
+/// Quantiles of the finite ones of `count` values from 0 to 1, ascending; of no values, of 0 and 1.
+pub(super) fn quantiles(values: impl Iterator<Item = f32>, count: usize) -> Vec<f32> {
+    let step = count.div_ceil(MAX_RANKED).max(1);
     let mut sorted: Vec<f32> = values.step_by(step).filter(|v| v.is_finite()).collect();
     sorted.sort_unstable_by(f32::total_cmp);
     if sorted.is_empty() {
@@ -67,13 +67,13 @@ mod tests {
     #[test]
     fn ranks_spread_skewed_values_over_the_colours() {
         let values: Vec<f32> = (0..10_000).map(|i| (i as f32 / 1000.0).exp()).collect();
-        let quantiles = quantiles(values.iter().copied());
+        let quantiles = quantiles(values.iter().copied(), values.len());
         for (share, i) in [(0.0, 0), (0.25, 2500), (0.5, 5000), (1.0, 9999)] {
             assert!((rank(&quantiles, values[i]) - share).abs() < 0.01, "{share}");
         }
         assert_eq!((rank(&quantiles, -1.0), rank(&quantiles, 1e9)), (0.0, 1.0));
-        assert_eq!(rank(&super::quantiles([7.0; 9].into_iter()), 7.0), 0.5);
-        assert_eq!(super::quantiles([f32::NAN].into_iter()), [0.0, 1.0]);
+        assert_eq!(rank(&super::quantiles([7.0; 9].into_iter(), 9), 7.0), 0.5);
+        assert_eq!(super::quantiles([f32::NAN].into_iter(), 1), [0.0, 1.0]);
     }
 
     #[test]

@@ -80,7 +80,20 @@ fn points_of_blocks_are_those_added_one_by_one() {
         ..PointRow::default()
     };
     let rows: Vec<PointRow> = (0..500).map(row).collect();
-    let empty = || Points { max_points: 128, ..Points::new(AttributeSet::of(|_| true)) };
+    let all = AttributeSet::of(|_| true);
+    let without_objects = AttributeSet::of(|attribute| attribute != Attribute::Object);
+    for (attributes, max_points, max_bytes) in [
+        (all, 128, None),
+        (without_objects, 128, None),
+        (without_objects, 1000, None),
+        (without_objects, 1000, Some(1)),
+    ] {
+        let empty = || Points { max_points, ..Points::within(attributes, max_bytes) };
+        blocks_are_as_single_points(&rows, &empty);
+    }
+}
+
+fn blocks_are_as_single_points(rows: &[PointRow], empty: &dyn Fn() -> Points) {
     let mut single = empty();
     rows.iter().for_each(|row| single.push(row, None));
     for length in [1, 7, 500] {
