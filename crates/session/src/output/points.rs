@@ -2,7 +2,7 @@
 
 use super::point_table::{PointTable, PositionFrame};
 use super::request::{OutputRequest, Target};
-use super::system::{check_place, check_unit};
+use super::system::check_system;
 use ::arrow_array::RecordBatch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -130,7 +130,8 @@ pub fn write_points(
     check_columns(&rows, *format, &mut settings, path, &mut found)?;
     warn_of_unknown(table, path, &mut found);
     if let Some(wkt) = request.cloud.crs.as_deref() {
-        check_system(wkt, &settings, &mut found);
+        let centre = settings.bounds.centre() + settings.origin;
+        check_system(wkt, (!settings.bounds.is_empty()).then_some(centre), &mut found);
     }
     settings.objects = objects.clone();
     if frame == PositionFrame::World {
@@ -209,14 +210,6 @@ fn settings_of(facts: &CloudFacts, request: &OutputRequest) -> CloudSettings {
     settings.las = cloud.las.clone();
     settings.frame_names = cloud.frame_names.clone();
     settings
-}
-
-/// Warns of a chosen coordinate reference system that does not fit the points.
-fn check_system(wkt: &str, settings: &CloudSettings, found: &mut Diagnostics) {
-    if !settings.bounds.is_empty() {
-        check_place(wkt, settings.bounds.centre() + settings.origin, found);
-    }
-    check_unit(wkt, found);
 }
 
 /// Warns of columns that no format has.
