@@ -53,8 +53,8 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
     (found, note)
 }
 
-/// Warns of a system that does not fit a scene around `centre`. Returns a note on the place of the scene in it,
-/// for scenes whose files name no system.
+/// Warns of a system that does not fit a scene around `centre`. Returns a note on the place of the scene in
+/// it, for scenes whose files name no system.
 fn check_chosen(wkt: &str, centre: Option<DVec3>, found: &mut Diagnostics) -> Option<String> {
     let place = check_system(wkt, centre, found)?;
     Some(format!("in {}, the scene is at {place}", crs::name(wkt)))

@@ -38,6 +38,13 @@ pub(super) struct MaterialJson {
     extensions: Value,
 }
 
+impl MaterialJson {
+    /// True if colours of an extension take the place of those that are read.
+    pub fn has_glossy_colours(&self) -> bool {
+        self.extensions.get("KHR_materials_pbrSpecularGlossiness").is_some()
+    }
+}
+
 /// The materials of a document, and after them that of primitives without one.
 ///
 /// # Errors
