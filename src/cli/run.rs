@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{identity, reads, refuse_existing};
+use vlscan_base::files::{identity, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, amount_of, counted, duration};
 use vlscan_options::ResolvedRun;
 use vlscan_session::output::{FileKind, OutputRequest, Target};
@@ -147,7 +147,7 @@ impl Ready {
         };
         if let Some(path) = &self.objects {
             let is_begun = self.resumption.as_ref().is_some_and(|how| how.folder.is_dir());
-            refuse_existing(path, self.output.force || is_begun)?;
+            refuse_unwritable(path, self.output.force || is_begun)?;
             reads::refuse_input_of(path, self.session.inputs().chain(self.output.inputs.iter().cloned()))?;
             if !places.insert(identity(path)) {
                 return Err(Error::input(format!("two outputs would be written to {}", path.display())));

@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileSet, NewFolder, identity, is_special, is_taken, reads, remove_litter};
+use vlscan_base::files::{
+    FileSet, NewFolder, identity, is_special, is_taken, reads, refuse_unwritable, remove_litter,
+};
 use vlscan_formats::{
     CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
     PointFormat,
@@ -401,22 +403,16 @@ fn check_path(path: &Path, made: &[PathBuf], may_exist: bool, inputs: &Inputs, p
         problems.error(None, reads::is_read(path));
         return;
     }
-    if is_special(path) {
+    let is_made = |folder: &Path| !folder.is_dir() && made.iter().any(|made| made == folder);
+    if path.parent().is_some_and(is_made) {
         return;
     }
-    let shown = path.display();
-    if path.is_dir() {
-        problems.error(None, format!("{shown} is a directory, expected a file"));
-        return;
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() && !made.iter().any(|d| d == folder) {
-        let kind = if folder.exists() { ProblemKind::Invalid } else { ProblemKind::NotFound };
-        let message = format!("{} is not a directory, so {shown} cannot be written", folder.display());
-        problems.error(None, message).of_kind(kind);
+    if let Err(Error::Input(found)) = refuse_unwritable(path, true) {
+        return problems.extend(*found);
     }
     if !may_exist && is_taken(path) {
-        let problem = problems.error(None, format!("{shown} exists already")).of_kind(ProblemKind::Exists);
+        let message = format!("{} exists already", path.display());
+        let problem = problems.error(None, message).of_kind(ProblemKind::Exists);
         problem.help("overwrite it with --force");
     }
 }
