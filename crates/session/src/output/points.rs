@@ -12,8 +12,8 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::refuse_existing;
 use vlscan_formats::{
-    CloudSettings, Column, Destination, EncodedFile, EncodedPoints, ExtraDimensions, Job, ObjectIds, Offload,
-    OutputStream, PointBatch, PointEncoder, PointFormat, PointRecord, Tally,
+    CloudSettings, Column, Destination, EncodedFile, EncodedPoints, ExtraDimensions, Job, OBJECT_NAMES,
+    ObjectIds, Offload, OutputStream, PointBatch, PointEncoder, PointFormat, PointRecord, Tally,
 };
 use vlscan_geom::{Aabb, DVec3};
 
@@ -48,7 +48,7 @@ impl CloudFacts {
     /// `crs` is the coordinate reference system as WKT.
     ///
     /// # Errors
-    /// [`Error::Input`] for columns that are not numeric.
+    /// [`Error::Input`] for columns that are not numeric, and names of objects in another form.
     pub fn of_table(table: &RecordBatch, crs: Option<String>) -> Result<CloudFacts> {
         let objects = ObjectIds::default();
         let rows =
@@ -69,7 +69,11 @@ impl CloudFacts {
         (settings.crs, settings.highest_class) = (crs, highest_class);
         settings.columns = Some(columns);
         let schema = table.schema();
-        let names = schema.metadata().get("object_names").and_then(|text| serde_json::from_str(text).ok());
+        let names = schema.metadata().get(OBJECT_NAMES).map(|text| serde_json::from_str(text));
+        let names = names.transpose().map_err(|e| {
+            let text = format!("the metadata {OBJECT_NAMES} are no JSON object of names by numbers: {e}");
+            Error::input(text)
+        })?;
         settings.objects = ObjectIds::of_names(names.unwrap_or_default());
         Ok(CloudFacts { settings, legs: Vec::new() })
     }
