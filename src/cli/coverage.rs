@@ -5,7 +5,7 @@ use super::rig::file_of;
 use super::{Console, messages};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileGroup, reads, refuse_unwritable};
+use vlscan_base::files::{FileGroup, identity, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, number};
 use vlscan_session::{CoverageBand, CoverageMap, Session};
 use vlscan_tools::geotiff::{Band, Grid, geotiff_of_bands};
@@ -47,13 +47,17 @@ pub fn check_names(args: &DryRunArgs, scanner: Option<&str>, replace: bool) -> R
         if !is_raster(path) && !has_extension(path, &["png"]) {
             return refuse(": expected a name that ends in .tif or .png");
         }
-        if args.coverage[..i].contains(path) {
+        let is_one_of = |others: &[PathBuf], path: &Path| {
+            let own = identity(path);
+            others.iter().any(|other| identity(other) == own)
+        };
+        if is_one_of(&args.coverage[..i], path) {
             return refuse(" is given twice");
         }
         refuse_unwritable(path, replace)?;
         if let Some(name) = scanner {
             let own = file_of(path, name);
-            if args.coverage.contains(&own) {
+            if is_one_of(&args.coverage, &own) {
                 let own = own.display();
                 return refuse(&format!(": {own} is the file of the scanner `{name}` alone"));
             }

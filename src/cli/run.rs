@@ -16,12 +16,14 @@ use vlscan_base::error::{Error, Result};
 use vlscan_base::files::{identity, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, amount_of, counted, duration};
 use vlscan_options::ResolvedRun;
+use vlscan_options::outputs::check_companion;
 use vlscan_session::output::{FileKind, OutputRequest, Target};
 use vlscan_session::{Report, ResumeOptions, Session};
 use vlscan_survey::Scanner;
 use vlscan_tools::catalogue::unverified_figures;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
+    args.objects.as_deref().map_or(Ok(()), |path| check_companion("--objects", path, "CSV"))?;
     if args.dry.dry_run {
         return super::dry_run::run(args, console);
     }
