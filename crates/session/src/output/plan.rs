@@ -279,6 +279,9 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
+    if request.uses_columns() && !request.uses_all_columns() {
+        warn_of_unused_columns(request, problems);
+    }
     check_frames(request, problems);
     if request.split_by_channel
         && context.devices.len() > 1
@@ -292,6 +295,25 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             .error(None, "binary points would go to the terminal")
             .help("redirect standard output, or use --force");
     }
+}
+
+/// Warns of chosen columns that no output has.
+fn warn_of_unused_columns(request: &OutputRequest, problems: &mut Diagnostics) {
+    let formats: Vec<PointFormat> = request.sinks.iter().map(|(_, format)| *format).collect();
+    let unused = PointFormat::unused_columns(&formats, &request.cloud);
+    if unused.is_empty() {
+        return;
+    }
+    let has = |column: Column| unused.contains(&column);
+    let other = match (has(Column::HeightAboveGround), has(Column::TrueX)) {
+        (true, _) => "; --height-above-ground writes the height to las, laz and ply",
+        (false, true) => "; --true-positions writes them to las and laz",
+        (false, false) => "",
+    };
+    let names: Vec<&str> = unused.iter().map(|column| column.name()).collect();
+    problems
+        .warn(None, format!("--columns: the outputs have no {}", names.join(", ")))
+        .help(format!("-o points.csv, .xyz, .arrow or .parquet{other}"));
 }
 
 /// Reports problems of the frames of MCAP.
