@@ -90,7 +90,7 @@ fn check_files(setup: &PlanSetup) -> Result<()> {
         }
         all.push(path);
     }
-    all.into_iter().try_for_each(|path| refuse_unwritable(path, setup.overwrite))
+    all.iter().try_for_each(|path| refuse_unwritable(path, setup.overwrite))
 }
 
 /// Checks the instrument and platform of a request, which do not depend on the scene.

@@ -237,8 +237,8 @@ impl FlightPlan {
             Motion::Static => true,
             // The reference flies on with the velocity of the leg before.
             Motion::Linear if self.kinematics.sharp_corners && courses[leg].speed <= 0.0 => true,
-            // Equal waypoints have equal bits after the shift and the ground. Others make a way, however short:
-            // so do those that the noise of legs displaces.
+            // Equal waypoints have equal bits after the shift and the ground. Others make a way, however
+            // short, as do those that the noise of legs displaces.
             _ if self.platform.has_waypoints() => {
                 courses.get(leg + 1).is_none_or(|next| next.position == courses[leg].position)
             }
