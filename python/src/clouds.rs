@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::io::BufReader;
 use std::path::PathBuf;
-use vlscan::base::files::{FileGroup, reads, refuse_existing};
+use vlscan::base::files::{FileGroup, reads, refuse_unwritable};
 use vlscan::base::machine;
 use vlscan::tools::cloud::{CloudSource, cloud_facts};
 use vlscan::tools::frames::{Category, ForwardAxis, FrameLayout, FrameOptions, ObjectOptions};
@@ -84,7 +84,7 @@ pub fn raster<'py>(
         });
         let files: Vec<&PathBuf> = files.collect();
         for path in wanted.iter().filter_map(|(_, path)| path.as_ref()) {
-            refuse_existing(path, force)?;
+            refuse_unwritable(path, force)?;
             reads::refuse_input_of(path, &files)?;
         }
         let crs = crs.as_deref().map(wkt).transpose()?;

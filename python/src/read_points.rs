@@ -10,8 +10,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use vlscan::Column;
 use vlscan::formats::{
-    Attribute, AttributeSet, CloudFormat, ColumnType, FileFacts, MISSES_KEY, ObjectIds, PointRecord,
-    PointRow, PointSink,
+    Attribute, AttributeSet, CloudFormat, ColumnType, FileFacts, MISSES_KEY, OBJECT_NAMES, ObjectIds,
+    PointRecord, PointRow, PointSink,
 };
 
 /// Column of PLY files of this program with the number of the leg, from 0.
@@ -87,7 +87,7 @@ impl PointSink for ReadPoints {
     }
 
     fn metadata(&mut self, key: &str, text: &str) {
-        if matches!(key, "crs" | "object_names") {
+        if matches!(key, "crs" | OBJECT_NAMES) {
             self.metadata.insert(key.to_owned(), text.to_owned());
         }
     }
@@ -190,10 +190,7 @@ impl Objects {
             let ids = ObjectIds::new(&names);
             let numbers = numbers.iter().map(|index| ids.of_part(u32::try_from(*index).unwrap_or(u32::MAX)));
             let array: ArrayRef = Arc::new(Int32Array::from_iter_values(numbers));
-            let named: BTreeMap<i32, &str> =
-                ids.names().iter().map(|(number, name)| (*number, name.as_str())).collect();
-            let text = serde_json::to_string(&named).unwrap_or_default();
-            return (array, (!named.is_empty()).then_some(text));
+            return (array, ids.names_as_json());
         }
         let short: Option<Vec<i32>> = numbers.iter().map(|number| i32::try_from(*number).ok()).collect();
         match short {
@@ -234,7 +231,7 @@ impl ReadPoints {
         self.add_colours(&mut columns);
         let (object, names) = std::mem::take(&mut self.objects).column();
         if let Some(names) = names {
-            self.metadata.insert("object_names".to_owned(), names);
+            self.metadata.insert(OBJECT_NAMES.to_owned(), names);
         }
         let attributes: [(Column, ArrayRef); 12] = [
             (Column::X, Arc::new(Float64Array::from(std::mem::take(&mut self.position[0])))),

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
-use vlscan::base::files::{FileGroup, refuse_existing, write_file};
+use vlscan::base::files::{FileGroup, refuse_existing, refuse_unwritable, write_file};
 use vlscan::fit::flight::{self, FlightFiles, FlightRequest};
 use vlscan::fit::scene::ReconstructOptions;
 use vlscan::fit::spinning::{Half, SpinningFiles, SpinningRequest, fit_spinning};
@@ -248,7 +248,7 @@ pub fn compare<'py>(
     let file = |key| get::<Option<PathBuf>>(fields, key);
     let outputs = (file("page")?, file("change")?, file("changed")?, get::<bool>(fields, "force")?);
     for path in [&outputs.0, &outputs.1, &outputs.2].into_iter().flatten() {
-        refuse_existing(path, outputs.3).map_err(|error| exception(py, error))?;
+        refuse_unwritable(path, outputs.3).map_err(|error| exception(py, error))?;
     }
     let tables = [first, second].map(|(name, table)| {
         let table = table.map(|table| batches(&table).map(|(_, batches)| batches)).transpose();

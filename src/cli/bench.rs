@@ -9,7 +9,7 @@ use serde_json::json;
 use std::time::Instant;
 use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{reads, refuse_existing, write_file, write_stderr, write_stdout};
+use vlscan_base::files::{reads, refuse_unwritable, write_file, write_stderr, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_choice::Choice as _;
 use vlscan_options::{ChunkSize, Options, ResolvedRun, Switch, policy};
@@ -58,7 +58,7 @@ struct Shares {
 
 pub fn run(args: &BenchArgs, console: &Console) -> Result<()> {
     if let Some(path) = &args.json {
-        refuse_existing(path, args.force)?;
+        refuse_unwritable(path, args.force)?;
         reads::refuse_input_of(path, [&args.survey])?;
     }
     let mut options = Options::parse(args.run.iter().cloned())

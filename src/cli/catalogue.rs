@@ -6,7 +6,7 @@ use serde::Serialize;
 use vlscan_base::aligned::{Side, aligned};
 use vlscan_base::diag::nearest;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{refuse_existing, write_file, write_stdout};
+use vlscan_base::files::{refuse_unwritable, write_file, write_stdout};
 use vlscan_base::quantity::number;
 use vlscan_survey::{ReadOptions, Scanner, StatedFigures, catalogue, find_scanner};
 use vlscan_tools::catalogue::{
@@ -72,7 +72,7 @@ fn show(args: &ShowArgs, console: &Console) -> Result<()> {
     console.warnings(&warnings)?;
     let row = ScannerFigures::of(&args.name, &found)?;
     if let Some(path) = &args.picture {
-        refuse_existing(path, args.force)?;
+        refuse_unwritable(path, args.force)?;
         let picture = Pattern::of(&found)?.drawing(&found).file(Theme::Light);
         write_file(path, args.force, picture.as_bytes())?;
     }

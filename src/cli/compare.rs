@@ -6,7 +6,7 @@ use super::watch::during;
 use super::{Console, messages};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileGroup, reads, refuse_existing, write_stdout};
+use vlscan_base::files::{FileGroup, reads, refuse_unwritable, write_stdout};
 use vlscan_base::quantity::amount;
 use vlscan_formats::PointFormat;
 use vlscan_tools::cloud::read_within;
@@ -59,7 +59,7 @@ fn check(args: &CompareArgs) -> Result<()> {
     let outputs: Vec<&Path> =
         [&args.page, &args.change, &args.changed].into_iter().flatten().map(|p| &**p).collect();
     for (i, path) in outputs.iter().enumerate() {
-        refuse_existing(path, args.force)?;
+        refuse_unwritable(path, args.force)?;
         reads::refuse_input_of(path, [&args.first, &args.second])?;
         if outputs[..i].contains(path) {
             return Err(Error::input(format!("{}: two outputs have the same name", path.display())));

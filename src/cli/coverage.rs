@@ -5,7 +5,7 @@ use super::rig::file_of;
 use super::{Console, messages};
 use std::path::{Path, PathBuf};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileGroup, reads, refuse_existing};
+use vlscan_base::files::{FileGroup, identity, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, number};
 use vlscan_session::{CoverageBand, CoverageMap, Session};
 use vlscan_tools::geotiff::{Band, Grid, geotiff_of_bands};
@@ -47,33 +47,24 @@ pub fn check_names(args: &DryRunArgs, scanner: Option<&str>, replace: bool) -> R
         if !is_raster(path) && !has_extension(path, &["png"]) {
             return refuse(": expected a name that ends in .tif or .png");
         }
-        if args.coverage[..i].contains(path) {
+        let is_one_of = |others: &[PathBuf], path: &Path| {
+            let own = identity(path);
+            others.iter().any(|other| identity(other) == own)
+        };
+        if is_one_of(&args.coverage[..i], path) {
             return refuse(" is given twice");
         }
-        refuse_missing_folder(path)?;
-        refuse_existing(path, replace)?;
+        refuse_unwritable(path, replace)?;
         if let Some(name) = scanner {
             let own = file_of(path, name);
-            if args.coverage.contains(&own) {
+            if is_one_of(&args.coverage, &own) {
                 let own = own.display();
                 return refuse(&format!(": {own} is the file of the scanner `{name}` alone"));
             }
-            refuse_existing(&own, replace)?;
+            refuse_unwritable(&own, replace)?;
         }
     }
     Ok(())
-}
-
-/// Rejects a file in a folder that does not exist.
-fn refuse_missing_folder(path: &Path) -> Result<()> {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => Err(Error::input(format!(
-            "{} is not a directory, so {} cannot be written",
-            folder.display(),
-            path.display()
-        ))),
-        _ => Ok(()),
-    }
 }
 
 /// Writes the files of the coverage by several scanners: by each alone, and by all together.

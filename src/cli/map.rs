@@ -5,7 +5,7 @@ use super::watch::during;
 use super::{Console, info, messages};
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileGroup, reads, refuse_existing};
+use vlscan_base::files::{FileGroup, reads, refuse_unwritable};
 use vlscan_base::quantity::number;
 use vlscan_campaign::{NamedScene, scene_points};
 use vlscan_session::LoadedScene;
@@ -18,7 +18,7 @@ pub fn run(args: &MapArgs, console: &Console) -> Result<()> {
     }
     let place = args.out.with_extension("pgw");
     for path in [&args.out, &place] {
-        refuse_existing(path, args.force)?;
+        refuse_unwritable(path, args.force)?;
         reads::refuse_input_of(path, [Path::new(&args.scene)])?;
     }
     let observer = console.listener();

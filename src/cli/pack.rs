@@ -5,7 +5,7 @@ use super::watch::during;
 use super::{Console, messages};
 use std::time::Instant;
 use vlscan_base::error::Result;
-use vlscan_base::files::refuse_existing;
+use vlscan_base::files::refuse_unwritable;
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, bytes};
 use vlscan_campaign::NamedScene;
@@ -20,7 +20,7 @@ pub fn run(args: &PackArgs, console: &Console) -> Result<()> {
     let (recipe, found, warnings) = name.recipe()?;
     console.warnings(&warnings)?;
     let out = args.out.clone().unwrap_or_else(|| recipe.path.with_extension("vlscene"));
-    refuse_existing(&out, args.force)?;
+    refuse_unwritable(&out, args.force)?;
     let seed = args.seed.map(|seed| seed.0).or(found.seed).unwrap_or(0);
     let corrections = args.physics.map_or(found.corrections, PhysicsProfile::corrections);
     let tree = BuildOptions::of(args.tree.unwrap_or_default());

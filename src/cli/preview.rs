@@ -8,7 +8,7 @@ use std::io::{BufReader, BufWriter, IsTerminal, Seek, Write};
 use std::path::Path;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileWriter, Patched, means_stdout, reads, refuse_existing};
+use vlscan_base::files::{FileWriter, Patched, means_stdout, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, amount_of};
 use vlscan_campaign::SurveySketch;
 use vlscan_options::holds_survey;
@@ -155,7 +155,7 @@ fn check(args: &PreviewArgs) -> Result<()> {
         }
         return Ok(());
     }
-    refuse_existing(out, args.force)?;
+    refuse_unwritable(out, args.force)?;
     reads::refuse_input_of(out, [points])?;
     if is_octree(out) {
         let refused =

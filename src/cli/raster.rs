@@ -7,7 +7,7 @@ use super::{Console, messages};
 use std::io::IsTerminal as _;
 use std::path::Path;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileGroup, FileWriter, Patched, means_stdout, reads, refuse_existing};
+use vlscan_base::files::{FileGroup, FileWriter, Patched, means_stdout, reads, refuse_unwritable};
 use vlscan_base::machine;
 use vlscan_base::quantity::{amount, amount_of, number};
 use vlscan_crs as crs;
@@ -96,7 +96,7 @@ fn check(args: &RasterArgs, requested: &[(RasterKind, &Path)]) -> Result<()> {
             let (name, path) = (kind.name(), path.display());
             return Err(Error::input(format!("--{name} {path}: expected a name that ends in .tif")));
         }
-        refuse_existing(path, args.force)?;
+        refuse_unwritable(path, args.force)?;
         reads::refuse_input_of(path, &args.clouds)?;
     }
     args.clouds.iter().try_for_each(|cloud| check_cloud(cloud))

@@ -13,15 +13,17 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{identity, reads, refuse_existing};
+use vlscan_base::files::{identity, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, amount_of, counted, duration};
 use vlscan_options::ResolvedRun;
+use vlscan_options::outputs::check_companion;
 use vlscan_session::output::{FileKind, OutputRequest, Target};
 use vlscan_session::{Report, ResumeOptions, Session};
 use vlscan_survey::Scanner;
 use vlscan_tools::catalogue::unverified_figures;
 
 pub fn run(args: &RunArgs, console: &Console) -> Result<()> {
+    args.objects.as_deref().map_or(Ok(()), |path| check_companion("--objects", path, "CSV"))?;
     if args.dry.dry_run {
         return super::dry_run::run(args, console);
     }
@@ -147,7 +149,7 @@ impl Ready {
         };
         if let Some(path) = &self.objects {
             let is_begun = self.resumption.as_ref().is_some_and(|how| how.folder.is_dir());
-            refuse_existing(path, self.output.force || is_begun)?;
+            refuse_unwritable(path, self.output.force || is_begun)?;
             reads::refuse_input_of(path, self.session.inputs().chain(self.output.inputs.iter().cloned()))?;
             if !places.insert(identity(path)) {
                 return Err(Error::input(format!("two outputs would be written to {}", path.display())));

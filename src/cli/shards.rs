@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{is_taken, reads};
+use vlscan_base::files::{is_taken, reads, refuse_unwritable};
 use vlscan_base::quantity::{amount, amount_of, counted};
 use vlscan_options::{OneOf, Options, ResolvedRun, schedule_of};
 use vlscan_session::output::OutputRequest;
@@ -74,7 +74,12 @@ fn compute_shard(
     settings.physics.record_scanner_axes = true;
     refuse_part_table(part_table.as_deref())?;
     let mut session = scene.open(settings, console, open_without_tree)?;
-    schedule_log.as_deref().map_or(Ok(()), reads::refuse_input)?;
+    if let Some(log) = &schedule_log {
+        reads::refuse_input(log)?;
+        // A shard that exists needs no log.
+        refuse_unwritable(log, force || resumes)?;
+    }
+    let log = schedule_log.clone();
     let companions = Companions::of(schedule_log, None, &mut output);
     let legs = session.survey().legs.len();
     let mut shards = session.shards(folder, &output, force, &interrupt::STOP)?;
@@ -87,6 +92,7 @@ fn compute_shard(
         console.wrote(messages::written(&path, "shard"), text);
         return Ok(());
     }
+    log.map_or(Ok(()), |log| refuse_unwritable(&log, force))?;
     let report = companions.run(console, progress_lines, legs, |control| shards.run(shard, control))?;
     show_report(console, &report, started)
 }

@@ -289,6 +289,14 @@ fn each_of_several_scanners_has_a_table_of_objects() {
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("objects_roof.csv exists"), "{}", text(&refused.stderr));
     assert!(!dir.path().join("roof.mcap").exists());
+    let lost = ["run", "rig.toml", "-q", "--force", "--objects", "none/objects.csv"];
+    for options in [&[][..], &["--resume"]] {
+        let refused = run(dir.path(), &[&lost, options].concat());
+        assert_eq!(refused.status.code(), Some(2));
+        let said = text(&refused.stderr);
+        assert!(said.contains("none is not a directory, so none/objects_roof.csv"), "{said}");
+        assert!(!dir.path().join("roof.mcap").exists() && !dir.path().join("roof.mcap.shards").exists());
+    }
 }
 
 #[test]

@@ -211,6 +211,31 @@ fn what_was_measured_before_a_bad_pulse_is_kept() {
 }
 
 #[test]
+fn outputs_without_a_folder_are_errors_before_the_work() {
+    let (dir, survey) = (folder(), room());
+    succeed(dir.path(), &["run", &survey, "-q", "-o", "a.laz"]);
+    let shard = ["run", &survey, "-q", "-o", "shards", "--shard", "0/1", "--schedule-log"];
+    let logged = [&shard[..], &["none/a.json"]].concat();
+    let commands: &[&[&str]] = &[
+        &["compare", "a.laz", "a.laz", "--page", "none/a.html"],
+        &["raster", "a.laz", "--dsm", "none/a.tif"],
+        &["preview", "a.laz", "-o", "none/a.png"],
+        &["fit", "a.laz", "-o", "none/a.toml"],
+        &["scene", "pack", &survey, "-o", "none/a.vlscene"],
+        &["scene", "map", &survey, "-o", "none/a.png"],
+        &["bench", &survey, "--json", "none/a.json"],
+        &["run", &survey, "--dry-run", "--coverage", "none/a.tif"],
+        &logged,
+    ];
+    for args in commands {
+        refused(dir.path(), args, "none is not a directory, so none/a");
+        assert_eq!(names(dir.path()), ["a.laz"]);
+    }
+    fs::write(dir.path().join("a.json"), "mine").unwrap();
+    refused(dir.path(), &[&shard[..], &["a.json"]].concat(), "a.json exists already");
+}
+
+#[test]
 fn a_coordinate_system_that_is_lost_is_told() {
     let dir = folder();
     fs::write(dir.path().join("mine.wkt"), "LOCAL_CS[\"mine\"]").unwrap();

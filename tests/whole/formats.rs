@@ -554,3 +554,43 @@ fn classes_that_las_1_0_has_not_are_told() {
     let said = text(&succeed(dir.path(), &merge).stderr);
     assert!(said.contains("does not fit"), "{said}");
 }
+
+#[test]
+fn a_merge_checks_the_coordinate_reference_system_as_a_run_does() {
+    let dir = folder();
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    let survey = "platform = { catalogue = \"data/platforms.xml#tripod\" }\n\
+        scanner = { catalogue = \"riegl_vz400\" }\nsettings = { pulse_freq_hz = 100000, scan_freq_hz = 100, \
+        scan_angle_deg = 30, head_rate_deg_per_s = 60, head_start_deg = 0, head_stop_deg = 3 }\n";
+    write("m.mtl", "newmtl a\nhelios_reflectance 0.4\n");
+    for (name, x, y) in [("local", 0.0, 0.0), ("far", 476_000.0, 5_429_000.0)] {
+        let corner = |dx: f64, dy: f64| format!("v {} {} 0\n", x + dx, y + dy);
+        let corners = [corner(-50.0, -50.0), corner(50.0, -50.0), corner(50.0, 50.0), corner(-50.0, 50.0)];
+        let corners = corners.concat();
+        write(&format!("{name}.obj"), &format!("mtllib m.mtl\nusemtl a\n{corners}f 1 2 3 4\n"));
+        let toml = format!("scene = \"{name}.obj\"\n{survey}[[leg]]\nposition_m = [{x:.1}, {y:.1}, 9.0]\n");
+        write(&format!("{name}.toml"), &toml);
+        succeed(dir.path(), &["run", &format!("{name}.toml"), "--shard", "0/1", "-o", name]);
+    }
+    let feet = "COMPD_CS[\"site\",PROJCS[\"grid\",UNIT[\"metre\",1]],VERT_CS[\"up\",UNIT[\"foot\",0.3048]]]";
+    for (name, system, expected, strict) in [
+        ("local", "EPSG:1", "give its WKT", 2),
+        ("local", "EPSG:25832", "the scene has local coordinates", 2),
+        ("local", "EPSG:2263", "its coordinates are US survey feet", 2),
+        ("local", "EPSG:5498", "its coordinates are degrees", 2),
+        ("local", feet, "its heights are feet", 2),
+        ("far", "EPSG:25832", "the scene is at 49.0", 0),
+        ("far", "", "the coordinate reference system is unknown", 0),
+    ] {
+        let file = format!("{name}.toml");
+        for command in [["run", &file], ["merge", name]] {
+            let chosen = ["--crs", system];
+            let chosen = if system.is_empty() { &chosen[..0] } else { &chosen[..] };
+            let words = [&command[..], &["-o", "a.las", "--force", "--strict"], chosen].concat();
+            let done = run(dir.path(), &words);
+            let said = text(&done.stderr);
+            assert!(said.contains(expected), "{command:?} {system}: {said}");
+            assert_eq!(done.status.code(), Some(strict), "{command:?} {system}: {said}");
+        }
+    }
+}

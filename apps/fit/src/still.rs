@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::reads::refuse_input_of;
-use vlscan_base::files::{FileGroup, FileWriter, Patched, refuse_existing};
+use vlscan_base::files::{FileGroup, FileWriter, Patched, refuse_unwritable};
 use vlscan_formats::{Attribute, AttributeSet, PointRow, PointSink, Selection, read_points};
 use vlscan_geom::{DVec3, degrees};
 
@@ -113,10 +113,10 @@ impl StillFiles {
     /// Checks that the files can be written.
     ///
     /// # Errors
-    /// [`Error::Input`]: a file exists and `force` is not set, or is the recorded cloud.
+    /// [`Error::Input`]: a file exists and `force` is not set, or is the recorded cloud, or has no folder.
     pub fn check(&self, cloud: &Path, force: bool) -> Result<()> {
         self.all().try_for_each(|path| {
-            refuse_existing(path, force)?;
+            refuse_unwritable(path, force)?;
             refuse_input_of(path, [cloud])
         })
     }

@@ -67,6 +67,9 @@ impl Options {
                 outputs.next().map(|o| (&o.path, o.per_leg))
             }
         };
+        if let Some((path, _)) = trajectory {
+            check_content("--trajectory-out", path, "CSV")?;
+        }
         let trajectory = trajectory.map(|(path, per_leg)| {
             let target = if is_stdout(path) { Target::Stdout } else { Target::File(path.clone()) };
             (if per_leg { with_file_per_leg(target) } else { target }, TrajectoryFormat::Csv)
@@ -152,6 +155,32 @@ impl OutputOptions {
     }
 }
 
+/// Refuses the name of a file beside the points if it is standard output, or that of a file of points: the
+/// file of `option` has other `content`, such as CSV.
+///
+/// # Errors
+/// [`Error::Input`].
+pub fn check_companion(option: &str, path: &Path, content: &str) -> Result<()> {
+    if files::means_stdout(path) {
+        let message = format!("{option} {}: stdout is for points; name a file", path.display());
+        return Err(Error::input(message));
+    }
+    check_content(option, path, content)
+}
+
+/// Refuses the name of a file of points, unless it may be text, for a file with other content.
+fn check_content(option: &str, path: &Path, content: &str) -> Result<()> {
+    match PointFormat::of_file(path) {
+        Some(Ok(format)) if !matches!(format, PointFormat::Csv | PointFormat::Xyz) => {
+            let (shown, format) = (path.display(), format.name());
+            let ending = content.to_lowercase();
+            let message = format!("{option} {shown}: the file is {content}, not {format}");
+            Err(Error::input_with_help(message, format!("give it a name that ends in .{ending}")))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn with_file_per_leg(target: Target) -> Target {
     match target {
         Target::File(path) => Target::Directory(path),
@@ -193,6 +222,24 @@ fn sink(path: &Path, requested: Option<PointFormat>, default: PointFormat) -> Re
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_beside_the_points_have_names_of_their_own() {
+        let said = |path: &str| {
+            let checked = check_companion("--parts", Path::new(path), "CSV");
+            checked.map_or_else(|error| error.to_string(), |()| String::new())
+        };
+        for fine in ["parts.csv", "a/parts.txt", "parts.tsv", "parts"] {
+            assert_eq!(said(fine), "");
+        }
+        for other in ["parts.las", "parts.geo.parquet", "PARTS.LAZ"] {
+            assert!(said(other).contains("the file is CSV, not"), "{other}: {}", said(other));
+        }
+        assert!(said("-").contains("stdout is for points") && said("/dev/stdout").contains("stdout"));
+        let out = Some(PathBuf::from("way.ply"));
+        let error = Options { trajectory_out: out, ..Options::default() }.output_request((2026, 1));
+        assert!(error.unwrap_err().to_string().contains("--trajectory-out way.ply: the file is CSV"));
+    }
 
     #[test]
     fn a_sink_is_a_stream_a_file_or_a_folder() {

@@ -1,10 +1,10 @@
 //! Conversion of options to the settings of a session, with every choice resolved.
 
+use super::outputs::check_companion;
 use super::{Options, ScannerSurvey, read_scanners, read_survey, read_survey_text};
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::means_stdout;
 use vlscan_base::machine;
 use vlscan_lidar::pulse::{Corrections, PhysicsOptions, PhysicsProfile};
 use vlscan_scene::TileOptions;
@@ -133,9 +133,10 @@ impl ResolvedRun {
         }
         settings.check()?;
         let speed = &options.schedule;
-        if let Some(path) = speed.schedule_log.as_deref().filter(|path| means_stdout(path)) {
-            let message = format!("--schedule-log {}: stdout is for points; name a file", path.display());
-            return Err(Error::input(message));
+        for (option, path, content) in
+            [("--schedule-log", &speed.schedule_log, "JSON"), ("--parts", &options.part_table, "CSV")]
+        {
+            path.as_deref().map_or(Ok(()), |path| check_companion(option, path, content))?;
         }
         Ok(ResolvedRun {
             scanner: None,

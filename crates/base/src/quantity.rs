@@ -69,12 +69,11 @@ impl Bounds {
         if value == 0.0 || !self.contains(value) || (low..=high).contains(&value.abs()) {
             return None;
         }
-        let message = format!(
-            "is {} {unit}; typical values are {} to {} {unit}",
-            number(value),
-            number(low),
-            number(high)
-        );
+        let typical = match high < f64::MAX {
+            true => format!("{} to {} {unit}", number(low), number(high)),
+            false => format!("{} {unit} or more", number(low)),
+        };
+        let message = format!("is {} {unit}; typical values are {typical}", number(value));
         let converted = mistaken.map(|(other, factor)| (other, value * factor));
         let hint = match converted.filter(|(_, v)| (low..=high).contains(&v.abs())) {
             Some((other, v)) => format!("{} {other} are {} {unit}", number(value), number(v)),
@@ -448,6 +447,8 @@ mod tests {
     fn unusual_numbers_are_doubted_with_the_unit_that_they_may_be_in() {
         let (message, hint) = ROTOR_FREQ.doubt(-7294.0).unwrap();
         assert_eq!(message, "is -7294 Hz; typical values are 0.001 to 1000 Hz");
+        let (message, _) = VISIBILITY.doubt(0.001).unwrap();
+        assert_eq!(message, "is 0.001 km; typical values are 0.01 km or more");
         assert_eq!(hint, "-7294 per minute are -121.567 Hz");
         assert_eq!(DIVERGENCE.doubt(0.3).unwrap().1, "0.3 mrad are 0.0003 rad");
         assert_eq!(PULSE_LENGTH_NS.doubt(4e-9).unwrap().1, "4e-9 s are 4 ns");

@@ -68,7 +68,8 @@ pub enum EpsgError {
 /// An unknown code, or one of a system without easting and northing.
 pub fn wkt_of_epsg(code: u32) -> Result<String, EpsgError> {
     let known = u16::try_from(code).ok().and_then(crs_definitions::from_code);
-    let definition = known.ok_or(EpsgError::Unknown(code))?;
+    // The definitions of some codes have no WKT.
+    let definition = known.filter(|definition| !definition.wkt.is_empty()).ok_or(EpsgError::Unknown(code))?;
     match keyword(definition.wkt).as_str() {
         "PROJCS" | "GEOGCS" | "COMPD_CS" => Ok(without_shifts(definition.wkt)),
         _ => Err(EpsgError::NotHorizontal { code, name: name(definition.wkt) }),
@@ -170,17 +171,24 @@ pub fn length_unit_in(text: &str) -> Option<LengthUnit> {
     Some(LengthUnit::defined(name, length))
 }
 
-/// Returns why coordinates in metres cannot be in this system.
-pub fn unit_problem(wkt: &str) -> Option<&'static str> {
-    let lower = horizontal(wkt).to_ascii_lowercase();
-    if keyword(wkt).starts_with("GEOG") {
-        return Some("its coordinates are degrees, but scene and points are in metres");
-    }
-    let is_feet = ["us survey foot", "\"foot", "foot_us", "unit[\"foot", "international foot"];
-    is_feet
-        .iter()
-        .any(|unit| lower.contains(unit))
-        .then_some("its coordinates are feet, but scene and points are in metres")
+/// Returns why horizontal coordinates in metres cannot be in this system.
+pub fn unit_problem(wkt: &str) -> Option<String> {
+    describe_unit("coordinates", &Units::of_wkt(wkt).horizontal?)
+}
+
+/// Returns why heights in metres cannot be in this system.
+pub fn height_problem(wkt: &str) -> Option<String> {
+    describe_unit("heights", &Units::of_wkt(wkt).vertical?)
+}
+
+/// Describes a unit of `what` other than the metre.
+fn describe_unit(what: &str, unit: &Unit) -> Option<String> {
+    let name = match unit {
+        Unit::Angle => "degrees",
+        Unit::Length(unit) if unit.is_metre() => return None,
+        Unit::Length(unit) => unit.name.as_str(),
+    };
+    Some(format!("its {what} are {name}, but scene and points are in metres"))
 }
 
 #[cfg(test)]
@@ -215,7 +223,9 @@ mod tests {
             assert_eq!(wkt.matches('[').count(), wkt.matches(']').count());
             assert_eq!(epsg(&wkt).map(|(_, code)| u32::from(code)), Some(code));
         }
-        assert!(wkt_of_epsg(1).unwrap_err().to_string().contains("WKT"));
+        for code in [1, 3993] {
+            assert_eq!(wkt_of_epsg(code), Err(EpsgError::Unknown(code)));
+        }
         assert!(wkt_of_epsg(4978).unwrap_err().to_string().contains("no easting"));
         for (text, zone) in [("32N", 32632), ("7S", 32707)] {
             let zone_wkt = wkt_of_zone(UtmZone::parse(text).unwrap()).unwrap();
@@ -253,7 +263,23 @@ mod tests {
     #[test]
     fn units_other_than_metres_are_found() {
         let problem = |code| unit_problem(&wkt_of_epsg(code).unwrap());
-        assert!(problem(4326).unwrap().contains("degrees") && problem(2263).unwrap().contains("feet"));
+        // Geographic, with heights, in US survey feet, and in kilometres.
+        for (code, unit) in [
+            (4326, "degrees"),
+            (5498, "degrees"),
+            (2263, "US survey feet"),
+            (2314, "Clarke's feet"),
+            (22_300, "kilometres"),
+        ] {
+            let found = problem(code).unwrap();
+            assert!(found.starts_with(&format!("its coordinates are {unit}, but")), "{code}: {found}");
+        }
         assert_eq!((problem(25832), problem(5555)), (None, None));
+        let wkt = wkt_of_epsg(5555).unwrap();
+        assert_eq!(height_problem(&wkt), None);
+        let (horizontal, heights) = wkt.split_at(wkt.find("VERT_CS[").unwrap());
+        let in_feet = horizontal.to_owned() + &heights.replace("UNIT[\"metre\",1", "UNIT[\"foot\",0.3048");
+        assert_eq!(unit_problem(&in_feet), None);
+        assert!(height_problem(&in_feet).unwrap().starts_with("its heights are feet, but"), "{in_feet}");
     }
 }

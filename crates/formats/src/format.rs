@@ -35,21 +35,30 @@ pub enum CloudFormat {
     Text,
 }
 
-/// The formats that are read, for messages.
-const READ_FORMATS: &str = match (cfg!(feature = "e57"), cfg!(feature = "parquet")) {
-    (true, true) if cfg!(feature = "mcap") => {
-        "LAS, LAZ, PLY, PCD, E57, PTS, PTX, MCAP, text, Arrow and Parquet"
+/// The formats that this build reads, for messages.
+fn read_formats() -> String {
+    let built = CloudFormat::ALL.into_iter().filter(|format| format.built().is_ok());
+    let name = |format: CloudFormat| match format {
+        CloudFormat::Las => "LAS, LAZ",
+        other => other.name(),
+    };
+    let names: Vec<&str> = built.map(name).collect();
+    match names.split_last() {
+        Some((last, others)) => format!("{} and {last}", others.join(", ")),
+        None => String::new(),
     }
-    (true, true) => "LAS, LAZ, PLY, PCD, E57, PTS, PTX, text, Arrow and Parquet",
-    (true, false) => "LAS, LAZ, PLY, PCD, E57, PTS, PTX, text and Arrow",
-    (false, true) => "LAS, LAZ, PLY, PCD, PTS, PTX, text, Arrow and Parquet",
-    (false, false) => "LAS, LAZ, PLY, PCD, PTS, PTX, text and Arrow",
-};
+}
 
 /// Extensions of binary formats.
-const BINARY_EXTENSIONS: &[&str] = &["las", "laz", "ply", "pcd", "e57", "parquet", "arrow"];
+const BINARY_EXTENSIONS: &[&str] = &["las", "laz", "ply", "pcd", "e57", "mcap", "parquet", "arrow"];
 
 impl CloudFormat {
+    /// All formats, in the order of messages.
+    const ALL: [CloudFormat; 10] = {
+        use CloudFormat::{Arrow, E57, Las, Mcap, Parquet, Pcd, Ply, Pts, Ptx, Text};
+        [Las, Ply, Pcd, E57, Pts, Ptx, Mcap, Text, Arrow, Parquet]
+    };
+
     /// The name of the format.
     pub fn name(self) -> &'static str {
         match self {
@@ -157,7 +166,12 @@ pub enum UnreadFormat {
     #[error("is text in UTF-16; save it as UTF-8, for example with `iconv -f UTF-16 -t UTF-8`")]
     Utf16,
     /// Another known format.
-    #[error("is {}{}{help}; {READ_FORMATS} are read", .kind.name, if .help.is_empty() { "" } else { "; " })]
+    #[error(
+        "is {}{}{help}; {} are read",
+        .kind.name,
+        if .help.is_empty() { "" } else { "; " },
+        read_formats()
+    )]
     Other {
         /// The format.
         kind: &'static Kind,
@@ -180,8 +194,8 @@ pub enum UnreadFormat {
     },
     /// Binary data of an unknown format.
     #[error(
-        "is binary and in no known format (it begins with \"{beginning}\"); {CONVERTERS}; {READ_FORMATS} are \
-         read"
+        "is binary and in no known format (it begins with \"{beginning}\"); {CONVERTERS}; {} are read",
+        read_formats()
     )]
     Binary {
         /// Its first bytes.
@@ -257,5 +271,16 @@ mod tests {
             assert!(!named.contains("damaged") && !named.contains("truncated"), "{named}");
         }
         assert!(of("a.las", b"1 2 3\n").unwrap_err().contains("the extension says LAS"));
+        assert!(of("a.mcap", b"").unwrap_err().contains("is empty, expected MCAP"));
+    }
+
+    #[test]
+    fn messages_list_the_formats_that_the_build_reads() {
+        let listed = read_formats();
+        assert!(listed.starts_with("LAS, LAZ, PLY, PCD, ") && listed.contains(", text"), "{listed}");
+        for format in CloudFormat::ALL {
+            assert_eq!(listed.contains(format.name()), format.built().is_ok(), "{listed}: {format:?}");
+        }
+        assert!(of("a.xyz", b"\x01\x02\x03\x04").unwrap_err().ends_with(&format!("; {listed} are read")));
     }
 }

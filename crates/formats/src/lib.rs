@@ -84,7 +84,7 @@ pub use las::{
     LasSettings, LasVersion, PACKETS_HEADER_BYTES, PacketPlace, PointsError, Selection,
 };
 pub use logs::{MergedLog, merge_logs};
-pub use objects::ObjectIds;
+pub use objects::{OBJECT_NAMES, ObjectIds};
 pub use out::{Destination, Job, NoOffload, Offload, OutputStream};
 pub use pcd::PcdError;
 pub use ply::{PlyError, PlyNumbers};
@@ -418,11 +418,9 @@ impl<'a> Reading<'a> {
     }
 
     /// Passes the names of objects by their numbers as metadata, if there are any.
-    fn pass_object_names(&mut self, names: &BTreeMap<i32, String>) {
-        if !names.is_empty() {
-            // JSON serialisation of a map from integers to strings cannot fail.
-            let text = serde_json::to_string(names).unwrap_or_default();
-            self.sink.metadata("object_names", &text);
+    fn pass_object_names(&mut self, names: BTreeMap<i32, String>) {
+        if let Some(text) = ObjectIds::of_names(names).names_as_json() {
+            self.sink.metadata(OBJECT_NAMES, &text);
         }
     }
 
@@ -446,12 +444,10 @@ impl<'a> Reading<'a> {
         object: Option<&str>,
         place: impl Fn(Attribute) -> Place,
     ) -> ControlFlow<()> {
-        if !row.misfits.is_empty() {
-            for attribute in Attribute::ALL.into_iter().filter(|attribute| row.misfits.has(*attribute)) {
-                let (count, first) = &mut self.misfits[attribute as usize];
-                *count += 1;
-                first.get_or_insert_with(|| place(attribute));
-            }
+        for attribute in row.misfits.attributes() {
+            let (count, first) = &mut self.misfits[attribute as usize];
+            *count += 1;
+            first.get_or_insert_with(|| place(attribute));
         }
         match self.sink.point(row, object) {
             Ok(flow) => flow,

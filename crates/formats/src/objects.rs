@@ -3,6 +3,9 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+/// Key of the names of objects in the metadata of tables, see [`ObjectIds::names_as_json`].
+pub const OBJECT_NAMES: &str = "object_names";
+
 /// The integer id of every part, and the names of parts whose id is not that integer (spec outputs trap 2).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ObjectIds {
@@ -51,6 +54,15 @@ impl ObjectIds {
     /// Integers and the ids that they replace, ascending; without ids that equal their integer.
     pub fn names(&self) -> &[(i32, String)] {
         &self.names
+    }
+
+    /// The names as a JSON object by their integers, which is the metadata [`OBJECT_NAMES`] of tables; `None`
+    /// without names.
+    pub fn names_as_json(&self) -> Option<String> {
+        let names: BTreeMap<i32, &str> =
+            self.names.iter().map(|(number, name)| (*number, name.as_str())).collect();
+        // JSON serialisation of a map from integers to strings cannot fail.
+        (!names.is_empty()).then(|| serde_json::to_string(&names).unwrap_or_default())
     }
 
     /// Number of parts.

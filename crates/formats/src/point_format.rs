@@ -1,6 +1,6 @@
 //! The table of the formats that are written.
 
-use crate::columnar::arrow;
+use crate::columnar::{Column, arrow};
 #[cfg(feature = "parquet")]
 use crate::columnar::{geoparquet, parquet};
 #[cfg(feature = "e57")]
@@ -250,6 +250,27 @@ impl PointFormat {
         self.is(LIGHT)
     }
 
+    /// The columns that settings choose and for which none of these formats, whose columns cannot be chosen,
+    /// has a place.
+    pub fn unused_columns(formats: &[PointFormat], settings: &CloudSettings) -> Vec<Column> {
+        use Column::{
+            BeamOriginX, BeamOriginY, BeamOriginZ, FootprintFraction, HeightAboveGround, NormalX, NormalY,
+            NormalZ, ScannerX, ScannerY, ScannerZ, Subray, TrueX, TrueY, TrueZ,
+        };
+        let has = |of: fn(PointFormat) -> bool| formats.iter().any(|format| of(*format));
+        let is_unused = |column: &Column| match column {
+            HeightAboveGround => !settings.heights,
+            TrueX | TrueY | TrueZ => !settings.true_positions,
+            BeamOriginX | BeamOriginY | BeamOriginZ | NormalX | NormalY | NormalZ | ScannerX | ScannerY
+            | ScannerZ | FootprintFraction | Subray => true,
+            column if column.needs().colour => !has(PointFormat::has_colours),
+            column if column.needs().velocity => !has(PointFormat::has_velocities),
+            column if column.is_light_label() => !has(PointFormat::has_light_labels),
+            _ => false,
+        };
+        settings.columns.iter().flatten().copied().filter(is_unused).collect()
+    }
+
     /// True if points come in frames, whose duration can be chosen.
     pub fn has_frames(self) -> bool {
         self.is(FRAMES)
@@ -287,6 +308,25 @@ pub struct UnknownExtension(pub String);
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn formats_of_fixed_columns_lack_those_of_tables() {
+        use Column::{Doppler, HeightAboveGround, Path, Range, Red, Subray, TrueX, X};
+        let chosen = vec![X, Range, Path, Subray, Red, Doppler, HeightAboveGround, TrueX];
+        let mut settings = CloudSettings { columns: Some(chosen), ..CloudSettings::default() };
+        let unused = |formats: &[PointFormat], settings: &CloudSettings| {
+            PointFormat::unused_columns(formats, settings)
+        };
+        let las = [PointFormat::Las];
+        assert_eq!(unused(&las, &settings), [Subray, HeightAboveGround, TrueX]);
+        assert_eq!(unused(&[PointFormat::PlyBinary], &settings), [Subray, Doppler, HeightAboveGround, TrueX]);
+        let both = [PointFormat::PlyBinary, PointFormat::Pcd];
+        assert_eq!(unused(&both, &settings), [Subray, HeightAboveGround, TrueX]);
+        (settings.heights, settings.true_positions) = (true, true);
+        assert_eq!(unused(&las, &settings), [Subray]);
+        settings.columns = None;
+        assert!(unused(&las, &settings).is_empty());
+    }
 
     #[test]
     fn what_was_left_out_is_known_and_names_its_feature() {

@@ -66,6 +66,11 @@ impl SceneBuilder<'_> {
         }
     }
 
+    /// True if the material of a triangle, by its number in the scene, has the colours of a texture.
+    pub fn is_textured(&self, triangle: usize) -> bool {
+        self.has_texture(self.surfaces[self.triangle_surfaces[triangle] as usize].material)
+    }
+
     /// True if surfaces of a material have the colours of a texture.
     pub fn has_texture(&self, material: u32) -> bool {
         let colour = self.library.colour_of(material).filter(|_| self.options.colours);

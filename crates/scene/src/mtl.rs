@@ -70,7 +70,10 @@ fn statement(
         return;
     }
     if !is_known(keyword) {
-        return warn_of_unknown(line.number, keyword, in_file(at), problems);
+        if let Some(text) = unknown_keyword(&shown(keyword)) {
+            problems.warn(line.number, in_file(at), || format!("unknown keyword {text}"));
+        }
+        return;
     }
     let Some(material) = definitions.last_mut() else {
         return problems.warn(line.number, in_file(at), || {
@@ -157,11 +160,10 @@ fn report_value(
     });
 }
 
-/// Keywords that are used, in addition to [`OPTICAL_KEYS`].
-const KNOWN: [&str; 10] = [
-    "Kd",
-    "Ks",
-    "Ns",
+/// Keywords of other programs that are used.
+const COLOURS: [&str; 3] = ["Kd", "Ks", "Ns"];
+/// Keywords that only laser scanners have, in addition to [`OPTICAL_KEYS`].
+const OWN: [&str; 7] = [
     "vlscan_roughness_deg",
     "vlscan_element_size_m",
     "vlscan_leaf",
@@ -179,7 +181,9 @@ const WITHOUT_EFFECT: [&str; 1] = ["helios_useVertexColors"];
 
 fn is_known(keyword: &[u8]) -> bool {
     let is_one_of = |known: &[&str], word: &[u8]| known.iter().any(|known| known.as_bytes() == word);
-    is_one_of(&KNOWN, keyword) || optical_key(keyword).is_some_and(|key| is_one_of(&OPTICAL_KEYS, key))
+    is_one_of(&COLOURS, keyword)
+        || is_one_of(&OWN, keyword)
+        || optical_key(keyword).is_some_and(|key| is_one_of(&OPTICAL_KEYS, key))
 }
 
 /// The key of an optical property, if the keyword may have one.
@@ -187,18 +191,22 @@ fn optical_key(keyword: &[u8]) -> Option<&[u8]> {
     keyword.strip_prefix(OPTICAL_PREFIX.as_bytes())
 }
 
-/// Warns of an unknown keyword that is similar to a used one; keywords for rendering only are skipped.
-fn warn_of_unknown(line: usize, keyword: &[u8], at: Range<usize>, problems: &mut Problems) {
-    let keyword = shown(keyword);
+/// True if a keyword has a prefix of laser scanners.
+pub(super) fn is_own(keyword: &str) -> bool {
     let lower = keyword.to_ascii_lowercase();
-    let is_own = OWN_PREFIXES.iter().any(|prefix| lower.starts_with(prefix));
-    if !is_own || WITHOUT_EFFECT.contains(&keyword.as_str()) {
-        return;
+    OWN_PREFIXES.iter().any(|prefix| lower.starts_with(prefix))
+}
+
+/// The end of a warning of a keyword, which begins with it, if it has a prefix of laser scanners and no
+/// meaning in material files and extras of glTF; `None` for other ones, such as those for rendering.
+pub(super) fn unknown_keyword(keyword: &str) -> Option<String> {
+    if !is_own(keyword) || is_known(keyword.as_bytes()) || WITHOUT_EFFECT.contains(&keyword) {
+        return None;
     }
     let optical = OPTICAL_KEYS.map(|key| format!("{OPTICAL_PREFIX}{key}"));
-    let all = KNOWN.into_iter().chain(optical.iter().map(String::as_str));
-    let near = nearest(&keyword, all).map_or(String::new(), |near| format!("; did you mean {near}?"));
-    problems.warn(line, at, || format!("unknown keyword {keyword} is ignored{near}"));
+    let all = OWN.into_iter().chain(optical.iter().map(String::as_str));
+    let near = nearest(keyword, all).map_or(String::new(), |near| format!("; did you mean {near}?"));
+    Some(format!("{} is ignored{near}", printable(keyword)))
 }
 
 /// Warns of words beyond those that are the value of a keyword.

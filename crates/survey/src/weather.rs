@@ -30,6 +30,11 @@ pub(super) fn change_weather(fields: &mut Fields, weather: &mut Weather) {
     if let Some(name) = table.near_name(keys.over_time)
         && let Some(rows) = read_weather(&table, &name)
     {
+        if table.has(keys.visibility_km) && rows.iter().any(|(_, air)| air.fog > 0.0) {
+            let message =
+                format!("`visibility_km` has no effect: the fog of `{name}` takes the place of haze");
+            table.context.warn_help(table.place(keys.visibility_km), message, "");
+        }
         (weather.over_time, weather.air) = (Some(rows.into()), AirState::default());
     }
     table.done(&[]);

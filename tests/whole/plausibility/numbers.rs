@@ -218,7 +218,7 @@ pub fn plausible_numbers() -> Vec<Mistake> {
             "run survey.xml -o a.laz --crs EPSG:4326",
             "its coordinates are degrees",
         ),
-        typed("a system in feet", "run survey.xml -o a.laz --crs EPSG:2263", "its coordinates are feet"),
+        typed("a system in feet", "run survey.xml -o a.laz --crs EPSG:2263", "are US survey feet"),
         flown(
             "a system of another part of the Earth",
             "run utm.toml -o a.laz --crs EPSG:2193",

@@ -13,7 +13,7 @@ use guarantee::Guarantee;
 use std::path::{Path, PathBuf};
 use vlscan_base::diag::Diagnostics;
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileGroup, refuse_existing};
+use vlscan_base::files::{FileGroup, refuse_unwritable};
 use vlscan_base::quantity::number;
 use vlscan_base::{Observer, machine};
 use vlscan_crs::{differ, name as name_of_system};
@@ -70,6 +70,7 @@ pub fn plan_survey(
     observer: &Observer,
     stop: &Stop,
 ) -> Result<PlannedSurvey> {
+    check_files(request.common())?;
     let planner = Planner::new(request, observer)?;
     let (plan, area, reported) = match request {
         PlanRequest::Airborne(request) => planner.airborne(request, stop),
@@ -77,6 +78,19 @@ pub fn plan_survey(
         PlanRequest::Mobile(request) => planner.mobile(request),
     }?;
     planner.finish(plan, area.as_ref(), &reported, command, stop)
+}
+
+/// Checks that the files of a plan can be written.
+fn check_files(setup: &PlanSetup) -> Result<()> {
+    let mut all: Vec<&Path> = setup.file().into_iter().collect();
+    for path in &setup.lines {
+        LineFormat::of(path)?;
+        if all.contains(&path.as_path()) {
+            return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
+        }
+        all.push(path);
+    }
+    all.iter().try_for_each(|path| refuse_unwritable(path, setup.overwrite))
 }
 
 /// Checks the instrument and platform of a request, which do not depend on the scene.
@@ -393,7 +407,6 @@ impl Planner<'_> {
         plan.scene = self.reference()?;
         plan.crs = self.crs.as_ref().map(|(_, name)| name.clone());
         self.check_ground(&plan)?;
-        setup.file().map_or(Ok(()), |path| refuse_existing(path, setup.overwrite))?;
         let height = |x: f64, y: f64| self.site.as_ref().and_then(|site| site.ground.height(x, y));
         plan.lines = plan::lines_of(&plan.waypoints, &height);
         plan.wkt = self.crs().map(str::to_owned);
@@ -418,16 +431,10 @@ impl Planner<'_> {
     fn lines(&self, plan: &PlannedSurvey) -> Result<Vec<(&Path, String)>> {
         let setup = self.setup;
         let carriers = [plan.platform.as_str(), plan.scanner.as_str()];
-        let mut all: Vec<(&Path, String)> = Vec::new();
-        for path in &setup.lines {
-            let format = LineFormat::of(path)?;
-            if all.iter().any(|(other, _)| other == path) || setup.file() == Some(path.as_path()) {
-                return Err(Error::input(format!("{}: two outputs have the same name", path.display())));
-            }
-            refuse_existing(path, setup.overwrite)?;
-            all.push((path, plan::plan_lines(&plan.lines, carriers, format, self.crs())?));
-        }
-        Ok(all)
+        let text = |path: &Path| -> Result<String> {
+            plan::plan_lines(&plan.lines, carriers, LineFormat::of(path)?, self.crs())
+        };
+        setup.lines.iter().map(|path| Ok((path.as_path(), text(path)?))).collect()
     }
 }
 

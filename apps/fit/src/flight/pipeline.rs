@@ -7,7 +7,7 @@ use super::recording::Pulse;
 use super::write::FlightFiles;
 use std::fmt::Write as _;
 use std::path::Path;
-use vlscan_crs::{epsg, short_name, unit_problem};
+use vlscan_crs::{epsg, height_problem, short_name, unit_problem};
 use vlscan_geom::degrees;
 
 /// Reflectance of the target that is assumed to be seen at [`ASSUMED_RANGE`] times the largest recorded
@@ -137,7 +137,7 @@ impl FlightFit {
             document.comment("no crs: the cloud names none, and its coordinates are taken for metres");
             return;
         };
-        match unit_problem(wkt) {
+        match unit_problem(wkt).or_else(|| height_problem(wkt)) {
             None => {
                 let crs = epsg(wkt).map_or_else(|| wkt.clone(), |(_, code)| format!("EPSG:{code}"));
                 document.row(Row::text("crs", &crs));

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads::refuse_input_of;
-use vlscan_base::files::{FileGroup, free_name, refuse_existing};
+use vlscan_base::files::{FileGroup, free_name, refuse_unwritable};
 use vlscan_geom::{DVec3, degrees};
 
 /// Maximum number of pulse times: a larger file is not written.
@@ -44,7 +44,7 @@ impl FlightFiles {
     /// [`vlscan_base::error::Error::Input`]: a file exists and `force` is not set, or is the recorded cloud.
     pub fn check(pipeline: &Path, cloud: &Path, force: bool) -> Result<()> {
         for path in FlightFiles::possible(pipeline) {
-            refuse_existing(&path, force)?;
+            refuse_unwritable(&path, force)?;
             refuse_input_of(&path, [cloud])?;
         }
         Ok(())

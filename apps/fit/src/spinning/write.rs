@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use vlscan_base::error::Result;
 use vlscan_base::files::reads::refuse_input_of;
-use vlscan_base::files::{FileGroup, refuse_existing};
+use vlscan_base::files::{FileGroup, refuse_unwritable};
 use vlscan_geom::DVec3;
 
 /// Pixels by which a plane reaches beyond the middles of the outermost ones: half a pixel, and half a column
@@ -42,7 +42,7 @@ impl SpinningFiles {
     /// [`vlscan_base::error::Error::Input`]: a file exists and `force` is not set, or is an input.
     pub fn check(&self, inputs: [&Path; 2], force: bool) -> Result<()> {
         self.all().try_for_each(|path| {
-            refuse_existing(path, force)?;
+            refuse_unwritable(path, force)?;
             refuse_input_of(path, inputs)
         })
     }
@@ -65,7 +65,7 @@ impl SpinningFit {
         (calibration, command): (&Path, &str),
         force: bool,
     ) -> Result<()> {
-        files.all().try_for_each(|path| refuse_existing(path, force))?;
+        files.all().try_for_each(|path| refuse_unwritable(path, force))?;
         let mut group = FileGroup::default();
         if let Some([planes, materials]) = &files.planes {
             let (mesh, table) = self.scene(materials);

@@ -42,7 +42,7 @@ pub struct ChangedPoints {
 /// [`Error::Input`] for clouds that do not overlap, and for cells that are too small.
 pub fn changed_points(clouds: [&Points; 2], cell: f64) -> Result<ChangedPoints> {
     let (low, high) = common_box(clouds[0], clouds[1])?;
-    let grid = CellGrid::new((low, high), cell, ("the first cloud", clouds[0]))?;
+    let grid = CellGrid::new((low, high), cell, ("the first cloud", clouds[0]), 0)?;
     let cuts = clouds.map(|points| Cut::of(points, low, high));
     let counts = [&cuts[0], &cuts[1]].map(|cut| grid.counts(cut.offsets()));
     let is_seen = |offset: &[f64; 3]| counts.iter().all(|counts| counts[grid.cell(offset)] > 0.0);

@@ -112,8 +112,9 @@ pub fn compare(
     options.check()?;
     check_systems(first.1, second.1, observer)?;
     let (low, high) = common_box(first.1, second.1)?;
-    let grid = CellGrid::new((low, high), options.cell, first)?;
-    let wide_grid = CellGrid::new((low, high), GROUND_CELL.max(options.cell), first)?;
+    let splits = if options.chance { rayon::current_num_threads().min(SPLITS as usize) } else { 0 };
+    let grid = CellGrid::new((low, high), options.cell, first, splits)?;
+    let wide_grid = CellGrid::new((low, high), GROUND_CELL.max(options.cell), first, splits)?;
     let [a, b] = [first.1, second.1].map(|points| Cut::of(points, low, high));
     let cuts = [&a, &b];
     if cuts.iter().any(|cut| cut.len() == 0) {
@@ -285,7 +286,7 @@ fn blocks_of(
     }
     let extent = high - low;
     let side = (extent.x * extent.y / BLOCK_CELLS).sqrt().clamp(1e-3, max_side);
-    let grid = CellGrid::new((low, high), side, cloud)?;
+    let grid = CellGrid::new((low, high), side, cloud, 0)?;
     let cells = cut.offsets().map(|offset| grid.cell(&offset) as u32).collect();
     Ok((BlockKind::Cells { side_m: side }, grid.len() as u32, cells))
 }

@@ -4,11 +4,19 @@ use crate::cloud::{Points, in_command, too_many_cells};
 use crate::kd_tree::Places;
 use std::path::Path;
 use vlscan_base::error::Result;
+use vlscan_base::machine;
 use vlscan_formats::StrayFinder;
 use vlscan_geom::DVec3;
 
 /// Most cells of a raster.
 const MAX_CELLS: f64 = 1e8;
+
+/// Memory of a cell that both clouds have measured, bytes: while the errors of registration are estimated,
+/// the surfaces of both clouds, the differences, and two lists of the stable ones with their order.
+const CELL_BYTES: u64 = 240;
+/// Memory of a cell for each of the splits that threads measure at a time, bytes: the extremes of a half, and
+/// the values of both.
+const SPLIT_BYTES: u64 = 32;
 
 /// The points of a cloud within the common box, in the order of the file.
 pub(super) struct Cut<'a> {
@@ -108,6 +116,15 @@ pub(super) fn of_both<T: Send>(cuts: [&Cut; 2], of: impl Fn(&Cut) -> T + Sync) -
     [first, second]
 }
 
+/// The most cells for which half of a memory, bytes, suffices, to two digits, while so many splits of a cloud
+/// are measured.
+fn most_cells(memory: Option<u64>, splits: usize) -> f64 {
+    let Some(memory) = memory else { return MAX_CELLS };
+    let cells = memory as f64 / 2.0 / (CELL_BYTES + SPLIT_BYTES * splits as u64) as f64;
+    let step = 10f64.powi(cells.max(100.0).log10().floor() as i32 - 1);
+    ((cells / step).floor() * step).min(MAX_CELLS)
+}
+
 /// Square cells over the common box.
 #[derive(Clone, Debug)]
 pub(super) struct CellGrid {
@@ -117,18 +134,26 @@ pub(super) struct CellGrid {
 }
 
 impl CellGrid {
-    /// Cells of a side over the common box of clouds, of which one is `points` with a name for messages.
+    /// Cells of a side over the common box of clouds, of which one is `points` with a name for messages, for
+    /// as many `splits` of a cloud at a time.
     ///
     /// # Errors
-    /// [`Error::Input`](vlscan_base::error::Error::Input): too many cells.
-    pub fn new((low, high): (DVec3, DVec3), side: f64, (name, points): (&str, &Points)) -> Result<CellGrid> {
+    /// [`Error::Input`](vlscan_base::error::Error::Input): too many cells, or more than half the memory of
+    /// the machine can hold.
+    pub fn new(
+        (low, high): (DVec3, DVec3),
+        side: f64,
+        (name, points): (&str, &Points),
+        splits: usize,
+    ) -> Result<CellGrid> {
         let count = |extent: f64| (extent / side).floor() + 1.0;
         let (columns, rows) = (count(high.x - low.x), count(high.y - low.y));
-        if columns * rows > MAX_CELLS {
+        let most = most_cells(machine::memory(), splits);
+        if columns * rows > most {
             let mut finder = StrayFinder::default();
             points.positions().for_each(|p| finder.add(p));
             let input = in_command(&[Path::new(name)]);
-            return Err(too_many_cells((name, &input), [columns, rows], side, MAX_CELLS, &finder));
+            return Err(too_many_cells((name, &input), [columns, rows], side, most, &finder));
         }
         Ok(CellGrid { side, columns: columns as usize, rows: rows as usize })
     }
@@ -173,5 +198,21 @@ impl CellGrid {
         let mut counts = vec![0.0; self.len()];
         offsets.for_each(|offset| counts[self.cell(&offset)] += 1.0);
         counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_take_at_most_half_the_memory() {
+        // Half of 16 GiB holds 35.8 million cells of 240 bytes.
+        assert_eq!(
+            [None, Some(1 << 40), Some(16 << 30)].map(|memory| most_cells(memory, 0)),
+            [1e8, 1e8, 3.5e7]
+        );
+        assert_eq!(most_cells(Some(16 << 30), 8), 1.7e7);
+        assert_eq!([0, 1000, 100_000].map(|memory| most_cells(Some(memory), 0)), [0.0, 0.0, 200.0]);
     }
 }

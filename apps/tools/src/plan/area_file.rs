@@ -88,7 +88,7 @@ enum Coordinates {
 enum SystemError {
     /// A system in another unit than metres or degrees.
     #[error("it is in {system}: {problem}; {reproject}", reproject = REPROJECT)]
-    Unit { system: String, problem: &'static str },
+    Unit { system: String, problem: String },
     /// A system other than the scene's, from which nothing is projected.
     #[error(
         "its coordinates are in {system}, those of the scene in {scene}; {reproject}",

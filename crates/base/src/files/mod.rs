@@ -44,8 +44,8 @@ pub use positioned::{PositionedFile, read_exact_at};
 pub use reads::{FileLog, FileSet, ReadGuard, Reads, Stamp, ThreadLogs};
 pub use stream::limit_waiting;
 pub use temporary::{
-    NewFolder, TemporaryFolder, is_taken, is_temporary_name, publish, refuse_existing, remove_litter,
-    remove_temporary,
+    NewFolder, TemporaryFolder, is_taken, is_temporary_name, publish, refuse_existing, refuse_unwritable,
+    remove_litter, remove_temporary,
 };
 pub use writer::scratch_failed;
 pub use writer::{FileWriter, Patched, write_file, write_stderr, write_stdout};

@@ -4,6 +4,7 @@ use super::fault;
 use super::paths::{folder_of, is_special, with_suffix};
 use super::reads::open_own;
 use super::undo::{remove_any, roll_back_log};
+use crate::diag::ProblemKind;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -127,6 +128,28 @@ pub fn remove_litter(folder: &Path) {
 /// [`Error::Input`] of the kind [`Exists`](crate::diag::ProblemKind::Exists).
 pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
     if !force && is_taken(path) { Err(Error::exists(path)) } else { Ok(()) }
+}
+
+/// Refuses a file that cannot be written, before the work for it: one that exists, unless `force` is set, a
+/// folder, and a file in a folder that does not exist. Streams can be written.
+///
+/// # Errors
+/// [`Error::Input`], of the kind [`NotFound`](ProblemKind::NotFound) for a missing folder, else as for
+/// [`refuse_existing`].
+pub fn refuse_unwritable(path: &Path, force: bool) -> Result<()> {
+    if is_special(path) {
+        return Ok(());
+    }
+    let (folder, shown) = (folder_of(path), path.display());
+    if path.is_dir() {
+        return Err(Error::input(format!("{shown} is a directory, expected a file")));
+    }
+    if !folder.is_dir() {
+        let kind = if folder.exists() { ProblemKind::Invalid } else { ProblemKind::NotFound };
+        let message = format!("{} is not a directory, so {shown} cannot be written", folder.display());
+        return Err(Error::input_of(kind, message));
+    }
+    refuse_existing(path, force)
 }
 
 /// True if a file or folder of this name exists that an output must not replace without permission.

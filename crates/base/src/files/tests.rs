@@ -31,6 +31,25 @@ fn files_appear_when_they_are_complete_or_not_at_all() {
 }
 
 #[test]
+fn files_that_cannot_be_written_are_refused_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.laz");
+    refuse_unwritable(&file, false).unwrap();
+    refuse_unwritable(Path::new("none.laz"), false).unwrap();
+    fs::write(&file, "one").unwrap();
+    refuse_unwritable(&file, true).unwrap();
+    for (path, force, expected) in [
+        (file.clone(), false, "exists already"),
+        (file.join("b.laz"), true, "a.laz is not a directory"),
+        (folder.path().join("none/b.laz"), true, "none is not a directory"),
+        (folder.path().to_path_buf(), true, "is a directory, expected a file"),
+    ] {
+        let said = refuse_unwritable(&path, force).unwrap_err().to_string();
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
+#[test]
 fn a_file_of_the_same_bytes_may_stay_and_another_one_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("a.laz");

@@ -5,6 +5,7 @@
 use super::rows::{BATCH_ROWS, Rows};
 use super::{Column, TableEncoder};
 use crate::encode::{Ending, FileBody, PointEncoder};
+use crate::objects::OBJECT_NAMES;
 use crate::out::{Offload, OutputStream};
 use crate::record::{EncodedPoints, PointBatch};
 use crate::settings::{CloudSettings, PARTIAL, SOFTWARE};
@@ -58,12 +59,7 @@ pub fn point_schema(columns: &[Column], settings: &CloudSettings) -> SchemaRef {
     if let Some(wkt) = &settings.crs {
         metadata.insert(CRS.to_owned(), wkt.trim_end_matches('\0').to_owned());
     }
-    if !settings.objects.names.is_empty() {
-        let names: BTreeMap<i32, &str> =
-            settings.objects.names.iter().map(|(number, name)| (*number, name.as_str())).collect();
-        // JSON serialisation of a map from integers to strings cannot fail.
-        metadata.insert("object_names".to_owned(), serde_json::to_string(&names).unwrap_or_default());
-    }
+    metadata.extend(settings.objects.names_as_json().map(|names| (OBJECT_NAMES.to_owned(), names)));
     schema_of(columns.iter().map(|c| (c.name(), c.kind(), c.unit(), c.meaning())), metadata)
 }
 

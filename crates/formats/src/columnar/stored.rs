@@ -123,7 +123,7 @@ mod tests {
                         assert_eq!(value(column, i), Some(expected), "{ending}, {column:?}, point {i}");
                     }
                 }
-                let names = stored.metadata.get("object_names").map(String::as_str);
+                let names = stored.metadata.get(crate::OBJECT_NAMES).map(String::as_str);
                 let expected = if text.contains(&ending) { None } else { Some("{\"8\":\"oak\"}") };
                 assert_eq!(names, expected, "{ending}");
             }

@@ -7,8 +7,15 @@ use super::Attribute;
 pub struct Misfits(u16);
 
 impl Misfits {
-    pub(crate) fn is_empty(self) -> bool {
-        self.0 == 0
+    /// The attributes, in their order.
+    pub fn attributes(self) -> impl Iterator<Item = Attribute> {
+        // Nearly all points have none, so that no attribute is looked at.
+        let mut left = self.0;
+        std::iter::from_fn(move || {
+            let next = left.trailing_zeros() as usize;
+            left &= left.wrapping_sub(1);
+            Attribute::ALL.get(next).copied()
+        })
     }
 
     /// True if the value of `attribute` in the file does not fit its type.

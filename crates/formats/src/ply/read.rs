@@ -15,7 +15,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), PlyError> 
     file.remarks.iter().for_each(|remark| reading.warn(remark.as_str()));
     reading.sink.start(file.columns.attributes());
     if reading.sink.takes_columns() {
-        reading.pass_object_names(&object_names(file.head));
+        reading.pass_object_names(object_names(file.head));
         let names: Vec<&str> = file.names.iter().map(String::as_str).collect();
         let chosen = reading.choose(&names);
         file.read_properties(&chosen);

@@ -158,11 +158,9 @@ impl Block {
                 return ControlFlow::Break(());
             };
             widths.see(format, text, words, |at| (line, at));
-            if !row.misfits.is_empty() {
-                for attribute in Attribute::ALL.into_iter().filter(|attribute| row.misfits.has(*attribute)) {
-                    misfits[attribute as usize] += 1;
-                    first_misfits[attribute as usize].get_or_insert(line);
-                }
+            for attribute in row.misfits.attributes() {
+                misfits[attribute as usize] += 1;
+                first_misfits[attribute as usize].get_or_insert(line);
             }
             let object = format.word(Attribute::Object, words);
             let object = object.map(|at| String::from_utf8_lossy(text[at].trim_ascii()));

@@ -2,32 +2,29 @@
 //! line, or the last comment before the points, consists of names; else by the number of columns.
 
 use super::lines::{is_heading, is_skipped};
-use crate::{Attribute, Columns};
+use crate::{Attribute, Column, Columns};
 use std::ops::Range;
 use std::path::Path;
 use vlscan_base::columns::{Separator, decoded, stated_separator};
 use vlscan_base::diag::{Diagnostics, Place};
 
-/// Number of columns of the point files of this program and of HELIOS++ (spec outputs §3).
-const FULL_COLUMNS: usize = 11;
-
-/// Column of the object's name in them.
-const OBJECT_COLUMN: usize = 8;
-
-/// The columns of tables with the values of these files.
-const FULL_NAMES: [&str; FULL_COLUMNS] = [
-    "X",
-    "Y",
-    "Z",
-    "Amplitude",
-    "EchoWidth",
-    "ReturnNumber",
-    "NumberOfReturns",
-    "PulseNumber",
-    "ObjectId",
-    "Classification",
-    "GpsTime",
+/// The columns of the point files of this program and of HELIOS++ (spec outputs §3).
+const FULL: [Column; 11] = [
+    Column::X,
+    Column::Y,
+    Column::Z,
+    Column::Amplitude,
+    Column::EchoWidth,
+    Column::ReturnNumber,
+    Column::NumberOfReturns,
+    Column::PulseNumber,
+    Column::ObjectId,
+    Column::Classification,
+    Column::GpsTime,
 ];
+
+/// Index of the object's name among them.
+const OBJECT_COLUMN: usize = 8;
 
 /// The columns of a file.
 #[derive(Clone, Debug)]
@@ -48,7 +45,7 @@ impl Layout {
     pub fn split(&self, line: &[u8], words: &mut Vec<Range<usize>>) {
         words.clear();
         self.separator.split_into(line, words);
-        if self.is_full() && words.len() == FULL_COLUMNS - 1 && self.separator == Separator::Blanks {
+        if self.is_full() && words.len() == FULL.len() - 1 && self.separator == Separator::Blanks {
             words.insert(OBJECT_COLUMN, 0..0);
         }
     }
@@ -88,7 +85,7 @@ impl Layout {
     pub fn names(&self) -> Vec<&str> {
         match &self.names {
             Some(names) => names.iter().map(String::as_str).collect(),
-            None if self.is_full() => FULL_NAMES.to_vec(),
+            None if self.is_full() => FULL.map(Column::name).to_vec(),
             None => Vec::new(),
         }
     }
@@ -244,18 +241,11 @@ impl Layout {
 /// The columns of lines like this one without names: those of point files of this program and of HELIOS++, or
 /// a position and, where there is just one more column, an intensity.
 fn columns_by_count(line: &[u8], words: &[Range<usize>]) -> Columns {
+    if is_full_row(line, words) {
+        return Columns::find(FULL.map(Column::name)).of_own_table(true);
+    }
     let columns = Attribute::POSITION.into_iter().zip(0..);
     let columns = columns.fold(Columns::default(), |columns, (a, column)| columns.with(a, column));
-    if is_full_row(line, words) {
-        return columns
-            .with(Attribute::Intensity, 3)
-            .with(Attribute::ReturnNumber, 5)
-            .with(Attribute::NumberOfReturns, 6)
-            .with(Attribute::Object, OBJECT_COLUMN)
-            .with(Attribute::Class, 9)
-            .with(Attribute::Time, 10)
-            .of_own_table(true);
-    }
     if words.len() == 4 { columns.with(Attribute::Intensity, 3) } else { columns }
 }
 
@@ -265,7 +255,7 @@ fn is_full_row(line: &[u8], words: &[Range<usize>]) -> bool {
     let whole = |column: usize| {
         std::str::from_utf8(line[words[column].clone()].trim_ascii()).ok()?.parse::<u64>().ok()
     };
-    (FULL_COLUMNS - 1..=FULL_COLUMNS).contains(&words.len())
+    (FULL.len() - 1..=FULL.len()).contains(&words.len())
         && matches!((whole(5), whole(6), whole(7)), (Some(number), Some(count), Some(_)) if number <= count)
 }
 
@@ -323,8 +313,13 @@ mod tests {
             assert_eq!(layout(text).0, positions, "{text:?}");
         }
         assert_eq!(layout("1 2 3 4\n").0.last(), Some(&(Intensity, 3)));
-        for full in ["1 2 3 4.5 0 1 2 9 oak 4 5.5\n", "1 2 3 4.5 0 1 2 9  4 5.5\n"] {
-            assert_eq!(layout(full).0.len(), 9, "{full:?}");
+        let mut full = vec![(X, 0), (Y, 1), (Z, 2), (Intensity, 3), (Attribute::Time, 10), (Class, 9)];
+        full.extend([(Attribute::ReturnNumber, 5), (Attribute::NumberOfReturns, 6), (Object, OBJECT_COLUMN)]);
+        full.sort_by_key(|(_, column)| *column);
+        for text in ["1 2 3 4.5 0 1 2 9 oak 4 5.5\n", "1 2 3 4.5 0 1 2 9  4 5.5\n"] {
+            let mut found = layout(text).0;
+            found.sort_by_key(|(_, column)| *column);
+            assert_eq!(found, full, "{text:?}");
         }
     }
 

@@ -63,7 +63,8 @@ pub(super) fn check(device: &Device, corrections: &Corrections) -> Result<()> {
         format!("binSize_ns is {}, expected a positive number", w.bin)
     } else if !(duration.is_finite() && duration / w.bin <= MAX_PULSE_BINS) {
         format!(
-            "a pulse of {} ns does not fit into a million bins of {} ns; choose a larger binSize_ns",
+            "a pulse of {} ns does not fit into a million bins of {} ns; choose a larger bin_ns (in XML \
+             binSize_ns)",
             number(duration),
             number(w.bin)
         )

@@ -70,7 +70,7 @@ pub use request::{
     leave_options_to_others,
 };
 pub use summary::{FileKind, FileSummary, OutputSummary};
-pub(crate) use system::{check_place, check_unit};
+pub(crate) use system::check_system;
 pub use vlscan_formats::text::expand;
 #[doc(hidden)]
 pub use vlscan_formats::text::unzip;

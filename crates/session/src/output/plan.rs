@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use vlscan_base::diag::{Diagnostics, ProblemKind};
 use vlscan_base::error::{Error, Result};
-use vlscan_base::files::{FileSet, NewFolder, identity, is_special, is_taken, reads, remove_litter};
+use vlscan_base::files::{
+    FileSet, NewFolder, identity, is_special, is_taken, reads, refuse_unwritable, remove_litter,
+};
 use vlscan_formats::{
     CloudSettings, Column, Destination, FrameNames, Needs, ObjectIds, PacketPlace, PointBatch, PointEncoder,
     PointFormat,
@@ -277,6 +279,9 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             )
             .help("-o points.csv, .xyz, .arrow or .parquet");
     }
+    if request.uses_columns() && !request.uses_all_columns() {
+        warn_of_unused_columns(request, problems);
+    }
     check_frames(request, problems);
     if request.split_by_channel
         && context.devices.len() > 1
@@ -290,6 +295,25 @@ fn check_requests(request: &OutputRequest, context: &OutputContext, problems: &m
             .error(None, "binary points would go to the terminal")
             .help("redirect standard output, or use --force");
     }
+}
+
+/// Warns of chosen columns that no output has.
+fn warn_of_unused_columns(request: &OutputRequest, problems: &mut Diagnostics) {
+    let formats: Vec<PointFormat> = request.sinks.iter().map(|(_, format)| *format).collect();
+    let unused = PointFormat::unused_columns(&formats, &request.cloud);
+    if unused.is_empty() {
+        return;
+    }
+    let has = |column: Column| unused.contains(&column);
+    let other = match (has(Column::HeightAboveGround), has(Column::TrueX)) {
+        (true, _) => "; --height-above-ground writes the height to las, laz and ply",
+        (false, true) => "; --true-positions writes them to las and laz",
+        (false, false) => "",
+    };
+    let names: Vec<&str> = unused.iter().map(|column| column.name()).collect();
+    problems
+        .warn(None, format!("--columns: the outputs have no {}", names.join(", ")))
+        .help(format!("-o points.csv, .xyz, .arrow or .parquet{other}"));
 }
 
 /// Reports problems of the frames of MCAP.
@@ -401,22 +425,16 @@ fn check_path(path: &Path, made: &[PathBuf], may_exist: bool, inputs: &Inputs, p
         problems.error(None, reads::is_read(path));
         return;
     }
-    if is_special(path) {
+    let is_made = |folder: &Path| !folder.is_dir() && made.iter().any(|made| made == folder);
+    if path.parent().is_some_and(is_made) {
         return;
     }
-    let shown = path.display();
-    if path.is_dir() {
-        problems.error(None, format!("{shown} is a directory, expected a file"));
-        return;
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() && !made.iter().any(|d| d == folder) {
-        let kind = if folder.exists() { ProblemKind::Invalid } else { ProblemKind::NotFound };
-        let message = format!("{} is not a directory, so {shown} cannot be written", folder.display());
-        problems.error(None, message).of_kind(kind);
+    if let Err(Error::Input(found)) = refuse_unwritable(path, true) {
+        return problems.extend(*found);
     }
     if !may_exist && is_taken(path) {
-        let problem = problems.error(None, format!("{shown} exists already")).of_kind(ProblemKind::Exists);
+        let message = format!("{} exists already", path.display());
+        let problem = problems.error(None, message).of_kind(ProblemKind::Exists);
         problem.help("overwrite it with --force");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::point_table::{PointTable, PositionFrame};
 use super::request::{OutputRequest, Target};
-use super::system::{check_place, check_unit};
+use super::system::check_system;
 use ::arrow_array::RecordBatch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -12,8 +12,8 @@ use vlscan_base::diag::{Diagnostics, Place};
 use vlscan_base::error::{Error, Result};
 use vlscan_base::files::refuse_existing;
 use vlscan_formats::{
-    CloudSettings, Column, Destination, EncodedFile, EncodedPoints, ExtraDimensions, Job, ObjectIds, Offload,
-    OutputStream, PointBatch, PointEncoder, PointFormat, PointRecord, Tally,
+    CloudSettings, Column, Destination, EncodedFile, EncodedPoints, ExtraDimensions, Job, OBJECT_NAMES,
+    ObjectIds, Offload, OutputStream, PointBatch, PointEncoder, PointFormat, PointRecord, Tally,
 };
 use vlscan_geom::{Aabb, DVec3};
 
@@ -48,7 +48,7 @@ impl CloudFacts {
     /// `crs` is the coordinate reference system as WKT.
     ///
     /// # Errors
-    /// [`Error::Input`] for columns that are not numeric.
+    /// [`Error::Input`] for columns that are not numeric, and names of objects in another form.
     pub fn of_table(table: &RecordBatch, crs: Option<String>) -> Result<CloudFacts> {
         let objects = ObjectIds::default();
         let rows =
@@ -69,7 +69,11 @@ impl CloudFacts {
         (settings.crs, settings.highest_class) = (crs, highest_class);
         settings.columns = Some(columns);
         let schema = table.schema();
-        let names = schema.metadata().get("object_names").and_then(|text| serde_json::from_str(text).ok());
+        let names = schema.metadata().get(OBJECT_NAMES).map(|text| serde_json::from_str(text));
+        let names = names.transpose().map_err(|e| {
+            let text = format!("the metadata {OBJECT_NAMES} are no JSON object of names by numbers: {e}");
+            Error::input(text)
+        })?;
         settings.objects = ObjectIds::of_names(names.unwrap_or_default());
         Ok(CloudFacts { settings, legs: Vec::new() })
     }
@@ -130,7 +134,8 @@ pub fn write_points(
     check_columns(&rows, *format, &mut settings, path, &mut found)?;
     warn_of_unknown(table, path, &mut found);
     if let Some(wkt) = request.cloud.crs.as_deref() {
-        check_system(wkt, &settings, &mut found);
+        let centre = settings.bounds.centre() + settings.origin;
+        check_system(wkt, (!settings.bounds.is_empty()).then_some(centre), &mut found);
     }
     settings.objects = objects.clone();
     if frame == PositionFrame::World {
@@ -209,14 +214,6 @@ fn settings_of(facts: &CloudFacts, request: &OutputRequest) -> CloudSettings {
     settings.las = cloud.las.clone();
     settings.frame_names = cloud.frame_names.clone();
     settings
-}
-
-/// Warns of a chosen coordinate reference system that does not fit the points.
-fn check_system(wkt: &str, settings: &CloudSettings, found: &mut Diagnostics) {
-    if !settings.bounds.is_empty() {
-        check_place(wkt, settings.bounds.centre() + settings.origin, found);
-    }
-    check_unit(wkt, found);
 }
 
 /// Warns of columns that no format has.

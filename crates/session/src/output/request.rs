@@ -208,12 +208,16 @@ impl OutputRequest {
         self.tables.iter().any(|table| table.content == TableContent::Points)
     }
 
+    /// True if an output has exactly the chosen columns.
+    pub(super) fn uses_all_columns(&self) -> bool {
+        let has_table = self.has_point_table() && self.table_columns.is_none();
+        has_table || self.sinks.iter().any(|(_, format)| format.has_columns())
+    }
+
     /// True if the choice of columns has an effect on an output.
     pub(super) fn uses_columns(&self) -> bool {
-        let has_table = self.has_point_table() && self.table_columns.is_none();
         let has = |of: fn(PointFormat) -> bool| self.sinks.iter().any(|(_, format)| of(*format));
-        has_table
-            || has(PointFormat::has_columns)
+        self.uses_all_columns()
             || self.cloud.has_colours() && has(PointFormat::has_colours)
             || self.cloud.has_velocities() && has(PointFormat::has_velocities)
             || self.cloud.has_light_labels() && has(PointFormat::has_light_labels)

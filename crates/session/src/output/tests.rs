@@ -385,6 +385,24 @@ fn requests_that_cannot_be_met() {
 }
 
 #[test]
+fn chosen_columns_that_no_output_has_are_warned_of() {
+    let (dir, survey) = (tempfile::tempdir().unwrap(), survey(1, &[None]));
+    let warnings = |formats: &[PointFormat], columns: &[Column]| {
+        let mut request = OutputRequest::default();
+        let sink = |format: &PointFormat| (Target::File(dir.path().join(format.name())), *format);
+        request.sinks = formats.iter().map(sink).collect();
+        request.cloud.columns = Some(columns.to_vec());
+        plan(request, &survey).warnings().text()
+    };
+    let (las, csv) = (PointFormat::Las, PointFormat::Csv);
+    let said = warnings(&[las], &[Column::Path, Column::Subray, Column::HeightAboveGround]);
+    assert!(said.contains("--columns: the outputs have no Subray, HeightAboveGround"), "{said}");
+    assert!(said.contains("--height-above-ground"), "{said}");
+    assert_eq!(warnings(&[las], &[Column::Path, Column::Range]), "");
+    assert_eq!(warnings(&[las, csv], &[Column::Path, Column::Subray]), "");
+}
+
+#[test]
 fn names_from_the_input_stay_in_their_folder() {
     let dir = tempfile::tempdir().unwrap();
     let mut survey = survey(1, &[Some("../x"), Some("")]);

@@ -1,10 +1,10 @@
 //! Coordinate reference system of a run: chosen, named by the scene's files, or the UTM zone of the flight.
 
 use super::settings::Settings;
-use crate::output::{OutputContext, OutputRequest, check_place, check_unit};
+use crate::output::{OutputContext, OutputRequest, check_system};
 use vlscan_base::diag::Diagnostics;
 use vlscan_crs as crs;
-use vlscan_geom::UtmZone;
+use vlscan_geom::{DVec3, UtmZone};
 use vlscan_lidar::flight::FlightPlan;
 use vlscan_lidar::platform::{PoseReader, adjusted_time_origin};
 use vlscan_scene::Scene;
@@ -32,16 +32,10 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
     let is_confirmed = scene.crs.is_some();
     let is_chosen = survey.crs_wkt.is_some();
     survey.crs_wkt = survey.crs_wkt.take().or_else(|| scene.crs.clone());
-    if let Some(wkt) = survey.crs_wkt.as_deref().filter(|_| !scene.bounds.is_empty()) {
-        let place = check_place(wkt, scene.to_world(scene.bounds.centre()), &mut found);
-        let is_reported = is_chosen && !is_confirmed;
-        note = place
-            .filter(|_| is_reported)
-            .map(|place| format!("in {}, the scene is at {place}", crs::name(wkt)));
-    }
     let wkt = survey.crs_wkt.as_deref();
     if let Some(wkt) = wkt {
-        check_unit(wkt, &mut found);
+        let centre = (!scene.bounds.is_empty()).then(|| scene.to_world(scene.bounds.centre()));
+        note = check_chosen(wkt, centre, &mut found).filter(|_| is_chosen && !is_confirmed);
     }
     let grid = match &mut survey.platform.kind {
         PlatformKind::Stream(stream) => &mut stream.grid,
@@ -57,6 +51,28 @@ pub(super) fn adopt(settings: &mut Settings, scene: &Scene) -> (Diagnostics, Opt
     }
     *grid = grid.of_scene(wkt);
     (found, note)
+}
+
+/// Warns of a system that does not fit a scene around `centre`. Returns a note on the place of the scene in
+/// it, for scenes whose files name no system.
+fn check_chosen(wkt: &str, centre: Option<DVec3>, found: &mut Diagnostics) -> Option<String> {
+    let place = check_system(wkt, centre, found)?;
+    Some(format!("in {}, the scene is at {place}", crs::name(wkt)))
+}
+
+/// Warns of a system of merged outputs that does not fit the scene of the shards, and notes its place in the
+/// system or that there is none, as a run does.
+pub(super) fn check_merged(outputs: &OutputRequest, context: &OutputContext, found: &mut Diagnostics) {
+    if let Some(wkt) = outputs.cloud.crs.as_deref() {
+        let centre = (!context.bounds.is_empty()).then(|| context.bounds.centre() + context.shift);
+        let note = check_chosen(wkt, centre, found);
+        if let Some(note) = note.filter(|_| context.crs.is_none()) {
+            found.note(None, note);
+        }
+    }
+    if let Some(missing) = without_crs(outputs, context) {
+        found.note(None, missing);
+    }
 }
 
 /// Returns the system of a flight that is projected: its UTM zone. Waits for the first pose of a flight that

@@ -3,11 +3,12 @@
 
 use super::beam_counts::BeamCounts;
 use super::collector::{Ended, PassEnd};
+use super::crs;
 use super::fly::run_stages;
 use super::pass::RunContext;
 use super::run::Report;
 use super::worker::{Measured, Pieces};
-use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary, check_place};
+use crate::output::{OutputContext, OutputPlan, OutputRequest, OutputSummary};
 use crate::shards::{BlockHead, ShardFile, ShardFileError, ShardSet};
 use std::ops::Range;
 use std::sync::Arc;
@@ -152,8 +153,8 @@ pub fn output_context(shards: &ShardSet) -> Result<OutputContext> {
     context.map_err(|e| Error::input(format!("the shards lack data that the outputs need: {e}")))
 }
 
-/// Warnings about values of points that the outputs of shards do not hold, and about an unlikely coordinate
-/// reference system.
+/// Warnings about values of points that the outputs of shards do not hold, and about an unlikely or missing
+/// coordinate reference system.
 ///
 /// # Errors
 /// The errors of [`OutputRequest::check`], but for existing files: those are checked where files are written.
@@ -162,9 +163,7 @@ pub fn merge_warnings(shards: &ShardSet, outputs: &OutputRequest) -> Result<Diag
     let epochs = shards.head.epochs.max(1);
     let request = OutputRequest { epochs, force: true, ..outputs.clone() };
     let mut found = request.check(&context)?.warnings().clone();
-    if let Some(wkt) = outputs.cloud.crs.as_deref().filter(|_| !context.bounds.is_empty()) {
-        check_place(wkt, context.bounds.centre() + context.shift, &mut found);
-    }
+    crs::check_merged(outputs, &context, &mut found);
     Ok(found)
 }
 

@@ -241,5 +241,5 @@ pub fn join_segments(shards: &ShardSet, outputs: &OutputRequest, control: RunCon
 }
 
 fn check_out(out: &Path, force: bool) -> Result<()> {
-    vlscan_base::files::refuse_existing(out, force)
+    vlscan_base::files::refuse_unwritable(out, force)
 }

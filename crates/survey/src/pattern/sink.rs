@@ -2,7 +2,7 @@
 
 use super::columns::{Column, Row};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use vlscan_base::quantity::number;
+use vlscan_base::quantity::{counted, number};
 
 /// Maximum number of channels.
 pub(super) const MAX_CHANNELS: usize = 1024;
@@ -49,7 +49,7 @@ pub(super) enum PatternProblem {
     #[error("no row of numbers")]
     Empty,
     /// Columns whose quantities are not known.
-    #[error("{0} columns without headings")]
+    #[error("{} without headings", columns(.0))]
     Unnamed(usize),
     /// A row of another length.
     #[error("row {row} has {found} numbers, expected {expected} as in the first one")]
@@ -72,7 +72,7 @@ pub(super) enum PatternProblem {
         problem: Box<PatternProblem>,
     },
     /// A single time.
-    #[error("a single time, from which no pulse rate follows")]
+    #[error("a single time, from which no pulse rate follows: add rows, or give `pulse_freqs_hz`")]
     OneTime,
     /// Pulses too close to each other.
     #[error("{rate} pulses per second on average, expected at most {max}")]
@@ -82,6 +82,10 @@ pub(super) enum PatternProblem {
         /// Maximum.
         max: String,
     },
+}
+
+fn columns(count: &usize) -> String {
+    counted(*count, "column")
 }
 
 /// A problem of a row, and the column that has it.

@@ -6,6 +6,7 @@ use super::sink::{PatternProblem, RowResult, RowSink};
 use crate::context::Context;
 use crate::rows::MAX_LONG_FILE_BYTES;
 use std::path::Path;
+use vlscan_base::columns::comma_note;
 use vlscan_base::diag::Place;
 use vlscan_base::error::Error;
 use vlscan_base::recognise::{Expected, foreign};
@@ -133,6 +134,13 @@ impl TableFile<'_> {
             return Some(());
         };
         let at = used.iter().find(|(_, of, _)| *of == column).map(|(at, ..)| *at);
+        let text: &str = at.and_then(|at| line.fields.get(at)).map_or("", AsRef::as_ref);
+        let problem = match (problem, comma_note(text)) {
+            (PatternProblem::Value(expected), note) if !note.is_empty() => {
+                PatternProblem::Value(format!("{expected}, found {text}{note}"))
+            }
+            (problem, _) => problem,
+        };
         self.refuse(table.place(line, at), &problem)
     }
 
@@ -230,6 +238,9 @@ fn add(used: &[Used], number: impl Fn(usize) -> f64, sink: &mut impl RowSink) ->
 /// The first problem.
 pub(super) fn add_listed<S: RowSink>(rows: &[Vec<f64>], sink: &mut S) -> Result<(), PatternProblem> {
     let expected = rows.first().map_or(0, Vec::len);
+    if expected == 0 {
+        return Err(PatternProblem::Empty);
+    }
     let columns = S::unnamed(expected).ok_or(PatternProblem::Unnamed(expected))?;
     sink.begin(columns, false)?;
     let used: Vec<Used> = columns.iter().enumerate().map(|(i, column)| (i, *column, 1.0)).collect();

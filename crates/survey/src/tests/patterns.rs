@@ -200,6 +200,8 @@ fn tables_that_are_no_pattern_are_refused_with_line_and_column() {
         ("time,azimuth,elevation\n1,0,0\n", &["a single time"]),
         ("time,azimuth,elevation\n0,0,0\n1e-12,0,0\n", &["pulses per second on average"]),
         ("1,2,3,4,5,6\n", &["6 columns without headings"]),
+        ("1\n", &["1 column without headings"]),
+        ("azimuth;elevation\n1;2\n1,5;2\n", &["found 1,5, which has a decimal comma", "rows.csv:3:1"]),
     ] {
         contains(&refused(pattern("", rows)), words);
     }
@@ -236,6 +238,7 @@ fn keys_beside_a_pattern_are_checked() {
         (base.replace("rows.csv", "two.csv") + "elevations_deg = [1, 2]", "has channels of its own"),
         (base.replace("rows.csv", "none.csv"), "cannot find the file `none.csv`"),
         (base.replace("\"rows.csv\"", "[[1, 2], [3]]"), "row 1 has 1 numbers, expected 2"),
+        (base.replace("\"rows.csv\"", "[]"), "no row of numbers"),
         (base.replace("\"rows.csv\"", "[[1, 2], [3, 99]]"), "row 1, `elevation`: expected an angle"),
         (base.replace("\"rows.csv\"", "[1, 2]"), "`pattern` must be a file, or rows in brackets"),
     ] {

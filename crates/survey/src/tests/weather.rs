@@ -13,6 +13,7 @@ fn read(common: &str, own: &str) -> vlscan_base::Result<(Vec<Weather>, Diagnosti
         ("p.toml", text.as_str()),
         ("a.obj", ""),
         ("w.csv", "time_s,mor_m,rain_mm_h,snow_mm_h,dust\n10,100,0,0,0\n20,0,5,1,0.5\n"),
+        ("rain.csv", "10 0 5 0 0\n"),
         ("back.csv", "10 100 0 0 0\n10 100 0 0 0\n"),
         ("dry.csv", "10 100 -1 0 0\n"),
         ("thick.csv", "10 0.01 0 0 0\n"),
@@ -52,6 +53,9 @@ fn files_have_the_weather_over_time() {
     assert_eq!(legs[1].at(0.0).fog, AirState::fog_of_range(100.0));
     assert_eq!(legs[0].over_time, None);
     assert_eq!((legs[0].at(15.0).snow, legs[0].drop_factor), (1.0, 0.5));
+    let (_, warnings) = read("over_time = \"w.csv\", visibility_km = 5", "").unwrap();
+    assert!(warnings.text().contains("`visibility_km` has no effect: the fog of `"), "{}", warnings.text());
+    assert!(read("over_time = \"rain.csv\", visibility_km = 5", "").unwrap().1.is_empty());
 }
 
 #[test]

@@ -74,10 +74,8 @@ impl Block {
         let row = format.row(record);
         self.points += 1;
         let Some(part) = &mut self.part else { return self.rows.push(row) };
-        if !row.misfits.is_empty() {
-            for attribute in Attribute::ALL.into_iter().filter(|attribute| row.misfits.has(*attribute)) {
-                self.misfits[attribute as usize] += 1;
-            }
+        for attribute in row.misfits.attributes() {
+            self.misfits[attribute as usize] += 1;
         }
         part.add(&row);
     }

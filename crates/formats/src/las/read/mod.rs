@@ -186,7 +186,7 @@ pub(crate) fn read(bytes: &[u8], reading: &mut Reading) -> Result<(), LasError> 
     let chosen = reading.choose(&names.collect::<Vec<&str>>());
     rows.chosen = chosen.into_iter().map(|at| extra[at].1).collect();
     if reading.sink.takes_columns() {
-        reading.pass_object_names(&object_names(&reader)?);
+        reading.pass_object_names(object_names(&reader)?);
     }
     rows.metres = units.metres.unwrap_or(DVec3::ONE);
     // The first position decides whether degrees can be read, before any point is passed on.

@@ -5,7 +5,7 @@
 use super::gltf_buffers::{Buffer, BufferJson, open_buffer, split_chunks};
 use super::gltf_colours::{ColourJson, complete_colours};
 use super::gltf_extensions::{COMPRESSIONS, compressed, refused};
-use super::gltf_materials::{MaterialJson, definitions, doubts};
+use super::gltf_materials::{MaterialJson, definitions, doubts, misplaced_extras};
 use super::{FileFrame, GltfError, RawMesh};
 use crate::builder::memory_of;
 use crate::text::{Source, printable};
@@ -93,6 +93,8 @@ struct SparsePart {
 struct MeshJson {
     #[serde(default)]
     name: String,
+    #[serde(default)]
+    extras: serde_json::Value,
     primitives: Vec<Primitive>,
 }
 
@@ -126,6 +128,8 @@ pub(super) struct NodeJson {
     pub translation: Option<[f64; 3]>,
     pub rotation: Option<[f64; 4]>,
     pub scale: Option<[f64; 3]>,
+    #[serde(default)]
+    extras: serde_json::Value,
     #[serde(default)]
     pub extensions: NodeExtensions,
 }
@@ -191,10 +195,12 @@ impl GltfDocument {
         Ok(document)
     }
 
-    /// Warnings about omitted features that change the shape of meshes and about files in another spelling,
-    /// as sentences about the file.
+    /// Warnings about omitted features that change the shape of meshes, about files in another spelling, and
+    /// about misplaced extras, as sentences about the file.
     pub fn warnings(&self) -> Vec<String> {
         let mut all = self.warnings.clone();
+        let of_nodes = self.json.nodes.iter().map(|node| &node.extras);
+        all.extend(misplaced_extras(of_nodes.chain(self.json.meshes.iter().map(|mesh| &mesh.extras))));
         if self.json.nodes.iter().any(|node| node.skin.is_some()) {
             all.push("skins are left out: the meshes have the shape in which they are stored".to_owned());
         }

@@ -76,8 +76,19 @@ impl GltfDocument {
     /// Gives the materials their colours.
     pub fn add_colours(&mut self, json: &ColourJson) {
         let mut warnings = Vec::new();
-        let of_materials: Vec<_> =
-            self.json.materials.iter().map(|m| self.colour_of(json, &m.pbr, &mut warnings)).collect();
+        let named = self.json.materials.iter().zip(&self.materials);
+        let of_materials: Vec<_> = named
+            .map(|(m, definition)| {
+                let mut found = Vec::new();
+                if m.has_glossy_colours() {
+                    found.push("colours of KHR_materials_pbrSpecularGlossiness are not read".to_owned());
+                }
+                let colour = self.colour_of(json, &m.pbr, &mut found);
+                let name = &definition.name;
+                warnings.extend(found.into_iter().map(|text| format!("the material \"{name}\": {text}")));
+                colour
+            })
+            .collect();
         self.texel_sets = of_materials.iter().map(|(_, set)| *set).chain([0]).collect();
         let default = ColourDefinition { is_linear: true, ..ColourDefinition::stored([1.0; 3]) };
         let colours = of_materials.into_iter().map(|(colour, _)| colour).chain([default]);
@@ -87,7 +98,8 @@ impl GltfDocument {
         self.warnings.extend(warnings);
     }
 
-    /// The colour of a material and the number of the texture coordinates that it uses.
+    /// The colour of a material and the number of the texture coordinates that it uses. Appends sentences
+    /// about values that cannot be used to `warnings`.
     fn colour_of(
         &self,
         json: &ColourJson,
@@ -96,22 +108,24 @@ impl GltfDocument {
     ) -> (ColourDefinition, usize) {
         let component = |i: usize| pbr.get("baseColorFactor")?.get(i)?.as_f64();
         let factor = [0, 1, 2].map(|i| component(i).unwrap_or(1.0).clamp(0.0, 1.0));
+        let is_usable = |i: usize| component(i).is_some_and(|value| (0.0..=1.0).contains(&value));
+        if pbr.get("baseColorFactor").is_some() && !(0..3).all(is_usable) {
+            warnings.push(format!("baseColorFactor is no colour of numbers from 0 to 1; it is {factor:?}"));
+        }
         let plain = ColourDefinition { is_linear: true, ..ColourDefinition::stored(factor) };
         let Some(reference) = pbr.get("baseColorTexture") else { return (plain, 0) };
         let number = |value: &Value, key: &str| value.get(key)?.as_u64().map(|n| n as usize);
-        let Some(index) = number(reference, "index") else { return (plain, 0) };
+        let Some(index) = number(reference, "index") else {
+            warnings.push("baseColorTexture has no index and is ignored".to_owned());
+            return (plain, 0);
+        };
         let moved = reference.get("extensions").and_then(|all| all.get("KHR_texture_transform"));
         let set = moved.and_then(|moved| number(moved, "texCoord"));
         let set = set.or_else(|| number(reference, "texCoord")).unwrap_or(0);
         let image = match self.image(json, index) {
             Ok(image) => image,
             Err(what) => {
-                let message = format!(
-                    "texture {index} {what}; its surfaces have the colour of their material without it"
-                );
-                if !warnings.contains(&message) {
-                    warnings.push(message);
-                }
+                warnings.push(format!("texture {index} {what}; its surfaces have the colour without it"));
                 return (plain, set);
             }
         };

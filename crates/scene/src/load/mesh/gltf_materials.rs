@@ -1,26 +1,15 @@
 //! Materials of glTF documents: their names, and as extras the properties that material files of OBJ have.
 
 use super::{GltfError, diffuse};
+use crate::mtl::{is_own, unknown_keyword};
 use crate::mtl_optics::{OPTICAL_KEYS, set_optics};
 use crate::optics::{GLASS_INDEX, SHEET_THICKNESS};
 use crate::text::printable;
 use serde::Deserialize;
 use serde_json::Value;
-use vlscan_base::diag::nearest;
+use std::collections::BTreeSet;
 use vlscan_base::quantity::{PANE_INDEX, PANE_THICKNESS};
 use vlscan_survey::{MaterialDefinition, OpticsDefinition, UnusedOptics};
-
-/// Extras that are read, beside [`OPTICAL_KEYS`], and one of HELIOS++ without effect.
-const EXTRAS: [&str; 8] = [
-    "helios_reflectance",
-    "helios_spectra",
-    "helios_classification",
-    "helios_isGround",
-    "helios_useVertexColors",
-    "vlscan_leaf",
-    "vlscan_roughness_deg",
-    "vlscan_element_size_m",
-];
 
 #[derive(Debug, Deserialize)]
 pub(super) struct MaterialJson {
@@ -36,6 +25,13 @@ pub(super) struct MaterialJson {
     pub pbr: Value,
     #[serde(default)]
     extensions: Value,
+}
+
+impl MaterialJson {
+    /// True if colours of an extension take the place of those that are read.
+    pub fn has_glossy_colours(&self) -> bool {
+        self.extensions.get("KHR_materials_pbrSpecularGlossiness").is_some()
+    }
 }
 
 /// The materials of a document, and after them that of primitives without one.
@@ -112,7 +108,7 @@ fn definition(number: usize, json: &MaterialJson) -> Result<MaterialDefinition, 
 pub(super) fn doubts(materials: &[MaterialJson], definitions: &[MaterialDefinition]) -> Vec<String> {
     let mut found = Vec::new();
     for (json, definition) in materials.iter().zip(definitions) {
-        let mut doubtful = unknown_extras(json);
+        let mut doubtful: Vec<String> = unknown_extras(json).collect();
         if !definition.optics.is_optical() {
             doubtful.extend(doubtful_glass(json));
         }
@@ -121,21 +117,20 @@ pub(super) fn doubts(materials: &[MaterialJson], definitions: &[MaterialDefiniti
     found
 }
 
-/// Extras with a prefix of material files that have no meaning.
-fn unknown_extras(json: &MaterialJson) -> Vec<String> {
-    let optical = OPTICAL_KEYS.map(|key| format!("vlscan_{key}"));
-    let known = || EXTRAS.into_iter().chain(optical.iter().map(String::as_str));
-    let is_own = |key: &str| {
-        let key = key.to_ascii_lowercase();
-        key.starts_with("helios_") || key.starts_with("vlscan_")
-    };
+/// Warnings of extras with a prefix of material files that have no meaning.
+fn unknown_extras(json: &MaterialJson) -> impl Iterator<Item = String> {
     let keys = json.extras.as_object().into_iter().flat_map(|extras| extras.keys());
-    let unknown = keys.filter(|key| is_own(key) && !known().any(|known| known == key.as_str()));
+    keys.filter_map(|key| unknown_keyword(key)).map(|text| format!("the unknown extra {text}"))
+}
+
+/// Warnings of extras of nodes and meshes that only materials have, as sentences about the file.
+pub(super) fn misplaced_extras<'j>(extras: impl Iterator<Item = &'j Value>) -> Vec<String> {
+    let keys = extras.filter_map(Value::as_object).flat_map(|extras| extras.keys());
+    let keys: BTreeSet<&String> = keys.filter(|key| is_own(key)).collect();
     let message = |key: &String| {
-        let near = nearest(key, known()).map_or(String::new(), |near| format!("; did you mean {near}?"));
-        format!("the unknown extra {} is ignored{near}", printable(key))
+        format!("the extra {} of a node or mesh is ignored: it belongs to materials", printable(key))
     };
-    unknown.map(message).collect()
+    keys.into_iter().map(message).collect()
 }
 
 /// Numbers of a material with transmission that no pane has.
@@ -294,6 +289,14 @@ mod tests {
         let expected = "the material \"pane\": the unknown extra vlscan_miror is ignored; did you mean \
                         vlscan_mirror?";
         assert_eq!(miror, expected);
+        for (key, expected) in [
+            ("vlscan_rougness_deg", "did you mean vlscan_roughness_deg?"),
+            ("Helios_spectra", "did you mean helios_spectra?"),
+            ("vlscan_colour", "the unknown extra vlscan_colour is ignored"),
+        ] {
+            let said = of(&format!(r#""extras":{{"{key}":1}}"#));
+            assert!(said.contains(expected), "{said}");
+        }
         let ior = glass(r#","KHR_materials_ior":{"ior":9}"#);
         assert!(
             ior.contains("KHR_materials_ior 9 is no refractive index") && ior.contains("has 1.5"),
@@ -306,6 +309,14 @@ mod tests {
         );
         let share = of(r#""extensions":{"KHR_materials_transmission":{"transmissionFactor":2}}"#);
         assert!(share.contains("KHR_materials_transmission 2 is no share"), "{share}");
+    }
+
+    #[test]
+    fn extras_of_materials_elsewhere_are_named_once() {
+        let extras = [r#"{"vlscan_leaf":1,"author":"me"}"#, "null", "7", r#"{"vlscan_leaf":0}"#];
+        let extras = extras.map(|json| serde_json::from_str::<Value>(json).unwrap());
+        let expected = "the extra vlscan_leaf of a node or mesh is ignored: it belongs to materials";
+        assert_eq!(misplaced_extras(extras.iter()), [expected]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::builder::{PartSource, SceneBuilder};
 use crate::library::DefinedBy;
 use crate::material::DEFAULT;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 use vlscan_base::error::Result;
@@ -40,6 +41,8 @@ pub(crate) fn load_with(
         (b - a).cross(c - a) != DVec3::ZERO
     };
     scene.geometry.vertices.extend_from_slice(vertices);
+    let textured: Vec<bool> = materials.iter().map(|&material| scene.has_texture(material)).collect();
+    let mut untextured = BTreeSet::new();
     let first_face = scene.faces.count;
     scene.faces.count += face_of.last().map_or(triangles.len(), |last| *last as usize + 1);
     let mut colours = MeshColours::default();
@@ -57,13 +60,25 @@ pub(crate) fn load_with(
         let material = mesh.material_of().get(i).map_or(0, |&m| m as usize);
         scene.triangle_surfaces.push(surfaces[material]);
         if scene.options.colours {
-            colours.texels.extend(mesh.colours().texels.get(i));
+            let texels = mesh.colours().texels.get(i);
+            if textured[material] && texels.is_none_or(|texels| texels.iter().flatten().any(|t| t.is_nan())) {
+                untextured.insert(material);
+            }
+            colours.texels.extend(texels);
             colours.tints.extend(mesh.colours().tints.get(i));
         }
     }
     if without_area > 0 {
         let message = format!("{without_area} triangles without area are left out");
         scene.diagnostics.warn(part.place.cloned(), message);
+    }
+    for material in untextured.into_iter().filter_map(|number: usize| mesh.materials().get(number)) {
+        let place = material.place.clone().or(part.place.cloned());
+        let message = format!(
+            "the material \"{}\" has a texture, which triangles without texture coordinates do not show",
+            material.name
+        );
+        scene.diagnostics.warn(place, message);
     }
     scene.finish_mesh(&start)?;
     scene.add_colours(start.triangles.start, colours);

@@ -57,6 +57,9 @@ use vlscan_formats::is_ply;
 use vlscan_geom::DVec3;
 use vlscan_survey::{MaterialDefinition, Mesh, MeshColours, MeshReading, UpAxis};
 
+/// Warning of colours in formats that are read without.
+const UNREAD_COLOURS: &str = "its colours are not read; OBJ, PLY and glTF files may have colours";
+
 /// Formats of mesh files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
@@ -201,8 +204,8 @@ pub(crate) fn load(
     let found = match format {
         Format::Obj => return load_obj(scene, part, source, reading, names),
         Format::Ply => ply::read(source, scene.options.colours).map_err(MeshError::from),
-        Format::Stl => stl::read(source).map_err(MeshError::from),
-        Format::Off => off::read(source).map_err(MeshError::from),
+        Format::Stl => stl::read(source, scene.options.colours).map_err(MeshError::from),
+        Format::Off => off::read(source, scene.options.colours).map_err(MeshError::from),
         Format::Gltf => {
             let document =
                 gltf::GltfDocument::open(source.path(), scene.free_memory(), scene.options.colours);

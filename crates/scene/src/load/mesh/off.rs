@@ -1,8 +1,8 @@
 //! OFF, the Object File Format of Geomview: the variants `OFF`, `COFF`, `NOFF`, `STOFF` and their
 //! combinations, as text. Normals, colours and texture coordinates are not used: what a surface reflects
-//! follows from its material.
+//! follows from its material. Colours are warned of if they are requested.
 
-use super::{OffError, RawMesh, diffuse};
+use super::{OffError, RawMesh, UNREAD_COLOURS, diffuse};
 use crate::text::Source;
 use vlscan_base::columns::comma_note;
 use vlscan_geom::DVec3;
@@ -11,6 +11,8 @@ use vlscan_geom::DVec3;
 struct Layout {
     /// Numbers behind the coordinates, in all forms that programs write.
     more: Vec<usize>,
+    /// True if colours or texture coordinates are among them.
+    has_colours: bool,
 }
 
 impl Layout {
@@ -29,7 +31,7 @@ impl Layout {
             }
         }
         Some(match rest {
-            "" => Ok(Layout { more }),
+            "" => Ok(Layout { more, has_colours: flags.contains(['C', 'T']) }),
             "4" | "4N" => Err(OffError::Dimensions { word: word.to_owned() }),
             _ => return None,
         })
@@ -58,17 +60,18 @@ impl<'t> Lines<'t> {
     }
 }
 
-/// Reads the polygons of a file; its material has the name of the file.
+/// Reads the polygons of a file; its material has the name of the file. Warns of colours if they are
+/// requested.
 ///
 /// # Errors
 /// The first line that is wrong.
-pub(super) fn read(source: &Source) -> Result<RawMesh, OffError> {
+pub(super) fn read(source: &Source, colours: bool) -> Result<RawMesh, OffError> {
     let bytes = source.bytes();
     let text = String::from_utf8_lossy(bytes);
     let text = if text.contains('\n') { text } else { text.replace('\r', "\n").into() };
     let mut lines = Lines::new(&text);
     let (mut number, mut line) = lines.next("OFF")?;
-    let mut layout = Layout { more: vec![0] };
+    let mut layout = Layout { more: vec![0], has_colours: false };
     // The word may be missing, and the counts may follow it without a blank, as in ModelNet.
     let end = line.to_ascii_uppercase().find("OFF").map_or(0, |at| at + 3);
     if let Some(found) = Layout::of(&line[..end].to_ascii_uppercase()) {
@@ -94,8 +97,12 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, OffError> {
     for _ in 0..*vertices as usize {
         mesh.vertices.push(vertex(&mut lines, &layout)?);
     }
+    let mut has_colours = layout.has_colours;
     for _ in 0..*faces as usize {
-        face(&mut lines, &mut mesh)?;
+        has_colours |= face(&mut lines, &mut mesh)?;
+    }
+    if colours && has_colours {
+        mesh.warnings.push(UNREAD_COLOURS.to_owned());
     }
     let left = lines.lines.by_ref().count();
     if left > 0 {
@@ -117,7 +124,8 @@ fn vertex(lines: &mut Lines, layout: &Layout) -> Result<DVec3, OffError> {
 }
 
 /// A face: the number of its corners, the corners from 0, and a colour as an index or three or four numbers.
-fn face(lines: &mut Lines, mesh: &mut RawMesh) -> Result<(), OffError> {
+/// Returns true if it has a colour.
+fn face(lines: &mut Lines, mesh: &mut RawMesh) -> Result<bool, OffError> {
     let (number, line) = lines.next("a face")?;
     let values = numbers(line, number)?;
     let (count, rest) = values.split_first().map_or((0.0, &[][..]), |(count, rest)| (*count, rest));
@@ -136,7 +144,7 @@ fn face(lines: &mut Lines, mesh: &mut RawMesh) -> Result<(), OffError> {
     }
     let corners: Vec<u32> = corners.iter().map(|corner| *corner as u32).collect();
     mesh.add_polygon(&corners, 0);
-    Ok(())
+    Ok(!colour.is_empty())
 }
 
 fn numbers(line: &str, number: usize) -> Result<Vec<f64>, OffError> {
@@ -156,7 +164,7 @@ mod tests {
     use super::*;
 
     fn read_text(text: &str) -> Result<RawMesh, String> {
-        read(&Source::of("cube.off", text.as_bytes())).map_err(|e| e.to_string())
+        read(&Source::of("cube.off", text.as_bytes()), false).map_err(|e| e.to_string())
     }
 
     const SQUARE: &str = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
@@ -207,6 +215,21 @@ mod tests {
         }
         let mesh = read_text(&square("OFF", "4 0 1 2 3\n4 0 1 2 3\n")).unwrap();
         assert!(mesh.warnings[0].contains("the 1 lines after the faces"), "{:?}", mesh.warnings);
+    }
+
+    #[test]
+    fn colours_that_are_requested_are_not_read() {
+        let corners = |more: &str| SQUARE.lines().map(|line| format!("{line}{more}\n")).collect::<String>();
+        for (text, has_colours) in [
+            (format!("OFF\n4 1 0\n{SQUARE}4 0 1 2 3\n"), false),
+            (format!("NOFF\n4 1 0\n{}4 0 1 2 3\n", corners(" 0 0 1")), false),
+            (format!("OFF\n4 1 0\n{SQUARE}4 0 1 2 3 255 0 0\n"), true),
+            (format!("COFF\n4 1 0\n{}4 0 1 2 3\n", corners(" 255 0 0 255")), true),
+            (format!("STOFF\n4 1 0\n{}4 0 1 2 3\n", corners(" 0 1")), true),
+        ] {
+            let mesh = read(&Source::of("cube.off", text.as_bytes()), true).unwrap();
+            assert_eq!(mesh.warnings == [UNREAD_COLOURS], has_colours, "{text}: {:?}", mesh.warnings);
+        }
     }
 
     proptest::proptest! {

@@ -5,7 +5,7 @@ use super::{PlyMeshError, RawMesh, diffuse};
 use crate::text::Source;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
-    ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 use vlscan_base::damage::catch_decoder_panic;
 use vlscan_formats::{PlyNumbers, ply_header};
@@ -60,6 +60,9 @@ fn read_mesh(bytes: &[u8], name: String, colours: bool) -> Result<RawMesh, PlyMe
             }
         }
     }
+    if colours {
+        mesh.warnings.extend(unread_colours(&header, &bytes[..spelled.body], &mesh));
+    }
     if mesh.vertex_colours.len() != mesh.vertices.len() {
         mesh.vertex_colours.clear();
     }
@@ -77,6 +80,32 @@ fn read_mesh(bytes: &[u8], name: String, colours: bool) -> Result<RawMesh, PlyMe
     }
     Ok(mesh)
 }
+
+/// Warnings of colours that are not read, as sentences about the file.
+fn unread_colours(header: &Header, text: &[u8], mesh: &RawMesh) -> Vec<String> {
+    let has = |element: &str, is_one: fn(&str) -> bool| {
+        let elements = header.elements.values().filter(|e| e.name == element);
+        elements.flat_map(|e| e.properties.values()).any(|property| is_one(&property.name))
+    };
+    let is_colour = |name: &str| component_of(name).is_some();
+    let mut found = Vec::new();
+    if has("vertex", is_colour) && mesh.vertex_colours.len() != mesh.vertices.len() {
+        let text = "the colours of its vertices are not read: expected red, green and blue as uchar, ushort, \
+                    float or double";
+        found.push(text.to_owned());
+    }
+    if has("face", is_colour) {
+        found.push("the colours of its faces are not read, only those of vertices".to_owned());
+    }
+    let names_texture = text.windows(TEXTURE_COMMENT.len()).any(|w| w.eq_ignore_ascii_case(TEXTURE_COMMENT));
+    if names_texture || has("face", |name| name.eq_ignore_ascii_case("texcoord")) {
+        found.push("its texture is not read; OBJ and glTF files may have textures".to_owned());
+    }
+    found
+}
+
+/// Comment with the name of a texture, as programs write it.
+const TEXTURE_COMMENT: &[u8] = b"comment texturefile";
 
 /// Adds strips of triangles, which end with -1. Every second triangle has its corners in the other order.
 fn add_strips(mesh: &mut RawMesh, corners: &[i64]) -> Result<(), PlyMeshError> {
@@ -145,6 +174,7 @@ fn read_text_element(numbers: &mut PlyNumbers, definition: &ElementDef) -> Resul
 
 /// Index of the component of colours that a property is.
 fn component_of(name: &str) -> Option<usize> {
+    let name = name.strip_prefix("diffuse_").unwrap_or(name);
     ["red", "green", "blue"].iter().position(|component| name.eq_ignore_ascii_case(component))
 }
 

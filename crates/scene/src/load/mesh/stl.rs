@@ -1,7 +1,7 @@
 //! STL, binary and text. The solids of a text file are its materials; a binary file has one, named after the
-//! file.
+//! file. Colours of binary files are not read, and are warned of if they are requested.
 
-use super::{RawMesh, StlError, diffuse};
+use super::{RawMesh, StlError, UNREAD_COLOURS, diffuse};
 use crate::text::Source;
 use std::collections::HashMap;
 use vlscan_base::columns::comma_note;
@@ -39,11 +39,15 @@ fn stated_count(bytes: &[u8]) -> Option<usize> {
     Some(u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize)
 }
 
-pub(super) fn read(source: &Source) -> Result<RawMesh, StlError> {
+pub(super) fn read(source: &Source, colours: bool) -> Result<RawMesh, StlError> {
     let bytes = source.bytes();
     let name = source.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
     if is_binary(bytes) {
-        return Ok(read_binary(&bytes[HEADER_BYTES..], name));
+        let mut mesh = read_binary(&bytes[HEADER_BYTES..], name);
+        if colours && has_colours(bytes) {
+            mesh.warnings.push(UNREAD_COLOURS.to_owned());
+        }
+        return Ok(mesh);
     }
     if begins_as_text(bytes) && !bytes[..bytes.len().min(512)].contains(&0) {
         return read_text(bytes, &name);
@@ -65,6 +69,14 @@ pub(super) fn read(source: &Source) -> Result<RawMesh, StlError> {
         }
         None => Err(StlError::NoHeader),
     }
+}
+
+/// True if a binary file has colours as VisCAM and SolidView, or as Materialise Magics, write them: in the
+/// last two bytes of triangles, with the highest bit set, or named in the header.
+fn has_colours(bytes: &[u8]) -> bool {
+    let (header, triangles) = bytes.split_at(HEADER_BYTES);
+    header.windows(6).any(|word| word == b"COLOR=")
+        || triangles.chunks_exact(TRIANGLE_BYTES).any(|triangle| triangle[TRIANGLE_BYTES - 1] & 0x80 != 0)
 }
 
 /// Corners that several triangles share, by the bits of their coordinates.

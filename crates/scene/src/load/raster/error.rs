@@ -388,7 +388,7 @@ pub enum GridError {
     #[error("{problem} (its .prj file); gdalwarp -t_srs EPSG:25832 {name} out.tif projects it")]
     System {
         /// Problem of the system.
-        problem: &'static str,
+        problem: String,
         /// Name of the grid's file.
         name: String,
     },

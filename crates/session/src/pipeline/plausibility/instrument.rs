@@ -31,6 +31,9 @@ pub fn check_instrument(survey: &Survey, corrections: &Corrections) -> Diagnosti
     }
     check_reference(survey, corrections, &mut found);
     check_weather(survey, corrections, &mut found);
+    if corrections.radiometry {
+        check_weather_factors(survey, &mut found);
+    }
     found
 }
 
@@ -205,6 +208,29 @@ fn check_reference(survey: &Survey, corrections: &Corrections, found: &mut Diagn
     }
 }
 
+/// Warns of numbers about light of the air that no leg with light of that kind has.
+fn check_weather_factors(survey: &Survey, found: &mut Diagnostics) {
+    let active = || survey.legs.iter().filter(|leg| leg.scanner.active);
+    let none_has = |has: fn(&AirState) -> bool| {
+        !active().any(|leg| {
+            let Weather { air, over_time, .. } = &leg.scanner.weather;
+            has(air) || over_time.iter().flat_map(|rows| rows.iter()).any(|row| has(&row.1))
+        })
+    };
+    let drops = active().find(|leg| leg.scanner.weather.drop_factor != Weather::CLEAR.drop_factor);
+    let ratio = active().find(|leg| leg.scanner.weather.lidar_ratio != Weather::LIDAR_RATIO);
+    let is_soft = |air: &AirState| air.fog > 0.0 || air.snow > 0.0 || air.dust > 0.0;
+    for (leg, has_none, name, needed) in [
+        (drops, none_has(|air| air.rain > 0.0), "drop_factor", "rain (`rain_mm_h`)"),
+        (ratio, none_has(is_soft), "lidar_ratio_sr", "fog, snow or dust (`mor_m`, `snow_mm_h`, `dust`)"),
+    ] {
+        if let Some(leg) = leg.filter(|_| has_none) {
+            let message = format!("`{name}` of the weather has no effect: no leg has {needed}");
+            found.warn(leg.place.clone().or_else(|| survey_place(survey)), message);
+        }
+    }
+}
+
 /// Warns of fog, rain, snow and dust in front of a receiver that detects any trace of them.
 fn check_weather(survey: &Survey, corrections: &Corrections, found: &mut Diagnostics) {
     let returns_light = |leg: &&Leg| {
@@ -302,6 +328,29 @@ mod tests {
         foul.scanner.devices[1].receiver.threshold_photons = None;
         foul.legs[0].scanner.active = false;
         assert!(!reported(&foul));
+    }
+
+    #[test]
+    fn factors_of_weather_need_light_of_their_kind() {
+        let mut foul = survey(vec![tls_device(4.0)]);
+        foul.scanner.devices[0].detector.threshold_given = true;
+        let reported = |survey: &Survey| {
+            let found = check_instrument(survey, &Corrections::REFINED).text();
+            ["drop_factor", "lidar_ratio_sr"]
+                .map(|key| found.contains(&format!("`{key}` of the weather has no")))
+        };
+        assert_eq!(reported(&foul), [false; 2]);
+        (foul.legs[0].scanner.weather.drop_factor, foul.legs[0].scanner.weather.lidar_ratio) = (2.0, 20.0);
+        assert_eq!(reported(&foul), [true; 2]);
+        foul.legs[0].scanner.weather.air.rain = 1.0;
+        assert_eq!(reported(&foul), [false, true]);
+        let snow = AirState { snow: 1.0, ..AirState::default() };
+        foul.legs[0].scanner.weather.over_time = Some([(0.0, AirState::default()), (9e9, snow)].into());
+        assert_eq!(reported(&foul), [false; 2]);
+        foul.legs[0].scanner.weather.air.rain = 0.0;
+        assert_eq!(reported(&foul), [true, false]);
+        foul.legs[0].scanner.active = false;
+        assert_eq!(reported(&foul), [false; 2]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use super::slice::Reading;
 use crate::number::{float_at, is_blank, skip_blanks};
-use crate::text::Lines;
+use crate::text::{Line, Lines};
 use std::ops::Range;
 use vlscan_survey::MeshColours;
 
@@ -13,27 +13,50 @@ const NO_TEXEL: [f32; 2] = [f32::NAN; 2];
 /// Number of a corner that has no texture coordinates.
 const NO_NUMBER: i64 = -1;
 
-/// Triangles whose texture coordinates cannot be used.
-#[derive(Default)]
-pub(super) struct UnusableTexels {
+/// Number of a vertex or of texture coordinates that do not exist.
+const NOWHERE: i64 = i64::MIN;
+
+/// Triangles whose material has a texture that they cannot show.
+#[derive(Debug, Default)]
+pub(super) struct Untextured {
+    /// Those with texture coordinates that do not exist or are no numbers.
+    pub wrong: Occurrences,
+    /// Other ones without texture coordinates.
+    pub missing: Occurrences,
+}
+
+/// Number and place of triangles.
+#[derive(Debug, Default)]
+pub(super) struct Occurrences {
     /// Number of triangles.
-    pub triangles: usize,
+    pub count: usize,
     /// Line of the first one, from 1, and its bytes in the file.
     pub first: (usize, Range<usize>),
 }
 
+impl Occurrences {
+    fn add(&mut self, line: &Line) {
+        if self.count == 0 {
+            self.first = (line.number, line.start..line.start + line.text.len());
+        }
+        self.count += 1;
+    }
+}
+
 /// Colours of the triangles of a file. `triangles` are the vertices of those that are in the scene, as their
 /// numbers in the file from 0, and `face_of` the face of each, from 0 and ascending. Corners whose texture
-/// coordinates do not exist or are no numbers have none.
+/// coordinates do not exist or are no numbers have none; these triangles are `untextured` if their material
+/// has a texture, as `is_textured` states for a triangle.
 pub(super) fn read(
     bytes: &[u8],
     reading: Reading,
     (triangles, face_of): (&[[u32; 3]], &[u32]),
-    unusable: &mut UnusableTexels,
+    is_textured: impl Fn(usize) -> bool,
+    untextured: &mut Untextured,
 ) -> MeshColours {
     let lists = Lists::of(bytes);
     let tints = lists.tints(triangles);
-    if lists.texels.is_empty() {
+    if lists.texels.is_empty() && !(0..triangles.len()).any(&is_textured) {
         return MeshColours { texels: Vec::new(), tints };
     }
     let mut texels = vec![[NO_TEXEL; 3]; triangles.len()];
@@ -53,19 +76,21 @@ pub(super) fn read(
                     continue;
                 }
                 while face_of.get(next) == Some(&face) {
-                    let mut is_unusable = false;
+                    let (mut is_wrong, mut is_missing) = (false, false);
                     for (slot, vertex) in texels[next].iter_mut().zip(triangles[next]) {
                         let corner = corners.iter().find(|(number, _)| *number == i64::from(vertex));
-                        let number = corner.map_or(NO_NUMBER, |(_, texel)| *texel);
-                        match lists.texel(number) {
-                            Some(found) => (*slot, has_texels) = (found, true),
-                            None => is_unusable |= number != NO_NUMBER,
+                        match corner.map_or(NO_NUMBER, |(_, texel)| *texel) {
+                            NO_NUMBER => is_missing = true,
+                            number => match lists.texel(number) {
+                                Some(found) => (*slot, has_texels) = (found, true),
+                                None => is_wrong = true,
+                            },
                         }
                     }
-                    if is_unusable && unusable.triangles == 0 {
-                        unusable.first = (line.number, line.start..line.start + text.len());
+                    if (is_wrong || is_missing) && is_textured(next) {
+                        let kind = if is_wrong { &mut untextured.wrong } else { &mut untextured.missing };
+                        kind.add(&line);
                     }
-                    unusable.triangles += usize::from(is_unusable);
                     next += 1;
                 }
                 face += 1;
@@ -103,17 +128,20 @@ struct Counts {
     texels: i64,
 }
 
-/// Appends the corners of a face: the numbers of vertex and texture coordinates, both from 0; -1 for none.
+/// Appends the corners of a face: the numbers of vertex and texture coordinates, both from 0, [`NO_NUMBER`]
+/// or [`NOWHERE`].
 fn read_corners(text: &[u8], at: usize, counts: Counts, corners: &mut Vec<(i64, i64)>) {
     let index = |word: &[u8], count: i64| {
         let number = std::str::from_utf8(word).ok().and_then(|word| word.parse::<i64>().ok()).unwrap_or(0);
-        if number < 0 { count.saturating_add(number) } else { number - 1 }
+        let index = if number < 0 { count.saturating_add(number) } else { number - 1 };
+        if index < 0 { NOWHERE } else { index }
     };
     let words = text[at..].split(|b| is_blank(*b)).filter(|word| !word.is_empty());
     for word in words.take_while(|word| word[0] != b'#') {
         let mut numbers = word.split(|b| *b == b'/');
-        let vertex = numbers.next().map_or(-1, |number| index(number, counts.vertices));
-        corners.push((vertex, numbers.next().map_or(-1, |number| index(number, counts.texels))));
+        let vertex = numbers.next().map_or(NOWHERE, |number| index(number, counts.vertices));
+        let texel = numbers.next().filter(|number| !number.is_empty());
+        corners.push((vertex, texel.map_or(NO_NUMBER, |number| index(number, counts.texels))));
     }
 }
 
@@ -204,7 +232,7 @@ mod tests {
     const READING: Reading = Reading { y_up: false, drop_polygons: false, number_faces: true };
 
     fn read(bytes: &[u8], triangles: &[[u32; 3]], face_of: &[u32]) -> MeshColours {
-        super::read(bytes, READING, (triangles, face_of), &mut UnusableTexels::default())
+        super::read(bytes, READING, (triangles, face_of), |_| true, &mut Untextured::default())
     }
 
     #[test]
@@ -226,22 +254,38 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_that_cannot_be_used_are_counted() {
-        let of = |lines: &str| {
-            let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{lines}f 1/1 2/1 3/2\nf 1 2 3\n");
-            let (mut unusable, triangles) = (UnusableTexels::default(), [[0, 1, 2]; 2]);
-            let found = super::read(text.as_bytes(), READING, (&triangles, &[0, 1]), &mut unusable);
-            (
-                unusable.triangles,
-                unusable.first.0,
-                found.texels.iter().flatten().flatten().all(|t| t.is_nan()),
-            )
+    fn textures_without_coordinates_are_counted() {
+        let of = |lines: &str, face: &str| {
+            let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{lines}f {face}\nf 1 2 3\n");
+            let (mut untextured, triangles) = (Untextured::default(), [[0, 1, 2]; 2]);
+            let faces = (&triangles[..], &[0, 1][..]);
+            let found = super::read(text.as_bytes(), READING, faces, |_| true, &mut untextured);
+            let Untextured { wrong, missing } = untextured;
+            let has_none = found.texels.iter().flatten().flatten().all(|t| t.is_nan());
+            ((wrong.count, wrong.first.0), (missing.count, missing.first.0), has_none)
         };
-        assert_eq!(of("vt 0 0\nvt 1 1\n"), (0, 0, false));
-        assert_eq!(of("vt 0 0\n"), (1, 5, false));
+        let (usual, two) = ("1/1 2/1 3/2", "vt 0 0\nvt 1 1\n");
+        assert_eq!(of(two, usual), ((0, 0), (1, 7), false));
+        assert_eq!(of("vt 0 0\n", usual), ((1, 5), (1, 6), false));
         for wrong in ["abc 0", "nan 0", "", "1e39 0"] {
-            assert_eq!(of(&format!("vt {wrong}\nvt 1e39 1\n")), (1, 6, true), "{wrong}");
+            let lines = format!("vt {wrong}\nvt 1e39 1\n");
+            assert_eq!(of(&lines, usual), ((1, 6), (1, 7), true), "{wrong}");
         }
+        assert_eq!(of("", "1 2 3"), ((0, 0), (2, 4), true));
+        assert_eq!(of("", usual), ((1, 4), (1, 5), true));
+        // Numbers count back from the face.
+        assert_eq!(of(two, "-3/-2 -2/-2 -1/-1"), ((0, 0), (1, 7), false));
+        for wrong in ["-3", "0", "x", "1.5", "-9223372036854775808", "99999999999999999999"] {
+            assert_eq!(of(two, &format!("1/1 2/1 3/{wrong}")), ((1, 6), (1, 7), false), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_missing_without_a_texture() {
+        let (mut untextured, triangles) = (Untextured::default(), [[0, 1, 2]]);
+        let text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/7 2 3\n";
+        super::read(text, READING, (&triangles, &[0]), |_| false, &mut untextured);
+        assert_eq!((untextured.wrong.count, untextured.missing.count), (0, 0));
     }
 
     #[test]

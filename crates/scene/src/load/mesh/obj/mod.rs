@@ -15,7 +15,7 @@ use crate::material::DEFAULT;
 use crate::mtl::name_of;
 use crate::reflectance_issues::{ReflectanceIssue, assumed};
 use crate::text::{Problems, Source, cut_into_pieces};
-use colours::UnusableTexels;
+use colours::Untextured;
 use rayon::prelude::*;
 pub(crate) use slice::Reading;
 use slice::{NO_VERTEX, Slice, Statement, Switch};
@@ -70,20 +70,7 @@ pub(crate) fn load(
     faults.report(source, &mut scene.diagnostics);
     let vertices = scene.geometry.vertices.len();
     if scene.options.colours {
-        let triangles = &scene.geometry.triangles[mesh.first_triangle..];
-        let faces = &scene.faces.of_triangles;
-        let faces = &faces[faces.len().saturating_sub(triangles.len())..];
-        let faces: Vec<u32> = faces.iter().map(|face| face - first_face as u32).collect();
-        let mut unusable = UnusableTexels::default();
-        let colours = colours::read(source.bytes(), reading, (triangles, &faces), &mut unusable);
-        scene.add_colours(mesh.first_triangle, colours);
-        if unusable.triangles > 0 {
-            let (line, at) = unusable.first;
-            let triangles = counted(unusable.triangles, "triangle");
-            let message =
-                format!("{triangles} without texture: texture coordinates do not exist or are not numbers");
-            scene.diagnostics.warn(Some(source.place(line, at)), message);
-        }
+        add_colours(scene, source, reading, (mesh.first_triangle, first_face));
     }
     scene.finish_mesh(&start)?;
     let unused = vertices - scene.geometry.vertices.len();
@@ -94,6 +81,35 @@ pub(crate) fn load(
         scene.diagnostics.warn(Some(source.place(number, at..at + text.len())), message);
     }
     Ok(())
+}
+
+/// Adds the colours of the triangles of a file, whose first triangle and face have these numbers in the
+/// scene. Warns of triangles that cannot show their texture.
+fn add_colours(
+    scene: &mut SceneBuilder,
+    source: &Source,
+    reading: Reading,
+    (first_triangle, first_face): (usize, usize),
+) {
+    let triangles = &scene.geometry.triangles[first_triangle..];
+    let faces = &scene.faces.of_triangles;
+    let faces = &faces[faces.len().saturating_sub(triangles.len())..];
+    let faces: Vec<u32> = faces.iter().map(|face| face - first_face as u32).collect();
+    let is_textured = |triangle: usize| scene.is_textured(first_triangle + triangle);
+    let mut untextured = Untextured::default();
+    let colours = colours::read(source.bytes(), reading, (triangles, &faces), is_textured, &mut untextured);
+    scene.add_colours(first_triangle, colours);
+    let Untextured { wrong, missing } = untextured;
+    for (found, what) in [
+        (wrong, "texture coordinates do not exist or are not numbers"),
+        (missing, "the material has one, but the faces have no texture coordinates"),
+    ] {
+        if found.count > 0 {
+            let (line, at) = found.first;
+            let message = format!("{} without texture: {what}", counted(found.count, "triangle"));
+            scene.diagnostics.warn(Some(source.place(line, at)), message);
+        }
+    }
 }
 
 /// Reports a mesh that is probably incomplete. Vertices come first in nearly all files, so a file truncated

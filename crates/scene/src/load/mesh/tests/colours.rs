@@ -190,6 +190,78 @@ fn textures_that_cannot_be_used_are_warned_of_once() {
     assert_eq!(colour(&scene, 1.0, 3.0), [200, 0, 0]);
 }
 
+/// The warnings of a scene of one file with colours.
+fn warned(name: &str, content: impl AsRef<[u8]>) -> String {
+    let mut f = fixture();
+    f.file("m.mtl", "newmtl a\nmap_Kd t.png\nhelios_reflectance 0.3\n");
+    f.file("materials.csv", "name,reflectance\na,0.3\n");
+    let files = vec![f.file(name, content)];
+    f.part(Loader::MeshFiles { files, reading: MeshReading::default() });
+    f.load().unwrap().1.text()
+}
+
+#[test]
+fn triangles_without_texture_coordinates_are_warned_of() {
+    for (vt, face, expected) in [
+        ("", "1 2 3", "m.obj:6:1: 2 triangles without texture: the material has one, but the faces have no"),
+        ("vt 0 0\n", "1 2/1 3/1", "m.obj:7:1: 2 triangles without texture: the material has one"),
+        ("vt 0 0\n", "-3/-2 -2/-1 -1/-1", "1 triangle without texture: texture coordinates do not exist"),
+    ] {
+        let faces = format!("usemtl a\nf {face}\nf 1 2 3\n");
+        let said = warned("m.obj", format!("mtllib m.mtl\nv 0 0 0\nv 4 0 0\nv 4 4 0\n{vt}{faces}"));
+        assert!(said.contains(expected), "{said}");
+    }
+    let glb = textured_glb(&png_of(1, 1, &[9; 3]), r#""baseColorTexture":{"index":0,"texCoord":1}"#);
+    let said = warned("a.glb", glb);
+    assert!(said.contains("the material \"m\" has a texture, which triangles without"), "{said}");
+}
+
+#[test]
+fn colours_that_are_not_read_are_warned_of() {
+    let ply = |vertex: &str, face: &str, comment: &str, values: &str| {
+        format!(
+            "ply\nformat ascii 1.0\n{comment}element vertex 3\nproperty float x\nproperty float y\n\
+             property float z\n{vertex}element face 1\nproperty list uchar int vertex_indices\n{face}\
+             end_header\n0 0 0{values}\n4 0 0{values}\n0 4 0{values}\n3 0 1 2{}\n",
+            if face.is_empty() { "" } else { " 9 9 9" }
+        )
+    };
+    let components =
+        |kind: &str| ["red", "green", "blue"].map(|name| format!("property {kind} {name}\n")).concat();
+    let (bytes, wide) = (components("uchar"), components("uchar").replace(" red", " diffuse_red"));
+    for (file, expected) in [
+        (ply("", "", "", ""), ""),
+        (ply(&bytes, "", "", " 1 2 3"), ""),
+        (ply(&wide, "", "", " 1 2 3"), ""),
+        (ply("property uchar red\n", "", "", " 1"), "the colours of its vertices are not read"),
+        (ply("", &bytes, "", ""), "the colours of its faces are not read"),
+        (ply("", "", "comment TextureFile t.png\n", ""), "its texture is not read"),
+    ] {
+        let said = warned("a.ply", &file);
+        assert!(said.contains(expected) && said.is_empty() == expected.is_empty(), "{file}: {said}");
+    }
+    let mut stl = [0; 84].to_vec();
+    stl[80] = 1;
+    let corners = [[0.0f32; 3], [0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
+    corners.iter().flatten().for_each(|c| stl.extend(c.to_le_bytes()));
+    let [plain, coloured] = [0, 0x80].map(|last| [&stl[..], &[0, last]].concat());
+    let named = [&b"COLOR="[..], &plain[6..]].concat();
+    for (file, is_warned) in [(plain, false), (coloured, true), (named, true)] {
+        assert_eq!(warned("a.stl", file).contains("its colours are not read"), is_warned);
+    }
+    let off = "OFF\n3 1 0\n0 0 0\n4 0 0\n0 4 0\n3 0 1 2 255 0 0\n";
+    assert!(warned("a.off", off).contains("its colours are not read"));
+    for (properties, expected) in [
+        (r#""baseColorFactor":[2,1,1,1]"#, "baseColorFactor is no colour of numbers from 0 to 1"),
+        (r#""baseColorTexture":{}"#, "baseColorTexture has no index and is ignored"),
+        (r#""baseColorTexture":{"index":3}"#, "texture 3 does not exist"),
+        (r#"},"extensions":{"KHR_materials_pbrSpecularGlossiness":{}"#, "SpecularGlossiness are not read"),
+    ] {
+        let said = warned("a.glb", textured_glb(&png_of(1, 1, &[9; 3]), properties));
+        assert!(said.contains("the material \"m\": ") && said.contains(expected), "{said}");
+    }
+}
+
 #[test]
 fn checksums_depend_on_texels_only_if_colours_are_requested() {
     let mut f = fixture();
