@@ -7,7 +7,7 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `points` | the points of one flight line |
+//! | `points`, `straight` | the points of one flight line, without turns |
 //! | `recording` | pulses of one flight line, cut to lines of the scanner |
 //! | `turning` | scanners that stand and turn, which are rejected |
 //! | `sweeps` | lines that no gap divides: sweeps of a mirror that swings, full turns |
@@ -48,6 +48,7 @@ mod residuals;
 mod sections;
 mod solution;
 mod solve;
+mod straight;
 mod sweeps;
 #[cfg(test)]
 mod tests;
@@ -165,8 +166,9 @@ fn reject_tripod(path: &Path, recording: &Recording) -> Result<()> {
         degrees(turn),
         recording.duration()
     );
-    let help = "a flight and its scanner are estimated from a straight flight line: cut a flight with turns \
-                into lines with point sources of their own, and choose one with --flight-line";
+    let help = "a flight and its scanner are estimated from a straight flight line; the straight parts of a \
+                flight with turns are found if they last 7 s, and here is none. For a scanner on a tripod, \
+                --still-at X,Y,Z writes its scan pattern instead";
     Err(Error::input_with_help(message, help))
 }
 
@@ -195,9 +197,10 @@ fn no_flight(path: &Path, recording: &Recording, reason: FlightError) -> Error {
     );
     let mut problems = Diagnostics::default();
     problems.error(None, message).because_of(reason).help(
-        "a fit needs all pulses of a flight line, not thinned, from a cone (also an elliptic one), a polygon \
-         mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from prisms or a \
-         sensor that spins, with scan angles in degrees that change across the track, and times in seconds",
+        "a fit needs all pulses of a straight flight line, not thinned, from a cone (also an elliptic one), \
+         a polygon mirror (also one whose facets differ by their tilt) or an oscillating mirror, not from \
+         prisms or a sensor that spins, with scan angles in degrees that change across the track, and times \
+         in seconds",
     );
     Error::Input(Box::new(problems))
 }
